@@ -1,0 +1,19 @@
+"""Which surfaces collide, exactly: triangles grouped by surface and poses in, surface pairs out.
+
+Knows triangles, surfaces, poses and boxes; nothing of CAD, names, mass or viewers.
+"""
+
+from collision.contact import CONTACT_DTYPE
+from collision.errors import CollisionError, MeshError, PoseError, UnknownObjectError
+from collision.mesh import SurfaceMesh
+from collision.tolerance import Tolerance
+
+__all__ = [
+    "CONTACT_DTYPE",
+    "CollisionError",
+    "MeshError",
+    "PoseError",
+    "SurfaceMesh",
+    "Tolerance",
+    "UnknownObjectError",
+]

@@ -1,0 +1,28 @@
+"""The one place where epsilons live."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """What counts as equal. Every package takes its epsilons from here; a user may set any of them.
+
+    Collision verdicts do not depend on it (they are exact); nearness, recognition and solving do.
+    """
+
+    linear: float = 1e-5
+    """m: two surfaces (as analytic geometry) nearer than this touch; two planes within it are flush."""
+    angular: float = 1e-3
+    """rad: two directions within it are parallel."""
+    fit: float = 1e-5
+    """m: vertices whose distance to an analytic surface is below this lie on it."""
+    clearance: float = 2.5e-4
+    """m: greatest radial clearance (or interference) at which a shaft still fits a bore."""
+    rigid: float = 1e-6
+    """1: greatest |RᵀR - I| entry of a rotation that counts as rigid."""
+    solver: float = 1e-12
+    """m, rad: residual at which a constraint counts as satisfied by the solver."""
+    rank: float = 1e-9
+    """1: singular values below this times the largest count as zero."""

@@ -1,0 +1,1 @@
+"""What two touching surfaces can mean to each other, and the motion that meaning leaves."""

@@ -1,0 +1,208 @@
+"""Analytic surfaces: plane, cylinder, cone, sphere, torus, and freeform for the rest.
+
+All are values in some frame (a part's, unless said otherwise). `distance(points)` is the signed orthogonal
+distance in metres, positive on the side the natural normal points to (away from axis or centre).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from constraints.errors import GeometryError
+
+Vector = NDArray[np.float64]
+
+
+def _vector(value: ArrayLike, field: str) -> Vector:
+    v = np.array(value, dtype=np.float64)
+    if v.shape != (3,) or not np.isfinite(v).all():
+        raise GeometryError(f"{field} is {value!r}; give three finite numbers", field)
+    v.setflags(write=False)
+    return v
+
+
+def _direction(value: ArrayLike, field: str) -> Vector:
+    v = _vector(value, field)
+    length = float(np.linalg.norm(v))
+    if length == 0.0:
+        raise GeometryError(f"{field} is the zero vector; give a direction", field)
+    v = v / length
+    v.setflags(write=False)
+    return v
+
+
+def _positive(value: float, field: str) -> float:
+    x = float(value)
+    if not (np.isfinite(x) and x > 0.0):
+        raise GeometryError(f"{field} is {value!r}; give a positive number", field)
+    return x
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """An analytic surface. Subclasses are frozen values; compare by their fields."""
+
+    @property
+    def kind(self) -> str:
+        """Lower-case name of the type: "plane", "cylinder", …"""
+        return type(self).__name__.lower()
+
+    def distance(self, points: ArrayLike) -> Vector:
+        """Signed orthogonal distances (n,) in metres of `points` (n, 3)."""
+        raise GeometryError(f"a {self.kind} surface has no closed-form distance")
+
+    def normals(self, points: ArrayLike) -> Vector:
+        """Unit gradients of `distance` (n, 3) at `points` (n, 3)."""
+        raise GeometryError(f"a {self.kind} surface has no closed-form normal")
+
+    def transformed(self, pose: pin.SE3) -> Self:
+        """The same surface seen from the frame that `pose` maps into."""
+        changed = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name in ("origin", "apex", "center"):
+                value = pose.act(np.array(value))
+            elif field.name in ("normal", "axis"):
+                value = pose.rotation @ value
+            changed[field.name] = value
+        return type(self)(**changed)
+
+
+@dataclass(frozen=True, eq=False)
+class Plane(Geometry):
+    """Points p with normal·(p - origin) = 0. On a part, `normal` points out of the material."""
+
+    origin: Vector
+    normal: Vector
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "origin", _vector(self.origin, "origin"))
+        object.__setattr__(self, "normal", _direction(self.normal, "normal"))
+
+    def distance(self, points: ArrayLike) -> Vector:
+        return (np.atleast_2d(points) - self.origin) @ self.normal
+
+    def normals(self, points: ArrayLike) -> Vector:
+        return np.broadcast_to(self.normal, np.atleast_2d(points).shape).copy()
+
+
+def _radial(points: ArrayLike, origin: Vector, axis: Vector) -> tuple[Vector, Vector, Vector]:
+    """Height along the axis (n,), radial unit vectors (n, 3) and radii (n,); on the axis any unit vector serves."""
+    q = np.atleast_2d(points) - origin
+    height = q @ axis
+    r = q - height[:, None] * axis
+    rho = np.linalg.norm(r, axis=1)
+    unit = np.divide(r, rho[:, None], out=np.broadcast_to(perpendicular(axis), r.shape).copy(), where=rho[:, None] > 0)
+    return height, unit, rho
+
+
+def perpendicular(axis: ArrayLike) -> Vector:
+    """A unit vector (3,) at right angles to `axis`, the same one each time."""
+    a = np.asarray(axis, dtype=np.float64)
+    e = np.zeros(3)
+    e[int(np.argmin(np.abs(a)))] = 1.0
+    p = np.cross(a, e)
+    return p / np.linalg.norm(p)
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder(Geometry):
+    """Points at `radius` from the line through `origin` along `axis`."""
+
+    origin: Vector
+    axis: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "origin", _vector(self.origin, "origin"))
+        object.__setattr__(self, "axis", _direction(self.axis, "axis"))
+        object.__setattr__(self, "radius", _positive(self.radius, "radius"))
+
+    def distance(self, points: ArrayLike) -> Vector:
+        return _radial(points, self.origin, self.axis)[2] - self.radius
+
+    def normals(self, points: ArrayLike) -> Vector:
+        return _radial(points, self.origin, self.axis)[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Cone(Geometry):
+    """One nappe: points p whose direction from `apex` makes `half_angle` (rad, in (0, π/2)) with `axis`."""
+
+    apex: Vector
+    axis: Vector
+    half_angle: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "apex", _vector(self.apex, "apex"))
+        object.__setattr__(self, "axis", _direction(self.axis, "axis"))
+        angle = _positive(self.half_angle, "half_angle")
+        if angle >= np.pi / 2:
+            raise GeometryError(f"half_angle is {angle}; give one below π/2", "half_angle")
+        object.__setattr__(self, "half_angle", angle)
+
+    def distance(self, points: ArrayLike) -> Vector:
+        height, _, rho = _radial(points, self.apex, self.axis)
+        c, s = np.cos(self.half_angle), np.sin(self.half_angle)
+        beyond = height * c + rho * s < 0  # nearest point of the nappe is the apex itself
+        return np.where(beyond, np.hypot(height, rho), rho * c - height * s)
+
+    def normals(self, points: ArrayLike) -> Vector:
+        _, unit, _ = _radial(points, self.apex, self.axis)
+        return unit * np.cos(self.half_angle) - self.axis * np.sin(self.half_angle)
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere(Geometry):
+    """Points at `radius` from `center`."""
+
+    center: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", _vector(self.center, "center"))
+        object.__setattr__(self, "radius", _positive(self.radius, "radius"))
+
+    def distance(self, points: ArrayLike) -> Vector:
+        return np.linalg.norm(np.atleast_2d(points) - self.center, axis=1) - self.radius
+
+    def normals(self, points: ArrayLike) -> Vector:
+        q = np.atleast_2d(points) - self.center
+        length = np.linalg.norm(q, axis=1)[:, None]
+        return np.divide(q, length, out=np.tile([0.0, 0.0, 1.0], (len(q), 1)), where=length > 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Torus(Geometry):
+    """Points at `minor` from the circle of radius `major` about `axis` through `center`."""
+
+    center: Vector
+    axis: Vector
+    major: float
+    minor: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", _vector(self.center, "center"))
+        object.__setattr__(self, "axis", _direction(self.axis, "axis"))
+        object.__setattr__(self, "major", _positive(self.major, "major"))
+        object.__setattr__(self, "minor", _positive(self.minor, "minor"))
+
+    def distance(self, points: ArrayLike) -> Vector:
+        height, _, rho = _radial(points, self.center, self.axis)
+        return np.hypot(rho - self.major, height) - self.minor
+
+    def normals(self, points: ArrayLike) -> Vector:
+        height, unit, rho = _radial(points, self.center, self.axis)
+        n = (rho - self.major)[:, None] * unit + height[:, None] * self.axis
+        length = np.linalg.norm(n, axis=1)[:, None]
+        return np.divide(n, length, out=unit.copy(), where=length > 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Freeform(Geometry):
+    """A surface with no analytic type; only its triangles are known."""

@@ -1,0 +1,1 @@
+"""What is free moves: mass, forces, impulses, per-object behaviours, time stepping."""
