@@ -1,0 +1,34 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vpframe.units import METRES, length
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"),
+    [
+        ("0.5mm", 5e-4),
+        ("20 um", 2e-5),
+        ("20µm", 2e-5),
+        (".5in", 0.0127),
+        ("1e-3", 1e-3),
+        ("2.m", 2.0),
+        (" 3 cm ", 0.03),
+    ],
+)
+def test_lengths_as_people_write_them(text, metres):
+    assert length(text) == pytest.approx(metres, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["", "mm", "five mm", "5 furlong", "nan", "inf", "1e999", "-1mm", "1 2", "0x10"])
+def test_what_is_not_a_length_is_said(text):
+    with pytest.raises(ValueError, match="is not a length"):
+        length(text)
+
+
+@given(st.floats(0, 1e300), st.sampled_from(sorted(METRES)))
+def test_any_number_with_any_unit(value, unit):
+    assert math.isclose(length(f"{value!r}{unit}"), value * METRES[unit], rel_tol=1e-15)
