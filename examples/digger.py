@@ -3,8 +3,8 @@
 The parts that `vpframe bench collision` measures on, tessellated with numpy alone:
 
 - `link()` (14 surfaces, 3,521 triangles) and `arm()` (25 surfaces, 6,205 triangles), the sizes of the pair that
-  Tables 1-3 of the paper measure, with `digger_trajectory()`, on which the pin enters the arm's bore until its collar sits
-  on the boss, turns there and comes out again;
+  Tables 1-3 of the paper measure, with `digger_trajectory()`, on which the pin enters the arm's bore until its collar
+  sits on the boss, turns there and comes out again;
 - `shaft()` (14 surfaces, 3,656 triangles) and `housing()` (25 surfaces, 6,400 triangles), 1 % radial clearance, with
   `shaft_trajectory()`, and `true_pairs()`, which answers on the surfaces of revolution themselves: the truth that the
   faceted answer is measured against.
@@ -14,6 +14,7 @@ All lengths in metres; all axes along z. A pose is that of the second part (`arm
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -349,8 +350,8 @@ def true_pairs(pose: pin.SE3) -> NDArray[np.int32]:
     e = float(np.hypot(pose.translation[0], pose.translation[1]))
     dz = float(pose.translation[2])
     pairs = []
-    for i, (a0, a1) in enumerate(zip(SHAFT_PROFILE[:-1], SHAFT_PROFILE[1:], strict=True)):
-        for j, (b0, b1) in enumerate(zip(HOUSING_PROFILE[:-1], HOUSING_PROFILE[1:], strict=True)):
+    for i, (a0, a1) in enumerate(itertools.pairwise(SHAFT_PROFILE)):
+        for j, (b0, b1) in enumerate(itertools.pairwise(HOUSING_PROFILE)):
             low = max(min(a0[0], a1[0]), min(b0[0], b1[0]) + dz)
             high = min(max(a0[0], a1[0]), max(b0[0], b1[0]) + dz)
             if low <= high and _rings_meet(_radii(a0, a1, 0.0, low, high), _radii(b0, b1, dz, low, high), e):
