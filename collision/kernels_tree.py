@@ -1,0 +1,186 @@
+"""Numba kernels that build a `MeshTree` (see `collision.tree` for the layout). Called from there only."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def _select(key, item, lo, hi, nth):
+    """Hoare's quickselect: permute `item[lo:hi]` so that the first `nth - lo` have the least (key, item)."""
+    hi -= 1
+    while lo < hi:
+        mid = (lo + hi) >> 1
+        a, b, c = item[lo], item[mid], item[hi]
+        ka, kb, kc = key[a], key[b], key[c]
+        if (ka < kb) != (ka < kc):
+            pivot = a
+        elif (kb < ka) != (kb < kc):
+            pivot = b
+        else:
+            pivot = c
+        kp = key[pivot]
+        i, j = lo, hi
+        while i <= j:
+            while key[item[i]] < kp or (key[item[i]] == kp and item[i] < pivot):
+                i += 1
+            while key[item[j]] > kp or (key[item[j]] == kp and item[j] > pivot):
+                j -= 1
+            if i <= j:
+                item[i], item[j] = item[j], item[i]
+                i += 1
+                j -= 1
+        if nth <= j:
+            hi = j
+        elif nth >= i:
+            lo = i
+        else:
+            return
+
+
+@njit(cache=True, nogil=True)
+def _longest_axis(centre, item, lo, hi):
+    """The axis along which the centres of `item[lo:hi]` spread most."""
+    axis = 0
+    spread = -1.0
+    for d in range(3):
+        low = np.inf
+        high = -np.inf
+        key = centre[d]
+        for i in range(lo, hi):
+            value = key[item[i]]
+            low = min(low, value)
+            high = max(high, value)
+        if high - low > spread:
+            spread = high - low
+            axis = d
+    return axis
+
+
+@njit(cache=True, nogil=True)
+def plan_top(vertices, triangles, by_surface, start, leaf, second, past, first, count, root, begin):
+    """Lay out the nodes above the surfaces: `root`, and `begin`, where each surface's triangles begin in leaf order."""
+    k = len(start) - 1
+    centre = np.empty((3, k))
+    for s in range(k):
+        for d in range(3):
+            low = np.inf
+            high = -np.inf
+            for i in range(start[s], start[s + 1]):
+                t = by_surface[i]
+                for c in range(3):
+                    value = vertices[triangles[t, c], d]
+                    low = min(low, value)
+                    high = max(high, value)
+            centre[d, s] = 0.5 * low + 0.5 * high
+    item = np.arange(k)
+    # a stack of ranges of surfaces still to be laid out; the parent waits for its second child's place
+    stack = np.empty((2 * k + 2, 3), np.int64)
+    stack[0] = (0, k, -1)
+    top = 1
+    node = 0
+    triangle = 0
+    while top > 0:
+        top -= 1
+        lo, hi, parent = stack[top]
+        if parent >= 0:
+            second[parent] = node
+        if hi - lo == 1:
+            s = item[lo]
+            m = start[s + 1] - start[s]
+            root[s] = node
+            begin[s] = triangle
+            node += 2 * ((m + leaf - 1) // leaf) - 1
+            triangle += m
+            continue
+        mid = (lo + hi) >> 1
+        _select(centre[_longest_axis(centre, item, lo, hi)], item, lo, hi, mid)
+        triangles_below = 0
+        nodes_below = hi - lo - 1
+        for i in range(lo, hi):
+            m = start[item[i] + 1] - start[item[i]]
+            triangles_below += m
+            nodes_below += 2 * ((m + leaf - 1) // leaf) - 1
+        first[node] = triangle
+        count[node] = triangles_below
+        past[node] = node + nodes_below
+        stack[top] = (mid, hi, node)
+        stack[top + 1] = (lo, mid, -1)
+        top += 2
+        node += 1
+
+
+@njit(cache=True, nogil=True)
+def build_surface(
+    vertices, triangles, by_surface, start, leaf,
+    box, second, past, first, count, surface, root, begin, order, corner, surface_from, surface_to,
+):  # fmt: skip
+    """Build the subtrees of the surfaces `surface_from` … `surface_to` - 1."""
+    stack = np.empty((128, 3), np.int64)
+    for s in range(surface_from, surface_to):
+        m = start[s + 1] - start[s]
+        centre = np.empty((3, m))
+        item = np.arange(m)
+        for i in range(m):
+            t = by_surface[start[s] + i]
+            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            for d in range(3):
+                x, y, z = vertices[a, d], vertices[b, d], vertices[c, d]
+                centre[d, i] = 0.5 * min(x, y, z) + 0.5 * max(x, y, z)
+        node = root[s]
+        end = node + 2 * ((m + leaf - 1) // leaf) - 1
+        stack[0] = (0, m, -1)
+        top = 1
+        while top > 0:
+            top -= 1
+            lo, hi, parent = stack[top]
+            if parent >= 0:
+                second[parent] = node
+            leaves = (hi - lo + leaf - 1) // leaf
+            first[node] = begin[s] + lo
+            count[node] = hi - lo
+            past[node] = node + 2 * leaves - 1
+            surface[node] = s
+            if leaves > 1:
+                mid = lo + leaf * ((leaves + 1) >> 1)
+                _select(centre[_longest_axis(centre, item, lo, hi)], item, lo, hi, mid)
+                stack[top] = (mid, hi, node)
+                stack[top + 1] = (lo, mid, -1)
+                top += 2
+            node += 1
+        for i in range(m):
+            t = by_surface[start[s] + item[i]]
+            order[begin[s] + i] = t
+            for c in range(3):
+                corner[begin[s] + i, c] = triangles[t, c]
+        for node in range(end - 1, root[s] - 1, -1):
+            if second[node] >= 0:
+                _join(box, node, second[node])
+            else:
+                for d in range(3):
+                    low = np.inf
+                    high = -np.inf
+                    for i in range(first[node], first[node] + count[node]):
+                        for c in range(3):
+                            value = vertices[corner[i, c], d]
+                            low = min(low, value)
+                            high = max(high, value)
+                    box[node, d] = low
+                    box[node, d + 3] = high
+
+
+@njit(cache=True, nogil=True)
+def _join(box, node, other):
+    """The box of an inner node from its two children's."""
+    for d in range(3):
+        box[node, d] = min(box[node + 1, d], box[other, d])
+        box[node, d + 3] = max(box[node + 1, d + 3], box[other, d + 3])
+
+
+@njit(cache=True, nogil=True)
+def close_top(box, second, surface):
+    """The boxes of the nodes above the surfaces, once those are built."""
+    for node in range(len(second) - 1, -1, -1):
+        if surface[node] < 0:
+            _join(box, node, second[node])

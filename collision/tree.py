@@ -1,0 +1,109 @@
+"""The packed hierarchy of a mesh: one binary tree of boxes whose subtrees are the surfaces.
+
+Object-median splits along the longest axis of the centres, leaves of `LEAF` triangles, nodes in preorder, so that a
+tree needs no pointers but one a node and its size is known before it is built (Ericson, *Real-Time Collision
+Detection*, 2005, 6.2 and 6.6.2). Built at first need and kept on the mesh: `tree_of(mesh)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision.mesh import SurfaceMesh
+
+LEAF = 4
+"""Greatest number of triangles in a leaf; every leaf of a surface but the last is full."""
+THREADS = 2
+"""Threads that build trees; the tree does not depend on it."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeshTree:
+    """Boxes over the n nodes, m triangles and k surfaces of one mesh; all arrays flat, C-contiguous and read-only.
+
+    Node 0 holds the whole mesh. Nodes above the surface roots group whole surfaces; the node `root[s]` and all below it
+    hold triangles of surface s only. Preorder: the first child of an inner node i is i + 1, its second is `second[i]`;
+    a leaf has `second[i] == -1`. The subtree of i is the nodes i … `past[i]` - 1: to skip it, go on at past[i].
+    """
+
+    box: NDArray[np.float64]
+    """(n, 6) least x, y, z and greatest x, y, z of the node's triangles, in the mesh's frame, m; exact (no rounding)"""
+    second: NDArray[np.int32]
+    """(n,) second child, -1 at a leaf"""
+    past: NDArray[np.int32]
+    """(n,) one past the last node of the subtree"""
+    first: NDArray[np.int32]
+    """(n,) the node's triangles are `order[first[i]:first[i] + count[i]]` (inner nodes too)"""
+    count: NDArray[np.int32]
+    """(n,) number of triangles in the node"""
+    surface: NDArray[np.int32]
+    """(n,) the surface all its triangles belong to, -1 above the surface roots"""
+    root: NDArray[np.int32]
+    """(k,) node of each surface"""
+    order: NDArray[np.int32]
+    """(m,) triangle indices of the mesh in leaf order"""
+    corner: NDArray[np.int32]
+    """(m, 3) vertex indices of those triangles, `mesh.triangles[order]`: one look-up less in a leaf"""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held by the arrays."""
+        return sum(getattr(self, name).nbytes for name in self.__slots__)
+
+
+def tree_of(mesh: SurfaceMesh) -> MeshTree:
+    """The mesh's hierarchy, built at the first call and kept in `mesh._cache["tree"]`."""
+    tree = mesh._cache.get("tree")
+    if tree is None:
+        build_trees([mesh])
+        tree = mesh._cache["tree"]
+    return tree
+
+
+def build_trees(meshes: Iterable[SurfaceMesh]) -> None:
+    """Build what is missing of the meshes' hierarchies, on `THREADS` threads: surfaces are shared out between them."""
+    from collision.kernels_tree import build_surface, close_top, plan_top
+
+    missing = list({id(mesh): mesh for mesh in meshes if "tree" not in mesh._cache}.values())
+    if not missing:
+        return
+    with ThreadPoolExecutor(THREADS) as pool:
+        for mesh in missing:
+            k, m = mesh.n_surfaces, mesh.n_triangles
+            leaves = -(-np.diff(mesh.surface_start) // LEAF)
+            n = int((2 * leaves - 1).sum()) + k - 1
+            box = np.empty((n, 6))
+            second, past, first, count, surface = (np.full(n, -1, np.int32) for _ in range(5))
+            root = np.empty(k, np.int32)
+            begin = np.empty(k, np.int32)
+            order = np.empty(m, np.int32)
+            corner = np.empty((m, 3), np.int32)
+            plan_top(
+                mesh.vertices, mesh.triangles, mesh.order, mesh.surface_start, LEAF,
+                second, past, first, count, root, begin,
+            )  # fmt: skip
+            shares = _shares(mesh.surface_start, THREADS if m > 4096 else 1)
+            arguments = (
+                mesh.vertices, mesh.triangles, mesh.order, mesh.surface_start, LEAF,
+                box, second, past, first, count, surface, root, begin, order, corner,
+            )  # fmt: skip
+            list(pool.map(lambda share, a=arguments: build_surface(*a, *share), shares))
+            close_top(box, second, surface)
+            arrays = (box, second, past, first, count, surface, root, order, corner)
+            for array in arrays:
+                array.setflags(write=False)
+            mesh._cache["tree"] = MeshTree(*arrays)
+
+
+def _shares(surface_start: NDArray[np.int32], parts: int) -> list[tuple[int, int]]:
+    """Consecutive ranges of surfaces of about equal triangle counts."""
+    total = int(surface_start[-1])
+    cuts = np.searchsorted(surface_start, [total * i // parts for i in range(1, parts)])
+    ends = [0, *(int(c) for c in cuts), len(surface_start) - 1]
+    return [(a, b) for a, b in pairwise(ends) if b > a]
