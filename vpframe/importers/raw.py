@@ -1,0 +1,78 @@
+"""Plain values that cross from the CAD kernel to the scene: arrays, numbers and strings, nothing of the kernel.
+
+They are pickled by the reading process, so this module imports numpy alone. Lengths are metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Color = tuple[float, float, float, float]
+
+
+@dataclass
+class RawFace:
+    """One B-rep face."""
+
+    name: str
+    kind: str = ""
+    """"plane", "cylinder", "cone", "sphere", "torus"; "" when neither file nor kernel can type it"""
+    numbers: tuple[float, ...] = ()
+    """plane: point, normal · cylinder: point, axis, radius · cone: apex, axis, half angle · sphere: centre, radius ·
+    torus: centre, axis, major, minor"""
+    typed: bool = False
+    """whether the file itself gives the type"""
+    samples: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """(k, 3) points of the true surface inside the face; only for faces the file leaves untyped"""
+    color: Color | None = None
+
+
+@dataclass
+class RawEdge:
+    """One B-rep edge as the polyline of its mesh."""
+
+    points: Array
+    faces: tuple[int, ...]
+    circle: tuple[Array, Array, float] | None = None
+
+
+@dataclass
+class RawShape:
+    """One solid (or sheet) with its mesh, in its own frame."""
+
+    vertices: Array
+    triangles: NDArray[np.int32]
+    face_of_triangle: NDArray[np.int32]
+    faces: list[RawFace]
+    edges: list[RawEdge] = field(default_factory=list)
+    volume: float | None = None
+    """m³; None when it is not known other than from the mesh"""
+    center: Array = field(default_factory=lambda: np.zeros(3))
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass
+class RawPart:
+    """One instance of a shape."""
+
+    name: str
+    shape: int
+    """its place in `RawScene.shapes`"""
+    rotation: Array
+    translation: Array
+    color: Color | None = None
+    density: float | None = None
+
+
+@dataclass
+class RawScene:
+    """All that a file holds."""
+
+    shapes: list[RawShape] = field(default_factory=list)
+    parts: list[RawPart] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
