@@ -1,0 +1,283 @@
+"""A STEP or IGES file as OpenCascade's document of labels, walked into instances that share shapes."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeSolid, BRepBuilderAPI_Sewing, BRepBuilderAPI_Transform
+from OCP.collections import Sequence_TDF_Label
+from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.IGESCAFControl import IGESCAFControl_Reader
+from OCP.Message import Message, Message_Printer
+from OCP.Quantity import Quantity_ColorRGBA
+from OCP.STEPCAFControl import STEPCAFControl_Reader
+from OCP.TCollection import TCollection_ExtendedString
+from OCP.TDataStd import TDataStd_Name
+from OCP.TDF import TDF_Label
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.XCAFDoc import (
+    XCAFDoc_ColorTool,
+    XCAFDoc_ColorType,
+    XCAFDoc_DocumentTool,
+    XCAFDoc_MaterialTool,
+    XCAFDoc_ShapeTool,
+)
+
+from vpframe.importers._reader import UnreadableError
+from vpframe.importers.brep import MM, tessellate
+from vpframe.importers.raw import Array, Color, RawPart, RawScene
+
+Progress = Callable[..., None]
+
+_UNNAMED = re.compile(r"(=>\[.*\]|NAUO\d+|\d+|)$")  # what kernels and exporters write where the user gave no name
+_GENERIC = ("SOLID", "COMPOUND", "SHELL", "COMPSOLID")
+_KINDS = (XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen)
+
+
+@dataclass
+class Node:
+    """A label of the document as placed under its parent."""
+
+    name: str
+    pose: TopLoc_Location
+    label: Any
+    """the label referred to"""
+    color: Color | None
+    children: list[Node]
+
+
+def read_document(
+    path: str, form: str, deflection: float, angular: float, skip: frozenset[int], progress: Progress
+) -> RawScene:
+    """Read a CAD file; shapes whose number is in `skip` (they crashed the kernel before) are left out and named."""
+    Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
+    progress(0.02, "reading the file")
+    document = _transfer(path, form)
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    colors = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+    labels = Sequence_TDF_Label()
+    shapes.GetFreeShapes(labels)
+    roots = [_node(labels.Value(i), TopLoc_Location()) for i in range(1, labels.Length() + 1)]
+    raw = RawScene()
+    found = _Solids(raw, colors)
+    for path_name, node, pose, color in _leaves(roots):
+        found.add(path_name, node, pose, color)
+    if not raw.parts:
+        raise UnreadableError("holds no solid with faces; export the parts as solids (not wireframe or surfaces)")
+    return found.mesh(deflection, angular, skip, progress)
+
+
+def _transfer(path: str, form: str) -> TDocStd_Document:
+    document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
+    reader = STEPCAFControl_Reader() if form == "step" else IGESCAFControl_Reader()
+    reader.SetNameMode(True)
+    reader.SetColorMode(True)
+    if form == "step":
+        reader.SetMatMode(True)
+        reader.SetPropsMode(True)
+    if reader.ReadFile(path) != IFSelect_ReturnStatus.IFSelect_RetDone:
+        raise UnreadableError("cannot be parsed; it is damaged or no such file: export it again")
+    if not reader.Transfer(document):
+        raise UnreadableError("holds no geometry that can be translated; export it again, as solids")
+    return document
+
+
+def _name(label: Any) -> str:
+    if not label.IsAttribute(TDataStd_Name.GetID_s()):
+        return ""
+    name = TDataStd_Name()
+    label.FindAttribute(TDataStd_Name.GetID_s(), name)
+    return name.Get().ToExtString().strip()
+
+
+def _color(label: Any) -> Color | None:
+    color = Quantity_ColorRGBA()
+    for kind in _KINDS:
+        if XCAFDoc_ColorTool.GetColor_s(label, kind, color):
+            return _rgba(color)
+    return None
+
+
+def _rgba(color: Quantity_ColorRGBA) -> Color:
+    rgb = color.GetRGB()
+    return (rgb.Red(), rgb.Green(), rgb.Blue(), float(color.Alpha()))
+
+
+def _node(label: Any, pose: TopLoc_Location) -> Node:
+    referred = label
+    if XCAFDoc_ShapeTool.IsReference_s(label):
+        referred = TDF_Label()
+        XCAFDoc_ShapeTool.GetReferredShape_s(label, referred)
+        pose = XCAFDoc_ShapeTool.GetLocation_s(label)
+    name = _name(label)
+    if _UNNAMED.match(name):
+        name = _name(referred)
+    children = []
+    if XCAFDoc_ShapeTool.IsAssembly_s(referred):
+        components = Sequence_TDF_Label()
+        XCAFDoc_ShapeTool.GetComponents_s(referred, components)
+        children = [_node(components.Value(i), TopLoc_Location()) for i in range(1, components.Length() + 1)]
+        children = [child for child in children if child.children or _has_faces(child.label)]
+    return Node(name or "part", pose, referred, _color(label) or _color(referred), children)
+
+
+def _has_faces(label: Any) -> bool:
+    return TopExp_Explorer(XCAFDoc_ShapeTool.GetShape_s(label), TopAbs_ShapeEnum.TopAbs_FACE).More()
+
+
+def _leaves(roots: list[Node]) -> Iterator[tuple[str, Node, TopLoc_Location, Color | None]]:
+    """Instances with their paths of names; a single root, which every path would begin with, is left out."""
+
+    def walk(
+        node: Node, path: str, pose: TopLoc_Location, color: Color | None
+    ) -> Iterator[tuple[str, Node, TopLoc_Location, Color | None]]:
+        if node.color is not None and color is None:
+            color = node.color
+        if not node.children:
+            yield path, node, pose, color
+        for name, child in zip(_numbered(node.children), node.children, strict=True):
+            alone = len(node.children) == 1 and child.name in _GENERIC and not child.children and path
+            inner = path if alone else f"{path}/{name}" if path else name
+            yield from walk(child, inner, pose.Multiplied(child.pose), color)
+
+    if len(roots) == 1:
+        yield from walk(roots[0], "" if roots[0].children else roots[0].name, roots[0].pose, None)
+    else:
+        for name, root in zip(_numbered(roots), roots, strict=True):
+            yield from walk(root, name, root.pose, None)
+
+
+def _numbered(nodes: list[Node]) -> list[str]:
+    """The nodes' names, made unique: those that occur more than once get a number."""
+    names = [node.name.replace("/", "|") for node in nodes]
+    counts = Counter(names)
+    taken = {name for name in names if counts[name] == 1}
+    unique = []
+    for name in names:
+        number = 1
+        given = name
+        while counts[name] > 1 and (given := f"{name}_{number}") in taken:
+            number += 1
+        taken.add(given)
+        unique.append(given)
+    return unique
+
+
+class _Solids:
+    """Solids found so far: instances of one solid become parts of one shape."""
+
+    def __init__(self, raw: RawScene, colors: Any) -> None:
+        self.raw = raw
+        self.colors = colors
+        self.shapes: list[TopoDS_Shape] = []
+        self.sheets: set[int] = set()
+
+    def add(self, name: str, node: Node, pose: TopLoc_Location, color: Color | None) -> None:
+        """Parts for every solid of a leaf, and for the sheets that belong to none."""
+        solids = _explore(XCAFDoc_ShapeTool.GetShape_s(node.label))
+        density = _density(XCAFDoc_MaterialTool.GetDensityForShape_s(node.label))
+        for i, solid in enumerate(solids, 1):
+            place = pose.Multiplied(solid.Location())
+            number = self._number(solid, place)
+            rotation, translation, _ = _rigid(place)
+            own = color or self._color_of(solid)
+            part = name if len(solids) == 1 else f"{name}/{i}"
+            self.raw.parts.append(RawPart(part, number, rotation, translation, own, density))
+
+    def _number(self, solid: TopoDS_Shape, place: TopLoc_Location) -> int:
+        own = solid.Located(TopLoc_Location())
+        if not _rigid(place)[2]:  # mirrored or scaled: a shape of its own, baked
+            return self._new(BRepBuilderAPI_Transform(own, place.Transformation(), True).Shape())
+        for number, known in enumerate(self.shapes):
+            if known.IsPartner(own) and known.Orientation() == own.Orientation():
+                return number
+        return self._new(own)
+
+    def _new(self, shape: TopoDS_Shape) -> int:
+        self.shapes.append(shape)
+        return len(self.shapes) - 1
+
+    def _color_of(self, shape: TopoDS_Shape) -> Color | None:
+        color = Quantity_ColorRGBA()
+        return next((_rgba(color) for kind in _KINDS if self.colors.GetColor(shape, kind, color)), None)
+
+    def mesh(self, deflection: float, angular: float, skip: frozenset[int], progress: Progress) -> RawScene:
+        """Mesh every shape once; parts whose shape gives no triangle are named and left out."""
+        names: dict[int, str] = {}
+        for part in self.raw.parts:
+            names.setdefault(part.shape, part.name)
+        kept: dict[int, int] = {}
+        for number, shape in enumerate(self.shapes):
+            if number in skip:
+                continue
+            fraction = 0.2 + 0.8 * number / len(self.shapes)
+            progress(fraction, f"meshing {names[number]}", number)
+            raw = tessellate(shape, deflection, angular)
+            if raw.faces:
+                for face, occ in zip(raw.faces, _faces(shape), strict=False):
+                    face.color = self._color_of(occ)
+                kept[number] = len(self.raw.shapes)
+                self.raw.shapes.append(raw)
+        for part in self.raw.parts:
+            if part.shape not in kept:
+                why = "crashes the CAD kernel" if part.shape in skip else "meshes to nothing"
+                self.raw.notes.append(f"part {part.name} is lost: its geometry {why}")
+        self.raw.parts = [part for part in self.raw.parts if part.shape in kept]
+        for part in self.raw.parts:
+            part.shape = kept[part.shape]
+        if not self.raw.parts:
+            raise UnreadableError("no part of it can be meshed; check it in a CAD program and export it again")
+        return self.raw
+
+
+def _explore(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
+    """The solids of a shape and the shells outside of any, sewn to solids where they close."""
+    solids = list(_of(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
+    sewing = BRepBuilderAPI_Sewing(1e-3)
+    loose = TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_SOLID)
+    if not loose.More():
+        return solids
+    while loose.More():
+        sewing.Add(loose.Current())
+        loose.Next()
+    sewing.Perform()
+    sewn = sewing.SewedShape()
+    for shell in _of(sewn, TopAbs_ShapeEnum.TopAbs_SHELL):
+        solids.append(BRepBuilderAPI_MakeSolid(TopoDS.Shell(shell)).Solid() if shell.Closed() else shell)
+    return solids
+
+
+def _of(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
+
+
+def _faces(shape: TopoDS_Shape) -> Iterator[TopoDS_Shape]:
+    return _of(shape, TopAbs_ShapeEnum.TopAbs_FACE)
+
+
+def _rigid(location: TopLoc_Location) -> tuple[Array, Array, bool]:
+    """Rotation, translation (m) and whether they are all there is; else identity and zero."""
+    trsf = location.Transformation()
+    matrix = np.array([[trsf.Value(i, j) for j in range(1, 5)] for i in range(1, 4)])
+    rotation, translation = matrix[:, :3], matrix[:, 3] * MM
+    if not np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
+        return np.eye(3), np.zeros(3), False
+    u, _, vt = np.linalg.svd(rotation)  # the nearest rotation: files carry six digits
+    return u @ vt, translation, True
+
+
+def _density(value: float) -> float | None:
+    """kg/m³ of what the kernel gives, whose unit files get wrong: g/mm³, g/cm³ or kg/m³, whichever is plausible."""
+    return next((value * factor for factor in (1e6, 1e3, 1.0) if 20.0 <= value * factor <= 23000.0), None)
