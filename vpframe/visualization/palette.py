@@ -1,0 +1,53 @@
+"""One set of colours for the page, the recording and the pictures: linear meaning, sRGB values in 0 … 1."""
+
+from __future__ import annotations
+
+import colorsys
+
+from vpframe.scene import Part, Scene
+
+Color = tuple[float, float, float]
+
+COLLIDING: Color = (0.90, 0.16, 0.14)
+"""a surface that collides"""
+CANDIDATE: Color = (0.96, 0.65, 0.14)
+"""a constraint that is offered"""
+ACTIVE: Color = (0.10, 0.62, 0.34)
+"""a constraint that holds"""
+REFUSED: Color = (0.55, 0.55, 0.58)
+"""a constraint that was refused"""
+FREEDOM: Color = (0.16, 0.42, 0.86)
+"""motion that is left"""
+HAND: Color = (0.98, 0.80, 0.20)
+"""the hand, and the part it holds"""
+TRAIL: Color = (0.45, 0.35, 0.75)
+"""where the held part has been"""
+EDGE: Color = (0.13, 0.15, 0.19)
+BACKGROUND: tuple[Color, Color] = ((0.97, 0.98, 0.99), (0.80, 0.84, 0.89))
+"""top and bottom"""
+
+STATE: dict[str, Color] = {"candidate": CANDIDATE, "active": ACTIVE, "refused": REFUSED}
+
+_DEFAULT = Part.__dataclass_fields__["color"].default
+
+
+def part_colors(scene: Scene) -> dict[str, Color]:
+    """The colour of each part: the file's where it gives one, otherwise muted hues a golden angle apart.
+
+    Instances of one shape share a hue, so that four equal bolts look like four equal bolts.
+    """
+    hue_of: dict[int, int] = {}
+    colors: dict[str, Color] = {}
+    for part in scene.parts:
+        number = hue_of.setdefault(id(part.shape), len(hue_of))
+        if tuple(part.color) != _DEFAULT:
+            r, g, b = part.color[:3]
+            colors[part.name] = (float(r), float(g), float(b))
+        else:
+            colors[part.name] = colorsys.hls_to_rgb((0.58 + number * 0.381966) % 1.0, 0.66, 0.38)
+    return colors
+
+
+def hex_color(color: Color) -> str:
+    """`#rrggbb`."""
+    return "#" + "".join(f"{round(255 * min(max(c, 0.0), 1.0)):02x}" for c in color)
