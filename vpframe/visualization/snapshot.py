@@ -231,7 +231,7 @@ def _draw_symbols(
 
     ends, color, width = [], [], []
     for symbol in symbols:
-        for strip in symbol.strips:
+        for strip in symbol.world():
             points = project(strip, camera, depth.shape)
             ends.append(np.stack([points[:-1], points[1:]], axis=1))
             color.append(np.tile(symbol.color, (len(points) - 1, 1)))

@@ -1,0 +1,296 @@
+"""`RerunRecorder`: a session on disk as a rerun recording (`.rrd`), readable at any moment while it grows.
+
+Geometry is written once; poses, highlights, constraints, events and plots follow in columns, about once a second, so
+that a recording that is killed loses at most its last second. Positions are single precision, as rerun keeps them.
+Timelines: `step` and `time` (s since the session began). Plots are in the units their names say.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+import rerun as rr
+from numpy.typing import NDArray
+
+from vpframe.events import ConstraintView, Event, Frame
+from vpframe.scene import Part, Scene
+from vpframe.visualization import palette
+from vpframe.visualization.blueprint import blueprint
+from vpframe.visualization.camera import frame_scene
+from vpframe.visualization.display import display_mesh
+from vpframe.visualization.symbols import Symbol, frame_symbols, hand_symbols
+
+if TYPE_CHECKING:
+    from vpframe.session import Session
+
+FLUSH_STEPS = 240
+FLUSH_SECONDS = 1.0
+"""the buffered steps go to the file when there are this many, or this long after the last time"""
+
+EVENT_LEVEL = {"collided": "WARN", "blocked": "WARN", "refused": "WARN", "expectation": "ERROR", "note": "DEBUG"}
+EVENT_COLOR = {
+    "collided": palette.COLLIDING,
+    "blocked": palette.COLLIDING,
+    "expectation": palette.COLLIDING,
+    "recognised": palette.CANDIDATE,
+    "accepted": palette.ACTIVE,
+    "satisfied": palette.ACTIVE,
+    "grabbed": palette.FREEDOM,
+    "released": palette.FREEDOM,
+}
+
+
+class RerunRecorder:
+    """Writes what a session shows to `path` (an `.rrd` file; folders are made, an older file is replaced)."""
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._stream: rr.RecordingStream | None = None
+
+    def begin(self, session: Session) -> None:
+        """Write the geometry and how to look at it."""
+        scene = session.scene
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._stream = stream = rr.RecordingStream("vpframe", recording_id=None, send_properties=True)
+        camera = frame_scene(scene)
+        stream.save(self.path, default_blueprint=blueprint(camera))
+        stream.send_recording_name(Path(scene.source).name if scene.source else "session")
+        self._names = scene.names
+        self._colors = palette.part_colors(scene)
+        self._symbol_size = 0.06 * camera.radius
+        self._rows = _Rows()
+        self._pose: dict[str, pin.SE3] = {}
+        self._red: set[tuple[int, int]] = set()
+        self._symbols: dict[str, tuple[object, ...]] = {}
+        self._placed: dict[str, pin.SE3] = {}
+        self._state: dict[str, str | None] = {}
+        self._script = ""
+        self._plotted: set[str] = set()
+        self._hand: dict[str, NDArray[np.float64]] = {}
+        self._last_flush = time.monotonic()
+        stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for part in scene.parts:
+            self._log_part(stream, part)
+        self._start(scene)
+        self._flush()
+
+    def frame(self, frame: Frame) -> None:
+        """Buffer one step; now and then write."""
+        rows = self._rows
+        rows.at(frame.step, frame.time)
+        self._poses(frame.poses)
+        self._highlight(frame.colliding)
+        self._draw(frame)
+        for view in frame.constraints:
+            self._set_state(_lane(view), view.state)
+        listed = {_lane(view) for view in frame.constraints}
+        for lane in [lane for lane, state in self._state.items() if state and lane not in listed]:
+            self._set_state(lane, None)
+        for event in frame.events:
+            rows.add("events", "text", (event.kind, event.text or _describe(event)))
+        if frame.script != self._script:
+            self._script = frame.script
+            rows.add("script", "document", frame.script)
+        for part, freedom in frame.freedom.items():
+            self._plot(_path("plots/freedom", part), part, freedom)
+        if frame.clearance is not None:
+            self._plot("plots/clearance", "clearance (mm)", 1e3 * frame.clearance, palette.FREEDOM)
+        self._plot("plots/clashes", "colliding surface pairs", len(frame.colliding), palette.COLLIDING)
+        for name, seconds in frame.timings.items():
+            self._plot(_path("plots/timings", name), f"{name} (ms)", 1e3 * seconds)
+        if rows.steps >= FLUSH_STEPS or time.monotonic() - self._last_flush > FLUSH_SECONDS:
+            self._flush()
+
+    def end(self) -> None:
+        """Write what is left and close the file."""
+        if self._stream is not None:
+            self._flush()
+            self._stream.disconnect()
+            self._stream = None
+
+    def _log_part(self, stream: rr.RecordingStream, part: Part) -> None:
+        mesh = display_mesh(part.shape)
+        for surface in range(mesh.n_surfaces):
+            v0, v1 = mesh.vertex_start[surface : surface + 2]
+            t0, t1 = mesh.triangle_start[surface : surface + 2]
+            stream.log(
+                _surface_path(part.name, surface),
+                rr.Mesh3D(
+                    vertex_positions=mesh.positions[v0:v1],
+                    vertex_normals=mesh.normals[v0:v1],
+                    triangle_indices=mesh.triangles[t0:t1] - np.uint32(v0),
+                ),
+                static=True,
+            )
+        if len(mesh.lines):
+            lines = rr.LineStrips3D(mesh.lines, colors=[_rgba(palette.EDGE)], radii=rr.Radius.ui_points(0.6))
+            stream.log(f"{_path('parts', part.name)}/lines", lines, static=True)
+
+    def _start(self, scene: Scene) -> None:
+        """Poses and colours before the first step: a later value of a static component would not be seen."""
+        self._rows.at(0, 0.0)
+        self._poses({part.name: part.pose for part in scene.parts})
+        for part in scene.parts:
+            for surface in range(part.mesh.n_surfaces):
+                self._rows.add(_surface_path(part.name, surface), "albedo", self._colors[part.name])
+
+    def _poses(self, poses: Mapping[str, pin.SE3]) -> None:
+        for name, pose in poses.items():
+            before = self._pose.get(name)
+            if before is None or before != pose:
+                self._pose[name] = pose.copy()
+                self._rows.add(_path("parts", name), "transform", pose)
+
+    def _highlight(self, colliding: NDArray[np.int32]) -> None:
+        red = {(int(o), int(s)) for row in colliding for o, s in (row[:2], row[2:])}
+        for part, surface in sorted(red ^ self._red):
+            name = self._names[part]
+            color = palette.COLLIDING if (part, surface) in red else self._colors[name]
+            self._rows.add(_surface_path(name, surface), "albedo", color)
+        self._red = red
+
+    def _draw(self, frame: Frame) -> None:
+        seen = set()
+        for symbol in (*frame_symbols(frame), *hand_symbols(frame.hands, self._symbol_size)):
+            seen.add(symbol.name)
+            path = f"symbols/{symbol.name}"
+            if self._symbols.get(symbol.name) != symbol.key:
+                self._symbols[symbol.name] = symbol.key
+                self._rows.add(path, "strips", symbol)
+            if symbol.name not in self._placed or self._placed[symbol.name] != symbol.pose:
+                self._placed[symbol.name] = symbol.pose
+                self._rows.add(path, "transform", symbol.pose)
+        for name in [name for name in self._symbols if name not in seen]:
+            del self._symbols[name]
+            self._rows.add(f"symbols/{name}", "strips", None)
+        for name, pose in frame.hands.items():
+            place = pose.translation.copy()
+            if name in self._hand and not np.array_equal(self._hand[name], place):
+                self._rows.add(_path("trail", name), "segment", np.array([self._hand[name], place]))
+            self._hand[name] = place
+
+    def _set_state(self, lane: str, state: str | None) -> None:
+        """Keep a constraint's state; None when it is no longer there."""
+        path = f"constraints/{lane}"
+        if lane not in self._state and self._stream is not None:
+            values = list(palette.STATE)
+            style = rr.StateConfiguration(values=values, labels=values, colors=_colors(list(palette.STATE.values())))
+            self._stream.log(path, style, static=True)
+        if self._state.get(lane, "") != state:
+            self._state[lane] = state
+            self._rows.add(path, "state", state)
+
+    def _plot(self, path: str, name: str, value: float, color: palette.Color | None = None) -> None:
+        """One point of a line; its name, with the unit, is written the first time."""
+        if path not in self._plotted and self._stream is not None:
+            self._plotted.add(path)
+            colors = [_rgba(color)] if color else None
+            self._stream.log(path, rr.SeriesLines(names=[name], colors=colors, widths=[1.8]), static=True)
+        self._rows.add(path, "scalar", float(value))
+
+    def _flush(self) -> None:
+        stream = self._stream
+        if stream is None:
+            return
+        for path, steps, times, columns in self._rows.take():
+            index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("time", duration=times)]
+            stream.send_columns(path, index, columns)
+        stream.flush()
+        self._last_flush = time.monotonic()
+
+
+class _Rows:
+    """Buffered rows by entity and kind of value."""
+
+    def __init__(self) -> None:
+        self.steps = 0
+        self._now = (0, 0.0)
+        self._rows: dict[tuple[str, str], list[tuple[int, float, Any]]] = {}
+
+    def at(self, step: int, seconds: float) -> None:
+        self._now = (step, seconds)
+        self.steps += 1
+
+    def add(self, path: str, kind: str, value: Any) -> None:
+        self._rows.setdefault((path, kind), []).append((*self._now, value))
+
+    def take(self) -> Iterator[tuple[str, list[int], list[float], Any]]:
+        """Path, steps, times and columns of each buffer; the buffers are empty afterwards."""
+        rows, self._rows, self.steps = self._rows, {}, 0
+        for (path, kind), entries in rows.items():
+            steps, times, values = (list(column) for column in zip(*entries, strict=True))
+            yield path, steps, times, _COLUMNS[kind](values)
+
+
+def _transforms(values: list[pin.SE3]) -> Any:
+    quaternions = [pin.Quaternion(pose.rotation).coeffs() for pose in values]
+    return rr.Transform3D.columns(translation=[pose.translation for pose in values], quaternion=quaternions)
+
+
+def _strips(values: list[Symbol | None]) -> Any:
+    drawn = [symbol for symbol in values if symbol]
+    each = [1 if symbol else 0 for symbol in values]  # no strips and no colour: the symbol is gone
+    strips = rr.LineStrips3D.columns(strips=[strip for symbol in drawn for strip in symbol.strips])
+    style = rr.LineStrips3D.columns(
+        colors=_colors([symbol.color for symbol in drawn]),
+        radii=[rr.Radius.ui_points(0.5 * symbol.width) for symbol in drawn],
+    )
+    return [*strips.partition([len(symbol.strips) if symbol else 0 for symbol in values]), *style.partition(each)]
+
+
+def _segments(values: list[NDArray[np.float64]]) -> Any:
+    colors = _colors([palette.TRAIL] * len(values))
+    return rr.LineStrips3D.columns(strips=values, colors=colors, radii=[rr.Radius.ui_points(1.0)] * len(values))
+
+
+def _texts(values: list[tuple[str, str]]) -> Any:
+    return rr.TextLog.columns(
+        text=[f"{kind}: {text}" for kind, text in values],
+        level=[EVENT_LEVEL.get(kind, "INFO") for kind, _ in values],
+        color=_colors([EVENT_COLOR.get(kind, palette.REFUSED) for kind, _ in values]),
+    )
+
+
+_COLUMNS: dict[str, Callable[[list[Any]], Any]] = {
+    "transform": _transforms,
+    "strips": _strips,
+    "segment": _segments,
+    "text": _texts,
+    "albedo": lambda values: rr.Mesh3D.columns(albedo_factor=_colors(values)),
+    "scalar": lambda values: rr.Scalars.columns(scalars=values),
+    "state": lambda values: rr.StateChange.columns(state=values),
+    "document": lambda values: rr.TextDocument.columns(text=values),
+}
+
+
+def _lane(view: ConstraintView) -> str:
+    """The entity that keeps a constraint's state: its kind and parts, as a person would call it."""
+    return re.sub(r"[^\w.-]", "_", f"{view.kind}-{view.parts[0]}-{view.parts[1]}-{view.id}")
+
+
+def _surface_path(part: str, surface: int) -> str:
+    return f"{_path('parts', part)}/surfaces/{surface}"
+
+
+def _describe(event: Event) -> str:
+    return " – ".join(event.parts)
+
+
+def _rgba(color: palette.Color) -> int:
+    r, g, b = (round(255 * min(max(c, 0.0), 1.0)) for c in color)
+    return (r << 24) | (g << 16) | (b << 8) | 0xFF
+
+
+def _colors(colors: list[palette.Color]) -> NDArray[np.uint32]:
+    return np.array([_rgba(color) for color in colors], dtype=np.uint32)
+
+
+def _path(root: str, name: str) -> str:
+    """`root/name` with the name as one step of the path, whatever it holds."""
+    return f"{root}/{rr.escape_entity_path_part(name)}"
