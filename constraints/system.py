@@ -1,0 +1,281 @@
+"""`System`: the constraints of one connected component as flat arrays, with the elimination order of its parts.
+
+Each body is referred to the centroid of its own features, and its rotations are measured in metres at its features'
+extent; rows in radians are weighed by the smaller extent of the two bodies. Rank decisions and "nearest" then mean the
+same for a part of 0.1 mm and one of 1 km, and do not depend on where a file put a part's origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from constraints import jacobians
+from constraints.errors import ConstraintsError
+from constraints.kinds.base import Constraint
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Poses = Sequence[pin.SE3] | Mapping[int, pin.SE3]
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination:
+    """Symbolic block Cholesky factorisation over movable bodies (blocks of 6), by minimum degree.
+
+    Block k is the diagonal of column k; off-diagonal blocks follow, column by column. `update` lists, for each column
+    and each pair (i >= j) of its rows, the block that L_ik L_jkᵀ is taken from.
+    """
+
+    position: Ints
+    """(n,) column of each movable slot"""
+    column: Ints
+    """(n+1,) first off-diagonal block of each column, counted from n"""
+    row: Ints
+    """row (as a column number) of each off-diagonal block"""
+    update: Ints
+    update_start: Ints
+    """(n+1,)"""
+    block_of: dict[tuple[int, int], int]
+    """(row, column) -> block"""
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Constraints that share movable bodies, ready for the kernels."""
+
+    members: tuple[int, ...]
+    """places of its constraints in the sequence it was made from, ascending"""
+    constraints: tuple[Constraint, ...]
+    bodies: tuple[int, ...]
+    """ids, ascending; fixed ones included"""
+    movable: tuple[int, ...]
+    """ids, ascending; slot s of the unknowns is `movable[s]`"""
+    code: Ints
+    body: Ints
+    """(e, 2) places in `bodies`"""
+    element: Array
+    """(e, 24) relative to the bodies' centres"""
+    param: Array
+    start: Ints
+    owner: Ints
+    """(m,) row -> place in `constraints`"""
+    angular: NDArray[np.bool_]
+    """(m,)"""
+    weight: Array
+    """(m,) what makes a row metres"""
+    center: Array
+    """(n, 3) of each body, its frame"""
+    extent: Array
+    """(n,) m, of each body's features about its centre"""
+    slot: Ints
+    """(n,) body -> slot, or -1 where fixed"""
+    elimination: Elimination
+    target: Ints
+    """(e,) block of the equation's pair of movable bodies, or -1"""
+
+    @property
+    def rows(self) -> int:
+        """Number of rows m."""
+        return len(self.owner)
+
+    @cached_property
+    def columns(self) -> Ints:
+        """(n,) body -> column of the factorisation, or -1 where fixed."""
+        return np.where(self.slot >= 0, self.elimination.position[self.slot], -1)
+
+    @cached_property
+    def length(self) -> float:
+        """m, characteristic length: median extent of the movable bodies."""
+        return float(np.median(self.extent[self.slot >= 0]))
+
+    def gather(self, poses: Poses) -> tuple[Array, Array]:
+        """Rotations (n, 3, 3) and positions of the centres (n, 3) of the bodies."""
+        rotation = np.empty((len(self.bodies), 3, 3))
+        translation = np.empty((len(self.bodies), 3))
+        for i, b in enumerate(self.bodies):
+            try:
+                pose = poses[b]
+            except (KeyError, IndexError):
+                raise ConstraintsError(f"a constraint refers to body {b}, which has no pose; pass one") from None
+            rotation[i] = pose.rotation
+            translation[i] = pose.translation
+        if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
+            bad = ~np.isfinite(rotation).all(axis=(1, 2)) | ~np.isfinite(translation).all(axis=1)
+            raise ConstraintsError(
+                f"the pose of body {self.bodies[int(np.argmax(bad))]} is not finite; pass a finite one"
+            )
+        translation += np.einsum("nij,nj->ni", rotation, self.center)
+        return rotation, translation
+
+    def scatter(self, rotation: Array, translation: Array) -> dict[int, pin.SE3]:
+        """Poses of the movable bodies."""
+        origin = translation - np.einsum("nij,nj->ni", rotation, self.center)
+        return {b: pin.SE3(rotation[i], origin[i]) for i, b in enumerate(self.bodies) if self.slot[i] >= 0}
+
+    def evaluate(self, rotation: Array, translation: Array) -> tuple[Array, Array, Array]:
+        """Residual (m,) and both Jacobians (m, 6) on local twists about the centres; unweighed."""
+        r = np.empty(self.rows)
+        ja = np.empty((self.rows, 6))
+        jb = np.empty((self.rows, 6))
+        jacobians.evaluate(self.code, self.body, self.element, self.param, self.start, rotation, translation, r, ja, jb)
+        return r, ja, jb
+
+    def dense(self, rotation: Array, translation: Array) -> tuple[Array, Array]:
+        """Weighed residual (m,) and Jacobian (m, 6·movable), columns scaled: both in metres."""
+        r, ja, jb = self.evaluate(rotation, translation)
+        jacobian = np.zeros((self.rows, len(self.movable), 6))
+        rows = np.arange(self.rows)
+        equation = np.repeat(np.arange(len(self.code)), np.diff(np.append(self.start, self.rows)))
+        for side, j in ((0, ja), (1, jb)):
+            place = self.body[equation, side]
+            slot = self.slot[place]
+            scaled = j * self.weight[:, None]
+            scaled[:, 3:] /= self.extent[place][:, None]
+            moves = slot >= 0
+            jacobian[rows[moves], slot[moves]] += scaled[moves]
+        return r * self.weight, jacobian.reshape(self.rows, -1)
+
+
+def components(constraints: Sequence[Constraint], movable: Iterable[int]) -> list[list[int]]:
+    """Places of the constraints that a movable body takes part in, grouped by connection through movable bodies."""
+    moves = set(movable)
+    parent: dict[int, int] = {}
+
+    def find(x: int) -> int:
+        while parent.setdefault(x, x) != x:
+            parent[x] = parent[parent[x]]
+            x = parent[x]
+        return x
+
+    for c in constraints:
+        a, b = c.bodies
+        if a in moves and b in moves:
+            ra, rb = find(a), find(b)
+            parent[max(ra, rb)] = min(ra, rb)
+    groups: dict[int, list[int]] = {}
+    for i, c in enumerate(constraints):
+        a, b = c.bodies
+        if a in moves or b in moves:
+            groups.setdefault(find(a if a in moves else b), []).append(i)
+    return [groups[k] for k in sorted(groups)]
+
+
+@lru_cache(maxsize=128)
+def systems(constraints: tuple[Constraint, ...], movable: frozenset[int]) -> tuple[System, ...]:
+    """One `System` a connected component; kept, since the same constraints are solved step after step."""
+    return tuple(build(constraints, tuple(group), movable) for group in components(constraints, movable))
+
+
+def build(constraints: Sequence[Constraint], members: tuple[int, ...], movable: Iterable[int]) -> System:
+    """The system of the constraints at places `members`."""
+    chosen = tuple(constraints[i] for i in members)
+    moves = set(movable)
+    ids = sorted({b for c in chosen for b in c.bodies})
+    place = {b: i for i, b in enumerate(ids)}
+    packed = [c.compiled for c in chosen]
+    element = np.concatenate([p.element for p in packed])
+    pairs = [[place[c.bodies[0]], place[c.bodies[1]]] for c, p in zip(chosen, packed, strict=True) for _ in p.code]
+    body = np.array(pairs, dtype=np.int64)
+    center, extent = _extents(
+        len(ids), body, element, [c.size for c, p in zip(chosen, packed, strict=True) for _ in p.code]
+    )
+    element[:, 0:3] -= center[body[:, 0]]
+    element[:, 12:15] -= center[body[:, 1]]
+    counts = [p.rows for p in packed]
+    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    owner = np.repeat(np.arange(len(chosen)), counts)
+    angular = np.concatenate([p.angular for p in packed])
+    pair_of = np.array([[place[b] for b in c.bodies] for c in chosen])
+    lever = extent[pair_of].min(axis=1)
+    slot = np.full(len(ids), -1, dtype=np.int64)
+    free = [b for b in ids if b in moves]
+    slot[[place[b] for b in free]] = np.arange(len(free))
+    elimination = eliminate(
+        len(free), {(int(slot[a]), int(slot[b])) for a, b in pairs if slot[a] >= 0 and slot[b] >= 0}
+    )
+    target = np.full(len(body), -1, dtype=np.int64)
+    for e, (a, b) in enumerate(pairs):
+        if slot[a] >= 0 and slot[b] >= 0:
+            i, j = int(elimination.position[slot[a]]), int(elimination.position[slot[b]])
+            target[e] = elimination.block_of[max(i, j), min(i, j)]
+    return System(
+        members,
+        chosen,
+        tuple(ids),
+        tuple(free),
+        np.concatenate([p.code for p in packed]),
+        body,
+        element,
+        np.concatenate([p.param for p in packed]),
+        np.concatenate([p.start + f for p, f in zip(packed, first, strict=True)]).astype(np.int64),
+        owner,
+        angular,
+        np.where(angular, lever[owner], 1.0),
+        center,
+        extent,
+        slot,
+        elimination,
+        target,
+    )
+
+
+def _extents(n: int, body: Ints, element: Array, size: Sequence[float]) -> tuple[Array, Array]:
+    """Centre (n, 3) of each body's features and the greatest reach (n,) of a feature from it, m."""
+    index = np.concatenate([body[:, 0], body[:, 1]])
+    points = np.concatenate([element[:, 0:3], element[:, 12:15]])
+    center = np.zeros((n, 3))
+    np.add.at(center, index, points)
+    center /= np.bincount(index, minlength=n)[:, None]
+    reach = np.linalg.norm(points - center[index], axis=1) + np.concatenate([size, size])
+    extent = np.zeros(n)
+    np.maximum.at(extent, index, reach)
+    return center, extent
+
+
+def eliminate(n: int, edges: Iterable[tuple[int, int]]) -> Elimination:
+    """Minimum-degree elimination of n bodies with these edges; ties go to the lower slot."""
+    neighbours: list[set[int]] = [set() for _ in range(n)]
+    for a, b in edges:
+        neighbours[a].add(b)
+        neighbours[b].add(a)
+    order: list[int] = []
+    columns: list[set[int]] = []
+    left = set(range(n))
+    while left:
+        s = min(left, key=lambda x: (len(neighbours[x]), x))
+        left.remove(s)
+        clique = neighbours[s]
+        for x in clique:
+            neighbours[x] |= clique
+            neighbours[x] -= {x, s}
+        order.append(s)
+        columns.append(clique)
+    position = np.empty(n, dtype=np.int64)
+    position[order] = np.arange(n)
+    column, row = [0], list[int]()
+    block_of: dict[tuple[int, int], int] = {}
+    for k, clique in enumerate(columns):
+        for i in sorted(int(position[x]) for x in clique):
+            block_of[i, k] = n + len(row)
+            row.append(i)
+        column.append(len(row))
+    update, update_start = list[int](), [0]
+    for k in range(n):
+        rows = row[column[k] : column[k + 1]]
+        update += [i if i == j else block_of[i, j] for x, i in enumerate(rows) for j in rows[: x + 1]]
+        update_start.append(len(update))
+    ints = np.int64
+    return Elimination(
+        position,
+        np.array(column, ints),
+        np.array(row, ints),
+        np.array(update, ints),
+        np.array(update_start, ints),
+        block_of,
+    )

@@ -1,0 +1,269 @@
+"""Levenberg-Marquardt on SE(3)^N with a block-sparse Cholesky factorisation, as numba kernels."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from constraints.jacobians import evaluate
+
+SOLVED = 0
+STATIONARY = 1
+EXHAUSTED = 2
+
+DAMPING_FLOOR = 1e-13
+"""relative to the unit entries of a scaled Jacobian: what keeps a rank-deficient JᵀJ factorisable in float64"""
+
+
+@njit(cache=True)
+def _factor_block(blocks, k):
+    """In-place Cholesky factor (lower) of the 6×6 diagonal block k; False where it is not positive."""
+    D = blocks[k]
+    for j in range(6):
+        x = D[j, j]
+        for p in range(j):
+            x -= D[j, p] * D[j, p]
+        if not x > 0.0:
+            return False
+        x = math.sqrt(x)
+        D[j, j] = x
+        for i in range(j + 1, 6):
+            y = D[i, j]
+            for p in range(j):
+                y -= D[i, p] * D[j, p]
+            D[i, j] = y / x
+    return True
+
+
+@njit(cache=True)
+def factor(blocks, column, row, update, update_start):
+    """In-place block Cholesky H = L Lᵀ; False where H is not positive definite. blocks (b, 6, 6): see Elimination."""
+    n = len(column) - 1
+    for k in range(n):
+        if not _factor_block(blocks, k):
+            return False
+        D = blocks[k]
+        first, last = n + column[k], n + column[k + 1]
+        for b in range(first, last):  # L_ik = H_ik D⁻ᵀ
+            L = blocks[b]
+            for i in range(6):
+                for j in range(6):
+                    y = L[i, j]
+                    for p in range(j):
+                        y -= L[i, p] * D[j, p]
+                    L[i, j] = y / D[j, j]
+        t = update_start[k]
+        for x in range(first, last):
+            X = blocks[x]
+            for y in range(first, x + 1):
+                Y = blocks[y]
+                T = blocks[update[t]]
+                t += 1
+                for i in range(6):
+                    for j in range(6):
+                        s = 0.0
+                        for p in range(6):
+                            s += X[i, p] * Y[j, p]
+                        T[i, j] -= s
+    return True
+
+
+@njit(cache=True)
+def substitute(blocks, column, row, x):
+    """In-place solution of L Lᵀ x = x, x (n, 6) by columns."""
+    n = len(column) - 1
+    for k in range(n):
+        D = blocks[k]
+        for i in range(6):
+            y = x[k, i]
+            for p in range(i):
+                y -= D[i, p] * x[k, p]
+            x[k, i] = y / D[i, i]
+        for c in range(column[k], column[k + 1]):
+            L = blocks[n + c]
+            r = row[c]
+            for i in range(6):
+                for p in range(6):
+                    x[r, i] -= L[i, p] * x[k, p]
+    for k in range(n - 1, -1, -1):
+        for c in range(column[k], column[k + 1]):
+            L = blocks[n + c]
+            r = row[c]
+            for i in range(6):
+                for p in range(6):
+                    x[k, p] -= L[i, p] * x[r, i]
+        D = blocks[k]
+        for i in range(5, -1, -1):
+            y = x[k, i]
+            for p in range(i + 1, 6):
+                y -= D[p, i] * x[k, p]
+            x[k, i] = y / D[i, i]
+
+
+@njit(cache=True)
+def assemble(body, start, weight, extent, column_of, target, r, Ja, Jb, blocks, gradient):
+    """JᵀJ (lower blocks) and Jᵀr of the weighed, scaled rows; column_of (n,) body -> column or -1. Scales Ja, Jb."""
+    blocks[:] = 0.0
+    gradient[:] = 0.0
+    for e in range(len(body)):
+        last = start[e + 1] if e + 1 < len(start) else len(r)
+        a, b = column_of[body[e, 0]], column_of[body[e, 1]]
+        for k in range(start[e], last):
+            w = weight[k]
+            x, y = Ja[k], Jb[k]
+            sa, sb = w / extent[body[e, 0]], w / extent[body[e, 1]]
+            for i in range(3):
+                x[i] *= w
+                y[i] *= w
+                x[3 + i] *= sa
+                y[3 + i] *= sb
+            f = w * r[k]
+            if a >= 0:
+                D = blocks[a]
+                for i in range(6):
+                    gradient[a, i] += x[i] * f
+                    for j in range(i + 1):
+                        D[i, j] += x[i] * x[j]
+            if b >= 0:
+                D = blocks[b]
+                for i in range(6):
+                    gradient[b, i] += y[i] * f
+                    for j in range(i + 1):
+                        D[i, j] += y[i] * y[j]
+            if target[e] >= 0:
+                T = blocks[target[e]]
+                if a > b:
+                    for i in range(6):
+                        for j in range(6):
+                            T[i, j] += x[i] * y[j]
+                else:
+                    for i in range(6):
+                        for j in range(6):
+                            T[i, j] += y[i] * x[j]
+
+
+@njit(cache=True)
+def move(rotation, translation, extent, column_of, step, new_rotation, new_translation):
+    """Poses after the scaled local step (n, 6): t + R v, R exp(ω), the rotation brought back to orthonormal."""
+    W = np.empty((3, 3))
+    for i in range(len(column_of)):
+        c = column_of[i]
+        R, Q = rotation[i], new_rotation[i]
+        if c < 0:
+            continue
+        for j in range(3):
+            new_translation[i, j] = translation[i, j] + (
+                R[j, 0] * step[c, 0] + R[j, 1] * step[c, 1] + R[j, 2] * step[c, 2]
+            )
+        x, y, z = step[c, 3] / extent[i], step[c, 4] / extent[i], step[c, 5] / extent[i]
+        theta = math.sqrt(x * x + y * y + z * z)
+        s = math.sin(theta) / theta if theta > 1e-8 else 1.0
+        h = math.sin(0.5 * theta)
+        q = 2.0 * h * h / (theta * theta) if theta > 1e-8 else 0.5
+        W[0, 0] = 1.0 - q * (y * y + z * z)
+        W[1, 1] = 1.0 - q * (x * x + z * z)
+        W[2, 2] = 1.0 - q * (x * x + y * y)
+        W[0, 1] = q * x * y - s * z
+        W[1, 0] = q * x * y + s * z
+        W[0, 2] = q * x * z + s * y
+        W[2, 0] = q * x * z - s * y
+        W[1, 2] = q * y * z - s * x
+        W[2, 1] = q * y * z + s * x
+        for j in range(3):
+            for k in range(3):
+                Q[j, k] = R[j, 0] * W[0, k] + R[j, 1] * W[1, k] + R[j, 2] * W[2, k]
+        for j in range(3):  # one Newton step to the nearest rotation: Q (3 - QᵀQ) / 2
+            for k in range(3):
+                W[j, k] = -0.5 * (Q[0, j] * Q[0, k] + Q[1, j] * Q[1, k] + Q[2, j] * Q[2, k])
+            W[j, j] += 1.5
+        for j in range(3):
+            a, b, c2 = Q[j, 0], Q[j, 1], Q[j, 2]
+            for k in range(3):
+                Q[j, k] = a * W[0, k] + b * W[1, k] + c2 * W[2, k]
+
+
+@njit(cache=True)
+def _cost(r, weight):
+    cost = 0.0
+    worst = 0.0
+    for k in range(len(r)):
+        x = r[k] * weight[k]
+        cost += x * x
+        worst = max(worst, abs(r[k]))
+    return cost, worst
+
+
+@njit(cache=True)
+def levenberg_marquardt(
+    code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
+    rotation, translation, length, tolerance, max_iterations,
+):  # fmt: skip
+    """Move the bodies (in place) to where max|r| <= tolerance, or to the nearest least-squares pose there is.
+
+    The damping follows the square of the residual (Yamashita and Fukushima, Computing Suppl. 15, 2001): quadratic
+    convergence on consistent systems even where J loses rank, and steps of least norm.
+    Returns (status, iterations, max|r|).
+    """
+    m = len(weight)
+    n = len(column) - 1
+    r, r_new = np.empty(m), np.empty(m)
+    Ja, Jb = np.empty((m, 6)), np.empty((m, 6))
+    evaluate(code, body, element, param, start, rotation, translation, r, Ja, Jb)
+    cost, worst = _cost(r, weight)
+    if worst <= tolerance:
+        return SOLVED, 0, worst
+    blocks = np.empty((n + len(row), 6, 6))
+    factored = np.empty_like(blocks)
+    gradient = np.empty((n, 6))
+    step = np.empty((n, 6))
+    R, t = rotation.copy(), translation.copy()
+    mu = 1e-2
+    slow = 0
+    for iteration in range(1, max_iterations + 1):
+        assemble(body, start, weight, extent, column_of, target, r, Ja, Jb, blocks, gradient)
+        largest = 1.0
+        for k in range(n):
+            for i in range(6):
+                largest = max(largest, blocks[k, i, i])
+        while True:
+            damping = max(mu * min(1.0, cost / (m * length * length)), DAMPING_FLOOR) * largest
+            factored[:] = blocks
+            for k in range(n):
+                for i in range(6):
+                    factored[k, i, i] += damping
+            if not factor(factored, column, row, update, update_start):
+                mu = max(10.0 * mu, 100.0 * damping / largest / min(1.0, cost / (m * length * length)))
+                continue
+            step[:] = -gradient
+            substitute(factored, column, row, step)
+            size = 0.0
+            predicted = 0.0
+            for k in range(n):
+                for i in range(6):
+                    size = max(size, abs(step[k, i]))
+                    predicted += step[k, i] * (damping * step[k, i] - gradient[k, i])
+            move(rotation, translation, extent, column_of, step, R, t)
+            evaluate(code, body, element, param, start, R, t, r_new, Ja, Jb)
+            cost_new, worst_new = _cost(r_new, weight)
+            if cost_new < cost:
+                break
+            if predicted <= 1e-15 * cost or size <= 1e-16 * length or mu > 1e12:
+                return STATIONARY, iteration, worst
+            mu = max(8.0 * mu, 8.0 * damping / largest / min(1.0, cost / (m * length * length)))
+        gain = (cost - cost_new) / predicted
+        if gain > 0.75:
+            mu = max(0.2 * mu, 1e-8)
+        elif gain < 0.25:
+            mu *= 4.0
+        slow = slow + 1 if cost_new > 0.99 * cost else 0
+        rotation[:] = R
+        translation[:] = t
+        r[:] = r_new
+        cost, worst = cost_new, worst_new
+        if worst <= tolerance:
+            return SOLVED, iteration, worst
+        if slow >= 4:
+            return STATIONARY, iteration, worst
+    return EXHAUSTED, max_iterations, worst
