@@ -18,6 +18,8 @@ class Tolerance:
     """rad: two directions within it are parallel."""
     fit: float = 1e-5
     """m: vertices whose distance to an analytic surface is below this lie on it."""
+    fit_relative: float = 1e-3
+    """1: … and below this part of their extent, so that a tiny freeform face does not pass for a plane."""
     clearance: float = 2.5e-4
     """m: greatest radial clearance (or interference) at which a shaft still fits a bore."""
     rigid: float = 1e-6

@@ -226,6 +226,11 @@ def _placed(value: Placed) -> tuple[Any, pin.SE3, tuple[float, ...] | None, floa
     return given[0], pose, given[2] if len(given) > 2 else None, given[3] if len(given) > 3 else None
 
 
+def _rgba(color: Sequence[float]) -> tuple[float, float, float, float]:
+    r, g, b, *alpha = (float(c) for c in color)
+    return r, g, b, alpha[0] if alpha else 1.0
+
+
 def scene(parts: Mapping[str, Placed], deflection: float = 1e-4, angular: float = 0.35) -> Scene:
     """A scene of placed solids, without a file in between; one `Solid` placed twice is one shape."""
     shapes: dict[int, Shape] = {}
@@ -236,7 +241,7 @@ def scene(parts: Mapping[str, Placed], deflection: float = 1e-4, angular: float 
             shapes[id(solid)] = shape(solid, deflection, angular, name)
         part = Part(name, shapes[id(solid)], pin.SE3(pose), density=density)
         if color is not None:
-            part.color = (*color[:3], color[3] if len(color) > 3 else 1.0)
+            part.color = _rgba(color)
         made.append(part)
     return Scene(made)
 
@@ -289,7 +294,7 @@ def _write_assembly(tools: tuple[Any, ...], parts: Mapping[str, Any], name: str,
         component = shapes.AddComponent(assembly, written[id(content)], TopLoc_Location(_trsf(pose)))
         TDataStd_Name.Set_s(component, TCollection_ExtendedString(part))
         if color is not None:
-            rgba = Quantity_ColorRGBA(*(float(c) for c in (*color[:3], color[3] if len(color) > 3 else 1.0)))
+            rgba = Quantity_ColorRGBA(*_rgba(color))
             colors.SetColor(component, rgba, XCAFDoc_ColorType.XCAFDoc_ColorGen)
     return assembly
 

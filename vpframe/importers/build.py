@@ -6,7 +6,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import SurfaceMesh
+from collision import SurfaceMesh, Tolerance
+from constraints.features import group_features
+from constraints.fits import allowed, fit_surface
 from constraints.geometry import Cone, Cylinder, Freeform, Geometry, Plane, Sphere, Torus
 from vpframe.importers.raw import RawFace, RawScene, RawShape
 from vpframe.scene import Edge, Part, Scene, Shape, Surface
@@ -46,9 +48,11 @@ def shape(raw: RawShape, name: str = "shape") -> Shape:
     volume, center, inertia = raw.volume, raw.center, raw.inertia
     if volume is None:
         volume, center, inertia = mass_properties(raw.vertices, triangles)
+    senses = [-1 if s.orientation == "concave" else 1 for s in surfaces]
+    features = group_features(mesh, [s.geometry for s in surfaces], senses, [s.residual for s in surfaces])
     place = {k: i for i, k in enumerate(kept)}
     edges = tuple(Edge(e.points, tuple(place[f] for f in e.faces if f in place), e.circle) for e in raw.edges)
-    return Shape(mesh, surfaces, (), edges, volume, center, inertia, closed, tuple(notes))
+    return Shape(mesh, surfaces, features, edges, volume, center, inertia, closed, tuple(notes))
 
 
 def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDArray[np.int32], list[int]]:
@@ -72,10 +76,7 @@ def _surface(index: int, raw: RawFace, mesh: SurfaceMesh, vectors: Array, triang
     corners = mesh.triangles[triangles]
     points = mesh.vertices[np.unique(corners)]
     middles = mesh.vertices[corners].mean(axis=1)
-    geometry = raw_geometry(raw, points, vectors.sum(axis=0))
-    residual = 0.0
-    if not raw.typed and not isinstance(geometry, Freeform):
-        residual = float(np.abs(geometry.distance(np.concatenate([points, raw.samples]))).max())
+    geometry, residual = recognised(raw, points, middles, vectors)
     return Surface(
         index,
         raw.name,
@@ -104,6 +105,22 @@ def raw_geometry(raw: RawFace, points: Array, outward: Array) -> Geometry:
             return Torus(n[:3], n[3:6], n[6], n[7])
         case _:
             return Freeform()
+
+
+def recognised(raw: RawFace, points: Array, middles: Array, vectors: Array) -> tuple[Geometry, float]:
+    """Geometry and residual of a face: the file's type, the kernel's recognition if it holds at the face's own
+    points, a least-squares fit to them, or freeform."""
+    geometry = raw_geometry(raw, points, vectors.sum(axis=0))
+    if raw.typed:
+        return geometry, 0.0
+    tolerance = Tolerance()
+    on_surface = np.concatenate([points, raw.samples])
+    if not isinstance(geometry, Freeform):
+        residual = float(np.abs(geometry.distance(on_surface)).max())
+        if residual <= allowed(on_surface, tolerance):
+            return geometry, residual
+    fit = fit_surface(on_surface, middles, vectors, tolerance)
+    return (Freeform(), 0.0) if fit is None else (fit.geometry, fit.residual)
 
 
 def orientation(geometry: Geometry, middles: Array, vectors: Array) -> str:

@@ -31,17 +31,18 @@ def read(
     skip: list[int] = []
     while True:
         with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
+            out = os.path.join(folder, "scene.pickle")
             request = {
                 "path": str(path.resolve()),
                 "format": form,
                 "deflection": deflection,
                 "angular": angular,
                 "skip": skip,
-                "out": os.path.join(folder, "scene.pickle"),
+                "out": out,
             }
             outcome = _run(request, folder, timeout, progress)
             if outcome.done:
-                with open(request["out"], "rb") as file:
+                with open(out, "rb") as file:
                     raw: RawScene = pickle.load(file)
                 return raw
         if outcome.error is not None:

@@ -1,0 +1,284 @@
+"""Least-squares analytic surfaces through points that lie on one (the vertices of a face do).
+
+A first guess comes from points and normals in closed form; `refine` then takes the orthogonal distances down by
+Levenberg-Marquardt. Every distance here is unchanged when surface and points move together, so moving the surface by
+a small twist (v, w) about the origin changes the distance of a point p with normal n by -n·v - (p×n)·w: one Jacobian
+serves all kinds, with a column more for each radius or angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from collision.tolerance import Tolerance
+from constraints.errors import ConstraintsError, GeometryError
+from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus, perpendicular
+
+Array = NDArray[np.float64]
+
+KINDS = ("plane", "cylinder", "sphere", "cone", "torus")
+"""in the order in which they are tried: the simplest that fits is taken"""
+
+
+class FitError(ConstraintsError):
+    """Points through which no surface of the kind asked for goes (too few, or degenerate)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A surface through points, and how well it goes through them."""
+
+    geometry: Geometry
+    residual: float
+    """m: greatest distance of a point to `geometry`"""
+
+
+def fit_surface(
+    points: ArrayLike,
+    bases: ArrayLike,
+    normals: ArrayLike,
+    tolerance: Tolerance | None = None,
+    kinds: Sequence[str] = KINDS,
+) -> Fit | None:
+    """The simplest analytic surface within tolerance of all points, or None.
+
+    Parameters
+    ----------
+    points: (n, 3) m, on the true surface.
+    bases, normals: (m, 3) m and (m, 3): places and rough normals there, of any length, which is their weight (the area
+        vectors of the face's triangles at their centroids serve). They only start the fit.
+    tolerance: `fit` and `fit_relative` (of the points' extent) bound the residual.
+    kinds: what to try, in order.
+    """
+    p = np.asarray(points, dtype=np.float64)
+    limits = tolerance or Tolerance()
+    limit = allowed(p, limits)
+    for kind in kinds:
+        if len(p) < _ENOUGH[kind]:
+            continue
+        try:
+            fit = fit_kind(kind, p, bases, normals)
+        except (FitError, GeometryError):
+            continue
+        if fit.residual <= limit:
+            return fit
+    return None
+
+
+def allowed(points: Array, tolerance: Tolerance) -> float:
+    """m: the residual a fit to `points` may have."""
+    return min(tolerance.fit, tolerance.fit_relative * float(np.linalg.norm(np.ptp(points, axis=0))))
+
+
+def fit_kind(kind: str, points: ArrayLike, bases: ArrayLike, normals: ArrayLike) -> Fit:
+    """The least-squares surface of one kind; raises FitError when there is none. Arguments as for `fit_surface`."""
+    p = np.asarray(points, dtype=np.float64)
+    center = p.mean(axis=0)
+    scale = float(np.linalg.norm(np.ptp(p, axis=0)))
+    if len(p) < 3 or not scale > 0.0:
+        raise FitError(f"{len(p)} points of extent {scale} m determine no {kind}; give more")
+    unit = (p - center) / scale
+    guess = _GUESS[kind](unit, (np.asarray(bases, dtype=np.float64) - center) / scale, np.asarray(normals))
+    geometry = _scaled(refine(guess, unit), scale, center)
+    return Fit(geometry, float(np.abs(geometry.distance(p)).max()))
+
+
+def refine(geometry: Geometry, points: ArrayLike, iterations: int = 50) -> Geometry:
+    """`geometry` moved and resized to the least sum of squared distances to `points` (n, 3), m.
+
+    Levenberg-Marquardt with minimum-norm steps (a cylinder may slide along its axis for nothing). The origin of
+    what has an axis comes to lie beside the points' middle.
+    """
+    p = np.asarray(points, dtype=np.float64)
+    best, cost = geometry, _cost(geometry, p)
+    damping = 1e-6
+    for _ in range(iterations):
+        distance, jacobian = best.distance(p), _jacobian(best, p)
+        normal_matrix, gradient = jacobian.T @ jacobian, jacobian.T @ distance
+        weight = np.diag(normal_matrix) + np.finfo(float).tiny
+        while True:
+            step = -np.linalg.pinv(normal_matrix + damping * np.diag(weight), hermitian=True) @ gradient
+            trial = _stepped(best, step)
+            trial_cost = np.inf if trial is None else _cost(trial, p)
+            if trial is not None and trial_cost < cost:
+                break
+            damping *= 10.0
+            if damping > 1e6:
+                return _centred(best, p)
+        gain = cost - trial_cost
+        best, cost, damping = trial, trial_cost, max(damping * 0.1, 1e-15)
+        if gain <= 1e-12 * cost:
+            break
+    return _centred(best, p)
+
+
+def fit_circle(points: ArrayLike) -> tuple[Array, Array, float, float]:
+    """Centre (3,), axis (3,), radius and greatest distance (m) of the circle through `points` (n, 3), n >= 4.
+
+    Plane by principal axes, then the algebraic circle in it (Coope, J. Optim. Theory Appl. 76 (1993) 381). Raises
+    FitError for fewer points or points on a line.
+    """
+    p = np.asarray(points, dtype=np.float64)
+    if len(p) < 4:
+        raise FitError(f"{len(p)} points do not say whether they lie on a circle; give four")
+    middle = p.mean(axis=0)
+    _, _, axes = np.linalg.svd(p - middle)
+    flat = (p - middle) @ axes[:2].T
+    center, radius = _circle(flat)
+    origin = middle + center @ axes[:2]
+    gap = np.hypot(np.linalg.norm(flat - center, axis=1) - radius, (p - middle) @ axes[2])
+    return origin, axes[2], radius, float(np.abs(gap).max())
+
+
+def _cost(geometry: Geometry, points: Array) -> float:
+    d = geometry.distance(points)
+    return float(d @ d)
+
+
+def _jacobian(geometry: Geometry, points: Array) -> Array:
+    n = geometry.normals(points)
+    columns = [-n, -np.cross(points, n)]
+    match geometry:
+        case Cylinder() | Sphere():
+            columns.append(np.full((len(points), 1), -1.0))
+        case Cone():
+            q = points - geometry.apex
+            height = q @ geometry.axis
+            radius = np.linalg.norm(q - height[:, None] * geometry.axis, axis=1)
+            slant = -radius * np.sin(geometry.half_angle) - height * np.cos(geometry.half_angle)
+            columns.append(slant[:, None])
+        case Torus():
+            q = points - geometry.center
+            height = q @ geometry.axis
+            radial = np.linalg.norm(q - height[:, None] * geometry.axis, axis=1) - geometry.major
+            length = np.maximum(np.hypot(radial, height), np.finfo(float).tiny)
+            columns.append(np.column_stack([-radial / length, np.full(len(points), -1.0)]))
+    return np.hstack(columns)
+
+
+def _stepped(geometry: Geometry, step: Array) -> Geometry | None:
+    """The geometry after a step of `_jacobian`'s columns; None where there is none (a negative radius)."""
+    moved = geometry.transformed(pin.SE3(pin.exp3(step[3:6]), step[:3]))
+    sizes = [f.name for f in fields(moved) if f.name in ("radius", "half_angle", "major", "minor")]
+    try:
+        return replace(moved, **{f: getattr(moved, f) + dx for f, dx in zip(sizes, step[6:], strict=True)})
+    except GeometryError:
+        return None
+
+
+def _centred(geometry: Geometry, points: Array) -> Geometry:
+    if isinstance(geometry, Cylinder):
+        foot = geometry.origin + ((points.mean(axis=0) - geometry.origin) @ geometry.axis) * geometry.axis
+        return replace(geometry, origin=foot)
+    if isinstance(geometry, Plane):
+        middle = points.mean(axis=0)
+        return replace(geometry, origin=middle - geometry.distance(middle)[0] * geometry.normal)
+    return geometry
+
+
+def _scaled(geometry: Geometry, scale: float, center: Array) -> Geometry:
+    changed = {}
+    for field in fields(geometry):
+        value = getattr(geometry, field.name)
+        if field.name in ("origin", "apex", "center"):
+            changed[field.name] = value * scale + center
+        elif field.name in ("radius", "major", "minor"):
+            changed[field.name] = value * scale
+    return replace(geometry, **changed)
+
+
+def _circle(flat: Array) -> tuple[Array, float]:
+    """Centre (2,) and radius of the algebraic least-squares circle through (n, 2)."""
+    matrix = np.column_stack([2.0 * flat, np.ones(len(flat))])
+    solution, _, rank, _ = np.linalg.lstsq(matrix, (flat * flat).sum(axis=1), rcond=1e-12)
+    square = float(solution[2] + solution[:2] @ solution[:2])
+    if rank < 3 or not square > 0.0:
+        raise FitError("the points lie on a line; no circle goes through them")
+    return solution[:2], float(np.sqrt(square))
+
+
+def _guess_plane(points: Array, bases: Array, normals: Array) -> Geometry:
+    middle = points.mean(axis=0)
+    normal = np.linalg.svd(points - middle, full_matrices=False)[2][2]
+    return Plane(middle, normal if normal @ normals.sum(axis=0) >= 0 else -normal)
+
+
+def _guess_sphere(points: Array, bases: Array, normals: Array) -> Geometry:
+    matrix = np.column_stack([2.0 * points, np.ones(len(points))])
+    solution, _, rank, _ = np.linalg.lstsq(matrix, (points * points).sum(axis=1), rcond=1e-12)
+    square = float(solution[3] + solution[:3] @ solution[:3])
+    if rank < 4 or not square > 0.0:
+        raise FitError("the points lie in a plane; no sphere goes through them")
+    return Sphere(solution[:3], np.sqrt(square))
+
+
+def _guess_cylinder(points: Array, bases: Array, normals: Array) -> Geometry:
+    """Axis at right angles to the normals, or along the points' spread: whichever circle fits best."""
+    candidates = [*np.linalg.svd(normals, full_matrices=False)[2], *np.linalg.svd(points, full_matrices=False)[2]]
+    best: tuple[float, Cylinder] | None = None
+    for axis in candidates:
+        u = perpendicular(axis)
+        frame = np.array([u, np.cross(axis, u)])
+        try:
+            center, radius = _circle(points @ frame.T)
+        except FitError:
+            continue
+        guess = Cylinder(center @ frame, axis, radius)
+        cost = _cost(guess, points)
+        if best is None or cost < best[0]:
+            best = (cost, guess)
+    if best is None:
+        raise FitError("the points lie in a plane; no cylinder goes through them")
+    return best[1]
+
+
+def _guess_cone(points: Array, bases: Array, normals: Array) -> Geometry:
+    """Normals of a cone end on a circle about its axis; its tangent planes meet in the apex."""
+    weight = np.linalg.norm(normals, axis=1)
+    n = normals[weight > 0] / weight[weight > 0, None]
+    w = weight[weight > 0] / weight.sum()
+    mean = w @ n
+    axis = np.linalg.svd((n - mean) * np.sqrt(w)[:, None], full_matrices=False)[2][2]
+    root = np.sqrt(w)[:, None]
+    apex, _, rank, _ = np.linalg.lstsq(n * root, np.einsum("ij,ij->i", n, bases[weight > 0]) * root[:, 0], rcond=1e-9)
+    if rank < 3:
+        raise FitError("the tangent planes do not meet in one point; no cone goes through the points")
+    if (points - apex).mean(axis=0) @ axis < 0:
+        axis = -axis
+    return Cone(apex, axis, np.arcsin(np.clip(abs(mean @ axis), 1e-6, 1.0 - 1e-6)))
+
+
+def _guess_torus(points: Array, bases: Array, normals: Array) -> Geometry:
+    """The normals of a surface of revolution meet its axis: the axis is the line all of them intersect, found as a
+    linear complex (Pottmann & Randrup, Computing 60 (1998) 307); in the half plane of radius and height the meridian
+    is a circle."""
+    weight = np.linalg.norm(normals, axis=1)
+    n = normals / np.maximum(weight, np.finfo(float).tiny)[:, None]
+    lines = np.hstack([np.cross(bases, n), n]) * np.sqrt(weight / weight.sum())[:, None]
+    matrix = lines.T @ lines
+    a, b, c = matrix[:3, :3], matrix[:3, 3:], matrix[3:, 3:]
+    schur = a - b @ np.linalg.pinv(c, rcond=1e-12, hermitian=True) @ b.T
+    axis = np.linalg.eigh(0.5 * (schur + schur.T))[1][:, 0]
+    moment = -np.linalg.pinv(c, rcond=1e-12, hermitian=True) @ b.T @ axis
+    origin = np.cross(axis, moment)
+    q = points - origin
+    height = q @ axis
+    radius = np.linalg.norm(q - height[:, None] * axis, axis=1)
+    meridian, minor = _circle(np.column_stack([radius, height]))
+    return Torus(origin + meridian[1] * axis, axis, meridian[0], minor)
+
+
+_GUESS: dict[str, Callable[[Array, Array, Array], Geometry]] = {
+    "plane": _guess_plane,
+    "cylinder": _guess_cylinder,
+    "sphere": _guess_sphere,
+    "cone": _guess_cone,
+    "torus": _guess_torus,
+}
+_ENOUGH = {"plane": 3, "cylinder": 6, "sphere": 6, "cone": 8, "torus": 10}
+"""points below which a fit says nothing: one more than determine the surface, or what a face's mesh has at least"""
