@@ -5,15 +5,21 @@ Knows triangles, surfaces, poses and boxes; nothing of CAD, names, mass or viewe
 
 from collision.contact import CONTACT_DTYPE
 from collision.errors import CollisionError, MeshError, PoseError, UnknownObjectError
+from collision.manager import CollisionManager
 from collision.mesh import SurfaceMesh
+from collision.query import colliding_surfaces
+from collision.statistics import Statistics
 from collision.tolerance import Tolerance
 
 __all__ = [
     "CONTACT_DTYPE",
     "CollisionError",
+    "CollisionManager",
     "MeshError",
     "PoseError",
+    "Statistics",
     "SurfaceMesh",
     "Tolerance",
     "UnknownObjectError",
+    "colliding_surfaces",
 ]

@@ -1,0 +1,55 @@
+"""Poses as the kernels take them: (12,) float64, the rotation by rows, then the translation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision.errors import PoseError
+from collision.tolerance import Tolerance
+
+
+def pack(pose: Any, who: str, object_id: int | None = None, rigid: float = Tolerance.rigid) -> NDArray[np.float64]:
+    """The (12,) form of a `pinocchio.SE3` or (4, 4) matrix.
+
+    Raises
+    ------
+    PoseError: not finite, or not a rigid motion (an entry of RᵀR - I beyond `rigid`, a mirror image, a last row that
+        is not 0 0 0 1); names `who` the pose is for.
+    """
+    matrix = getattr(pose, "homogeneous", pose)
+    try:
+        matrix = np.asarray(matrix, np.float64)
+    except (TypeError, ValueError):
+        matrix = np.empty(0)
+    if matrix.shape != (4, 4):
+        raise PoseError(f"{who}: a pose is a pinocchio.SE3 or a 4x4 matrix, not {type(pose).__name__}", object_id)
+    if not np.isfinite(matrix).all():
+        raise PoseError(f"{who}: the pose has entries that are not finite: {matrix[:3].tolist()}", object_id)
+    rotation = matrix[:3, :3]
+    off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if off > rigid or np.linalg.det(rotation) < 0 or not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
+        raise PoseError(
+            f"{who}: the pose is not a rigid motion (RᵀR is off the identity by {off:.3g}, {rigid:g} is allowed; "
+            f"det R = {np.linalg.det(rotation):.6g}); normalise the rotation, scale the mesh instead of the pose",
+            object_id,
+        )
+    return np.concatenate([rotation.ravel(), matrix[:3, 3]])
+
+
+def unpack(packed: NDArray[np.float64]) -> Any:
+    """The `pinocchio.SE3` of a (12,) pose."""
+    import pinocchio as pin
+
+    return pin.SE3(packed[:9].reshape(3, 3), packed[9:].copy())
+
+
+def between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The (12,) pose of b in a's frame, for the (12,) poses of both in the world."""
+    rotation = a[:9].reshape(3, 3)
+    out = np.empty(12)
+    out[:9] = (rotation.T @ b[:9].reshape(3, 3)).ravel()
+    out[9:] = rotation.T @ (b[9:] - a[9:])
+    return out

@@ -1,0 +1,244 @@
+"""Exact signs: on which side of a plane, or of a line, a point lies, for float64 coordinates as given.
+
+A filter first: the determinant in float64 with an a-priori bound of its error. Where the sign is not beyond doubt, the
+determinant is computed without error as an expansion, a sum of floats that do not overlap (Shewchuk, "Adaptive
+Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997; theorem and figure numbers are his).
+Exact as long as no product over- or underflows: coordinates of magnitude 0, or from 1e-70 to 1e70.
+
+Kernels (numba, no fastmath: a fused multiply-add would break the error-free transformations). They share a workspace
+`w` of `WORKSPACE` float64, one a thread; `w[FALLBACKS]` counts the signs that needed exact arithmetic.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+WORKSPACE: Final = 1024
+"""float64 a thread needs"""
+FALLBACKS: Final = WORKSPACE - 1
+"""where in the workspace the exact evaluations are counted"""
+
+SPLITTER: Final = 134217729.0  # 2^27 + 1
+ORIENT2D: Final = (3.0 + 16.0 * 2.0**-53) * 2.0**-53  # Shewchuk's ccwerrboundA
+ORIENT3D: Final = (7.0 + 56.0 * 2.0**-53) * 2.0**-53  # Shewchuk's o3derrboundA
+TINY: Final = 1e-280
+"""A filter bound below this may have lost bits to underflow; one that is 0 is right, every product is 0."""
+
+# Places in the workspace. The nine differences of two components each, then products and sums that grow from them.
+_DIFFERENCE: Final = 0
+_LEFT: Final = 32
+_RIGHT: Final = 48
+_MINOR: Final = 64
+_SCALED: Final = 96
+_SCALED2: Final = 160
+_TERM: Final = 224
+_SUM: Final = 288
+_SUM2: Final = 480
+_PART: Final = 672
+
+
+def workspace() -> NDArray[np.float64]:
+    """A workspace for the kernels of this module, its count of exact evaluations at zero."""
+    return np.zeros(WORKSPACE)
+
+
+@njit(cache=True, nogil=True)
+def _difference(w, h, a, b):
+    """Place a - b at `w[h]` without error; its length, 0 … 2 (figure 6, Two-Diff)."""
+    x = a - b
+    bv = a - x
+    av = x + bv
+    y = (a - av) + (bv - b)
+    n = 0
+    if y != 0.0:
+        w[h] = y
+        n = 1
+    if x != 0.0:
+        w[h + n] = x
+        n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _sum(w, e, ne, f, nf, sign, h):
+    """Place e + sign·f at `w[h]`, zeros left out; its length (figure 8, Fast-Expansion-Sum)."""
+    if ne == 0:
+        for i in range(nf):
+            w[h + i] = sign * w[f + i]
+        return nf
+    if nf == 0:
+        for i in range(ne):
+            w[h + i] = w[e + i]
+        return ne
+    i, j, n = 0, 0, 0
+    q = 0.0
+    for step in range(ne + nf):
+        if j >= nf or (i < ne and abs(w[e + i]) < abs(w[f + j])):
+            g = w[e + i]
+            i += 1
+        else:
+            g = sign * w[f + j]
+            j += 1
+        if step == 0:
+            q = g
+            continue
+        s = q + g  # Two-Sum
+        gv = s - q
+        qv = s - gv
+        r = (q - qv) + (g - gv)
+        q = s
+        if r != 0.0:
+            w[h + n] = r
+            n += 1
+    if q != 0.0:
+        w[h + n] = q
+        n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _scale(w, e, ne, b, h):
+    """Place e·b at `w[h]`, zeros left out; its length, at most 2·ne (figure 13, Scale-Expansion)."""
+    c = SPLITTER * b
+    b_high = c - (c - b)
+    b_low = b - b_high
+    n = 0
+    q = 0.0
+    for i in range(ne):
+        x = w[e + i]
+        c = SPLITTER * x
+        high = c - (c - x)
+        low = x - high
+        p = x * b
+        r = low * b_low - (((p - high * b_high) - low * b_high) - high * b_low)  # Two-Product
+        if i == 0:
+            q = p
+            if r != 0.0:
+                w[h + n] = r
+                n += 1
+            continue
+        s = q + r
+        rv = s - q
+        qv = s - rv
+        error = (q - qv) + (r - rv)
+        if error != 0.0:
+            w[h + n] = error
+            n += 1
+        q = p + s  # |p| >= |s|: Fast-Two-Sum
+        error = s - (q - p)
+        if error != 0.0:
+            w[h + n] = error
+            n += 1
+    if q != 0.0:
+        w[h + n] = q
+        n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _product(w, e, ne, f, nf, h):
+    """Place e·f at `w[h]`, where f has at most two components and e at most sixteen; its length."""
+    if nf == 0 or ne == 0:
+        return 0
+    if nf == 1:
+        return _scale(w, e, ne, w[f], h)
+    n = _scale(w, e, ne, w[f], _SCALED)
+    m = _scale(w, e, ne, w[f + 1], _SCALED2)
+    return _sum(w, _SCALED, n, _SCALED2, m, 1.0, h)
+
+
+@njit(cache=True, nogil=True)
+def _sign(w, e, ne):
+    """The sign of an expansion is that of its greatest component."""
+    if ne == 0:
+        return 0
+    return 1 if w[e + ne - 1] > 0.0 else -1
+
+
+@njit(cache=True, nogil=True)
+def _orient2d_exact(ax, ay, bx, by, cx, cy, w):
+    w[FALLBACKS] += 1.0
+    d = _DIFFERENCE
+    n0 = _difference(w, d, ax, cx)
+    n1 = _difference(w, d + 2, by, cy)
+    n2 = _difference(w, d + 4, ay, cy)
+    n3 = _difference(w, d + 6, bx, cx)
+    left = _product(w, d, n0, d + 2, n1, _LEFT)
+    right = _product(w, d + 4, n2, d + 6, n3, _RIGHT)
+    return _sign(w, _MINOR, _sum(w, _LEFT, left, _RIGHT, right, -1.0, _MINOR))
+
+
+@njit(cache=True, nogil=True)
+def orient2d(ax, ay, bx, by, cx, cy, w):
+    """1 if a, b, c turn left, -1 if right, 0 if collinear."""
+    left = (ax - cx) * (by - cy)
+    right = (ay - cy) * (bx - cx)
+    det = left - right
+    bound = ORIENT2D * (abs(left) + abs(right))
+    if bound == 0.0:
+        return 0
+    if bound > TINY:
+        if det > bound:
+            return 1
+        if -det > bound:
+            return -1
+    return _orient2d_exact(ax, ay, bx, by, cx, cy, w)
+
+
+@njit(cache=True, nogil=True)
+def _orient3d_exact(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
+    w[FALLBACKS] += 1.0
+    d = _DIFFERENCE
+    ax_, ay_, az_ = _difference(w, d, ax, dx), _difference(w, d + 2, ay, dy), _difference(w, d + 4, az, dz)
+    bx_, by_, bz_ = _difference(w, d + 6, bx, dx), _difference(w, d + 8, by, dy), _difference(w, d + 10, bz, dz)
+    cx_, cy_, cz_ = _difference(w, d + 12, cx, dx), _difference(w, d + 14, cy, dy), _difference(w, d + 16, cz, dz)
+
+    n = _minor(w, d + 6, bx_, d + 14, cy_, d + 12, cx_, d + 8, by_)
+    total = _product(w, _MINOR, n, d + 4, az_, _SUM)
+
+    n = _minor(w, d + 12, cx_, d + 2, ay_, d, ax_, d + 14, cy_)
+    term = _product(w, _MINOR, n, d + 10, bz_, _TERM)
+    total = _sum(w, _SUM, total, _TERM, term, 1.0, _SUM2)
+
+    n = _minor(w, d, ax_, d + 8, by_, d + 6, bx_, d + 2, ay_)
+    term = _product(w, _MINOR, n, d + 16, cz_, _TERM)
+    total = _sum(w, _SUM2, total, _TERM, term, 1.0, _PART)
+    return _sign(w, _PART, total)
+
+
+@njit(cache=True, nogil=True)
+def _minor(w, e, ne, f, nf, g, ng, h, nh):
+    """Place e·f - g·h, each of at most two components, at `w[_MINOR]`; its length, at most 16."""
+    left = _product(w, e, ne, f, nf, _LEFT)
+    right = _product(w, g, ng, h, nh, _RIGHT)
+    return _sum(w, _LEFT, left, _RIGHT, right, -1.0, _MINOR)
+
+
+@njit(cache=True, nogil=True)
+def orient3d(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
+    """1 if d lies below the plane of a, b, c (from above, a, b, c turn left), -1 if above, 0 if coplanar.
+
+    The sign of det[a - d, b - d, c - d].
+    """
+    adx, ady, adz = ax - dx, ay - dy, az - dz
+    bdx, bdy, bdz = bx - dx, by - dy, bz - dz
+    cdx, cdy, cdz = cx - dx, cy - dy, cz - dz
+    bc, cb = bdx * cdy, cdx * bdy
+    ca, ac = cdx * ady, adx * cdy
+    ab, ba = adx * bdy, bdx * ady
+    det = adz * (bc - cb) + bdz * (ca - ac) + cdz * (ab - ba)
+    bound = ORIENT3D * (
+        (abs(bc) + abs(cb)) * abs(adz) + (abs(ca) + abs(ac)) * abs(bdz) + (abs(ab) + abs(ba)) * abs(cdz)
+    )
+    if bound == 0.0:
+        return 0
+    if bound > TINY:
+        if det > bound:
+            return 1
+        if -det > bound:
+            return -1
+    return _orient3d_exact(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w)
