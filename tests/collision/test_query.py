@@ -40,15 +40,15 @@ def random_pose(rng: np.random.Generator, spread: float) -> pin.SE3:
 def test_soups_against_integers() -> None:
     rng = np.random.default_rng(1)
     sizes = []
-    for seed in range(12):
+    for seed in range(40):
         a, b = shapes.soup(30, 5, seed), shapes.soup(40, 7, 100 + seed)
-        pose = random_pose(rng, 0.8)
+        pose = random_pose(rng, 0.4)
         expected = truth(a, b, pose)
         sizes.append(len(expected))
         for method in OWN:
             found = colliding_surfaces(a, b, pose, method)
             assert found.dtype == np.int32 and found.tolist() == expected, method
-    assert sizes.count(0) > 1 and sum(sizes) > 50
+    assert sizes.count(0) > 3 and sum(sizes) > 50
 
 
 def test_touching_boxes_against_integers() -> None:
