@@ -26,5 +26,17 @@ class Tolerance:
     """1: greatest |RᵀR - I| entry of a rotation that counts as rigid."""
     solver: float = 1e-12
     """m, rad: residual at which a constraint counts as satisfied by the solver."""
+    satisfied: float = 1e-9
+    """m, rad: residual below which moving parts obey a constraint"""
     rank: float = 1e-9
     """1: singular values below this times the largest count as zero."""
+    reach: float = 1e-3
+    """m: how far from exact a mate may be and still be offered; 0 judges an assembly as it stands"""
+    reach_angular: float = 0.0175
+    """rad: the same for directions (one degree)"""
+    release: float = 2.0
+    """1: an offer is withdrawn, and an overlap has ended, only beyond `release` times the reach (hysteresis)"""
+    break_distance: float = 5e-3
+    """m: a hand that pulls an accepted constraint apart by more than this removes it"""
+    break_angular: float = 0.2
+    """rad: the same for directions"""

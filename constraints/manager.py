@@ -1,0 +1,265 @@
+"""`ConstraintManager`: which constraints are offered, accepted and refused while parts move.
+
+It is the only state of this package. Each step: move the parts (`constraints.motion`), ask collision for contacts
+within `manager.within`, then `update(poses, contacts, wanted)` tells what changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import Tolerance
+from constraints.candidate import Candidate, Key
+from constraints.errors import ConstraintsError
+from constraints.features import Feature
+from constraints.geometry import Plane
+from constraints.kinds import Constraint
+from constraints.pairings import Limits
+from constraints.recognition import Recogniser
+
+Rule = Callable[[Candidate], bool | None]
+"""Decides on a new candidate: True accepts, False refuses, None leaves it open."""
+
+
+class UnknownConstraintError(ConstraintsError):
+    """An id that is not among the candidates or constraints. `id` was given."""
+
+    def __init__(self, message: str, id: int) -> None:
+        super().__init__(message)
+        self.id = id
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """Something that happened to a candidate or constraint."""
+
+    kind: str
+    """"recognised", "withdrawn", "accepted", "refused", "satisfied" or "removed\""""
+    id: int
+    candidate: Candidate
+    text: str
+    """the reason, one line"""
+
+
+@dataclass(frozen=True, eq=False)
+class Accepted:
+    """A constraint in force."""
+
+    candidate: Candidate
+    satisfied: bool = False
+    """whether the parts have been seen obeying it"""
+    break_distance: float | None = None
+    """m; None: `Tolerance.break_distance`, and a closed fit is never pulled apart across its axis"""
+    break_force: float = np.inf
+    """N: greatest force of a hand that it bears"""
+
+
+class ConstraintManager:
+    """Candidates, accepted and refused constraints of bodies with known features.
+
+    Parameters
+    ----------
+    features: one sequence of `Feature` a body, in the order of the object ids.
+    tolerance: `reach`, `release`, `break_distance`, `break_angular` are used here.
+    threads: pitch (m a turn) of threaded features, by (body, feature).
+    rules: asked in order about each new candidate; the first that does not say None decides.
+
+    A pair of features keeps its id as long as the manager lives, through `state` and `restore` too.
+    """
+
+    def __init__(
+        self,
+        features: Sequence[Sequence[Feature]],
+        tolerance: Tolerance | None = None,
+        *,
+        threads: Mapping[tuple[int, int], float] | None = None,
+        rules: Sequence[Rule] = (),
+    ) -> None:
+        self.tolerance = tolerance or Tolerance()
+        self.recogniser = Recogniser(features, threads)
+        self.rules: list[Rule] = list(rules)
+        self.candidates: dict[int, Candidate] = {}
+        """offered, by id"""
+        self.accepted: dict[int, Accepted] = {}
+        """in force, by id, in the order of acceptance"""
+        self.refused: dict[int, Candidate] = {}
+        """refused until their parts part, by id"""
+        self._ids: dict[Key, int] = {}
+        self._pulled: dict[int, Candidate] = {}  # broken by a pull that has not relaxed yet
+        self._pending: list[Change] = []
+
+    @property
+    def within(self) -> float:
+        """m: `CollisionManager.contacts(within=manager.within)` gives `update` all it needs."""
+        t = self.tolerance
+        return max(t.linear, t.clearance, t.reach) * t.release
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The constraints in force, in the order of acceptance."""
+        return tuple(a.candidate.constraint for a in self.accepted.values())
+
+    # -- decisions
+
+    def accept(self, id: int, *, break_distance: float | None = None, break_force: float = np.inf) -> Change:
+        """Put a candidate (or a refused one) in force. The change is also reported by the next `update`."""
+        candidate = self.candidates.pop(id, None) or self.refused.pop(id, None)
+        if candidate is None:
+            raise UnknownConstraintError(self._unknown(id, "candidate", [*self.candidates, *self.refused]), id)
+        self.accepted[id] = Accepted(candidate, break_distance=break_distance, break_force=break_force)
+        return self._note("accepted", id, candidate, candidate.why)
+
+    def refuse(self, id: int) -> Change:
+        """Turn a candidate down: it is not offered again before its two parts have parted."""
+        if id not in self.candidates:
+            raise UnknownConstraintError(self._unknown(id, "candidate", list(self.candidates)), id)
+        candidate = self.refused[id] = self.candidates.pop(id)
+        return self._note("refused", id, candidate, "refused until the parts part")
+
+    def remove(self, id: int, reason: str = "removed on request") -> Change:
+        """Take a constraint out of force; it may be offered again."""
+        if id not in self.accepted:
+            raise UnknownConstraintError(self._unknown(id, "constraint in force", list(self.accepted)), id)
+        return self._note("removed", id, self.accepted.pop(id).candidate, reason)
+
+    @staticmethod
+    def _unknown(id: int, what: str, known: list[int]) -> str:
+        return f"no {what} has id {id}; there are: {', '.join(map(str, known)) or 'none'}"
+
+    def _note(self, kind: str, id: int, candidate: Candidate, text: str) -> Change:
+        change = Change(kind, id, candidate, text)
+        self._pending.append(change)
+        return change
+
+    # -- the step
+
+    def update(
+        self,
+        poses: Sequence[pin.SE3],
+        contacts: NDArray[Any],
+        wanted: Mapping[int, pin.SE3] | None = None,
+        force: Mapping[int, float] | None = None,
+    ) -> tuple[Change, ...]:
+        """Bring candidates and constraints up to date with where the parts are now.
+
+        poses: one a body, after the motion. contacts: rows within `self.within`. wanted: the poses hands ask for,
+        by body: what pulls constraints apart. force: N, how hard they pull, by body.
+
+        Returns the changes since the last call, decisions of `accept`, `refuse` and `remove` first.
+        """
+        self._remove_broken(poses, wanted or {}, force or {})
+        self._note_satisfied(poses)
+        self._offer(poses, contacts, wanted or {})
+        changes, self._pending = tuple(self._pending), []
+        return changes
+
+    def _remove_broken(
+        self, poses: Sequence[pin.SE3], wanted: Mapping[int, pin.SE3], force: Mapping[int, float]
+    ) -> None:
+        keep = Limits.keep(self.tolerance)
+        for id, entry in list(self.accepted.items()):
+            a, b = entry.candidate.bodies
+            match = self.recogniser.match(entry.candidate.key, poses, replace(keep, linear=np.inf, angular=np.pi / 2))
+            if match is None:
+                self.remove(id, "the surfaces no longer overlap")
+                continue
+            reason = self._pulled_apart(entry, {a: wanted.get(a, poses[a]), b: wanted.get(b, poses[b])})
+            hardest = max(force.get(a, 0.0), force.get(b, 0.0))
+            if reason is None and hardest > entry.break_force:
+                reason = f"pulled with {hardest:.4g} N, more than {entry.break_force:.4g} N"
+            if reason is not None:
+                self.remove(id, reason)
+                self._pulled[id] = entry.candidate
+
+    def _pulled_apart(self, entry: Accepted, at: Mapping[int, pin.SE3]) -> str | None:
+        """Why the hand's pull breaks a constraint, or None while it holds."""
+        candidate, t = entry.candidate, self.tolerance
+        limit = t.break_distance if entry.break_distance is None else entry.break_distance
+        if candidate.match.closed and entry.break_distance is None:
+            return None
+        a, b = candidate.bodies
+        constraint = candidate.constraint
+        residual = constraint.residual(at[a], at[b])
+        turn = float(np.linalg.norm(residual[constraint.angular]))
+        distance = float(np.linalg.norm(residual[~constraint.angular]))
+        first, second = candidate.geometries
+        if candidate.kind == "against" and isinstance(first, Plane) and isinstance(second, Plane):
+            p, q = first.transformed(at[a]), second.transformed(at[b])
+            middle = at[a].act(candidate.match.local)
+            facing = float(p.normal @ q.normal)
+            # only parting counts: pressing together is what the faces are for
+            distance = max(0.0, float((q.origin - middle) @ q.normal) / facing) if facing < 0 else np.inf
+        if distance > limit:
+            return f"pulled {1e3 * distance:.4g} mm apart, more than {1e3 * limit:.4g} mm"
+        if turn > t.break_angular:
+            return f"turned {np.degrees(turn):.3g}° apart, more than {np.degrees(t.break_angular):.3g}°"
+        return None
+
+    def _note_satisfied(self, poses: Sequence[pin.SE3]) -> None:
+        for id, entry in self.accepted.items():
+            if entry.satisfied:
+                continue
+            a, b = entry.candidate.bodies
+            residual = float(np.abs(entry.candidate.constraint.residual(poses[a], poses[b])).max())
+            if residual <= self.tolerance.satisfied:
+                self.accepted[id] = replace(entry, satisfied=True)
+                self._note("satisfied", id, entry.candidate, f"holds to {residual:.1e}")
+
+    def _offer(self, poses: Sequence[pin.SE3], contacts: NDArray[Any], wanted: Mapping[int, pin.SE3]) -> None:
+        t = self.tolerance
+        offer, keep = Limits.offer(t), Limits.keep(t)
+        near = self.recogniser.touching(contacts, self.within)
+        touching = self.recogniser.touching(contacts, max(t.linear, t.clearance, t.reach))
+        together = {(k[0], k[2]) for k in near} | {e.candidate.bodies for e in self.accepted.values()}
+        for id, candidate in list(self.candidates.items()):
+            if candidate.key not in near or self.recogniser.match(candidate.key, poses, keep) is None:
+                del self.candidates[id]
+                self._note("withdrawn", id, candidate, "the surfaces no longer fit each other")
+        self.refused = {i: c for i, c in self.refused.items() if c.bodies in together}
+        at = [wanted.get(i, pose) for i, pose in enumerate(poses)]
+        for id, candidate in list(self._pulled.items()):
+            if candidate.bodies not in together or self.recogniser.match(candidate.key, at, offer) is not None:
+                del self._pulled[id]
+        for key, count in sorted(touching.items()):
+            known = self._ids.get(key)
+            if known is not None and any(
+                known in d for d in (self.candidates, self.accepted, self.refused, self._pulled)
+            ):
+                continue
+            match = self.recogniser.match(key, poses, offer)
+            if match is None:
+                continue
+            id = self._ids.setdefault(key, len(self._ids))
+            candidate = self.candidates[id] = self.recogniser.candidate(key, match, count, offer)
+            self._note("recognised", id, candidate, candidate.why)
+            verdict = next((v for v in (rule(candidate) for rule in self.rules) if v is not None), None)
+            if verdict is not None:
+                (self.accept if verdict else self.refuse)(id)
+
+    # -- checkpoint
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to go on later, as plain values that pickle; the features and rules are not in it."""
+        return {
+            "ids": dict(self._ids),
+            "candidates": dict(self.candidates),
+            "accepted": dict(self.accepted),
+            "refused": dict(self.refused),
+            "pulled": dict(self._pulled),
+            "pending": list(self._pending),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go back to what `state` returned."""
+        self._ids = dict(state["ids"])
+        self.candidates = dict(state["candidates"])
+        self.accepted = dict(state["accepted"])
+        self.refused = dict(state["refused"])
+        self._pulled = dict(state["pulled"])
+        self._pending = list(state["pending"])

@@ -1,0 +1,393 @@
+"""Constrained motion: a hand wants a pose, the part goes to the nearest one that constraints and solid bodies allow.
+
+The god-object method of Ortega, Redon and Coquillart (2007), for any number of bodies: the motion x of least distance
+to what the hand wants is a quadratic program, min ½|A x - e|², with the accepted constraints as equalities J x = -r
+and one inequality n·(v_a - v_b) <= gap a pair of surfaces that come near. The constraints are then solved to the end
+(Newton), and the way there is swept for contacts that the linear rows did not foresee, so that no speed carries a
+part through another. What is left of the motion is tried again along the new surfaces: the part slides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import SurfaceMesh, Tolerance
+from constraints.kinds import Constraint
+from constraints.manager import ConstraintManager
+from constraints.solver import solve
+from constraints.system import systems
+
+Array = NDArray[np.float64]
+
+MAX_PASSES = 12
+"""Passes of plan, project and sweep a step; what is left of the motion after them is left to the next step."""
+MAX_TURN = 0.5
+"""rad a pass, within which a linear step is a fair guess for Newton."""
+FOLLOW = 1e-8
+"""Weight of keeping the other bodies where they are, against 1 of bringing the held ones to the wanted poses."""
+
+
+class Solids(Protocol):
+    """What motion needs of `collision.CollisionManager`."""
+
+    def mesh(self, i: int) -> SurfaceMesh: ...
+    def pose(self, i: int) -> pin.SE3: ...
+    def set_pose(self, i: int, pose: pin.SE3) -> None: ...
+    def contacts(self, within: float = 0.0, objects: Iterable[int] | None = None) -> NDArray[Any]: ...
+    def time_of_contact(self, moves: Mapping[int, pin.SE3]) -> Any: ...
+    def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
+    def heed_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
+
+
+@dataclass(frozen=True, eq=False)
+class MotionResult:
+    """Where the parts went."""
+
+    poses: Mapping[int, pin.SE3]
+    """of every body that moved or was held, by id"""
+    blocked: bool
+    """whether a solid body kept a held part from a pose that its constraints allow"""
+    contacts: NDArray[Any]
+    """rows of the surface pairs that stopped or deflected the motion"""
+    residual: float
+    """m or rad: greatest row of the constraints in force after the motion"""
+    remaining: Mapping[int, tuple[float, float]]
+    """m and rad between where each held body is and where its hand wants it"""
+
+
+def adjacent_surfaces(mesh: SurfaceMesh, surfaces: Iterable[int]) -> tuple[int, ...]:
+    """Surfaces that share a vertex position with one of `surfaces`, these left out; ascending."""
+    table = mesh._cache.get("surface_adjacency")
+    if table is None:
+        table = mesh._cache["surface_adjacency"] = _adjacency(mesh)
+    mine = set(surfaces)
+    return tuple(sorted({int(t) for s in mine for t in table[s]} - mine))
+
+
+def _adjacency(mesh: SurfaceMesh) -> list[NDArray[np.int64]]:
+    corners = mesh.vertices[mesh.triangles].reshape(-1, 3)
+    scale = float(np.abs(corners).max()) or 1.0
+    _, point = np.unique(np.round(corners / (1e-9 * scale)), axis=0, return_inverse=True)
+    pairs = np.unique(np.stack([point.reshape(-1), np.repeat(mesh.surface_of_triangle, 3)], axis=1), axis=0)
+    groups = np.split(pairs[:, 1], np.flatnonzero(np.diff(pairs[:, 0])) + 1)
+    table: list[set[int]] = [set() for _ in range(mesh.n_surfaces)]
+    for group in groups:
+        for s in group:
+            table[s].update(group.tolist())
+    return [np.array(sorted(t - {s}), dtype=np.int64) for s, t in enumerate(table)]
+
+
+class Motion:
+    """Moves held parts and what hangs on them.
+
+    Keeps the poses of `collision` up to date, and tells it to leave out the surfaces that a constraint in force mates:
+    the two features, and the faces next to each of them against the other one (which meet it only along the rim, where
+    facets would overlap). Everything else of both parts stays solid.
+
+    Parameters
+    ----------
+    collision: a `CollisionManager` whose object ids are the bodies' ids.
+    constraints: whose constraints in force hold.
+    tolerance: `linear` is the distance that free motion keeps between solids.
+    """
+
+    def __init__(self, collision: Solids, constraints: ConstraintManager, tolerance: Tolerance | None = None) -> None:
+        self.collision = collision
+        self.constraints = constraints
+        self.tolerance = tolerance or constraints.tolerance
+        self._mated: dict[int, tuple[tuple[int, tuple[int, ...], int, tuple[int, ...]], ...]] = {}
+        self._shape: dict[int, tuple[Array, float]] = {}
+
+    def sync(self) -> None:
+        """Tell collision which surfaces are mated now. `step` does so itself; call it before other queries."""
+        accepted = self.constraints.accepted
+        if self._mated.keys() == accepted.keys():
+            return
+        for id in [i for i in self._mated if i not in accepted]:
+            for a, sa, b, sb in self._mated.pop(id):
+                self.collision.heed_surfaces(a, sa, b, sb)
+        for id, entry in accepted.items():
+            a, b = entry.candidate.bodies
+            sa, sb = entry.candidate.surfaces
+            beside_a = adjacent_surfaces(self.collision.mesh(a), sa)
+            beside_b = adjacent_surfaces(self.collision.mesh(b), sb)
+            self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb))
+            for row in self._mated[id]:  # again for the old ones too: pairs may share surfaces with one just heeded
+                self.collision.ignore_surfaces(*row)
+
+    def step(
+        self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3], movable: Iterable[int]
+    ) -> MotionResult:
+        """Move the bodies in `wanted` towards the poses given, and with them what their constraints take along.
+
+        wanted: target pose of each held body. poses: of all bodies, now. movable: ids that may move (held ones
+        included); everything else stands still.
+        """
+        self.sync()
+        moves = sorted(set(movable) | set(wanted))
+        plan = _Plan(self, dict(wanted), poses, moves)
+        return plan.run()
+
+    def shape(self, body: int) -> tuple[Array, float]:
+        """Centre (3,) of a body's box in its frame and the radius of the ball about it that holds the body, m."""
+        known = self._shape.get(body)
+        if known is None:
+            v = self.collision.mesh(body).vertices
+            center = 0.5 * (v.min(axis=0) + v.max(axis=0))
+            known = self._shape[body] = (center, float(np.sqrt(((v - center) ** 2).sum(axis=1).max())))
+        return known
+
+
+class _Plan:
+    """One step. Unknowns: for each body, the local twist about its centre, its rotation measured in metres at its rim."""
+
+    def __init__(self, motion: Motion, wanted: dict[int, pin.SE3], poses: Sequence[pin.SE3], moves: list[int]) -> None:
+        self.motion, self.wanted, self.tolerance = motion, wanted, motion.tolerance
+        constraints = motion.constraints.constraints
+        held = set(wanted)
+        self.constraints: list[Constraint] = []
+        bodies = set(held)
+        for system in systems(constraints, frozenset(moves)):
+            if held & set(system.movable):
+                bodies |= set(system.movable)
+                self.constraints += [constraints[k] for k in system.members]
+        self.bodies = sorted(bodies)
+        self.column = {b: 6 * k for k, b in enumerate(self.bodies)}
+        self.n = 6 * len(self.bodies)
+        self.poses: list[pin.SE3] = list(poses)
+        self.acting: list[NDArray[Any]] = []
+
+    def run(self) -> MotionResult:
+        blocked = False
+        best = self._error()
+        for _ in range(MAX_PASSES):
+            x, rows, active = self._propose()
+            target = self._moved(x)
+            reached, hit = self._sweep(target, rows)
+            if len(active):
+                self.acting.append(rows[active])
+                blocked = True
+            if hit is not None:
+                self.acting.append(hit)
+                blocked = True
+            self._commit(reached)
+            error = self._error()
+            if error >= best * (1.0 - 1e-3) or error <= self.tolerance.satisfied:
+                break
+            best = error
+        residual = max((float(np.abs(self._residual(c)).max()) for c in self.constraints), default=0.0)
+        contacts = np.unique(np.concatenate(self.acting)) if self.acting else self.motion.collision.contacts(-1.0, [])
+        return MotionResult(
+            poses={b: self.poses[b] for b in self.bodies},
+            blocked=blocked,
+            contacts=contacts,
+            residual=residual,
+            remaining={b: self._remaining(b) for b in sorted(self.wanted)},
+        )
+
+    # -- what is wanted
+
+    def _remaining(self, body: int) -> tuple[float, float]:
+        e = self._hand_error(body)
+        return float(np.linalg.norm(e[:3])), float(np.linalg.norm(e[3:]))
+
+    def _hand_error(self, body: int) -> Array:
+        """(6,) local twist about the centre that would bring a held body to its wanted pose."""
+        center, _ = self.motion.shape(body)
+        now, target = self.poses[body], self.wanted[body]
+        shift = now.rotation.T @ (target.act(center) - now.act(center))
+        return np.concatenate([shift, pin.log3(now.rotation.T @ target.rotation)])
+
+    def _error(self) -> float:
+        """m: what is left to do: distance to the wanted poses, and to the constraints."""
+        total = 0.0
+        for body in self.wanted:
+            e = self._hand_error(body)
+            e[3:] *= self.motion.shape(body)[1]
+            total += float(e @ e)
+        for c in self.constraints:
+            r = self._residual(c)
+            total += float(r @ r)
+        return float(np.sqrt(total))
+
+    def _residual(self, c: Constraint) -> Array:
+        a, b = c.bodies
+        return c.residual(self.poses[a], self.poses[b])
+
+    # -- the quadratic program
+
+    def _propose(self) -> tuple[Array, NDArray[Any], NDArray[np.int64]]:
+        """The motion (n,), the contact rows it was planned with, and which of them it presses on."""
+        goal, weight = np.zeros(self.n), np.full(self.n, FOLLOW)
+        for body in self.wanted:
+            k = self.column[body]
+            e = self._hand_error(body)
+            e[3:] *= self.motion.shape(body)[1]
+            goal[k : k + 6], weight[k : k + 6] = e, 1.0
+        origin, basis = self._allowed()
+        # minimise Σ w (x - goal)² over x = origin + basis y
+        hessian = basis.T @ (weight[:, None] * basis)
+        gradient = -basis.T @ (weight * (goal - origin))
+        y = np.linalg.solve(hessian, -gradient) if len(gradient) else gradient
+        x = self._clipped(origin + basis @ y)
+        rows = self._near(x)
+        active = np.zeros(0, np.int64)
+        if len(rows):
+            c, lower = self._inequalities(rows)
+            if (c @ x < lower - 1e-15).any() and len(y):
+                found = self._quadratic_program(hessian, gradient, c @ basis, lower - c @ origin)
+                if found is not None:
+                    y, active = found
+                    x = self._clipped(origin + basis @ y)
+        return x, rows, active
+
+    def _allowed(self) -> tuple[Array, Array]:
+        """The linearised constraints' solutions x = origin + basis·y: (n,) and (n, k)."""
+        if not self.constraints:
+            return np.zeros(self.n), np.eye(self.n)
+        residuals, jacobians = [], []
+        for c in self.constraints:
+            a, b = c.bodies
+            rows = np.zeros((c.rows, self.n))
+            for body, j in zip((a, b), c.jacobian(self.poses[a], self.poses[b]), strict=True):
+                k = self.column.get(body)
+                if k is not None:
+                    center, radius = self.motion.shape(body)
+                    rows[:, k : k + 3] = j[:, :3]
+                    rows[:, k + 3 : k + 6] = (j[:, 3:] - np.cross(center, j[:, :3])) / radius
+            scale = np.where(c.angular, c.size, 1.0)[:, None]
+            jacobians.append(scale * rows)
+            residuals.append(scale[:, 0] * self._residual(c))
+        jacobian, residual = np.vstack(jacobians), np.concatenate(residuals)
+        u, s, vt = np.linalg.svd(jacobian)
+        rank = int((s > 1e-7 * s[0]).sum()) if len(s) else 0
+        return -vt[:rank].T @ ((u[:, :rank].T @ residual) / s[:rank]), vt[rank:].T
+
+    def _clipped(self, x: Array) -> Array:
+        """A motion shortened until no body turns by more than MAX_TURN."""
+        turn = max(float(np.linalg.norm(x[k + 3 : k + 6])) / self.motion.shape(b)[1] for b, k in self.column.items())
+        return x if turn <= MAX_TURN else x * (MAX_TURN / turn)
+
+    def _travel(self, x: Array) -> float:
+        """m: the farthest that any point of any body goes."""
+        return max(float(np.linalg.norm(x[k : k + 3]) + np.linalg.norm(x[k + 3 : k + 6])) for k in self.column.values())
+
+    def _near(self, x: Array) -> NDArray[Any]:
+        """Contact rows of the moving bodies that this motion might close."""
+        reach = min(self._travel(x), 5.0 * self.tolerance.reach) + 2.0 * self.tolerance.linear
+        rows = self.motion.collision.contacts(reach, self.bodies)
+        moving = np.isin(rows["object_a"], self.bodies) | np.isin(rows["object_b"], self.bodies)
+        return rows[moving]
+
+    def _inequalities(self, rows: NDArray[Any]) -> tuple[Array, Array]:
+        """C (k, n) and lower (k,): C x >= lower keeps each pair of surfaces apart to first order."""
+        c, lower = np.zeros((len(rows), self.n)), np.zeros(len(rows))
+        for i, row in enumerate(rows):
+            normal, gap = self._normal(row)
+            for body, point, sign in (
+                (int(row["object_a"]), row["point_a"], -1.0),
+                (int(row["object_b"]), row["point_b"], 1.0),
+            ):
+                k = self.column.get(body)
+                if k is not None:
+                    center, radius = self.motion.shape(body)
+                    pose = self.poses[body]
+                    local = sign * (pose.rotation.T @ normal)
+                    c[i, k : k + 3] = local
+                    c[i, k + 3 : k + 6] = np.cross(pose.actInv(point) - center, local) / radius
+            lower[i] = min(0.0, self.tolerance.linear - gap)
+        return c, lower
+
+    def _normal(self, row: Any) -> tuple[Array, float]:
+        """(3,) unit, from a to b, and the gap; where surfaces touch, the facing of the triangle that parts them best."""
+        gap = float(row["distance"])
+        if gap > 0.0:
+            return (row["point_b"] - row["point_a"]) / gap, gap
+        a, b = int(row["object_a"]), int(row["object_b"])
+        ta, na = self._triangle(a, int(row["triangle_a"]))
+        tb, nb = self._triangle(b, int(row["triangle_b"]))
+        beneath_a = -float(((tb - ta[0]) @ na).min())
+        beneath_b = -float(((ta - tb[0]) @ nb).min())
+        return (na, 0.0) if beneath_a <= beneath_b else (-nb, 0.0)
+
+    def _triangle(self, body: int, triangle: int) -> tuple[Array, Array]:
+        mesh, pose = self.motion.collision.mesh(body), self.poses[body]
+        t = mesh.vertices[mesh.triangles[triangle]] @ pose.rotation.T + pose.translation
+        n = np.cross(t[1] - t[0], t[2] - t[0])
+        length = float(np.linalg.norm(n))
+        return t, n / length if length > 0 else np.array([0.0, 0.0, 1.0])
+
+    @staticmethod
+    def _quadratic_program(
+        hessian: Array, gradient: Array, c: Array, lower: Array
+    ) -> tuple[Array, NDArray[np.int64]] | None:
+        """min ½ yᵀHy + gᵀy, C y >= lower (ProxQP, Bambade et al. 2022): y and the rows it presses on.
+
+        None when no y keeps all rows: a constraint that snaps into place may have to wait for the sweep's verdict.
+        """
+        from proxsuite import proxqp
+
+        solver = proxqp.dense.QP(len(gradient), 0, len(lower))
+        solver.settings.eps_abs = 1e-11
+        solver.settings.eps_rel = 0.0
+        solver.init(hessian, gradient, None, None, c, lower, np.full(len(lower), 1e20))
+        solver.solve()
+        if solver.results.info.status != proxqp.QPSolverOutput.PROXQP_SOLVED:
+            return None
+        return np.array(solver.results.x), np.flatnonzero(np.abs(solver.results.z) > 1e-9)
+
+    # -- along the way
+
+    def _moved(self, x: Array) -> dict[int, pin.SE3]:
+        """Poses after the motion x, constraints solved to the end."""
+        target = {}
+        for body, k in self.column.items():
+            center, radius = self.motion.shape(body)
+            pose = self.poses[body]
+            rotation = pin.Quaternion(pose.rotation @ pin.exp3(x[k + 3 : k + 6] / radius)).normalized().matrix()
+            middle = pose.act(center) + pose.rotation @ x[k : k + 3]
+            target[body] = pin.SE3(rotation, middle - rotation @ center)
+        return self._projected(target)
+
+    def _projected(self, target: dict[int, pin.SE3]) -> dict[int, pin.SE3]:
+        if self.constraints:
+            at = dict(enumerate(self.poses)) | target
+            target = target | dict(solve(self.constraints, at, self.bodies, self.tolerance).poses)
+        return target
+
+    def _sweep(
+        self, target: dict[int, pin.SE3], rows: NDArray[Any]
+    ) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
+        """How far along the screws to `target` the bodies get, and the rows of what stopped them."""
+        collision = self.motion.collision
+        hit = None
+        touching = rows[rows["distance"] <= 0.0]
+        for row in touching:  # pairs that touch already are held by their inequality, not by the sweep
+            collision.ignore_surfaces(*_surface_pair(row))
+        try:
+            for _ in range(3):
+                found = collision.time_of_contact(target)
+                if found.t >= 1.0:
+                    return target, hit
+                hit = found.rows
+                start = {b: self.poses[b] for b in target}
+                target = self._projected({b: pin.SE3.Interpolate(start[b], target[b], found.t) for b in target})
+            return {b: self.poses[b] for b in target}, hit
+        finally:
+            for row in touching:
+                collision.heed_surfaces(*_surface_pair(row))
+
+    def _commit(self, target: dict[int, pin.SE3]) -> None:
+        for body, pose in target.items():
+            self.poses[body] = pose
+            self.motion.collision.set_pose(body, pose)
+
+
+def _surface_pair(row: Any) -> tuple[int, tuple[int, ...], int, tuple[int, ...]]:
+    return int(row["object_a"]), (int(row["surface_a"]),), int(row["object_b"]), (int(row["surface_b"]),)

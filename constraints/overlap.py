@@ -1,0 +1,140 @@
+"""How far two analytic surfaces face each other: area of facing planes, shared length and open angle of round ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from constraints.geometry import Vector, perpendicular
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FacingArea:
+    """The region two facing planar features share, seen along the normal of the first."""
+
+    area: float
+    """m²; 0 when they do not overlap"""
+    centroid: Vector
+    """(3,) of the region, on the first plane"""
+    gap_min: float
+    gap_max: float
+    """m: least and greatest height of the second plane over the first within the region (negative: interference)"""
+
+
+@njit(cache=True, error_model="numpy")
+def _clip_area(a: Array, b: Array, slope: Array) -> Any:  # pragma: no cover - compiled
+    """Sum over triangle pairs of their intersection (Sutherland & Hodgman 1974): area, moment, range of the height.
+
+    a (n, 3, 2) and b (m, 3, 2): triangles in plane coordinates, counter-clockwise. slope (3,): the height of the
+    second plane over the first is slope[0]*x + slope[1]*y + slope[2].
+    """
+    area = mx = my = 0.0
+    low, high = np.inf, -np.inf
+    poly = np.empty((16, 2))
+    other = np.empty((16, 2))
+    for i in range(a.shape[0]):
+        ax0 = min(a[i, 0, 0], a[i, 1, 0], a[i, 2, 0])
+        ax1 = max(a[i, 0, 0], a[i, 1, 0], a[i, 2, 0])
+        ay0 = min(a[i, 0, 1], a[i, 1, 1], a[i, 2, 1])
+        ay1 = max(a[i, 0, 1], a[i, 1, 1], a[i, 2, 1])
+        for j in range(b.shape[0]):
+            if max(b[j, 0, 0], b[j, 1, 0], b[j, 2, 0]) <= ax0 or min(b[j, 0, 0], b[j, 1, 0], b[j, 2, 0]) >= ax1:
+                continue
+            if max(b[j, 0, 1], b[j, 1, 1], b[j, 2, 1]) <= ay0 or min(b[j, 0, 1], b[j, 1, 1], b[j, 2, 1]) >= ay1:
+                continue
+            n = 3
+            for k in range(3):
+                poly[k, 0] = a[i, k, 0]
+                poly[k, 1] = a[i, k, 1]
+            for e in range(3):
+                px, py = b[j, e, 0], b[j, e, 1]
+                dx, dy = b[j, (e + 1) % 3, 0] - px, b[j, (e + 1) % 3, 1] - py
+                m = 0
+                for k in range(n):
+                    x0, y0 = poly[k, 0], poly[k, 1]
+                    x1, y1 = poly[(k + 1) % n, 0], poly[(k + 1) % n, 1]
+                    s0 = dx * (y0 - py) - dy * (x0 - px)
+                    s1 = dx * (y1 - py) - dy * (x1 - px)
+                    if s0 >= 0.0:
+                        other[m, 0] = x0
+                        other[m, 1] = y0
+                        m += 1
+                    if (s0 > 0.0 and s1 < 0.0) or (s0 < 0.0 and s1 > 0.0):
+                        t = s0 / (s0 - s1)
+                        other[m, 0] = x0 + t * (x1 - x0)
+                        other[m, 1] = y0 + t * (y1 - y0)
+                        m += 1
+                n = m
+                poly, other = other, poly
+                if n < 3:
+                    break
+            if n < 3:
+                continue
+            piece = cx = cy = 0.0
+            x0, y0 = poly[0, 0], poly[0, 1]
+            for k in range(1, n - 1):
+                x1, y1, x2, y2 = poly[k, 0], poly[k, 1], poly[k + 1, 0], poly[k + 1, 1]
+                w = 0.5 * ((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0))
+                piece += w
+                cx += w * (x0 + x1 + x2) / 3.0
+                cy += w * (y0 + y1 + y2) / 3.0
+            if piece > 0.0:
+                area += piece
+                mx += cx
+                my += cy
+                for k in range(n):
+                    h = slope[0] * poly[k, 0] + slope[1] * poly[k, 1] + slope[2]
+                    low = min(low, h)
+                    high = max(high, h)
+    return area, mx, my, low, high
+
+
+def facing_area(
+    origin: Vector, normal: Vector, first: Array, second: Array, other_origin: Vector, other_normal: Vector
+) -> FacingArea:
+    """Overlap of two planar triangle sets seen along `normal`.
+
+    first (n, 3, 3), second (m, 3, 3): triangles in world coordinates, m. `origin`, `normal` is the first plane,
+    `other_origin`, `other_normal` the second one, whose height over the first is what `gap` means.
+    """
+    u = perpendicular(normal)
+    v = np.cross(normal, u)
+    frame = np.stack([u, v], axis=1)
+    a = _counter_clockwise((first - origin) @ frame)
+    b = _counter_clockwise((second - origin) @ frame)
+    down = float(other_normal @ normal)
+    slope = -np.array([other_normal @ u, other_normal @ v, other_normal @ (origin - other_origin)]) / down
+    area, mx, my, low, high = _clip_area(a, b, slope)
+    if area <= 0.0:
+        return FacingArea(0.0, origin, np.inf, np.inf)
+    return FacingArea(area, origin + (mx / area) * u + (my / area) * v, low, high)
+
+
+def _counter_clockwise(t: Array) -> Array:
+    """Triangles (n, 3, 2) all wound the same way."""
+    d1, d2 = t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]
+    turned = d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0] < 0.0
+    t = np.ascontiguousarray(t)
+    t[turned] = t[turned][:, ::-1]
+    return t
+
+
+def height_range(samples: Array, origin: Vector, axis: Vector) -> tuple[float, float]:
+    """Least and greatest height (m) of `samples` (n, 3) along a unit `axis` from `origin`."""
+    h = (samples - origin) @ axis
+    return float(h.min()), float(h.max())
+
+
+def open_angle(samples: Array, origin: Vector, axis: Vector) -> float:
+    """Greatest angle (rad) about the axis that no sample covers: π for a half bore, small for a whole one."""
+    u = perpendicular(axis)
+    v = np.cross(axis, u)
+    q = samples - origin
+    angles = np.sort(np.arctan2(q @ v, q @ u))
+    return float(max(np.diff(angles).max(initial=0.0), 2 * np.pi - (angles[-1] - angles[0])))

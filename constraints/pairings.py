@@ -1,0 +1,334 @@
+"""The pairing table: which two features mean which constraint, and how well they do.
+
+One row a pair of surface types; the rule measures the two features where they are and returns a `Match`, or None
+when they are out of limits. Names follow Mukherjee, Sacks and Joskowicz (contact pairs) and the mates of D-Cubed
+and SolidWorks.
+
+===================  =====================  ==============  =========================================================
+solid surface        the other              kind            measured
+===================  =====================  ==============  =========================================================
+plane                plane, facing          against         gap over the shared area
+cylinder             hollow cylinder        concentric      offset of the axes over the shared length, radial fit
+cone                 hollow cone            conical         offset of the apexes across the surface, half angles
+sphere               hollow sphere          spherical       offset of the centres, radial fit
+torus                hollow torus           toroidal        offset of the centres, axes, radial fit
+===================  =====================  ==============  =========================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import Tolerance
+from constraints.candidate import Match
+from constraints.features import Feature
+from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector
+from constraints.overlap import facing_area, height_range, open_angle
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a rule may let pass."""
+
+    linear: float
+    """m, on offsets and gaps"""
+    angular: float
+    """rad, on directions"""
+    clearance: float
+    """m, on the difference of radii, either way"""
+    overlap: float
+    """m: the least shared length; negative while a part approaches"""
+    strip: float
+    """m: the least width of a shared area"""
+
+    @classmethod
+    def offer(cls, tolerance: Tolerance) -> Limits:
+        """What is needed for a candidate to be offered."""
+        return cls._at(tolerance, tolerance.reach, tolerance.reach_angular, max(tolerance.linear, tolerance.reach))
+
+    @classmethod
+    def keep(cls, tolerance: Tolerance) -> Limits:
+        """What is needed for it to stay: wider, so that a shaking hand makes nothing come and go."""
+        r = tolerance.release
+        return cls._at(tolerance, r * tolerance.reach, r * tolerance.reach_angular, tolerance.linear)
+
+    @classmethod
+    def _at(cls, tolerance: Tolerance, reach: float, angular: float, strip: float) -> Limits:
+        return cls(
+            linear=max(tolerance.linear, reach),
+            angular=max(tolerance.angular, angular),
+            clearance=tolerance.clearance,
+            overlap=tolerance.linear - reach,
+            strip=strip,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """What is known of a feature once and for all, in its body's frame."""
+
+    feature: Feature
+    low: float
+    high: float
+    """m: heights along its axis from its origin, apex or centre (0, 0 for planes and spheres)"""
+    open: float
+    """rad: the greatest angle about the axis that it does not cover"""
+    center: Vector
+    """(3,) mean of its samples"""
+
+    @classmethod
+    def of(cls, feature: Feature) -> Extent:
+        g = feature.geometry
+        center = feature.samples.mean(axis=0)
+        if isinstance(g, Cylinder | Cone | Torus):
+            origin = g.apex if isinstance(g, Cone) else g.origin if isinstance(g, Cylinder) else g.center
+            low, high = height_range(feature.samples, origin, g.axis)
+            return cls(feature, low, high, open_angle(feature.samples, origin, g.axis), center)
+        return cls(feature, 0.0, 0.0, 0.0, center)
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A feature where it is now."""
+
+    extent: Extent
+    pose: pin.SE3
+
+    @property
+    def feature(self) -> Feature:
+        return self.extent.feature
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """In world coordinates."""
+        return self.feature.geometry.transformed(self.pose)
+
+    @cached_property
+    def center(self) -> Vector:
+        """(3,) world."""
+        return np.asarray(self.pose.act(self.extent.center))
+
+    @property
+    def triangles(self) -> NDArray[np.float64]:
+        """(t, 3, 3) world."""
+        points = self.feature.samples @ self.pose.rotation.T + self.pose.translation
+        return np.asarray(points[self.feature.triangles])
+
+
+def _millimetres(x: float) -> str:
+    """A length as a person reads it; below a picometre nothing is left to say."""
+    if abs(x) < 1e-12:
+        return "0 mm"
+    return f"{x * 1e3:.4g} mm" if abs(x) >= 1e-4 else f"{x * 1e6:.3g} µm"
+
+
+def _fit_words(fit: float) -> str:
+    if f"{abs(fit) * 1e6:.2f}" == "0.00":
+        return "same radius"
+    return f"{_millimetres(abs(fit))} radial {'clearance' if fit > 0 else 'interference'}"
+
+
+def _angle(u: Vector, v: Vector) -> float:
+    """Angle (rad) between two lines along u and v, accurate near 0."""
+    return float(np.arctan2(np.linalg.norm(np.cross(u, v)), abs(u @ v)))
+
+
+def against(a: View, b: View, limits: Limits) -> Match | None:
+    """Two planes that face each other and share a real area."""
+    p, q = a.geometry, b.geometry
+    assert isinstance(p, Plane) and isinstance(q, Plane)
+    angle = _angle(p.normal, q.normal)
+    if p.normal @ q.normal >= 0.0 or angle > limits.angular:
+        return None
+    region = facing_area(p.origin, p.normal, a.triangles, b.triangles, q.origin, q.normal)
+    smaller = min(a.feature.area, b.feature.area)
+    width = float(np.sqrt(smaller))
+    if region.area <= min(limits.strip, 0.1 * width) * width:
+        return None
+    gap = float((q.origin - region.centroid) @ q.normal / (p.normal @ q.normal))
+    # a slight tilt of large faces is judged by `angle`; as it stands (no reach) the whole region must be flush
+    residual = max(abs(region.gap_min), abs(region.gap_max)) if angle <= limits.linear / width else abs(gap)
+    if residual > limits.linear:
+        return None
+    share = min(1.0, region.area / smaller)
+    words = (
+        f"planes face each other, {_millimetres(abs(gap))} {'apart' if gap >= 0 else 'into each other'}, "
+        f"over {region.area * 1e6:.4g} mm² ({share:.0%} of the smaller)"
+    )
+    return Match(
+        kind="against",
+        residual=residual,
+        angle=angle,
+        fit=None,
+        overlap=region.area,
+        share=share,
+        closed=False,
+        approach=p.normal,
+        origin=region.centroid,
+        local=a.pose.actInv(region.centroid),
+        direction=p.normal,
+        size=0.5 * float(np.sqrt(region.area)),
+        words=words,
+    )
+
+
+def _round(
+    kind: str, a: View, b: View, axis: Vector, offset: float, angle: float, fit: float,
+    shared: tuple[float, float, float], origin: Vector, size: float, words: str,
+) -> Match:  # fmt: skip
+    """A match of two surfaces of revolution; `shared` is (overlap, smaller length, open angle of the hollow one)."""
+    overlap, smaller, hollow_open = shared
+    along = float((b.center - a.center) @ axis)
+    return Match(
+        kind=kind,
+        residual=offset,
+        angle=angle,
+        fit=fit,
+        overlap=overlap,
+        share=min(1.0, max(0.0, overlap / smaller)) if smaller > 0 else 1.0,
+        closed=hollow_open < np.pi * (1 - 1e-6),
+        approach=axis if along >= 0 else -axis,
+        origin=origin,
+        local=a.pose.actInv(origin),
+        direction=axis,
+        size=size,
+        words=f"{words}, {_fit_words(fit)}",
+    )
+
+
+def concentric(a: View, b: View, limits: Limits) -> Match | None:
+    """A solid cylinder in a hollow one: radii fit, axes coincide, lengths overlap."""
+    solid, hollow = (a, b) if a.feature.sense > 0 else (b, a)
+    s, h = solid.geometry, hollow.geometry
+    assert isinstance(s, Cylinder) and isinstance(h, Cylinder)
+    fit = h.radius - s.radius
+    angle = _angle(s.axis, h.axis)
+    if abs(fit) > limits.clearance or angle > limits.angular:
+        return None
+    axis = h.axis
+    sign = 1.0 if s.axis @ axis >= 0 else -1.0
+    start = float((s.origin - h.origin) @ axis)
+    ends = (start + sign * solid.extent.low, start + sign * solid.extent.high)
+    low, high = max(min(ends), hollow.extent.low), min(max(ends), hollow.extent.high)
+    overlap = high - low
+    if overlap <= limits.overlap:
+        return None
+    direction = s.axis / (s.axis @ axis)
+    heights = np.array([low, high]) if overlap > 0 else np.array([0.5 * (low + high)] * 2)
+    on_solid = s.origin + (heights[:, None] - start) * direction
+    on_hollow = h.origin + heights[:, None] * axis
+    offset = float(np.linalg.norm(on_solid - on_hollow, axis=1).max())
+    if offset > limits.linear + max(fit, 0.0):
+        return None
+    smaller = min(solid.extent.high - solid.extent.low, hollow.extent.high - hollow.extent.low)
+    words = (
+        f"Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm over {_millimetres(max(overlap, 0.0))}, "
+        f"axes {_millimetres(offset)} apart"
+    )
+    shared = (overlap, smaller, hollow.extent.open)
+    return _round("concentric", a, b, axis, offset, angle, fit, shared, on_hollow.mean(axis=0), h.radius, words)
+
+
+def conical(a: View, b: View, limits: Limits) -> Match | None:
+    """A solid cone in a hollow one of the same half angle, pushed home."""
+    solid, hollow = (a, b) if a.feature.sense > 0 else (b, a)
+    s, h = solid.geometry, hollow.geometry
+    assert isinstance(s, Cone) and isinstance(h, Cone)
+    angle = _angle(s.axis, h.axis)
+    flare = abs(s.half_angle - h.half_angle)
+    if s.axis @ h.axis <= 0.0 or max(angle, flare) > limits.angular:
+        return None
+    along = float((s.apex - h.apex) @ h.axis)
+    fit = along * float(np.sin(h.half_angle))  # an apex further in leaves that much air across the surface
+    low = max(solid.extent.low + along, hollow.extent.low)
+    high = min(solid.extent.high + along, hollow.extent.high)
+    if high - low <= limits.overlap:
+        return None
+    height = 0.5 * (low + high)  # offset of the axes where the surfaces meet: the apexes may lie far off
+    middle = h.apex + height * h.axis
+    offset = float(np.linalg.norm(s.apex + (height - along) / (s.axis @ h.axis) * s.axis - middle))
+    residual = max(offset, abs(fit))
+    if residual > limits.linear:
+        return None
+    smaller = min(solid.extent.high - solid.extent.low, hollow.extent.high - hollow.extent.low)
+    words = f"cones of half angle {np.degrees(h.half_angle):.4g}° over {_millimetres(max(high - low, 0.0))}"
+    shared = (high - low, smaller, hollow.extent.open)
+    size = height * float(np.tan(h.half_angle))
+    return _round("conical", a, b, h.axis, residual, max(angle, flare), fit, shared, middle, size, words)
+
+
+def spherical(a: View, b: View, limits: Limits) -> Match | None:
+    """A ball in its socket."""
+    solid, hollow = (a, b) if a.feature.sense > 0 else (b, a)
+    s, h = solid.geometry, hollow.geometry
+    assert isinstance(s, Sphere) and isinstance(h, Sphere)
+    fit = h.radius - s.radius
+    offset = float(np.linalg.norm(s.center - h.center))
+    if abs(fit) > limits.clearance or offset > limits.linear + max(fit, 0.0):
+        return None
+    toward = b.center - a.center
+    length = float(np.linalg.norm(toward))
+    axis = toward / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    words = f"ball Ø{2e3 * s.radius:.6g} in socket Ø{2e3 * h.radius:.6g} mm, centres {_millimetres(offset)} apart"
+    depth = hollow.feature.area / (2 * np.pi * h.radius)  # Archimedes: height of the socket's zone
+    shared = (min(depth, 2 * h.radius), min(depth, 2 * h.radius), 0.0 if depth > h.radius else 2 * np.pi)
+    return _round("spherical", a, b, axis, offset, 0.0, fit, shared, h.center, h.radius, words)
+
+
+def toroidal(a: View, b: View, limits: Limits) -> Match | None:
+    """A ring in its groove."""
+    solid, hollow = (a, b) if a.feature.sense > 0 else (b, a)
+    s, h = solid.geometry, hollow.geometry
+    assert isinstance(s, Torus) and isinstance(h, Torus)
+    fit = h.minor - s.minor
+    angle = _angle(s.axis, h.axis)
+    offset = float(np.linalg.norm(s.center - h.center))
+    if abs(fit) > limits.clearance or abs(h.major - s.major) > limits.clearance or angle > limits.angular:
+        return None
+    if offset > limits.linear + max(fit, 0.0):
+        return None
+    words = f"tori Ø{2e3 * h.major:.6g} × Ø{2e3 * h.minor:.6g} mm, centres {_millimetres(offset)} apart"
+    depth = hollow.extent.high - hollow.extent.low
+    shared = (depth, min(depth, solid.extent.high - solid.extent.low), hollow.extent.open)
+    return _round("toroidal", a, b, h.axis, offset, angle, fit, shared, h.center, h.major, words)
+
+
+Rule = Callable[[View, View, Limits], Match | None]
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """A row of the table."""
+
+    kind: str
+    first: type[Geometry]
+    second: type[Geometry]
+    senses: tuple[int, ...]
+    """products of the two senses that fit: -1 solid in hollow, +1 both alike"""
+    rule: Rule
+
+
+PAIRINGS: tuple[Pairing, ...] = (
+    Pairing("against", Plane, Plane, (1,), against),
+    Pairing("concentric", Cylinder, Cylinder, (-1,), concentric),
+    Pairing("conical", Cone, Cone, (-1,), conical),
+    Pairing("spherical", Sphere, Sphere, (-1,), spherical),
+    Pairing("toroidal", Torus, Torus, (-1,), toroidal),
+)
+
+
+def matches(a: View, b: View, limits: Limits) -> Match | None:
+    """What the first fitting row of the table says of two features; None when no row does."""
+    first, second = type(a.feature.geometry), type(b.feature.geometry)
+    for row in PAIRINGS:
+        if {row.first, row.second} == {first, second} and a.feature.sense * b.feature.sense in row.senses:
+            found = row.rule(a, b, limits)
+            if found is not None:
+                return found
+    return None

@@ -1,0 +1,131 @@
+"""Recognition: contacts between surfaces become candidates for constraints, one a pair of features.
+
+Only what touches counts (Iacob, Mitrouchev and Léon: collisions between surfaces, not between their boxes): a pair
+of features without a contact row is never looked at. Whether the two fit is then judged on their analytic
+geometry, so faceting neither hides a clearance nor invents one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import Tolerance
+from constraints.candidate import Candidate, Key, Match
+from constraints.features import Feature
+from constraints.pairings import Extent, Limits, View, matches
+
+Pairs = dict[Key, int]
+
+
+class Recogniser:
+    """Knows the features of every body; measures pairs of them at given poses.
+
+    Parameters
+    ----------
+    features: one sequence of `Feature` a body, in the order of the object ids.
+    threads: pitch (m a turn, positive for right-handed) of features that are threads, by (body, feature).
+    """
+
+    def __init__(
+        self, features: Sequence[Sequence[Feature]], threads: Mapping[tuple[int, int], float] | None = None
+    ) -> None:
+        self.features: tuple[tuple[Feature, ...], ...] = tuple(tuple(f) for f in features)
+        self.threads = dict(threads or {})
+        self._of_surface = [{s: i for i, f in enumerate(fs) for s in f.surfaces} for fs in self.features]
+        self._extents: dict[tuple[int, int], Extent] = {}
+        self._shared: dict[int, Extent] = {}
+
+    def feature_of(self, body: int, surface: int) -> int | None:
+        """Place of the feature a face belongs to; None for faces without analytic geometry."""
+        return self._of_surface[body].get(surface)
+
+    def touching(self, contacts: NDArray[Any], within: float = np.inf) -> Pairs:
+        """How many pairs of faces touch, for every pair of features with a contact row at distance <= `within`."""
+        pairs: Pairs = {}
+        near = contacts[contacts["distance"] <= within]
+        rows = zip(*(near[c].tolist() for c in ("object_a", "surface_a", "object_b", "surface_b")), strict=True)
+        for a, sa, b, sb in rows:
+            if a >= len(self.features) or b >= len(self.features):
+                continue
+            fa, fb = self._of_surface[a].get(sa), self._of_surface[b].get(sb)
+            if fa is not None and fb is not None:
+                pairs[(a, fa, b, fb)] = pairs.get((a, fa, b, fb), 0) + 1
+        return pairs
+
+    def match(self, key: Key, poses: Sequence[pin.SE3], limits: Limits) -> Match | None:
+        """What the two features of `key` mean to each other at `poses`; None when they are out of limits."""
+        a, fa, b, fb = key
+        return matches(View(self._extent(a, fa), poses[a]), View(self._extent(b, fb), poses[b]), limits)
+
+    def candidate(self, key: Key, match: Match, contacts: int, limits: Limits) -> Candidate:
+        """The candidate that `match` amounts to, with its score and its reasons."""
+        a, fa, b, fb = key
+        first, second = self.features[a][fa], self.features[b][fb]
+        pitch = self.threads.get((a, fa), self.threads.get((b, fb))) if match.kind == "concentric" else None
+        closeness = max(0.0, 1.0 - match.residual / (limits.linear + max(match.fit or 0.0, 0.0)))
+        faces = len(first.surfaces) * len(second.surfaces)
+        touching = f"{contacts} of {faces} pairs of faces touch" if faces > 1 else "their faces touch"
+        thread = f"; thread of pitch {1e3 * abs(pitch):.4g} mm" if pitch is not None else ""
+        return Candidate(
+            key=key,
+            match=match,
+            geometries=(first.geometry, second.geometry),
+            surfaces=(first.surfaces, second.surfaces),
+            contacts=contacts,
+            score=0.5 * (closeness + match.share),
+            why=f"{match.words}; {touching}{thread}",
+            pitch=pitch,
+        )
+
+    def _extent(self, body: int, feature: int) -> Extent:
+        extent = self._extents.get((body, feature))
+        if extent is None:
+            f = self.features[body][feature]
+            extent = self._shared.get(id(f))  # instances of one shape share their features
+            if extent is None:
+                extent = self._shared[id(f)] = Extent.of(f)
+            self._extents[(body, feature)] = extent
+        return extent
+
+
+def recognise(
+    features: Sequence[Sequence[Feature]],
+    poses: Sequence[pin.SE3],
+    contacts: NDArray[Any],
+    tolerance: Tolerance | None = None,
+    *,
+    threads: Mapping[tuple[int, int], float] | None = None,
+    kinds: Iterable[str] | None = None,
+) -> tuple[Candidate, ...]:
+    """Candidates for constraints between bodies that touch, best score first.
+
+    Parameters
+    ----------
+    features: one sequence of `Feature` a body, body frame.
+    poses: one `pin.SE3` a body, body to world.
+    contacts: (n,) rows of `collision.CONTACT_DTYPE`, from `CollisionManager.contacts(within=…)`; ask for at least
+        `tolerance.clearance`, so that the facets of a loose fit are near enough to be seen.
+    tolerance: `reach` and `reach_angular` say how far from exact a mate may be; `replace(t, reach=0.0,
+        reach_angular=0.0)` judges an assembly as it stands.
+    threads: pitch in m a turn of threaded features, by (body, feature).
+    kinds: only these kinds; None for all.
+
+    Returns
+    -------
+    One `Candidate` a pair of features, sorted by falling score, then by key.
+    """
+    tolerance = tolerance or Tolerance()
+    recogniser = Recogniser(features, threads)
+    limits = Limits.offer(tolerance)
+    wanted = None if kinds is None else frozenset(kinds)
+    found = []
+    for key, count in sorted(recogniser.touching(contacts).items()):
+        match = recogniser.match(key, poses, limits)
+        if match is not None and (wanted is None or match.kind in wanted):
+            found.append(recogniser.candidate(key, match, count, limits))
+    return tuple(sorted(found, key=lambda c: (-c.score, c.key)))
