@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import SurfaceMesh, Tolerance
+from collision import CONTACT_DTYPE, SurfaceMesh, Tolerance
 from constraints.kinds import Constraint
 from constraints.manager import ConstraintManager
 from constraints.solver import solve
@@ -121,9 +121,7 @@ class Motion:
             for row in self._mated[id]:  # again for the old ones too: pairs may share surfaces with one just heeded
                 self.collision.ignore_surfaces(*row)
 
-    def step(
-        self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3], movable: Iterable[int]
-    ) -> MotionResult:
+    def step(self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3], movable: Iterable[int]) -> MotionResult:
         """Move the bodies in `wanted` towards the poses given, and with them what their constraints take along.
 
         wanted: target pose of each held body. poses: of all bodies, now. movable: ids that may move (held ones
@@ -145,7 +143,7 @@ class Motion:
 
 
 class _Plan:
-    """One step. Unknowns: for each body, the local twist about its centre, its rotation measured in metres at its rim."""
+    """One step. Unknowns: for each body the local twist about its centre, rotation measured in metres at its rim."""
 
     def __init__(self, motion: Motion, wanted: dict[int, pin.SE3], poses: Sequence[pin.SE3], moves: list[int]) -> None:
         self.motion, self.wanted, self.tolerance = motion, wanted, motion.tolerance
@@ -182,7 +180,7 @@ class _Plan:
                 break
             best = error
         residual = max((float(np.abs(self._residual(c)).max()) for c in self.constraints), default=0.0)
-        contacts = np.unique(np.concatenate(self.acting)) if self.acting else self.motion.collision.contacts(-1.0, [])
+        contacts = np.unique(np.concatenate(self.acting)) if self.acting else np.empty(0, CONTACT_DTYPE)
         return MotionResult(
             poses={b: self.poses[b] for b in self.bodies},
             blocked=blocked,
@@ -305,7 +303,7 @@ class _Plan:
         return c, lower
 
     def _normal(self, row: Any) -> tuple[Array, float]:
-        """(3,) unit, from a to b, and the gap; where surfaces touch, the facing of the triangle that parts them best."""
+        """(3,) unit, from a to b, and the gap; where they touch, the normal of the triangle that parts them best."""
         gap = float(row["distance"])
         if gap > 0.0:
             return (row["point_b"] - row["point_a"]) / gap, gap
@@ -361,9 +359,7 @@ class _Plan:
             target = target | dict(solve(self.constraints, at, self.bodies, self.tolerance).poses)
         return target
 
-    def _sweep(
-        self, target: dict[int, pin.SE3], rows: NDArray[Any]
-    ) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
+    def _sweep(self, target: dict[int, pin.SE3], rows: NDArray[Any]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
         """How far along the screws to `target` the bodies get, and the rows of what stopped them."""
         collision = self.motion.collision
         hit = None
