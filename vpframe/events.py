@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from vpframe.session import Session
 
 EVENT_KINDS = (
-    "grabbed", "released", "collided", "parted", "recognised", "accepted", "refused", "satisfied", "removed",
-    "blocked", "landed", "expectation", "note",
+    "grabbed", "released", "collided", "parted", "recognised", "withdrawn", "accepted", "refused", "satisfied",
+    "removed", "blocked", "landed", "expectation", "note",
 )  # fmt: skip
 
 

@@ -1,0 +1,149 @@
+"""`vpframe demo`: the main job on a model made on the spot. A stepped shaft goes into a bored housing and out again."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from vpframe.errors import TaskError, VpframeError
+from vpframe.interaction.conditions import constraint
+from vpframe.rules import accept_kinds
+from vpframe.scene import Scene
+from vpframe.session import Session
+
+MODEL, RECORDING, REPORT = "shaft_and_housing.step", "demo.rrd", "report"
+_EXPECTED = (6, 2, 1, 2, 6)
+_SHOWN = ("grabbed", "released", "recognised", "accepted", "satisfied", "removed", "expectation")
+
+
+def build(path: Path) -> Path:
+    """Write the model as a STEP assembly: a housing with a Ø20.04 mm bore, a stepped shaft with a Ø20 mm journal."""
+    from vpframe import modelling as m
+
+    housing = m.box(0.080, 0.080, 0.045).translated(-0.040, -0.040, 0.0) - m.cylinder(0.01002, 0.045)
+    for x in (-0.030, 0.030):
+        for y in (-0.030, 0.030):
+            housing = housing - m.cylinder(0.0033, 0.045).translated(x, y, 0.0)
+    housing = housing.filleted(0.008, lambda p: abs(abs(p[0]) - 0.04) < 1e-6 and abs(abs(p[1]) - 0.04) < 1e-6)
+    # radius over height: lead-in chamfer, journal, flange, neck, end
+    profile = [(0.0, -0.040), (0.0085, -0.040), (0.010, -0.0385), (0.010, 0.0), (0.022, 0.0), (0.022, 0.006)]
+    profile += [(0.014, 0.006), (0.014, 0.022), (0.008, 0.022), (0.008, 0.045), (0.0, 0.045)]
+    shaft = m.revolve(profile)
+    start = pin.SE3(np.eye(3), np.array([0.10, 0.0, 0.045]))
+    return m.write_step(
+        path,
+        {
+            "housing": (housing, pin.SE3.Identity(), (0.55, 0.60, 0.66)),
+            "shaft": (shaft, start, (0.85, 0.65, 0.25)),
+        },
+        name="shaft_and_housing",
+    )
+
+
+def task(session: Session) -> None:
+    """In until the flange sits, out until it is free, home again: with what is expected on the way."""
+    home = pin.SE3(session.scene["shaft"].pose)
+    seat = np.array([0.0, 0.0, 0.045])
+    hand = session.hand(at=(0.10, 0.0, 0.12))
+    hand.grab("shaft")
+    # a hand is not exact: 0.15 mm beside the axis, a quarter of a degree off
+    tilted = pin.exp3(np.radians([0.25, 0.0, 0.0]))
+    hand.move_to(pin.SE3(tilted, seat + np.array([0.00015, 0.0, 0.060])), duration=1.5)
+    hand.slide("down", until=constraint("concentric", other="housing"))
+    session.expect_freedom("shaft", 2)
+    hand.slide("down", until=constraint("against", other="housing"))
+    session.run(0.2)
+    session.expect_constraint("concentric", "shaft", "housing")
+    session.expect_constraint("against", "shaft", "housing")
+    session.expect_freedom("shaft", 1)
+    session.expect_at("shaft", pin.SE3(session.scene["shaft"].pose.rotation, seat), within=1e-6)
+    session.expect_no_clash()
+    hand.turn(np.pi / 2, about="axis", duration=0.8)
+    hand.pull(along="axis", until=~constraint("against"))
+    session.expect_freedom("shaft", 2)
+    hand.pull(along="axis", until="free")
+    session.expect_freedom("shaft", 6)
+    hand.move_by((0.0, 0.0, 0.010))
+    hand.move_to(home, duration=1.5)
+    hand.release()
+
+
+def freedoms(frames: list[int]) -> tuple[int, ...]:
+    """The values in turn, repetitions dropped."""
+    return tuple(n for i, n in enumerate(frames) if i == 0 or n != frames[i - 1])
+
+
+class _Freedom:
+    """An observer that keeps the shaft's freedom."""
+
+    def __init__(self) -> None:
+        self.values: list[int] = []
+
+    def begin(self, session: Session) -> None:
+        self.values.append(session.freedom("shaft"))
+
+    def frame(self, frame: object) -> None:
+        self.values.append(frame.freedom.get("shaft", self.values[-1]))  # type: ignore[attr-defined]
+
+    def end(self) -> None:
+        pass
+
+
+def load(directory: Path) -> Scene:
+    """Build the model and read it back through the STEP reader."""
+    import vpframe as vp
+
+    scene = vp.load(str(build(directory / MODEL)))
+    scene["housing"].fixed = True
+    return scene
+
+
+def run(out_dir: str | Path, view: bool = False) -> int:
+    """Run the demo into a folder; 0 when all went as expected, 1 when not."""
+    out = Path(out_dir)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise VpframeError(f"{out}: cannot be made a folder: {error.strerror}") from None
+    began = time.perf_counter()
+    scene = load(out)
+    surfaces = ", ".join(f"{p.name} ({len(p.surfaces)} surfaces, {p.mesh.n_triangles} triangles)" for p in scene.parts)
+    print(f"model      {out / MODEL}: {surfaces}")
+    watch = _Freedom()
+    session = Session(
+        scene,
+        viewer="meshcat" if view else None,
+        record=out / RECORDING,
+        rule=accept_kinds("concentric", "against"),
+        clearance=True,
+        observers=[watch],
+    )
+    session.on_event(
+        lambda e: print(f"{e.time:6.2f} s   {e.kind:<11} {e.text}", flush=True) if e.kind in _SHOWN else None
+    )
+    failure = ""
+    try:
+        with session:
+            task(session)
+            if freedoms(watch.values) != _EXPECTED:
+                raise TaskError(f"expected freedom {_EXPECTED}, found {freedoms(watch.values)}")
+    except TaskError as error:
+        failure = str(error)
+        session.fail(failure)
+    except KeyboardInterrupt:
+        failure = "interrupted"
+        session.fail(failure)
+    session.report(out / REPORT)
+    spent = time.perf_counter() - began
+    print(f"freedom    of the shaft: {' -> '.join(map(str, freedoms(watch.values)))}")
+    print(f"steps      {session.step_count} of 1/60 s, {spent:.1f} s in all")
+    print(f"recording  {out / RECORDING}   look at it: vpframe replay {out / RECORDING}")
+    print(f"report     {out / REPORT / 'index.html'}   open it in a browser; numbers in report.json")
+    if failure:
+        print(f"failed: {failure}", file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,441 @@
+"""`Engine`: what one step comes to. It joins collision, constraints and physics, and knows no scripts or viewers."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import CONTACT_DTYPE, CollisionManager, Tolerance
+from constraints import ConstraintManager, mobility
+from constraints.candidate import Candidate
+from constraints.manager import Change, UnknownConstraintError
+from constraints.motion import Motion
+from vpframe.errors import TaskError
+from vpframe.events import ConstraintView
+from vpframe.rules import Rule
+from vpframe.scene import Scene
+
+Happening = tuple[str, tuple[str, ...], tuple[tuple[int, ...], ...], str, Mapping[str, Any]]
+"""an event without its time: kind, parts, surfaces, text, data"""
+NO_PAIRS = np.zeros((0, 4), np.int32)
+_MATING = ("recognised", "withdrawn", "accepted", "refused", "satisfied", "removed")
+
+
+@dataclass(frozen=True, eq=False)
+class Wish:
+    """What a hand asks for in one step."""
+
+    part: str
+    pose: pin.SE3
+    carried: tuple[str, ...] = ()
+    snap: float = 0.0
+    """m: reach of the assist's snapping"""
+    snap_angle: float = 0.0
+    """rad"""
+
+    def key(self) -> bytes:
+        """All of it as bytes: equal wishes have equal keys."""
+        words = repr((self.part, self.carried, self.snap, self.snap_angle)).encode()
+        return words + np.ascontiguousarray(self.pose.homogeneous).tobytes()
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a script decides about a candidate or constraint: "accept", "refuse" or "remove"."""
+
+    verb: str
+    id: int
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a step came to, by value; poses of parts that moved only."""
+
+    poses: Mapping[str, pin.SE3]
+    colliding: NDArray[np.int32]
+    touching: NDArray[np.int32]
+    """(k, 4) object, surface, object, surface that touch, of parts that were ever held; mated surfaces left out"""
+    constraints: tuple[ConstraintView, ...]
+    freedom: Mapping[str, int]
+    joint: Mapping[str, str]
+    clearance: float | None
+    blocked: frozenset[str]
+    """held parts that could not follow"""
+    happenings: tuple[Happening, ...]
+    mates: Mapping[str, Any] | None = None
+    """state of the constraint manager, if it changed"""
+    timings: Mapping[str, float] = field(default_factory=dict)
+
+
+class Engine:
+    """The managers of one session and the order in which a step asks them.
+
+    Managers come into being with the first step; until then a session costs nothing but its scene. A step asks only
+    about parts that a hand holds, or that moved; what is known of the others is kept.
+    """
+
+    def __init__(self, scene: Scene, tolerance: Tolerance, dt: float, rule: Rule, measure_clearance: bool) -> None:
+        self.scene = scene
+        self.tolerance = tolerance
+        self.dt = dt
+        self.rule = rule
+        self.measure_clearance = measure_clearance
+        self.threads: dict[int, float] = {}
+        """pitch (m a turn) of threaded parts, by object"""
+        self._authorised: list[tuple[int, int]] = []
+        self._started = False
+        self._active: set[int] = set()
+        """parts that a hand holds or carries"""
+        self._moved: set[int] = set()
+        """parts that ever moved or were held"""
+        self._blocked: frozenset[str] = frozenset()
+        self._rows: NDArray[Any] = np.zeros(0, CONTACT_DTYPE)
+        self._colliding = NO_PAIRS
+        self._freedom: dict[tuple[int, tuple[int, ...]], tuple[int, str]] = {}
+        self._remated: set[int] = set()
+        """parts whose mated surfaces changed since colliding surfaces were last asked for"""
+        self._shown: dict[int, ConstraintView] = {}
+        self._corners: dict[int, NDArray[np.float64]] = {}
+        self._told_at_start: list[Happening] = []
+
+    # ---- the managers
+
+    def start(self) -> None:
+        """Build the managers; the first step does it by itself."""
+        if self._started:
+            return
+        self._started = True
+        self.names = self.scene.names
+        self.poses = [pin.SE3(part.pose) for part in self.scene.parts]
+        self.collision = CollisionManager(self.tolerance)
+        for part in self.scene.parts:
+            self.collision.add(part.mesh, part.pose, movable=not part.fixed)
+        for a, b in self._authorised:
+            self.collision.ignore(a, b)
+        features = [part.features for part in self.scene.parts]
+        self.mates = ConstraintManager(features, self.tolerance, rules=[self._judge])
+        self.motion = Motion(self.collision, self.mates, self.tolerance)
+        self._recognise_as_it_stands()
+        self._colliding = self.collision.colliding_surfaces()
+
+    def _recognise_as_it_stands(self) -> None:
+        """What the parts are to each other before anything moves: exact fits only, nothing is pulled into place."""
+        self.mates.tolerance = replace(self.tolerance, reach=0.0, reach_angular=0.0)
+        rows = self.collision.contacts(self.mates.within)
+        self._told_at_start = [self._told(change) for change in self.mates.update(self.poses, rows, {})]
+        self.mates.tolerance = self.tolerance
+        self.motion.sync()
+        open_pairs = {c.bodies for d in (self.mates.candidates, self.mates.refused) for c in d.values()}
+        pairs = zip(rows["object_a"].tolist(), rows["object_b"].tolist(), strict=True)
+        self._rows = rows[np.array([pair in open_pairs for pair in pairs], dtype=bool)]
+
+    def _judge(self, candidate: Candidate) -> bool | None:
+        verdict = self.rule(self._view(-1, candidate, "candidate"))
+        return None if verdict is None else verdict == "accept"
+
+    def authorise(self, a: int, b: int) -> None:
+        """Leave a pair of objects out of collision for good."""
+        self._authorised.append((a, b))
+        if self._started:
+            self.collision.ignore(a, b)
+
+    # ---- a step
+
+    def advance(self, wishes: Sequence[Wish], requests: Sequence[Request]) -> Result:
+        """One step: motion, contacts, constraints, freedom."""
+        self.start()
+        clocks = dict.fromkeys(("motion", "collision", "constraints"), 0.0)
+        before = list(self.poses)
+        wanted = self._wanted(wishes)
+        self._active = set(wanted)
+        self._decide(requests)
+        happenings, self._told_at_start = self._told_at_start, []
+        happenings += self._follow_hands(wanted, wishes, clocks)
+        self._touch(before, clocks)
+        changes = self._mate(wanted, clocks)
+        happenings += changes
+        if any(kind == "accepted" for kind, *_ in changes):  # a part snaps to what it has just been given
+            here = list(self.poses)
+            self._follow_hands(wanted, wishes, clocks)
+            self._touch(here, clocks)
+            happenings += self._mate(wanted, clocks)
+        happenings += self._clash(before, clocks)
+        moved = [i for i in range(len(self.poses)) if self.poses[i] is not before[i]]
+        self._moved |= set(moved) | self._active
+        mated = any(kind in _MATING for kind, *_ in happenings)
+        return Result(
+            poses={self.names[i]: self.poses[i] for i in moved},
+            colliding=self._colliding,
+            touching=self._near_pairs(),
+            constraints=self._views(before),
+            freedom={self.names[i]: self.freedom(i)[0] for i in sorted(self._moved)},
+            joint={self.names[i]: self.freedom(i)[1] for i in sorted(self._moved)},
+            clearance=self._least_clearance() if self.measure_clearance else None,
+            blocked=self._blocked,
+            happenings=tuple(happenings),
+            mates=self.mates.state() if mated else None,
+            timings=clocks,
+        )
+
+    def _wanted(self, wishes: Sequence[Wish]) -> dict[int, pin.SE3]:
+        wanted: dict[int, pin.SE3] = {}
+        for wish in wishes:
+            held = self.scene.index(wish.part)
+            wanted[held] = wish.pose
+            for name in wish.carried:
+                i = self.scene.index(name)
+                wanted[i] = wish.pose * self.poses[held].actInv(self.poses[i])
+        return wanted
+
+    def _decide(self, requests: Sequence[Request]) -> None:
+        for request in requests:
+            try:
+                getattr(self.mates, request.verb)(request.id)
+            except UnknownConstraintError as error:
+                raise TaskError(f"{request.verb}: {error}") from None
+
+    def _follow_hands(
+        self, wanted: dict[int, pin.SE3], wishes: Sequence[Wish], clocks: dict[str, float]
+    ) -> tuple[Happening, ...]:
+        if not wanted:
+            self._blocked = frozenset()
+            return ()
+        began = clock.perf_counter()
+        result = self.motion.step(wanted, self.poses, wanted)
+        for i, pose in result.poses.items():
+            if pose != self.poses[i]:
+                self.poses[i] = pose
+        clocks["motion"] += clock.perf_counter() - began
+        before, self._blocked = self._blocked, frozenset(w.part for w in wishes) if result.blocked else frozenset()
+        return tuple(self._stopped(name, result.contacts) for name in sorted(self._blocked - before))
+
+    def _stopped(self, name: str, rows: NDArray[Any]) -> Happening:
+        me = self.scene.index(name)
+        by: dict[int, set[int]] = {}
+        for row in rows:
+            a, b = int(row["object_a"]), int(row["object_b"])
+            if me in (a, b):
+                other, surface = (b, row["surface_b"]) if a == me else (a, row["surface_a"])
+                by.setdefault(other, set()).add(int(surface))
+        others = sorted(by)
+        text = ", ".join(f"{self.names[i]} (surfaces {', '.join(map(str, sorted(by[i])))})" for i in others)
+        return (
+            "blocked",
+            (name, *(self.names[i] for i in others)),
+            ((), *(tuple(sorted(by[i])) for i in others)),
+            f"{name} is stopped by {text or 'what it holds on to'}",
+            {},
+        )
+
+    def _touch(self, before: list[pin.SE3], clocks: dict[str, float]) -> None:
+        """Bring the contact rows up to date for what moved since `before`, and for what is newly held."""
+        began = clock.perf_counter()
+        stale = {i for i, pose in enumerate(self.poses) if pose is not before[i]} | (self._active - self._moved)
+        if stale:
+            kept = self._rows[
+                ~np.isin(self._rows["object_a"], list(stale)) & ~np.isin(self._rows["object_b"], list(stale))
+            ]
+            fresh = self.collision.contacts(self.mates.within, sorted(stale))
+            rows = np.concatenate([kept, fresh])
+            self._rows = rows[np.lexsort([rows[c] for c in ("surface_b", "object_b", "surface_a", "object_a")])]
+        clocks["collision"] += clock.perf_counter() - began
+
+    def _mate(self, wanted: dict[int, pin.SE3], clocks: dict[str, float]) -> list[Happening]:
+        began = clock.perf_counter()
+        changes = self.mates.update(self.poses, self._rows, wanted)
+        if changes:
+            self.motion.sync()
+            self._remated |= {i for change in changes for i in change.candidate.bodies}
+        clocks["constraints"] += clock.perf_counter() - began
+        return [self._told(change) for change in changes]
+
+    def _told(self, change: Change) -> Happening:
+        candidate = change.candidate
+        a, b = (self.names[i] for i in candidate.bodies)
+        data = {"id": change.id, "constraint": candidate.kind, "residual": candidate.residual}
+        return (change.kind, (a, b), candidate.surfaces, f"{candidate.kind} of {a} and {b}: {change.text}", data)
+
+    def _clash(self, before: list[pin.SE3], clocks: dict[str, float]) -> list[Happening]:
+        """Colliding surfaces of what moved, and who began or ceased to collide."""
+        began = clock.perf_counter()
+        about = sorted({i for i, pose in enumerate(self.poses) if pose is not before[i]} | self._remated)
+        self._remated = set()
+        if not about:
+            return []
+        old = self._colliding
+        kept = old[~(np.isin(old[:, 0], about) | np.isin(old[:, 2], about))]
+        rows = np.concatenate([kept, self.collision.colliding_surfaces(about)])
+        self._colliding = rows[np.lexsort(rows.T[::-1])]
+        clocks["collision"] += clock.perf_counter() - began
+        return self._compare(old, self._colliding)
+
+    def _compare(self, old: NDArray[np.int32], new: NDArray[np.int32]) -> list[Happening]:
+        """ "collided" and "parted" by pair of parts: all surfaces that meet now, or met until now."""
+        was, now = _by_pair(old), _by_pair(new)
+        out: list[Happening] = []
+        for kind, pairs in (("collided", sorted(set(now) - set(was))), ("parted", sorted(set(was) - set(now)))):
+            for pair in pairs:
+                rows = np.array((now if kind == "collided" else was)[pair])
+                a, b = (self.names[i] for i in pair)
+                surfaces = (tuple(np.unique(rows[:, 1]).tolist()), tuple(np.unique(rows[:, 3]).tolist()))
+                faces = [", ".join(map(str, s)) for s in surfaces]
+                text = f"{a} (surfaces {faces[0]}) and {b} (surfaces {faces[1]})"
+                data = {"pairs": rows[:, [1, 3]].tolist()}
+                out.append(
+                    (kind, (a, b), surfaces, f"{text} {'meet' if kind == 'collided' else 'no longer meet'}", data)
+                )
+        return out
+
+    # ---- what is so after a step
+
+    def _near_pairs(self) -> NDArray[np.int32]:
+        rows = self._rows[self._rows["distance"] <= 2.0 * self.tolerance.linear]  # motion stops at `linear`
+        return np.stack([rows[c] for c in ("object_a", "surface_a", "object_b", "surface_b")], axis=1)
+
+    def _views(self, before: list[pin.SE3]) -> tuple[ConstraintView, ...]:
+        """All constraints in the user's terms: active by age, then candidates by score, then refused."""
+        shown = {}
+        for id, entry in self.mates.accepted.items():
+            a, b = entry.candidate.bodies
+            still = self.poses[a] is before[a] and self.poses[b] is before[b]
+            view = self._shown.get(id) if still else None
+            shown[id] = view or self._view(id, entry.candidate, "active")
+        self._shown = shown
+        offers = sorted(self.mates.candidates.items(), key=lambda item: (-item[1].score, item[0]))
+        refused = self.mates.refused.items()
+        return (
+            *shown.values(),
+            *(self._view(id, c, "candidate") for id, c in offers),
+            *(self._view(id, c, "refused") for id, c in refused),
+        )
+
+    def _view(self, id: int, candidate: Candidate, state: str) -> ConstraintView:
+        a, b = candidate.bodies
+        match, residual = candidate.match, candidate.residual
+        origin, direction = match.origin, match.direction
+        if state == "active":
+            constraint = candidate.constraint
+            symbol = constraint.drawing(self.poses[a])
+            origin, direction = symbol.origin, symbol.direction
+            rows = constraint.residual(self.poses[a], self.poses[b])[~constraint.angular]
+            residual = float(np.abs(rows).max(initial=0.0))
+        return ConstraintView(
+            id=id,
+            kind=candidate.kind,
+            parts=(self.names[a], self.names[b]),
+            surfaces=candidate.surfaces,
+            residual=residual,
+            state=state,
+            origin=np.asarray(origin),
+            direction=np.asarray(direction),
+            size=match.size,
+            why=candidate.why,
+        )
+
+    def freedom(self, i: int) -> tuple[int, str]:
+        """Degrees of freedom left to a part while all others stay, and the lower pair's name."""
+        if self.scene.parts[i].fixed:
+            return 0, "rigid"
+        if not self._started:
+            self.start()
+        on_it = {id: e.candidate for id, e in self.mates.accepted.items() if i in e.candidate.bodies}
+        key = (i, tuple(sorted(on_it)))
+        if key not in self._freedom:
+            others = [j for j in range(len(self.poses)) if j != i]
+            found = mobility([c.constraint for c in on_it.values()], self.poses, others, self.tolerance).parts[i]
+            self._freedom[key] = (found.freedom, found.joint)
+        return self._freedom[key]
+
+    def pitch_of(self, i: int) -> float | None:
+        """m a turn: what the script said of the part, else what a recognised thread says."""
+        if i in self.threads:
+            return self.threads[i]
+        self.start()
+        pitches = [e.candidate.pitch for e in self.mates.accepted.values() if i in e.candidate.bodies]
+        return next((abs(p) for p in pitches if p is not None), None)
+
+    def clearance(self, i: int, others: Sequence[int]) -> float:
+        """Least distance (m) of an object to some others; inf if there are none."""
+        self.start()
+        low, high = self._box(i)
+        boxes = [(j, *self._box(j)) for j in others]
+        apart = [(float(np.linalg.norm(np.maximum(0.0, np.maximum(lo - high, low - hi)))), j) for j, lo, hi in boxes]
+        best = np.inf
+        for bound, j in sorted(apart):
+            if bound >= best:
+                break
+            best = min(best, float(self.collision.clearance(i, j).distance))
+        return best
+
+    def _box(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """World box of an object: that of its own box's corners, so it is never too small."""
+        if i not in self._corners:
+            v = self.collision.mesh(i).vertices
+            self._corners[i] = np.array(list(product(*zip(v.min(0), v.max(0), strict=True))))
+        corners = self._corners[i] @ self.poses[i].rotation.T + self.poses[i].translation
+        return corners.min(0), corners.max(0)
+
+    def _least_clearance(self) -> float | None:
+        mates: dict[int, set[int]] = {}
+        for entry in self.mates.accepted.values():
+            a, b = entry.candidate.bodies
+            mates.setdefault(a, set()).add(b)
+            mates.setdefault(b, set()).add(a)
+        n = range(len(self.poses))
+        found = [
+            self.clearance(i, [j for j in n if j not in self._active and j not in mates.get(i, ())])
+            for i in sorted(self._active)
+        ]
+        least = min(found, default=np.inf)
+        return least if np.isfinite(least) else None
+
+    # ---- checkpoint
+
+    def state(self) -> dict[str, Any]:
+        """All that the next step depends on, as values that pickle."""
+        return {
+            "poses": [pin.SE3(p) for p in self.poses],
+            "mates": self.mates.state(),
+            "rows": self._rows,
+            "colliding": self._colliding,
+            "active": self._active,
+            "moved": self._moved,
+            "blocked": self._blocked,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go back to what `state` returned."""
+        self.start()
+        self._place(dict(enumerate(state["poses"])))
+        self.mates.restore(state["mates"])
+        self.motion.sync()
+        self._rows, self._colliding = state["rows"], state["colliding"]
+        self._active, self._moved, self._blocked = set(state["active"]), set(state["moved"]), state["blocked"]
+        self._told_at_start, self._remated, self._shown = [], set(), {}
+
+    def follow(self, result: Result) -> None:
+        """Take over a step that was computed before, so that questions about it are answered as they were then."""
+        self.start()
+        self._place({self.scene.index(name): pose for name, pose in result.poses.items()})
+        if result.mates is not None:
+            self.mates.restore(result.mates)
+            self.motion.sync()
+
+    def _place(self, poses: Mapping[int, pin.SE3]) -> None:
+        for i, pose in poses.items():
+            self.poses[i] = pose
+            self.collision.set_pose(i, pose)
+
+
+def _by_pair(rows: NDArray[np.int32]) -> dict[tuple[int, int], list[list[int]]]:
+    pairs: dict[tuple[int, int], list[list[int]]] = {}
+    for row in rows.tolist():
+        pairs.setdefault((row[0], row[2]), []).append(row)
+    return pairs

@@ -1,0 +1,559 @@
+"""`Session`: a scene, hands, and the loop that joins collision, constraints and physics step by step.
+
+One step: the hands' wishes -> contacts -> candidates and accepted constraints -> allowed motion -> what is free moves
+under its forces -> new poses -> observers. The numerics are in `vpframe.engine`; this file is what a script talks to.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time as clock
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from collision import Tolerance
+from vpframe.engine import Engine, Request, Result, Wish
+from vpframe.errors import TaskError, VpframeError
+from vpframe.events import EVENT_KINDS, ConstraintView, Event, Frame, Observer
+from vpframe.interaction.conditions import Condition
+from vpframe.interaction.hand import Hand, Outcome, as_pose
+from vpframe.interaction.reach import half_size
+from vpframe.rules import Rule, accept_all
+from vpframe.scene import Part, Scene
+
+if TYPE_CHECKING:
+    from vpframe.interaction.verbs import Verb
+
+
+class Session:
+    """One run of a task on a scene.
+
+    Parameters
+    ----------
+    scene: the parts; their poses are what the session moves.
+    viewer: None, "meshcat", or any `Observer`.
+    record: None, a `.rrd` file to write, or any `Observer`.
+    rule: who accepts candidate constraints (see `vpframe.rules`); by default all are accepted.
+    dt: s, length of a step.
+    tolerance: what counts as touching, parallel, fitting.
+    clearance: whether to measure the least clearance of what moves at every step (observers show it).
+    observers: more of them.
+    checkpoint: a file that keeps where the run is; `resume` goes on from it, `run` names what it depends on.
+
+    Use it as a context manager, or call `close()`: that ends recording and view.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        viewer: str | Observer | None = None,
+        record: str | Path | Observer | None = None,
+        *,
+        rule: Rule = accept_all,
+        dt: float = 1.0 / 60.0,
+        tolerance: Tolerance | None = None,
+        clearance: bool = False,
+        observers: Iterable[Observer] = (),
+        checkpoint: str | Path | None = None,
+        resume: bool = False,
+        run: Mapping[str, str] | None = None,
+    ) -> None:
+        if not (np.isfinite(dt) and dt > 0.0):
+            raise VpframeError(f"dt is {dt!r}; give a positive number of seconds")
+        if not len(scene):
+            raise VpframeError("the scene has no parts; load or add some before opening a session")
+        self.scene = scene
+        self.dt = float(dt)
+        self.tolerance = tolerance or Tolerance()
+        self.step_count = 0
+        self.engine = Engine(scene, self.tolerance, self.dt, rule, clearance)
+        self.observers: list[Observer] = [*_viewers(viewer), *_recorders(record), *observers]
+        self.failure = ""
+        """why the task failed; empty while it has not"""
+        self._events: list[Event] = []
+        self._news: list[Event] = []
+        self._listeners: list[Callable[[Event], None]] = []
+        self._requests: list[Request] = []
+        self._hands: dict[str, Hand] = {}
+        self._queues: dict[str, deque[Verb]] | None = None
+        self._frame: Frame | None = None
+        self._result: Result | None = None
+        self._sizes: dict[str, float] = {}
+        self._trails: dict[str, list[tuple[int, pin.SE3]]] = {}
+        self._observing = 0.0
+        self._begun = self._closed = self._stop = False
+        self._journal = self._open_journal(checkpoint, resume, run or {}) if checkpoint is not None else None
+
+    # ---- the loop
+
+    @property
+    def time(self) -> float:
+        """s since the session began."""
+        return self.step_count * self.dt
+
+    @property
+    def frame(self) -> Frame | None:
+        """The state after the last step; None before the first."""
+        return self._frame
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """All that has happened, in order."""
+        return tuple(self._events)
+
+    def step(self) -> Frame:
+        """One step of `dt` seconds: every hand goes on with its stroke, everything else follows.
+
+        Raises
+        ------
+        KeyboardInterrupt: `interrupt()` was called since the last step; the state is that of the last step.
+        """
+        if self._closed:
+            raise VpframeError("the session is closed; open a new one")
+        if self._stop:
+            raise KeyboardInterrupt
+        self._begin()
+        room = None if self._frame is None else self._frame.clearance
+        wishes = []
+        for hand in self._hands.values():
+            wanted = hand.desire(self.dt, hand.assist.rate(room))
+            if hand.held is not None:
+                wishes.append(Wish(hand.held, wanted, hand.carried, hand.assist.snap, hand.assist.snap_angle))
+        requests, self._requests = self._requests, []
+        result = self._advance(wishes, requests)
+        self.step_count += 1
+        self._take_in(result)
+        return self._publish(result)
+
+    def run(self, seconds: float) -> None:
+        """Let `seconds` pass."""
+        for _ in range(max(round(seconds / self.dt), 0)):
+            self.step()
+
+    def run_until(self, condition: Condition, limit: float = 60.0) -> bool:
+        """Step until the condition holds, for at most `limit` seconds; whether it did."""
+        for _ in range(round(limit / self.dt)):
+            if condition(self):
+                return True
+            self.step()
+        return condition(self)
+
+    def interrupt(self) -> None:
+        """End the run at the next step, with `KeyboardInterrupt` raised from it. Safe in a signal handler."""
+        self._stop = True
+
+    def perform(self, hand: Hand, verb: Verb) -> Outcome:
+        """Run a verb to its end (inside `together`: queue it, and say so in the outcome)."""
+        if self._queues is not None:
+            self._queues.setdefault(hand.name, deque()).append(verb)
+            return Outcome(True, "queued until the end of `together`", self.time)
+        return self._drive({hand.name: deque([verb])})[hand.name]
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Verbs of different hands inside it run at the same time; those of one hand still one after another."""
+        if self._queues is not None:
+            raise TaskError("session.together() inside another; close the first before")
+        self._queues = {}
+        try:
+            yield
+            queues = self._queues
+        finally:
+            self._queues = None
+        self._drive(queues)
+
+    def _drive(self, queues: dict[str, deque[Verb]]) -> dict[str, Outcome]:
+        outcomes: dict[str, Outcome] = {}
+        running: dict[str, Generator[Any, Outcome, Outcome]] = {}
+
+        def go_on(name: str, last: Outcome | None) -> None:
+            """Give a hand its next stroke, from the verb it is at or from the next one."""
+            hand = self._hands[name]
+            while name in running or queues[name]:
+                if name not in running:
+                    running[name], last = queues[name].popleft(), None
+                try:
+                    stroke = next(running[name]) if last is None else running[name].send(last)
+                except StopIteration as end:
+                    outcomes[name] = end.value
+                    del running[name]
+                    continue
+                hand.start(stroke)
+                return
+
+        try:
+            for name in queues:
+                go_on(name, None)
+            while running:
+                self.step()
+                for name in [n for n in queues if n in running]:
+                    ended = self._hands[name].judge()
+                    if ended is not None:
+                        go_on(name, ended)
+        finally:
+            for name in queues:
+                self._hands[name].stroke = None
+                self._hands[name].doing = ""
+        return outcomes
+
+    def _begin(self) -> None:
+        if self._begun:
+            return
+        self._begun = True
+        for name, part in self.scene.items():
+            self._trails[name] = [(0, pin.SE3(part.pose))]
+        for observer in list(self.observers):
+            self._guarded(observer, lambda o=observer: o.begin(self))  # type: ignore[misc]
+
+    def _advance(self, wishes: list[Wish], requests: list[Request]) -> Result:
+        journal = self._journal
+        if journal is None:
+            return self.engine.advance(wishes, requests)
+        digest = _digest(wishes, requests)
+        if journal.replaying:
+            result = journal.replay(digest)
+            self.engine.follow(result)
+            if not journal.replaying:
+                self.engine.restore(journal.restore())
+            return result
+        result = self.engine.advance(wishes, requests)
+        if journal.append(digest, result):
+            journal.save(self.engine.state())
+        return result
+
+    def _take_in(self, result: Result) -> None:
+        self._result = result
+        for name, pose in result.poses.items():
+            self.scene[name].pose = pose
+            self._trails[name].append((self.step_count, pose))
+        for hand in self._hands.values():
+            hand.blocked = hand.held is not None and hand.held in result.blocked
+        for kind, parts, surfaces, text, data in result.happenings:
+            self._happened(kind, parts, surfaces, text, data)
+
+    def _publish(self, result: Result) -> Frame:
+        news, self._news = tuple(self._news), []
+        began = clock.perf_counter()
+        self._frame = Frame(
+            step=self.step_count,
+            time=self.time,
+            poses={name: part.pose for name, part in self.scene.items()},
+            colliding=result.colliding,
+            constraints=result.constraints,
+            freedom=result.freedom,
+            joint=result.joint,
+            clearance=result.clearance,
+            timings={**result.timings, "observers": self._observing},
+            held=tuple(hand.held for hand in self._hands.values() if hand.held),
+            hands={hand.name: pin.SE3(hand.pose) for hand in self._hands.values()},
+            script="; ".join(hand.doing for hand in self._hands.values() if hand.doing),
+            events=news,
+        )
+        for observer in list(self.observers):
+            self._guarded(observer, lambda o=observer: o.frame(self._frame))  # type: ignore[misc]
+        self._observing = clock.perf_counter() - began
+        return self._frame
+
+    def _guarded(self, observer: Observer, call: Callable[[], Any]) -> None:
+        """An observer that fails is dropped, and said to be; the session goes on."""
+        try:
+            call()
+        except Exception as error:
+            if observer in self.observers:
+                self.observers.remove(observer)
+            name = type(observer).__name__
+            self._happened("note", (), (), f"{name} stopped watching: {type(error).__name__}: {error}", {})
+
+    # ---- hands
+
+    def hand(self, name: str = "hand", at: pin.SE3 | ArrayLike | None = None) -> Hand:
+        """The hand of that name; at first use it is made, at a world pose or position (over the scene by default)."""
+        if name not in self._hands:
+            here = pin.SE3(np.eye(3), self._above()) if at is None else as_pose(at, pin.SE3.Identity())
+            self._hands[name] = Hand(self, name, here)
+        elif at is not None:
+            raise TaskError(f"{name} exists already; move it with {name}.move_to")
+        return self._hands[name]
+
+    def holder(self, part: str) -> Hand | None:
+        """The hand that holds (or carries) a part."""
+        return next((h for h in self._hands.values() if h.held == part or part in h.carried), None)
+
+    def note_grab(self, hand: Hand) -> None:
+        """Called by a hand that has closed on a part."""
+        assert hand.held is not None
+        faces = ", ".join(map(str, hand.surfaces))
+        extra = f", carrying {', '.join(hand.carried)}" if hand.carried else ""
+        self._happened(
+            "grabbed", (hand.held,), (hand.surfaces,), f"{hand.name} holds {hand.held} by surfaces {faces}{extra}", {}
+        )
+
+    def note_release(self, hand: Hand) -> None:
+        """Called by a hand about to open."""
+        assert hand.held is not None
+        self._happened("released", (hand.held,), (), f"{hand.name} lets go of {hand.held}", {})
+
+    # ---- what is so
+
+    @property
+    def constraints(self) -> tuple[ConstraintView, ...]:
+        """Active constraints, as of the last step."""
+        return self._constraints("active")
+
+    @property
+    def candidates(self) -> tuple[ConstraintView, ...]:
+        """Candidates on offer as of the last step, best first."""
+        return self._constraints("candidate")
+
+    def _constraints(self, state: str) -> tuple[ConstraintView, ...]:
+        return () if self._result is None else tuple(c for c in self._result.constraints if c.state == state)
+
+    def constraints_of(self, part: str) -> tuple[ConstraintView, ...]:
+        """Active constraints on one part."""
+        self.scene[part]
+        return tuple(c for c in self.constraints if part in c.parts)
+
+    def touching(self, part: str) -> dict[str, tuple[int, ...]]:
+        """What the part touches, mated surfaces left out: by part name, the surfaces of that part."""
+        me = self.scene.index(part)
+        found: dict[str, set[int]] = {}
+        names = self.scene.names
+        for a, sa, b, sb in () if self._result is None else self._result.touching.tolist():
+            if me in (a, b):
+                other, surface = (b, sb) if a == me else (a, sa)
+                found.setdefault(names[other], set()).add(surface)
+        return {name: tuple(sorted(surfaces)) for name, surfaces in sorted(found.items())}
+
+    def freedom(self, part: str) -> int:
+        """Degrees of freedom left to a part by the active constraints (0 when it is fixed)."""
+        return self.engine.freedom(self.scene.index(part))[0]
+
+    def joint(self, part: str) -> str:
+        """The lower pair that the active constraints leave a part, by name ("free", "cylindrical", "revolute", …)."""
+        return self.engine.freedom(self.scene.index(part))[1]
+
+    def clearance(self, part: str, other: str | None = None) -> float:
+        """Least distance (m) of a part to another, or to all it is not constrained to; inf if there are none."""
+        i = self.scene.index(part)
+        if other is not None:
+            return self.engine.clearance(i, [self.scene.index(other)])
+        mates = {self.scene.index(name) for c in self.constraints_of(part) for name in c.parts}
+        carried = {
+            self.scene.index(n)
+            for h in self._hands.values()
+            if part in (h.held, *h.carried)
+            for n in (h.held, *h.carried)
+            if n
+        }
+        return self.engine.clearance(i, [j for j in range(len(self.scene)) if j not in mates | carried | {i}])
+
+    def clashes(self) -> NDArray[np.int32]:
+        """(k, 4) object, surface, object, surface that intersect now, mated surfaces and authorised pairs left out."""
+        return np.zeros((0, 4), np.int32) if self._result is None else self._result.colliding
+
+    def half_size(self, part: str) -> float:
+        """Half the diagonal of a part's bounding box, m."""
+        if part not in self._sizes:
+            self._sizes[part] = half_size(self.scene[part].mesh)
+        return self._sizes[part]
+
+    def pitch_of(self, part: str) -> float | None:
+        """m a turn, of the thread that holds a part: from a screw constraint or `thread`; None if neither tells."""
+        return self.engine.pitch_of(self.scene.index(part))
+
+    def trail(self, part: str) -> tuple[tuple[int, pin.SE3], ...]:
+        """(step, pose) whenever the part moved, from step 0 on."""
+        self._begin()
+        return tuple(self._trails[self.scene[part].name])
+
+    # ---- what the script decides
+
+    def accept(self, candidate: ConstraintView) -> None:
+        """Accept a candidate, from the next step on."""
+        self._requests.append(Request("accept", candidate.id))
+
+    def refuse(self, candidate: ConstraintView) -> None:
+        """Refuse a candidate; it is not offered again until the parts have parted."""
+        self._requests.append(Request("refuse", candidate.id))
+
+    def remove(self, constraint: ConstraintView) -> None:
+        """Drop an active constraint."""
+        self._requests.append(Request("remove", constraint.id))
+
+    def thread(self, part: str, pitch: float) -> None:
+        """Say that a part's shaft is threaded, right-handed, with that pitch (m a turn)."""
+        if not (np.isfinite(pitch) and pitch > 0.0):
+            raise TaskError(f"thread({part!r}, {pitch!r}): the pitch is a positive number of metres a turn")
+        self.engine.threads[self.scene.index(part)] = float(pitch)
+
+    def authorise(self, a: str, b: str) -> None:
+        """Let two parts overlap (a press fit, a seal): they neither clash nor block each other."""
+        self.engine.authorise(self.scene.index(a), self.scene.index(b))
+
+    # ---- what the task expects
+
+    def expect(self, condition: Condition | bool, reason: str = "") -> None:
+        """Fail the task unless the condition holds."""
+        holds = condition(self) if isinstance(condition, Condition) else bool(condition)
+        text = reason or str(condition)
+        self._happened("expectation", (), (), f"{'holds' if holds else 'FAILS'}: {text}", {"holds": holds})
+        if not holds:
+            raise TaskError(f"expected {text}")
+
+    def expect_constraint(self, kind: str, a: str, b: str) -> None:
+        """Expect an active constraint of that kind between two parts."""
+        have = [c.kind for c in self.constraints_of(a) if self.scene[b].name in c.parts]
+        found = ", ".join(have) or "none"
+        self.expect(kind in have, f"{kind} between {a} and {b} (there is: {found})")
+
+    def expect_freedom(self, part: str, n: int) -> None:
+        """Expect that a part has `n` degrees of freedom left."""
+        have = self.freedom(part)
+        self.expect(have == n, f"{n} degrees of freedom of {part} (it has {have}: {self.joint(part)})")
+
+    def expect_free(self, part: str) -> None:
+        """Expect that no constraint holds a part and that it touches nothing."""
+        held = ", ".join(c.kind for c in self.constraints_of(part))
+        touched = ", ".join(self.touching(part))
+        why = "; ".join([f"held by {held}"] * bool(held) + [f"touches {touched}"] * bool(touched))
+        self.expect(not why, f"{part} free" + (f" ({why})" if why else ""))
+
+    def expect_no_clash(self) -> None:
+        """Expect that no surfaces intersect but mated ones and authorised pairs."""
+        rows = self.clashes()
+        found = ""
+        if len(rows):
+            a, sa, b, sb = rows[0].tolist()
+            names = self.scene.names
+            found = f" ({len(rows)} surface pairs meet, first {names[a]} {sa} and {names[b]} {sb})"
+        self.expect(not found, f"no clash{found}")
+
+    def expect_at(self, part: str, pose: pin.SE3 | ArrayLike, within: float = 1e-3, angle: float = 0.02) -> None:
+        """Expect a part at a pose (or position), within metres and radians."""
+        body = self.scene[part]
+        off = as_pose(pose, body.pose).actInv(body.pose)
+        far, turned = float(np.linalg.norm(off.translation)), float(np.linalg.norm(pin.log3(off.rotation)))
+        text = (
+            f"{part} within {within * 1e3:g} mm of its place (it is {far * 1e3:.3f} mm, {np.degrees(turned):.2f}° off)"
+        )
+        self.expect(far <= within and turned <= angle, text)
+
+    # ---- what is told
+
+    def on_event(self, listener: Callable[[Event], None]) -> None:
+        """Call `listener` with every event as it happens."""
+        self._listeners.append(listener)
+
+    def note(self, text: str) -> None:
+        """Put a line of the script's own into events, recording and report."""
+        self._happened("note", (), (), text, {})
+
+    def fail(self, reason: str) -> None:
+        """Mark the task as failed; the report says why."""
+        self.failure = reason
+        if not self._closed:
+            self._happened("note", (), (), f"failed: {reason}", {})
+
+    def report(self, directory: str | Path) -> Path:
+        """Write the report folder (`report.json`, `index.html`, pictures); returns its path."""
+        from vpframe.visualization.report import write_report
+
+        return write_report(self, directory)
+
+    def close(self) -> None:
+        """End view and recording. Called once or more; nothing moves afterwards."""
+        if self._closed:
+            return
+        if self._news and self._frame is not None:  # what happened after the last step
+            last, self._news = replace(self._frame, events=tuple(self._news)), []
+            for observer in list(self.observers):
+                self._guarded(observer, lambda o=observer: o.frame(last))  # type: ignore[misc]
+        self._closed = True
+        if self._begun:
+            for observer in list(self.observers):
+                self._guarded(observer, observer.end)
+        if self._journal is not None:
+            self._journal.close()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def _happened(
+        self,
+        kind: str,
+        parts: tuple[str, ...],
+        surfaces: tuple[tuple[int, ...], ...],
+        text: str,
+        data: Mapping[str, Any],
+    ) -> None:
+        assert kind in EVENT_KINDS, kind
+        event = Event(self.step_count, self.time, kind, parts, surfaces, text, data)
+        self._events.append(event)
+        self._news.append(event)
+        for listener in self._listeners:
+            listener(event)
+
+    def _above(self) -> NDArray[np.float64]:
+        tops = []
+        for part in self.scene.parts:
+            v = part.mesh.vertices @ part.pose.rotation.T + part.pose.translation
+            tops.append(np.concatenate([v.min(0), v.max(0)]))
+        low, high = np.min(tops, axis=0)[:3], np.max(tops, axis=0)[3:]
+        middle = 0.5 * (low + high)
+        return np.array([middle[0], middle[1], high[2] + 0.2 * float(np.linalg.norm(high - low))])
+
+    def _open_journal(self, path: str | Path, resume: bool, run: Mapping[str, str]) -> Any:
+        from vpframe.checkpoint import Journal
+
+        model = hashlib.sha256()
+        for part in self.scene.parts:
+            model.update(part.name.encode())
+            for array in (part.mesh.vertices, part.mesh.triangles, part.pose.homogeneous):
+                model.update(np.ascontiguousarray(array).tobytes())
+        depends = {**run, "model": model.hexdigest(), "dt": repr(self.dt), "tolerance": repr(self.tolerance)}
+        return Journal(path, depends, resume)
+
+
+def _digest(wishes: Iterable[Wish], requests: Iterable[Request]) -> bytes:
+    digest = hashlib.blake2b(digest_size=16)
+    for wish in wishes:
+        digest.update(wish.key())
+    for request in requests:
+        digest.update(repr(request).encode())
+    return digest.digest()
+
+
+def _viewers(viewer: str | Observer | None) -> list[Observer]:
+    if viewer is None:
+        return []
+    if isinstance(viewer, str):
+        if viewer != "meshcat":
+            raise VpframeError(f'viewer={viewer!r}; give None, "meshcat" or an observer')
+        from vpframe.visualization.meshcat_viewer import MeshcatViewer
+
+        return [MeshcatViewer()]
+    return [viewer]
+
+
+def _recorders(record: str | Path | Observer | None) -> list[Observer]:
+    if record is None:
+        return []
+    if isinstance(record, str | Path):
+        from vpframe.visualization.recorder import RerunRecorder
+
+        return [RerunRecorder(str(record))]
+    return [record]
+
+
+__all__ = ["Part", "Session"]
