@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from vpframe.scene import Scene
@@ -53,6 +55,11 @@ def look_at(
     return Camera(target + 4.0 * radius * d, target, np.asarray(up, dtype=np.float64), radius)
 
 
-def frame_scene(scene: Scene, direction: ArrayLike = DIRECTION, fill: float = 1.0) -> Camera:
-    """The camera that sees all parts at their present poses."""
-    return look_at(*bounds(scene), direction=direction, fill=fill)
+def frame_scene(
+    scene: Scene,
+    poses: Mapping[str, pin.SE3] | None = None,
+    direction: ArrayLike = DIRECTION,
+    fill: float = 1.0,
+) -> Camera:
+    """The camera that sees all parts, at `poses` where named and at their own otherwise."""
+    return look_at(*bounds(scene, poses), direction=direction, fill=fill)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from vpframe.scene import Scene, Shape
@@ -117,11 +119,15 @@ def _lines(
     return point[kept].astype(np.float32)
 
 
-def bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower and upper corner (3,) in metres of all parts at their present poses; a unit box around an empty scene."""
+def bounds(scene: Scene, poses: Mapping[str, pin.SE3] | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper corner (3,) in metres of all parts, at `poses` where named and at their own otherwise.
+
+    A unit box for a scene without parts.
+    """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for part in scene.parts:
-        v = part.mesh.vertices @ part.pose.rotation.T + part.pose.translation
+        pose = (poses or {}).get(part.name, part.pose)
+        v = part.mesh.vertices @ pose.rotation.T + pose.translation
         low, high = np.minimum(low, v.min(axis=0)), np.maximum(high, v.max(axis=0))
     if not np.isfinite(low).all():
         return np.full(3, -0.5), np.full(3, 0.5)

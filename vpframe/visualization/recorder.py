@@ -239,14 +239,14 @@ def _strips(values: list[Symbol | None]) -> Any:
     strips = rr.LineStrips3D.columns(strips=[strip for symbol in drawn for strip in symbol.strips])
     style = rr.LineStrips3D.columns(
         colors=_colors([symbol.color for symbol in drawn]),
-        radii=[rr.Radius.ui_points(0.5 * symbol.width) for symbol in drawn],
+        radii=_ui_radii([0.5 * symbol.width for symbol in drawn]),
     )
     return [*strips.partition([len(symbol.strips) if symbol else 0 for symbol in values]), *style.partition(each)]
 
 
 def _segments(values: list[NDArray[np.float64]]) -> Any:
     colors = _colors([palette.TRAIL] * len(values))
-    return rr.LineStrips3D.columns(strips=values, colors=colors, radii=[rr.Radius.ui_points(1.0)] * len(values))
+    return rr.LineStrips3D.columns(strips=values, colors=colors, radii=_ui_radii([1.0] * len(values)))
 
 
 def _texts(values: list[tuple[str, str]]) -> Any:
@@ -285,6 +285,11 @@ def _describe(event: Event) -> str:
 def _rgba(color: palette.Color) -> int:
     r, g, b = (round(255 * min(max(c, 0.0), 1.0)) for c in color)
     return (r << 24) | (g << 16) | (b << 8) | 0xFF
+
+
+def _ui_radii(points: list[float]) -> NDArray[np.float32]:
+    """Radii that do not shrink with distance, in points of the screen: rerun keeps them as negative numbers."""
+    return -np.array(points, dtype=np.float32)
 
 
 def _colors(colors: list[palette.Color]) -> NDArray[np.uint32]:

@@ -140,7 +140,7 @@ def frame_at(origin: ArrayLike, direction: ArrayLike) -> pin.SE3:
     return pin.SE3(np.column_stack([x, np.cross(z, x), z]), np.array(origin, dtype=np.float64))
 
 
-def circle(axis: ArrayLike, radius: float, turn: float = 2 * np.pi) -> Points:
+def circle(axis: Points, radius: float, turn: float = 2 * np.pi) -> Points:
     """(n, 3) points of a circle about the origin, or of its first `turn` radians."""
     u = perpendicular(axis)
     v = np.cross(axis, u)

@@ -1,0 +1,72 @@
+"""What a person asks of a running session from a page: play, pause, step, accept, refuse."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+ACTIONS = ("play", "pause", "step", "accept", "refuse")
+
+
+@dataclass(frozen=True)
+class Request:
+    """One wish of a person; `id` is the constraint's for accept and refuse."""
+
+    action: str
+    id: int | None = None
+
+    @classmethod
+    def read(cls, message: Any) -> Request | None:
+        """The request in a decoded message, or None if it is not one (a page is not trusted)."""
+        if not isinstance(message, dict) or message.get("action") not in ACTIONS:
+            return None
+        identity = message.get("id")
+        if message["action"] in ("accept", "refuse"):
+            if isinstance(identity, bool) or not isinstance(identity, int):
+                return None
+            return cls(message["action"], identity)
+        return cls(message["action"])
+
+
+class Controls:
+    """Requests pass from the page's thread to the session's through here."""
+
+    def __init__(self) -> None:
+        self._change = threading.Condition()
+        self._paused = False
+        self._steps = 0
+        self._requests: list[Request] = []
+
+    @property
+    def paused(self) -> bool:
+        """Whether the session is asked to wait."""
+        return self._paused
+
+    def put(self, request: Request) -> None:
+        """Take a request in (any thread)."""
+        with self._change:
+            if request.action == "play":
+                self._paused, self._steps = False, 0
+            elif request.action == "pause":
+                self._paused = True
+            elif request.action == "step":
+                self._paused, self._steps = True, self._steps + 1
+            else:
+                self._requests.append(request)
+            self._change.notify_all()
+
+    def take(self) -> tuple[Request, ...]:
+        """The accept and refuse requests since the last call, in order: what the session does before its next step."""
+        with self._change:
+            taken, self._requests = tuple(self._requests), []
+        return taken
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Hold the caller while paused; each "step" lets one call through. False when `timeout` (s) ran out."""
+        with self._change:
+            if not self._change.wait_for(lambda: not self._paused or self._steps > 0, timeout):
+                return False
+            if self._paused:
+                self._steps -= 1
+            return True

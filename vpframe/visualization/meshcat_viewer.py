@@ -1,0 +1,170 @@
+"""`MeshcatViewer`: a session live in the browser, on meshcat's viewer, and as a page without a server."""
+
+from __future__ import annotations
+
+import json
+import threading
+import webbrowser
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pinocchio as pin
+
+from vpframe.errors import VpframeError
+from vpframe.events import Event, Frame
+from vpframe.scene import Scene
+from vpframe.visualization.controls import Controls
+from vpframe.visualization.history import History
+from vpframe.visualization.page import html
+from vpframe.visualization.wire import Encoder, Message, event_message
+
+if TYPE_CHECKING:
+    from vpframe.session import Session
+    from vpframe.visualization.server import Server
+
+Cursor = tuple[int, int]
+"""how many strips and how many events a page has seen"""
+
+
+class MeshcatViewer:
+    """An observer that shows a session in the browser.
+
+    Parameters
+    ----------
+    open_browser: open the page in the user's browser when the session begins.
+    host, port: where to listen; only this machine can reach the page unless `host` says otherwise. Port 0: any free one.
+    frames: how many frames `static_html` can play back; a longer run is thinned evenly.
+
+    `frame` costs the session's loop a few microseconds: drawing happens in another thread, from the latest frame only.
+    It waits in one case, when a person pressed "Pause". `controls` carries what they accepted and refused.
+    """
+
+    def __init__(self, open_browser: bool = False, host: str = "127.0.0.1", port: int = 0, frames: int = 1200) -> None:
+        self.controls = Controls()
+        self._open_browser = open_browser
+        self._address = (host, port)
+        self._history = History(frames)
+        self._lock = threading.Lock()
+        self._server: Server | None = None
+        self._scene: Scene | None = None
+
+    @property
+    def url(self) -> str:
+        """Where the page is, once the session has begun."""
+        if self._server is None:
+            raise VpframeError("the viewer has no address before the session begins")
+        return self._server.url
+
+    @property
+    def clients(self) -> int:
+        """How many pages are looking."""
+        return self._server.clients if self._server else 0
+
+    def begin(self, session: Session) -> None:
+        """Start to serve."""
+        self.show(session.scene)
+
+    def show(self, scene: Scene) -> None:
+        """Start to serve a scene as it stands."""
+        from vpframe.visualization.server import Server
+
+        self._scene = scene
+        self._encoder = Encoder(scene)
+        self._opening = _json(self._encoder.begin())
+        self._strips: list[str] = []
+        self._encoded: tuple[int, str] | None = None
+        self._server = Server(html(), self._open, self._latest, self.controls, *self._address)
+        if self._open_browser:
+            webbrowser.open(self._server.url, new=2)
+
+    def frame(self, frame: Frame) -> None:
+        """Show this frame when a page is ready for it; wait here only while a person holds the session."""
+        with self._lock:
+            self._history.add(frame)
+        if self._server is not None:
+            self._server.notify()
+        if self.controls.paused:
+            self.controls.wait()
+
+    def end(self) -> None:
+        """Show the last frame and stop to serve."""
+        if self._server is not None:
+            self._server.close()
+
+    def static_html(self, path: str | Path) -> Path:
+        """Write one file that shows and plays back what was shown so far, without a server or any outside part."""
+        if self._scene is None:
+            raise VpframeError("there is nothing to write before the session begins")
+        with self._lock:
+            frames = list(self._history)
+        return write_page(self._scene, frames, path, self._encoder.start)
+
+    def _open(self) -> tuple[list[str], Cursor]:
+        """What a page needs first (in the server's thread)."""
+        messages, cursor = self._latest((0, max(len(self._history.events) - 100, 0)))
+        return [self._opening, *messages], cursor
+
+    def _latest(self, cursor: Cursor) -> tuple[list[str], Cursor]:
+        """What a page that has seen `cursor` does not know yet (in the server's thread)."""
+        with self._lock:
+            frame, count, events = self._history.last, len(self._history), self._history.events_since(cursor[1])
+        if frame is None:
+            return [], cursor
+        if self._encoded is None or self._encoded[0] != count:
+            fresh, message = self._encoder.frame(frame)
+            self._strips.extend(_json(strips) for strips in fresh)
+            self._encoded = (count, _json(message))
+        messages = [*self._strips[cursor[0] :], self._encoded[1]]
+        if events:
+            messages.append(_json({"type": "events", "events": [event_message(event) for event in events]}))
+        return messages, (len(self._strips), cursor[1] + len(events))
+
+
+def write_page(
+    scene: Scene,
+    frames: Iterable[tuple[Frame, tuple[Event, ...]]],
+    path: str | Path,
+    start: Mapping[str, pin.SE3] | None = None,
+) -> Path:
+    """Write one self-contained file that shows a scene and plays `frames`, each with the events since the one before.
+
+    `start`: poses before the first frame, where they are not the scene's present ones.
+    """
+    encoder = Encoder(scene, start)
+    messages = [encoder.begin()]
+    for frame, events in frames:
+        fresh, message = encoder.frame(frame, events)
+        messages += [*fresh, message]
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(html(messages), encoding="utf-8")
+    return path
+
+
+def view(
+    scene: Scene,
+    static: str | Path | None = None,
+    wait: bool = True,
+    host: str = "127.0.0.1",
+    open_browser: bool = True,
+) -> str:
+    """Look at a scene in the browser, or write it as one file when `static` names one. Returns where it is.
+
+    `wait`: stay until Ctrl-C; without it the page is served as long as the program runs.
+    """
+    if static is not None:
+        return str(write_page(scene, (), static))
+    viewer = MeshcatViewer(open_browser=open_browser, host=host)
+    viewer.show(scene)
+    print(f"{viewer.url}  (Ctrl-C ends)" if wait else viewer.url, flush=True)
+    if wait:
+        try:
+            threading.Event().wait()
+        except KeyboardInterrupt:
+            viewer.end()
+    return viewer.url
+
+
+def _json(message: Message) -> str:
+    return json.dumps(message, separators=(",", ":"))

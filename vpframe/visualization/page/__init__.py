@@ -1,0 +1,38 @@
+"""The page that shows a session: meshcat's viewer in a frame of panels, live or as one file without outside parts."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from vpframe.errors import VpframeError
+
+HERE = Path(__file__).parent
+
+
+def meshcat_script() -> str:
+    """The JavaScript bundle of the meshcat package, which is found without importing it (that would import IPython).
+
+    Raises VpframeError if meshcat is not installed.
+    """
+    spec = importlib.util.find_spec("meshcat")
+    if spec is None or spec.origin is None:
+        raise VpframeError("the viewer needs the package meshcat; install it with: pip install meshcat")
+    return (Path(spec.origin).parent / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
+
+
+def html(messages: Iterable[dict[str, Any]] | None = None) -> str:
+    """The page. With `messages` (scene, strips, frames) it shows them; without, it asks the server it came from."""
+    page = (HERE / "page.html").read_text(encoding="utf-8")
+    embedded = "null" if messages is None else json.dumps(list(messages), separators=(",", ":"))
+    for mark, content in (
+        ("/*STYLE*/", (HERE / "page.css").read_text(encoding="utf-8")),
+        ("/*MESHCAT*/", meshcat_script().replace("</script", "<\\/script")),
+        ("null/*EMBEDDED*/", embedded.replace("</", "<\\/")),
+        ("/*PAGE*/", (HERE / "page.js").read_text(encoding="utf-8")),
+    ):
+        page = page.replace(mark, content, 1)
+    return page

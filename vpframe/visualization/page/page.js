@@ -1,0 +1,409 @@
+"use strict";
+// The page around meshcat's viewer: it draws the scene it is told of, shows the state of the session, and sends back
+// what a person asks for. Live it listens on a web socket; as a file it plays the frames that are embedded in it.
+const THREE = MeshCat.THREE;
+const $ = (id) => document.getElementById(id);
+const viewer = new MeshCat.Viewer($("pane"));
+viewer.gui.domElement.classList.add("meshcat-gui");
+viewer.renderer.localClippingEnabled = true;
+const plane = new THREE.Plane(new THREE.Vector3(1, 0, 0), 0);
+const world = {
+  info: null, parts: [], shapes: [], strips: new Map(), symbols: new Map(), red: new Map(), trail: new Map(), last: null,
+};
+let socket = null;
+
+const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+const floats = (text) => new Float32Array(bytes(text));
+const clip = () => ($("section-axis").value ? [plane] : null);
+
+function element(tag, className, text) {
+  const made = document.createElement(tag);
+  if (className) made.className = className;
+  if (text !== undefined) made.textContent = text;
+  return made;
+}
+
+// ---- the scene -----------------------------------------------------------------------------------------------------
+
+function showScene(info) {
+  world.info = info;
+  document.title = $("title").textContent = info.title.split("/").pop();
+  const hex = (text) => { const c = new THREE.Color(text); return [c.r, c.g, c.b]; };
+  viewer.set_property(["Background"], "top_color", hex(info.colors.background[0]));
+  viewer.set_property(["Background"], "bottom_color", hex(info.colors.background[1]));
+  for (const name of ["Grid", "Axes"]) viewer.set_property([name], "visible", false);
+  for (const name of ["PointLightNegativeX", "PointLightPositiveX", "SpotLight"])
+    viewer.set_property(["Lights", name], "visible", false);
+  viewer.set_property(["Lights", "AmbientLight", "<object>"], "intensity", 0.55);
+  viewer.set_property(["Lights", "FillLight", "<object>"], "intensity", 0.12);
+  world.shapes = info.shapes.map((shape) => ({
+    positions: new THREE.BufferAttribute(floats(shape.positions), 3),
+    normals: new THREE.BufferAttribute(floats(shape.normals), 3),
+    index: new THREE.BufferAttribute(new Uint32Array(bytes(shape.triangles)), 1),
+    lines: new THREE.BufferAttribute(floats(shape.lines), 3),
+    start: shape.vertex_start,
+  }));
+  world.parts = info.parts.map(addPart);
+  frameCamera();
+  const choice = $("opacity-part");
+  choice.append(new Option("all parts", ""), ...world.parts.map((part, i) => new Option(part.name, i)));
+  viewer.set_dirty();
+}
+
+function addPart(info) {
+  const shape = world.shapes[info.shape];
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", shape.positions);
+  geometry.setAttribute("normal", shape.normals);
+  geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(3 * shape.positions.count), 3));
+  geometry.setIndex(shape.index);
+  const color = new THREE.Color(info.color);
+  const face = new THREE.MeshPhongMaterial({
+    vertexColors: true, shininess: 40, specular: 0x1c1c1c, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
+  });
+  // seen from within, a closed part is seen at its cut: one flat, darker colour fills it
+  const cut = new THREE.MeshBasicMaterial({ color: color.clone().multiplyScalar(0.62), side: THREE.BackSide });
+  const edge = new THREE.LineBasicMaterial({ color: world.info.colors.edge });
+  const lines = new THREE.BufferGeometry();
+  lines.setAttribute("position", shape.lines);
+  const group = new THREE.Group();
+  const solid = new THREE.Mesh(geometry, face);
+  const inside = new THREE.Mesh(geometry, cut);
+  const drawn = new THREE.LineSegments(lines, edge);
+  group.add(solid, inside, drawn);
+  const path = ["parts", info.name.replaceAll("/", "›")];
+  viewer.set_object(path, group);
+  viewer.set_transform(path, info.pose);
+  const part = { ...info, path, geometry, color, start: shape.start, materials: [face, cut, edge], lines: drawn, group };
+  for (let surface = 0; surface + 1 < part.start.length; surface++) paint(part, surface, color);
+  return part;
+}
+
+function paint(part, surface, color) {
+  const values = part.geometry.attributes.color;
+  for (let v = part.start[surface]; v < part.start[surface + 1]; v++) values.setXYZ(v, color.r, color.g, color.b);
+  values.needsUpdate = true;
+}
+
+function frameCamera() {
+  const { eye, target, radius } = world.info.camera;
+  const up = (p) => new THREE.Vector3(p[0], p[2], -p[1]); // meshcat's camera lives in a frame whose y is up
+  const camera = new THREE.PerspectiveCamera(30, 1, 0.02 * radius, 60 * radius);
+  camera.position.copy(up(target)).add(up(eye).sub(up(target)).setLength(4.1 * radius));
+  viewer.set_object(["Cameras", "default", "rotated"], camera);
+  viewer.set_camera(camera);
+  viewer.controls.target.copy(up(target));
+  viewer.controls.update();
+  const lamp = new THREE.DirectionalLight(0xffffff, 0.5); // it goes with the camera, from above its left shoulder
+  lamp.position.set(-0.35 * radius, 0.9 * radius, 0.4 * radius);
+  lamp.target.position.set(0, 0, -4 * radius);
+  camera.add(lamp, lamp.target);
+  viewer.set_3d_pane_size();
+}
+
+// ---- a frame -------------------------------------------------------------------------------------------------------
+
+function showFrame(frame) {
+  world.last = frame;
+  const poses = floats(frame.poses);
+  frame.moved.forEach((index, i) => viewer.set_transform(world.parts[index].path, poses.subarray(16 * i, 16 * i + 16)));
+  showCollisions(frame.colliding);
+  showSymbols(frame.symbols);
+  extendTrail(frame);
+  $("time").textContent = `${frame.time.toFixed(3)} s`;
+  $("step").textContent = `step ${frame.step}`;
+  $("script").textContent = frame.script;
+  showHeld(frame);
+  showClashes(frame.colliding);
+  showConstraints(frame.constraints);
+  viewer.set_dirty();
+}
+
+function showCollisions(rows) {
+  const now = new Map();
+  for (const [a, s, b, t] of rows) { now.set(`${a}:${s}`, [a, s]); now.set(`${b}:${t}`, [b, t]); }
+  const red = new THREE.Color(world.info.colors.colliding);
+  for (const [key, [part, surface]] of now) if (!world.red.has(key)) paint(world.parts[part], surface, red);
+  for (const [key, [part, surface]] of world.red)
+    if (!now.has(key)) paint(world.parts[part], surface, world.parts[part].color);
+  world.red = now;
+}
+
+function tube(points, radius) {
+  const rods = [], up = new THREE.Vector3(0, 1, 0), one = new THREE.Vector3(1, 1, 1);
+  for (let i = 0; i + 1 < points.length; i++) {
+    const along = points[i + 1].clone().sub(points[i]), length = along.length();
+    if (length === 0) continue;
+    const rod = new THREE.CylinderGeometry(radius, radius, length, 6, 1, false).translate(0, length / 2, 0);
+    const turn = new THREE.Quaternion().setFromUnitVectors(up, along.divideScalar(length));
+    rods.push(rod.applyMatrix4(new THREE.Matrix4().compose(points[i], turn, one)));
+  }
+  return rods;
+}
+
+function merge(geometries) {
+  const positions = [];
+  for (const g of geometries) {
+    const flat = g.index ? g.toNonIndexed() : g;
+    positions.push(flat.attributes.position.array);
+  }
+  const all = new Float32Array(positions.reduce((n, p) => n + p.length, 0));
+  let at = 0;
+  for (const p of positions) { all.set(p, at); at += p.length; }
+  const merged = new THREE.BufferGeometry();
+  merged.setAttribute("position", new THREE.BufferAttribute(all, 3));
+  return merged;
+}
+
+function points(text) {
+  const values = floats(text), list = [];
+  for (let i = 0; i < values.length; i += 3) list.push(new THREE.Vector3(values[i], values[i + 1], values[i + 2]));
+  return list;
+}
+
+function keepStrips(message) {
+  const radius = 0.0011 * world.info.camera.radius * message.width;
+  world.strips.set(message.number, merge(message.strips.flatMap((strip) => tube(points(strip), radius))));
+}
+
+// a line is drawn in full where it is seen, and faintly through what hides it
+function lineObject(geometry, color) {
+  const group = new THREE.Group();
+  const front = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ color }));
+  const hidden = new THREE.Mesh(
+    geometry, new THREE.MeshBasicMaterial({ color, transparent: true, opacity: 0.35, depthTest: false, depthWrite: false }));
+  hidden.renderOrder = 1;
+  front.renderOrder = 2;
+  group.add(front, hidden);
+  return group;
+}
+
+function showSymbols(list) {
+  const shown = $("symbols").checked ? list : [];
+  const names = new Set(shown.map((symbol) => symbol.name));
+  for (const symbol of shown) {
+    const key = `${symbol.strips} ${symbol.color}`;
+    const path = ["symbols", symbol.name];
+    if (world.symbols.get(symbol.name) !== key) {
+      viewer.set_object(path, lineObject(world.strips.get(symbol.strips), symbol.color));
+      world.symbols.set(symbol.name, key);
+    }
+    viewer.set_transform(path, symbol.pose);
+  }
+  for (const name of [...world.symbols.keys()].filter((name) => !names.has(name))) {
+    viewer.delete_path(["symbols", name]);
+    world.symbols.delete(name);
+  }
+}
+
+function extendTrail(frame) {
+  for (const [name, place] of Object.entries(frame.hands)) {
+    const trail = world.trail.get(name) ?? [];
+    const last = trail[trail.length - 1];
+    const here = new THREE.Vector3(...place);
+    if (!last || last.distanceTo(here) > 0.004 * world.info.camera.radius) trail.push(here);
+    if (trail.length > 4000) trail.splice(0, 1000);
+    world.trail.set(name, trail);
+    drawTrail(name);
+  }
+}
+
+function drawTrail(name) {
+  const trail = world.trail.get(name);
+  const geometry = new THREE.BufferGeometry().setFromPoints($("trail").checked ? trail : []);
+  viewer.set_object(["trail", name], new THREE.Line(
+    geometry, new THREE.LineBasicMaterial({ color: world.info.colors.trail })));
+}
+
+// ---- the panels ----------------------------------------------------------------------------------------------------
+
+const partName = (index) => world.parts[index].name;
+
+function showHeld(frame) {
+  const rows = Object.entries(frame.freedom).map(([name, [freedom, joint]]) => {
+    const row = element("div", "row");
+    row.append(element("span", "what", name + (frame.held.includes(name) ? " (in hand)" : "")),
+      element("span", "dim", `${joint} · ${freedom}`));
+    return row;
+  });
+  if (frame.clearance !== null) {
+    const row = element("div", "row");
+    row.append(element("span", "what", "clearance"), element("span", "dim", `${(1e3 * frame.clearance).toFixed(3)} mm`));
+    rows.push(row);
+  }
+  $("held").replaceChildren(...(rows.length ? rows : [element("span", "empty", "nothing")]));
+}
+
+function showClashes(rows) {
+  $("clash-count").textContent = rows.length;
+  $("clashes").replaceChildren(...rows.slice(0, 200).map(([a, s, b, t]) => {
+    const row = element("div", "row");
+    const dot = element("span", "dot");
+    dot.style.background = world.info.colors.colliding;
+    const what = element("span", "what", `${partName(a)} [${s}] – ${partName(b)} [${t}]`);
+    what.title = `${world.parts[a].surfaces[s]} – ${world.parts[b].surfaces[t]}`;
+    row.append(dot, what);
+    return row;
+  }));
+}
+
+function showConstraints(list) {
+  $("constraint-count").textContent = list.length;
+  const signature = JSON.stringify(list.map((c) => [c.id, c.state]));
+  if ($("constraints").dataset.signature === signature) return; // buttons must not be replaced under the pointer
+  $("constraints").dataset.signature = signature;
+  $("constraints").replaceChildren(...list.map((c) => {
+    const row = element("div", "row");
+    const dot = element("span", "dot");
+    dot.style.background = world.info.colors.state[c.state];
+    const what = element("span", "what", `${c.kind}: ${c.parts[0]} – ${c.parts[1]}`);
+    what.title = `${c.state}, off by ${c.residual.toExponential(2)} m. ${c.why}`;
+    row.append(dot, what);
+    if (socket) {
+      if (c.state !== "active") row.append(button("Accept", { action: "accept", id: c.id }));
+      if (c.state !== "refused") row.append(button("Refuse", { action: "refuse", id: c.id }));
+    } else row.append(element("span", "dim", c.state));
+    return row;
+  }));
+}
+
+function button(text, message) {
+  const made = element("button", "", text);
+  made.onclick = () => { made.disabled = true; send(message); };
+  return made;
+}
+
+function addEvent(event) {
+  const line = element("div", event.kind);
+  line.append(element("span", "at", `${event.time.toFixed(3)} s`), element("span", "kind", event.kind),
+    document.createTextNode(event.text));
+  $("events").append(line);
+  while ($("events").childElementCount > 300) $("events").firstChild.remove();
+  $("events").parentElement.scrollTop = 1e9;
+}
+
+// ---- what a person does --------------------------------------------------------------------------------------------
+
+function send(message) {
+  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+function setOpacity(part, value) {
+  for (const material of part.materials) {
+    const before = material.transparent;
+    material.transparent = value < 1;
+    material.opacity = value;
+    material.depthWrite = value === 1;
+    if (before !== material.transparent) material.needsUpdate = true;
+  }
+  part.group.visible = value > 0;
+}
+
+function applySection() {
+  const axis = $("section-axis").value;
+  if (axis) {
+    const { target, radius } = world.info.camera;
+    const i = "xyz".indexOf(axis), sign = plane.flipped ? -1 : 1;
+    const place = target[i] + Number($("section").value) * radius;
+    const normal = [0, 0, 0];
+    normal[i] = -sign; // what the plane's normal points away from is cut
+    plane.normal.set(normal[0], normal[2], -normal[1]); // clipping is in three's world, whose y is up
+    plane.constant = sign * place;
+  }
+  for (const part of world.parts)
+    for (const material of part.materials) { material.clippingPlanes = clip(); material.needsUpdate = true; }
+  viewer.set_dirty();
+}
+
+$("play").onclick = () => send({ action: "play" });
+$("pause").onclick = () => send({ action: "pause" });
+$("one").onclick = () => send({ action: "step" });
+$("home").onclick = () => { frameCamera(); viewer.set_dirty(); };
+$("opacity").oninput = () => {
+  const choice = $("opacity-part").value;
+  for (const part of choice === "" ? world.parts : [world.parts[choice]]) setOpacity(part, Number($("opacity").value));
+  viewer.set_dirty();
+};
+$("opacity-part").onchange = () => {
+  const choice = $("opacity-part").value;
+  $("opacity").value = choice === "" ? 1 : world.parts[choice].materials[0].opacity;
+};
+$("section-axis").onchange = $("section").oninput = applySection;
+$("section-flip").onclick = () => { plane.flipped = !plane.flipped; applySection(); };
+$("edges").onchange = () => {
+  for (const part of world.parts) part.lines.visible = $("edges").checked;
+  viewer.set_dirty();
+};
+$("symbols").onchange = () => { if (world.last) showSymbols(world.last.symbols); viewer.set_dirty(); };
+$("trail").onchange = () => { for (const name of world.trail.keys()) drawTrail(name); viewer.set_dirty(); };
+
+// ---- live, or from the file ----------------------------------------------------------------------------------------
+
+function receive(message) {
+  if (message.type === "scene") showScene(message);
+  else if (message.type === "strips") keepStrips(message);
+  else if (message.type === "frame") showFrame(message);
+  else if (message.type === "events") message.events.forEach(addEvent);
+}
+
+function live() {
+  $("scrub").hidden = true;
+  socket = new WebSocket(`ws://${location.host}/socket`);
+  socket.onmessage = (event) => {
+    receive(JSON.parse(event.data));
+    socket.send('{"action": "drawn"}');
+  };
+  socket.onclose = () => {
+    $("status").textContent = "session ended";
+    for (const made of document.querySelectorAll("#transport button, #constraints button")) made.disabled = true;
+  };
+}
+
+function replay(messages) {
+  $("pause").hidden = $("one").hidden = true;
+  const frames = [];
+  for (const message of messages) if (message.type === "frame") frames.push(message); else receive(message);
+  if (frames.length < 2) $("transport").hidden = true;
+  if (!frames.length) return;
+  $("scrub").max = frames.length - 1;
+  const show = (index) => {
+    world.trail.clear();
+    $("events").replaceChildren();
+    const past = frames.slice(0, index + 1).flatMap((frame) => frame.events);
+    for (const event of past.slice(-60)) addEvent(event);
+    for (const frame of frames.slice(0, index)) for (const [name, place] of Object.entries(frame.hands)) {
+      const trail = world.trail.get(name) ?? [];
+      trail.push(new THREE.Vector3(...place));
+      world.trail.set(name, trail);
+    }
+    const moved = new Set(frames[index].moved);
+    world.parts.forEach((part, i) => { if (!moved.has(i)) viewer.set_transform(part.path, part.pose); });
+    showFrame(frames[index]);
+  };
+  $("scrub").oninput = () => { playing = false; $("play").textContent = "Play"; show(Number($("scrub").value)); };
+  let playing = false, origin = 0;
+  const tick = () => {
+    if (!playing) return;
+    const now = performance.now() / 1e3 - origin;
+    let index = Number($("scrub").value);
+    while (index + 1 < frames.length && frames[index + 1].time <= now) index++;
+    $("scrub").value = index;
+    show(index);
+    if (index + 1 < frames.length) requestAnimationFrame(tick);
+    else { playing = false; $("play").textContent = "Play"; }
+  };
+  $("play").onclick = () => {
+    playing = !playing;
+    $("play").textContent = playing ? "Pause" : "Play";
+    if (!playing) return;
+    if (Number($("scrub").value) + 1 >= frames.length) $("scrub").value = 0;
+    origin = performance.now() / 1e3 - frames[Number($("scrub").value)].time;
+    requestAnimationFrame(tick);
+  };
+  const wanted = new URLSearchParams(location.search).get("step");
+  const first = wanted === null ? frames.length - 1 : frames.findIndex((frame) => frame.step >= Number(wanted));
+  $("scrub").value = Math.max(first, 0);
+  show(Number($("scrub").value));
+}
+
+if (EMBEDDED) replay(EMBEDDED); else live();

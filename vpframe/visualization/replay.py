@@ -1,0 +1,118 @@
+"""Opening a recording again: in rerun's viewer, or as the events it holds."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from vpframe.errors import LoadError
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a recording's log: an event, or where the script stood ("script")."""
+
+    step: int
+    time: float
+    """s"""
+    kind: str
+    text: str
+
+
+def replay(path: str | Path, script: bool = False) -> int:
+    """Open a recording in rerun's viewer, or print its events and the script's lines when `script` is asked for.
+
+    Without a screen the viewer is served to the browser, on this machine only. Returns an exit code.
+
+    Raises LoadError when the file is missing or is not a recording.
+    """
+    path = Path(path)
+    if script:
+        for line in lines(path):
+            print(f"{line.time:10.3f} s  step {line.step:6d}  {line.kind:11s} {line.text}")
+        return 0
+    _check(path)
+    return subprocess.run(command(path), env={**os.environ, "RERUN_ANALYTICS": "0"}, check=False).returncode
+
+
+def command(path: Path) -> list[str]:
+    """How rerun is started: its window where there is a screen, otherwise its server, bound to loopback either way."""
+    beside = Path(sys.executable).with_name("rerun")
+    program = str(beside) if beside.exists() else (shutil.which("rerun") or "rerun")
+    screen = sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    where = ["--port", "auto"] if screen else ["--serve-web", "--web-viewer-port", "0"]
+    return [program, "--bind", "127.0.0.1", *where, str(path)]
+
+
+def lines(path: str | Path) -> list[Line]:
+    """Events and the script's lines of a recording, in order. A recording that was cut off gives what it has."""
+    found: list[Line] = []
+    order = {"events": 0, "script": 1}
+    for entity, rows in tables(path, tuple(order)):
+        for row in rows:
+            if "TextLog:text" in row:
+                kind, _, text = row["TextLog:text"][0].partition(": ")
+                found.append(Line(row["step"], row["time"], kind, text))
+            elif row.get("TextDocument:text"):
+                found.append(Line(row["step"], row["time"], entity, row["TextDocument:text"][0]))
+    return sorted(found, key=lambda line: (line.step, line.kind != "script"))
+
+
+def tables(path: str | Path, entities: tuple[str, ...] | None = None) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    """Rows of each chunk of a recording, in the file's order: entity path (without the first slash) and dictionaries.
+
+    A row has "step" and "time" (s) unless it is static, and its components by name ("Scalars:scalars", …).
+    `entities` keeps only those named.
+
+    Raises LoadError when the file is missing or is not a recording.
+    """
+    path = Path(path)
+    _check(path)
+    from rerun.chunk import RrdReader
+
+    try:
+        stream = iter(RrdReader(path).stream())
+    except Exception as error:
+        raise LoadError(f"{path}: rerun cannot read it: {_first_line(error)}", str(path)) from None
+    while True:
+        try:
+            chunk = next(stream)
+        except StopIteration:
+            return
+        except Exception:  # the end of a recording that was cut off
+            return
+        entity = str(chunk.entity_path).lstrip("/")
+        if entities is None or entity in entities:
+            yield entity, _rows(chunk.to_record_batch())
+
+
+def _rows(batch: Any) -> list[dict[str, Any]]:
+    names, columns = [], []
+    for name, column in zip(batch.schema.names, batch.columns, strict=True):
+        if name == "time":
+            columns.append([ns * 1e-9 for ns in column.cast("int64").to_pylist()])
+        else:
+            columns.append(column.to_pylist())
+        names.append(name)
+    rows = [dict(zip(names, values, strict=True)) for values in zip(*columns, strict=True)]
+    return [{name: value for name, value in row.items() if value is not None} for row in rows]
+
+
+def _check(path: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            start = file.read(4)
+    except OSError as error:
+        raise LoadError(f"{path}: cannot be read: {error.strerror}", str(path)) from None
+    if start[:3] != b"RRF":
+        raise LoadError(f"{path}: not a rerun recording; give a file that --record wrote", str(path))
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
