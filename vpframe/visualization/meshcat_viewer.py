@@ -33,7 +33,7 @@ class MeshcatViewer:
     Parameters
     ----------
     open_browser: open the page in the user's browser when the session begins.
-    host, port: where to listen; only this machine can reach the page unless `host` says otherwise. Port 0: any free one.
+    host, port: where to listen; only this machine can reach the page unless `host` says otherwise. Port 0 is any free.
     frames: how many frames `static_html` can play back; a longer run is thinned evenly.
 
     `frame` costs the session's loop a few microseconds: drawing happens in another thread, from the latest frame only.

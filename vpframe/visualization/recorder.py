@@ -33,6 +33,9 @@ FLUSH_STEPS = 240
 FLUSH_SECONDS = 1.0
 """the buffered steps go to the file when there are this many, or this long after the last time"""
 
+GONE = "removed"
+"""the state of a constraint that is no longer listed"""
+
 EVENT_LEVEL = {"collided": "WARN", "blocked": "WARN", "refused": "WARN", "expectation": "ERROR", "note": "DEBUG"}
 EVENT_COLOR = {
     "collided": palette.COLLIDING,
@@ -69,7 +72,7 @@ class RerunRecorder:
         self._red: set[tuple[int, int]] = set()
         self._symbols: dict[str, tuple[object, ...]] = {}
         self._placed: dict[str, pin.SE3] = {}
-        self._state: dict[str, str | None] = {}
+        self._state: dict[str, str] = {}
         self._script = ""
         self._plotted: set[str] = set()
         self._hand: dict[str, NDArray[np.float64]] = {}
@@ -90,8 +93,8 @@ class RerunRecorder:
         for view in frame.constraints:
             self._set_state(_lane(view), view.state)
         listed = {_lane(view) for view in frame.constraints}
-        for lane in [lane for lane, state in self._state.items() if state and lane not in listed]:
-            self._set_state(lane, None)
+        for lane in [lane for lane, state in self._state.items() if state != GONE and lane not in listed]:
+            self._set_state(lane, GONE)
         for event in frame.events:
             rows.add("events", "text", (event.kind, event.text or _describe(event)))
         if frame.script != self._script:
@@ -175,14 +178,16 @@ class RerunRecorder:
                 self._rows.add(_path("trail", name), "segment", np.array([self._hand[name], place]))
             self._hand[name] = place
 
-    def _set_state(self, lane: str, state: str | None) -> None:
-        """Keep a constraint's state; None when it is no longer there."""
+    def _set_state(self, lane: str, state: str) -> None:
+        """Keep a constraint's state; GONE is drawn as a gap."""
         path = f"constraints/{lane}"
         if lane not in self._state and self._stream is not None:
-            values = list(palette.STATE)
-            style = rr.StateConfiguration(values=values, labels=values, colors=_colors(list(palette.STATE.values())))
+            values = [*palette.STATE, GONE]
+            colors = _colors([*palette.STATE.values(), palette.REFUSED])
+            visible = [value != GONE for value in values]
+            style = rr.StateConfiguration(values=values, labels=values, colors=colors, visible=visible)
             self._stream.log(path, style, static=True)
-        if self._state.get(lane, "") != state:
+        if self._state.get(lane) != state:
             self._state[lane] = state
             self._rows.add(path, "state", state)
 

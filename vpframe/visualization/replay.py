@@ -6,6 +6,8 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,20 +78,37 @@ def tables(path: str | Path, entities: tuple[str, ...] | None = None) -> Iterato
     _check(path)
     from rerun.chunk import RrdReader
 
-    try:
-        stream = iter(RrdReader(path).stream())
-    except Exception as error:
-        raise LoadError(f"{path}: rerun cannot read it: {_first_line(error)}", str(path)) from None
-    while True:
+    with tempfile.TemporaryDirectory(prefix="vpframe-") as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that a recording which was cut off has no index at its end
         try:
-            chunk = next(stream)
-        except StopIteration:
-            return
-        except Exception:  # the end of a recording that was cut off
-            return
-        entity = str(chunk.entity_path).lstrip("/")
-        if entities is None or entity in entities:
-            yield entity, _rows(chunk.to_record_batch())
+            for chunk in RrdReader(_whole(path, Path(folder))).stream():
+                entity = str(chunk.entity_path).lstrip("/")
+                if entities is None or entity in entities:
+                    yield entity, _rows(chunk.to_record_batch())
+        except (RuntimeError, ValueError, OSError) as error:
+            raise LoadError(f"{path}: rerun cannot read it: {_first_line(error)}", str(path)) from None
+
+
+def _whole(path: Path, folder: Path) -> Path:
+    """The recording itself, or a copy without the message it breaks off in, which rerun's reader does not forgive.
+
+    The format (RRF2): 12 bytes of header, then messages of 16 bytes, whose last 8 say how many bytes follow.
+    """
+    size = path.stat().st_size
+    end = 12
+    with path.open("rb") as file:
+        while end + 16 <= size:
+            file.seek(end + 8)
+            after = end + 16 + int.from_bytes(file.read(8), "little")
+            if after > size:
+                break
+            end = after
+    if end == size or end <= 12:
+        return path
+    copy = folder / path.name
+    shutil.copyfile(path, copy)
+    os.truncate(copy, end)
+    return copy
 
 
 def _rows(batch: Any) -> list[dict[str, Any]]:
