@@ -1,0 +1,135 @@
+"""Slow and obviously right: meshes for tests, and the distance of triangles by numpy over all features."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision import SurfaceMesh
+
+Array = NDArray[np.float64]
+
+
+def box(x: float, y: float, z: float, cells: int = 1, name: str = "box") -> SurfaceMesh:
+    """A box centred at the origin; surfaces 0 … 5 face -x, +x, -y, +y, -z, +z; `cells`² squares a face."""
+    half = np.array([x, y, z]) / 2
+    corners, surface = [], []
+    s = np.linspace(-1.0, 1.0, cells + 1)
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            e, f = ((axis + 1) % 3, (axis + 2) % 3) if sign > 0 else ((axis + 2) % 3, (axis + 1) % 3)
+            for i in range(cells):
+                for j in range(cells):
+                    square = np.full((4, 3), sign)
+                    square[:, e] = s[[i, i + 1, i + 1, i]]
+                    square[:, f] = s[[j, j, j + 1, j + 1]]
+                    corners += [square[[0, 1, 2]], square[[0, 2, 3]]]
+                    surface += [2 * axis + (sign > 0)] * 2
+    return welded(np.array(corners) * half, np.array(surface), name)
+
+
+def welded(corners: Array, surface: NDArray[np.int_], name: str) -> SurfaceMesh:
+    """A mesh from (m, 3, 3) corners, corners of equal coordinates made one vertex."""
+    vertices, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    return SurfaceMesh(vertices, index.reshape(-1, 3), surface, name=name)
+
+
+def turned(profile: list[tuple[float, float]], sectors: int, name: str = "turned") -> SurfaceMesh:
+    """The surface of revolution of (z, r) corners about z, one surface a segment; outside on the left of the walk."""
+    angle = 2 * np.pi * np.arange(sectors) / sectors
+    rings = [np.stack([r * np.cos(angle), r * np.sin(angle), np.full(sectors, z)], axis=1) for z, r in profile]
+    corners, surface = [], []
+    for k, (lower, upper) in enumerate(itertools.pairwise(rings)):
+        for i in range(sectors):
+            j = (i + 1) % sectors
+            for triangle in ((lower[i], lower[j], upper[j]), (lower[i], upper[j], upper[i])):
+                if len(np.unique(triangle, axis=0)) == 3:
+                    corners.append(np.array(triangle))
+                    surface.append(k)
+    return welded(np.round(corners, 12), np.array(surface), name)
+
+
+def sphere(radius: float, sectors: int = 24) -> SurfaceMesh:
+    """A sphere as one surface, its poles on the z axis; all vertices on the true sphere."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, sectors // 2 + 1)
+    mesh = turned(
+        [(radius * np.sin(a), abs(radius * np.cos(a)) if abs(np.cos(a)) > 1e-9 else 0.0) for a in angle], sectors
+    )
+    return SurfaceMesh(mesh.vertices, mesh.triangles, np.zeros(mesh.n_triangles, int), name="sphere")
+
+
+def random_soup(rng: np.random.Generator, triangles: int, surfaces: int) -> SurfaceMesh:
+    """Unconnected random triangles dealt out to surfaces."""
+    corners = rng.normal(size=(triangles, 1, 3)) + 0.3 * rng.normal(size=(triangles, 3, 3))
+    surface = np.arange(triangles) % surfaces
+    return SurfaceMesh(corners.reshape(-1, 3), np.arange(3 * triangles).reshape(-1, 3), surface, name="soup")
+
+
+def _point_segment(p: Array, a: Array, b: Array) -> Array:
+    u = b - a
+    length = (u * u).sum(axis=-1)
+    s = np.clip(((p - a) * u).sum(axis=-1) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+    return np.linalg.norm(p - a - s[..., None] * u, axis=-1)
+
+
+def _point_triangle(p: Array, t: Array) -> Array:
+    a, b, c = t[..., 0, :], t[..., 1, :], t[..., 2, :]
+    out = np.minimum(np.minimum(_point_segment(p, a, b), _point_segment(p, b, c)), _point_segment(p, c, a))
+    u, v, w = b - a, c - a, p - a
+    uu, uv, vv = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
+    n = np.cross(u, v)
+    nn = (n * n).sum(-1)
+    wu, wv = (w * u).sum(-1), (w * v).sum(-1)
+    safe = np.where(nn > 0, nn, 1.0)
+    s, q = (vv * wu - uv * wv) / safe, (uu * wv - uv * wu) / safe
+    inside = (nn > 0) & (s >= 0) & (q >= 0) & (s + q <= 1)
+    height = np.abs((n * w).sum(-1)) / np.sqrt(safe)
+    return np.where(inside, np.minimum(out, height), out)
+
+
+def _segment_segment(p: Array, q: Array, a: Array, b: Array) -> Array:
+    out = np.minimum(
+        np.minimum(_point_segment(p, a, b), _point_segment(q, a, b)),
+        np.minimum(_point_segment(a, p, q), _point_segment(b, p, q)),
+    )
+    u, v, w = q - p, b - a, a - p
+    n = np.cross(u, v)
+    nn = (n * n).sum(-1)
+    safe = np.where(nn > 0, nn, 1.0)
+    s, t = (np.cross(w, v) * n).sum(-1) / safe, (np.cross(w, u) * n).sum(-1) / safe
+    inside = (nn > 0) & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
+    apart = np.linalg.norm(p + s[..., None] * u - a - t[..., None] * v, axis=-1)
+    return np.where(inside, np.minimum(out, apart), out)
+
+
+def _crosses(p: Array, q: Array, t: Array) -> NDArray[np.bool_]:
+    a, b, c = t[..., 0, :], t[..., 1, :], t[..., 2, :]
+    n = np.cross(b - a, c - a)
+    hp, hq = (n * (p - a)).sum(-1), (n * (q - a)).sum(-1)
+    span = hp - hq
+    f = p + (hp / np.where(span != 0, span, 1.0))[..., None] * (q - p)
+    inside = np.ones(hp.shape, bool)
+    for e, g in ((a, b), (b, c), (c, a)):
+        inside &= (np.cross(g - e, f - e) * n).sum(-1) >= 0
+    return (span != 0) & (hp * hq <= 0) & inside & ((n * n).sum(-1) > 0)
+
+
+def triangle_distances(a: Array, b: Array, crossing: bool = True) -> Array:
+    """(n, m) distances of triangles a (n, 3, 3) and b (m, 3, 3); `crossing`: 0 where an edge pierces the other."""
+    ta, tb = a[:, None], b[None]
+    shape = np.broadcast_shapes(ta.shape, tb.shape)
+    ta, tb = np.broadcast_to(ta, shape), np.broadcast_to(tb, shape)
+    out = np.full(shape[:2], np.inf)
+    for i in range(3):
+        out = np.minimum(out, _point_triangle(ta[:, :, i], tb))
+        out = np.minimum(out, _point_triangle(tb[:, :, i], ta))
+        for j in range(3):
+            segments = ta[:, :, i], ta[:, :, (i + 1) % 3], tb[:, :, j], tb[:, :, (j + 1) % 3]
+            out = np.minimum(out, _segment_segment(*segments))
+    if crossing:
+        for i in range(3):
+            out[_crosses(ta[:, :, i], ta[:, :, (i + 1) % 3], tb)] = 0.0
+            out[_crosses(tb[:, :, i], tb[:, :, (i + 1) % 3], ta)] = 0.0
+    return out
