@@ -1,7 +1,7 @@
 """`System`: the constraints of one connected component as flat arrays, with the elimination order of its parts.
 
-Each body is referred to the centroid of its own features, and its rotations are measured in metres at its features'
-extent; rows in radians are weighed by the smaller extent of the two bodies. Rank decisions and "nearest" then mean the
+Each body is referred to the centroid of its own features, and its rotations are measured in metres at the features'
+diameter; rows in radians are weighed by the smaller one of the two bodies. Rank decisions and "nearest" then mean the
 same for a part of 0.1 mm and one of 1 km, and do not depend on where a file put a part's origin.
 """
 
@@ -72,7 +72,7 @@ class System:
     center: Array
     """(n, 3) of each body, its frame"""
     extent: Array
-    """(n,) m, of each body's features about its centre"""
+    """(n,) m, diameter of each body's features about its centre"""
     slot: Ints
     """(n,) body -> slot, or -1 where fixed"""
     elimination: Elimination
@@ -180,10 +180,10 @@ def build(constraints: Sequence[Constraint], members: tuple[int, ...], movable: 
     place = {b: i for i, b in enumerate(ids)}
     packed = [c.compiled for c in chosen]
     element = np.concatenate([p.element for p in packed])
-    pairs = [[place[c.bodies[0]], place[c.bodies[1]]] for c, p in zip(chosen, packed, strict=True) for _ in p.code]
+    pairs = [[place[c.bodies[s]] for s in sides] for c, p in zip(chosen, packed, strict=True) for sides in p.side]
     body = np.array(pairs, dtype=np.int64)
     center, extent = _extents(
-        len(ids), body, element, [c.size for c, p in zip(chosen, packed, strict=True) for _ in p.code]
+        len(ids), body, element, [c.reach for c, p in zip(chosen, packed, strict=True) for _ in p.code]
     )
     element[:, 0:3] -= center[body[:, 0]]
     element[:, 12:15] -= center[body[:, 1]]
@@ -225,16 +225,16 @@ def build(constraints: Sequence[Constraint], members: tuple[int, ...], movable: 
     )
 
 
-def _extents(n: int, body: Ints, element: Array, size: Sequence[float]) -> tuple[Array, Array]:
-    """Centre (n, 3) of each body's features and the greatest reach (n,) of a feature from it, m."""
+def _extents(n: int, body: Ints, element: Array, radius: Sequence[float]) -> tuple[Array, Array]:
+    """Centre (n, 3) of each body's features and the diameter (n,) that they span about it, m."""
     index = np.concatenate([body[:, 0], body[:, 1]])
     points = np.concatenate([element[:, 0:3], element[:, 12:15]])
     center = np.zeros((n, 3))
     np.add.at(center, index, points)
     center /= np.bincount(index, minlength=n)[:, None]
-    reach = np.linalg.norm(points - center[index], axis=1) + np.concatenate([size, size])
+    reach = np.linalg.norm(points - center[index], axis=1) + np.concatenate([radius, radius])
     extent = np.zeros(n)
-    np.maximum.at(extent, index, reach)
+    np.maximum.at(extent, index, 2.0 * reach)
     return center, extent
 
 

@@ -9,43 +9,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from constraints import jacobians
 from constraints.errors import GeometryError
-from constraints.geometry import Geometry, perpendicular
-
-Array = NDArray[np.float64]
-
-
-def element(point: ArrayLike, direction: ArrayLike | None = None, reference: ArrayLike | None = None) -> Array:
-    """A point and an orthonormal frame (E1, E2, D) by rows, (12,): what an equation needs of one body.
-
-    `direction` is D; `reference`, where given, lies on the E1 side of it.
-    """
-    d = np.array([0.0, 0.0, 1.0]) if direction is None else np.asarray(direction, dtype=np.float64)
-    d = d / np.linalg.norm(d)
-    e1 = perpendicular(d) if reference is None else np.asarray(reference, dtype=np.float64)
-    e1 = e1 - (e1 @ d) * d
-    length = float(np.linalg.norm(e1))
-    if length < 1e-9:
-        raise GeometryError("reference is along the axis; give a direction at an angle to it", "reference")
-    e1 = e1 / length
-    return np.concatenate([np.asarray(point, dtype=np.float64), e1, np.cross(d, e1), d])
-
-
-@dataclass(frozen=True, eq=False)
-class Equation:
-    """One equation of `constraints.jacobians` between two elements; `limits` bound equations of one row."""
-
-    code: int
-    a: Array
-    """(12,) element on body a"""
-    b: Array
-    """(12,) element on body b"""
-    limits: tuple[float, float] = (0.0, 0.0)
-    extra: tuple[float, float] = (0.0, 0.0)
-    """the equation's own numbers (a radius, a sense); for couplings `limits` and `extra` are its four"""
+from constraints.geometry import Geometry
+from constraints.kinds.equations import Array, Equation
 
 
 @dataclass(frozen=True)
@@ -64,12 +33,11 @@ class Symbol:
 class Constraint(ABC):
     """What a feature of body a and a feature of body b mean to each other. A frozen value; compare by identity.
 
-    Subclasses state `kind`, `freedom` and `equations()`, and add their parameters as fields.
+    Subclasses state `kind` and `equations()`, and add their parameters as fields. No kind states an equation twice:
+    rows are independent in general position, and `freedom` is what they leave.
     """
 
     kind: ClassVar[str]
-    freedom: ClassVar[int]
-    """degrees of freedom it leaves between its two bodies, in general position"""
     symbol: ClassVar[str] = "axis"
 
     bodies: tuple[int, int]
@@ -93,7 +61,7 @@ class Constraint(ABC):
     def equations(self) -> tuple[Equation, ...]:
         """The equations that hold when the constraint does."""
 
-    def _feature(self, body: int, *types: type[Geometry]) -> Any:
+    def feature(self, body: int, *types: type[Geometry]) -> Any:
         """The feature of a (0) or b (1), of one of `types`, else GeometryError."""
         feature = self.features[body]
         if not isinstance(feature, types):
@@ -111,13 +79,24 @@ class Constraint(ABC):
 
     @property
     def rows(self) -> int:
-        """Number of equations' rows (their rank may be less: `6 - freedom`)."""
+        """Number of rows of `residual`."""
         return self.compiled.rows
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom it leaves between its two bodies, in general position; limits take none."""
+        return 6 - sum(e.rows for e in self.equations() if e.holds)
 
     @property
     def angular(self) -> NDArray[np.bool_]:
         """(rows,) True where the row is in radians, False where in metres."""
         return self.compiled.angular
+
+    @property
+    def reach(self) -> float:
+        """m, `size` or the radius of the features, whichever is more: how far a turn of 1 rad carries them."""
+        radii = (getattr(f, name, 0.0) for f in self.features for name in ("radius", "major"))
+        return max(self.size, *radii)
 
     def residual(self, pose_a: pin.SE3, pose_b: pin.SE3) -> Array:
         """How far from true it is at these poses: (rows,), metres and radians (see `angular`)."""
@@ -129,15 +108,13 @@ class Constraint(ABC):
         return ja, jb
 
     def drawing(self, pose_a: pin.SE3) -> Symbol:
-        """Where and how to draw it, from body a's pose."""
+        """Where and how to draw it: at body a's element of the first equation."""
         x = self.compiled.element[0]
+        x = x[12:] if self.compiled.side[0, 0] else x[:12]
         return Symbol(self.symbol, pose_a.act(x[0:3]), pose_a.rotation @ x[9:12], self.size)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(bodies={self.bodies}, surfaces={self.surfaces})"
-
-
-_PAIR = np.array([[0, 1]], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +122,8 @@ class Compiled:
     """Equations as flat arrays: see `constraints.jacobians.evaluate`."""
 
     code: NDArray[np.int64]
+    side: NDArray[np.int64]
+    """(e, 2) which of the two bodies carries element a, and which element b"""
     element: Array
     param: Array
     start: NDArray[np.int64]
@@ -154,12 +133,13 @@ class Compiled:
     @classmethod
     def of(cls, equations: tuple[Equation, ...]) -> Compiled:
         """Pack equations."""
-        counts = [jacobians.ROWS[e.code] for e in equations]
-        angular = [jacobians.ANGULAR[e.code] for e in equations for _ in range(jacobians.ROWS[e.code])]
+        counts = [e.rows for e in equations]
+        angular = [jacobians.ANGULAR[e.code] for e in equations for _ in range(e.rows)]
         return cls(
             np.array([e.code for e in equations], dtype=np.int64),
+            np.array([(1, 0) if e.swapped else (0, 1) for e in equations], dtype=np.int64),
             np.array([np.concatenate([e.a, e.b]) for e in equations]),
-            np.array([(*e.limits, *e.extra) for e in equations], dtype=np.float64),
+            np.array([(*e.params, 0.0, 0.0, 0.0, 0.0)[:4] for e in equations]),
             np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64),
             sum(counts),
             np.array(angular, dtype=bool),
@@ -170,8 +150,10 @@ class Compiled:
         rotation = np.stack([pose_a.rotation, pose_b.rotation])
         translation = np.stack([pose_a.translation, pose_b.translation])
         r = np.empty(self.rows)
-        ja = np.empty((self.rows, 6))
-        jb = np.empty((self.rows, 6))
-        body = np.repeat(_PAIR, len(self.code), axis=0)
-        jacobians.evaluate(self.code, body, self.element, self.param, self.start, rotation, translation, r, ja, jb)
-        return r, ja, jb
+        first = np.empty((self.rows, 6))
+        second = np.empty((self.rows, 6))
+        jacobians.evaluate(
+            self.code, self.side, self.element, self.param, self.start, rotation, translation, r, first, second
+        )
+        swapped = np.repeat(self.side[:, 0] == 1, np.diff(np.append(self.start, self.rows)))[:, None]
+        return r, np.where(swapped, second, first), np.where(swapped, first, second)

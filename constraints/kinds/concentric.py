@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from constraints.jacobians import ALIGNED, ON_LINE
-from constraints.kinds.base import Constraint, Equation, element
+from constraints.kinds.base import Constraint
 from constraints.kinds.elements import axis_of
+from constraints.kinds.equations import Equation, aligned, on_line
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,10 +18,9 @@ class Concentric(Constraint):
     """
 
     kind: ClassVar[str] = "concentric"
-    freedom: ClassVar[int] = 2
 
     sense: int = 0
 
     def equations(self) -> tuple[Equation, ...]:
-        a, b = (element(*axis_of(self, body)) for body in (0, 1))
-        return (Equation(ALIGNED, a, b, (float(self.sense), 0.0)), Equation(ON_LINE, a, b))
+        a, b = axis_of(self, 0), axis_of(self, 1)
+        return aligned(a, b, self.sense), on_line(a, b)

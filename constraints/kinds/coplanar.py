@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from constraints.geometry import Plane
-from constraints.jacobians import ALIGNED, ON_PLANE
-from constraints.kinds.base import Constraint, Equation, element
+from constraints.kinds.base import Constraint
+from constraints.kinds.elements import plane_of
+from constraints.kinds.equations import Equation, aligned, on_plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,10 +15,8 @@ class Coplanar(Constraint):
     """Planes that coincide with normals to the same side: two faces flush."""
 
     kind: ClassVar[str] = "coplanar"
-    freedom: ClassVar[int] = 3
     symbol: ClassVar[str] = "plane"
 
     def equations(self) -> tuple[Equation, ...]:
-        a, b = self._feature(0, Plane), self._feature(1, Plane)
-        ea, eb = element(a.origin, a.normal), element(b.origin, b.normal)
-        return (Equation(ALIGNED, ea, eb, (1.0, 0.0)), Equation(ON_PLANE, ea, eb))
+        a, b = plane_of(self, 0), plane_of(self, 1)
+        return aligned(a, b, 1), on_plane(a, b)

@@ -5,7 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from constraints.geometry import Cone, Cylinder, Geometry, Torus, Vector, _direction, _positive, _vector
+from constraints.errors import GeometryError
+from constraints.geometry import (
+    Cone,
+    Cylinder,
+    Geometry,
+    Plane,
+    Sphere,
+    Torus,
+    Vector,
+    _direction,
+    _positive,
+    _vector,
+)
+from constraints.kinds.equations import Array, element
 
 if TYPE_CHECKING:
     from constraints.kinds.base import Constraint
@@ -47,11 +60,31 @@ class Circle(Geometry):
         object.__setattr__(self, "radius", _positive(self.radius, "radius"))
 
 
-def axis_of(constraint: Constraint, body: int) -> tuple[Vector, Vector]:
-    """A point on the axis and the axis' direction of the feature of a (0) or b (1)."""
-    feature = constraint._feature(body, Cylinder, Cone, Torus, Circle, Line)
-    if isinstance(feature, (Cylinder, Line)):
-        return feature.origin, feature.axis
-    if isinstance(feature, Cone):
-        return feature.apex, feature.axis
-    return feature.center, feature.axis
+def axis_of(constraint: Constraint, body: int) -> Array:
+    """Element on the axis of the feature of body a (0) or b (1)."""
+    feature = constraint.feature(body, Cylinder, Cone, Torus, Circle, Line)
+    return element(_origin(feature), feature.axis)
+
+
+def plane_of(constraint: Constraint, body: int) -> Array:
+    """Element in the plane of the feature, D its normal."""
+    plane = constraint.feature(body, Plane)
+    return element(plane.origin, plane.normal)
+
+
+def point_of(constraint: Constraint, body: int) -> Array:
+    """Element at the centre of the feature."""
+    return element(constraint.feature(body, Sphere, Point).center)
+
+
+def direction_of(constraint: Constraint, body: int) -> Array:
+    """Element along the feature's normal or axis."""
+    feature = constraint.feature(body, Plane, Cylinder, Cone, Torus, Circle, Line)
+    return element(_origin(feature), feature.normal if isinstance(feature, Plane) else feature.axis)
+
+
+def _origin(feature: Geometry) -> Vector:
+    for name in ("origin", "apex", "center"):
+        if hasattr(feature, name):
+            return getattr(feature, name)
+    raise GeometryError(f"a {feature.kind} has no place", "features")
