@@ -52,6 +52,7 @@ def task(session: Session) -> None:
     hand.grab("shaft")
     # a hand is not exact: 0.15 mm beside the axis, a quarter of a degree off
     tilted = pin.exp3(np.radians([0.25, 0.0, 0.0]))
+    hand.move_by((0.0, 0.0, 0.060))
     hand.move_to(pin.SE3(tilted, seat + np.array([0.00015, 0.0, 0.060])), duration=1.5)
     hand.slide("down", until=constraint("concentric", other="housing"))
     session.expect_freedom("shaft", 2)
@@ -67,8 +68,9 @@ def task(session: Session) -> None:
     session.expect_freedom("shaft", 2)
     hand.pull(along="axis", until="free")
     session.expect_freedom("shaft", 6)
-    hand.move_by((0.0, 0.0, 0.010))
-    hand.move_to(home, duration=1.5)
+    hand.move_by((0.0, 0.0, 0.020))
+    hand.move_to(home * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.060])), duration=1.5)
+    hand.move_to(home)
     hand.release()
 
 

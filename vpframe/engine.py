@@ -66,8 +66,8 @@ class Result:
     freedom: Mapping[str, int]
     joint: Mapping[str, str]
     clearance: float | None
-    blocked: frozenset[str]
-    """held parts that could not follow"""
+    blocked: Mapping[str, str]
+    """held parts that solid bodies kept from following, and what stood in the way"""
     happenings: tuple[Happening, ...]
     mates: Mapping[str, Any] | None = None
     """state of the constraint manager, if it changed"""
@@ -95,7 +95,7 @@ class Engine:
         """parts that a hand holds or carries"""
         self._moved: set[int] = set()
         """parts that ever moved or were held"""
-        self._blocked: frozenset[str] = frozenset()
+        self._blocked: dict[str, str] = {}
         self._rows: NDArray[Any] = np.zeros(0, CONTACT_DTYPE)
         self._colliding = NO_PAIRS
         self._freedom: dict[tuple[int, tuple[int, ...]], tuple[int, str]] = {}
@@ -178,7 +178,7 @@ class Engine:
             freedom={self.names[i]: self.freedom(i)[0] for i in sorted(self._moved)},
             joint={self.names[i]: self.freedom(i)[1] for i in sorted(self._moved)},
             clearance=self._least_clearance() if self.measure_clearance else None,
-            blocked=self._blocked,
+            blocked=dict(self._blocked),
             happenings=tuple(happenings),
             mates=self.mates.state() if mated else None,
             timings=clocks,
@@ -205,7 +205,7 @@ class Engine:
         self, wanted: dict[int, pin.SE3], wishes: Sequence[Wish], clocks: dict[str, float]
     ) -> tuple[Happening, ...]:
         if not wanted:
-            self._blocked = frozenset()
+            self._blocked = {}
             return ()
         began = clock.perf_counter()
         result = self.motion.step(wanted, self.poses, wanted)
@@ -213,26 +213,29 @@ class Engine:
             if pose != self.poses[i]:
                 self.poses[i] = pose
         clocks["motion"] += clock.perf_counter() - began
-        before, self._blocked = self._blocked, frozenset(w.part for w in wishes) if result.blocked else frozenset()
-        return tuple(self._stopped(name, result.contacts) for name in sorted(self._blocked - before))
+        before, self._blocked = self._blocked, {}
+        happenings: list[Happening] = []
+        if result.blocked:
+            for name in sorted(wish.part for wish in wishes):
+                by = self._in_the_way(self.scene.index(name), result.contacts)
+                others = [self.names[i] for i in by]
+                text = ", ".join(f"{self.names[i]} (surfaces {', '.join(map(str, s))})" for i, s in by.items())
+                self._blocked[name] = text or "the parts it is held to"
+                if name not in before:
+                    told = f"{name} is stopped by {self._blocked[name]}"
+                    happenings.append(("blocked", (name, *others), ((), *by.values()), told, {}))
+        return tuple(happenings)
 
-    def _stopped(self, name: str, rows: NDArray[Any]) -> Happening:
-        me = self.scene.index(name)
+    @staticmethod
+    def _in_the_way(me: int, rows: NDArray[Any]) -> dict[int, tuple[int, ...]]:
+        """Surfaces of each other object in rows about `me`."""
         by: dict[int, set[int]] = {}
         for row in rows:
             a, b = int(row["object_a"]), int(row["object_b"])
             if me in (a, b):
                 other, surface = (b, row["surface_b"]) if a == me else (a, row["surface_a"])
                 by.setdefault(other, set()).add(int(surface))
-        others = sorted(by)
-        text = ", ".join(f"{self.names[i]} (surfaces {', '.join(map(str, sorted(by[i])))})" for i in others)
-        return (
-            "blocked",
-            (name, *(self.names[i] for i in others)),
-            ((), *(tuple(sorted(by[i])) for i in others)),
-            f"{name} is stopped by {text or 'what it holds on to'}",
-            {},
-        )
+        return {i: tuple(sorted(by[i])) for i in sorted(by)}
 
     def _touch(self, before: list[pin.SE3], clocks: dict[str, float]) -> None:
         """Bring the contact rows up to date for what moved since `before`, and for what is newly held."""
@@ -371,7 +374,7 @@ class Engine:
         for bound, j in sorted(apart):
             if bound >= best:
                 break
-            best = min(best, float(self.collision.clearance(i, j).distance))
+            best = min(best, float(self.collision.clearance(i, j)["distance"][0]))
         return best
 
     def _box(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -417,7 +420,7 @@ class Engine:
         self.mates.restore(state["mates"])
         self.motion.sync()
         self._rows, self._colliding = state["rows"], state["colliding"]
-        self._active, self._moved, self._blocked = set(state["active"]), set(state["moved"]), state["blocked"]
+        self._active, self._moved, self._blocked = set(state["active"]), set(state["moved"]), dict(state["blocked"])
         self._told_at_start, self._remated, self._shown = [], set(), {}
 
     def follow(self, result: Result) -> None:

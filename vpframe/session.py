@@ -235,7 +235,7 @@ class Session:
             self.scene[name].pose = pose
             self._trails[name].append((self.step_count, pose))
         for hand in self._hands.values():
-            hand.blocked = hand.held is not None and hand.held in result.blocked
+            hand.stopped_by = result.blocked.get(hand.held, "") if hand.held else ""
         for kind, parts, surfaces, text, data in result.happenings:
             self._happened(kind, parts, surfaces, text, data)
 
@@ -411,20 +411,20 @@ class Session:
     def expect_constraint(self, kind: str, a: str, b: str) -> None:
         """Expect an active constraint of that kind between two parts."""
         have = [c.kind for c in self.constraints_of(a) if self.scene[b].name in c.parts]
-        found = ", ".join(have) or "none"
-        self.expect(kind in have, f"{kind} between {a} and {b} (there is: {found})")
+        found = "" if kind in have else f" (there is: {', '.join(have) or 'none'})"
+        self.expect(kind in have, f"{kind} between {a} and {b}{found}")
 
     def expect_freedom(self, part: str, n: int) -> None:
         """Expect that a part has `n` degrees of freedom left."""
         have = self.freedom(part)
-        self.expect(have == n, f"{n} degrees of freedom of {part} (it has {have}: {self.joint(part)})")
+        self.expect(have == n, f"{part} has {n} degrees of freedom" + (f" (it has {have})" if have != n else ""))
 
     def expect_free(self, part: str) -> None:
         """Expect that no constraint holds a part and that it touches nothing."""
         held = ", ".join(c.kind for c in self.constraints_of(part))
         touched = ", ".join(self.touching(part))
         why = "; ".join([f"held by {held}"] * bool(held) + [f"touches {touched}"] * bool(touched))
-        self.expect(not why, f"{part} free" + (f" ({why})" if why else ""))
+        self.expect(not why, f"{part} is free" + (f" ({why})" if why else ""))
 
     def expect_no_clash(self) -> None:
         """Expect that no surfaces intersect but mated ones and authorised pairs."""

@@ -66,7 +66,7 @@ contact = Condition("contact", _touches)
 free = Condition("free", _is_free)
 """The held part is under no constraint and touches nothing."""
 
-blocked: Condition = Condition("blocked", lambda session, hand: hand is not None and hand.blocked)
+blocked: Condition = Condition("blocked", lambda session, hand: hand is not None and bool(hand.stopped_by))
 """The held part cannot follow the hand."""
 
 

@@ -81,7 +81,8 @@ class Hand:
         self.carried: tuple[str, ...] = ()
         """parts that move with the held one as if glued to it"""
         self.assist = Assist()
-        self.blocked: bool = False
+        self.stopped_by: str = ""
+        """what keeps the held part from following; empty while it can"""
         self.doing = ""
         """the verb under way, in words"""
         self.stroke: Stroke | None = None
@@ -244,7 +245,7 @@ class Hand:
             raise TaskError(f"{self.name} does not touch {what} (reach {self.reach * 1e3:g} mm); approach it first")
         self.held, self.surfaces, self.carried = part, touched, carried
         self.grip = self.pose.actInv(self.session.scene[part].pose)
-        self.blocked = False
+        self.stopped_by: str = ""
         self.session.note_grab(self)
 
     def let_go(self) -> None:
@@ -252,11 +253,11 @@ class Hand:
         if self.held is None:
             raise TaskError(f"{self.name} holds nothing; grab a part before releasing it")
         self.session.note_release(self)
-        self.held, self.surfaces, self.carried, self.blocked = None, (), (), False
+        self.held, self.surfaces, self.carried, self.stopped_by = None, (), (), ""
 
     def start(self, stroke: Stroke) -> None:
         """Begin a stroke at the present pose."""
-        self.stroke, self.clock, self.doing, self.blocked = stroke, 0.0, stroke.text, False
+        self.stroke, self.clock, self.doing, self.stopped_by = stroke, 0.0, stroke.text, ""
 
     def desire(self, dt: float, rate: float) -> pin.SE3:
         """The pose asked of the subject after `dt` more seconds, at `rate` times the path's own speed."""
@@ -300,12 +301,10 @@ class Hand:
 
     def _obstacle(self, behind: float) -> str:
         assert self.held is not None
-        session = self.session
-        held_by = [f"{c.kind} with {_other(c.parts, self.held)}" for c in session.constraints_of(self.held)]
-        touching = [f"{name} (surfaces {', '.join(map(str, s))})" for name, s in session.touching(self.held).items()]
-        why = "; ".join(
-            ["stopped by " + ", ".join(touching)] * bool(touching) + ["held by " + ", ".join(held_by)] * bool(held_by)
-        )
+        held_by = [f"{c.kind} with {_other(c.parts, self.held)}" for c in self.session.constraints_of(self.held)]
+        reasons = [f"stopped by {self.stopped_by}"] * bool(self.stopped_by)
+        reasons += [f"held by {', '.join(held_by)}"] * bool(held_by)
+        why = "; ".join(reasons)
         return f"{self.held} stayed {behind * 1e3:.2f} mm behind" + (f", {why}" if why else "")
 
     def _finish(self, done: bool, reason: str) -> Outcome:
