@@ -1,0 +1,164 @@
+"""`SessionLog`: the observer that keeps of a session what its report tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import pinocchio as pin
+
+from vpframe.clash_status import ClashKey
+from vpframe.events import Event, Frame
+from vpframe.scene import Scene
+from vpframe.visualization.history import History
+
+if TYPE_CHECKING:
+    from vpframe.session import Session
+
+PICTURED = ("grabbed", "released", "accepted", "refused", "removed", "blocked", "landed")
+"""kinds of events that get a picture"""
+
+
+@dataclass
+class Clash:
+    """Two surfaces that collided, over the whole session."""
+
+    key: ClashKey
+    first: Frame
+    """the step at which they first collided"""
+    last_time: float
+    """s"""
+    steps: int = 1
+    """at how many steps they collided"""
+
+
+@dataclass
+class Stage:
+    """A stretch of the session in which the script's line stayed the same."""
+
+    text: str
+    start: float
+    """s"""
+    end: float
+    """s"""
+
+
+@dataclass
+class Mate:
+    """A constraint or candidate and the states it went through."""
+
+    id: int
+    kind: str
+    parts: tuple[str, str]
+    surfaces: tuple[tuple[int, ...], tuple[int, ...]]
+    why: str
+    residual: float
+    """m, the last one known"""
+    spans: list[tuple[str, float, float]] = field(default_factory=list)
+    """state, from, to (s)"""
+
+
+class SessionLog:
+    """Keeps stages, clashes, constraints, freedom, clearance, timings and events of a session; changes nothing.
+
+    A step costs a few microseconds, and memory does not grow with the length of a run but for its numbers.
+    """
+
+    def __init__(self) -> None:
+        self.scene = Scene()
+        self.start: dict[str, pin.SE3] = {}
+        """poses before the first step"""
+        self.stages: list[Stage] = []
+        self.clashes: dict[ClashKey, Clash] = {}
+        self.mates: dict[int, Mate] = {}
+        self.freedom: dict[str, list[tuple[float, int, str]]] = {}
+        """by part, whenever it changed: time (s), degrees of freedom, the lower pair's name"""
+        self.clearance: list[tuple[float, float]] = []
+        """time (s), least clearance (m)"""
+        self.least: Frame | None = None
+        """the step of least clearance"""
+        self.colliding: list[tuple[float, int]] = []
+        """whenever it changed: time (s), number of colliding surface pairs"""
+        self.timings: dict[str, list[float]] = {}
+        """s, one number a step"""
+        self.moments: list[tuple[Event, Frame]] = []
+        """events that get a picture"""
+        self.history = History()
+        self._names: tuple[str, ...] = ()
+        self._before: set[tuple[int, int, int, int]] = set()
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """All events, in order."""
+        return self.history.events
+
+    @property
+    def duration(self) -> float:
+        """s, the time of the last step."""
+        return self.history.last.time if self.history.last else 0.0
+
+    @property
+    def steps(self) -> int:
+        """The number of the last step."""
+        return self.history.last.step if self.history.last else 0
+
+    def begin(self, session: Session) -> None:
+        """Keep the scene and where its parts are."""
+        self.scene = session.scene
+        self._names = session.scene.names
+        self.start = {part.name: part.pose.copy() for part in session.scene.parts}
+
+    def frame(self, frame: Frame) -> None:
+        """Take one step in."""
+        self.history.add(frame)
+        now = frame.time
+        if self.stages and self.stages[-1].text == frame.script:
+            self.stages[-1].end = now
+        else:
+            self.stages.append(Stage(frame.script, self.stages[-1].end if self.stages else now, now))
+        self._collect_clashes(frame)
+        self._collect_mates(frame)
+        for part, freedom in frame.freedom.items():
+            known = self.freedom.setdefault(part, [])
+            joint = frame.joint.get(part, "")
+            if not known or known[-1][1:] != (freedom, joint):
+                known.append((now, freedom, joint))
+        if frame.clearance is not None:
+            self.clearance.append((now, frame.clearance))
+            if self.least is None or self.least.clearance is None or frame.clearance < self.least.clearance:
+                self.least = frame
+        for name, seconds in frame.timings.items():
+            self.timings.setdefault(name, []).append(seconds)
+        self.moments.extend((event, frame) for event in frame.events if event.kind in PICTURED)
+
+    def end(self) -> None:
+        """Nothing to close."""
+
+    def _collect_clashes(self, frame: Frame) -> None:
+        rows = {(int(a), int(s), int(b), int(t)) for a, s, b, t in frame.colliding}
+        if not self.colliding or self.colliding[-1][1] != len(rows):
+            self.colliding.append((frame.time, len(rows)))
+        for a, s, b, t in sorted(rows):
+            key = ClashKey.of(self._names[a], s, self._names[b], t)
+            clash = self.clashes.get(key)
+            if clash is None:
+                self.clashes[key] = Clash(key, frame, frame.time)
+            else:
+                clash.last_time, clash.steps = frame.time, clash.steps + 1
+
+    def _collect_mates(self, frame: Frame) -> None:
+        for view in frame.constraints:
+            mate = self.mates.get(view.id)
+            if mate is None:
+                mate = self.mates[view.id] = Mate(
+                    view.id, view.kind, view.parts, view.surfaces, view.why, view.residual
+                )
+            mate.residual = view.residual
+            last = mate.spans[-1] if mate.spans else None
+            if last and last[0] == view.state and last[2] >= self._last_time:
+                mate.spans[-1] = (last[0], last[1], frame.time)
+            else:
+                mate.spans.append((view.state, frame.time, frame.time))
+        self._last_time = frame.time
+
+    _last_time = 0.0

@@ -1,0 +1,220 @@
+"""The report's page: one HTML file, pictures and plots inside it."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from vpframe.report import plots
+from vpframe.report.log import SessionLog
+
+HERE = Path(__file__).parent
+OPEN_EVENTS = 40
+"""a longer list of events is folded"""
+
+
+def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) -> str:
+    """The page for `document` (as in report.json); `pictures` as `writer` drew them."""
+    sections = [
+        _head(document),
+        _figure(pictures.get("end"), "at the end", "wide"),
+        _section("Steps", _stages(document["stages"])),
+        _section("What happened", _events(document["events"]) + _moments(log, pictures)),
+        _section("Constraints", _constraints(document, log)),
+        _section("Freedom left", _freedom(log)),
+        _section("Clearance along the path", _clearance(document, log, pictures)),
+        _section("Clashes", _clashes(document, pictures)),
+        _section("Swept volumes", _swept(document["swept"])),
+        _section("Time a step took", _timings(document, log)),
+    ]
+    template = Template((HERE / "page.html").read_text(encoding="utf-8"))
+    return template.substitute(title=escape(f"{document['task']}: report"), body="\n".join(filter(None, sections)))
+
+
+def _head(document: dict[str, Any]) -> str:
+    good = document["can_be_done"]
+    verdict = "The task can be done." if good else f"The task cannot be done: {document['reason']}"
+    open_clashes = sum(clash["status"] in ("new", "persistent") for clash in document["clashes"])
+    least = document["clearance"]
+    facts = [
+        ("duration", f"{document['duration']:.2f} s"),
+        ("steps", f"{document['steps']}"),
+        ("open clashes", f"{open_clashes}"),
+        ("least clearance", "not measured" if least is None else _mm(least["least"])),
+        ("constraints used", f"{sum(_was_active(c) for c in document['constraints'])}"),
+    ]
+    cells = "".join(f'<div class="fact"><span class="dim">{name}</span><b>{escape(v)}</b></div>' for name, v in facts)
+    model = f"{document['model'] or 'built in code'}, {document['parts']} parts"
+    return (
+        f"<h1>{escape(document['task'])}</h1><div class='dim'>{escape(model)} · "
+        f"<a href='scene.html'>play it back in 3D</a> · <a href='report.json'>report.json</a> · "
+        f"<a href='clashes.csv'>clashes.csv</a></div>"
+        f"<div class='verdict{'' if good else ' no'}'>{escape(verdict)}</div><div class='facts'>{cells}</div>"
+    )
+
+
+def _section(title: str, content: str) -> str:
+    return f"<h2>{title}</h2>\n{content}" if content else ""
+
+
+def _stages(stages: Sequence[dict[str, Any]]) -> str:
+    rows = [
+        (f"{s['start']:.2f}", f"{s['end'] - s['start']:.2f}", f"<code>{escape(s['text'])}</code>")
+        for s in stages
+        if s["text"]
+    ]
+    return _folded(_table(("from (s)", "for (s)", "script"), rows, numbers=2), "steps", len(rows))
+
+
+def _events(events: Sequence[dict[str, Any]]) -> str:
+    rows = [
+        (
+            f"{e['time']:.3f}",
+            f"<span class='kind {escape(e['kind'])}'>{escape(e['kind'])}</span>",
+            escape(e["text"] or " – ".join(e["parts"])),
+        )
+        for e in events
+    ]
+    return _folded(_table(("time (s)", "event", ""), rows, numbers=1), "events", len(rows))
+
+
+def _moments(log: SessionLog, pictures: dict[Any, bytes]) -> str:
+    captions: dict[int, tuple[bytes, list[str]]] = {}
+    for number, (event, frame) in enumerate(log.moments):
+        if number in pictures:
+            captions.setdefault(frame.step, (pictures[number], []))[1].append(event.text or event.kind)
+    figures = [
+        _figure(picture, f"{escape(' · '.join(texts))} (step {step})") for step, (picture, texts) in captions.items()
+    ]
+    return f"<div class='pictures' style='margin-top:16px'>{''.join(figures)}</div>" if figures else ""
+
+
+def _constraints(document: dict[str, Any], log: SessionLog) -> str:
+    if not log.mates:
+        return ""
+    lanes = {f"{m.kind}: {m.parts[0]} – {m.parts[1]} ({m.id})": m.spans for m in log.mates.values()}
+    rows = [
+        (
+            escape(c["kind"]),
+            escape(f"{c['parts'][0]} {c['surfaces'][0]} – {c['parts'][1]} {c['surfaces'][1]}"),
+            f"{c['residual']:.1e}",
+            ", ".join(f"{s['state']} {s['from']:.2f}–{s['to']:.2f} s" for s in c["states"]),
+            escape(c["why"]),
+        )
+        for c in document["constraints"]
+    ]
+    table = _table(("kind", "parts and surfaces", "off by (m)", "when", "why"), rows)
+    return plots.spans(lanes, document["duration"]) + _folded(table, "constraints", len(rows))
+
+
+def _freedom(log: SessionLog) -> str:
+    series = {part: [(t, float(n)) for t, n, _ in changes] for part, changes in log.freedom.items()}
+    return plots.lines(series, "degrees of freedom", log.duration, steps=True)
+
+
+def _clearance(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) -> str:
+    least = document["clearance"]
+    if least is None:
+        return ""
+    text = f"Least: {_mm(least['least'])} at {least['time']:.3f} s (step {least['step']})."
+    plot = plots.lines({"clearance": [(t, 1e3 * c) for t, c in log.clearance]}, "mm", log.duration)
+    return f"<p>{text}</p>{plot}{_figure(pictures.get('least'), 'where it is least', 'wide')}"
+
+
+def _clashes(document: dict[str, Any], pictures: dict[Any, bytes]) -> str:
+    authorised = "".join(
+        f"<li>{escape(a)} – {escape(b)}: may overlap, as the script says</li>" for a, b in document["authorised"]
+    )
+    content = f"<ul>{authorised}</ul>" if authorised else ""
+    if not document["clashes"]:
+        return content + "<p>None.</p>"
+    by_key = {(*key_parts(k),): picture for k, picture in pictures.items() if hasattr(k, "part_a")}
+    rows, figures = [], []
+    for number, clash in enumerate(document["clashes"], 1):
+        (a, b), (s, t) = clash["parts"], clash["surfaces"]
+        what = f"{escape(a)} [{s}] – {escape(b)} [{t}]"
+        rows.append(
+            (
+                f"{number}",
+                f"<span class='status {clash['status']}'>{clash['status']}</span>",
+                f"{what}<br><span class='dim'>{escape(' – '.join(filter(None, clash['names'])))}</span>",
+                "" if clash["first_time"] is None else f"{clash['first_time']:.3f}",
+                f"{clash['steps']}",
+                "" if clash["depth"] is None else _mm(clash["depth"]),
+                escape(clash["remark"]),
+            )
+        )
+        picture = by_key.get((a, b, s, t))
+        if picture is not None:
+            figures.append(_figure(picture, f"{number}. {what}"))
+    head = ("", "status", "surfaces", "first (s)", "steps", "depth", "remark")
+    note = "<p class='dim'>To accept a clash, set its status in clashes.json; it stays accepted while it lasts.</p>"
+    return content + _table(head, rows) + note + f"<div class='pictures'>{''.join(figures)}</div>"
+
+
+def key_parts(key: Any) -> tuple[str, str, int, int]:
+    """The fields of a ClashKey in the order of report.json."""
+    return key.part_a, key.part_b, key.surface_a, key.surface_b
+
+
+def _swept(volumes: Iterable[dict[str, Any]]) -> str:
+    rows = [
+        (
+            escape(v["part"]),
+            f"<a href='{escape(v['file'])}'>{escape(v['file'])}</a>",
+            f"{v['triangles']}",
+            _mm(v["error"]),
+            escape(", ".join(v["clashes"]) or "none"),
+        )
+        for v in volumes
+    ]
+    return _table(("part", "mesh", "triangles", "off by at most", "clashes with"), rows) if rows else ""
+
+
+def _timings(document: dict[str, Any], log: SessionLog) -> str:
+    if not log.timings:
+        return ""
+    rows = [
+        (escape(name), f"{1e3 * t['median']:.3f}", f"{1e3 * t['p99']:.3f}", f"{t['total']:.3f}")
+        for name, t in document["timings"].items()
+    ]
+    count = max(len(values) for values in log.timings.values())
+    scale = log.duration / max(count, 1)
+    series = {name: [(i * scale, 1e3 * s) for i, s in enumerate(v, 1)] for name, v in log.timings.items()}
+    return plots.lines(series, "ms", log.duration) + _table(("", "median (ms)", "99 % (ms)", "total (s)"), rows)
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: int = 0) -> str:
+    def cells(row: Sequence[str], tag: str) -> str:
+        return "".join(f"<{tag}{' class=n' if i < numbers else ''}>{cell}</{tag}>" for i, cell in enumerate(row))
+
+    body = "".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
+    return f"<table><tr>{cells(head, 'th')}</tr>{body}</table>" if rows else ""
+
+
+def _folded(table: str, what: str, count: int) -> str:
+    if count <= OPEN_EVENTS:
+        return table
+    return f"<details><summary>{count} {what}</summary>{table}</details>"
+
+
+def _figure(picture: bytes | None, caption: str, style: str = "") -> str:
+    if picture is None:
+        return ""
+    data = base64.b64encode(picture).decode("ascii")
+    return (
+        f"<figure class='{style}'><img alt='{caption}' src='data:image/png;base64,{data}'>"
+        f"<figcaption>{caption}</figcaption></figure>"
+    )
+
+
+def _mm(metres: float) -> str:
+    return f"{1e3 * metres:.3f} mm"
+
+
+def _was_active(constraint: dict[str, Any]) -> bool:
+    return any(state["state"] == "active" for state in constraint["states"])

@@ -1,0 +1,56 @@
+"""The report's pictures: each clash at its first moment, the scene at what happened, the place of least clearance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vpframe.events import Frame
+from vpframe.scene import Scene
+from vpframe.visualization.camera import DIRECTION, Camera, frame_scene, look_at
+from vpframe.visualization.display import display_mesh
+from vpframe.visualization.snapshot import render
+from vpframe.visualization.symbols import frame_symbols, hand_symbols
+
+SIZE = (480, 360)
+GHOST = 0.22
+"""opacity of what stands between the eye and a clash"""
+
+
+def scene_picture(scene: Scene, frame: Frame, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:
+    """The whole scene at one step, with what collides and the constraints."""
+    names = scene.names
+    marked = [(names[o], int(s)) for row in frame.colliding for o, s in (row[:2], row[2:])]
+    camera = frame_scene(scene, frame.poses)
+    symbols = (*frame_symbols(frame), *hand_symbols(frame.hands, 0.06 * camera.radius))
+    return render(scene, frame.poses, marked, size, camera, symbols)
+
+
+def pair_picture(
+    scene: Scene, frame: Frame, surfaces: Sequence[tuple[str, int]], size: tuple[int, int] = SIZE
+) -> NDArray[np.uint8]:
+    """Two surfaces at one step, from near by; other parts are drawn faint."""
+    names = {name for name, _ in surfaces}
+    opacity = {name: 1.0 if name in names else GHOST for name in scene.names}
+    return render(scene, frame.poses, surfaces, size, _near(scene, frame, surfaces), opacity=opacity)
+
+
+def _near(scene: Scene, frame: Frame, surfaces: Sequence[tuple[str, int]]) -> Camera:
+    """A camera on where the boxes of the surfaces overlap, from the side their normals face."""
+    lows, highs, facing = [], [], np.zeros(3)
+    for name, surface in surfaces:
+        mesh = display_mesh(scene[name].shape)
+        pose = frame.poses.get(name, scene[name].pose)
+        chosen = slice(mesh.vertex_start[surface], mesh.vertex_start[surface + 1])
+        points = mesh.positions[chosen].astype(np.float64) @ pose.rotation.T + pose.translation
+        lows.append(points.min(axis=0))
+        highs.append(points.max(axis=0))
+        facing += pose.rotation @ mesh.normals[chosen].astype(np.float64).mean(axis=0)
+    low, high = np.max(lows, axis=0), np.min(highs, axis=0)
+    middle = 0.5 * (low + high)
+    sizes = [float(np.linalg.norm(h - lo)) for lo, h in zip(lows, highs, strict=True)]
+    half = max(0.6 * min(sizes), 0.25 * max(sizes), 1e-9)
+    direction = np.array(DIRECTION) / np.linalg.norm(DIRECTION) + 0.35 * facing
+    return look_at(middle - half / np.sqrt(3.0), middle + half / np.sqrt(3.0), direction)

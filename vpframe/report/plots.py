@@ -1,0 +1,129 @@
+"""Plots as SVG text: lines over time, steps over time, and spans; drawn for one page width, without outside parts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from math import ceil, floor, isfinite, log10
+
+from vpframe.visualization import palette
+
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 860, 64, 150, 10, 26
+SERIES = ("#2a6bd6", "#d9822b", "#1a9e57", "#9b4dca", "#c0392b", "#16838f", "#7f6a00", "#56606e")
+
+Line = Sequence[tuple[float, float]]
+
+
+def lines(series: Mapping[str, Line], unit: str, duration: float, steps: bool = False, height: int = 170) -> str:
+    """Lines over time (s). `steps`: a value stays until the next one. Empty series are left out."""
+    drawn = {name: line for name, line in series.items() if len(line)}
+    if not drawn:
+        return ""
+    values = [v for line in drawn.values() for _, v in line if isfinite(v)]
+    ticks = nice_ticks(min(0.0, min(values, default=0.0)), max(values, default=1.0))
+    low, high = ticks[0], ticks[-1]
+    plot = _Plot(duration, low, high, height)
+    body = [plot.axes(ticks, unit)]
+    for place, (name, line) in enumerate(drawn.items()):
+        color = SERIES[place % len(SERIES)]
+        points = plot.stepped(line) if steps else plot.thinned(line)
+        body.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="1.6"/>')
+        body.append(plot.legend(place, name, color))
+    return plot.svg(body)
+
+
+def spans(lanes: Mapping[str, Sequence[tuple[str, float, float]]], duration: float) -> str:
+    """Lanes of spans (state, from, to in s), coloured by state."""
+    if not lanes:
+        return ""
+    row = 20
+    height = TOP + BOTTOM + row * len(lanes)
+    left = 300
+    scale = (WIDTH - left - 20) / max(duration, 1e-9)
+    body = []
+    for tick in nice_ticks(0.0, duration):
+        if tick <= duration:
+            x = left + tick * scale
+            body.append(f'<line x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{height - BOTTOM}" class="grid"/>')
+            body.append(f'<text x="{x:.1f}" y="{height - 8}" text-anchor="middle">{tick:g} s</text>')
+    for place, (name, parts) in enumerate(lanes.items()):
+        y = TOP + row * place
+        body.append(f'<text x="{left - 8}" y="{y + 14}" text-anchor="end">{escape(name)}</text>')
+        for state, start, end in parts:
+            color = palette.hex_color(palette.STATE.get(state, palette.REFUSED))
+            width = max((end - start) * scale, 2.0)
+            body.append(
+                f'<rect x="{left + start * scale:.1f}" y="{y + 3}" width="{width:.1f}" height="{row - 6}" rx="2" '
+                f'fill="{color}"><title>{escape(state)} {start:.3f} – {end:.3f} s</title></rect>'
+            )
+    return f'<svg viewBox="0 0 {WIDTH} {height}" role="img">{"".join(body)}</svg>'
+
+
+def nice_ticks(low: float, high: float, count: int = 5) -> list[float]:
+    """About `count` round numbers that enclose low … high."""
+    if not high > low:
+        high = low + 1.0
+    raw = (high - low) / count
+    magnitude = 10.0 ** floor(log10(raw))
+    step = next(m * magnitude for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * magnitude >= raw)
+    first, last = floor(low / step + 1e-9), ceil(high / step - 1e-9)
+    return [round(i * step, 12) for i in range(first, last + 1)]
+
+
+class _Plot:
+    def __init__(self, duration: float, low: float, high: float, height: int) -> None:
+        self.height = height
+        self.low = low
+        self.x_scale = (WIDTH - LEFT - RIGHT) / max(duration, 1e-9)
+        self.y_scale = (height - TOP - BOTTOM) / (high - low)
+        self.duration = duration
+
+    def x(self, time: float) -> float:
+        return LEFT + time * self.x_scale
+
+    def y(self, value: float) -> float:
+        return self.height - BOTTOM - (value - self.low) * self.y_scale
+
+    def axes(self, ticks: Sequence[float], unit: str) -> str:
+        parts = []
+        for value in ticks:
+            y = self.y(value)
+            parts.append(f'<line x1="{LEFT}" y1="{y:.1f}" x2="{WIDTH - RIGHT}" y2="{y:.1f}" class="grid"/>')
+            parts.append(f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{value:g}</text>')
+        for tick in nice_ticks(0.0, self.duration, 8):
+            if tick <= self.duration:
+                parts.append(
+                    f'<text x="{self.x(tick):.1f}" y="{self.height - 8}" text-anchor="middle">{tick:g} s</text>'
+                )
+        parts.append(f'<text x="8" y="{TOP + 10}">{escape(unit)}</text>')
+        return "".join(parts)
+
+    def thinned(self, line: Line) -> str:
+        """Points of a line, of each pixel column no more than the lowest and the highest."""
+        columns: dict[int, list[tuple[float, float]]] = {}
+        for time, value in line:
+            if isfinite(value):
+                columns.setdefault(int(self.x(time)), []).append((time, value))
+        kept: list[tuple[float, float]] = []
+        for points in columns.values():
+            extremes = {min(points, key=lambda p: p[1]), max(points, key=lambda p: p[1])}
+            kept += sorted(extremes)
+        return " ".join(f"{self.x(t):.1f},{self.y(v):.1f}" for t, v in kept)
+
+    def stepped(self, line: Line) -> str:
+        points = []
+        for place, (time, value) in enumerate(line):
+            until = line[place + 1][0] if place + 1 < len(line) else self.duration
+            points += [f"{self.x(time):.1f},{self.y(value):.1f}", f"{self.x(until):.1f},{self.y(value):.1f}"]
+        return " ".join(points)
+
+    def legend(self, place: int, name: str, color: str) -> str:
+        y = TOP + 12 + 17 * place
+        x = WIDTH - RIGHT + 10
+        return (
+            f'<line x1="{x}" y1="{y - 4}" x2="{x + 14}" y2="{y - 4}" stroke="{color}" stroke-width="2.5"/>'
+            f'<text x="{x + 19}" y="{y}">{escape(name)}</text>'
+        )
+
+    def svg(self, body: Sequence[str]) -> str:
+        return f'<svg viewBox="0 0 {WIDTH} {self.height}" role="img">{"".join(body)}</svg>'

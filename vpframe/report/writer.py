@@ -1,0 +1,222 @@
+"""`write`: the report folder, from what a `SessionLog` kept."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vpframe import clash_status
+from vpframe.clash_status import ClashKey, ClashRecord
+from vpframe.errors import VpframeError
+from vpframe.progress import Progress
+from vpframe.report import page
+from vpframe.report.depth import Depth, depths
+from vpframe.report.log import SessionLog
+from vpframe.report.pictures import pair_picture, scene_picture
+from vpframe.report.swept import SweptVolume, write_stl
+from vpframe.visualization.meshcat_viewer import write_page
+from vpframe.visualization.snapshot import png
+
+CLASH_PICTURES = 24
+MOMENT_PICTURES = 12
+CSV_COLUMNS = (
+    "status", "part_a", "surface_a", "part_b", "surface_b", "name_a", "name_b",
+    "first_time_s", "last_time_s", "steps", "depth_m", "x_m", "y_m", "z_m", "remark", "runs",
+)  # fmt: skip
+
+
+def write(
+    directory: str | Path,
+    log: SessionLog,
+    *,
+    failure: str = "",
+    task: str = "",
+    authorised: Sequence[tuple[str, str]] = (),
+    swept: Sequence[SweptVolume] = (),
+) -> Path:
+    """Write the report of what `log` saw into `directory` and return its path.
+
+    Parameters
+    ----------
+    failure: why the task cannot be done; empty when it can.
+    task: its name on the page; the model's by default.
+    authorised: pairs of part names that may overlap (a press fit); they are listed as such.
+    swept: volumes that moved parts swept, written as STL.
+
+    Raises
+    ------
+    VpframeError: the folder cannot be written, or an old `clashes.json` in it cannot be read.
+    """
+    folder = Path(directory)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise VpframeError(f"{folder}: cannot be made a folder: {error.strerror}") from None
+    status = folder / "clashes.json"
+    records = clash_status.updated(clash_status.read(status), log.clashes)
+    found = depths(log)
+    document = _document(log, records, found, failure, task, authorised, swept)
+    with Progress("drawing the report") as progress:
+        pictures = _pictures(log, progress)
+    for volume in swept:
+        write_stl(folder / _stl_name(volume), volume.vertices, volume.triangles)
+    clash_status.write(status, records)
+    _write_csv(folder / "clashes.csv", document["clashes"])
+    (folder / "report.json").write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    write_page(log.scene, log.history, folder / "scene.html", log.start)
+    (folder / "index.html").write_text(page.html(document, log, pictures), encoding="utf-8")
+    return folder
+
+
+def _document(
+    log: SessionLog,
+    records: Sequence[ClashRecord],
+    found: dict[ClashKey, Depth],
+    failure: str,
+    task: str,
+    authorised: Sequence[tuple[str, str]],
+    swept: Sequence[SweptVolume],
+) -> dict[str, Any]:
+    least = log.least
+    return {
+        "task": task or (Path(log.scene.source).stem if log.scene.source else "session"),
+        "model": log.scene.source,
+        "parts": len(log.scene),
+        "can_be_done": not failure,
+        "reason": failure,
+        "duration": log.duration,
+        "steps": log.steps,
+        "stages": [{"text": s.text, "start": s.start, "end": s.end} for s in log.stages],
+        "events": [
+            {
+                "step": e.step,
+                "time": e.time,
+                "kind": e.kind,
+                "parts": list(e.parts),
+                "surfaces": [list(surfaces) for surfaces in e.surfaces],
+                "text": e.text,
+            }
+            for e in log.events
+        ],
+        "clashes": [_clash(log, record, found.get(record.key)) for record in records],
+        "authorised": [list(pair) for pair in authorised],
+        "clearance": None
+        if least is None
+        else {
+            "least": least.clearance,
+            "time": least.time,
+            "step": least.step,
+            "poses": {
+                name: {
+                    "translation": least.poses[name].translation.tolist(),
+                    "rotation": least.poses[name].rotation.tolist(),
+                }
+                for name in least.freedom
+                if name in least.poses
+            },
+        },
+        "freedom": {
+            part: [{"time": t, "freedom": n, "joint": joint} for t, n, joint in changes]
+            for part, changes in log.freedom.items()
+        },
+        "constraints": [
+            {
+                "id": mate.id,
+                "kind": mate.kind,
+                "parts": list(mate.parts),
+                "surfaces": [list(surfaces) for surfaces in mate.surfaces],
+                "residual": mate.residual,
+                "why": mate.why,
+                "states": [{"state": state, "from": start, "to": end} for state, start, end in mate.spans],
+            }
+            for mate in log.mates.values()
+        ],
+        "timings": {
+            name: {
+                "median": float(np.median(values)),
+                "p99": float(np.quantile(values, 0.99)),
+                "total": float(np.sum(values)),
+            }
+            for name, values in log.timings.items()
+        },
+        "swept": [
+            {
+                "part": volume.part,
+                "file": _stl_name(volume),
+                "triangles": len(volume.triangles),
+                "error": volume.error,
+                "clashes": list(volume.clashes),
+            }
+            for volume in swept
+        ],
+    }
+
+
+def _clash(log: SessionLog, record: ClashRecord, depth: Depth | None) -> dict[str, Any]:
+    key = record.key
+    seen = log.clashes.get(key)
+    names = [
+        log.scene[part].surfaces[surface].name if part in log.scene and surface < len(log.scene[part].surfaces) else ""
+        for part, surface in ((key.part_a, key.surface_a), (key.part_b, key.surface_b))
+    ]
+    return {
+        "status": record.status,
+        "parts": [key.part_a, key.part_b],
+        "surfaces": [key.surface_a, key.surface_b],
+        "names": names,
+        "first_time": seen.first.time if seen else None,
+        "last_time": seen.last_time if seen else None,
+        "steps": seen.steps if seen else 0,
+        "depth": depth.depth if depth else None,
+        "point": depth.point.tolist() if depth else None,
+        "remark": record.remark,
+        "runs": record.runs,
+    }
+
+
+def _pictures(log: SessionLog, progress: Progress) -> dict[Any, bytes]:
+    """PNG bytes by what they show: a ClashKey, the number of a moment, "end", or "least"."""
+    clashes = list(log.clashes.values())[:CLASH_PICTURES]
+    moments = log.moments[:MOMENT_PICTURES]
+    total = len(clashes) + len(moments) + 2
+    drawn: dict[Any, bytes] = {}
+    for number, clash in enumerate(clashes):
+        progress(number / total, "clashes")
+        key = clash.key
+        pair = ((key.part_a, key.surface_a), (key.part_b, key.surface_b))
+        drawn[key] = png(pair_picture(log.scene, clash.first, pair))
+    shown: dict[int, bytes] = {}
+    for number, (_, frame) in enumerate(moments):
+        progress((len(clashes) + number) / total, "what happened")
+        if frame.step not in shown:
+            shown[frame.step] = png(scene_picture(log.scene, frame))
+        drawn[number] = shown[frame.step]
+    for name, last in (("end", log.history.last), ("least", log.least)):
+        if last is not None:
+            drawn[name] = png(scene_picture(log.scene, last, (640, 480)))
+    return drawn
+
+
+def _write_csv(path: Path, clashes: Sequence[dict[str, Any]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(CSV_COLUMNS)
+        for clash in clashes:
+            (part_a, part_b), (surface_a, surface_b) = clash["parts"], clash["surfaces"]
+            rows.writerow(
+                [
+                    clash["status"], part_a, surface_a, part_b, surface_b, *clash["names"],
+                    clash["first_time"], clash["last_time"], clash["steps"], clash["depth"],
+                    *(clash["point"] or (None, None, None)), clash["remark"], clash["runs"],
+                ]
+            )  # fmt: skip
+
+
+def _stl_name(volume: SweptVolume) -> str:
+    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in volume.part)
+    return f"swept_{safe}.stl"
