@@ -55,7 +55,7 @@ def turned(profile, n=32, phase=0.0, name="turned"):
     for k, point in enumerate(profile):
         (r0, z0), (r1, z1) = point[:2], profile[(k + 1) % len(profile)][:2]
         arc = point[2] if len(point) > 2 else None
-        if r0 == r1 == 0.0:
+        if arc is None and r0 == r1 == 0.0:
             continue
         if arc is None:
             rows = [(r0, z0), (r1, z1)]

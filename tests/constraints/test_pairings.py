@@ -1,0 +1,135 @@
+"""Each row of the pairing table: what passes, what does not, and the sign of fits and gaps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from collision import Tolerance
+from constraints.pairings import Extent, Limits, View, matches
+from tests.constraints.shapes import box, flanged_shaft, housing, shaft, turned
+
+EXACT = Limits.offer(replace(Tolerance(), reach=0.0, reach_angular=0.0))
+NEAR = Limits.offer(Tolerance())
+
+
+def view(body, feature, xyz=(0, 0, 0), rpy=(0, 0, 0)):
+    pose = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz, float))
+    return View(Extent.of(body.features[feature]), pose)
+
+
+def test_box_on_box():
+    a, b = box(0.1, 0.1, 0.02), box(0.05, 0.05, 0.05)
+    top, bottom = view(a, 5), view(b, 4, (0.04, 0, 0.035))
+    match = matches(top, bottom, EXACT)
+    assert match.kind == "against" and not match.closed
+    assert match.overlap == pytest.approx(0.035 * 0.05)
+    assert match.share == pytest.approx(0.7)
+    assert match.residual == pytest.approx(0.0, abs=1e-15)
+    assert match.approach == pytest.approx([0, 0, 1])  # body a moves up against body b
+
+
+@pytest.mark.parametrize(
+    ("xyz", "rpy"),
+    [
+        ((0.08, 0, 0.035), (0, 0, 0)),  # no area in common
+        ((0.075, 0, 0.035), (0, 0, 0)),  # an edge in common
+        ((0, 0, 0.0351), (0, 0, 0)),  # 0.1 mm apart
+        ((0, 0, 0.035), (0.01, 0, 0)),  # 0.6° off
+        ((0, 0, 0.035), (np.pi, 0, 0)),  # turned over: both normals up
+    ],
+)
+def test_planes_that_are_not_against(xyz, rpy):
+    assert matches(view(box(0.1, 0.1, 0.02), 5), view(box(0.05, 0.05, 0.05), 4, xyz, rpy), EXACT) is None
+
+
+def test_planes_that_interfere_say_so():
+    match = matches(view(box(0.1, 0.1, 0.02), 5), view(box(0.05, 0.05, 0.05), 4, (0, 0, 0.035 - 5e-6)), EXACT)
+    assert "5 µm into each other" in match.words
+
+
+@pytest.mark.parametrize("turn", [0.0, np.pi])
+def test_shaft_in_bore(turn):
+    s, h = shaft(0.01, 0.05, phase=0.1), housing(0.01002, 0.06)
+    z = 0.03 if turn == 0.0 else 0.08
+    match = matches(view(h, 3), view(s, 1, (0, 0, z), (turn, 0, 0)), EXACT)
+    assert match.kind == "concentric" and match.closed
+    assert match.fit == pytest.approx(2e-5)
+    assert match.overlap == pytest.approx(0.03)
+    assert match.residual == pytest.approx(0.0, abs=1e-15)
+    # the housing moves up to take in more of the shaft
+    assert match.approach == pytest.approx([0, 0, 1])
+
+
+def test_interference_is_reported_as_one():
+    match = matches(view(shaft(0.01002, 0.05), 1), view(housing(0.01, 0.06), 3), EXACT)
+    assert match.fit == pytest.approx(-2e-5)
+    assert "20 µm radial interference" in match.words
+
+
+@pytest.mark.parametrize(
+    ("s", "h", "xyz", "rpy"),
+    [
+        (shaft(0.01, 0.05), housing(0.0104, 0.06), (0, 0, 0), (0, 0, 0)),  # too loose
+        (shaft(0.0104, 0.05), housing(0.01, 0.06), (0, 0, 0), (0, 0, 0)),  # too tight
+        (shaft(0.01, 0.05), housing(0.01, 0.06), (1e-4, 0, 0), (0, 0, 0)),  # off the axis
+        (shaft(0.01, 0.05), housing(0.01, 0.06), (0, 0, 0.06), (0, 0, 0)),  # end to end
+        (shaft(0.01, 0.05), housing(0.01, 0.06), (0, 0, 0), (2e-3, 0, 0)),  # near-parallel axes
+    ],
+)
+def test_shafts_that_do_not_fit(s, h, xyz, rpy):
+    assert matches(view(s, 1, xyz, rpy), view(h, 3), EXACT) is None
+
+
+def test_shaft_may_lie_in_its_clearance():
+    s, h = shaft(0.01, 0.05), housing(0.0101, 0.06)
+    assert matches(view(s, 1, (1e-4, 0, 0)), view(h, 3), EXACT).residual == pytest.approx(1e-4)
+
+
+def test_two_solid_cylinders_or_two_bores_are_not_concentric():
+    assert matches(view(shaft(), 1), view(shaft(), 1), EXACT) is None
+    assert matches(view(housing(), 3), view(housing(), 3), EXACT) is None
+
+
+def test_reach_offers_before_the_shaft_is_in():
+    s, h = view(shaft(0.01, 0.05), 1, (3e-4, 0, 0.0605), (0.005, 0, 0)), view(housing(0.0101, 0.06), 3)
+    match = matches(s, h, NEAR)
+    assert match.kind == "concentric" and match.overlap == pytest.approx(-5e-4, abs=1e-4) and match.share == 0.0
+    assert matches(s, h, EXACT) is None
+
+
+def test_cone_in_cone():
+    plug = turned([(0, 0), (0.01, 0), (0.02, 0.04), (0, 0.04)])
+    seat = turned([(0.01, 0), (0.03, 0), (0.03, 0.04), (0.02, 0.04)])
+    a, b = plug.features[1], seat.features[3]
+    assert a.sense == 1 and b.sense == -1
+    match = matches(view(plug, 1), view(seat, 3), EXACT)
+    assert match.kind == "conical" and match.residual == pytest.approx(0.0, abs=1e-15)
+    lifted = matches(view(plug, 1, (0, 0, 2e-4)), view(seat, 3), NEAR)
+    assert lifted.fit == pytest.approx(2e-4 * np.sin(np.arctan(0.25)))
+    assert matches(view(plug, 1, (0, 0, 2e-4)), view(seat, 3), EXACT) is None
+
+
+def test_ball_in_socket():
+    ball = turned([(0, -0.02, ("ball", 0.0)), (0, 0.02)])
+    socket = turned([(0, -0.03), (0.03, -0.03), (0.03, 0), (0.02, 0, ("ball", 0.0)), (0, -0.02)])
+    assert [(f.geometry.kind, f.sense) for f in socket.features][-1] == ("sphere", -1)
+    match = matches(view(ball, 0, (0, 0, 5e-6)), view(socket, 3), EXACT)
+    assert match.kind == "spherical" and match.residual == pytest.approx(5e-6)
+    assert match.fit == pytest.approx(0.0, abs=1e-12)
+    assert matches(view(ball, 0, (0, 0, 5e-4)), view(socket, 3), EXACT) is None
+
+
+def test_ring_in_groove():
+    ring = turned([(0.022, 0, ("ring", 0.02, 0.0)), (0.018, 0)])
+    solid = ring.features[0]
+    hollow = replace(solid, sense=-1)
+    match = matches(View(Extent.of(solid), pin.SE3.Identity()), View(Extent.of(hollow), pin.SE3.Identity()), EXACT)
+    assert match.kind == "toroidal" and match.fit == 0.0
+
+
+def test_flanged_shaft_has_the_faces_the_docstring_says():
+    kinds = [(f.geometry.kind, f.sense) for f in flanged_shaft().features]
+    assert kinds == [("plane", 1), ("cylinder", 1), ("plane", 1), ("cylinder", 1), ("plane", 1)]
+    assert flanged_shaft().features[2].geometry.normal == pytest.approx([0, 0, -1])
