@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import pinocchio as pin
 
 from constraints.geometry import Geometry, Vector
-from constraints.kinds import Against, Concentric, Constraint
+from constraints.kinds import Against, Concentric, Conical, Constraint, Screw, Spherical, Tangent, Toroidal
 
-Key = tuple[int, int, int, int]
-"""body a, feature of a, body b, feature of b; a < b. The same pair of features always has the same key."""
+Pair = tuple[int, int, int, int]
+"""body a, feature of a, body b, feature of b; a < b"""
+Key = tuple[int, int, int, int, str]
+"""the same, and the kind: what a candidate is known by"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +47,13 @@ class Match:
     """m: radius, or half the width of the shared area"""
     words: str
     """what was found, in a few words"""
+    parameters: dict[str, Any] = field(default_factory=dict)
+    """what the constraint kind needs to know besides the two features"""
 
 
-KINDS: dict[str, type[Constraint]] = {kind.kind: kind for kind in (Against, Concentric)}
+KINDS: dict[str, type[Constraint]] = {
+    kind.kind: kind for kind in (Against, Concentric, Conical, Screw, Spherical, Tangent, Toroidal)
+}
 """The constraint class of each kind that recognition offers."""
 
 
@@ -54,10 +63,8 @@ class Candidate:
 
     key: Key
     match: Match
-    geometries: tuple[Geometry, Geometry]
-    """of the two features, each in its body's frame"""
-    surfaces: tuple[tuple[int, ...], tuple[int, ...]]
-    """all faces of the two features"""
+    constraint: Constraint
+    """what accepting the candidate sets up"""
     contacts: int
     """how many pairs of their faces touch"""
     score: float
@@ -78,11 +85,23 @@ class Candidate:
         return self.key[0], self.key[2]
 
     @property
+    def geometries(self) -> tuple[Geometry, Geometry]:
+        """Of the two features, each in its body's frame."""
+        return self.constraint.features
+
+    @property
+    def surfaces(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """All faces of the two features."""
+        return self.constraint.surfaces
+
+    @property
     def residual(self) -> float:
         """m: measured when the candidate was found."""
         return self.match.residual
 
-    @cached_property
-    def constraint(self) -> Constraint:
-        """The constraint that accepting this candidate sets up."""
-        return KINDS[self.kind](self.bodies, self.geometries, self.surfaces, self.match.size)
+    def engaged(self, poses: Sequence[pin.SE3]) -> Candidate:
+        """The same with a thread's phase taken as it is at `poses`; other kinds have none."""
+        c = self.constraint
+        if not isinstance(c, Screw):
+            return self
+        return replace(self, constraint=c.engaged(poses[c.bodies[0]], poses[c.bodies[1]]))

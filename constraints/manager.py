@@ -6,7 +6,7 @@ within `manager.within`, then `update(poses, contacts, wanted)` tells what chang
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,13 +15,14 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
-from constraints.candidate import Candidate, Key
+from constraints.candidate import Candidate, Key, Match, Pair
 from constraints.errors import ConstraintsError
 from constraints.features import Feature
 from constraints.geometry import Plane
 from constraints.kinds import Constraint
 from constraints.pairings import Limits
 from constraints.recognition import Recogniser
+from constraints.solver import solve
 
 Rule = Callable[[Candidate], bool | None]
 """Decides on a new candidate: True accepts, False refuses, None leaves it open."""
@@ -69,6 +70,7 @@ class ConstraintManager:
     tolerance: `reach`, `release`, `break_distance`, `break_angular` are used here.
     threads: pitch (m a turn) of threaded features, by (body, feature).
     rules: asked in order about each new candidate; the first that does not say None decides.
+    fixed: ids of bodies that cannot move: two of them may make constraints contradict each other.
 
     A pair of features keeps its id as long as the manager lives, through `state` and `restore` too.
     """
@@ -80,10 +82,12 @@ class ConstraintManager:
         *,
         threads: Mapping[tuple[int, int], float] | None = None,
         rules: Sequence[Rule] = (),
+        fixed: Iterable[int] = (),
     ) -> None:
         self.tolerance = tolerance or Tolerance()
         self.recogniser = Recogniser(features, threads)
         self.rules: list[Rule] = list(rules)
+        self.fixed = frozenset(fixed)
         self.candidates: dict[int, Candidate] = {}
         """offered, by id"""
         self.accepted: dict[int, Accepted] = {}
@@ -93,6 +97,8 @@ class ConstraintManager:
         self._ids: dict[Key, int] = {}
         self._pulled: dict[int, Candidate] = {}  # broken by a pull that has not relaxed yet
         self._pending: list[Change] = []
+        self._poses: tuple[pin.SE3, ...] = ()
+        self._unproven: list[int] = []  # accepted since the last update
 
     @property
     def within(self) -> float:
@@ -112,6 +118,9 @@ class ConstraintManager:
         candidate = self.candidates.pop(id, None) or self.refused.pop(id, None)
         if candidate is None:
             raise UnknownConstraintError(self._unknown(id, "candidate", [*self.candidates, *self.refused]), id)
+        if self._poses:
+            candidate = candidate.engaged(self._poses)
+        self._unproven.append(id)
         self.accepted[id] = Accepted(candidate, break_distance=break_distance, break_force=break_force)
         return self._note("accepted", id, candidate, candidate.why)
 
@@ -153,9 +162,11 @@ class ConstraintManager:
 
         Returns the changes since the last call, decisions of `accept`, `refuse` and `remove` first.
         """
+        self._poses = tuple(poses)
         self._remove_broken(poses, wanted or {}, force or {})
         self._note_satisfied(poses)
         self._offer(poses, contacts, wanted or {})
+        self._remove_contradicted(poses)
         changes, self._pending = tuple(self._pending), []
         return changes
 
@@ -218,7 +229,7 @@ class ConstraintManager:
         touching = self.recogniser.touching(contacts, max(t.linear, t.clearance, t.reach))
         together = {(k[0], k[2]) for k in near} | {e.candidate.bodies for e in self.accepted.values()}
         for id, candidate in list(self.candidates.items()):
-            if candidate.key not in near or self.recogniser.match(candidate.key, poses, keep) is None:
+            if candidate.key[:4] not in near or self.recogniser.match(candidate.key, poses, keep) is None:
                 del self.candidates[id]
                 self._note("withdrawn", id, candidate, "the surfaces no longer fit each other")
         self.refused = {i: c for i, c in self.refused.items() if c.bodies in together}
@@ -226,21 +237,39 @@ class ConstraintManager:
         for id, candidate in list(self._pulled.items()):
             if candidate.bodies not in together or self.recogniser.match(candidate.key, at, offer) is not None:
                 del self._pulled[id]
-        for key, count in sorted(touching.items()):
-            known = self._ids.get(key)
-            if known is not None and any(
-                known in d for d in (self.candidates, self.accepted, self.refused, self._pulled)
-            ):
+        for pair, count in sorted(touching.items()):
+            for match in self.recogniser.matches(pair, poses, offer):
+                self._recognise(pair, match, count, poses)
+
+    def _recognise(self, pair: Pair, match: Match, count: int, poses: Sequence[pin.SE3]) -> None:
+        """Offer a match that is not known yet, and ask the rules."""
+        id = self._ids.setdefault((*pair, match.kind), len(self._ids))
+        if any(id in known for known in (self.candidates, self.accepted, self.refused, self._pulled)):
+            return
+        candidate = self.recogniser.candidate(pair, match, count, Limits.offer(self.tolerance), poses)
+        self.candidates[id] = candidate
+        self._note("recognised", id, candidate, candidate.why)
+        verdict = next((v for v in (rule(candidate) for rule in self.rules) if v is not None), None)
+        if verdict is not None:
+            (self.accept if verdict else self.refuse)(id)
+
+    def _remove_contradicted(self, poses: Sequence[pin.SE3]) -> None:
+        """Where a newly accepted constraint cannot hold with the older ones, these give way, the newest first."""
+        for id in [i for i in self._unproven if i in self.accepted]:
+            if self._holds(list(self.accepted), poses):
                 continue
-            match = self.recogniser.match(key, poses, offer)
-            if match is None:
-                continue
-            id = self._ids.setdefault(key, len(self._ids))
-            candidate = self.candidates[id] = self.recogniser.candidate(key, match, count, offer)
-            self._note("recognised", id, candidate, candidate.why)
-            verdict = next((v for v in (rule(candidate) for rule in self.rules) if v is not None), None)
-            if verdict is not None:
-                (self.accept if verdict else self.refuse)(id)
+            older = [i for i in reversed(self.accepted) if i != id]
+            mine = self.accepted[id].candidate
+            culprit = next((i for i in older if self._holds([k for k in self.accepted if k != i], poses)), None)
+            same_pair = [i for i in older if self.accepted[i].candidate.bodies == mine.bodies]
+            for i in same_pair if culprit is None else [culprit]:
+                self.remove(i, f"cannot hold together with the {mine.kind} just accepted")
+        self._unproven = []
+
+    def _holds(self, ids: Sequence[int], poses: Sequence[pin.SE3]) -> bool:
+        """Whether the constraints of these ids can hold together, starting from `poses`."""
+        free = [i for i in range(len(poses)) if i not in self.fixed]
+        return solve([self.accepted[i].candidate.constraint for i in ids], poses, free, self.tolerance).converged
 
     # -- checkpoint
 
@@ -253,6 +282,8 @@ class ConstraintManager:
             "refused": dict(self.refused),
             "pulled": dict(self._pulled),
             "pending": list(self._pending),
+            "poses": self._poses,
+            "unproven": list(self._unproven),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -263,3 +294,5 @@ class ConstraintManager:
         self.refused = dict(state["refused"])
         self._pulled = dict(state["pulled"])
         self._pending = list(state["pending"])
+        self._poses = state["poses"]
+        self._unproven = list(state["unproven"])

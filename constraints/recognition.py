@@ -8,6 +8,7 @@ geometry, so faceting neither hides a clearance nor invents one.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
-from constraints.candidate import Candidate, Key, Match
+from constraints.candidate import KINDS, Candidate, Key, Match, Pair
 from constraints.features import Feature
 from constraints.pairings import Extent, Limits, View, matches
 
-Pairs = dict[Key, int]
+Pairs = dict[Pair, int]
+"""how many pairs of faces touch, by pair of features"""
 
 
 class Recogniser:
@@ -57,30 +59,47 @@ class Recogniser:
                 pairs[(a, fa, b, fb)] = pairs.get((a, fa, b, fb), 0) + 1
         return pairs
 
-    def match(self, key: Key, poses: Sequence[pin.SE3], limits: Limits) -> Match | None:
-        """What the two features of `key` mean to each other at `poses`; None when they are out of limits."""
-        a, fa, b, fb = key
-        return matches(View(self._extent(a, fa), poses[a]), View(self._extent(b, fb), poses[b]), limits)
+    def matches(self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits) -> tuple[Match, ...]:
+        """What two features mean to each other at `poses`: nothing, one kind, or a fit and its thread."""
+        a, fa, b, fb = pair
+        found = matches(View(self._extent(a, fa), poses[a]), View(self._extent(b, fb), poses[b]), limits)
+        if found is None:
+            return ()
+        pitch = self.pitch(pair)
+        if pitch is None or found.kind != "concentric":
+            return (found,)
+        return found, replace(found, kind="screw", parameters={"pitch": pitch})
 
-    def candidate(self, key: Key, match: Match, contacts: int, limits: Limits) -> Candidate:
+    def match(self, key: Key, poses: Sequence[pin.SE3], limits: Limits) -> Match | None:
+        """What the kind and the two features of `key` amount to at `poses`; None when they are out of limits."""
+        return next((m for m in self.matches(key[:4], poses, limits) if m.kind == key[4]), None)
+
+    def pitch(self, pair: Pair) -> float | None:
+        """m a turn, where one of the two features is a thread."""
+        a, fa, b, fb = pair
+        return self.threads.get((a, fa), self.threads.get((b, fb)))
+
+    def candidate(self, pair: Pair, match: Match, contacts: int, limits: Limits, poses: Sequence[pin.SE3]) -> Candidate:
         """The candidate that `match` amounts to, with its score and its reasons."""
-        a, fa, b, fb = key
+        a, fa, b, fb = pair
         first, second = self.features[a][fa], self.features[b][fb]
-        pitch = self.threads.get((a, fa), self.threads.get((b, fb))) if match.kind == "concentric" else None
         closeness = max(0.0, 1.0 - match.residual / (limits.linear + max(match.fit or 0.0, 0.0)))
         faces = len(first.surfaces) * len(second.surfaces)
         touching = f"{contacts} of {faces} pairs of faces touch" if faces > 1 else "their faces touch"
+        pitch = self.pitch(pair) if match.kind in ("concentric", "screw") else None
         thread = f"; thread of pitch {1e3 * abs(pitch):.4g} mm" if pitch is not None else ""
+        constraint = KINDS[match.kind](
+            (a, b), (first.geometry, second.geometry), (first.surfaces, second.surfaces), match.size, **match.parameters
+        )
         return Candidate(
-            key=key,
+            key=(*pair, match.kind),
             match=match,
-            geometries=(first.geometry, second.geometry),
-            surfaces=(first.surfaces, second.surfaces),
+            constraint=constraint,
             contacts=contacts,
             score=0.5 * (closeness + match.share),
             why=f"{match.words}; {touching}{thread}",
             pitch=pitch,
-        )
+        ).engaged(poses)
 
     def _extent(self, body: int, feature: int) -> Extent:
         extent = self._extents.get((body, feature))
@@ -117,15 +136,15 @@ def recognise(
 
     Returns
     -------
-    One `Candidate` a pair of features, sorted by falling score, then by key.
+    One `Candidate` a pair of features (a thread's pair also gives a screw), sorted by falling score, then by key.
     """
     tolerance = tolerance or Tolerance()
     recogniser = Recogniser(features, threads)
     limits = Limits.offer(tolerance)
     wanted = None if kinds is None else frozenset(kinds)
     found = []
-    for key, count in sorted(recogniser.touching(contacts).items()):
-        match = recogniser.match(key, poses, limits)
-        if match is not None and (wanted is None or match.kind in wanted):
-            found.append(recogniser.candidate(key, match, count, limits))
+    for pair, count in sorted(recogniser.touching(contacts).items()):
+        for match in recogniser.matches(pair, poses, limits):
+            if wanted is None or match.kind in wanted:
+                found.append(recogniser.candidate(pair, match, count, limits, poses))
     return tuple(sorted(found, key=lambda c: (-c.score, c.key)))

@@ -17,7 +17,7 @@ from vpframe.scene import Scene
 
 
 def base_parts(scene: Scene) -> tuple[int, ...]:
-    """Places of the parts that do not move: those marked fixed, else the one of largest volume (the first of equals)."""
+    """Places of the parts that do not move: those marked fixed, else the largest by volume (the first of equals)."""
     fixed = tuple(i for i, part in enumerate(scene.parts) if part.fixed)
     if fixed or not scene.parts:
         return fixed
