@@ -77,16 +77,15 @@ def _point_segment(p: Array, a: Array, b: Array) -> Array:
 def _point_triangle(p: Array, t: Array) -> Array:
     a, b, c = t[..., 0, :], t[..., 1, :], t[..., 2, :]
     out = np.minimum(np.minimum(_point_segment(p, a, b), _point_segment(p, b, c)), _point_segment(p, c, a))
-    u, v, w = b - a, c - a, p - a
-    uu, uv, vv = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
-    n = np.cross(u, v)
+    n = np.cross(b - a, c - a)
     nn = (n * n).sum(-1)
-    wu, wv = (w * u).sum(-1), (w * v).sum(-1)
     safe = np.where(nn > 0, nn, 1.0)
-    s, q = (vv * wu - uv * wv) / safe, (uu * wv - uv * wu) / safe
-    inside = (nn > 0) & (s >= 0) & (q >= 0) & (s + q <= 1)
-    height = np.abs((n * w).sum(-1)) / np.sqrt(safe)
-    return np.where(inside, np.minimum(out, height), out)
+    h = (n * (p - a)).sum(-1)
+    foot = p - (h / safe)[..., None] * n
+    inside = nn > 0
+    for e, f in ((a, b), (b, c), (c, a)):
+        inside &= (np.cross(f - e, foot - e) * n).sum(-1) >= 0
+    return np.where(inside, np.minimum(out, np.linalg.norm(p - foot, axis=-1)), out)
 
 
 def _segment_segment(p: Array, q: Array, a: Array, b: Array) -> Array:
@@ -117,11 +116,14 @@ def _crosses(p: Array, q: Array, t: Array) -> NDArray[np.bool_]:
 
 
 def triangle_distances(a: Array, b: Array, crossing: bool = True) -> Array:
-    """(n, m) distances of triangles a (n, 3, 3) and b (m, 3, 3); `crossing`: 0 where an edge pierces the other."""
-    ta, tb = a[:, None], b[None]
+    """(n, m) distances of triangles a (n, 3, 3) and b (m, 3, 3); `crossing`: 0 where an edge pierces the other.
+
+    In extended precision, so that needles do not spoil the reference.
+    """
+    ta, tb = a.astype(np.longdouble)[:, None], b.astype(np.longdouble)[None]
     shape = np.broadcast_shapes(ta.shape, tb.shape)
     ta, tb = np.broadcast_to(ta, shape), np.broadcast_to(tb, shape)
-    out = np.full(shape[:2], np.inf)
+    out = np.full(shape[:2], np.inf, np.longdouble)
     for i in range(3):
         out = np.minimum(out, _point_triangle(ta[:, :, i], tb))
         out = np.minimum(out, _point_triangle(tb[:, :, i], ta))
@@ -132,4 +134,4 @@ def triangle_distances(a: Array, b: Array, crossing: bool = True) -> Array:
         for i in range(3):
             out[_crosses(ta[:, :, i], ta[:, :, (i + 1) % 3], tb)] = 0.0
             out[_crosses(tb[:, :, i], tb[:, :, (i + 1) % 3], ta)] = 0.0
-    return out
+    return out.astype(np.float64)
