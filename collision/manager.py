@@ -215,8 +215,8 @@ class CollisionManager:
         return clearance(self, i, j)
 
     def contains(self, i: int, j: int) -> bool:
-        """Whether object j lies wholly inside object i, no surfaces crossing; see `collision.proximity`."""
-        from collision.proximity import contains
+        """Whether object j lies wholly inside object i, no surfaces meeting; see `collision.containment`."""
+        from collision.containment import contains
 
         return contains(self, i, j)
 

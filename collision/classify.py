@@ -1,0 +1,182 @@
+"""Clash, contact, clearance, containment: what a user of DMU tools calls the nearness of two parts.
+
+With the tolerance tol = `Tolerance.linear` + the deflection of the tessellation, two surfaces are in
+
+- clash, if they meet and reach deeper than tol into one another (see `collision.penetration`);
+- contact, if they meet less deeply, or are at most tol apart: flush faces, a faceted bolt in its faceted bore;
+- clearance, if they are farther apart than that, but nearer than the clearance asked for.
+
+Two parts are in containment if one lies wholly inside the other. They clash without any pair of surfaces that does so
+if they touch and have material in common nevertheless, as two identical parts in one place have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision.containment import contains, signed_distances, solid_of
+from collision.errors import CollisionError
+from collision.mesh import SurfaceMesh
+from collision.penetration import penetration
+from collision.proximity import clearance as clearance_of
+from collision.proximity import pair_contacts
+
+if TYPE_CHECKING:
+    from collision.manager import CollisionManager
+
+Kind = Literal["clash", "containment", "contact", "clearance", "authorised"]
+KINDS: tuple[Kind, ...] = ("clash", "containment", "authorised", "contact", "clearance")
+"""from the gravest to the least"""
+
+SAMPLES: Final = 512
+"""Triangles a part below whose middles common material is looked for, the largest first."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairClass:
+    """What two surfaces, or two parts as a whole, are to each other."""
+
+    kind: Kind
+    objects: tuple[int, int]
+    """the lower id first"""
+    surfaces: tuple[int, int] | None
+    """a surface of either; None where the kind is the parts' as a whole: containment, coincident parts"""
+    distance: float
+    """m; 0 where surfaces meet"""
+    depth: float
+    """m, how deep they reach into each other; 0 if they do not"""
+    witness: NDArray[np.float64]
+    """(3,) world frame: the deepest point, or the middle between the nearest points"""
+    reason: str = ""
+    """for what no pair of surfaces tells: which part is inside which"""
+
+
+def classify(
+    manager: CollisionManager,
+    clearance: float = 0.0,
+    deflection: float = 0.0,
+    authorised: Iterable[Sequence[int]] = (),
+    objects: Iterable[int] | None = None,
+) -> list[PairClass]:
+    """Every pair of surfaces, and of parts, that clashes, touches or comes within the clearance.
+
+    Parameters
+    ----------
+    clearance: m, wanted between parts.
+    deflection: m, by which the tessellations may be off their true surfaces, both together.
+    authorised: pairs of objects (i, j), or of surfaces (i, surface of i, j, surface of j), whose clash is meant, such
+        as a press fit: they are listed as "authorised".
+    objects: only pairs with at least one of these; None for all.
+
+    Returns
+    -------
+    Sorted by objects, the parts' own kind (surfaces None) before their surfaces' pairs.
+    """
+    for name, value in (("clearance", clearance), ("deflection", deflection)):
+        if not 0.0 <= value < np.inf:
+            raise CollisionError(f"{name} is {value!r}; give a finite length of at least 0 m")
+    meant = _authorised(authorised)
+    near = manager.tolerance.linear + deflection
+    found: list[PairClass] = []
+    for i, j in manager.object_pairs(objects, max(clearance, near)).tolist():
+        rows = pair_contacts(manager, i, j, max(clearance, near))
+        depths = {}
+        if (rows["distance"] == 0.0).any():
+            depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in penetration(manager, i, j)}
+        pairs: list[PairClass] = []
+        for row in rows:
+            surfaces = int(row["surface_a"]), int(row["surface_b"])
+            distance = float(row["distance"])
+            deep = depths.get(surfaces)
+            depth = 0.0 if deep is None else float(deep["depth"])
+            kind: Kind = "clash" if depth > near else ("contact" if distance <= near else "clearance")
+            if kind == "clash" and ((i, j) in meant or (i, surfaces[0], j, surfaces[1]) in meant):
+                kind = "authorised"
+            witness = deep["point"] if deep is not None and depth > near else (row["point_a"] + row["point_b"]) / 2
+            pairs.append(PairClass(kind, (i, j), surfaces, distance, depth, np.array(witness)))
+        if not any(pair.kind in ("clash", "authorised") for pair in pairs):
+            whole = _as_a_whole(manager, i, j, bool(depths), near, (i, j) in meant)
+            if whole is not None:
+                found.append(whole)
+        found += pairs
+    return found
+
+
+def by_parts(classes: Iterable[PairClass]) -> Mapping[tuple[int, int], Kind]:
+    """The gravest kind of each pair of parts."""
+    out: dict[tuple[int, int], Kind] = {}
+    for pair in classes:
+        worst = out.get(pair.objects, pair.kind)
+        out[pair.objects] = min(worst, pair.kind, key=KINDS.index)
+    return out
+
+
+def _authorised(pairs: Iterable[Sequence[int]]) -> set[tuple[int, ...]]:
+    out: set[tuple[int, ...]] = set()
+    for pair in pairs:
+        p = tuple(int(k) for k in pair)
+        if len(p) not in (2, 4):
+            raise CollisionError(f"authorised pair {p}; give (i, j) or (i, surface of i, j, surface of j)")
+        half = len(p) // 2
+        out.add(p if p[0] < p[half] else p[half:] + p[:half])
+    return out
+
+
+def _as_a_whole(
+    manager: CollisionManager, i: int, j: int, touching: bool, near: float, meant: bool
+) -> PairClass | None:
+    """Containment, or common material of parts whose surfaces only touch."""
+    mesh_i, mesh_j = manager.mesh(i), manager.mesh(j)
+    world, pose = manager.pose(i), manager.relative_pose(i, j)
+    if not touching:
+        for outer, inner, mesh, other, move in (
+            (i, j, mesh_i, mesh_j, pose),
+            (j, i, mesh_j, mesh_i, pose.inverse()),
+        ):
+            if contains(manager, outer, inner):
+                points = other.vertices @ move.rotation.T + move.translation
+                depths = -signed_distances(mesh, points)
+                deepest = int(np.argmax(depths))
+                row = clearance_of(manager, i, j)[0]
+                return PairClass(
+                    "authorised" if meant else "containment",
+                    (i, j), None, float(row["distance"]), float(depths[deepest]),
+                    manager.pose(outer).act(points[deepest]), f"object {inner} lies wholly inside object {outer}",
+                )  # fmt: skip
+        return None
+    if not (solid_of(mesh_i).closed and solid_of(mesh_j).closed):
+        return None
+    best, where = near, None
+    for points in (
+        _below_the_surface(mesh_i, near),
+        _below_the_surface(mesh_j, near) @ pose.rotation.T + pose.translation,
+    ):
+        depth = -np.maximum(
+            signed_distances(mesh_i, points), signed_distances(mesh_j, (points - pose.translation) @ pose.rotation)
+        )
+        if len(depth) and depth.max() > best:
+            best, where = float(depth.max()), points[int(np.argmax(depth))]
+    if where is None:
+        return None
+    reason = f"objects {i} and {j} have material in common though their surfaces only touch"
+    return PairClass("authorised" if meant else "clash", (i, j), None, 0.0, best, world.act(where), reason)
+
+
+def _below_the_surface(mesh: SurfaceMesh, near: float) -> NDArray[np.float64]:
+    """Points behind the middles of the largest triangles, at depths from 2·near up to half the mesh's size."""
+    corners = mesh.vertices[mesh.triangles]
+    n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(n, axis=1)
+    chosen = np.sort(np.argsort(-area, kind="stable")[:SAMPLES])
+    chosen = chosen[area[chosen] > 0.0]
+    normal, middle = n[chosen] / area[chosen, None], corners[chosen].mean(axis=1)
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    depths = [2.0 * near]
+    while depths[-1] * 4.0 < size:
+        depths.append(depths[-1] * 4.0)
+    return np.concatenate([middle - depth * normal for depth in depths])

@@ -1,0 +1,206 @@
+"""Numba kernels about the solid a mesh bounds: winding number, signed distance, the deepest point of a triangle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from collision.kernels_distance import STACK, _along, _cross, _dot, _sub, closest_on_segment
+
+
+@njit(cache=True, nogil=True)
+def winding_number(vertices, triangles, p):
+    """How often the mesh winds about p: the sum of the triangles' signed solid angles, over 4π.
+
+    Van Oosterom & Strackee, "The Solid Angle of a Plane Triangle", 1983; Jacobson et al., "Robust Inside-Outside
+    Segmentation using Generalized Winding Numbers", 2013. 1 inside and 0 outside a closed mesh with outward normals.
+    """
+    total = 0.0
+    for t in range(len(triangles)):
+        i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        a = (vertices[i, 0] - p[0], vertices[i, 1] - p[1], vertices[i, 2] - p[2])
+        b = (vertices[j, 0] - p[0], vertices[j, 1] - p[1], vertices[j, 2] - p[2])
+        c = (vertices[k, 0] - p[0], vertices[k, 1] - p[1], vertices[k, 2] - p[2])
+        la, lb, lc = np.sqrt(_dot(a, a)), np.sqrt(_dot(b, b)), np.sqrt(_dot(c, c))
+        numerator = _dot(a, _cross(b, c))
+        denominator = la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb
+        total += 2.0 * np.arctan2(numerator, denominator)
+    return total / (4.0 * np.pi)
+
+
+@njit(cache=True, nogil=True)
+def closest_on_triangle(p, a, b, c):
+    """(nearest point, where it lies: 0 … 2 on the edge ab, bc, ca, 3 … 5 in the corner a, b, c, 6 inside)."""
+    n = _cross(_sub(b, a), _sub(c, a))
+    nn = _dot(n, n)
+    if nn > 0.0:
+        f = _along(p, -_dot(n, _sub(p, a)) / nn, n)
+        if (
+            _dot(_cross(_sub(b, a), _sub(f, a)), n) > 0.0
+            and _dot(_cross(_sub(c, b), _sub(f, b)), n) > 0.0
+            and _dot(_cross(_sub(a, c), _sub(f, c)), n) > 0.0
+        ):
+            return f, 6
+    best, nearest, feature = np.inf, a, 3
+    for k in range(3):
+        e, f = (a, b) if k == 0 else ((b, c) if k == 1 else (c, a))
+        q = closest_on_segment(p, e, f)
+        w = _sub(p, q)
+        d = _dot(w, w)
+        if d < best:
+            best, nearest = d, q
+            if q == e:
+                feature = 3 + k
+            elif q == f:
+                feature = 3 + (k + 1) % 3
+            else:
+                feature = k
+    return nearest, feature
+
+
+@njit(cache=True, nogil=True)
+def _gap(box, i, p):
+    x = max(0.0, box[i, 0] - p[0], p[0] - box[i, 3])
+    y = max(0.0, box[i, 1] - p[1], p[1] - box[i, 4])
+    z = max(0.0, box[i, 2] - p[2], p[2] - box[i, 5])
+    return x * x + y * y + z * z
+
+
+@njit(cache=True, nogil=True)
+def signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, p, stack, gap):
+    """(distance, negative behind the surface; nearest point; its triangle, in leaf order) of the mesh and a point.
+
+    The side is told by the pseudonormal of the nearest feature, which is right for any closed mesh (Bærentzen & Aanæs,
+    "Signed Distance Computation Using the Angle Weighted Pseudonormal", 2005). face: (m, 3), edge: (m, 3, 3), vertex:
+    (m, 3, 3) pseudonormals by triangle in leaf order.
+    """
+    best = np.inf
+    nearest = p
+    triangle, feature = -1, 6
+    stack[0] = 0
+    gap[0] = _gap(box, 0, p)
+    top = 1
+    while top > 0:
+        top -= 1
+        if gap[top] >= best:
+            continue
+        i = stack[top]
+        if second[i] < 0:
+            for t in range(first[i], first[i] + count[i]):
+                a = (vertices[corner[t, 0], 0], vertices[corner[t, 0], 1], vertices[corner[t, 0], 2])
+                b = (vertices[corner[t, 1], 0], vertices[corner[t, 1], 1], vertices[corner[t, 1], 2])
+                c = (vertices[corner[t, 2], 0], vertices[corner[t, 2], 1], vertices[corner[t, 2], 2])
+                q, where = closest_on_triangle(p, a, b, c)
+                w = _sub(p, q)
+                d = _dot(w, w)
+                if d < best:
+                    best, nearest, triangle, feature = d, q, t, where
+            continue
+        g0, g1 = _gap(box, i + 1, p), _gap(box, second[i], p)
+        near, far = i + 1, second[i]
+        if g1 < g0:
+            near, far, g0, g1 = far, near, g1, g0
+        stack[top], gap[top] = far, g1
+        stack[top + 1], gap[top + 1] = near, g0
+        top += 2
+    if feature == 6:
+        n = (face[triangle, 0], face[triangle, 1], face[triangle, 2])
+    elif feature < 3:
+        n = (edge[triangle, feature, 0], edge[triangle, feature, 1], edge[triangle, feature, 2])
+    else:
+        k = feature - 3
+        n = (vertex[triangle, k, 0], vertex[triangle, k, 1], vertex[triangle, k, 2])
+    distance = np.sqrt(best)
+    if _dot(n, _sub(p, nearest)) < 0.0:
+        distance = -distance
+    return distance, nearest, triangle
+
+
+@njit(cache=True, nogil=True)
+def signed_distances(vertices, box, second, first, count, corner, face, edge, vertex, points, out):
+    """`signed_distance` of many points (n, 3): distances into `out` (n,)."""
+    stack, gap = np.empty(STACK, np.int64), np.empty(STACK)
+    for i in range(len(points)):
+        p = (points[i, 0], points[i, 1], points[i, 2])
+        out[i], _, _ = signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, p, stack, gap)
+
+
+@njit(cache=True, nogil=True)
+def _to_triangle(vertices, corner, t, p):
+    a = (vertices[corner[t, 0], 0], vertices[corner[t, 0], 1], vertices[corner[t, 0], 2])
+    b = (vertices[corner[t, 1], 0], vertices[corner[t, 1], 1], vertices[corner[t, 1], 2])
+    c = (vertices[corner[t, 2], 0], vertices[corner[t, 2], 1], vertices[corner[t, 2], 2])
+    q, _ = closest_on_triangle(p, a, b, c)
+    w = _sub(p, q)
+    return np.sqrt(_dot(w, w))
+
+
+@njit(cache=True, nogil=True)
+def deepest(
+    vertices, box, second, first, count, corner, face, edge, vertex, surface_of,
+    points, surface, precision, budget, out,
+):  # fmt: skip
+    """The point of the triangles `points` (n, 9) that lies deepest behind the mesh, nearest to its surface `surface`.
+
+    Branch and bound over halved triangles. A triangle's points are at most as deep as its corners are far from one
+    triangle of the mesh (the distance to a convex set is convex), and at most by its radius deeper than its middle.
+    Found to within `precision` (m), or after `budget` points the deepest of those. out: (7,) depth >= 0, the point, the
+    nearest point of the mesh. Returns whether a point behind the surface was found.
+    """
+    stack, gap = np.empty(STACK, np.int64), np.empty(STACK)
+    room = 4 * len(points) + 256
+    todo = np.empty((room, 9))
+    todo[: len(points)] = points
+    top = len(points)
+    depth = 0.0
+    found = False
+    while top > 0 and budget > 0:
+        top -= 1
+        budget -= 1
+        x0, y0, z0 = todo[top, 0], todo[top, 1], todo[top, 2]
+        x1, y1, z1 = todo[top, 3], todo[top, 4], todo[top, 5]
+        x2, y2, z2 = todo[top, 6], todo[top, 7], todo[top, 8]
+        c = ((x0 + x1 + x2) / 3.0, (y0 + y1 + y2) / 3.0, (z0 + z1 + z2) / 3.0)
+        distance, q, t = signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, c, stack, gap)
+        radius, bound = 0.0, 0.0
+        for k in range(3):
+            p = (todo[top, 3 * k], todo[top, 3 * k + 1], todo[top, 3 * k + 2])
+            w = _sub(p, c)
+            radius = max(radius, np.sqrt(_dot(w, w)))
+            bound = max(bound, _to_triangle(vertices, corner, t, p))
+        bound = min(bound, radius - distance)
+        for k in range(4):  # the middle, then the corners
+            if k == 0:
+                p, d, f, u = c, distance, q, t
+            elif bound > depth:
+                p = (todo[top, 3 * k - 3], todo[top, 3 * k - 2], todo[top, 3 * k - 1])
+                d, f, u = signed_distance(
+                    vertices, box, second, first, count, corner, face, edge, vertex, p, stack, gap
+                )
+            else:
+                break
+            if -d > depth and surface_of[u] == surface:
+                found = True
+                depth = -d
+                out[0] = depth
+                for i in range(3):
+                    out[1 + i], out[4 + i] = p[i], f[i]
+        if bound <= depth + precision or top + 2 > room:
+            continue
+        # halve the longest edge
+        e0 = (x1 - x0) ** 2 + (y1 - y0) ** 2 + (z1 - z0) ** 2
+        e1 = (x2 - x1) ** 2 + (y2 - y1) ** 2 + (z2 - z1) ** 2
+        e2 = (x0 - x2) ** 2 + (y0 - y2) ** 2 + (z0 - z2) ** 2
+        if e1 >= e0 and e1 >= e2:
+            x0, y0, z0, x1, y1, z1, x2, y2, z2 = x1, y1, z1, x2, y2, z2, x0, y0, z0
+        elif e2 >= e0:
+            x0, y0, z0, x1, y1, z1, x2, y2, z2 = x2, y2, z2, x0, y0, z0, x1, y1, z1
+        mx, my, mz = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1)
+        row = todo[top]
+        row[0], row[1], row[2], row[3], row[4], row[5] = x0, y0, z0, mx, my, mz
+        row[6], row[7], row[8] = x2, y2, z2
+        row = todo[top + 1]
+        row[0], row[1], row[2], row[3], row[4], row[5] = mx, my, mz, x1, y1, z1
+        row[6], row[7], row[8] = x2, y2, z2
+        top += 2
+    return found
