@@ -140,6 +140,11 @@ class Engine:
         verdict = self.rule(self._view(-1, candidate, "candidate"))
         return None if verdict is None else verdict == "accept"
 
+    @property
+    def authorised(self) -> list[tuple[str, str]]:
+        """Pairs of parts that may overlap, by name."""
+        return [(self.scene.names[a], self.scene.names[b]) for a, b in self._authorised]
+
     def authorise(self, a: int, b: int) -> None:
         """Leave a pair of objects out of collision for good."""
         self._authorised.append((a, b))

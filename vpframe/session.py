@@ -26,6 +26,7 @@ from vpframe.events import EVENT_KINDS, ConstraintView, Event, Frame, Observer
 from vpframe.interaction.conditions import Condition
 from vpframe.interaction.hand import Hand, Outcome, as_pose
 from vpframe.interaction.reach import half_size
+from vpframe.report.log import SessionLog
 from vpframe.rules import Rule, accept_all
 from vpframe.scene import Part, Scene
 
@@ -75,7 +76,9 @@ class Session:
         self.tolerance = tolerance or Tolerance()
         self.step_count = 0
         self.engine = Engine(scene, self.tolerance, self.dt, rule, clearance)
-        self.observers: list[Observer] = [*_viewers(viewer), *_recorders(record), *observers]
+        self.log = SessionLog()
+        """what the report tells"""
+        self.observers: list[Observer] = [self.log, *_viewers(viewer), *_recorders(record), *observers]
         self.failure = ""
         """why the task failed; empty while it has not"""
         self._events: list[Event] = []
@@ -127,7 +130,7 @@ class Session:
             wanted = hand.desire(self.dt, hand.assist.rate(room))
             if hand.held is not None:
                 wishes.append(Wish(hand.held, wanted, hand.carried, hand.assist.snap, hand.assist.snap_angle))
-        requests, self._requests = self._requests, []
+        requests, self._requests = [*self._requests, *self._asked()], []
         result = self._advance(wishes, requests)
         self.step_count += 1
         self._take_in(result)
@@ -212,6 +215,18 @@ class Session:
             self._trails[name] = [(0, pin.SE3(part.pose))]
         for observer in list(self.observers):
             self._guarded(observer, lambda o=observer: o.begin(self))  # type: ignore[misc]
+
+    def _asked(self) -> list[Request]:
+        """What people at the viewers accepted, refused or removed since the last step, as far as it is still there."""
+        fits = {"accept": ("candidate", "refused"), "refuse": ("candidate",), "remove": ("active",)}
+        state = {} if self._result is None else {c.id: c.state for c in self._result.constraints}
+        asked: list[Request] = []
+        for observer in self.observers:
+            controls = getattr(observer, "controls", None)
+            for wish in controls.take() if controls is not None else ():
+                if state.pop(wish.id, None) in fits[wish.action]:
+                    asked.append(Request(wish.action, wish.id))
+        return asked
 
     def _advance(self, wishes: list[Wish], requests: list[Request]) -> Result:
         journal = self._journal
@@ -463,10 +478,10 @@ class Session:
             self._happened("note", (), (), f"failed: {reason}", {})
 
     def report(self, directory: str | Path) -> Path:
-        """Write the report folder (`report.json`, `index.html`, pictures); returns its path."""
-        from vpframe.visualization.report import write_report
+        """Write the report folder (`index.html`, `report.json`, `clashes.csv`); returns its path."""
+        from vpframe.report import write
 
-        return write_report(self, directory)
+        return write(directory, self.log, failure=self.failure, authorised=self.engine.authorised)
 
     def close(self) -> None:
         """End view and recording. Called once or more; nothing moves afterwards."""

@@ -1,4 +1,4 @@
-"""What a person asks of a running session from a page: play, pause, step, accept, refuse."""
+"""What a person asks of a running session from a page: play, pause, step, accept, refuse, remove."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import threading
 from dataclasses import dataclass
 from typing import Any
 
-ACTIONS = ("play", "pause", "step", "accept", "refuse")
+ACTIONS = ("play", "pause", "step", "accept", "refuse", "remove")
 
 
 @dataclass(frozen=True)
 class Request:
-    """One wish of a person; `id` is the constraint's for accept and refuse."""
+    """One wish of a person; `id` is the constraint's for accept, refuse and remove."""
 
     action: str
     id: int | None = None
@@ -22,7 +22,7 @@ class Request:
         if not isinstance(message, dict) or message.get("action") not in ACTIONS:
             return None
         identity = message.get("id")
-        if message["action"] in ("accept", "refuse"):
+        if message["action"] not in ("play", "pause", "step"):
             if isinstance(identity, bool) or not isinstance(identity, int):
                 return None
             return cls(message["action"], identity)
@@ -57,7 +57,7 @@ class Controls:
             self._change.notify_all()
 
     def take(self) -> tuple[Request, ...]:
-        """The accept and refuse requests since the last call, in order: what the session does before its next step."""
+        """The requests about constraints since the last call, in order: what the session does before its next step."""
         with self._change:
             taken, self._requests = tuple(self._requests), []
         return taken

@@ -261,7 +261,8 @@ function showConstraints(list) {
     row.append(dot, what);
     if (socket) {
       if (c.state !== "active") row.append(button("Accept", { action: "accept", id: c.id }));
-      if (c.state !== "refused") row.append(button("Refuse", { action: "refuse", id: c.id }));
+      if (c.state === "candidate") row.append(button("Refuse", { action: "refuse", id: c.id }));
+      if (c.state === "active") row.append(button("Remove", { action: "remove", id: c.id }));
     } else row.append(element("span", "dim", c.state));
     return row;
   }));
