@@ -1,0 +1,294 @@
+"""A bare triangle mesh cut into the surfaces it was tessellated from.
+
+The vertices of a tessellated CAD face lie on the face's true surface, which tells far more than angles between
+triangles do: where a plane runs tangentially into a fillet no edge shows, but the next vertices lie off the plane.
+So: triangles are first joined to flat facets; from facets and their neighbours analytic surfaces are fitted, each is
+let grow over all triangles whose vertices lie on it, and the one that explains most vertices beyond those needed to
+determine it is taken first. What no analytic surface explains is a freeform surface up to the next sharp edge.
+Growth from seeds follows Schnabel, Wahl & Klein (Computer Graphics Forum 26 (2007) 214), with fits in place of random
+draws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from constraints.errors import GeometryError
+from constraints.fits import FitError, fit_kind, refine
+from constraints.geometry import Cylinder, Freeform, Geometry, Plane, Torus
+from vpframe.importers.growth import neighbours, packed, reach
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_NEEDED = {"plane": 3, "cylinder": 5, "sphere": 4, "cone": 6, "torus": 7}
+_STRONG = 6
+"""vertices beyond those needed that a curved surface must explain to be taken before the planes"""
+_OUTDO = {"cylinder": 1.0, "cone": 1.5, "sphere": 1.5, "torus": 2.5}
+"""how many times the facets of a simpler surface a richer one must explain: a sphere goes through any frustum's two
+circles, a torus through any two frustums in a row"""
+_AGREE = np.cos(0.25)
+"""a facet's normal and its surface's differ by less: a third of what an angle of 45° between segments makes"""
+_SMOOTH = np.cos(0.6)
+"""facets that meet at less may be segments of one curved surface"""
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """Triangles on one surface."""
+
+    triangles: Index
+    geometry: Geometry
+    residual: float
+    """m: greatest distance of a vertex to `geometry`; 0 for freeform"""
+
+
+def segment(vertices: Array, triangles: NDArray[np.int32], tolerance: float) -> list[Segment]:
+    """Cut a welded mesh into segments; every triangle is in one.
+
+    `vertices` (n, 3) m; `triangles` (m, 3), none of zero area; `tolerance` m, how far a vertex may lie off its
+    surface. The answer is the same each time, segments ordered by their first triangle.
+    """
+    return _Segmentation(vertices, triangles, tolerance).run()
+
+
+class _Segmentation:
+    def __init__(self, vertices: Array, triangles: NDArray[np.int32], tolerance: float) -> None:
+        self.vertices, self.triangles, self.tolerance = vertices, triangles, tolerance
+        corners = vertices[triangles]
+        vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self.vectors = vectors
+        self.areas = np.linalg.norm(vectors, axis=1)
+        self.normals = vectors / self.areas[:, None]
+        self.middles = corners.mean(axis=1)
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        self.needle = 2.0 * self.areas < 10.0 * tolerance * longest  # its height is lost in the tolerance
+        self.across = neighbours(triangles)
+        self.label = np.full(len(triangles), -1, np.int64)
+        self.segments: list[Segment] = []
+        self._mark = np.full(len(triangles), -1, np.int64)
+        self._stamp = 0
+        self._out = np.empty(len(triangles), np.int64)
+        self.facet, self.facets = self._flat_facets()
+        self.around = self._smooth_neighbours()
+
+    def run(self) -> list[Segment]:
+        self._planes(sure=True)
+        self._curved(strong=True)
+        self._planes(sure=False)
+        self._curved(strong=False)
+        self._rest()
+        return sorted(self.segments, key=lambda s: int(s.triangles.min()))
+
+    def _grow(self, geometry: Geometry, seed: int) -> Index:
+        kind, numbers = packed(geometry)
+        self._stamp += 1
+        count = reach(
+            kind, numbers, seed, self.vertices, self.triangles, self.normals, self.needle, self.across, self.label,
+            self.tolerance, _AGREE, self._mark, self._stamp, self._out,
+        )  # fmt: skip
+        return np.sort(self._out[:count])
+
+    def _points(self, triangles: Index) -> Array:
+        return self.vertices[np.unique(self.triangles[triangles])]
+
+    def _take(self, triangles: Index, geometry: Geometry) -> None:
+        self.label[triangles] = len(self.segments)
+        residual = 0.0
+        if not isinstance(geometry, Freeform):
+            residual = float(np.abs(geometry.distance(self._points(triangles))).max())
+        self.segments.append(Segment(triangles, geometry, residual))
+
+    def _flat_facets(self) -> tuple[Index, list[Index]]:
+        """Connected coplanar triangles: the facet of each triangle, and the triangles of each facet."""
+        facet = np.full(len(self.triangles), -1, np.int64)
+        facets = []
+        for t in np.argsort(-self.areas, kind="stable"):
+            if facet[t] >= 0:
+                continue
+            plane = Plane(self.middles[t], self.normals[t])
+            kind, numbers = packed(plane)
+            self._stamp += 1
+            count = reach(
+                kind, numbers, t, self.vertices, self.triangles, self.normals, self.needle, self.across, facet,
+                self.tolerance, np.cos(1e-2), self._mark, self._stamp, self._out,
+            )  # fmt: skip
+            members = np.sort(self._out[:count])
+            facet[members] = len(facets)
+            facets.append(members)
+        return facet, facets
+
+    def _smooth_neighbours(self) -> list[list[int]]:
+        """Facets that meet each facet at a blunt angle, those along the longest border first."""
+        t, k = np.nonzero(self.across >= 0)
+        n = self.across[t, k]
+        other = (self.facet[t] != self.facet[n]) & (np.einsum("ij,ij->i", self.normals[t], self.normals[n]) > _SMOOTH)
+        t, k, n = t[other], k[other], n[other]
+        ends = self.vertices[self.triangles[t, k]] - self.vertices[self.triangles[t, (k + 1) % 3]]
+        border: list[dict[int, float]] = [{} for _ in self.facets]
+        for a, b, length in zip(
+            self.facet[t].tolist(), self.facet[n].tolist(), np.linalg.norm(ends, axis=1), strict=True
+        ):
+            border[a][b] = border[a].get(b, 0.0) + float(length)
+        return [sorted(d, key=lambda b: (-d[b], b)) for d in border]
+
+    def _curved(self, strong: bool) -> None:
+        """Take curved surfaces, those that explain most first, from seeds at every facet that is still free."""
+        candidates: list[tuple[int, Geometry, int]] = []
+        covered = np.zeros(len(self.triangles), bool)
+        areas = np.array([self.areas[f].sum() for f in self.facets])
+        for f in np.argsort(-areas, kind="stable").tolist():
+            if self.label[self.facets[f][0]] >= 0 or covered[self.facets[f][0]]:
+                continue
+            best = self._best_at(f, strong)
+            if best is not None:
+                score, geometry, grown = best
+                candidates.append((score, geometry, int(self.facets[f][0])))
+                covered[grown] = True
+        while candidates:
+            candidates.sort(key=lambda c: -c[0])
+            score, geometry, seed = candidates.pop(0)
+            if self.label[seed] >= 0:
+                continue
+            grown = self._grow(geometry, seed)
+            now = self._score(geometry, grown)
+            if now < score and candidates and now < candidates[0][0]:
+                if self._enough(geometry, grown, strong):
+                    candidates.append((now, geometry, seed))
+                continue
+            if self._enough(geometry, grown, strong):
+                self._take(grown, geometry)
+
+    def _score(self, geometry: Geometry, grown: Index) -> int:
+        return len(np.unique(self.triangles[grown])) - _NEEDED[geometry.kind]
+
+    def _enough(self, geometry: Geometry, grown: Index, strong: bool) -> bool:
+        facets = len(np.unique(self.facet[grown]))
+        if isinstance(geometry, Torus) and self._circles(geometry, grown) < 4:
+            return False  # through three circles about one axis there is always a torus
+        if not strong:
+            areas = np.bincount(self.facet[grown], self.areas[grown])
+            areas = areas[areas > 0]
+            return facets >= 3 and self._score(geometry, grown) >= 1 and areas.max() <= 3.0 * np.median(areas)
+        return facets >= 4 and self._score(geometry, grown) >= _STRONG * (1 if isinstance(geometry, Cylinder) else 2)
+
+    def _circles(self, torus: Torus, grown: Index) -> int:
+        """On how many circles about the torus's axis the vertices lie."""
+        q = self._points(grown) - torus.center
+        height = q @ torus.axis
+        radius = np.linalg.norm(q - height[:, None] * torus.axis, axis=1) - torus.major
+        arc = np.sort(torus.minor * np.arctan2(height, radius))
+        return 1 + int((np.diff(arc) > 10.0 * self.tolerance).sum())
+
+    def _best_at(self, f: int, strong: bool) -> tuple[int, Geometry, Index] | None:
+        best: tuple[int, Geometry, Index] | None = None
+        seed, most = int(self.facets[f][0]), 0
+        for kind, patch in self._patches(f):
+            points = self._points(patch)
+            if len(points) < _NEEDED[kind] + 1:
+                continue
+            try:
+                fit = fit_kind(kind, points, self.middles[patch], self.vectors[patch])
+            except (FitError, GeometryError):
+                continue
+            if fit.residual > self.tolerance:
+                continue
+            geometry, grown = self._settle(fit.geometry, seed)
+            if len(grown) == 0 or not self._enough(geometry, grown, strong):
+                continue
+            size = len(np.unique(self.facet[grown]))
+            if best is None or size > most * (1.0 if kind == best[1].kind else _OUTDO[kind]):
+                most = size
+                best = (self._score(geometry, grown), geometry, grown)
+        return best
+
+    def _settle(self, geometry: Geometry, seed: int) -> tuple[Geometry, Index]:
+        """Grow, fit to what was reached, grow again, as long as more is reached."""
+        grown = self._grow(geometry, seed)
+        while len(grown):
+            try:
+                better = refine(geometry, self._points(grown))
+            except GeometryError:
+                return geometry, grown
+            more = self._grow(better, seed)
+            if len(more) <= len(grown):
+                return (better, more) if len(more) == len(grown) else (geometry, grown)
+            geometry, grown = better, more
+        return geometry, grown
+
+    def _patches(self, f: int) -> Iterator[tuple[str, Index]]:
+        """Kinds to try at a facet and the triangles to fit them to."""
+        near = [g for g in self.around[f] if self.label[self.facets[g][0]] < 0]
+        for g in near[:4]:
+            yield "cylinder", np.concatenate([self.facets[f], self.facets[g]])
+        for g, h in combinations(near[:4], 2):
+            yield "cone", np.concatenate([self.facets[i] for i in (f, g, h)])
+        first = {f, *near}
+        second = first | {h for g in near for h in self.around[g] if self.label[self.facets[h][0]] < 0}
+        ring, wide = (np.concatenate([self.facets[g] for g in sorted(p)]) for p in (first, second))
+        yield "cylinder", wide
+        yield "cone", ring
+        yield "cone", wide
+        yield "sphere", ring
+        yield "torus", ring
+        yield "torus", wide
+
+    def _planes(self, sure: bool) -> None:
+        """Take flat facets: those that cannot be a segment of a curved surface, or those that stand alone."""
+        for f in sorted(range(len(self.facets)), key=lambda f: (-self.areas[self.facets[f]].sum(), f)):
+            members = self.facets[f]
+            if self.label[members[0]] >= 0:
+                continue
+            free = any(self.label[self.facets[g][0]] < 0 for g in self.around[f])
+            if self._is_wide(members) if sure else not free:
+                self._take(members, self._plane(members))
+
+    def _is_wide(self, members: Index) -> bool:
+        """Whether the vertices lie on more than two parallel lines: a strip of a curved surface has but two."""
+        points = self._points(members)
+        if len(points) < 6:
+            return False
+        normal = self._plane(members).normal
+        corners = self.vertices[self.triangles[members]]
+        sides = (np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)
+        sides /= np.linalg.norm(sides, axis=1)[:, None]
+        heights = points @ np.cross(normal, sides).T
+        low, high = heights.min(axis=0), heights.max(axis=0)
+        off = np.minimum(heights - low, high - heights).max(axis=0)
+        return bool(off.min() > self.tolerance)
+
+    def _plane(self, members: Index) -> Plane:
+        fit = fit_kind("plane", self._points(members), self.middles[members], self.vectors[members])
+        assert isinstance(fit.geometry, Plane)
+        return fit.geometry
+
+    def _rest(self) -> None:
+        """Join what is left across smooth edges to freeform surfaces."""
+        for t in range(len(self.triangles)):
+            if self.label[t] >= 0:
+                continue
+            region, front = {t}, [t]
+            while front:
+                a = front.pop()
+                for b in self.across[a].tolist():
+                    if (
+                        b >= 0
+                        and b not in region
+                        and self.label[b] < 0
+                        and (self.needle[a] or self.needle[b] or self.normals[a] @ self.normals[b] > _SMOOTH)
+                    ):
+                        region.add(b)
+                        front.append(b)
+            members = np.array(sorted(region))
+            facets = np.unique(self.facet[members])
+            if len(facets) >= 4:
+                self._take(members, Freeform())
+                continue
+            for f in facets:
+                flat = members[self.facet[members] == f]
+                self._take(flat, self._plane(flat))
