@@ -20,6 +20,12 @@ class Tolerance:
     """m: vertices whose distance to an analytic surface is below this lie on it."""
     fit_relative: float = 1e-3
     """1: … and below this part of their extent, so that a tiny freeform face does not pass for a plane."""
+    facet: float = 0.25
+    """rad: a triangle's normal and its surface's (at the triangle's middle) differ by less."""
+    bend: float = 0.6
+    """rad: triangles that meet at less may be segments of one curved surface."""
+    segment_relative: float = 2e-5
+    """1: in a bare mesh, vertices lie on their surface to this part of the mesh's extent (files carry seven digits)."""
     clearance: float = 2.5e-4
     """m: greatest radial clearance (or interference) at which a shaft still fits a bore."""
     rigid: float = 1e-6

@@ -21,7 +21,7 @@ from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus,
 
 Array = NDArray[np.float64]
 
-KINDS = ("plane", "cylinder", "sphere", "cone", "torus")
+KINDS = ("plane", "cylinder", "cone", "sphere", "torus")
 """in the order in which they are tried: the simplest that fits is taken"""
 
 
@@ -51,7 +51,7 @@ def fit_surface(
     ----------
     points: (n, 3) m, on the true surface.
     bases, normals: (m, 3) m and (m, 3): places and rough normals there, of any length, which is their weight (the area
-        vectors of the face's triangles at their centroids serve). They only start the fit.
+        vectors of the face's triangles at their centroids serve). They start the fit, and it must agree with them.
     tolerance: `fit` and `fit_relative` (of the points' extent) bound the residual.
     kinds: what to try, in order.
     """
@@ -65,9 +65,16 @@ def fit_surface(
             fit = fit_kind(kind, p, bases, normals)
         except (FitError, GeometryError):
             continue
-        if fit.residual <= limit:
+        if fit.residual <= limit and _faces_along(fit.geometry, bases, normals, limits):
             return fit
     return None
+
+
+def _faces_along(geometry: Geometry, bases: ArrayLike, normals: ArrayLike, limits: Tolerance) -> bool:
+    """Whether the rough normals are, on the whole, the surface's: the corners of a cube lie on a sphere, too."""
+    n = np.asarray(normals, dtype=np.float64)
+    along = np.abs(np.einsum("ij,ij->i", geometry.normals(bases), n)).sum()
+    return bool(along >= np.cos(limits.facet) * np.linalg.norm(n, axis=1).sum())
 
 
 def allowed(points: Array, tolerance: Tolerance) -> float:
@@ -88,33 +95,37 @@ def fit_kind(kind: str, points: ArrayLike, bases: ArrayLike, normals: ArrayLike)
     return Fit(geometry, float(np.abs(geometry.distance(p)).max()))
 
 
-def refine(geometry: Geometry, points: ArrayLike, iterations: int = 50) -> Geometry:
+def refine(geometry: Geometry, points: ArrayLike, iterations: int = 40) -> Geometry:
     """`geometry` moved and resized to the least sum of squared distances to `points` (n, 3), m.
 
-    Levenberg-Marquardt with minimum-norm steps (a cylinder may slide along its axis for nothing). The origin of
-    what has an axis comes to lie beside the points' middle.
+    Levenberg-Marquardt in coordinates of unit size; the damping holds still what distances do not tell (a cylinder may
+    slide along its axis for nothing). The origin of a plane or a cylinder comes to lie beside the points' middle.
     """
-    p = np.asarray(points, dtype=np.float64)
-    best, cost = geometry, _cost(geometry, p)
-    damping = 1e-6
+    given = np.asarray(points, dtype=np.float64)
+    center, scale = given.mean(axis=0), float(np.linalg.norm(np.ptp(given, axis=0)))
+    if not scale > 0.0:
+        raise FitError(f"{len(given)} points of no extent determine no {geometry.kind}; give more")
+    p = (given - center) / scale
+    best = _scaled(geometry, 1.0 / scale, -center / scale)
+    distance = best.distance(p)
+    cost, damping = float(distance @ distance), 1e-9
     for _ in range(iterations):
-        distance, jacobian = best.distance(p), _jacobian(best, p)
-        normal_matrix, gradient = jacobian.T @ jacobian, jacobian.T @ distance
-        weight = np.diag(normal_matrix) + np.finfo(float).tiny
-        while True:
-            step = -np.linalg.pinv(normal_matrix + damping * np.diag(weight), hermitian=True) @ gradient
-            trial = _stepped(best, step)
-            trial_cost = np.inf if trial is None else _cost(trial, p)
-            if trial is not None and trial_cost < cost:
+        jacobian = _jacobian(best, p)
+        matrix, gradient = jacobian.T @ jacobian, jacobian.T @ distance
+        matrix[np.diag_indices_from(matrix)] += damping * matrix.trace()
+        trial = _stepped(best, -np.linalg.solve(matrix, gradient))
+        if trial is not None:
+            moved = trial.distance(p)
+            gain = cost - float(moved @ moved)
+            if gain > 0.0:
+                best, distance, cost, damping = trial, moved, cost - gain, max(0.1 * damping, 1e-12)
+                if gain > 1e-9 * cost:
+                    continue
                 break
-            damping *= 10.0
-            if damping > 1e6:
-                return _centred(best, p)
-        gain = cost - trial_cost
-        best, cost, damping = trial, trial_cost, max(damping * 0.1, 1e-15)
-        if gain <= 1e-12 * cost:
-            break
-    return _centred(best, p)
+        if damping > 1e-3 or cost < 1e-28 * len(p):
+            break  # nothing is gained however short the step, or only rounding is left
+        damping *= 100.0
+    return _centred(_scaled(best, scale, center), given)
 
 
 def fit_circle(points: ArrayLike) -> tuple[Array, Array, float, float]:
@@ -142,7 +153,7 @@ def _cost(geometry: Geometry, points: Array) -> float:
 
 def _jacobian(geometry: Geometry, points: Array) -> Array:
     n = geometry.normals(points)
-    columns = [-n, -np.cross(points, n)]
+    columns = [-n, _cross(n, points)]
     match geometry:
         case Cylinder() | Sphere():
             columns.append(np.full((len(points), 1), -1.0))
@@ -159,6 +170,13 @@ def _jacobian(geometry: Geometry, points: Array) -> Array:
             length = np.maximum(np.hypot(radial, height), np.finfo(float).tiny)
             columns.append(np.column_stack([-radial / length, np.full(len(points), -1.0)]))
     return np.hstack(columns)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Row by row; what np.cross does, without its care for other shapes, which takes longer than the product."""
+    x, y, z = a.T
+    u, v, w = b.T
+    return np.column_stack([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
 def _stepped(geometry: Geometry, step: Array) -> Geometry | None:
@@ -240,6 +258,8 @@ def _guess_cylinder(points: Array, bases: Array, normals: Array) -> Geometry:
 def _guess_cone(points: Array, bases: Array, normals: Array) -> Geometry:
     """Normals of a cone end on a circle about its axis; its tangent planes meet in the apex."""
     weight = np.linalg.norm(normals, axis=1)
+    if np.count_nonzero(weight) < 3:
+        raise FitError("fewer than three tangent planes determine no cone; give more normals")
     n = normals[weight > 0] / weight[weight > 0, None]
     w = weight[weight > 0] / weight.sum()
     mean = w @ n

@@ -97,6 +97,8 @@ def _radial(points: ArrayLike, origin: Vector, axis: Vector) -> tuple[Vector, Ve
     height = q @ axis
     r = q - height[:, None] * axis
     rho = np.linalg.norm(r, axis=1)
+    if rho.all():
+        return height, r / rho[:, None], rho
     unit = np.divide(r, rho[:, None], out=np.broadcast_to(perpendicular(axis), r.shape).copy(), where=rho[:, None] > 0)
     return height, unit, rho
 

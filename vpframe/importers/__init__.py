@@ -7,17 +7,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vpframe.errors import LoadError
+from vpframe.importers.checks import checked_format
 
 if TYPE_CHECKING:
     from vpframe.scene import Scene
 
-_CAD = {".stp": "step", ".step": "step", ".p21": "step", ".igs": "iges", ".iges": "iges"}
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
+"""metres a unit"""
 
 
 def load(
     path: str | Path,
     deflection: float = 1e-4,
     angular: float = 0.35,
+    unit: str | None = None,
     timeout: float = 600.0,
     progress: Callable[[float, str], None] | None = None,
 ) -> Scene:
@@ -25,10 +28,12 @@ def load(
 
     Parameters
     ----------
-    path: a STEP (.step, .stp, .p21) or IGES (.iges, .igs) file.
+    path: a STEP (.step, .stp, .p21), IGES (.iges, .igs), STL, OBJ, PLY or GLB file.
     deflection: m; no triangle is farther than this from its surface (CAD files).
     angular: rad; no two neighbouring segments of a meshed curve turn by more than this. On small round parts it is
         this, not `deflection`, that sets the number of triangles (CAD files).
+    unit: "m", "cm", "mm", "in" or "ft" for STL, OBJ and PLY, which name none. Left out, a model whose largest extent
+        is above 2 is taken to be in millimetres and any other in metres; a note in `Scene.notes` says which.
     timeout: s; a CAD file that takes longer is given up.
     progress: called with the fraction done and what is being done.
 
@@ -38,12 +43,23 @@ def load(
         from a file that could be read otherwise are named in `Scene.notes` and `Shape.notes`.
     """
     file = Path(path)
-    if not file.exists():
-        raise LoadError(f"{path}: no such file; check the path", str(path))
-    form = _CAD.get(file.suffix.lower())
-    if form is None:
-        known = ", ".join(sorted(_CAD))
-        raise LoadError(f"{path}: files of type {file.suffix or '(none)'} are not read; known are {known}", str(path))
-    from vpframe.importers import build, cad
+    form = checked_format(file)
+    for name, value in (("deflection", deflection), ("angular", angular), ("timeout", timeout)):
+        if not 0.0 < value < float("inf"):
+            raise LoadError(f"{path}: {name} is {value!r}; give a positive number", str(path))
+    if unit is not None and unit not in UNITS:
+        raise LoadError(f"{path}: unit is {unit!r}; give one of {', '.join(UNITS)}", str(path))
+    if unit is not None and form not in ("stl", "obj", "ply"):
+        raise LoadError(f"{path}: {form.upper()} files name their unit themselves; leave unit= out", str(path))
+    from vpframe.importers import build
 
-    return build.scene(cad.read(file, form, deflection, angular, timeout, progress), str(path))
+    if form in ("step", "iges"):
+        from vpframe.importers import cad
+
+        raw = cad.read(file, form, deflection, angular, timeout, progress)
+    else:
+        from collision import Tolerance
+        from vpframe.importers import meshes
+
+        raw = meshes.read(file, form, unit, Tolerance(), progress)
+    return build.scene(raw, str(path))

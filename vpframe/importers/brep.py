@@ -5,6 +5,7 @@ OpenCascade works in millimetres here (what its readers convert every file to); 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
-from vpframe.importers.raw import Array, RawEdge, RawFace, RawShape
+from vpframe.importers.raw import Array, Color, RawEdge, RawFace, RawShape
 
 MM = 1e-3
 RECOGNITION = 1e-5 / MM  # the kernel's own recognition invents cylinders at looser tolerances
@@ -43,12 +44,17 @@ _TYPES = {
 }
 
 
-def tessellate(shape: TopoDS_Shape, deflection: float, angular: float) -> RawShape:
+def tessellate(
+    shape: TopoDS_Shape,
+    deflection: float,
+    angular: float,
+    color: Callable[[TopoDS_Shape], Color | None] = lambda face: None,
+) -> RawShape:
     """Mesh `shape` (a solid, shell or face) and read everything a scene wants to know of it.
 
     `deflection` (m) bounds the distance between a triangle and its surface, `angular` (rad) the angle between
     neighbouring segments of a curve. Faces that mesh to nothing are tried again alone, finer and repaired; those that
-    still give nothing are named in `notes`.
+    still give nothing are named in `notes`. `color` gives a face's own colour.
     """
     BRepMesh_IncrementalMesh(shape, deflection / MM, False, angular, True)
     faces = ShapeMap()
@@ -72,6 +78,7 @@ def tessellate(shape: TopoDS_Shape, deflection: float, angular: float) -> RawSha
                 continue
         place[number] = len(raw.faces)
         raw.faces.append(_type(face, f"face_{number}"))
+        raw.faces[-1].color = color(face)
         vertices.append(points * MM)
         triangles.append(corners + count)
         count += len(points)

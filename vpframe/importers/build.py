@@ -38,7 +38,7 @@ def _shape_names(raw: RawScene) -> list[str]:
 def shape(raw: RawShape, name: str = "shape") -> Shape:
     """The shape of raw arrays: zero-area triangles dropped and counted, faces typed, features grouped."""
     notes = list(raw.notes)
-    closed = is_closed(raw.triangles)
+    closed = is_closed(raw.triangles) if raw.closed is None else raw.closed
     triangles, faces, kept = _drop_flat(raw, notes)
     mesh = SurfaceMesh(raw.vertices, triangles, faces, name)
     vectors = triangle_area_vectors(raw.vertices, triangles)
@@ -102,7 +102,9 @@ def raw_geometry(raw: RawFace, points: Array, outward: Array) -> Geometry:
         case "sphere":
             return Sphere(n[:3], n[3])
         case "torus":
-            return Torus(n[:3], n[3:6], n[6], n[7])
+            ring = Torus(n[:3], n[3:6], n[6], n[7])
+            inner = ring.major <= ring.minor and np.abs(ring.distance(points)).max() > ring.minor * 1e-3
+            return Freeform() if inner else ring  # the inner sheet of a spindle torus is no surface we know
         case _:
             return Freeform()
 

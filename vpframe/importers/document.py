@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -34,6 +33,7 @@ from OCP.XCAFDoc import (
 
 from vpframe.importers._reader import UnreadableError
 from vpframe.importers.brep import MM, tessellate
+from vpframe.importers.names import numbered
 from vpframe.importers.raw import Array, Color, RawPart, RawScene
 
 Progress = Callable[..., None]
@@ -144,7 +144,7 @@ def _leaves(roots: list[Node]) -> Iterator[tuple[str, Node, TopLoc_Location, Col
             color = node.color
         if not node.children:
             yield path, node, pose, color
-        for name, child in zip(_numbered(node.children), node.children, strict=True):
+        for name, child in zip(numbered(child.name for child in node.children), node.children, strict=True):
             alone = len(node.children) == 1 and child.name in _GENERIC and not child.children and path
             inner = path if alone else f"{path}/{name}" if path else name
             yield from walk(child, inner, pose.Multiplied(child.pose), color)
@@ -152,24 +152,8 @@ def _leaves(roots: list[Node]) -> Iterator[tuple[str, Node, TopLoc_Location, Col
     if len(roots) == 1:
         yield from walk(roots[0], "" if roots[0].children else roots[0].name, roots[0].pose, None)
     else:
-        for name, root in zip(_numbered(roots), roots, strict=True):
+        for name, root in zip(numbered(root.name for root in roots), roots, strict=True):
             yield from walk(root, name, root.pose, None)
-
-
-def _numbered(nodes: list[Node]) -> list[str]:
-    """The nodes' names, made unique: those that occur more than once get a number."""
-    names = [node.name.replace("/", "|") for node in nodes]
-    counts = Counter(names)
-    taken = {name for name in names if counts[name] == 1}
-    unique = []
-    for name in names:
-        number = 1
-        given = name
-        while counts[name] > 1 and (given := f"{name}_{number}") in taken:
-            number += 1
-        taken.add(given)
-        unique.append(given)
-    return unique
 
 
 class _Solids:
@@ -179,7 +163,6 @@ class _Solids:
         self.raw = raw
         self.colors = colors
         self.shapes: list[TopoDS_Shape] = []
-        self.sheets: set[int] = set()
 
     def add(self, name: str, node: Node, pose: TopLoc_Location, color: Color | None) -> None:
         """Parts for every solid of a leaf, and for the sheets that belong to none."""
@@ -221,10 +204,8 @@ class _Solids:
                 continue
             fraction = 0.2 + 0.8 * number / len(self.shapes)
             progress(fraction, f"meshing {names[number]}", number)
-            raw = tessellate(shape, deflection, angular)
+            raw = tessellate(shape, deflection, angular, self._color_of)
             if raw.faces:
-                for face, occ in zip(raw.faces, _faces(shape), strict=False):
-                    face.color = self._color_of(occ)
                 kept[number] = len(self.raw.shapes)
                 self.raw.shapes.append(raw)
         for part in self.raw.parts:
@@ -261,10 +242,6 @@ def _of(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:
     while explorer.More():
         yield explorer.Current()
         explorer.Next()
-
-
-def _faces(shape: TopoDS_Shape) -> Iterator[TopoDS_Shape]:
-    return _of(shape, TopAbs_ShapeEnum.TopAbs_FACE)
 
 
 def _rigid(location: TopLoc_Location) -> tuple[Array, Array, bool]:

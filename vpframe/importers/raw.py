@@ -53,6 +53,8 @@ class RawShape:
     """m³; None when it is not known other than from the mesh"""
     center: Array = field(default_factory=lambda: np.zeros(3))
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    closed: bool | None = None
+    """whether the mesh bounds a volume; None when that is still to be found"""
     notes: list[str] = field(default_factory=list)
 
 

@@ -18,6 +18,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from collision import Tolerance
 from constraints.errors import GeometryError
 from constraints.fits import FitError, fit_kind, refine
 from constraints.geometry import Cylinder, Freeform, Geometry, Plane, Torus
@@ -32,10 +33,6 @@ _STRONG = 6
 _OUTDO = {"cylinder": 1.0, "cone": 1.5, "sphere": 1.5, "torus": 2.5}
 """how many times the facets of a simpler surface a richer one must explain: a sphere goes through any frustum's two
 circles, a torus through any two frustums in a row"""
-_AGREE = np.cos(0.25)
-"""a facet's normal and its surface's differ by less: a third of what an angle of 45° between segments makes"""
-_SMOOTH = np.cos(0.6)
-"""facets that meet at less may be segments of one curved surface"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,18 +45,22 @@ class Segment:
     """m: greatest distance of a vertex to `geometry`; 0 for freeform"""
 
 
-def segment(vertices: Array, triangles: NDArray[np.int32], tolerance: float) -> list[Segment]:
+def segment(
+    vertices: Array, triangles: NDArray[np.int32], tolerance: float, limits: Tolerance | None = None
+) -> list[Segment]:
     """Cut a welded mesh into segments; every triangle is in one.
 
     `vertices` (n, 3) m; `triangles` (m, 3), none of zero area; `tolerance` m, how far a vertex may lie off its
-    surface. The answer is the same each time, segments ordered by their first triangle.
+    surface; `limits` gives the angles `facet` and `bend`. The answer is the same each time, segments ordered by their
+    first triangle.
     """
-    return _Segmentation(vertices, triangles, tolerance).run()
+    return _Segmentation(vertices, triangles, tolerance, limits or Tolerance()).run()
 
 
 class _Segmentation:
-    def __init__(self, vertices: Array, triangles: NDArray[np.int32], tolerance: float) -> None:
+    def __init__(self, vertices: Array, triangles: NDArray[np.int32], tolerance: float, limits: Tolerance) -> None:
         self.vertices, self.triangles, self.tolerance = vertices, triangles, tolerance
+        self.agree, self.smooth = np.cos(limits.facet), np.cos(limits.bend)
         corners = vertices[triangles]
         vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self.vectors = vectors
@@ -90,7 +91,7 @@ class _Segmentation:
         self._stamp += 1
         count = reach(
             kind, numbers, seed, self.vertices, self.triangles, self.normals, self.needle, self.across, self.label,
-            self.tolerance, _AGREE, self._mark, self._stamp, self._out,
+            self.tolerance, self.agree, self._mark, self._stamp, self._out,
         )  # fmt: skip
         return np.sort(self._out[:count])
 
@@ -107,7 +108,7 @@ class _Segmentation:
     def _flat_facets(self) -> tuple[Index, list[Index]]:
         """Connected coplanar triangles: the facet of each triangle, and the triangles of each facet."""
         facet = np.full(len(self.triangles), -1, np.int64)
-        facets = []
+        facets: list[Index] = []
         for t in np.argsort(-self.areas, kind="stable"):
             if facet[t] >= 0:
                 continue
@@ -127,7 +128,9 @@ class _Segmentation:
         """Facets that meet each facet at a blunt angle, those along the longest border first."""
         t, k = np.nonzero(self.across >= 0)
         n = self.across[t, k]
-        other = (self.facet[t] != self.facet[n]) & (np.einsum("ij,ij->i", self.normals[t], self.normals[n]) > _SMOOTH)
+        other = (self.facet[t] != self.facet[n]) & (
+            np.einsum("ij,ij->i", self.normals[t], self.normals[n]) > self.smooth
+        )
         t, k, n = t[other], k[other], n[other]
         ends = self.vertices[self.triangles[t, k]] - self.vertices[self.triangles[t, (k + 1) % 3]]
         border: list[dict[int, float]] = [{} for _ in self.facets]
@@ -280,7 +283,7 @@ class _Segmentation:
                         b >= 0
                         and b not in region
                         and self.label[b] < 0
-                        and (self.needle[a] or self.needle[b] or self.normals[a] @ self.normals[b] > _SMOOTH)
+                        and (self.needle[a] or self.needle[b] or self.normals[a] @ self.normals[b] > self.smooth)
                     ):
                         region.add(b)
                         front.append(b)

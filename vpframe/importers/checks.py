@@ -1,0 +1,121 @@
+"""What a file is by its content, and whether it is whole: so that a wrong or cut file is named as such."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+from vpframe.errors import LoadError
+
+FORMATS = {
+    ".step": "step", ".stp": "step", ".p21": "step", ".iges": "iges", ".igs": "iges",
+    ".stl": "stl", ".obj": "obj", ".ply": "ply", ".glb": "glb",
+}  # fmt: skip
+"""suffix -> format"""
+
+
+def checked_format(path: Path) -> str:
+    """The file's format; raises LoadError when it is missing, empty, cut short, or not what its name says."""
+    where = str(path)
+    if not path.exists():
+        raise LoadError(f"{path}: no such file; check the path", where)
+    if not path.is_file():
+        raise LoadError(f"{path}: is a folder; give a file", where)
+    form = FORMATS.get(path.suffix.lower())
+    if form is None:
+        known = ", ".join(FORMATS)
+        raise LoadError(f"{path}: files of type {path.suffix or '(none)'} are not read; known are {known}", where)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise LoadError(f"{path}: cannot be read ({error.strerror}); check its permissions", where) from None
+    if not data.strip():
+        raise LoadError(f"{path}: is empty; export it again", where)
+    content = _content(data)
+    if content is not None and content != form:
+        right = next(suffix for suffix, f in FORMATS.items() if f == content)
+        raise LoadError(f"{path}: is a {content.upper()} file by its content; rename it to end in {right}", where)
+    fault = _FAULTS[form](data, content)
+    if fault is not None:
+        raise LoadError(f"{path}: {fault}", where)
+    return form
+
+
+def _content(data: bytes) -> str | None:
+    """The format by its marks; None when there are none (OBJ has none, nor has a damaged head)."""
+    head = data[:1024].lstrip(b"\xef\xbb\xbf \t\r\n")
+    if head.startswith(b"ISO-10303-21"):
+        return "step"
+    if head.startswith(b"glTF"):
+        return "glb"
+    if head.startswith((b"ply\n", b"ply\r")):
+        return "ply"
+    if _is_binary_stl(data) or (head.startswith(b"solid") and b"facet" in data[:4096]):
+        return "stl"
+    line = data[:160].split(b"\n")[0].rstrip(b"\r")
+    if len(line) >= 73 and line[72:73] == b"S" and line[73:80].strip() == b"1":
+        return "iges"
+    return None
+
+
+def _is_binary_stl(data: bytes) -> bool:
+    return len(data) >= 84 and len(data) == 84 + 50 * struct.unpack("<I", data[80:84])[0]
+
+
+def _step_fault(data: bytes, content: str | None) -> str | None:
+    if content is None:
+        return "is not a STEP file (it does not begin with ISO-10303-21); export it again"
+    if b"END-ISO-10303-21" not in data[-4096:]:
+        lines = data.count(b"\n") + 1
+        return f"is cut short: line {lines} is the last, and END-ISO-10303-21 is missing; copy or export it again"
+    return None
+
+
+def _iges_fault(data: bytes, content: str | None) -> str | None:
+    if content is None:
+        return "is not an IGES file (no start section in columns 73 to 80); export it again"
+    lines = data.rstrip().splitlines()
+    if lines[-1][72:73] != b"T":
+        return f"is cut short: line {len(lines)} is the last, and the terminate section is missing; export it again"
+    return None
+
+
+def _stl_fault(data: bytes, content: str | None) -> str | None:
+    if content is None and len(data) >= 84 and not data.lstrip().startswith(b"solid"):
+        said, held = struct.unpack("<I", data[80:84])[0], (len(data) - 84) // 50
+        return f"is cut short or damaged: it announces {said} triangles and has room for {held}; export it again"
+    if content is None:
+        return "is not an STL file (neither `solid … facet` nor the binary form); export it again"
+    if not _is_binary_stl(data) and b"endsolid" not in data[-1024:]:
+        lines = data.count(b"\n") + 1
+        return f"is cut short: line {lines} is the last, and `endsolid` is missing; export it again"
+    return None
+
+
+def _glb_fault(data: bytes, content: str | None) -> str | None:
+    if content is None:
+        return "is not a GLB file (it does not begin with glTF); export it again"
+    length = struct.unpack("<I", data[8:12])[0] if len(data) >= 12 else 12
+    if len(data) < length:
+        return f"is cut short: it announces {length} bytes and has {len(data)}; copy or export it again"
+    return None
+
+
+def _ply_fault(data: bytes, content: str | None) -> str | None:
+    return None if content else "is not a PLY file (it does not begin with ply); export it again"
+
+
+def _obj_fault(data: bytes, content: str | None) -> str | None:
+    if b"\0" in data[:4096] or not any(line.startswith((b"v ", b"v\t")) for line in data.splitlines()):
+        return "is not an OBJ file (no line begins with v); export it again"
+    return None
+
+
+_FAULTS = {
+    "step": _step_fault,
+    "iges": _iges_fault,
+    "stl": _stl_fault,
+    "obj": _obj_fault,
+    "ply": _ply_fault,
+    "glb": _glb_fault,
+}

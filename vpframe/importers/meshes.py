@@ -1,0 +1,240 @@
+"""STL, OBJ, PLY and GLB through trimesh: welded, cut into surfaces, in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from collision import Tolerance
+from constraints.geometry import Geometry
+from vpframe.errors import LoadError
+from vpframe.importers import UNITS
+from vpframe.importers.build import is_closed, mass_properties, triangle_area_vectors
+from vpframe.importers.names import numbered
+from vpframe.importers.raw import Array, Color, RawFace, RawPart, RawScene, RawShape
+from vpframe.importers.segmentation import segment
+
+Progress = Callable[[float, str], None]
+
+_MILLIMETRES_ABOVE = 2.0
+"""extent in file units above which a file without a unit is taken to be in millimetres: few parts serviced by hand
+measure more than two metres, few less than two millimetres"""
+
+
+@dataclass
+class _Piece:
+    """What the file itself keeps apart: an object, a group or a material's triangles."""
+
+    name: str
+    vertices: Array
+    triangles: NDArray[np.int64]
+    color: Color | None
+    rotation: Array
+    translation: Array
+    source: int
+    """pieces of one source are instances of one shape"""
+
+
+def read(path: Path, form: str, unit: str | None, tolerance: Tolerance, progress: Progress | None) -> RawScene:
+    """The raw scene of a mesh file; raises LoadError with one line when it has no usable triangles."""
+    raw = RawScene()
+    pieces = _load(path, form)
+    scale = _scale(path, form, unit, pieces, raw)
+    for piece in pieces:
+        piece.vertices = piece.vertices * scale
+        piece.translation = piece.translation * scale
+    bodies = _bodies(pieces, path.stem)
+    known: dict[int, int] = {}
+    for i, (name, members) in enumerate(zip(numbered([b[0] for b in bodies]), (b[1] for b in bodies), strict=True)):
+        if progress is not None:
+            progress(0.1 + 0.9 * i / len(bodies), f"finding the surfaces of {name}")
+        first = members[0]
+        if len(members) > 1 or first.source not in known:
+            shape = _shape(path, members, tolerance)
+            if shape is None:
+                raw.notes.append(f"part {name} is lost: it has no triangle of positive area")
+                continue
+            known[first.source] = len(raw.shapes)
+            raw.shapes.append(shape)
+        part = RawPart(name, known[first.source], first.rotation, first.translation, first.color)
+        raw.parts.append(part)
+    if not raw.parts:
+        raise LoadError(f"{path}: holds no triangle of positive area; export it again, as a surface mesh", str(path))
+    return raw
+
+
+def _load(path: Path, form: str) -> list[_Piece]:
+    options: dict[str, Any] = {"split_objects": True, "split_groups": True} if form == "obj" else {}
+    try:
+        scene = trimesh.load_scene(str(path), file_type=form, process=False, **options)
+    except Exception as error:  # every loader has its own
+        line = str(error).strip().splitlines() or [type(error).__name__]
+        message = f"{path}: cannot be parsed as {form.upper()} ({line[0][:120]}); export it again"
+        raise LoadError(message, str(path)) from None
+    pieces: list[_Piece] = []
+    places = {name: i for i, name in enumerate(scene.geometry)}
+    for node in sorted(scene.graph.nodes_geometry, key=lambda n: (-places[scene.graph[n][1]], str(n))):
+        matrix, key = scene.graph[node]
+        mesh = scene.geometry[key]
+        if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+            continue
+        vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+        _check(path, str(node), vertices, faces)
+        rotation, translation = matrix[:3, :3], matrix[:3, 3]
+        source = places[key]
+        if not np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
+            vertices = vertices @ rotation.T
+            if np.linalg.det(rotation) < 0:
+                faces = faces[:, [0, 2, 1]]
+            rotation, source = np.eye(3), -1 - len(pieces)
+        pieces.append(_Piece(str(node), vertices, faces, _color(mesh), rotation, translation, source))
+    if not pieces:
+        raise LoadError(f"{path}: holds no triangles; export it again, as a surface mesh", str(path))
+    return pieces
+
+
+def _check(path: Path, name: str, vertices: Array, faces: NDArray[np.int64]) -> None:
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        at = f"vertex {bad[0]} of {name}"
+        message = f"{path}: {at} is {vertices[bad[0]].tolist()}; coordinates must be finite: export it again"
+        raise LoadError(message, str(path))
+    bad = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
+    if len(bad):
+        message = f"{path}: triangle {bad[0]} of {name} names a vertex that does not exist; export it again"
+        raise LoadError(message, str(path))
+
+
+def _color(mesh: trimesh.Trimesh) -> Color | None:
+    visual = mesh.visual
+    if visual is None or not visual.defined:
+        return None
+    material = getattr(visual, "material", None)
+    value = getattr(material, "main_color", None) if material is not None else getattr(visual, "main_color", None)
+    if value is None or len(value) < 3:
+        return None
+    r, g, b, a = (float(c) / 255.0 for c in (*value[:3], value[3] if len(value) > 3 else 255))
+    return r, g, b, a
+
+
+def _scale(path: Path, form: str, unit: str | None, pieces: list[_Piece], raw: RawScene) -> float:
+    if form == "glb":
+        return 1.0  # the format is in metres by its own definition
+    if unit is not None:
+        return UNITS[unit]
+    corners = np.concatenate([p.vertices @ p.rotation.T + p.translation for p in pieces])
+    extent = float(np.ptp(corners, axis=0).max())
+    guess = "mm" if extent > _MILLIMETRES_ABOVE else "m"
+    raw.notes.append(f"{form.upper()} files name no unit: {extent:g} is taken as {guess}; give unit= if that is wrong")
+    return UNITS[guess]
+
+
+def _bodies(pieces: list[_Piece], stem: str) -> list[tuple[str, list[_Piece]]]:
+    """Parts: pieces that are closed, or touch no other, alone; pieces that share borders together, as its surfaces."""
+    if len(pieces) == 1:
+        return [(stem if pieces[0].source >= 0 and len(pieces) == 1 else pieces[0].name, pieces)]
+    open_pieces = [p for p in pieces if not is_closed(weld(p.vertices, p.triangles)[1])]
+    group = _touching(open_pieces)
+    bodies: list[tuple[str, list[_Piece]]] = []
+    shared = sum(group.count(g) > 1 for g in set(group))
+    for piece in pieces:
+        if piece not in open_pieces:
+            bodies.append((piece.name, [piece]))
+            continue
+        g = group[open_pieces.index(piece)]
+        members = [p for p, k in zip(open_pieces, group, strict=True) if k == g]
+        if members[0] is piece:
+            name = stem if len(members) > 1 and shared == 1 else piece.name
+            bodies.append((name, members))
+    return bodies
+
+
+def _touching(pieces: list[_Piece]) -> list[int]:
+    """The group of each piece: those that share a vertex, directly or through others, are in one."""
+    if not pieces:
+        return []
+    placed = [p.vertices @ p.rotation.T + p.translation for p in pieces]
+    owner = np.repeat(np.arange(len(pieces)), [len(v) for v in placed])
+    _, where = np.unique(_snap(np.concatenate(placed)), axis=0, return_inverse=True)
+    order = np.argsort(where.reshape(-1), kind="stable")
+    same = where.reshape(-1)[order][1:] == where.reshape(-1)[order][:-1]
+    a, b = owner[order][:-1][same], owner[order][1:][same]
+    graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(pieces), len(pieces)))
+    return connected_components(graph, directed=False)[1].tolist()
+
+
+def _snap(points: Array) -> Array:
+    """Coordinates with single-precision noise (files carry seven digits) rounded away."""
+    grid = 4.0 * float(np.finfo(np.float32).eps) * max(float(np.abs(points).max()), np.finfo(float).tiny)
+    return np.round(points / grid) * grid
+
+
+def weld(vertices: Array, triangles: NDArray[np.int64]) -> tuple[Array, NDArray[np.int32]]:
+    """Vertices nearer than the noise of single precision are one; those no triangle uses are gone.
+
+    Returns (k, 3) vertices and (m, 3) int32 triangles.
+    """
+    used, places = np.unique(triangles, return_inverse=True)
+    points = vertices[used]
+    noise = 4.0 * float(np.finfo(np.float32).eps) * float(np.abs(points - points.mean(axis=0)).max())
+    pairs = cKDTree(points).query_pairs(noise, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    _, group = connected_components(graph, directed=False)
+    first = np.full(group.max() + 1, len(points))
+    np.minimum.at(first, group, np.arange(len(points)))
+    return points[first], group[places].reshape(-1, 3).astype(np.int32)
+
+
+def _shape(path: Path, pieces: list[_Piece], tolerance: Tolerance) -> RawShape | None:
+    """One part of one or several pieces: several are its surfaces, of one the surfaces are found."""
+    first = pieces[0]
+    inverse = first.rotation.T
+    vertices = [(p.vertices @ p.rotation.T + p.translation - first.translation) @ inverse.T for p in pieces]
+    starts = np.cumsum([0, *(len(v) for v in vertices)])
+    triangles = np.concatenate([p.triangles + s for p, s in zip(pieces, starts, strict=False)])
+    owner = np.repeat(np.arange(len(pieces), dtype=np.int32), [len(p.triangles) for p in pieces])
+    points, corners = weld(np.concatenate(vertices), triangles)
+    notes = []
+    good = np.linalg.norm(triangle_area_vectors(points, corners), axis=1) > 0.0
+    if not good.any():
+        return None
+    closed = is_closed(corners)
+    if not closed:
+        notes.append("the mesh is open or wound inconsistently: its volume is not to be trusted")
+    elif mass_properties(points, corners)[0] < 0.0:
+        corners = corners[:, [0, 2, 1]]
+        notes.append("the mesh was wound inside out and has been turned")
+    flat = int((~good).sum())
+    if flat:
+        notes.append(f"{flat} triangles of zero area dropped")
+    corners, owner = corners[good], owner[good]
+    if len(pieces) > 1:
+        kept, numbers = np.unique(owner, return_inverse=True)
+        faces = [RawFace(pieces[k].name, color=pieces[k].color) for k in kept]
+        return RawShape(points, corners, numbers.reshape(-1).astype(np.int32), faces, notes=notes, closed=closed)
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    segments = segment(points, corners, min(tolerance.fit, tolerance.segment_relative * diagonal), tolerance)
+    surface = np.empty(len(corners), np.int32)
+    faces = []
+    for i, s in enumerate(segments):
+        surface[s.triangles] = i
+        kind, values = raw_numbers(s.geometry)
+        faces.append(RawFace(f"surface_{i + 1}", kind, values))
+    return RawShape(points, corners, surface, faces, notes=notes, closed=closed)
+
+
+def raw_numbers(geometry: Geometry) -> tuple[str, tuple[float, ...]]:
+    """Kind and numbers as `RawFace` has them."""
+    if geometry.kind == "freeform":
+        return "", ()
+    values = (np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in vars(geometry).values())
+    return geometry.kind, tuple(float(x) for v in values for x in v)
