@@ -18,8 +18,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CONTACT_DTYPE, SurfaceMesh, Tolerance
+from constraints.candidate import Candidate
+from constraints.geometry import Cylinder
 from constraints.kinds import Constraint
 from constraints.manager import ConstraintManager
+from constraints.sleeve import faces_within, faces_without
 from constraints.solver import solve
 from constraints.system import systems
 
@@ -31,6 +34,10 @@ MAX_TURN = 0.5
 """rad a pass, within which a linear step is a fair guess for Newton."""
 FOLLOW = 1e-8
 """Weight of keeping the other bodies where they are, against 1 of bringing the held ones to the wanted poses."""
+
+
+Pairing = tuple[int, tuple[int, ...], int, tuple[int, ...]]
+"""Body a, surfaces of it, body b, surfaces of it: each of the first with each of the second."""
 
 
 class Solids(Protocol):
@@ -101,7 +108,7 @@ class Motion:
         self.collision = collision
         self.constraints = constraints
         self.tolerance = tolerance or constraints.tolerance
-        self._mated: dict[int, tuple[tuple[int, tuple[int, ...], int, tuple[int, ...]], ...]] = {}
+        self._mated: dict[int, tuple[Pairing, ...]] = {}
         self._shape: dict[int, tuple[Array, float]] = {}
 
     def sync(self) -> None:
@@ -117,9 +124,23 @@ class Motion:
             sa, sb = entry.candidate.surfaces
             beside_a = adjacent_surfaces(self.collision.mesh(a), sa)
             beside_b = adjacent_surfaces(self.collision.mesh(b), sb)
-            self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb))
+            self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb), *self._sleeve(entry.candidate))
             for row in self._mated[id]:  # again for the old ones too: pairs may share surfaces with one just heeded
                 self.collision.ignore_surfaces(*row)
+
+    def _sleeve(self, candidate: Candidate) -> tuple[Pairing, ...]:
+        """Of a shaft in a bore: the faces that cannot meet while the two share their axis."""
+        a, fa, b, fb, _ = candidate.key
+        first, second = candidate.geometries
+        if candidate.kind != "concentric" or not (isinstance(first, Cylinder) and isinstance(second, Cylinder)):
+            return ()
+        features = self.constraints.recogniser.features
+        mesh_a, mesh_b = self.collision.mesh(a), self.collision.mesh(b)
+        if features[a][fa].sense > 0:
+            inner = faces_within(mesh_a, first, self.tolerance.fit)
+            return ((a, inner, b, faces_without(mesh_b, second, features[b][fb].surfaces)),)
+        inner = faces_within(mesh_b, second, self.tolerance.fit)
+        return ((a, faces_without(mesh_a, first, features[a][fa].surfaces), b, inner),)
 
     def step(self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3], movable: Iterable[int]) -> MotionResult:
         """Move the bodies in `wanted` towards the poses given, and with them what their constraints take along.

@@ -120,7 +120,8 @@ class Engine:
         for a, b in self._authorised:
             self.collision.ignore(a, b)
         features = [part.features for part in self.scene.parts]
-        self.mates = ConstraintManager(features, self.tolerance, rules=[self._judge])
+        fixed = [i for i, part in enumerate(self.scene.parts) if part.fixed]
+        self.mates = ConstraintManager(features, self.tolerance, rules=[self._judge], fixed=fixed)
         self.motion = Motion(self.collision, self.mates, self.tolerance)
         self._recognise_as_it_stands()
         self._colliding = self.collision.colliding_surfaces()
@@ -166,7 +167,7 @@ class Engine:
         self._touch(before, clocks)
         changes = self._mate(wanted, clocks)
         happenings += changes
-        if any(kind == "accepted" for kind, *_ in changes):  # a part snaps to what it has just been given
+        if any(kind in ("accepted", "removed") for kind, *_ in changes):  # a part snaps on, or off, at once
             here = list(self.poses)
             self._follow_hands(wanted, wishes, clocks)
             self._touch(here, clocks)
@@ -223,6 +224,8 @@ class Engine:
         if result.blocked:
             for name in sorted(wish.part for wish in wishes):
                 by = self._in_the_way(self.scene.index(name), result.contacts)
+                if not by and len(wishes) > 1:
+                    continue  # it was another hand's part that was stopped
                 others = [self.names[i] for i in by]
                 text = ", ".join(f"{self.names[i]} (surfaces {', '.join(map(str, s))})" for i, s in by.items())
                 self._blocked[name] = text or "the parts it is held to"

@@ -245,7 +245,7 @@ class Hand:
             raise TaskError(f"{self.name} does not touch {what} (reach {self.reach * 1e3:g} mm); approach it first")
         self.held, self.surfaces, self.carried = part, touched, carried
         self.grip = self.pose.actInv(self.session.scene[part].pose)
-        self.stopped_by: str = ""
+        self.stopped_by = ""
         self.session.note_grab(self)
 
     def let_go(self) -> None:

@@ -1,0 +1,56 @@
+"""What a shaft and its bore cannot make collide: all that is within the one's radius, all that is without the other's.
+
+While two parts share an axis, a face of the one that lies wholly within the shaft's cylinder and a face of the other
+that lies wholly without the bore's cannot meet, whatever their facets do: an equal-radius nut runs off the end of its
+bolt although the two rims are polygons that cross. A flange or a shoulder is not such a face, and stays solid.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision import SurfaceMesh
+from constraints.geometry import Cylinder, perpendicular
+
+Array = NDArray[np.float64]
+
+
+def faces_within(mesh: SurfaceMesh, shaft: Cylinder, slack: float) -> tuple[int, ...]:
+    """Faces of the shaft's part whose vertices are no more than `slack` (m) beyond its radius; ascending."""
+    radius = np.linalg.norm(_flat(mesh, shaft), axis=2).max(axis=1)
+    widest = np.zeros(mesh.n_surfaces)
+    np.maximum.at(widest, mesh.surface_of_triangle, radius)
+    return tuple(np.flatnonzero(widest <= shaft.radius + slack).tolist())
+
+
+def faces_without(mesh: SurfaceMesh, bore: Cylinder, surfaces: tuple[int, ...]) -> tuple[int, ...]:
+    """Faces of the bore's part that come no nearer to its axis than the facets of the bore itself do; ascending.
+
+    surfaces: the faces of the bore.
+    """
+    distance = _from_origin(_flat(mesh, bore))
+    nearest = np.full(mesh.n_surfaces, np.inf)
+    np.minimum.at(nearest, mesh.surface_of_triangle, distance)
+    least = float(nearest[list(surfaces)].min())
+    return tuple(np.flatnonzero(nearest >= least * (1.0 - 1e-9)).tolist())
+
+
+def _flat(mesh: SurfaceMesh, cylinder: Cylinder) -> Array:
+    """(m, 3, 2) the triangles seen along the axis, which is the origin."""
+    u = perpendicular(cylinder.axis)
+    plane = np.stack([u, np.cross(cylinder.axis, u)], axis=1)
+    return np.asarray(((mesh.vertices - cylinder.origin) @ plane)[mesh.triangles])
+
+
+def _from_origin(triangles: Array) -> Array:
+    """(m,) distance of plane triangles (m, 3, 2) from the origin; 0 where they hold it."""
+    start = triangles
+    edge = np.roll(triangles, -1, axis=1) - triangles
+    length = (edge * edge).sum(axis=2)
+    along = np.clip(-(start * edge).sum(axis=2) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+    distance = np.linalg.norm(start + along[:, :, None] * edge, axis=2).min(axis=1)
+    side = start[:, :, 0] * edge[:, :, 1] - start[:, :, 1] * edge[:, :, 0]
+    flat = (side == 0.0).all(axis=1)  # seen edge on: it holds nothing
+    inside = ((side >= 0.0).all(axis=1) | (side <= 0.0).all(axis=1)) & ~flat
+    return np.where(inside, 0.0, distance)
