@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vpframe.events import Frame
 from vpframe.scene import Scene
-from vpframe.visualization.camera import DIRECTION, Camera, frame_scene, look_at
+from vpframe.visualization.camera import DIRECTION, Camera, look_at
 from vpframe.visualization.display import display_mesh
 from vpframe.visualization.snapshot import render
 from vpframe.visualization.symbols import frame_symbols, hand_symbols
@@ -19,11 +19,10 @@ GHOST = 0.22
 """opacity of what stands between the eye and a clash"""
 
 
-def scene_picture(scene: Scene, frame: Frame, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:
+def scene_picture(scene: Scene, frame: Frame, camera: Camera, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:
     """The whole scene at one step, with what collides and the constraints."""
     names = scene.names
     marked = [(names[o], int(s)) for row in frame.colliding for o, s in (row[:2], row[2:])]
-    camera = frame_scene(scene, frame.poses)
     symbols = (*frame_symbols(frame), *hand_symbols(frame.hands, 0.06 * camera.radius))
     return render(scene, frame.poses, marked, size, camera, symbols)
 
@@ -53,4 +52,4 @@ def _near(scene: Scene, frame: Frame, surfaces: Sequence[tuple[str, int]]) -> Ca
     sizes = [float(np.linalg.norm(h - lo)) for lo, h in zip(lows, highs, strict=True)]
     half = max(0.6 * min(sizes), 0.25 * max(sizes), 1e-9)
     direction = np.array(DIRECTION) / np.linalg.norm(DIRECTION) + 0.35 * facing
-    return look_at(middle - half / np.sqrt(3.0), middle + half / np.sqrt(3.0), direction)
+    return look_at(middle + half * np.concatenate([np.eye(3), -np.eye(3)]), direction)

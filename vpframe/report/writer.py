@@ -19,6 +19,7 @@ from vpframe.report.depth import Depth, depths
 from vpframe.report.log import SessionLog
 from vpframe.report.pictures import pair_picture, scene_picture
 from vpframe.report.swept import SweptVolume, write_stl
+from vpframe.visualization.camera import frame_scene
 from vpframe.visualization.meshcat_viewer import write_page
 from vpframe.visualization.snapshot import png
 
@@ -181,6 +182,7 @@ def _clash(log: SessionLog, record: ClashRecord, depth: Depth | None) -> dict[st
 
 def _pictures(log: SessionLog, progress: Progress) -> dict[Any, bytes]:
     """PNG bytes by what they show: a ClashKey, the number of a moment, "end", or "least"."""
+    camera = frame_scene(log.scene, log.start, *(frame.poses for frame, _ in log.history.sample(40)))
     clashes = list(log.clashes.values())[:CLASH_PICTURES]
     moments = log.moments[:MOMENT_PICTURES]
     total = len(clashes) + len(moments) + 2
@@ -194,11 +196,11 @@ def _pictures(log: SessionLog, progress: Progress) -> dict[Any, bytes]:
     for number, (_, frame) in enumerate(moments):
         progress((len(clashes) + number) / total, "what happened")
         if frame.step not in shown:
-            shown[frame.step] = png(scene_picture(log.scene, frame))
+            shown[frame.step] = png(scene_picture(log.scene, frame, camera))
         drawn[number] = shown[frame.step]
     for name, last in (("end", log.history.last), ("least", log.least)):
         if last is not None:
-            drawn[name] = png(scene_picture(log.scene, last, (640, 480)))
+            drawn[name] = png(scene_picture(log.scene, last, camera, (640, 480)))
     return drawn
 
 

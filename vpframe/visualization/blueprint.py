@@ -6,6 +6,9 @@ import rerun.blueprint as rrb
 
 from vpframe.visualization.camera import Camera
 
+DISTANCE = 3.0
+"""of the eye, in radii of the camera, for rerun's opening angle"""
+
 
 def blueprint(camera: Camera) -> rrb.Blueprint:
     """The layout of a recording, looking at the scene as `camera` does."""
@@ -24,7 +27,7 @@ def blueprint(camera: Camera) -> rrb.Blueprint:
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=camera.target + 0.75 * (camera.eye - camera.target),
+            position=camera.target + DISTANCE * camera.radius * camera.axes()[2],
             look_target=camera.target,
             eye_up=camera.up,
         ),

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from vpframe.scene import Scene
-from vpframe.visualization.display import bounds
+from vpframe.scene import Part, Scene
 
 DIRECTION = (0.62, -0.66, 0.42)
 """from the scene towards the eye: front right, a little above; z is up"""
+
+
+ASPECT = 4.0 / 3.0
+"""width over height that scenes are framed for"""
+MARGIN = 1.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,39 +31,46 @@ class Camera:
 
     def axes(self) -> NDArray[np.float64]:
         """(3, 3) rows: right, up, and towards the eye."""
-        back = self.eye - self.target
-        back = back / np.linalg.norm(back)
-        right = np.cross(self.up, back)
-        if np.linalg.norm(right) == 0.0:  # looking along `up`
-            right = np.cross([0.0, 1.0, 0.0] if abs(back[1]) < 0.9 else [1.0, 0.0, 0.0], back)
-        right = right / np.linalg.norm(right)
-        return np.array([right, np.cross(back, right), back])
+        return view_axes(self.eye - self.target, self.up)
 
 
-def look_at(
-    low: ArrayLike,
-    high: ArrayLike,
-    direction: ArrayLike = DIRECTION,
-    up: ArrayLike = (0.0, 0.0, 1.0),
-    fill: float = 1.0,
-) -> Camera:
-    """The camera that sees the box from `low` to `high` (3,) whole, from `direction` (towards the eye).
+def view_axes(back: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) rows right, up, back of a view along -`back`, with `up` (or x, when they are parallel) upwards."""
+    back = back / np.linalg.norm(back)
+    right = np.cross(up, back)
+    if np.linalg.norm(right) < 1e-9:
+        right = np.cross([0.0, 1.0, 0.0], back) if abs(back[1]) < 0.9 else np.cross([1.0, 0.0, 0.0], back)
+    right = right / np.linalg.norm(right)
+    return np.array([right, np.cross(back, right), back])
 
-    `fill` < 1 comes closer than the box's bounding sphere needs.
-    """
-    lo, hi = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
-    target = 0.5 * (lo + hi)
-    radius = max(0.5 * float(np.linalg.norm(hi - lo)), 1e-9) * fill
-    d = np.asarray(direction, dtype=np.float64)
-    d = d / np.linalg.norm(d)
-    return Camera(target + 4.0 * radius * d, target, np.asarray(up, dtype=np.float64), radius)
+
+def look_at(points: ArrayLike, direction: ArrayLike = DIRECTION, up: ArrayLike = (0.0, 0.0, 1.0)) -> Camera:
+    """The camera that sees all `points` (n, 3) from `direction` (towards the eye), as near as a 4:3 picture allows."""
+    p = np.asarray(points, dtype=np.float64)
+    axes = view_axes(np.asarray(direction, dtype=np.float64), np.asarray(up, dtype=np.float64))
+    seen = p @ axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    target = 0.5 * (low + high) @ axes
+    half = 0.5 * (high - low)
+    radius = MARGIN * max(half[0] / ASPECT, half[1], 0.05 * float(np.linalg.norm(half)), 1e-9)
+    distance = 2.0 * radius + float(np.linalg.norm(half))
+    return Camera(target + distance * axes[2], target, np.asarray(up, dtype=np.float64), radius)
 
 
 def frame_scene(
-    scene: Scene,
-    poses: Mapping[str, pin.SE3] | None = None,
-    direction: ArrayLike = DIRECTION,
-    fill: float = 1.0,
+    scene: Scene, *poses: Mapping[str, pin.SE3], direction: ArrayLike = DIRECTION, names: Iterable[str] = ()
 ) -> Camera:
-    """The camera that sees all parts, at `poses` where named and at their own otherwise."""
-    return look_at(*bounds(scene, poses), direction=direction, fill=fill)
+    """The camera that sees all parts (or `names`) at each of `poses`, and at their own pose where none names them."""
+    chosen = tuple(names) or scene.names
+    corners = [
+        box_corners(scene[name], given.get(name, scene[name].pose)) for name in chosen for given in poses or ({},)
+    ]
+    return look_at(np.concatenate(corners) if corners else np.array([[-0.5] * 3, [0.5] * 3]), direction)
+
+
+def box_corners(part: Part, pose: pin.SE3) -> NDArray[np.float64]:
+    """(8, 3) corners of the part's own bounding box, in the world."""
+    v = part.mesh.vertices
+    low, high = v.min(axis=0), v.max(axis=0)
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    return corners @ pose.rotation.T + pose.translation

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
-from vpframe.scene import Scene, Shape
+from vpframe.scene import Shape
 
 CREASE = np.cos(np.radians(35.0))
 """cosine of the angle beyond which neighbouring triangles of one surface are drawn with an edge between them"""
@@ -117,18 +115,3 @@ def _lines(
     kept = edge[start[drawn]]
     kept = kept[kept[:, 0] != kept[:, 1]]
     return point[kept].astype(np.float32)
-
-
-def bounds(scene: Scene, poses: Mapping[str, pin.SE3] | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower and upper corner (3,) in metres of all parts, at `poses` where named and at their own otherwise.
-
-    A unit box for a scene without parts.
-    """
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for part in scene.parts:
-        pose = (poses or {}).get(part.name, part.pose)
-        v = part.mesh.vertices @ pose.rotation.T + pose.translation
-        low, high = np.minimum(low, v.min(axis=0)), np.maximum(high, v.max(axis=0))
-    if not np.isfinite(low).all():
-        return np.full(3, -0.5), np.full(3, 0.5)
-    return low, high

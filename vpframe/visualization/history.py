@@ -47,6 +47,11 @@ class History:
         """How many frames were added."""
         return self._count
 
+    def sample(self, count: int) -> list[tuple[Frame, tuple[Event, ...]]]:
+        """About `count` of the kept frames, evenly spaced."""
+        kept = list(self)
+        return kept[:: max(len(kept) // count, 1)]
+
     def __iter__(self) -> Iterator[tuple[Frame, tuple[Event, ...]]]:
         """Kept frames, each with the events since the one kept before it."""
         frames = list(self._kept)

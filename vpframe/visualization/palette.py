@@ -32,8 +32,9 @@ _DEFAULT = Part.__dataclass_fields__["color"].default
 
 
 def part_colors(scene: Scene) -> dict[str, Color]:
-    """The colour of each part: the file's where it gives one, otherwise muted hues a golden angle apart.
+    """The colour of each part: the file's hue where it gives one, otherwise hues a golden angle apart; all muted.
 
+    CAD files like full red and green; muted, they leave vivid colours to what a viewer has to see (a collision is red).
     Instances of one shape share a hue, so that four equal bolts look like four equal bolts.
     """
     hue_of: dict[int, int] = {}
@@ -41,8 +42,8 @@ def part_colors(scene: Scene) -> dict[str, Color]:
     for part in scene.parts:
         number = hue_of.setdefault(id(part.shape), len(hue_of))
         if tuple(part.color) != _DEFAULT:
-            r, g, b = part.color[:3]
-            colors[part.name] = (float(r), float(g), float(b))
+            hue, lightness, saturation = colorsys.rgb_to_hls(*part.color[:3])
+            colors[part.name] = colorsys.hls_to_rgb(hue, min(max(lightness, 0.42), 0.82), min(saturation, 0.42))
         else:
             colors[part.name] = colorsys.hls_to_rgb((0.58 + number * 0.381966) % 1.0, 0.66, 0.38)
     return colors

@@ -89,7 +89,7 @@ function frameCamera() {
   const { eye, target, radius } = world.info.camera;
   const up = (p) => new THREE.Vector3(p[0], p[2], -p[1]); // meshcat's camera lives in a frame whose y is up
   const camera = new THREE.PerspectiveCamera(30, 1, 0.02 * radius, 60 * radius);
-  camera.position.copy(up(target)).add(up(eye).sub(up(target)).setLength(4.1 * radius));
+  camera.position.copy(up(target)).add(up(eye).sub(up(target)).setLength(4.8 * radius));
   viewer.set_object(["Cameras", "default", "rotated"], camera);
   viewer.set_camera(camera);
   viewer.controls.target.copy(up(target));
