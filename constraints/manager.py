@@ -164,9 +164,9 @@ class ConstraintManager:
         """
         self._poses = tuple(poses)
         self._remove_broken(poses, wanted or {}, force or {})
-        self._note_satisfied(poses)
         self._offer(poses, contacts, wanted or {})
         self._remove_contradicted(poses)
+        self._note_satisfied(poses)
         changes, self._pending = tuple(self._pending), []
         return changes
 
@@ -180,13 +180,27 @@ class ConstraintManager:
             if match is None:
                 self.remove(id, "the surfaces no longer overlap")
                 continue
-            reason = self._pulled_apart(entry, {a: wanted.get(a, poses[a]), b: wanted.get(b, poses[b])})
             hardest = max(force.get(a, 0.0), force.get(b, 0.0))
-            if reason is None and hardest > entry.break_force:
-                reason = f"pulled with {hardest:.4g} N, more than {entry.break_force:.4g} N"
+            if hardest > entry.break_force:
+                self._break(id, f"pulled with {hardest:.4g} N, more than {entry.break_force:.4g} N")
+        at = {i: wanted.get(i, pose) for i, pose in enumerate(poses)}
+        strained = [
+            id
+            for id, entry in self.accepted.items()
+            if not wanted.keys().isdisjoint(entry.candidate.bodies) and self._pulled_apart(entry, at) is not None
+        ]
+        if strained:
+            # what the other constraints bear is no pull on these: a bore takes a tilt off the face beside it
+            others = [e.candidate.constraint for id, e in self.accepted.items() if id not in strained]
+            at |= solve(others, at, wanted, self.tolerance).poses
+        for id in strained:
+            reason = self._pulled_apart(self.accepted[id], at)
             if reason is not None:
-                self.remove(id, reason)
-                self._pulled[id] = entry.candidate
+                self._break(id, reason)
+
+    def _break(self, id: int, reason: str) -> None:
+        self._pulled[id] = self.accepted[id].candidate
+        self.remove(id, reason)
 
     def _pulled_apart(self, entry: Accepted, at: Mapping[int, pin.SE3]) -> str | None:
         """Why the hand's pull breaks a constraint, or None while it holds."""

@@ -125,10 +125,33 @@ def _counter_clockwise(t: Array) -> Array:
     return t
 
 
-def height_range(samples: Array, origin: Vector, axis: Vector) -> tuple[float, float]:
-    """Least and greatest height (m) of `samples` (n, 3) along a unit `axis` from `origin`."""
-    h = (samples - origin) @ axis
-    return float(h.min()), float(h.max())
+def height_spans(samples: Array, triangles: NDArray[np.int32], origin: Vector, axis: Vector) -> Array:
+    """(k, 2) heights (m) along a unit `axis` from `origin` that the triangles cover, ascending, apart from each other.
+
+    Two ears of a hinge are one feature with two spans: a pin between them is in neither.
+    """
+    h = ((samples - origin) @ axis)[triangles]
+    low, high = h.min(axis=1), h.max(axis=1)
+    order = np.argsort(low, kind="stable")
+    low, high = low[order], np.maximum.accumulate(high[order])
+    slack = 1e-9 * (high[-1] - low[0])  # faces that meet in one circle may differ by rounding
+    first = np.concatenate([[True], low[1:] > high[:-1] + slack])
+    last = np.concatenate([first[1:], [True]])
+    return np.stack([low[first], high[last]], axis=1)
+
+
+def shared_height(first: Array, second: Array) -> tuple[float, float, float]:
+    """How much two sets of spans (k, 2) share, and the least and greatest height where they do (m).
+
+    Where they share nothing the first number is minus the gap between them, and the heights are the gap's ends.
+    """
+    low = np.maximum(first[:, None, 0], second[None, :, 0]).ravel()
+    high = np.minimum(first[:, None, 1], second[None, :, 1]).ravel()
+    shared = high > low
+    if not shared.any():
+        k = int(np.argmax(high - low))
+        return float(high[k] - low[k]), float(high[k]), float(low[k])
+    return float((high - low)[shared].sum()), float(low[shared].min()), float(high[shared].max())
 
 
 def open_angle(samples: Array, origin: Vector, axis: Vector) -> float:

@@ -29,7 +29,7 @@ from collision import Tolerance
 from constraints.candidate import Match
 from constraints.features import Feature
 from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector
-from constraints.overlap import facing_area, height_range, open_angle
+from constraints.overlap import facing_area, height_spans, open_angle, shared_height
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,8 @@ class Extent:
     """What is known of a feature once and for all, in its body's frame."""
 
     feature: Feature
-    low: float
-    high: float
-    """m: heights along its axis from its origin, apex or centre (0, 0 for planes and spheres)"""
+    spans: NDArray[np.float64]
+    """(k, 2) m: heights along its axis, from origin, apex or centre, that its faces cover; one (0, 0) without axis"""
     open: float
     """rad: the greatest angle about the axis that it does not cover"""
     center: Vector
@@ -88,9 +87,14 @@ class Extent:
         center = feature.samples.mean(axis=0)
         if isinstance(g, Cylinder | Cone | Torus):
             origin = g.apex if isinstance(g, Cone) else g.origin if isinstance(g, Cylinder) else g.center
-            low, high = height_range(feature.samples, origin, g.axis)
-            return cls(feature, low, high, open_angle(feature.samples, origin, g.axis), center)
-        return cls(feature, 0.0, 0.0, 0.0, center)
+            spans = height_spans(feature.samples, feature.triangles, origin, g.axis)
+            return cls(feature, spans, open_angle(feature.samples, origin, g.axis), center)
+        return cls(feature, np.zeros((1, 2)), 0.0, center)
+
+    @property
+    def length(self) -> float:
+        """m: how much of its axis its faces cover."""
+        return float((self.spans[:, 1] - self.spans[:, 0]).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,19 +218,17 @@ def concentric(a: View, b: View, limits: Limits) -> Match | None:
     axis = h.axis
     sign = 1.0 if s.axis @ axis >= 0 else -1.0
     start = float((s.origin - h.origin) @ axis)
-    ends = (start + sign * solid.extent.low, start + sign * solid.extent.high)
-    low, high = max(min(ends), hollow.extent.low), min(max(ends), hollow.extent.high)
-    overlap = high - low
+    overlap, low, high = shared_height(start + sign * solid.extent.spans[:, :: int(sign)], hollow.extent.spans)
     if overlap <= limits.overlap:
         return None
     direction = s.axis / (s.axis @ axis)
-    heights = np.array([low, high]) if overlap > 0 else np.array([0.5 * (low + high)] * 2)
+    heights = np.array([low, high])
     on_solid = s.origin + (heights[:, None] - start) * direction
     on_hollow = h.origin + heights[:, None] * axis
     offset = float(np.linalg.norm(on_solid - on_hollow, axis=1).max())
     if offset > limits.linear + max(fit, 0.0):
         return None
-    smaller = min(solid.extent.high - solid.extent.low, hollow.extent.high - hollow.extent.low)
+    smaller = min(solid.extent.length, hollow.extent.length)
     words = (
         f"Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm over {_millimetres(max(overlap, 0.0))}, "
         f"axes {_millimetres(offset)} apart"
@@ -246,9 +248,8 @@ def conical(a: View, b: View, limits: Limits) -> Match | None:
         return None
     along = float((s.apex - h.apex) @ h.axis)
     fit = along * float(np.sin(h.half_angle))  # an apex further in leaves that much air across the surface
-    low = max(solid.extent.low + along, hollow.extent.low)
-    high = min(solid.extent.high + along, hollow.extent.high)
-    if high - low <= limits.overlap:
+    overlap, low, high = shared_height(solid.extent.spans + along, hollow.extent.spans)
+    if overlap <= limits.overlap:
         return None
     height = 0.5 * (low + high)  # offset of the axes where the surfaces meet: the apexes may lie far off
     middle = h.apex + height * h.axis
@@ -256,9 +257,9 @@ def conical(a: View, b: View, limits: Limits) -> Match | None:
     residual = max(offset, abs(fit))
     if residual > limits.linear:
         return None
-    smaller = min(solid.extent.high - solid.extent.low, hollow.extent.high - hollow.extent.low)
-    words = f"cones of half angle {np.degrees(h.half_angle):.4g}° over {_millimetres(max(high - low, 0.0))}"
-    shared = (high - low, smaller, hollow.extent.open)
+    smaller = min(solid.extent.length, hollow.extent.length)
+    words = f"cones of half angle {np.degrees(h.half_angle):.4g}° over {_millimetres(max(overlap, 0.0))}"
+    shared = (overlap, smaller, hollow.extent.open)
     size = height * float(np.tan(h.half_angle))
     return _round("conical", a, b, h.axis, residual, max(angle, flare), fit, shared, middle, size, words)
 
@@ -294,8 +295,8 @@ def toroidal(a: View, b: View, limits: Limits) -> Match | None:
     if offset > limits.linear + max(fit, 0.0):
         return None
     words = f"tori Ø{2e3 * h.major:.6g} × Ø{2e3 * h.minor:.6g} mm, centres {_millimetres(offset)} apart"
-    depth = hollow.extent.high - hollow.extent.low
-    shared = (depth, min(depth, solid.extent.high - solid.extent.low), hollow.extent.open)
+    depth = hollow.extent.length
+    shared = (depth, min(depth, solid.extent.length), hollow.extent.open)
     return _round("toroidal", a, b, h.axis, offset, angle, fit, shared, h.center, h.major, words)
 
 

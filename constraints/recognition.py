@@ -41,6 +41,7 @@ class Recogniser:
         self._of_surface = [{s: i for i, f in enumerate(fs) for s in f.surfaces} for fs in self.features]
         self._extents: dict[tuple[int, int], Extent] = {}
         self._shared: dict[int, Extent] = {}
+        self._known: dict[tuple[Pair, Limits], tuple[tuple[bytes, bytes], tuple[Match, ...]]] = {}
 
     def feature_of(self, body: int, surface: int) -> int | None:
         """Place of the feature a face belongs to; None for faces without analytic geometry."""
@@ -62,13 +63,17 @@ class Recogniser:
     def matches(self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits) -> tuple[Match, ...]:
         """What two features mean to each other at `poses`: nothing, one kind, or a fit and its thread."""
         a, fa, b, fb = pair
+        state = (_bytes(poses[a]), _bytes(poses[b]))
+        known = self._known.get((pair, limits))
+        if known is not None and known[0] == state:  # most pairs stand still from one step to the next
+            return known[1]
         found = matches(View(self._extent(a, fa), poses[a]), View(self._extent(b, fb), poses[b]), limits)
-        if found is None:
-            return ()
+        out: tuple[Match, ...] = () if found is None else (found,)
         pitch = self.pitch(pair)
-        if pitch is None or found.kind != "concentric":
-            return (found,)
-        return found, replace(found, kind="screw", parameters={"pitch": pitch})
+        if found is not None and pitch is not None and found.kind == "concentric":
+            out = (found, replace(found, kind="screw", parameters={"pitch": pitch}))
+        self._known[pair, limits] = (state, out)
+        return out
 
     def match(self, key: Key, poses: Sequence[pin.SE3], limits: Limits) -> Match | None:
         """What the kind and the two features of `key` amount to at `poses`; None when they are out of limits."""
@@ -110,6 +115,10 @@ class Recogniser:
                 extent = self._shared[id(f)] = Extent.of(f)
             self._extents[(body, feature)] = extent
         return extent
+
+
+def _bytes(pose: pin.SE3) -> bytes:
+    return np.asarray(pose.homogeneous).tobytes()
 
 
 def recognise(

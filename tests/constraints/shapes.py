@@ -122,3 +122,32 @@ def box(lx, ly, lz, name="box"):
             triangles = [[0, 1, 2], [0, 2, 3]] if side > 0 else [[0, 2, 1], [0, 3, 2]]
             builder.face(np.array(corners) * half, triangles, Plane(normal * half, normal), 1)
     return builder.body(name)
+
+
+def arc_face(builder, radius, start, stop, z0, z1, sense, n=12):
+    """Part of a cylinder about z, between two angles, as one face."""
+    angles = np.linspace(start, stop, n)
+    vertices = np.array([[radius * np.cos(a), radius * np.sin(a), h] for h in (z0, z1) for a in angles])
+    triangles = [t for j in range(n - 1) for t in ([j, j + 1, j + 1 + n], [j, j + 1 + n, j + n])]
+    return builder.face(vertices, triangles, Cylinder([0, 0, 0], [0, 0, 1], radius), sense)
+
+
+def rectangles(builder, cells, z, up, geometry=True):
+    """Rectangles [(x0, y0, x1, y1), …] in one plane at height z, as one face."""
+    vertices, triangles = [], []
+    for x0, y0, x1, y1 in cells:
+        k = len(vertices)
+        vertices += [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)]
+        triangles += [[k, k + 1, k + 2], [k, k + 2, k + 3]] if up else [[k, k + 2, k + 1], [k, k + 3, k + 2]]
+    normal = [0, 0, 1.0 if up else -1.0]
+    return builder.face(vertices, triangles, Plane([0, 0, z], normal) if geometry else None, 1)
+
+
+def joined(bodies, poses, name="joined"):
+    """Several bodies as one: their faces and features side by side."""
+    builder = Builder()
+    for body, pose in zip(bodies, poses, strict=True):
+        for f in body.features:
+            points = f.samples @ pose.rotation.T + pose.translation
+            builder.face(points, f.triangles, f.geometry.transformed(pose), f.sense)
+    return builder.body(name)

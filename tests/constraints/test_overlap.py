@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from constraints.overlap import facing_area, height_range, open_angle
+from constraints.overlap import facing_area, height_spans, open_angle, shared_height
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -67,5 +67,13 @@ def test_open_angle_of_whole_half_and_quarter():
         assert open_angle(samples, np.zeros(3), Z) == pytest.approx(expected)
 
 
-def test_height_range():
-    assert height_range(np.array([[0, 0, 1.0], [5, 0, -2.0]]), np.array([0, 0, 1.0]), Z) == (-3.0, 0.0)
+def test_spans_of_two_ears_and_what_a_pin_shares_with_them():
+    rows = np.array([0.0, 1.0, 2.0, 5.0, 6.0])
+    samples = np.array([[x, 0, h] for h in rows for x in (0.0, 1.0)])
+    strip = np.array([[0, 1, 2], [1, 3, 2]])
+    triangles = np.vstack([strip, strip + 2, strip + 6]).astype(np.int32)
+    spans = height_spans(samples, triangles, np.array([0, 0, 1.0]), Z)
+    assert spans.tolist() == [[-1.0, 1.0], [4.0, 5.0]]
+    assert shared_height(np.array([[0.5, 4.5]]), spans) == (1.0, 0.5, 4.5)
+    assert shared_height(np.array([[1.5, 3.0]]), spans) == (-0.5, 1.0, 1.5)
+    assert shared_height(np.array([[5.0, 7.0]]), spans)[0] == 0.0
