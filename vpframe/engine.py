@@ -104,6 +104,8 @@ class Engine:
         self._shown: dict[int, ConstraintView] = {}
         self._corners: dict[int, NDArray[np.float64]] = {}
         self._told_at_start: list[Happening] = []
+        self.joined: set[tuple[str, str]] = set()
+        """pairs of parts that an accepted constraint joined at any time"""
 
     # ---- the managers
 
@@ -130,7 +132,9 @@ class Engine:
         """What the parts are to each other before anything moves: exact fits only, nothing is pulled into place."""
         self.mates.tolerance = replace(self.tolerance, reach=0.0, reach_angular=0.0)
         rows = self.collision.contacts(self.mates.within)
-        self._told_at_start = [self._told(change) for change in self.mates.update(self.poses, rows, {})]
+        changes = self.mates.update(self.poses, rows, {})
+        self._told_at_start = [self._told(change) for change in changes]
+        self.joined = {self._pair(change.candidate) for change in changes if change.kind == "accepted"}
         self.mates.tolerance = self.tolerance
         self.motion.sync()
         open_pairs = {c.bodies for d in (self.mates.candidates, self.mates.refused) for c in d.values()}
@@ -264,8 +268,13 @@ class Engine:
         if changes:
             self.motion.sync()
             self._remated |= {i for change in changes for i in change.candidate.bodies}
+            self.joined |= {self._pair(change.candidate) for change in changes if change.kind == "accepted"}
         clocks["constraints"] += clock.perf_counter() - began
         return [self._told(change) for change in changes]
+
+    def _pair(self, candidate: Candidate) -> tuple[str, str]:
+        a, b = candidate.bodies
+        return self.names[a], self.names[b]
 
     def _told(self, change: Change) -> Happening:
         candidate = change.candidate
@@ -419,6 +428,7 @@ class Engine:
             "active": self._active,
             "moved": self._moved,
             "blocked": self._blocked,
+            "joined": sorted(self.joined),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -429,6 +439,7 @@ class Engine:
         self.motion.sync()
         self._rows, self._colliding = state["rows"], state["colliding"]
         self._active, self._moved, self._blocked = set(state["active"]), set(state["moved"]), dict(state["blocked"])
+        self.joined = set(state["joined"])
         self._told_at_start, self._remated, self._shown = [], set(), {}
 
     def follow(self, result: Result) -> None:

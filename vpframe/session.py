@@ -32,6 +32,7 @@ from vpframe.scene import Part, Scene
 
 if TYPE_CHECKING:
     from vpframe.interaction.verbs import Verb
+    from vpframe.report.swept import SweptVolume
 
 
 class Session:
@@ -48,6 +49,7 @@ class Session:
     clearance: whether to measure the least clearance of what moves at every step (observers show it).
     observers: more of them.
     checkpoint: a file that keeps where the run is; `resume` goes on from it, `run` names what it depends on.
+    name: of the task, for the report; the model's by default.
 
     Use it as a context manager, or call `close()`: that ends recording and view.
     """
@@ -66,12 +68,14 @@ class Session:
         checkpoint: str | Path | None = None,
         resume: bool = False,
         run: Mapping[str, str] | None = None,
+        name: str = "",
     ) -> None:
         if not (np.isfinite(dt) and dt > 0.0):
             raise VpframeError(f"dt is {dt!r}; give a positive number of seconds")
         if not len(scene):
             raise VpframeError("the scene has no parts; load or add some before opening a session")
         self.scene = scene
+        self.name = name
         self.dt = float(dt)
         self.tolerance = tolerance or Tolerance()
         self.step_count = 0
@@ -90,6 +94,7 @@ class Session:
         self._frame: Frame | None = None
         self._result: Result | None = None
         self._sizes: dict[str, float] = {}
+        self._swept: list[str] = []
         self._trails: dict[str, list[tuple[int, pin.SE3]]] = {}
         self._observing = 0.0
         self._begun = self._closed = self._stop = False
@@ -130,7 +135,7 @@ class Session:
             wanted = hand.desire(self.dt, hand.assist.rate(room))
             if hand.held is not None:
                 wishes.append(Wish(hand.held, wanted, hand.carried, hand.assist.snap, hand.assist.snap_angle))
-        requests, self._requests = [*self._requests, *self._asked()], []
+        requests, self._requests = self._requests, []
         result = self._advance(wishes, requests)
         self.step_count += 1
         self._take_in(result)
@@ -231,15 +236,15 @@ class Session:
     def _advance(self, wishes: list[Wish], requests: list[Request]) -> Result:
         journal = self._journal
         if journal is None:
-            return self.engine.advance(wishes, requests)
-        digest = _digest(wishes, requests)
+            return self.engine.advance(wishes, [*requests, *self._asked()])
+        digest = _digest(wishes, requests)  # what people ask at a viewer is theirs: its consequences are in the result
         if journal.replaying:
             result = journal.replay(digest)
             self.engine.follow(result)
             if not journal.replaying:
                 self.engine.restore(journal.restore())
             return result
-        result = self.engine.advance(wishes, requests)
+        result = self.engine.advance(wishes, [*requests, *self._asked()])
         if journal.append(digest, result):
             journal.save(self.engine.state())
         return result
@@ -477,11 +482,33 @@ class Session:
         if not self._closed:
             self._happened("note", (), (), f"failed: {reason}", {})
 
+    def sweep(self, part: str) -> None:
+        """Ask for the volume that a part sweeps in this session: the report shows it, and what it collides with."""
+        name = self.scene[part].name
+        if name not in self._swept:
+            self._swept.append(name)
+
+    def swept(self, part: str, resolution: float | None = None) -> SweptVolume:
+        """The volume that a part has swept so far, and the parts that it collides with (see `vpframe.swept`).
+
+        Parts that a constraint joined it to at any time, and those authorised to overlap it, are not checked.
+        """
+        from vpframe.swept import swept_volume
+
+        self.engine.start()
+        pairs = [pair for pair in (*self.engine.joined, *self.engine.authorised) if part in pair]
+        allowed = {part, *(name for pair in pairs for name in pair)}
+        rest = [p for p in self.scene.parts if p.name not in allowed]
+        return swept_volume(self.scene[part], [pose for _, pose in self.trail(part)], rest, resolution)
+
     def report(self, directory: str | Path) -> Path:
         """Write the report folder (`index.html`, `report.json`, `clashes.csv`); returns its path."""
         from vpframe.report import write
 
-        return write(directory, self.log, failure=self.failure, authorised=self.engine.authorised)
+        swept = [self.swept(part) for part in self._swept]
+        return write(
+            directory, self.log, failure=self.failure, task=self.name, authorised=self.engine.authorised, swept=swept
+        )
 
     def close(self) -> None:
         """End view and recording. Called once or more; nothing moves afterwards."""

@@ -83,7 +83,10 @@ def run_task(
     began = time.perf_counter()
     with _located(script):
         session = Session(
-            scene, viewer="meshcat" if view else None, record=None if record is None else str(record), **options
+            scene,
+            viewer="meshcat" if view else None,
+            record=None if record is None else str(record),
+            **{"name": script.stem, **options},
         )
     session.on_event(_print_event)
     code = OK
