@@ -85,6 +85,7 @@ class _Buffers:
 
     def __init__(self, width: int, height: int) -> None:
         self.depth = np.full((height, width), -np.inf)
+        self.wall = np.full((height, width), -np.inf)  # of what lies under a fill
         self.face = np.full((height, width), -1, dtype=np.int32)
         self.weight = np.zeros((height, width, 2), dtype=np.float32)
         self.names: list[str] = []
@@ -121,9 +122,11 @@ class _Buffers:
             fill_triangles(xy, z, keep, depth, face, weight)
             filled = face >= 0
             filled[filled] = back[face[filled]]
+            wall = depth.copy()
             depth[filled] = _plane_depth(section, camera, self.depth.shape)[filled]
-            drawn = (face >= 0) & (depth > self.depth)
-            self.depth[drawn], self.weight[drawn] = depth[drawn], weight[drawn]
+            # of two solids that are cut at one place the inner one is seen: its wall is nearer
+            drawn = (face >= 0) & ((depth > self.depth) | ((depth == self.depth) & (wall > self.wall)))
+            self.depth[drawn], self.wall[drawn], self.weight[drawn] = depth[drawn], wall[drawn], weight[drawn]
         self.face[drawn] = face[drawn] + self.count
         self.back.append(back)
         turn = camera.axes() @ pose.rotation

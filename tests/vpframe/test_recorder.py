@@ -1,0 +1,221 @@
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from tests.vpframe.watching import fake_session, pressing_frames, pressing_scene
+from vpframe.errors import LoadError
+from vpframe.scene import Part, Scene
+from vpframe.visualization import palette, replay
+from vpframe.visualization.recorder import RerunRecorder
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A recording, its frames, and its rows by entity."""
+    path = tmp_path_factory.mktemp("recording") / "deep" / "run.rrd"
+    frames = pressing_frames(300)
+    recorder = RerunRecorder(path)
+    recorder.begin(fake_session())
+    for frame in frames:
+        recorder.frame(frame)
+    recorder.end()
+    return path, frames, rows_of(path)
+
+
+def rows_of(path):
+    rows = {}
+    for entity, chunk in replay.tables(path):
+        rows.setdefault(entity, []).extend(chunk)
+    return rows
+
+
+def at_step(rows, component):
+    """Value by step of one component; a later row of a step counts."""
+    return {row["step"]: row[component] for row in rows if component in row and "step" in row}
+
+
+def test_poses_are_those_of_the_session(recorded):
+    _, frames, rows = recorded
+    translation = at_step(rows["parts/rod"], "Transform3D:translation")
+    quaternion = at_step(rows["parts/rod"], "Transform3D:quaternion")
+    now = None
+    for frame in frames:
+        now = translation.get(frame.step, now)
+        np.testing.assert_allclose(now[0], frame.poses["rod"].translation, atol=1e-7)
+        turn = pin.Quaternion(np.array(quaternion.get(frame.step, [[0, 0, 0, 1]])[0], dtype=float))
+        np.testing.assert_allclose(turn.matrix(), frame.poses["rod"].rotation, atol=1e-6)
+    assert len(at_step(rows["parts/plate"], "Transform3D:translation")) == 1  # it never moves: told once
+
+
+def test_geometry_is_written_once_and_is_that_of_the_parts(recorded):
+    _, _, rows = recorded
+    for part in pressing_scene().parts:
+        for surface in range(part.mesh.n_surfaces):
+            found = [r for r in rows[f"parts/{part.name}/surfaces/{surface}"] if "Mesh3D:vertex_positions" in r]
+            assert len(found) == 1
+            assert "step" not in found[0]  # static
+            points = np.array(found[0]["Mesh3D:vertex_positions"])
+            drawn = points[np.array(found[0]["Mesh3D:triangle_indices"])]
+            true = part.mesh.vertices[part.mesh.triangles[part.mesh.triangles_of(surface)]]
+            np.testing.assert_allclose(drawn, true, atol=1e-7)
+
+
+def test_surfaces_are_highlighted_while_they_collide(recorded):
+    _, frames, rows = recorded
+    red = [int(v) for v in np.array([round(255 * c) for c in palette.COLLIDING])]
+    red = (red[0] << 24) | (red[1] << 16) | (red[2] << 8) | 0xFF
+    for name, index in (("plate", 0), ("rod", 1)):
+        for surface in range(6 if name == "plate" else 3):
+            colors = at_step(rows[f"parts/{name}/surfaces/{surface}"], "Mesh3D:albedo_factor")
+            now = None
+            for frame in frames:
+                now = colors.get(frame.step, now)
+                collides = any(tuple(row[2 * index : 2 * index + 2]) == (index, surface) for row in frame.colliding)
+                assert (now == [red]) == collides, (name, surface, frame.step)
+
+
+def test_plots_hold_the_numbers_in_the_units_they_name(recorded):
+    _, frames, rows = recorded
+    freedom = at_step(rows["plots/freedom/rod"], "Scalars:scalars")
+    clearance = at_step(rows["plots/clearance"], "Scalars:scalars")
+    timing = at_step(rows["plots/timings/collision"], "Scalars:scalars")
+    for frame in frames:
+        assert freedom[frame.step] == [frame.freedom["rod"]]
+        assert clearance[frame.step] == [1e3 * frame.clearance]
+        assert timing[frame.step] == [1e3 * frame.timings["collision"]]
+    names = [r["SeriesLines:names"] for r in rows["plots/clearance"] if "SeriesLines:names" in r]
+    assert names == [["clearance (mm)"]]
+
+
+def test_constraint_states_and_symbols_come_and_go(recorded):
+    _, frames, rows = recorded
+    state = at_step(rows["constraints/against-plate-rod-0"], "StateChange:state")
+    strips = at_step(rows["symbols/constraint/0"], "LineStrips3D:strips")
+    now, drawn = None, None
+    for frame in frames:
+        now, drawn = state.get(frame.step, now), strips.get(frame.step, drawn)
+        if frame.constraints:
+            assert now == [frame.constraints[0].state]
+            assert len(drawn) == 6  # a square, the shaft and four barbs of an arrow
+        else:
+            assert now in (None, ["removed"])
+            assert not drawn
+
+
+def test_events_and_script_are_the_sessions(recorded):
+    path, frames, _ = recorded
+    lines = replay.lines(path)
+    events = [(e.step, e.kind, e.text) for frame in frames for e in frame.events]
+    assert [(line.step, line.kind, line.text) for line in lines if line.kind != "script"] == events
+    assert len(events) == 3
+    said, now = {line.step: line.text for line in lines if line.kind == "script"}, None
+    for frame in frames:
+        now = said.get(frame.step, now)
+        assert now == frame.script
+    assert all(line.time == pytest.approx(line.step / 60, abs=1e-8) for line in lines)
+
+
+def test_replay_script_prints_the_events(recorded, capsys):
+    path, _, _ = recorded
+    assert replay.replay(path, script=True) == 0
+    printed = capsys.readouterr().out
+    assert "collided" in printed and "plate and rod collide" in printed and "hand.move_to(z=0.050)" in printed
+
+
+def test_the_recording_carries_a_blueprint(recorded):
+    from rerun.chunk import RrdReader
+
+    reader = RrdReader(recorded[0])
+    assert len(reader.recordings()) == 1
+    assert len(reader.blueprints()) == 1
+
+
+def test_names_with_slashes_and_spaces_do_not_nest(tmp_path):
+    shape = pressing_scene()["rod"].shape
+    names = ("a", "a/b", "a b (2)", "größe")
+    scene = Scene([Part(name, shape, pin.SE3.Identity()) for name in names])
+    recorder = RerunRecorder(tmp_path / "run.rrd")
+    recorder.begin(fake_session(scene))
+    recorder.end()
+    moved = [
+        e for e, chunk in replay.tables(tmp_path / "run.rrd") if any("Transform3D:translation" in r for r in chunk)
+    ]
+    assert len(set(moved)) == len(names)
+
+
+def test_a_recording_cut_anywhere_gives_what_it_has(recorded, tmp_path):
+    path, _, _ = recorded
+    data, cut = path.read_bytes(), tmp_path / "cut.rrd"
+    reached = []
+    for share in (0.3, 0.5, 0.77, 0.999, 1.0):
+        cut.write_bytes(data[: int(share * len(data))])
+        rows = rows_of(cut)
+        assert "parts/rod/surfaces/0" in rows
+        reached.append(max((row["step"] for row in rows.get("plots/clearance", ()) if "step" in row), default=-1))
+    assert reached == sorted(reached)
+    assert reached[-1] == 299
+
+
+def test_killed_at_any_moment_the_recording_can_be_read(tmp_path):
+    program = textwrap.dedent("""
+        import sys, time
+        from tests.vpframe.watching import fake_session, pressing_frames
+        from vpframe.visualization.recorder import RerunRecorder
+        recorder = RerunRecorder(sys.argv[1])
+        recorder.begin(fake_session())
+        for frame in pressing_frames(6000):
+            recorder.frame(frame)
+            time.sleep(0.002)
+            if frame.step == 700:
+                print("go", flush=True)
+    """)
+    path = tmp_path / "run.rrd"
+    process = subprocess.Popen([sys.executable, "-c", program, str(path)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "go\n"
+    time.sleep(0.013)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    rows = rows_of(path)
+    assert max(row["step"] for row in rows["plots/clearance"] if "step" in row) >= 460  # at most 240 steps are buffered
+
+
+def test_a_minute_at_60_hz_with_eighteen_moving_parts_stays_small(tmp_path):
+    shape = pressing_scene()["rod"].shape
+    parts = [Part(f"part {i}", shape, pin.SE3.Identity()) for i in range(18)]
+    scene = Scene(parts)
+    recorder = RerunRecorder(tmp_path / "run.rrd")
+    recorder.begin(fake_session(scene))
+    template = pressing_frames(2)[0]
+    rng = np.random.default_rng(0)
+    for step in range(3600):
+        poses = {p.name: pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)) for p in parts}
+        recorder.frame(template.__class__(**{**template.__dict__, "step": step, "time": step / 60, "poses": poses}))
+    recorder.end()
+    assert (tmp_path / "run.rrd").stat().st_size < 20e6
+
+
+@pytest.mark.parametrize("content", [None, b"", b"not a recording", b"RRF2\x00)\x00\x00\x02\x00\x00\x00"])
+def test_what_is_no_recording_is_said_in_one_line(tmp_path, content):
+    path = tmp_path / "run.rrd"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(LoadError) as raised:
+        replay.replay(path, script=True)
+    assert str(path) in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_rerun_is_started_on_loopback_only(tmp_path):
+    command = replay.command(tmp_path / "run.rrd")
+    assert command[1:3] == ["--bind", "127.0.0.1"]
