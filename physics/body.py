@@ -1,0 +1,205 @@
+"""`Body`: volume, mass, centre and inertia, from a closed mesh or from given figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from collision import SurfaceMesh
+from physics.errors import BodyError
+
+Array = NDArray[np.float64]
+
+DENSITY: Mapping[str, float] = {
+    "steel": 7850.0,
+    "stainless steel": 7900.0,
+    "cast iron": 7200.0,
+    "aluminium": 2700.0,
+    "brass": 8500.0,
+    "copper": 8960.0,
+    "titanium": 4430.0,
+    "abs": 1050.0,
+    "nylon": 1150.0,
+    "ptfe": 2200.0,
+    "rubber": 1200.0,
+    "glass": 2500.0,
+    "wood": 700.0,
+    "water": 1000.0,
+    "air": 1.204,
+    "helium": 0.1664,
+}
+"""kg/m³ at 20 °C by material name"""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Mass properties of one rigid body, in the frame of its mesh.
+
+    Raises
+    ------
+    BodyError: mass, volume or inertia that no solid has (not finite, not positive, an inertia that is not symmetric
+        or whose principal moments violate the triangle inequality).
+    """
+
+    mass: float
+    """kg"""
+    center: Array = field(default_factory=lambda: np.zeros(3))
+    """(3,) centre of mass, m"""
+    inertia: Array = field(default_factory=lambda: np.eye(3))
+    """(3, 3) about the centre of mass, kg·m²"""
+    volume: float = 0.0
+    """m³ of fluid it displaces; 0: none"""
+    name: str = "body"
+    notes: tuple[str, ...] = ()
+    """what was wrong with the mesh, and the value used instead"""
+
+    def __post_init__(self) -> None:
+        center = np.array(self.center, dtype=np.float64)
+        inertia = np.array(self.inertia, dtype=np.float64)
+        if not (np.isfinite(self.mass) and self.mass > 0.0):
+            raise BodyError(f"{self.name}: mass is {self.mass!r} kg; give a positive number", self.name, "mass")
+        if not (np.isfinite(self.volume) and self.volume >= 0.0):
+            raise BodyError(f"{self.name}: volume is {self.volume!r} m³; give zero or more", self.name, "volume")
+        if center.shape != (3,) or not np.isfinite(center).all():
+            raise BodyError(f"{self.name}: center is {self.center!r}; give three finite numbers", self.name, "center")
+        if inertia.shape != (3, 3) or not np.isfinite(inertia).all():
+            raise BodyError(f"{self.name}: inertia must be a finite 3x3 matrix", self.name, "inertia")
+        scale = float(np.abs(inertia).max())
+        if np.abs(inertia - inertia.T).max() > 1e-9 * scale:
+            raise BodyError(f"{self.name}: inertia is not symmetric", self.name, "inertia")
+        inertia = 0.5 * (inertia + inertia.T)
+        moments = np.linalg.eigvalsh(inertia)
+        if moments[0] <= 0.0:
+            raise BodyError(
+                f"{self.name}: principal moments {moments.tolist()} kg·m² are not all positive", self.name, "inertia"
+            )
+        if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
+            raise BodyError(
+                f"{self.name}: principal moments {moments.tolist()} kg·m² violate the triangle inequality "
+                "(the largest may not exceed the sum of the others); no solid has them",
+                self.name,
+                "inertia",
+            )
+        for array in (center, inertia):
+            array.setflags(write=False)
+        object.__setattr__(self, "mass", float(self.mass))
+        object.__setattr__(self, "center", center)
+        object.__setattr__(self, "inertia", inertia)
+
+    @classmethod
+    def from_mesh(cls, mesh: SurfaceMesh, density: float | str = "steel", name: str | None = None) -> Body:
+        """Mass properties of the solid a closed mesh bounds, at one density (kg/m³, or a name from `DENSITY`).
+
+        The polyhedron is integrated exactly (Eberly, "Polyhedral Mass Properties (Revisited)", 2002), so the only
+        error against the true solid is the tessellation's. An inverted mesh is turned round, an open one replaced by
+        its convex hull; `notes` says so.
+        """
+        name = mesh.name if name is None else name
+        rho = _density(density, name)
+        triangles = mesh.vertices[mesh.triangles]
+        notes: list[str] = []
+        loose = open_edges(mesh)
+        if loose:
+            triangles = _hull(mesh.vertices, name)
+            notes.append(f"{name}: the mesh is open ({loose} edges without a partner); its convex hull is used instead")
+        volume, center, inertia = polyhedron(triangles)
+        if volume < 0.0:
+            volume, center, inertia = polyhedron(triangles[:, ::-1])
+            notes.append(f"{name}: the mesh is inverted (normals point into the material); it is used turned round")
+        if not volume > 0.0:
+            raise BodyError(f"{name}: the mesh bounds no volume; give mass properties by hand", name, "volume")
+        return cls(rho * volume, center, rho * inertia, volume, name, tuple(notes))
+
+    @classmethod
+    def from_volume(
+        cls, volume: float, center: ArrayLike, inertia: ArrayLike, density: float | str = "steel", name: str = "body"
+    ) -> Body:
+        """From a solid's volume (m³), centre (3,) and inertia (3, 3) about it at density 1, as a CAD kernel gives."""
+        rho = _density(density, name)
+        return cls(rho * volume, np.asarray(center), rho * np.asarray(inertia), float(volume), name)
+
+    @classmethod
+    def sphere(cls, radius: float, mass: float, name: str = "sphere") -> Body:
+        """A solid ball about the origin."""
+        return cls(mass, np.zeros(3), 0.4 * mass * radius**2 * np.eye(3), 4.0 / 3.0 * np.pi * radius**3, name)
+
+    @classmethod
+    def box(cls, size: ArrayLike, mass: float, name: str = "box") -> Body:
+        """A solid box of edge lengths `size` (3,) about the origin."""
+        x, y, z = (float(s) for s in np.asarray(size))
+        inertia = mass / 12.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
+        return cls(mass, np.zeros(3), inertia, x * y * z, name)
+
+
+def _density(density: float | str, name: str) -> float:
+    if isinstance(density, str):
+        if density.lower() not in DENSITY:
+            raise BodyError(f"{name}: no material {density!r}; there are: {', '.join(DENSITY)}", name, "density")
+        density = DENSITY[density.lower()]
+    if not (np.isfinite(density) and density > 0.0):
+        raise BodyError(f"{name}: density is {density!r} kg/m³; give a positive number", name, "density")
+    return float(density)
+
+
+def weld(mesh: SurfaceMesh) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (n, 3) with those that coincide made one, and (m, 3) triangles on them (in the mesh's order).
+
+    Faces of a tessellated B-rep often have vertices of their own along a shared edge; they agree to rounding, so
+    what counts as coincident is 1e-9 of the mesh's size.
+    """
+    v = mesh.vertices
+    grid = 1e-9 * max(float(np.ptp(v, axis=0).max()), 1e-300)
+    _, first, inverse = np.unique(np.round((v - v[0]) / grid), axis=0, return_index=True, return_inverse=True)
+    return v[first], inverse.reshape(-1)[mesh.triangles]
+
+
+def open_edges(mesh: SurfaceMesh) -> int:
+    """Number of edges that are not shared by exactly two triangles which run along it in opposite directions."""
+    _, t = weld(mesh)
+    t = t[(t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 2] != t[:, 0])]
+    n = int(t.max()) + 1 if len(t) else 1
+    a = t.reshape(-1)
+    b = t[:, [1, 2, 0]].reshape(-1)
+    forth, counts = np.unique(a * n + b, return_counts=True)
+    back, back_counts = np.unique(b * n + a, return_counts=True)
+    return len(np.setxor1d(forth * 64 + np.minimum(counts, 63), back * 64 + np.minimum(back_counts, 63)))
+
+
+def polyhedron(triangles: Array) -> tuple[float, Array, Array]:
+    """Signed volume (m³), centre (3,) and inertia (3, 3) about it at density 1, of outward triangles (m, 3, 3).
+
+    Sums over the tetrahedra from the mean vertex (near the solid, so that nothing cancels far from the origin) of
+    the exact integrals of 1, x and x xᵀ (Eberly 2002; Tonon 2004).
+    """
+    origin = triangles.reshape(-1, 3).mean(axis=0)
+    p = triangles - origin
+    six = np.einsum("ij,ij->i", p[:, 0], np.cross(p[:, 1], p[:, 2]))
+    volume = float(six.sum()) / 6.0
+    if volume == 0.0:
+        return 0.0, origin, np.zeros((3, 3))
+    total = p.sum(axis=1)
+    center = (six @ total) / 24.0 / volume
+    second = (np.einsum("i,ij,ik->jk", six, total, total) + np.einsum("i,inj,ink->jk", six, p, p)) / 120.0
+    second -= volume * np.outer(center, center)
+    inertia = np.trace(second) * np.eye(3) - second
+    return volume, origin + center, inertia
+
+
+def _hull(points: Array, name: str) -> Array:
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        raise BodyError(
+            f"{name}: the mesh is open and flat, so it has no volume; give mass properties by hand", name, "volume"
+        ) from None
+    triangles: Array = points[hull.simplices]
+    inside = points[hull.vertices].mean(axis=0)
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    inward = np.einsum("ij,ij->i", normal, triangles[:, 0] - inside) < 0.0
+    triangles[inward] = triangles[inward][:, ::-1]
+    return triangles

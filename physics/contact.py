@@ -1,0 +1,422 @@
+"""Contact points between near surfaces: vertex on face, edge on edge, and analytic spheres, cylinders and rims.
+
+For each near surface pair the kernel lists the features that can touch, with the signed gap along the contact normal.
+A vertex touches a face only where the material about the vertex lies on the face's outer side, an edge an edge only
+where both edges' wings part (the Gauss-map test): so a vertex that rests flush with a neighbouring side face is not
+pushed by it, and concave parts need no decomposition. Surfaces known analytically are judged as what they are: the
+triangles say where, the sphere or cylinder says how far and which way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from physics.shapes import CYLINDER, FACETED, SPHERE
+
+# columns of the integer rows
+BODY_A, BODY_B, SURFACE_A, SURFACE_B, FEATURE_A, FEATURE_B = range(6)
+# columns of the real rows
+POINT, NORMAL, GAP = 0, 3, 6
+
+# a feature is numbered by its index times 4 plus its kind; a face, a sphere or a bore is its surface
+VERTEX, EDGE, FACE, RIM = 0, 1, 2, 3
+
+FRONT = 1e-2
+"""1: sine of the angle by which material may reach behind a face and still count as in front of it"""
+
+
+@njit(cache=True)
+def _to(rotation, origin, p, out):
+    """World point of `p`, into `out`."""
+    for i in range(3):
+        out[i] = rotation[i, 0] * p[0] + rotation[i, 1] * p[1] + rotation[i, 2] * p[2] + origin[i]
+
+
+@njit(cache=True)
+def _from(rotation, origin, p, out):
+    """Local point of the world point `p`, into `out`."""
+    x, y, z = p[0] - origin[0], p[1] - origin[1], p[2] - origin[2]
+    for i in range(3):
+        out[i] = rotation[0, i] * x + rotation[1, i] * y + rotation[2, i] * z
+
+
+@njit(cache=True)
+def _emit(n, ints, reals, a, b, sa, sb, fa, fb, rotation, origin, p, normal, gap, sign):
+    """Append a row; `p` and `normal` are in the frame (rotation, origin); `sign` -1 turns the normal from a to b round.
+
+    Rows hold a < b and the normal from b to a, so a pair has one way to be written.
+    """
+    if n < ints.shape[0]:
+        ints[n, 0], ints[n, 1], ints[n, 2], ints[n, 3], ints[n, 4], ints[n, 5] = a, b, sa, sb, fa, fb
+        for i in range(3):
+            reals[n, i] = rotation[i, 0] * p[0] + rotation[i, 1] * p[1] + rotation[i, 2] * p[2] + origin[i]
+            reals[n, 3 + i] = sign * (
+                rotation[i, 0] * normal[0] + rotation[i, 1] * normal[1] + rotation[i, 2] * normal[2]
+            )
+        reals[n, 6] = gap
+    return n + 1
+
+
+@njit(cache=True)
+def _inside(p, a, b, c, n):
+    """Whether `p`, seen along the normal `n`, lies in the triangle (its border counts)."""
+    for e in range(3):
+        if e == 0:
+            u, v = a, b
+        elif e == 1:
+            u, v = b, c
+        else:
+            u, v = c, a
+        ex, ey, ez = v[0] - u[0], v[1] - u[1], v[2] - u[2]
+        px, py, pz = p[0] - u[0], p[1] - u[1], p[2] - u[2]
+        side = (
+            n[0] * (ey * pz - ez * py) + n[1] * (ez * px - ex * pz) + n[2] * (ex * py - ey * px)
+        )
+        if side < -1e-9 * (ex * ex + ey * ey + ez * ez):
+            return False
+    return True
+
+
+@njit(cache=True)
+def _over(shapes, row, p, margin, depth, normal):
+    """Gap of the point `p` to the faces of one surface that it lies over, least in size; the normal into `normal`.
+
+    On a cylinder gap and normal are the analytic ones. inf where it is over none, or farther than `margin`, or deeper
+    than `depth`.
+    """
+    surface, start = row
+    best = np.inf
+    kind = shapes.kinds[surface]
+    for t in range(shapes.triangle_start[start], shapes.triangle_start[start + 1]):
+        n = shapes.normals[t]
+        a = shapes.vertices[shapes.triangles[t, 0]]
+        gap = n[0] * (p[0] - a[0]) + n[1] * (p[1] - a[1]) + n[2] * (p[2] - a[2])
+        slack = 0.1 * shapes.analytic[surface, 6] if kind == CYLINDER else 0.0
+        if gap > margin + slack or gap < -depth - slack or abs(gap) >= abs(best):
+            continue
+        if n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0:
+            continue
+        b = shapes.vertices[shapes.triangles[t, 1]]
+        c = shapes.vertices[shapes.triangles[t, 2]]
+        if not _inside(p, a, b, c, n):
+            continue
+        if kind == CYLINDER:
+            return _radial(shapes.analytic[surface], p, margin, depth, normal)
+        best = gap
+        normal[0], normal[1], normal[2] = n[0], n[1], n[2]
+    return best
+
+
+@njit(cache=True)
+def _radial(cylinder, p, margin, depth, normal):
+    """Gap of `p` to an analytic cylinder (material inside for sense +1, outside for -1), outward normal."""
+    x, y, z = p[0] - cylinder[0], p[1] - cylinder[1], p[2] - cylinder[2]
+    h = x * cylinder[3] + y * cylinder[4] + z * cylinder[5]
+    x, y, z = x - h * cylinder[3], y - h * cylinder[4], z - h * cylinder[5]
+    rho = np.sqrt(x * x + y * y + z * z)
+    sense = cylinder[7]
+    gap = sense * (rho - cylinder[6])
+    if rho == 0.0 or gap > margin or gap < -depth:
+        return np.inf
+    normal[0], normal[1], normal[2] = sense * x / rho, sense * y / rho, sense * z / rho
+    return gap
+
+
+@njit(cache=True)
+def _vertices_on_faces(shapes, a, b, sa, sb, row_a, row_b, shape_a, ra, pa, rb, pb, margin, depth, n, ints, reals, sign):
+    """Vertices of a's surface on the faces of b's; rows are written as (a, b) for sign 1, as (b, a) for sign -1."""
+    surface_b = row_b[0]
+    box = shapes.boxes[surface_b]
+    world = np.empty(3)
+    p = np.empty(3)
+    q = np.empty(3)
+    normal = np.empty(3)
+    for i in range(shapes.vertex_start[row_a[1]], shapes.vertex_start[row_a[1] + 1]):
+        v = shapes.surface_vertices[i]
+        _to(ra, pa, shapes.vertices[v], world)
+        _from(rb, pb, world, p)
+        reach = max(margin, depth)
+        if (
+            p[0] < box[0] - reach or p[1] < box[1] - reach or p[2] < box[2] - reach
+            or p[0] > box[3] + reach or p[1] > box[4] + reach or p[2] > box[5] + reach
+        ):  # fmt: skip
+            continue
+        gap = _over(shapes, row_b, p, margin, depth, normal)
+        if gap == np.inf:
+            continue
+        front = True
+        for j in range(shapes.neighbour_start[v + shape_a], shapes.neighbour_start[v + shape_a + 1]):
+            _to(ra, pa, shapes.vertices[shapes.neighbours[j]], world)
+            _from(rb, pb, world, q)
+            x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            if normal[0] * x + normal[1] * y + normal[2] * z < -FRONT * np.sqrt(x * x + y * y + z * z):
+                front = False
+                break
+        if not front:
+            continue
+        if sign > 0:
+            n = _emit(n, ints, reals, a, b, sa, sb, 4 * v + VERTEX, 4 * sb + FACE, rb, pb, p, normal, gap, 1.0)
+        else:
+            n = _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, 4 * v + VERTEX, rb, pb, p, normal, gap, -1.0)
+    return n
+
+
+@njit(cache=True)
+def _rims_on_faces(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals, sign):
+    """The point of a rim that reaches farthest towards a flat face, wherever the rim is tilted at all."""
+    q = np.empty(3)
+    d = np.empty(3)
+    world = np.empty(3)
+    normal = np.empty(3)
+    zero = np.zeros(3)
+    for c in range(shapes.circle_start[row_a[1]], shapes.circle_start[row_a[1] + 1]):
+        circle = shapes.circles[c]
+        _to(ra, pa, circle[:3], world)
+        _from(rb, pb, world, q)
+        _to(ra, zero, circle[3:6], world)
+        _from(rb, zero, world, d)
+        t = shapes.triangle_start[row_b[1]]
+        nt = shapes.normals[t]
+        along = nt[0] * d[0] + nt[1] * d[1] + nt[2] * d[2]
+        x, y, z = nt[0] - along * d[0], nt[1] - along * d[1], nt[2] - along * d[2]
+        tilt = np.sqrt(x * x + y * y + z * z)
+        if tilt < 1e-9:
+            continue
+        r = circle[6] / tilt
+        q[0], q[1], q[2] = q[0] - r * x, q[1] - r * y, q[2] - r * z
+        gap = _over(shapes, row_b, q, margin, depth, normal)
+        if gap == np.inf:
+            continue
+        if sign > 0:
+            n = _emit(n, ints, reals, a, b, sa, sb, 4 * c + RIM, 4 * sb + FACE, rb, pb, q, normal, gap, 1.0)
+        else:
+            n = _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, 4 * c + RIM, rb, pb, q, normal, gap, -1.0)
+    return n
+
+
+@njit(cache=True)
+def _nearest(p, a, b, c, out):
+    """Point of the triangle nearest to `p` (Ericson, "Real-Time Collision Detection", 5.1.5), into `out`."""
+    ab = b - a
+    ac = c - a
+    ap = p - a
+    d1, d2 = np.sum(ab * ap), np.sum(ac * ap)
+    if d1 <= 0.0 and d2 <= 0.0:
+        out[:] = a
+        return
+    bp = p - b
+    d3, d4 = np.sum(ab * bp), np.sum(ac * bp)
+    if d3 >= 0.0 and d4 <= d3:
+        out[:] = b
+        return
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        out[:] = a + d1 / (d1 - d3) * ab
+        return
+    cp = p - c
+    d5, d6 = np.sum(ab * cp), np.sum(ac * cp)
+    if d6 >= 0.0 and d5 <= d6:
+        out[:] = c
+        return
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        out[:] = a + d2 / (d2 - d6) * ac
+        return
+    va = d3 * d6 - d5 * d4
+    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        out[:] = b + (d4 - d3) / ((d4 - d3) + (d5 - d6)) * (c - b)
+        return
+    s = 1.0 / (va + vb + vc)
+    out[:] = a + vb * s * ab + vc * s * ac
+
+
+@njit(cache=True)
+def _ball_on_surface(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals, sign):
+    """A convex sphere of a against one surface of b: sphere, cylinder or the nearest of its triangles."""
+    ball = shapes.analytic[row_a[0]]
+    other = shapes.analytic[row_b[0]]
+    kind = shapes.kinds[row_b[0]]
+    radius = ball[6]
+    world = np.empty(3)
+    p = np.empty(3)
+    q = np.empty(3)
+    normal = np.zeros(3)
+    _to(ra, pa, ball[:3], world)
+    _from(rb, pb, world, p)
+    gap = np.inf
+    if kind == SPHERE:
+        x, y, z = p[0] - other[0], p[1] - other[1], p[2] - other[2]
+        distance = np.sqrt(x * x + y * y + z * z)
+        if distance == 0.0:
+            return n
+        sense = other[7]
+        gap = sense * (distance - other[6]) - radius
+        normal[0], normal[1], normal[2] = sense * x / distance, sense * y / distance, sense * z / distance
+    elif kind == CYLINDER:
+        gap = _over(shapes, row_b, p, margin + radius, depth, normal) - radius
+    else:
+        least = np.inf
+        for t in range(shapes.triangle_start[row_b[1]], shapes.triangle_start[row_b[1] + 1]):
+            nt = shapes.normals[t]
+            v = shapes.triangles[t]
+            _nearest(p, shapes.vertices[v[0]], shapes.vertices[v[1]], shapes.vertices[v[2]], q)
+            x, y, z = p[0] - q[0], p[1] - q[1], p[2] - q[2]
+            d2 = x * x + y * y + z * z
+            if d2 >= least:
+                continue
+            least = d2
+            height = nt[0] * x + nt[1] * y + nt[2] * z
+            distance = np.sqrt(d2)
+            if height <= 0.0 and distance > -height * (1.0 + 1e-9):
+                gap = np.inf  # behind the face and past its border: another surface is in front
+            elif abs(height) >= distance * (1.0 - 1e-15) or distance == 0.0:
+                gap = height - radius
+                normal[:] = nt
+            else:
+                gap = distance - radius
+                normal[0], normal[1], normal[2] = x / distance, y / distance, z / distance
+    if not (-depth <= gap <= margin):
+        return n
+    for i in range(3):
+        p[i] -= (radius + 0.5 * gap) * normal[i]
+    if sign > 0:
+        return _emit(n, ints, reals, a, b, sa, sb, 4 * sa + FACE, 4 * sb + FACE, rb, pb, p, normal, gap, 1.0)
+    return _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, 4 * sa + FACE, rb, pb, p, normal, gap, -1.0)
+
+
+@njit(cache=True)
+def _edges_on_edges(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals):
+    """Crossings of convex edges of both surfaces, in b's frame."""
+    box = shapes.boxes[row_b[0]]
+    world = np.empty(3)
+    p0 = np.empty(3)
+    p1 = np.empty(3)
+    at = np.empty(3)
+    normal = np.empty(3)
+    wing = np.empty(3)
+    zero = np.zeros(3)
+    reach = max(margin, depth)
+    for i in range(shapes.edge_start[row_a[1]], shapes.edge_start[row_a[1] + 1]):
+        ea = shapes.surface_edges[i]
+        _to(ra, pa, shapes.vertices[shapes.edges[ea, 0]], world)
+        _from(rb, pb, world, p0)
+        _to(ra, pa, shapes.vertices[shapes.edges[ea, 1]], world)
+        _from(rb, pb, world, p1)
+        apart = False
+        for k in range(3):
+            if min(p0[k], p1[k]) > box[3 + k] + reach or max(p0[k], p1[k]) < box[k] - reach:
+                apart = True
+        if apart:
+            continue
+        ux, uy, uz = p1[0] - p0[0], p1[1] - p0[1], p1[2] - p0[2]
+        uu = ux * ux + uy * uy + uz * uz
+        for j in range(shapes.edge_start[row_b[1]], shapes.edge_start[row_b[1] + 1]):
+            eb = shapes.surface_edges[j]
+            if shapes.edge_sense[ea] | shapes.edge_sense[eb] == 3:
+                continue  # a fit: chords of a bore against a shaft; the vertices on the analytic surface tell more
+            q0 = shapes.vertices[shapes.edges[eb, 0]]
+            q1 = shapes.vertices[shapes.edges[eb, 1]]
+            vx, vy, vz = q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2]
+            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            nn = nx * nx + ny * ny + nz * nz
+            vv = vx * vx + vy * vy + vz * vz
+            if nn < 1e-6 * uu * vv:
+                continue  # near parallel: the ends are vertices on faces
+            wx, wy, wz = q0[0] - p0[0], q0[1] - p0[1], q0[2] - p0[2]
+            size = np.sqrt(nn)
+            gap = -(wx * nx + wy * ny + wz * nz) / size
+            if abs(gap) > reach:
+                continue
+            s = (wx * (vy * nz - vz * ny) + wy * (vz * nx - vx * nz) + wz * (vx * ny - vy * nx)) / nn
+            t = (wx * (uy * nz - uz * ny) + wy * (uz * nx - ux * nz) + wz * (ux * ny - uy * nx)) / nn
+            if s < -1e-9 or s > 1.0 + 1e-9 or t < -1e-9 or t > 1.0 + 1e-9:
+                continue
+            normal[0], normal[1], normal[2] = nx / size, ny / size, nz / size
+            up, down = True, True
+            for k in range(2):
+                _to(ra, zero, shapes.wings[ea, k], world)
+                _from(rb, zero, world, wing)
+                h = normal[0] * wing[0] + normal[1] * wing[1] + normal[2] * wing[2]
+                up = up and h > -FRONT
+                down = down and h < FRONT
+                w = shapes.wings[eb, k]
+                h = normal[0] * w[0] + normal[1] * w[1] + normal[2] * w[2]
+                up = up and h < FRONT
+                down = down and h > -FRONT
+            if not (up or down):
+                continue
+            if not up:
+                normal[0], normal[1], normal[2] = -normal[0], -normal[1], -normal[2]
+                gap = -gap
+            if gap > margin or gap < -depth:
+                continue
+            at[0], at[1], at[2] = p0[0] + s * ux, p0[1] + s * uy, p0[2] + s * uz
+            n = _emit(n, ints, reals, a, b, sa, sb, 4 * ea + EDGE, 4 * eb + EDGE, rb, pb, at, normal, gap, 1.0)
+    return n
+
+
+@njit(cache=True)
+def find(pairs, rotations, origins, shape_of, shapes, margin, depth, ints, reals):
+    """Contact points of near surface pairs; returns how many (more than fit: call again with larger arrays).
+
+    pairs: (k, 4) int64 rows (body a, its surface, body b, its surface), a < b, sorted.
+    rotations (n, 3, 3), origins (n, 3): mesh frames in the world. shape_of (n,): each body's shape in `shapes`.
+    margin, depth: m; gaps from -depth to margin are listed.
+    ints (c, 6): bodies, surfaces, features of a and b. reals (c, 7): point (3) m, normal (3) from b to a, gap m.
+    A feature that several surface pairs see is listed once.
+    """
+    n = 0
+    first = 0
+    for i in range(pairs.shape[0]):
+        a, sa, b, sb = pairs[i, 0], pairs[i, 1], pairs[i, 2], pairs[i, 3]
+        if i > 0 and (a != pairs[i - 1, 0] or b != pairs[i - 1, 2]):
+            first = n
+        fa, fb = shape_of[a], shape_of[b]
+        ga, gb = shapes.first_surface[fa] + sa, shapes.first_surface[fb] + sb
+        row_a, row_b = (ga, ga + fa), (gb, gb + fb)
+        ra, pa, rb, pb = rotations[a], origins[a], rotations[b], origins[b]
+        ball_a = shapes.kinds[ga] == SPHERE and shapes.analytic[ga, 7] > 0
+        ball_b = shapes.kinds[gb] == SPHERE and shapes.analytic[gb, 7] > 0
+        start = n
+        if ball_a:
+            n = _ball_on_surface(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals, 1)
+        elif ball_b:
+            n = _ball_on_surface(shapes, b, a, sb, sa, row_b, row_a, rb, pb, ra, pa, margin, depth, n, ints, reals, -1)
+        else:
+            n = _vertices_on_faces(
+                shapes, a, b, sa, sb, row_a, row_b, fa, ra, pa, rb, pb, margin, depth, n, ints, reals, 1
+            )
+            n = _vertices_on_faces(
+                shapes, b, a, sb, sa, row_b, row_a, fb, rb, pb, ra, pa, margin, depth, n, ints, reals, -1
+            )
+            if shapes.kinds[gb] == FACETED:
+                n = _rims_on_faces(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals, 1)
+            if shapes.kinds[ga] == FACETED:
+                n = _rims_on_faces(
+                    shapes, b, a, sb, sa, row_b, row_a, rb, pb, ra, pa, margin, depth, n, ints, reals, -1
+                )
+            n = _edges_on_edges(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals)
+        n = _once(ints, reals, first, start, n)
+    return n
+
+
+@njit(cache=True)
+def _once(ints, reals, first, start, n):
+    """Drop rows start … n-1 that name the features of an earlier row from `first` on; the new count."""
+    if n > ints.shape[0]:
+        return n
+    keep = start
+    for i in range(start, n):
+        known = False
+        for j in range(first, keep):
+            if ints[j, 4] == ints[i, 4] and ints[j, 5] == ints[i, 5]:
+                known = True
+                break
+        if known:
+            continue
+        if keep != i:
+            ints[keep] = ints[i]
+            reals[keep] = reals[i]
+        keep += 1
+    return keep

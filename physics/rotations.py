@@ -1,0 +1,56 @@
+"""Kernels on rotations and small vectors: quaternions (x, y, z, w), exponential map, cross products."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, inline="always")
+def cross(a, b):
+    """a × b as a tuple."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True)
+def matrix(q, out):
+    """Rotation matrix (3, 3) of the unit quaternion `q` (4,), into `out`."""
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    out[0, 0] = 1.0 - 2.0 * (y * y + z * z)
+    out[0, 1] = 2.0 * (x * y - z * w)
+    out[0, 2] = 2.0 * (x * z + y * w)
+    out[1, 0] = 2.0 * (x * y + z * w)
+    out[1, 1] = 1.0 - 2.0 * (x * x + z * z)
+    out[1, 2] = 2.0 * (y * z - x * w)
+    out[2, 0] = 2.0 * (x * z - y * w)
+    out[2, 1] = 2.0 * (y * z + x * w)
+    out[2, 2] = 1.0 - 2.0 * (x * x + y * y)
+
+
+@njit(cache=True)
+def exponential(x, y, z):
+    """Unit quaternion of the rotation vector (x, y, z), as a tuple."""
+    half = 0.5 * np.sqrt(x * x + y * y + z * z)
+    if half < 1e-4:  # Taylor's remainder is below 1e-18 here
+        s = 0.5 * (1.0 - half * half / 6.0)
+    else:
+        s = 0.5 * np.sin(half) / half
+    return s * x, s * y, s * z, np.cos(half)
+
+
+@njit(cache=True)
+def multiply(a, b):
+    """Quaternion product a b, normalised, as a tuple."""
+    x = a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1]
+    y = a[3] * b[1] + a[1] * b[3] + a[2] * b[0] - a[0] * b[2]
+    z = a[3] * b[2] + a[2] * b[3] + a[0] * b[1] - a[1] * b[0]
+    w = a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2]
+    n = 1.0 / np.sqrt(x * x + y * y + z * z + w * w)
+    return x * n, y * n, z * n, w * n
+
+
+@njit(cache=True)
+def turn(q, x, y, z):
+    """The quaternion `q` (4,) turned in place by the world rotation vector (x, y, z)."""
+    p = multiply(exponential(x, y, z), (q[0], q[1], q[2], q[3]))
+    q[0], q[1], q[2], q[3] = p
