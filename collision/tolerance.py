@@ -46,3 +46,11 @@ class Tolerance:
     """m: a hand that pulls an accepted constraint apart by more than this removes it"""
     break_angular: float = 0.2
     """rad: the same for directions"""
+    touch: float = 1e-10
+    """m: two surfaces whose gap is at most this press on one another (physics finds impacts to 1e-13)"""
+    rest_speed: float = 1e-3
+    """m/s: an impact slower than this does not rebound"""
+    sleep_speed: float = 1e-4
+    """m/s: a body whose every point has stayed slower than this for `sleep_time` may sleep"""
+    sleep_time: float = 0.5
+    """s"""

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -67,11 +68,15 @@ class View:
 
 @dataclass(frozen=True)
 class Reaction:
-    """How an object meets another. Of two objects the geometric mean of friction and the lesser restitution count."""
+    """How an object meets another. None: nothing is said, the other object's value counts.
 
-    friction: float = 0.5
+    Where both say something, the geometric mean of friction and the lesser restitution count; where neither does,
+    friction is 0.5 and restitution 0.
+    """
+
+    friction: float | None = None
     """1: Coulomb's coefficient"""
-    restitution: float = 0.0
+    restitution: float | None = None
     """1: Newton's coefficient, 0 … 1"""
     solid: bool = True
     """False: it passes through everything"""
@@ -297,7 +302,7 @@ class ScriptedPath(Behaviour):
             self.path = path
             return
         times = [float(t) for t, _ in path]
-        if not times or any(b <= a for a, b in zip(times, times[1:], strict=False)):
+        if not times or any(b <= a for a, b in pairwise(times)):
             raise BehaviourError(f"ScriptedPath: times are {times}; give them rising", behaviour="ScriptedPath")
         poses = [p for _, p in path]
 

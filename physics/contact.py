@@ -70,9 +70,7 @@ def _inside(p, a, b, c, n):
             u, v = c, a
         ex, ey, ez = v[0] - u[0], v[1] - u[1], v[2] - u[2]
         px, py, pz = p[0] - u[0], p[1] - u[1], p[2] - u[2]
-        side = (
-            n[0] * (ey * pz - ez * py) + n[1] * (ez * px - ex * pz) + n[2] * (ex * py - ey * px)
-        )
+        side = n[0] * (ey * pz - ez * py) + n[1] * (ez * px - ex * pz) + n[2] * (ex * py - ey * px)
         if side < -1e-9 * (ex * ex + ey * ey + ez * ez):
             return False
     return True
@@ -124,8 +122,10 @@ def _radial(cylinder, p, margin, depth, normal):
 
 
 @njit(cache=True)
-def _vertices_on_faces(shapes, a, b, sa, sb, row_a, row_b, shape_a, ra, pa, rb, pb, margin, depth, n, ints, reals, sign):
-    """Vertices of a's surface on the faces of b's; rows are written as (a, b) for sign 1, as (b, a) for sign -1."""
+def _vertices_on_faces(
+    shapes, a, b, sa, sb, row_a, row_b, shape_a, ra, pa, rb, pb, margin, depth, n, ints, reals, sign
+):
+    """Vertices of a's surface on the faces of b's; rows are written (a, b) for sign 1, (b, a) for -1."""
     surface_b = row_b[0]
     box = shapes.boxes[surface_b]
     world = np.empty(3)

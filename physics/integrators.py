@@ -4,8 +4,8 @@ The centre of mass flies on its own (constant velocity between kicks); what need
 
     R' = R ω̂,   ω = I⁻¹ Rᵀ L,   L' = torque,
 
-with L the angular momentum about the centre of mass in world axes. The world splits a step as kick, drift, kick (Strang):
-half the forces' impulse, free flight, the other half. For a constant force that is exact.
+with L the angular momentum about the centre of mass in world axes. The world splits a step as kick, drift, kick
+(Strang): half the forces' impulse, free flight, the other half. For a constant force that is exact.
 
 `gauss6` (default): Gauss collocation of three stages on Euler's equation π' = π × I⁻¹π, which keeps every quadratic
 invariant, here energy and |π| (Hairer, Lubich & Wanner, "Geometric Numerical Integration", IV.2.1), and the

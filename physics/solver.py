@@ -124,9 +124,7 @@ def _effective(bodies, jacobian, inverse_mass, inverse_inertia, out):
                 for k in range(3):
                     total += inverse_mass[body] * jacobian[c, i, o + k] ** 2
                     for m in range(3):
-                        total += (
-                            jacobian[c, i, o + 3 + k] * inverse_inertia[body, k, m] * jacobian[c, i, o + 3 + m]
-                        )
+                        total += jacobian[c, i, o + 3 + k] * inverse_inertia[body, k, m] * jacobian[c, i, o + 3 + m]
             largest = max(largest, total)
         out[c] = largest
 
@@ -180,7 +178,7 @@ def _add_block(a, bodies, jacobian, slope):
 
 @njit(cache=True)
 def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, weight, impulse, jb, jj, jbias, jw, jl):
-    """One nonlinear Gauss-Seidel pass over joints and contacts; returns the largest change of a row's impulse · weight."""
+    """One nonlinear Gauss-Seidel pass over joints and contacts; the largest change of a row's impulse · weight."""
     change = 0.0
     for c in range(jj.shape[0]):
         for i in range(jj.shape[1]):
@@ -320,7 +318,8 @@ def residual(speeds, mu, rho, impulse):
 
 @njit(cache=True)
 def solve(free, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, impulse, jb, jj, jbias, jl, tolerance):
-    """Velocities v (n, 6) and, in place, impulses of contacts `impulse` (c, 3) and joints `jl` (g, r); the residual, m/s.
+    """Velocities v (n, 6) and, in place, impulses of contacts `impulse` (c, 3) and joints `jl` (g, r); the residual.
+
 
     free: (n, 6) velocities without constraints (linear, angular; world axes). mass (n,), inertia (n, 3, 3) and their
     inverses. cb (c, 2), cj (c, 3, 12), bias (c, 3), mu (c,): contacts. jb (g, 2), jj (g, r, 12), jbias (g, r): joints.
@@ -355,9 +354,7 @@ def solve(free, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, 
     if not dense:
         change = np.inf
         for _ in range(SWEEPS):
-            change = _sweep(
-                v, inverse_mass, inverse_inertia, cb, cj, bias, mu, weight, impulse, jb, jj, jbias, jw, jl
-            )
+            change = _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, weight, impulse, jb, jj, jbias, jw, jl)
             if change <= tolerance * scale:
                 break
         return v, change

@@ -1,0 +1,121 @@
+"""`Bodies`: the state and constants of all objects of a world as flat arrays by id, and kernels that move them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numba import njit
+from numpy.typing import NDArray
+
+from physics.body import Body
+from physics.integrators import fly
+from physics.rotations import matrix
+
+Array = NDArray[np.float64]
+
+ABSENT, STATIC, KINEMATIC, FREE = range(4)
+
+
+class Bodies:
+    """Arrays whose row i is object i. State (saved and restored): center, attitude, velocity, kind, awake, quiet."""
+
+    def __init__(self) -> None:
+        self.n = 0
+        self.kind = np.zeros(0, np.int64)
+        self.center = np.zeros((0, 3))
+        """centre of mass, world, m"""
+        self.attitude = np.zeros((0, 4))
+        """unit quaternion (x, y, z, w), mesh axes to world"""
+        self.velocity = np.zeros((0, 6))
+        """of the centre of mass m/s, angular rad/s, both in world axes"""
+        self.offset = np.zeros((0, 3))
+        """centre of mass in the mesh frame, m"""
+        self.mass = np.zeros(0)
+        self.inertia = np.zeros((0, 3, 3))
+        """about the centre of mass, mesh axes, kg·m²"""
+        self.inverse = np.zeros((0, 3, 3))
+        self.radius = np.zeros(0)
+        """of the ball about the centre of mass that holds the mesh, m"""
+        self.thickness = np.zeros(0)
+        """least extent of the mesh's box, m"""
+        self.rotation = np.zeros((0, 3, 3))
+        """derived from `attitude`"""
+        self.origin = np.zeros((0, 3))
+        """derived: origin of the mesh frame in the world, m"""
+        self.awake = np.zeros(0, np.bool_)
+        self.quiet = np.zeros(0)
+        """s for which the body has been at rest"""
+
+    _PER_OBJECT = (
+        "kind", "center", "attitude", "velocity", "offset", "mass", "inertia", "inverse", "radius", "thickness",
+        "rotation", "origin", "awake", "quiet",
+    )  # fmt: skip
+
+    def reserve(self, n: int) -> None:
+        """Make room for ids below n."""
+        if n <= self.n:
+            return
+        capacity = len(self.kind)
+        if n > capacity:
+            grown = max(n, 2 * capacity, 16)
+            for name in self._PER_OBJECT:
+                old = getattr(self, name)
+                new = np.zeros((grown, *old.shape[1:]), old.dtype)
+                new[:capacity] = old
+                setattr(self, name, new)
+        self.n = n
+
+    def set_constants(self, i: int, body: Body | None, vertices: Array) -> None:
+        """Mass properties and extents of one object; no body: its box's middle serves as centre."""
+        lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+        if body is None:
+            self.offset[i] = 0.5 * (lower + upper)
+            self.mass[i] = 0.0
+        else:
+            self.offset[i] = body.center
+            self.mass[i] = body.mass
+            self.inertia[i] = body.inertia
+            self.inverse[i] = np.linalg.inv(body.inertia)
+        self.radius[i] = float(np.sqrt(((vertices - self.offset[i]) ** 2).sum(axis=1).max()))
+        self.thickness[i] = float((upper - lower).min())
+
+    def set_pose(self, i: int, pose: pin.SE3) -> None:
+        """Place an object by its mesh frame."""
+        self.attitude[i] = pin.Quaternion(pose.rotation).normalized().coeffs()
+        matrix(self.attitude[i], self.rotation[i])
+        self.center[i] = self.rotation[i] @ self.offset[i] + pose.translation
+        self.origin[i] = pose.translation
+
+    def pose(self, i: int) -> pin.SE3:
+        """Pose of the mesh frame in the world."""
+        return pin.SE3(self.rotation[i].copy(), self.origin[i].copy())
+
+
+@njit(cache=True)
+def place(ids, center, attitude, offset, rotation, origin):
+    """Rotation matrices and mesh origins of the bodies `ids` from centres and attitudes, in place."""
+    for i in ids:
+        matrix(attitude[i], rotation[i])
+        for k in range(3):
+            origin[i, k] = center[i, k] - (
+                rotation[i, k, 0] * offset[i, 0] + rotation[i, k, 1] * offset[i, 1] + rotation[i, k, 2] * offset[i, 2]
+            )
+
+
+@njit(cache=True)
+def drift(ids, center, attitude, velocity, inertia, inverse, offset, rotation, origin, h, method):
+    """Free flight of the bodies `ids` over h seconds, in place: straight for the centre, free rotation about it."""
+    momentum = np.empty(3)
+    for i in ids:
+        for k in range(3):
+            center[i, k] += h * velocity[i, k]
+        w = velocity[i, 3:6]
+        if w[0] == 0.0 and w[1] == 0.0 and w[2] == 0.0:
+            continue
+        r = rotation[i]
+        body = r.T @ w
+        momentum[:] = r @ (inertia[i] @ body)
+        fly(attitude[i], momentum, inverse[i], h, method)
+        matrix(attitude[i], r)
+        velocity[i, 3:6] = r @ (inverse[i] @ (r.T @ momentum))
+    place(ids, center, attitude, offset, rotation, origin)

@@ -1,0 +1,80 @@
+"""Hands: a pose that is obeyed, or a spring of limited force that feels what it moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from physics.behaviours import View
+from physics.errors import PhysicsError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SpringHand:
+    """A hand that pulls the object's frame towards `target` with springs and dampers, up to a force and a torque."""
+
+    target: pin.SE3
+    stiffness: float = 2000.0
+    """N/m"""
+    damping: float = 60.0
+    """N·s/m"""
+    angular_stiffness: float = 5.0
+    """N·m/rad"""
+    angular_damping: float = 0.1
+    """N·m·s/rad"""
+    force: float = 100.0
+    """N: the most it pulls with"""
+    torque: float = 5.0
+    """N·m: the most it turns with"""
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping", "angular_stiffness", "angular_damping", "force", "torque"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise PhysicsError(f"SpringHand: {name} is {value!r}; give zero or more")
+        if not np.isfinite(self.target.homogeneous).all():
+            raise PhysicsError("SpringHand: target is not finite; give a rigid pose")
+
+
+class Grip:
+    """A hand on one object: what it holds by, and the wrench of the last step."""
+
+    def __init__(self, hold: pin.SE3 | SpringHand) -> None:
+        self.hand = hold if isinstance(hold, SpringHand) else None
+        self.target: pin.SE3 = hold.target if isinstance(hold, SpringHand) else hold
+        self.wrench: Array = np.zeros(6)
+
+    def pull(self, view: View) -> Array:
+        """(6,) force and torque about the centre of mass, world axes."""
+        hand = self.hand
+        assert hand is not None
+        goal = self.target.act(view.body.center)
+        pull = hand.stiffness * (goal - view.center) - hand.damping * view.velocity
+        turn = (
+            hand.angular_stiffness * pin.log3(self.target.rotation @ view.pose.rotation.T)
+            - hand.angular_damping * view.angular_velocity
+        )
+        self.wrench = np.concatenate([_limited(pull, hand.force), _limited(turn, hand.torque)])
+        return self.wrench
+
+    def data(self) -> tuple[object, ...]:
+        """What `of` needs to make it again."""
+        return (self.hand, self.target.homogeneous.copy(), self.wrench.copy())
+
+    @classmethod
+    def of(cls, data: tuple) -> Grip:
+        """The grip that `data` described."""
+        hand, target, wrench = data
+        grip = cls(hand if hand is not None else pin.SE3(target))
+        grip.wrench = wrench
+        return grip
+
+
+def _limited(vector: Array, limit: float) -> Array:
+    size = float(np.sqrt(vector @ vector))
+    return vector * (limit / size) if size > limit else vector

@@ -1,0 +1,238 @@
+"""Contacts that press: choosing them, putting them before the solver, and taking the answer back to the bodies."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from physics import solver
+from physics.rotations import turn
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Contacts(NamedTuple):
+    """Contact points at one instant and the forces on them."""
+
+    ints: Ints
+    """(c, 6) see `contact.find`"""
+    reals: Array
+    """(c, 7)"""
+    force: Array
+    """(c, 3) N in the contact's frame (normal, two tangents), by the last kick; 0 where it does not press"""
+
+
+NO_CONTACTS = Contacts(np.zeros((0, 6), np.int64), np.zeros((0, 7)), np.zeros((0, 3)))
+
+
+@njit(cache=True)
+def match(old, new):
+    """(n,) row of `old` (m, 6) with the same bodies and features as each row of `new` (n, 6), or -1."""
+    out = np.full(len(new), -1, np.int64)
+    guess = 0
+    for i in range(len(new)):
+        for k in range(len(old)):
+            j = (guess + k) % len(old)
+            if old[j, 5] == new[i, 5] and old[j, 4] == new[i, 4] and old[j, 0] == new[i, 0] and old[j, 1] == new[i, 1]:
+                out[i] = j
+                guess = j + 1
+                break
+    return out
+
+
+@njit(cache=True)
+def spanning(ints, reals, chosen):
+    """Of the rows `chosen` (indices, sorted) those that span each patch: a mask over them.
+
+    Rows of one object pair with one normal (to 1e-6) are a patch; the farthest point in each of eight directions within
+    it is kept. The others lie within the hull of those, or are added when they turn out to sink in.
+    """
+    keep = np.zeros(len(chosen), np.bool_)
+    done = np.zeros(len(chosen), np.bool_)
+    for i in range(len(chosen)):
+        if done[i]:
+            continue
+        c = chosen[i]
+        n = reals[c, 3:6]
+        members = [i]
+        done[i] = True
+        for j in range(i + 1, len(chosen)):
+            d = chosen[j]
+            if done[j] or ints[d, 0] != ints[c, 0] or ints[d, 1] != ints[c, 1]:
+                continue
+            x, y, z = reals[d, 3] - n[0], reals[d, 4] - n[1], reals[d, 5] - n[2]
+            if x * x + y * y + z * z < 1e-12:
+                done[j] = True
+                members.append(j)
+        if len(members) <= 4:
+            for j in members:
+                keep[j] = True
+            continue
+        k = 0
+        for m in range(1, 3):
+            if abs(n[m]) < abs(n[k]) - 1e-6:
+                k = m
+        e = np.zeros(3)
+        e[k] = 1.0
+        u = np.cross(n, e)
+        v = np.cross(n, u)
+        for direction in range(8):
+            angle = 0.25 * np.pi * direction + 0.1
+            axis = np.cos(angle) * u + np.sin(angle) * v
+            best = -np.inf
+            which = 0
+            for j in members:
+                p = reals[chosen[j]]
+                s = p[0] * axis[0] + p[1] * axis[1] + p[2] * axis[2]
+                if s > best + 1e-9:
+                    best = s
+                    which = j
+            keep[which] = True
+    return keep
+
+
+@njit(cache=True)
+def surface_speeds(ids, ints, reals, center, velocity, is_free, out):
+    """Velocity (c, 3), world, with which bodies that are not free (kinematic ones) move apart at the contacts `ids`."""
+    for row in range(len(ids)):
+        c = ids[row]
+        out[row] = 0.0
+        for side in range(2):
+            body = ints[c, side]
+            if is_free[body]:
+                continue
+            sign = 1.0 if side == 0 else -1.0
+            r = reals[c, :3] - center[body]
+            w = velocity[body, 3:6]
+            out[row] += sign * (velocity[body, :3] + np.cross(w, r))
+
+
+@njit(cache=True)
+def gather(ids, rotation, mass, inertia, inverse):
+    """Masses, world inertias and inverses of both, of the bodies `ids`."""
+    n = len(ids)
+    m = np.empty(n)
+    im = np.empty(n)
+    world = np.empty((n, 3, 3))
+    inverse_world = np.empty((n, 3, 3))
+    for k in range(n):
+        i = ids[k]
+        m[k] = mass[i]
+        im[k] = 1.0 / mass[i]
+        r = rotation[i]
+        world[k] = r @ inertia[i] @ r.T
+        inverse_world[k] = r @ inverse[i] @ r.T
+    return m, im, world, inverse_world
+
+
+@njit(cache=True)
+def press(
+    ids, local, free, center, velocity, rotation, mass, inertia, inverse, is_free,
+    chosen, ints, reals, mu, target, impulse, jb, jj, jbias, jl, tolerance,
+):  # fmt: skip
+    """Solve contacts `chosen` and joints for the velocities `free` (n, 6) of the bodies `ids`; writes `velocity`.
+
+    mu (c,), target (c,) m/s: the normal speed at which a contact parts at least (0: it does not close). Returns the
+    solver's residual, m/s. `impulse` (len(chosen), 3) and `jl` are guess and answer.
+    """
+    m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
+    n = len(chosen)
+    cb = np.empty((n, 2), np.int64)
+    rows = np.empty((n, 7))
+    friction = np.empty(n)
+    for k in range(n):
+        c = chosen[k]
+        cb[k, 0] = local[ints[c, 0]] if is_free[ints[c, 0]] else -1
+        cb[k, 1] = local[ints[c, 1]] if is_free[ints[c, 1]] else -1
+        rows[k] = reals[c]
+        friction[k] = mu[c]
+    middles = np.empty((len(ids), 3))
+    for k in range(len(ids)):
+        middles[k] = center[ids[k]]
+    cj = np.empty((n, 3, 12))
+    solver.rows_of_contacts(cb, rows, middles, cj)
+    bias = np.zeros((n, 3))
+    moving = np.empty((n, 3))
+    surface_speeds(chosen, ints, reals, center, velocity, is_free, moving)
+    for k in range(n):
+        x, y, z = moving[k]
+        if x != 0.0 or y != 0.0 or z != 0.0:
+            side = 0 if cb[k, 0] >= 0 else 1
+            sign = 1.0 if side == 0 else -1.0
+            for i in range(3):  # the rows' linear part is the contact frame
+                d = cj[k, i, 6 * side : 6 * side + 3]
+                bias[k, i] = sign * (d[0] * x + d[1] * y + d[2] * z)
+        bias[k, 0] -= target[chosen[k]]
+    v, residual = solver.solve(
+        free, m, world, im, inverse_world, cb, cj, bias, friction, impulse, jb, jj, jbias, jl, tolerance
+    )
+    for k in range(len(ids)):
+        velocity[ids[k]] = v[k]
+    return residual
+
+
+@njit(cache=True)
+def normal_speeds(chosen, ints, reals, center, velocity):
+    """Speed (c,) at which each contact of `chosen` parts along its normal, m/s."""
+    out = np.empty(len(chosen))
+    for k in range(len(chosen)):
+        c = chosen[k]
+        a, b = ints[c, 0], ints[c, 1]
+        p = reals[c, :3]
+        n = reals[c, 3:6]
+        va = velocity[a, :3] + np.cross(velocity[a, 3:6], p - center[a])
+        vb = velocity[b, :3] + np.cross(velocity[b, 3:6], p - center[b])
+        out[k] = np.sum(n * (va - vb))
+    return out
+
+
+@njit(cache=True)
+def shift(ids, center, attitude, move):
+    """Move the bodies `ids` by small displacements (n, 6): linear, and rotation vector, world axes."""
+    for k in range(len(ids)):
+        i = ids[k]
+        for c in range(3):
+            center[i, c] += move[k, c]
+        turn(attitude[i], move[k, 3], move[k, 4], move[k, 5])
+
+
+@njit(cache=True)
+def correct(
+    ids, local, center, attitude, rotation, mass, inertia, inverse, is_free, chosen, ints, reals, jb, jj, jresidual
+):  # fmt: skip
+    """Least move (mass metric) of the bodies `ids` that closes the gaps of `chosen` and the joints' residuals."""
+    m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
+    n = len(chosen)
+    g = jj.shape[0]
+    cb = np.empty((n, 2), np.int64)
+    rows = np.empty((n, 7))
+    for k in range(n):
+        c = chosen[k]
+        cb[k, 0] = local[ints[c, 0]] if is_free[ints[c, 0]] else -1
+        cb[k, 1] = local[ints[c, 1]] if is_free[ints[c, 1]] else -1
+        rows[k] = reals[c]
+    middles = np.empty((len(ids), 3))
+    for k in range(len(ids)):
+        middles[k] = center[ids[k]]
+    cj = np.empty((n, 3, 12))
+    solver.rows_of_contacts(cb, rows, middles, cj)
+    blocks = np.empty((n + g, 2), np.int64)
+    blocks[:n] = cb
+    blocks[n:] = jb
+    jacobian = np.empty((n + g, 1, 12))
+    jacobian[:n, 0] = cj[:, 0]
+    jacobian[n:] = jj
+    bias = np.empty((n + g, 1))
+    for k in range(n):
+        bias[k, 0] = rows[k, 6]
+    bias[n:] = jresidual
+    none = np.zeros((0, 2), np.int64)
+    move, _ = solver.solve(
+        np.zeros((len(ids), 6)), m, world, im, inverse_world, none, np.zeros((0, 3, 12)), np.zeros((0, 3)),
+        np.zeros(0), np.zeros((0, 3)), blocks, jacobian, bias, np.zeros((n + g, 1)), 1e-13,
+    )  # fmt: skip
+    shift(ids, center, attitude, move)

@@ -1,0 +1,637 @@
+"""`World`: bodies with behaviours in, their motion out. The one door of the package, and the one place with state."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from collision import CollisionManager, Tolerance
+from constraints.geometry import Geometry
+from physics.behaviours import Behaviour, Reaction, Sleeping, Touch, View
+from physics.bodies import FREE, KINEMATIC, STATIC, Bodies
+from physics.body import Body
+from physics.errors import BehaviourError, WorldError
+from physics.hands import Grip, SpringHand
+from physics.integrators import METHODS
+from physics.islands import islands
+from physics.joints import Joint
+from physics.near import near_objects, near_surfaces
+from physics.pressing import NO_CONTACTS, Contacts
+from physics.shapes import Shape, make_shape, pack
+from physics.stepping import Island, Stepper
+
+Array = NDArray[np.float64]
+
+SLACK = 2e-3
+"""m: least slack of the list of near surfaces; more where things are fast, so that it lasts some steps"""
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """State of a world at one instant, by value; opaque. `World.restore` gives the same future, bit for bit."""
+
+    data: Mapping[str, Any]
+
+
+class World:
+    """Objects of a `CollisionManager` that move under forces, joints and contacts.
+
+    Parameters
+    ----------
+    collision: holds meshes and poses; ids are its ids. Objects that were not added here stand still and are solid.
+    tolerance: `touch`, `rest_speed` and the two for sleeping are used; the manager's own if not given.
+    integrator: one of `METHODS`, for free rotation.
+
+    A body falls asleep with its island when every point of it has stayed below `tolerance.sleep_speed` for
+    `tolerance.sleep_time`; it then costs nothing until something that moves comes near, or it is touched through here.
+    """
+
+    def __init__(
+        self, collision: CollisionManager, tolerance: Tolerance | None = None, integrator: str = "gauss6"
+    ) -> None:
+        if integrator not in METHODS:
+            raise WorldError(f"no integrator {integrator!r}; there are: {', '.join(METHODS)}")
+        self.collision = collision
+        self.tolerance = tolerance if tolerance is not None else collision.tolerance
+        self.time = 0.0
+        """s since the world began"""
+        self.residual = 0.0
+        """m/s: largest violation of joints and contact laws that the last step's solver left"""
+        self._bodies = Bodies()
+        self._stepper = Stepper(self._bodies, self.tolerance, integrator)
+        self._body: dict[int, Body] = {}
+        self._behaviours: dict[int, tuple[Behaviour, ...]] = {}
+        self._varying: dict[int, tuple[Behaviour, ...]] = {}
+        self._path: dict[int, Behaviour] = {}
+        self._may_sleep: dict[int, bool] = {}
+        self._geometries: dict[int, Mapping[int, Geometry]] = {}
+        self._constant = np.zeros((0, 6))
+        self._joints: list[Joint] = []
+        self._grips: dict[int, Grip] = {}
+        self._solid: dict[int, bool] = {}
+        self._shapes: list[Shape] = []
+        self._shape_key: dict[tuple, int] = {}
+        self._contacts = NO_CONTACTS
+        self._pairs = np.zeros((0, 4), np.int64)
+        self._slack = 0.0
+        self._travel = np.zeros(0)
+        self._stale = True
+
+    # --- objects ------------------------------------------------------------------------------------------------------
+
+    def add(
+        self,
+        object_id: int,
+        body: Body | None = None,
+        behaviours: Sequence[Behaviour] = (),
+        geometries: Mapping[int, Geometry] | None = None,
+        velocity: ArrayLike = (0.0,) * 6,
+    ) -> None:
+        """Give an object of the collision manager mass and behaviours; adding it again replaces both.
+
+        body: None makes it static: it never moves, but its behaviours say how it meets others.
+        geometries: surfaces known analytically (mesh frame); contacts on them are judged exactly.
+        velocity: (6,) of the centre of mass and angular, world axes, m/s and rad/s.
+        Raises WorldError, BehaviourError: before anything moves, naming the object.
+        """
+        i = self._known(object_id)
+        twist = np.array(velocity, dtype=np.float64)
+        if twist.shape != (6,) or not np.isfinite(twist).all():
+            raise WorldError(f"object {i}: velocity is {velocity!r}; give six finite numbers", i)
+        for behaviour in behaviours:
+            if not isinstance(behaviour, Behaviour):
+                raise BehaviourError(f"object {i}: {behaviour!r} is no Behaviour", i, type(behaviour).__name__)
+        reaction = self._reaction(i, behaviours)
+        b = self._reserve(i)
+        mesh = self.collision.mesh(i)
+        b.set_constants(i, body, mesh.vertices)
+        b.set_pose(i, self.collision.pose(i))
+        self._geometries[i] = dict(geometries or {})
+        self._behaviours[i] = tuple(behaviours)
+        self._stepper.friction[i] = np.nan if reaction.friction is None else reaction.friction
+        self._stepper.restitution[i] = np.nan if reaction.restitution is None else reaction.restitution
+        self._solid[i] = reaction.solid
+        self._stepper.shape_of[i] = -1
+        self._path.pop(i, None)
+        self._varying.pop(i, None)
+        self._constant[i] = 0.0
+        b.velocity[i] = 0.0
+        if body is None:
+            b.kind[i] = STATIC
+            self._body.pop(i, None)
+        else:
+            b.kind[i] = FREE
+            self._body[i] = body
+            b.velocity[i] = twist
+            self._may_sleep[i] = all(x.allowed for x in behaviours if isinstance(x, Sleeping))
+            for behaviour in behaviours:
+                if type(behaviour).wrench is not Behaviour.wrench:
+                    if behaviour.constant:
+                        self._constant[i] += self._wrench(i, behaviour, self._view(i, self.time))
+                    else:
+                        self._varying[i] = (*self._varying.get(i, ()), behaviour)
+        for behaviour in behaviours:
+            if type(behaviour).pose is not Behaviour.pose:
+                self._path[i] = behaviour
+                b.kind[i] = KINEMATIC
+                self._target(i, behaviour.pose(self.time), type(behaviour).__name__)
+        self.wake(i)
+        self._stale = True
+
+    def remove(self, object_id: int) -> None:
+        """Take mass and behaviours from an object: if the manager still holds it, it stands still."""
+        i = self._member(object_id)
+        self._wake_near(i)
+        for table in (self._body, self._behaviours, self._varying, self._path, self._geometries, self._grips):
+            table.pop(i, None)
+        self._bodies.kind[i] = 0
+        self._bodies.awake[i] = False
+        self._stepper.friction[i] = self._stepper.restitution[i] = np.nan
+        self._solid.pop(i, None)
+        self._stale = True
+
+    def set_joints(self, joints: Iterable[Joint]) -> None:
+        """The accepted constraints that hold from now on, all of them; bodies of new or lost ones wake."""
+        new = list(joints)
+        for joint in new:
+            for i in joint.bodies:
+                self._known(i)
+                self._reserve(i)
+                if self._bodies.kind[i] == 0:
+                    self._stand(i)
+        old = {id(joint): joint for joint in self._joints}
+        now = {id(joint): joint for joint in new}
+        for key in old.keys() ^ now.keys():
+            for i in (old.get(key) or now[key]).bodies:
+                self.wake(i)
+        self._joints = new
+        self._stale = True
+
+    # --- state --------------------------------------------------------------------------------------------------------
+
+    def pose(self, object_id: int) -> pin.SE3:
+        """Pose of an object's mesh frame in the world."""
+        return self._bodies.pose(self._member(object_id))
+
+    @property
+    def poses(self) -> dict[int, pin.SE3]:
+        """Poses of all objects that were added, by id."""
+        return {i: self._bodies.pose(i) for i in sorted(self._behaviours)}
+
+    def velocity(self, object_id: int) -> Array:
+        """(6,) velocity of the centre of mass (m/s) and angular velocity (rad/s), world axes."""
+        return self._bodies.velocity[self._member(object_id)].copy()
+
+    def set_velocity(self, object_id: int, velocity: ArrayLike) -> None:
+        """Set what `velocity` returns; wakes the object."""
+        i = self._member(object_id)
+        twist = np.array(velocity, dtype=np.float64)
+        if twist.shape != (6,) or not np.isfinite(twist).all():
+            raise WorldError(f"object {i}: velocity is {velocity!r}; give six finite numbers", i)
+        self._bodies.velocity[i] = twist
+        self.wake(i)
+
+    def set_pose(self, object_id: int, pose: pin.SE3) -> None:
+        """Place an object anew (it keeps its velocity); wakes it and what is near."""
+        i = self._member(object_id)
+        self._wake_near(i)
+        self.collision.set_pose(i, pose)
+        self._bodies.set_pose(i, pose)
+        self._stale = True
+        self.wake(i)
+
+    @property
+    def awake(self) -> tuple[int, ...]:
+        """Ids of the free bodies that are moving, or have not been at rest for long enough to sleep."""
+        b = self._bodies
+        return tuple(int(i) for i in np.flatnonzero(b.awake[: b.n] & (b.kind[: b.n] == FREE)))
+
+    def wake(self, object_id: int) -> None:
+        """Wake an object."""
+        i = self._member(object_id)
+        self._bodies.awake[i] = True
+        self._bodies.quiet[i] = 0.0
+
+    def energy(self, object_id: int) -> float:
+        """Kinetic energy of an object, J."""
+        i = self._member(object_id)
+        b = self._bodies
+        w = b.rotation[i].T @ b.velocity[i, 3:]
+        return 0.5 * float(b.mass[i] * (b.velocity[i, :3] @ b.velocity[i, :3]) + w @ b.inertia[i] @ w)
+
+    def touches(self, object_id: int) -> tuple[Touch, ...]:
+        """Contact points of an object that carry force, as of the last step; `impulse` is force times the step."""
+        return self._touches(self._member(object_id), self._last_step)
+
+    _last_step = 0.0
+
+    def state(self) -> Snapshot:
+        """Everything that changes while the world runs (behaviours of a user keep their own state)."""
+        b = self._bodies
+        data = {name: getattr(b, name)[: b.n] for name in Bodies._PER_OBJECT}
+        data.update(
+            n=b.n, time=self.time, contacts=tuple(self._contacts), pairs=self._pairs, slack=self._slack,
+            travel=self._travel, stale=self._stale, grips={i: g.data() for i, g in self._grips.items()},
+            members=tuple(sorted(self._behaviours)), last_step=self._last_step, joints=tuple(map(id, self._joints)),
+        )  # fmt: skip
+        return Snapshot(copy.deepcopy(data))
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a snapshot of this world (same objects, same joints)."""
+        data = copy.deepcopy(dict(snapshot.data))
+        if data["members"] != tuple(sorted(self._behaviours)) or data["n"] != self._bodies.n:
+            raise WorldError("the snapshot is of other objects; add what it had, remove what it had not")
+        if data["joints"] != tuple(map(id, self._joints)):
+            raise WorldError("the snapshot is of other joints; call set_joints with those it had")
+        b = self._bodies
+        for name in Bodies._PER_OBJECT:
+            getattr(b, name)[: b.n] = data[name]
+        self.time = data["time"]
+        self._contacts = Contacts(*data["contacts"])
+        self._pairs, self._slack, self._travel = data["pairs"], data["slack"], data["travel"]
+        self._stale = data["stale"]
+        self._last_step = data["last_step"]
+        self._grips = {i: Grip.of(d) for i, d in data["grips"].items()}
+        for i in self._behaviours:
+            self.collision.set_pose(i, b.pose(i))
+
+    # --- hands --------------------------------------------------------------------------------------------------------
+
+    def hold(self, object_id: int, grip: pin.SE3 | SpringHand) -> None:
+        """Hold an object: at a pose, to which it is carried over the next step and which nothing can hinder, or by a
+        spring hand, which feels weight and contact and slips when its limit is reached. Called again, it moves on.
+        """
+        i = self._member(object_id)
+        if i not in self._body:
+            raise WorldError(f"object {i} is static; a hand can hold what has a body", i)
+        if isinstance(grip, SpringHand):
+            self._bodies.kind[i] = FREE
+            self._grips[i] = Grip(grip)
+        else:
+            self._bodies.kind[i] = KINEMATIC
+            self._target(i, grip, "hold")
+            self._grips[i] = Grip(grip)
+        self.wake(i)
+
+    def let_go(self, object_id: int) -> None:
+        """End a hold; the object keeps its velocity."""
+        i = self._member(object_id)
+        if self._grips.pop(i, None) is None:
+            raise WorldError(f"object {i} is not held", i)
+        self._bodies.kind[i] = KINEMATIC if i in self._path else FREE
+        self.wake(i)
+        self._stale = True
+
+    def wrench(self, object_id: int) -> Array:
+        """(6,) force and torque about the centre of mass, world axes, with which a hand held the object in the last
+        step: the spring's own, or what it took to carry it (weight, inertia and contacts).
+        """
+        i = self._member(object_id)
+        if i not in self._grips:
+            raise WorldError(f"object {i} is not held", i)
+        return self._grips[i].wrench.copy()
+
+    # --- the step -----------------------------------------------------------------------------------------------------
+
+    def step(self, dt: float) -> None:
+        """Move everything by `dt` seconds (> 0).
+
+        Raises BehaviourError if a behaviour returns what is no wrench or pose; nothing has moved then.
+        """
+        if not (np.isfinite(dt) and dt > 0.0):
+            raise WorldError(f"dt is {dt!r} s; give a positive number")
+        dt = float(dt)
+        b = self._bodies
+        carried = self._carry(dt)
+        free = self._free_awake()
+        for i in free:
+            if i in self._varying:
+                self._wrenches(np.array([i]), self.time)  # a faulty behaviour is found before anything moves
+        if len(free) or carried:
+            self._list_near(free, carried, dt)
+            groups = self._islands(free)
+            ended = []
+            self.residual = 0.0
+            for island in groups:
+                ended.append(self._stepper.advance(island, self._contacts, dt, self._wrenches))
+                self.residual = max(self.residual, island.residual)
+            self._contacts = _joined(ended)
+            self._finish_carried(carried, dt)
+            self._settle(groups, dt)
+            for i in (*free, *carried):
+                self.collision.set_pose(i, b.pose(i))
+        self.time += dt
+        self._last_step = dt
+
+    def _free_awake(self) -> list[int]:
+        b = self._bodies
+        return [int(i) for i in np.flatnonzero(b.awake[: b.n] & (b.kind[: b.n] == FREE))]
+
+    def _carry(self, dt: float) -> list[int]:
+        """Kinematic objects that move in this step, with the velocity that takes them to their pose."""
+        b = self._bodies
+        moving = []
+        for i in np.flatnonzero(b.kind[: b.n] == KINEMATIC).tolist():
+            grip = self._grips.get(i)
+            if grip is not None:
+                target = grip.target
+            else:
+                path = self._path[i]
+                target = self._target(i, path.pose(self.time + dt), type(path).__name__)
+            turn = pin.log3(target.rotation @ b.rotation[i].T)
+            shift = target.rotation @ b.offset[i] + target.translation - b.center[i]
+            b.velocity[i, :3] = shift / dt
+            b.velocity[i, 3:] = turn / dt
+            if b.velocity[i].any():
+                moving.append(i)
+        return moving
+
+    def _finish_carried(self, carried: list[int], dt: float) -> None:
+        b = self._bodies
+        for i in carried:
+            grip = self._grips.get(i)
+            path = self._path.get(i)
+            if grip is not None:
+                b.set_pose(i, grip.target)
+            elif path is not None:
+                b.set_pose(i, path.pose(self.time + dt))
+
+    def _list_near(self, free: list[int], carried: list[int], dt: float) -> None:
+        """Renew the list of near surface pairs when something may have left the slack it was made with."""
+        b = self._bodies
+        movers = np.array(sorted({*free, *carried}), dtype=np.int64)
+        v = b.velocity[movers]
+        speed = np.sqrt((v[:, :3] ** 2).sum(axis=1)) + np.sqrt((v[:, 3:] ** 2).sum(axis=1)) * b.radius[movers]
+        step = dt * speed + self._gain(movers, dt)
+        listed = len(self._travel) == b.n and not self._stale
+        if listed:
+            self._travel[movers] += step
+            if (self._travel[movers] <= self._reach[movers]).all():
+                return
+        self._refresh()
+        n = b.n
+        self._travel = np.zeros(n)
+        self._reach = np.zeros(n)
+        self._reach[movers] = SLACK + 4.0 * step
+        self._travel[movers] = step
+        others = np.array([i for i in range(n) if b.kind[i] != 0 and self._solid.get(i, True)], dtype=np.int64)
+        solid = np.array([i for i in movers if self._solid.get(int(i), True)], dtype=np.int64)
+        objects = np.empty((max(64, 8 * len(solid)), 2), np.int64)
+        while (found := near_objects(solid, others, b.center, b.radius, self._reach, objects)) > len(objects):
+            objects = np.empty((found, 2), np.int64)
+        objects = objects[:found]
+        objects = objects[np.lexsort((objects[:, 1], objects[:, 0]))]
+        objects = np.array([p for p in objects if not self._left_out(int(p[0]), int(p[1]))], np.int64).reshape(-1, 2)
+        for i in np.unique(objects):
+            self._shape(int(i))
+        self._pairs = self._surface_pairs(objects)
+        self._stale = False
+
+    _reach: Array = np.zeros(0)
+
+    def _gain(self, movers: NDArray[np.int64], dt: float) -> Array:
+        """m that forces may add to a body's way in one step (as they are now)."""
+        mass = np.where(self._bodies.mass[movers] > 0.0, self._bodies.mass[movers], np.inf)
+        force = np.sqrt((self._wrenches(movers, self.time)[:, :3] ** 2).sum(axis=1))
+        return dt * dt * force / mass
+
+    def _left_out(self, i: int, j: int) -> bool:
+        return self.collision.ignored(i, j)
+
+    def _surface_pairs(self, objects: NDArray[np.int64]) -> NDArray[np.int64]:
+        b = self._bodies
+        shapes = self._stepper.shapes
+        if shapes is None or len(objects) == 0:
+            return np.zeros((0, 4), np.int64)
+        out = np.empty((256, 4), np.int64)
+        while True:
+            found = near_surfaces(
+                objects, b.rotation, b.origin, self._stepper.shape_of, shapes.boxes, shapes.first_surface,
+                self._surface_count, self._whole, self._reach, out,
+            )  # fmt: skip
+            if found <= len(out):
+                break
+            out = np.empty((found, 4), np.int64)
+        pairs = out[:found]
+        keep = np.ones(found, bool)
+        for i, j in objects:
+            ignored = self.collision.ignored_surfaces(int(i), int(j))
+            if ignored:
+                mine = np.flatnonzero((pairs[:, 0] == i) & (pairs[:, 2] == j))
+                keep[mine] = [(int(pairs[k, 1]), int(pairs[k, 3])) not in ignored for k in mine]
+        return np.ascontiguousarray(pairs[keep])
+
+    def _shape(self, i: int) -> None:
+        """Make sure object i's shape is packed."""
+        if self._stepper.shape_of[i] >= 0:
+            return
+        mesh = self.collision.mesh(i)
+        geometries = self._geometries.get(i, {})
+        key = (id(mesh), tuple(sorted((s, id(g)) for s, g in geometries.items())))
+        if key not in self._shape_key:
+            self._shape_key[key] = len(self._shapes)
+            self._shapes.append(make_shape(mesh, geometries))
+            self._kept_alive.append((mesh, geometries))
+            self._stepper.shapes = pack(self._shapes)
+            self._surface_count = np.array([len(s.kinds) for s in self._shapes], np.int64)
+            self._whole = np.array([[*s.boxes[:, :3].min(axis=0), *s.boxes[:, 3:].max(axis=0)] for s in self._shapes])
+        self._stepper.shape_of[i] = self._shape_key[key]
+
+    _surface_count = np.zeros(0, np.int64)
+    _whole = np.zeros((0, 6))
+
+    @property
+    def _kept_alive(self) -> list:
+        """What `_shape_key` names by id must not be freed."""
+        return self.__dict__.setdefault("_alive", [])
+
+    def _refresh(self) -> None:
+        """Take in objects that were added to the manager or placed anew since; those without a body stand still."""
+        for i in self.collision.objects:
+            self._reserve(i)
+            if i not in self._behaviours:
+                self._stand(i)
+
+    def _stand(self, i: int) -> None:
+        b = self._bodies
+        if b.kind[i] == 0:
+            b.set_constants(i, None, self.collision.mesh(i).vertices)
+            b.kind[i] = STATIC
+        b.set_pose(i, self.collision.pose(i))
+
+    def _islands(self, free: list[int]) -> list[Island]:
+        b = self._bodies
+        is_free = b.kind == FREE
+        links = np.unique(self._pairs[:, [0, 2]], axis=0) if len(self._pairs) else np.zeros((0, 2), np.int64)
+        joined = [joint.bodies for joint in self._joints]
+        everything = {*free}
+        grown = True
+        while grown:  # what an awake body is near to, or joined with, wakes
+            grown = False
+            for i, j in (*links.tolist(), *joined):
+                for one, other in ((i, j), (j, i)):
+                    active = one in everything or (b.kind[one] == KINEMATIC and b.velocity[one].any())
+                    if active and is_free[other] and other not in everything:
+                        everything.add(other)
+                        b.awake[other] = True
+                        b.quiet[other] = 0.0
+                        grown = True
+        groups = islands(everything, (*map(tuple, links.tolist()), *joined))
+        free[:] = sorted(everything)
+        out = []
+        for ids in groups:
+            members = set(ids.tolist())
+            if len(self._pairs):
+                mine = np.isin(self._pairs[:, 0], ids) | np.isin(self._pairs[:, 2], ids)
+                pairs = np.ascontiguousarray(self._pairs[mine])
+            else:
+                pairs = self._pairs
+            joints = [j for j in self._joints if members & set(j.bodies)]
+            touched = {*pairs[:, 0].tolist(), *pairs[:, 2].tolist(), *(i for j in joints for i in j.bodies)}
+            moved = np.array(sorted(i for i in touched if b.kind[i] == KINEMATIC), dtype=np.int64)
+            out.append(Island(ids, pairs, moved, joints))
+        return out
+
+    def _settle(self, groups: list[Island], dt: float) -> None:
+        """Put islands to sleep that have been at rest for long enough."""
+        b = self._bodies
+        for island in groups:
+            ids = island.ids
+            v = b.velocity[ids]
+            speed = np.sqrt((v[:, :3] ** 2).sum(axis=1)) + np.sqrt((v[:, 3:] ** 2).sum(axis=1)) * b.radius[ids]
+            b.quiet[ids] = np.where(speed < self.tolerance.sleep_speed, b.quiet[ids] + dt, 0.0)
+            held = any(int(i) in self._grips or not self._may_sleep[int(i)] for i in ids)
+            pushed = len(island.moved) and b.velocity[island.moved].any()
+            if not held and not pushed and (b.quiet[ids] >= self.tolerance.sleep_time).all():
+                b.awake[ids] = False
+                b.velocity[ids] = 0.0
+
+    # --- behaviours ---------------------------------------------------------------------------------------------------
+
+    def _wrenches(self, ids: NDArray[np.int64], time: float) -> Array:
+        """(n, 6) sums of what behaviours and hands exert, world axes, about the centres of mass."""
+        w = self._constant[ids]
+        if self._varying or self._grips:
+            for k, i in enumerate(ids.tolist()):
+                for behaviour in self._varying.get(i, ()):
+                    w[k] += self._wrench(i, behaviour, self._view(i, time))
+                grip = self._grips.get(i)
+                if grip is not None and grip.hand is not None:
+                    w[k] += grip.pull(self._view(i, time))
+        return w
+
+    def _wrench(self, i: int, behaviour: Behaviour, view: View) -> Array:
+        given = behaviour.wrench(view)
+        if given is None:
+            return np.zeros(6)
+        name = type(behaviour).__name__
+        try:
+            w = np.asarray(given, dtype=np.float64)
+        except (TypeError, ValueError):
+            w = np.zeros(0)
+        if w.shape != (6,) or not np.isfinite(w).all():
+            raise BehaviourError(f"object {i}: {name}.wrench returned {given!r}; give six finite numbers", i, name)
+        return w
+
+    def _target(self, i: int, pose: pin.SE3 | None, name: str) -> pin.SE3:
+        if (
+            not isinstance(pose, pin.SE3)
+            or not np.isfinite(pose.homogeneous).all()
+            or np.abs(pose.rotation.T @ pose.rotation - np.eye(3)).max() > self.tolerance.rigid
+        ):
+            raise BehaviourError(f"object {i}: {name} gives {pose!r}, which is no finite rigid pose", i, name)
+        return pose
+
+    def _view(self, i: int, time: float) -> View:
+        b = self._bodies
+        return View(
+            i, time, self._body[i], b.pose(i), b.center[i].copy(), b.velocity[i, :3].copy(), b.velocity[i, 3:].copy(),
+            self._touches(i, self._last_step),
+        )  # fmt: skip
+
+    def _touches(self, i: int, dt: float) -> tuple[Touch, ...]:
+        c = self._contacts
+        out = []
+        for k in np.flatnonzero(((c.ints[:, 0] == i) | (c.ints[:, 1] == i)) & (c.force[:, 0] > 0.0)):
+            sign = 1.0 if c.ints[k, 0] == i else -1.0
+            n = c.reals[k, 3:6]
+            t1 = _tangent(n)
+            f = c.force[k, 0] * n + c.force[k, 1] * t1 + c.force[k, 2] * np.cross(n, t1)
+            other = int(c.ints[k, 1] if sign > 0 else c.ints[k, 0])
+            out.append(Touch(other, c.reals[k, :3].copy(), sign * n, sign * dt * f))
+        return tuple(out)
+
+    def _reaction(self, i: int, behaviours: Sequence[Behaviour]) -> Reaction:
+        reaction = Reaction()
+        for behaviour in behaviours:
+            reaction = behaviour.reaction(reaction)
+            name = type(behaviour).__name__
+            if not isinstance(reaction, Reaction):
+                raise BehaviourError(f"object {i}: {name}.reaction returned {reaction!r}, no Reaction", i, name)
+            e, mu = reaction.restitution, reaction.friction
+            if e is not None and not 0.0 <= e <= 1.0:
+                raise BehaviourError(f"object {i}: {name} gives restitution {e!r}; give 0 … 1", i, name)
+            if mu is not None and not (np.isfinite(mu) and mu >= 0.0):
+                raise BehaviourError(f"object {i}: {name} gives friction {mu!r}; give 0 or more", i, name)
+        return reaction
+
+    # --- small things -------------------------------------------------------------------------------------------------
+
+    def _known(self, object_id: int) -> int:
+        if object_id not in self.collision.objects:
+            raise WorldError(f"the collision manager has no object {object_id!r}; add it there first", object_id)
+        return int(object_id)
+
+    def _member(self, object_id: int) -> int:
+        if object_id not in self._behaviours:
+            if object_id in self.collision.objects:
+                self._reserve(object_id)
+                self._stand(int(object_id))
+                return int(object_id)
+            raise WorldError(f"no object {object_id!r} in this world; add it first", object_id)
+        return int(object_id)
+
+    def _reserve(self, i: int) -> Bodies:
+        b = self._bodies
+        b.reserve(i + 1)
+        n = len(b.kind)
+        s = self._stepper
+        if len(s.friction) < n:
+            old = len(s.friction)
+            s.friction = np.concatenate([s.friction, np.full(n - old, np.nan)])
+            s.restitution = np.concatenate([s.restitution, np.full(n - old, np.nan)])
+            s.shape_of = np.concatenate([s.shape_of, np.full(n - old, -1, np.int64)])
+            self._constant = np.concatenate([self._constant, np.zeros((n - old, 6))])
+        return b
+
+    def _wake_near(self, i: int) -> None:
+        """Wake what may rest on object i."""
+        b = self._bodies
+        d = np.sqrt(((b.center[: b.n] - b.center[i]) ** 2).sum(axis=1))
+        near = (d <= b.radius[: b.n] + b.radius[i] + SLACK) & (b.kind[: b.n] == FREE)
+        b.awake[: b.n][near] = True
+        b.quiet[: b.n][near] = 0.0
+
+
+def _tangent(n: Array) -> Array:
+    """The first tangent that `solver.rows_of_contacts` gives the normal n."""
+    k = 0
+    for i in (1, 2):
+        if abs(n[i]) < abs(n[k]) - 1e-6:
+            k = i
+    e = np.zeros(3)
+    e[k] = 1.0
+    t = np.cross(n, e)
+    return t / np.sqrt(t @ t)
+
+
+def _joined(contacts: list[Contacts]) -> Contacts:
+    if not contacts:
+        return NO_CONTACTS
+    return Contacts(*(np.concatenate(columns) for columns in zip(*contacts, strict=True)))
