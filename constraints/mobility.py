@@ -1,25 +1,45 @@
-"""`mobility`: the freedom that is left to each part and each pair, and the joint it amounts to."""
+"""`mobility`: the freedom that is left to each part and each pair, the joint it amounts to, and what is said twice.
+
+The graph of constraints is cut into blocks (see `constraints.blocks`). In each block a rank-revealing factorisation of
+the Jacobian at the solved pose tells the instantaneous motions; where equations are redundant these may be no motions
+at all (a shaky structure), so the block is moved along them by a finite step and solved again: what comes back to where
+it began was not free. A part's motions are spanned by those of the blocks between the ground and it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 
 import numpy as np
 import pinocchio as pin
 
 from collision import Tolerance
+from constraints import system_kernels as kernels
+from constraints.blocks import GROUND, Block, blocks
 from constraints.kinds.base import Constraint
-from constraints.lower_pairs import name_joint, orthonormal
-from constraints.system import Array, Poses, System, systems
+from constraints.lower_pairs import SUBGROUPS, name_joint, orthonormal
+from constraints.redundancy import Conflict, Names, Redundancy, conflicts, labels, redundancies
+from constraints.solver import run, solve
+from constraints.system import Array, Poses, System, build
+from constraints.system_ranks import null_basis, pivoted_qr
+
+STEP = 0.02
+"""rad (or of a part's size): the finite step; small enough to stay on a branch, large enough that a contact of fourth
+order (residual STEP⁴ = 1.6e-7) is told from a motion"""
+ACROSS = 1e-6
+"""rad: within it directions are parallel and axes meet, when a joint is named"""
 
 
 @dataclass(frozen=True, eq=False)
 class Freedom:
-    """What motion is left to a part (against the fixed ones), or to a part against another."""
+    """What motion is left to a part against the fixed ones, or to a part against another."""
 
     freedom: int
-    """degrees of freedom at this pose"""
+    """degrees of freedom at this pose, instantaneous"""
+    finite: int
+    """degrees of freedom of true motions; fewer than `freedom` where the pose is singular or the part merely shaky"""
     twists: Array
     """(6, freedom) orthonormal twists that span it, in the part's local frame, linear first"""
     joint: str
@@ -28,12 +48,78 @@ class Freedom:
 
 @dataclass(frozen=True, eq=False)
 class Mobility:
-    """Freedom at a pose."""
+    """Freedom at a pose that satisfies the constraints as well as can be."""
 
+    freedom: int
+    """of the whole: parameters that fix every part, instantaneous; parts that nothing constrains are left out"""
+    finite: int
+    """the same, of true motions"""
     parts: Mapping[int, Freedom]
-    """by body id; each body that a constraint or `poses` names and that is not fixed"""
+    """by body id: each body that a constraint or `poses` names and that is not fixed"""
     pairs: Mapping[tuple[int, int], Freedom]
-    """of the second body in the first one's eyes, by (a, b) as the constraints name them, a < b"""
+    """of the second body in the first one's eyes, by (a, b) with a < b, for each pair that a constraint joins"""
+    residual: float
+    """m or rad: greatest row at the pose looked at"""
+    margin: float
+    """least pivot that counts, over the largest: near `tolerance.rank` the count hangs on that tolerance"""
+    _study: _Study = field(repr=False)
+
+    @cached_property
+    def conflicting(self) -> tuple[Conflict, ...]:
+        """Sets of constraints that cannot hold together, the widest miss first; found when first asked for."""
+        s = self._study
+        systems = [m.system for m in s.moves]
+        return conflicts(s.constraints, systems, s.at, s.fixed, s.tolerance, s.texts)
+
+    @cached_property
+    def redundant(self) -> tuple[Redundancy, ...]:
+        """Constraints that earlier ones imply, in whole or in part, in the order given; found when first asked for."""
+        s = self._study
+        out = {c.constraints[-1] for c in self.conflicting}
+        found = [redundancies(s.constraints, m.system, out, s.at, s.tolerance, s.texts) for m in s.moves]
+        return tuple(sorted((x for each in found for x in each), key=lambda x: x.constraint))
+
+
+@dataclass(frozen=True, eq=False)
+class _Study:
+    """What redundancies and conflicts are found from, when they are asked for."""
+
+    constraints: tuple[Constraint, ...]
+    moves: tuple[_Moves, ...]
+    at: Mapping[int, pin.SE3]
+    fixed: frozenset[int]
+    tolerance: Tolerance
+    names: Names
+
+    @cached_property
+    def texts(self) -> list[str]:
+        return labels(self.constraints, self.names)
+
+
+@dataclass(frozen=True, eq=False)
+class _Moves:
+    """How one block moves."""
+
+    block: Block
+    system: System
+    twists: Mapping[int, Array]
+    """world twists (6, k) of each body against the block's root, k instantaneous motions"""
+    samples: Mapping[int, tuple[pin.SE3, ...]] | None
+    """world displacements of each body in the finite motions that were reached; None where motions need no proof"""
+    finite: int
+    margin: float
+    threshold: float
+    """relative pivot up to which a motion is free"""
+
+    @property
+    def freedom(self) -> int:
+        """Instantaneous motions."""
+        return next(iter(self.twists.values())).shape[1]
+
+    @property
+    def across(self) -> float:
+        """rad: how exactly directions are known."""
+        return max(ACROSS, 4.0 * self.threshold)
 
 
 def mobility(
@@ -41,43 +127,214 @@ def mobility(
     poses: Poses,
     fixed: Iterable[int],
     tolerance: Tolerance | None = None,
+    names: Names = None,
 ) -> Mobility:
-    """Freedom of each part and pair at poses that satisfy the constraints."""
+    """Freedom of each part and pair, and which constraints are redundant or cannot hold together.
+
+    Where the constraints do not hold at `poses` they are solved first, and the answer is for the pose found.
+
+    Parameters
+    ----------
+    poses: of every body, by id. fixed: ids of the bodies that do not move.
+    names: of the bodies, for the texts; "part 3" otherwise.
+    """
     tol = tolerance or Tolerance()
-    held = set(fixed)
-    named = {b for c in constraints for b in c.bodies}
-    named |= set(poses) if isinstance(poses, Mapping) else set(range(len(poses)))
-    parts = {b: Freedom(6, np.eye(6), "free") for b in sorted(named - held)}
+    constraints = tuple(constraints)
+    held = frozenset(fixed)
+    known = set(poses) if isinstance(poses, Mapping) else set(range(len(poses)))
+    known |= {b for c in constraints for b in c.bodies}
+    solution = solve(constraints, poses, known - held, tol)
+    at = {b: solution.poses[b] if b in solution.poses else poses[b] for b in known}
+    moves = [_moves(block, _system(constraints, block), at, tol) for block in _blocks(constraints, held)]
+    above = {b: m for m in moves for b in m.block.bodies}
+    bases = {m.block.root for m in moves} - set(above) - {GROUND}  # lowest bodies of components without a fixed one
+    carried: dict[int, _Carried] = {GROUND: _Carried()}
+    for m in moves:  # roots come before what hangs from them
+        for b in m.block.bodies:
+            carried[b] = carried.get(m.block.root, carried[GROUND]).then(m, b)
+    parts: dict[int, Freedom] = {}
+    for b in sorted(known - held):
+        grounded = b in above and _root(b, above) not in bases
+        parts[b] = _freedom(carried[b], at[b]) if grounded else Freedom(6, 6, np.eye(6), "free")
     pairs: dict[tuple[int, int], Freedom] = {}
-    for system in systems(tuple(constraints), frozenset(named - held)):
-        rotation, translation = system.gather(poses)
-        r, jacobian = system.dense(rotation, translation)
-        _, s, vt = np.linalg.svd(jacobian)
-        threshold = max(tol.rank, 8.0 * float(np.abs(r).max()) / system.length) * s[0]
-        null = vt[int(np.sum(s > threshold)) :].T.reshape(len(system.movable), 6, -1)
-        world = [_world(system, null, i, rotation, translation) for i in range(len(system.bodies))]
-        for i, b in enumerate(system.bodies):
-            if system.slot[i] >= 0:
-                parts[b] = _freedom(world[i], poses[b], system.extent[i])
-        for a, b in sorted({(min(c.bodies), max(c.bodies)) for c in system.constraints}):
-            i, j = system.bodies.index(a), system.bodies.index(b)
-            pairs[a, b] = _freedom(world[j] - world[i], poses[b], min(system.extent[i], system.extent[j]))
-    return Mobility(parts, pairs)
+    for m in moves:
+        for c in m.system.constraints:
+            a, b = min(c.bodies), max(c.bodies)
+            if (a, b) not in pairs:
+                pairs[a, b] = _freedom(_Carried().between(m, a, b), at[b])
+    return Mobility(
+        sum(m.freedom for m in moves) + 6 * len(bases),
+        sum(m.finite for m in moves) + 6 * len(bases),
+        parts,
+        pairs,
+        solution.residual,
+        min((m.margin for m in moves), default=1.0),
+        _Study(constraints, tuple(moves), at, held, tol, names),
+    )
 
 
-def _world(system: System, null: Array, i: int, rotation: Array, translation: Array) -> Array:
-    """World twists (6, k) about the world's origin of body i for each null vector of the system."""
-    if system.slot[i] < 0:
-        return np.zeros((6, null.shape[2]))
-    local = null[system.slot[i]].copy()
-    local[3:] /= system.extent[i]
-    return pin.SE3(rotation[i], translation[i]).action @ local
+@lru_cache(maxsize=32)
+def _blocks(constraints: tuple[Constraint, ...], fixed: frozenset[int]) -> tuple[Block, ...]:
+    return blocks([c if c.freedom < 6 else None for c in constraints], fixed)
 
 
-def _freedom(world: Array, pose: pin.SE3, length: float) -> Freedom:
-    """Freedom from world twists (6, k), seen in the frame of `pose`."""
-    local = pose.inverse().action @ world
-    scale = np.array([1.0 / length] * 3 + [1.0] * 3)[:, None]
-    basis = orthonormal(local * scale, 1e-6) / scale
-    basis = np.linalg.qr(basis)[0]
-    return Freedom(basis.shape[1], basis, name_joint(basis, length))
+@lru_cache(maxsize=256)
+def _system(constraints: tuple[Constraint, ...], block: Block) -> System:
+    return build(constraints, block.constraints, block.bodies, bounds=False)
+
+
+def rank_threshold(system: System, worst: float, tolerance: Tolerance) -> float:
+    """Pivots below this times the largest count as zero.
+
+    `tolerance.rank`; where the constraints are inconsistent (by `worst`, m) their directions are uncertain by as much
+    over a length, up to `tolerance.angular`.
+    """
+    return max(tolerance.rank, min(8.0 * worst / system.length, tolerance.angular))
+
+
+def null_space(system: System, rotation: Array, translation: Array, tolerance: Tolerance) -> tuple[Array, float, float]:
+    """Orthonormal scaled null space (movable, 6, k) of the Jacobian, the threshold used, and the least pivot kept."""
+    r, jacobian = system.dense(rotation, translation)
+    threshold = rank_threshold(system, float(np.abs(r).max()), tolerance)
+    order, upper, rank, margin = pivoted_qr(np.ascontiguousarray(jacobian.T), threshold)
+    null = np.linalg.qr(null_basis(order, upper, rank).T)[0]
+    return null.reshape(len(system.movable), 6, -1), threshold, float(margin)
+
+
+def _moves(block: Block, system: System, at: Mapping[int, pin.SE3], tolerance: Tolerance) -> _Moves:
+    rotation, translation = system.gather(at)
+    null, threshold, margin = null_space(system, rotation, translation, tolerance)
+    twists = {
+        b: _world(system, null[system.slot[i]], i, rotation, translation)
+        for i, b in enumerate(system.bodies)
+        if system.slot[i] >= 0
+    }
+    k = null.shape[2]
+    series = len(block.bodies) == 1 and all(c.subgroup for c in system.constraints)
+    if k == 0 or series:  # an intersection of subgroups is one: its motions are true and named by their twists
+        return _Moves(block, system, twists, None, k, margin, threshold)
+    samples, finite = _sample(system, null, rotation, translation, tolerance)
+    return _Moves(block, system, twists, samples, finite, margin, threshold)
+
+
+def _world(system: System, local: Array, i: int, rotation: Array, translation: Array) -> Array:
+    """World twists (6, k) about the world's origin from scaled local ones (6, k) about the centre of body i."""
+    scaled = np.vstack([local[:3], local[3:] / system.extent[i]])
+    return pin.SE3(rotation[i], translation[i]).action @ scaled
+
+
+def _sample(
+    system: System, null: Array, rotation: Array, translation: Array, tolerance: Tolerance
+) -> tuple[dict[int, tuple[pin.SE3, ...]], int]:
+    """Finite displacements reached along each null direction (and one between them), and how many are independent."""
+    k = null.shape[2]
+    directions = list(np.moveaxis(null, 2, 0))
+    if k > 1:
+        directions.append(null @ (np.arange(1.0, k + 1) / np.linalg.norm(np.arange(1.0, k + 1))))
+    slots = [i for i in range(len(system.bodies)) if system.slot[i] >= 0]
+    extent = system.extent[slots][:, None]
+    slot_of_column = np.argsort(system.elimination.position)
+    spanned: list[Array] = []
+    samples: dict[int, list[pin.SE3]] = {system.bodies[i]: [] for i in slots}
+    nullity = 0
+    for direction in directions:
+        step = direction * (STEP / np.abs(direction / extent).max())
+        turned, moved = rotation.copy(), translation.copy()
+        kernels.move(rotation, translation, system.extent, system.columns, step[slot_of_column], turned, moved)
+        status, _, _ = run(system, turned, moved, tolerance)
+        before = [pin.SE3(rotation[i], translation[i]) for i in slots]
+        after = [pin.SE3(turned[i], moved[i]) for i in slots]
+        local = np.array([pin.log6(x.inverse() * y).vector for x, y in zip(before, after, strict=True)])
+        local[:, 3:] *= extent
+        if status != kernels.SOLVED or np.linalg.norm(local) < 0.5 * np.linalg.norm(step):
+            continue  # it came back: no motion that way
+        spanned.append(local.ravel() / np.linalg.norm(local))
+        for i, x, y in zip(slots, before, after, strict=True):
+            samples[system.bodies[i]].append(y * x.inverse())
+        nullity = max(nullity, null_space(system, turned, moved, tolerance)[0].shape[2])
+    span = orthonormal(np.array(spanned).reshape(-1, 6 * len(slots)).T, 0.1).shape[1]
+    return {b: tuple(s) for b, s in samples.items()}, min(span, nullity)
+
+
+def _root(b: int, above: Mapping[int, _Moves]) -> int:
+    while b in above:
+        b = above[b].block.root
+    return b
+
+
+@dataclass(frozen=True, eq=False)
+class _Carried:
+    """World motions of a body, gathered over the blocks between it and the ground."""
+
+    twists: Array = field(default_factory=lambda: np.zeros((6, 0)))
+    """(6, n) instantaneous"""
+    reached: Array = field(default_factory=lambda: np.zeros((6, 0)))
+    """(6, n) finite displacements over STEP, or the twists where these are true motions"""
+    finite: int = 0
+    """true motions of all the blocks together"""
+    proven: bool = True
+    """whether all instantaneous motions are true"""
+    blocks: int = 0
+    """how many blocks have a part in it"""
+    closed: bool = True
+    """whether it is one block whose motions are a subgroup's"""
+    length: float = np.inf
+    across: float = ACROSS
+
+    def then(self, m: _Moves, b: int) -> _Carried:
+        """With the motion of body b against the root of its block."""
+        return self._with(m, b, m.twists[b], None if m.samples is None else m.samples[b])
+
+    def between(self, m: _Moves, a: int, b: int) -> _Carried:
+        """The motion of body b against body a, both in one block or at its root."""
+        none = np.zeros((6, m.freedom))
+        twists = m.twists.get(b, none) - m.twists.get(a, none)
+        if m.samples is None:
+            return self._with(m, b, twists, None)
+        still = (pin.SE3.Identity(),) * max(map(len, m.samples.values()))
+        pair = zip(m.samples.get(a, still), m.samples.get(b, still), strict=True)
+        return self._with(m, b, twists, tuple(x.inverse() * y for x, y in pair))
+
+    def _with(self, m: _Moves, b: int, twists: Array, samples: tuple[pin.SE3, ...] | None) -> _Carried:
+        extent = float(m.system.extent[m.system.bodies.index(b)])
+        moves = np.abs(twists).max(initial=0.0) > m.across * min(1.0, extent)
+        reached = twists
+        if samples is not None:
+            reached = np.array([pin.log6(x).vector / STEP for x in samples]).reshape(-1, 6).T
+        return _Carried(
+            _compact(np.hstack([self.twists, twists])),
+            _compact(np.hstack([self.reached, reached])),
+            self.finite + m.finite,
+            self.proven and m.finite == m.freedom,
+            self.blocks + int(moves),
+            m.samples is None,
+            min(self.length, extent),
+            max(self.across, m.across),
+        )
+
+
+def _compact(columns: Array) -> Array:
+    """At most six columns with the same span and the same Gram matrix A Aᵀ."""
+    if columns.shape[1] <= 6:
+        return columns
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return u * s
+
+
+def _freedom(c: _Carried, pose: pin.SE3) -> Freedom:
+    """What the gathered motions amount to, seen in the frame of `pose`."""
+    scale = np.array([1.0 / c.length] * 3 + [1.0] * 3)[:, None]
+    to_local = scale * pose.inverse().action
+    basis = orthonormal(to_local @ c.twists, c.across)
+    freedom = finite = basis.shape[1]
+    reached = to_local @ c.reached
+    if not c.proven:
+        finite = min(freedom, orthonormal(reached, 0.1).shape[1], c.finite)
+    joint = name_joint(basis / scale, c.length, c.across)
+    if c.blocks > 1 and joint not in SUBGROUPS:
+        joint = joint if joint == "universal" and c.blocks == 2 else f"{freedom}-dof"
+    elif c.blocks == 1 and not c.closed:
+        outside = reached - basis @ (basis.T @ reached)
+        if finite < freedom or np.abs(outside).max(initial=0.0) > c.across / STEP:
+            joint = f"{freedom}-dof"
+    return Freedom(freedom, finite, np.linalg.qr(basis / scale)[0], joint)

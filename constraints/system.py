@@ -172,13 +172,15 @@ def systems(constraints: tuple[Constraint, ...], movable: frozenset[int]) -> tup
     return tuple(build(constraints, tuple(group), movable) for group in components(constraints, movable))
 
 
-def build(constraints: Sequence[Constraint], members: tuple[int, ...], movable: Iterable[int]) -> System:
-    """The system of the constraints at places `members`."""
+def build(
+    constraints: Sequence[Constraint], members: tuple[int, ...], movable: Iterable[int], bounds: bool = True
+) -> System:
+    """The system of the constraints at places `members`; without `bounds`, of their equalities alone."""
     chosen = tuple(constraints[i] for i in members)
     moves = set(movable)
     ids = sorted({b for c in chosen for b in c.bodies})
     place = {b: i for i, b in enumerate(ids)}
-    packed = [c.compiled for c in chosen]
+    packed = [c.compiled if bounds else c.equalities for c in chosen]
     element = np.concatenate([p.element for p in packed])
     pairs = [[place[c.bodies[s]] for s in sides] for c, p in zip(chosen, packed, strict=True) for sides in p.side]
     body = np.array(pairs, dtype=np.int64)

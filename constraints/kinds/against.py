@@ -15,6 +15,7 @@ class Against(Constraint):
     """Planes that coincide with opposed normals: a face rests on a face."""
 
     kind: ClassVar[str] = "against"
+    subgroup: ClassVar[bool] = True
     symbol: ClassVar[str] = "plane"
 
     def equations(self) -> tuple[Equation, ...]:

@@ -39,6 +39,8 @@ class Constraint(ABC):
 
     kind: ClassVar[str]
     symbol: ClassVar[str] = "axis"
+    subgroup: ClassVar[bool] = False
+    """whether the motions it allows form a subgroup of SE(3); then so do those of several of its like"""
 
     bodies: tuple[int, int]
     """ids of body a and body b"""
@@ -77,6 +79,11 @@ class Constraint(ABC):
         """The equations as arrays for the kernels."""
         return Compiled.of(self.equations())
 
+    @cached_property
+    def equalities(self) -> Compiled:
+        """Those of its equations that take freedom: limits left out."""
+        return Compiled.of(tuple(e for e in self.equations() if e.holds))
+
     @property
     def rows(self) -> int:
         """Number of rows of `residual`."""
@@ -85,7 +92,7 @@ class Constraint(ABC):
     @property
     def freedom(self) -> int:
         """Degrees of freedom it leaves between its two bodies, in general position; limits take none."""
-        return 6 - sum(e.rows for e in self.equations() if e.holds)
+        return 6 - self.equalities.rows
 
     @property
     def angular(self) -> NDArray[np.bool_]:
@@ -140,7 +147,7 @@ class Compiled:
             np.array([(1, 0) if e.swapped else (0, 1) for e in equations], dtype=np.int64),
             np.array([np.concatenate([e.a, e.b]) for e in equations]),
             np.array([(*e.params, 0.0, 0.0, 0.0, 0.0)[:4] for e in equations]),
-            np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64),
+            (np.cumsum(counts) - counts).astype(np.int64),
             sum(counts),
             np.array(angular, dtype=bool),
         )

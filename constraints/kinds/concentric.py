@@ -18,6 +18,7 @@ class Concentric(Constraint):
     """
 
     kind: ClassVar[str] = "concentric"
+    subgroup: ClassVar[bool] = True
 
     sense: int = 0
 

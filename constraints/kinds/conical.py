@@ -15,6 +15,7 @@ class Conical(Constraint):
     """Cones on one axis that open the same way, apex of b `offset` metres along the axis from that of a."""
 
     kind: ClassVar[str] = "conical"
+    subgroup: ClassVar[bool] = True
 
     offset: float = 0.0
 

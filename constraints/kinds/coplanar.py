@@ -15,6 +15,7 @@ class Coplanar(Constraint):
     """Planes that coincide with normals to the same side: two faces flush."""
 
     kind: ClassVar[str] = "coplanar"
+    subgroup: ClassVar[bool] = True
     symbol: ClassVar[str] = "plane"
 
     def equations(self) -> tuple[Equation, ...]:

@@ -18,6 +18,7 @@ class Fixed(Constraint):
     """Body b at the pose `relative` in body a's frame: welded, glued, pressed in."""
 
     kind: ClassVar[str] = "fixed"
+    subgroup: ClassVar[bool] = True
     symbol: ClassVar[str] = "rigid"
 
     relative: pin.SE3 = field(default_factory=pin.SE3.Identity)

@@ -15,6 +15,7 @@ class Parallel(Constraint):
     """Normals or axes that are parallel. `sense` +1 same way, -1 opposed, 0 whichever is nearer."""
 
     kind: ClassVar[str] = "parallel"
+    subgroup: ClassVar[bool] = True
 
     sense: int = 0
 

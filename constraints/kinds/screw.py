@@ -22,6 +22,7 @@ class Screw(Constraint):
     """
 
     kind: ClassVar[str] = "screw"
+    subgroup: ClassVar[bool] = True
 
     pitch: float = 1e-3
     phase: float = 0.0

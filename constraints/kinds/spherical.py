@@ -15,6 +15,7 @@ class Spherical(Constraint):
     """Centres (of spheres, or points) that coincide."""
 
     kind: ClassVar[str] = "spherical"
+    subgroup: ClassVar[bool] = True
     symbol: ClassVar[str] = "point"
 
     def equations(self) -> tuple[Equation, ...]:

@@ -15,6 +15,7 @@ class Toroidal(Constraint):
     """Tori on one axis with one centre: an O-ring in its groove. `sense` as for `Concentric`."""
 
     kind: ClassVar[str] = "toroidal"
+    subgroup: ClassVar[bool] = True
 
     sense: int = 0
 

@@ -171,7 +171,9 @@ def machine(covers: int = 10, bolts: int = 24) -> Problem:
         constraints.append(Against((0, cover), (Plane(seat, Z), Plane([0, 0, 0], -Z)), size=0.1))
         for y in (-0.09, 0.09):
             dowel = np.array([0.0, y, 0.0])
-            constraints.append(Concentric((0, cover), (Cylinder(seat + dowel, Z, 0.004), Cylinder(dowel, Z, 0.004)), size=0.004))
+            constraints.append(
+                Concentric((0, cover), (Cylinder(seat + dowel, Z, 0.004), Cylinder(dowel, Z, 0.004)), size=0.004)
+            )
         constraints.append(Parallel((0, cover), (Plane(seat, [1, 0, 0]), Plane([0, 0, 0], [1, 0, 0])), size=0.1))
         for k in range(bolts):
             angle = 2 * pi * k / bolts
@@ -181,9 +183,7 @@ def machine(covers: int = 10, bolts: int = 24) -> Problem:
             shank = Cylinder([0, 0, -0.02], Z, 0.003)
             constraints.append(Concentric((cover, bolt), (Cylinder(hole, Z, 0.003), shank), size=0.003))
             constraints.append(Concentric((0, bolt), (Cylinder(seat + hole, Z, 0.003), shank), size=0.003))
-            constraints.append(
-                Against((cover, bolt), (Plane(hole + 0.01 * Z, Z), Plane([0, 0, 0], -Z)), size=0.005)
-            )
+            constraints.append(Against((cover, bolt), (Plane(hole + 0.01 * Z, Z), Plane([0, 0, 0], -Z)), size=0.005))
             constraints.append(
                 Parallel((cover, bolt), (Plane(hole, [1, 0, 0]), Plane([0, 0, 0], [1, 0, 0])), size=0.005)
             )
