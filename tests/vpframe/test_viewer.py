@@ -1,0 +1,295 @@
+"""The viewer as a page sees it: through its web server and its socket."""
+
+import asyncio
+import base64
+import json
+import socket
+import threading
+import time
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+import tornado.websocket
+
+from tests.vpframe.watching import fake_session, pressing_frames, pressing_scene
+from vpframe.errors import VpframeError
+from vpframe.visualization.controls import Controls, Request
+from vpframe.visualization.display import display_mesh
+from vpframe.visualization.meshcat_viewer import MeshcatViewer, view
+
+
+@pytest.fixture
+def viewer():
+    made = MeshcatViewer()
+    made.begin(fake_session())
+    yield made
+    made.end()
+
+
+async def connect(viewer):
+    return await tornado.websocket.websocket_connect(viewer.url.replace("http", "ws") + "socket")
+
+
+async def receive(page, wanted, answer=True, limit=10.0):
+    """Messages up to the first for which `wanted` is true; each is answered as the page does."""
+    got = []
+    while True:
+        text = await asyncio.wait_for(page.read_message(), limit)
+        if text is None:
+            return got
+        got.append(json.loads(text))
+        if answer:
+            await page.write_message('{"action": "drawn"}')
+        if wanted(got[-1]):
+            return got
+
+
+def of_type(kind):
+    return lambda message: message["type"] == kind
+
+
+def floats(text):
+    return np.frombuffer(base64.b64decode(text), "<f4")
+
+
+def test_a_page_gets_the_scene_and_then_the_latest_frame(viewer):
+    frames = pressing_frames(40)
+    for frame in frames[:21]:
+        viewer.frame(frame)
+
+    async def look():
+        page = await connect(viewer)
+        return await receive(page, of_type("events"))
+
+    messages = asyncio.run(look())
+    scene = messages[0]
+    assert scene["type"] == "scene"
+    assert [part["name"] for part in scene["parts"]] == ["plate", "rod"]
+    mesh = display_mesh(pressing_scene()["rod"].shape)
+    shape = scene["shapes"][scene["parts"][1]["shape"]]
+    np.testing.assert_array_equal(floats(shape["positions"]).reshape(-1, 3), mesh.positions)
+    frame = next(m for m in messages if m["type"] == "frame")
+    last = frames[20]
+    assert frame["step"] == last.step
+    assert frame["colliding"] == last.colliding.tolist()
+    assert frame["moved"] == [1]
+    matrix = floats(frame["poses"]).reshape(4, 4).T
+    np.testing.assert_allclose(matrix, last.poses["rod"].homogeneous, atol=1e-7)
+    known = {m["number"] for m in messages if m["type"] == "strips"}
+    assert {symbol["strips"] for symbol in frame["symbols"]} <= known
+    assert [e["kind"] for e in messages[-1]["events"]] == ["collided", "recognised"]
+
+
+def test_every_event_arrives_once_however_many_frames_are_skipped(viewer):
+    frames = pressing_frames(2000)
+
+    async def look():
+        page = await connect(viewer)
+        await receive(page, of_type("scene"))
+        thread = threading.Thread(target=lambda: [viewer.frame(frame) for frame in frames])
+        thread.start()
+        got = []
+        while not any(m["type"] == "frame" and m["step"] == frames[-1].step for m in got):
+            got += await receive(page, of_type("frame"))
+        got += await receive(page, of_type("events")) if not any(m["type"] == "events" for m in got[-2:]) else []
+        thread.join()
+        return got
+
+    messages = asyncio.run(look())
+    steps = [m["step"] for m in messages if m["type"] == "frame"]
+    assert steps == sorted(set(steps))
+    assert len(steps) < len(frames)  # a page gets the latest, not all
+    kinds = [e["kind"] for m in messages if m["type"] == "events" for e in m["events"]]
+    assert kinds == ["collided", "recognised", "parted"]
+
+
+def test_a_page_that_does_not_answer_gets_no_more_and_holds_nobody_up(viewer):
+    frames = pressing_frames(300)
+
+    async def look():
+        page = await connect(viewer)
+        await receive(page, of_type("scene"), answer=False)
+        for frame in frames:
+            viewer.frame(frame)
+        await asyncio.sleep(0.3)
+        got = []
+        while True:
+            try:
+                got.append(json.loads(await asyncio.wait_for(page.read_message(), 0.1)))
+            except TimeoutError:
+                return got
+
+    assert asyncio.run(look()) == []
+
+
+def test_a_page_that_is_gone_is_forgotten(viewer):
+    async def look():
+        page = await connect(viewer)
+        await receive(page, of_type("scene"))
+        page.close()
+
+    asyncio.run(look())
+    until = time.monotonic() + 5.0
+    while viewer.clients and time.monotonic() < until:
+        time.sleep(0.01)
+    assert viewer.clients == 0
+    viewer.frame(pressing_frames(2)[0])
+
+
+def test_a_silent_page_is_dropped(viewer, monkeypatch):
+    from vpframe.visualization import server
+
+    monkeypatch.setattr(server, "PATIENCE", 0.05)
+
+    async def look():
+        page = await connect(viewer)
+        return await receive(page, lambda message: False, answer=False)
+
+    assert [m["type"] for m in asyncio.run(look())] == ["scene"]
+    assert viewer.clients == 0
+
+
+def test_only_this_machine_is_listened_to(viewer):
+    port = int(viewer.url.rsplit(":", 1)[1].strip("/"))
+    assert viewer.url.startswith("http://127.0.0.1:")
+    with socket.socket() as other, pytest.raises(OSError):
+        other.settimeout(2.0)
+        other.connect((socket.gethostbyname(socket.gethostname()), port))
+        if other.getpeername()[0].startswith("127."):
+            raise OSError("this machine has no other address to try")
+
+
+def test_another_sites_name_for_this_machine_is_refused(viewer):
+    request = urllib.request.Request(viewer.url, headers={"Host": "evil.example"})
+    with pytest.raises(urllib.error.HTTPError) as raised:
+        urllib.request.urlopen(request, timeout=5)
+    assert raised.value.code == 403
+    assert b"vpframe" in urllib.request.urlopen(viewer.url, timeout=5).read()
+
+
+def test_a_socket_from_another_site_is_refused(viewer):
+    async def look():
+        request = tornado.websocket.httpclient.HTTPRequest(
+            viewer.url.replace("http", "ws") + "socket", headers={"Origin": "http://evil.example"}
+        )
+        await tornado.websocket.websocket_connect(request)
+
+    with pytest.raises(Exception, match="403"):
+        asyncio.run(look())
+
+
+def test_what_a_person_does_on_the_page_reaches_the_session(viewer):
+    async def act():
+        page = await connect(viewer)
+        for message in ({"action": "accept", "id": 3}, {"action": "refuse", "id": 4}, {"action": "pause"}):
+            await page.write_message(json.dumps(message))
+        for nonsense in ("{", "[]", '{"action": "erase"}', '{"action": "accept"}', '{"action": "accept", "id": true}'):
+            await page.write_message(nonsense)
+        while not viewer.controls.paused:
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(0.05)
+
+    asyncio.run(asyncio.wait_for(act(), 10))
+    assert viewer.controls.take() == (Request("accept", 3), Request("refuse", 4))
+    assert viewer.controls.take() == ()
+
+
+def test_pause_holds_a_frame_until_play_and_step_lets_one_through(viewer):
+    frames, passed = pressing_frames(6), []
+    viewer.controls.put(Request("pause"))
+
+    def run():
+        for frame in frames:
+            viewer.frame(frame)
+            passed.append(frame.step)
+
+    def settled(count):
+        until = time.monotonic() + 5.0
+        while len(passed) < count and time.monotonic() < until:
+            time.sleep(0.005)
+        time.sleep(0.03)
+        return len(passed)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    assert settled(0) == 0
+    viewer.controls.put(Request("step"))
+    assert settled(1) == 1
+    viewer.controls.put(Request("play"))
+    thread.join(5.0)
+    assert passed == [frame.step for frame in frames]
+
+
+def test_waiting_gives_up_after_its_timeout():
+    controls = Controls()
+    assert controls.wait(0.0)
+    controls.put(Request("pause"))
+    assert not controls.wait(0.01)
+    controls.put(Request("step"))
+    assert controls.wait(0.01)
+    assert not controls.wait(0.01)
+
+
+def test_a_taken_port_is_one_clear_error():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(VpframeError, match=f"127.0.0.1:{port}"):
+            MeshcatViewer(port=port).show(pressing_scene())
+
+
+def test_before_the_session_there_is_no_address_and_nothing_to_write(tmp_path):
+    with pytest.raises(VpframeError):
+        _ = MeshcatViewer().url
+    with pytest.raises(VpframeError):
+        MeshcatViewer().static_html(tmp_path / "page.html")
+
+
+def embedded(page):
+    """The messages in a static page."""
+    text = page.split("const EMBEDDED = ", 1)[1].split(";</script>", 1)[0]
+    return json.loads(text)
+
+
+def test_the_static_page_needs_nothing_from_outside(viewer, tmp_path):
+    frames = pressing_frames(40)
+    for frame in frames:
+        viewer.frame(frame)
+    page = viewer.static_html(tmp_path / "deep" / "page.html").read_text()
+    head = page.split("<script>", 1)[0]
+    assert "src=" not in head
+    assert '<link rel="stylesheet"' not in page
+    messages = embedded(page)
+    assert [m["step"] for m in messages if m["type"] == "frame"] == [frame.step for frame in frames]
+    assert sum(len(m["events"]) for m in messages if m["type"] == "frame") == 3
+
+
+def test_the_static_page_survives_names_that_look_like_markup(tmp_path):
+    from vpframe.scene import Part, Scene
+
+    name = "</script><script>alert(1)</script>"
+    scene = Scene([Part(name, pressing_scene()["rod"].shape, pressing_scene()["rod"].pose)])
+    page = tmp_path / "page.html"
+    assert view(scene, static=page) == str(page)
+    assert "alert(1)</script>" not in page.read_text()
+    assert embedded(page.read_text())[0]["parts"][0]["name"] == name
+
+
+def test_a_long_run_is_thinned_evenly_and_keeps_its_end_and_its_events():
+    from vpframe.visualization.history import History
+
+    history = History(limit=100)
+    frames = pressing_frames(1000)
+    for frame in frames:
+        history.add(frame)
+    kept = list(history)
+    steps = [frame.step for frame, _ in kept]
+    assert 50 <= len(kept) <= 101
+    assert steps[0] == 0 and steps[-1] == 999
+    assert max(np.diff(steps)) <= 16
+    assert [e.kind for _, events in kept for e in events] == ["collided", "recognised", "parted"]
+    assert all(event.step <= frame.step for frame, events in kept for event in events)
+    assert len(history) == 1000
