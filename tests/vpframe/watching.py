@@ -81,8 +81,8 @@ def pressing_frames(count: int = 60, dt: float = 1 / 60) -> list[Frame]:
     for step in range(count):
         s = step / (count - 1)
         z = 0.05 - 0.021 * min(s, 1 - s) / 0.45 if min(s, 1 - s) < 0.45 else 0.029
-        touching = z < 0.0301
-        colliding = np.array([[0, 5, 1, 1]] if touching else np.empty((0, 4)), dtype=np.int32).reshape(-1, 4)
+        touching = z < 0.03  # the rod's end is below the plate's top
+        colliding = np.array([[0, 5, 1, 0]] if touching else np.empty((0, 4)), dtype=np.int32).reshape(-1, 4)
         views = ()
         if touching:
             views = (
@@ -97,11 +97,11 @@ def pressing_frames(count: int = 60, dt: float = 1 / 60) -> list[Frame]:
         if previous is not None:
             if touching and not len(previous.colliding):
                 events.append(
-                    Event(step, step * dt, "collided", ("plate", "rod"), ((5,), (1,)), "plate and rod collide")
+                    Event(step, step * dt, "collided", ("plate", "rod"), ((5,), (0,)), "plate and rod collide")
                 )
                 events.append(Event(step, step * dt, "recognised", ("plate", "rod"), ((5,), (1,)), "against offered"))
             if not touching and len(previous.colliding):
-                events.append(Event(step, step * dt, "parted", ("plate", "rod"), ((5,), (1,)), "plate and rod part"))
+                events.append(Event(step, step * dt, "parted", ("plate", "rod"), ((5,), (0,)), "plate and rod part"))
         frames.append(
             Frame(
                 step, step * dt, {"plate": place(), "rod": place(z=z)}, colliding, views,

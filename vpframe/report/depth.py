@@ -1,4 +1,4 @@
-"""Where clashing surfaces meet, asked of `collision` at the first moment of each clash."""
+"""How deep clashing surfaces reach into one another, and where, asked of `collision` at some steps of each clash."""
 
 from __future__ import annotations
 
@@ -9,33 +9,39 @@ from numpy.typing import NDArray
 
 from collision import CollisionManager
 from vpframe.clash_status import ClashKey
-from vpframe.report.log import Clash, SessionLog
+from vpframe.events import Frame
+from vpframe.progress import Progress
+from vpframe.report.log import SessionLog
 
 
 @dataclass(frozen=True, eq=False)
 class Depth:
-    """Where a clash is, and how deep."""
+    """The deepest known moment of a clash."""
 
-    depth: float | None
-    """m, as `collision` defines it; None when it is not known"""
+    depth: float
+    """m, as `collision.penetration` defines it"""
     point: NDArray[np.float64]
-    """(3,) world, m: where"""
+    """(3,) world, m: the deepest point"""
+    time: float
+    """s"""
 
 
-def depths(log: SessionLog) -> dict[ClashKey, Depth]:
-    """Place and depth of each clash, at the step at which it was first seen."""
-    groups: dict[tuple[int, str, str], list[Clash]] = {}
+def depths(log: SessionLog, progress: Progress | None = None) -> dict[ClashKey, Depth]:
+    """The greatest depth of each clash, of the steps that the log kept of it."""
+    questions: dict[tuple[int, str, str], tuple[Frame, set[ClashKey]]] = {}
     for clash in log.clashes.values():
-        groups.setdefault((clash.first.step, clash.key.part_a, clash.key.part_b), []).append(clash)
+        for frame in clash.samples:
+            asked = questions.setdefault((frame.step, clash.key.part_a, clash.key.part_b), (frame, set()))
+            asked[1].add(clash.key)
     found: dict[ClashKey, Depth] = {}
-    for (_, a, b), clashes in groups.items():
+    for number, ((_, a, b), (frame, keys)) in enumerate(sorted(questions.items(), key=lambda item: item[0])):
+        if progress is not None:
+            progress(number / len(questions), f"depth of {a} and {b}")
         manager = CollisionManager()
-        poses = clashes[0].first.poses
         for name in (a, b):
-            manager.add(log.scene[name].mesh, poses[name])
-        wanted = {(clash.key.surface_a, clash.key.surface_b): clash.key for clash in clashes}
-        for row in manager.contacts(0.0):
-            key = wanted.get((int(row["surface_a"]), int(row["surface_b"])))
-            if key is not None:
-                found[key] = Depth(None, 0.5 * (row["point_a"] + row["point_b"]))
+            manager.add(log.scene[name].mesh, frame.poses[name])
+        for row in manager.penetration(0, 1):
+            key = ClashKey.of(a, int(row["surface_a"]), b, int(row["surface_b"]))
+            if key in keys and (key not in found or row["depth"] > found[key].depth):
+                found[key] = Depth(float(row["depth"]), np.array(row["point"]), frame.time)
     return found

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 PICTURED = ("grabbed", "released", "accepted", "refused", "removed", "blocked", "landed")
 """kinds of events that get a picture"""
+SAMPLES = 8
+"""steps of a clash that are kept to measure its depth at"""
 
 
 @dataclass
@@ -30,6 +32,18 @@ class Clash:
     """s"""
     steps: int = 1
     """at how many steps they collided"""
+    samples: list[Frame] = field(default_factory=list)
+    """some of these steps, evenly spaced, the first among them"""
+    _stride: int = 1
+
+    def add(self, frame: Frame) -> None:
+        """One more step at which they collide."""
+        if self.steps % self._stride == 0:
+            self.samples.append(frame)
+            if len(self.samples) > SAMPLES:
+                self.samples = self.samples[::2]
+                self._stride *= 2
+        self.last_time, self.steps = frame.time, self.steps + 1
 
 
 @dataclass
@@ -85,7 +99,7 @@ class SessionLog:
         """events that get a picture"""
         self.history = History()
         self._names: tuple[str, ...] = ()
-        self._before: set[tuple[int, int, int, int]] = set()
+        self._last_time = 0.0
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -142,9 +156,9 @@ class SessionLog:
             key = ClashKey.of(self._names[a], s, self._names[b], t)
             clash = self.clashes.get(key)
             if clash is None:
-                self.clashes[key] = Clash(key, frame, frame.time)
+                self.clashes[key] = Clash(key, frame, frame.time, samples=[frame])
             else:
-                clash.last_time, clash.steps = frame.time, clash.steps + 1
+                clash.add(frame)
 
     def _collect_mates(self, frame: Frame) -> None:
         for view in frame.constraints:
@@ -160,5 +174,3 @@ class SessionLog:
             else:
                 mate.spans.append((view.state, frame.time, frame.time))
         self._last_time = frame.time
-
-    _last_time = 0.0

@@ -60,7 +60,8 @@ def write(
         raise VpframeError(f"{folder}: cannot be made a folder: {error.strerror}") from None
     status = folder / "clashes.json"
     records = clash_status.updated(clash_status.read(status), log.clashes)
-    found = depths(log)
+    with Progress("measuring clashes") as progress:
+        found = depths(log, progress)
     document = _document(log, records, found, failure, task, authorised, swept)
     with Progress("drawing the report") as progress:
         pictures = _pictures(log, progress)
@@ -174,6 +175,7 @@ def _clash(log: SessionLog, record: ClashRecord, depth: Depth | None) -> dict[st
         "last_time": seen.last_time if seen else None,
         "steps": seen.steps if seen else 0,
         "depth": depth.depth if depth else None,
+        "deepest_time": depth.time if depth else None,
         "point": depth.point.tolist() if depth else None,
         "remark": record.remark,
         "runs": record.runs,

@@ -1,0 +1,271 @@
+import csv
+import itertools
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from tests.vpframe.watching import box, fake_session, place, pressing_frames, pressing_scene
+from vpframe.clash_status import ClashKey
+from vpframe.errors import VpframeError
+from vpframe.events import Frame
+from vpframe.report import SessionLog, SweptVolume, plots, write
+from vpframe.scene import Part, Scene
+
+
+def log_of(frames, scene=None):
+    log = SessionLog()
+    log.begin(fake_session(scene))
+    for frame in frames:
+        log.frame(frame)
+    log.end()
+    return log
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """A report's folder, and the frames it is about."""
+    frames = pressing_frames(120)
+    folder = write(tmp_path_factory.mktemp("report") / "deep" / "out", log_of(frames), task="press")
+    return folder, frames
+
+
+def document(folder):
+    return json.loads((folder / "report.json").read_text())
+
+
+class Page(HTMLParser):
+    """Tags of a page with their attributes, and whether each that was opened is closed."""
+
+    VOID = ("meta", "link", "img", "br")
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.open, self.text = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+def test_the_verdict_and_the_numbers_of_the_run(written):
+    folder, frames = written
+    found = document(folder)
+    assert found["task"] == "press"
+    assert found["can_be_done"] is True
+    assert found["duration"] == frames[-1].time
+    assert found["steps"] == frames[-1].step
+    assert [(e["step"], e["kind"], e["text"]) for e in found["events"]] == [
+        (e.step, e.kind, e.text) for f in frames for e in f.events
+    ]
+
+
+def test_freedom_and_clearance_are_those_of_the_frames(written):
+    folder, frames = written
+    found = document(folder)
+    changes = found["freedom"]["rod"]
+    assert [c["freedom"] for c in changes] == [6, 3, 6]
+    touching = [f.time for f in frames if len(f.colliding)]
+    assert changes[1]["time"] == touching[0]
+    least = min(frames, key=lambda f: f.clearance)
+    assert found["clearance"]["least"] == least.clearance
+    assert found["clearance"]["step"] == least.step
+    assert found["clearance"]["poses"]["rod"]["translation"] == least.poses["rod"].translation.tolist()
+
+
+def test_stages_follow_the_scripts_lines_without_gaps(written):
+    folder, frames = written
+    stages = document(folder)["stages"]
+    assert [s["text"] for s in stages] == [text for text, _ in itertools.groupby(f.script for f in frames)]
+    assert all(a["end"] == b["start"] for a, b in itertools.pairwise(stages))
+    assert stages[-1]["end"] == frames[-1].time
+
+
+def test_constraints_tell_their_states_with_times(written):
+    folder, frames = written
+    (constraint,) = document(folder)["constraints"]
+    assert constraint["kind"] == "against"
+    assert [s["state"] for s in constraint["states"]] == ["candidate", "active"]
+    for state in constraint["states"]:
+        times = [f.time for f in frames if f.constraints and f.constraints[0].state == state["state"]]
+        assert (state["from"], state["to"]) == (times[0], times[-1])
+
+
+def test_the_clash_is_told_with_depth_place_and_times(written):
+    folder, frames = written
+    (clash,) = document(folder)["clashes"]
+    touching = [f for f in frames if len(f.colliding)]
+    assert clash["parts"] == ["plate", "rod"]
+    assert clash["surfaces"] == [5, 0]
+    assert clash["names"] == ["box.5", "rod.0"]
+    assert clash["status"] == "new"
+    assert clash["first_time"] == touching[0].time
+    assert clash["last_time"] == touching[-1].time
+    assert clash["steps"] == len(touching)
+    # the rod's end at z - 25 mm stands below the plate's top at 5 mm
+    assert clash["depth"] == pytest.approx(max(0.030 - f.poses["rod"].translation[2] for f in touching), abs=2e-7)
+    assert np.linalg.norm(clash["point"][:2]) <= 0.0101
+
+
+def test_csv_has_a_row_a_clash(written):
+    folder, _ = written
+    with (folder / "clashes.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    (clash,) = document(folder)["clashes"]
+    assert len(rows) == 1
+    assert rows[0]["part_a"] == "plate" and rows[0]["surface_b"] == "0" and rows[0]["status"] == "new"
+    assert float(rows[0]["depth_m"]) == clash["depth"]
+    assert float(rows[0]["first_time_s"]) == clash["first_time"]
+
+
+def test_the_page_is_whole_and_needs_nothing_from_outside(written):
+    folder, _ = written
+    page = Page((folder / "index.html").read_text())
+    assert page.open == []
+    for tag, attributes in page.tags:
+        assert tag not in ("script", "iframe", "object")
+        source = attributes.get("src", "data:")
+        assert source.startswith("data:")
+    images = [a for tag, a in page.tags if tag == "img"]
+    assert len(images) >= 3  # the end, the least clearance, the clash
+    for target in (a["href"] for tag, a in page.tags if tag == "a"):
+        assert (folder / target).is_file()
+    text = " ".join(page.text)
+    for expected in ("The task can be done.", "plate [5] – rod [0]", "against", "clearance"):
+        assert expected in text
+
+
+def test_a_failed_task_says_why_and_markup_in_names_stays_text(tmp_path):
+    reason = 'the <script>bolt</script> & "nut" do not part'
+    folder = write(tmp_path / "out", log_of(pressing_frames(10)), failure=reason)
+    assert document(folder)["can_be_done"] is False
+    assert document(folder)["reason"] == reason
+    page = Page((folder / "index.html").read_text())
+    assert f"The task cannot be done: {reason}" in "".join(page.text)
+
+
+def test_a_session_that_never_stepped_has_a_report(tmp_path):
+    folder = write(tmp_path, log_of([]))
+    found = document(folder)
+    assert (found["steps"], found["clashes"], found["clearance"]) == (0, [], None)
+    assert Page((folder / "index.html").read_text()).open == []
+
+
+def test_status_is_kept_from_run_to_run(tmp_path):
+    def run(frames):
+        folder = write(tmp_path, log_of(frames))
+        return {tuple(c["surfaces"]): c["status"] for c in document(folder)["clashes"]}
+
+    frames = pressing_frames(60)
+    apart = [f for f in frames if not len(f.colliding)]
+    assert run(frames) == {(5, 0): "new"}
+    assert run(frames) == {(5, 0): "persistent"}
+    status = json.loads((tmp_path / "clashes.json").read_text())
+    status["clashes"][0].update(status="accepted", remark="press fit")
+    (tmp_path / "clashes.json").write_text(json.dumps(status))
+    assert run(frames) == {(5, 0): "accepted"}
+    assert document(tmp_path)["clashes"][0]["remark"] == "press fit"
+    assert run(apart) == {(5, 0): "resolved"}
+    assert run(frames) == {(5, 0): "new"}
+
+
+def test_a_spoilt_status_file_is_named_before_anything_is_overwritten(tmp_path):
+    (tmp_path / "clashes.json").write_text("{")
+    with pytest.raises(VpframeError, match=re.escape(str(tmp_path / "clashes.json"))):
+        write(tmp_path, log_of(pressing_frames(10)))
+    assert not (tmp_path / "report.json").exists()
+
+
+def test_a_file_where_the_folder_should_be_is_named(tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(VpframeError, match="out"):
+        write(tmp_path / "out", log_of([]))
+
+
+def test_swept_volumes_are_written_as_stl_in_millimetres(tmp_path):
+    import trimesh
+
+    mesh = box((0.1, 0.2, 0.3)).mesh
+    volume = SweptVolume("shaft/1", mesh.vertices, mesh.triangles, 1e-4, ("wall",))
+    folder = write(tmp_path, log_of(pressing_frames(5)), swept=[volume])
+    (told,) = document(folder)["swept"]
+    assert told["clashes"] == ["wall"]
+    read = trimesh.load(folder / told["file"])
+    assert read.is_watertight
+    assert read.volume == pytest.approx(100 * 200 * 300, rel=1e-6)
+
+
+def test_depth_is_the_greatest_of_the_steps_kept():
+    scene = Scene([Part("a", box((1, 1, 1)), place()), Part("b", box((0.5, 0.5, 0.5)), place(z=0.75))])
+    rows = np.array([[0, 5, 1, 0]], np.int32)
+    frames = []
+    for step in range(101):
+        poses = {"a": place(), "b": place(z=0.75 - 0.1 * np.sin(np.pi * step / 100))}
+        frames.append(Frame(step, step / 60, poses, rows, (), {}, {}, None, {}))
+    from vpframe.report.depth import depths
+
+    log = log_of(frames, scene)
+    clash = log.clashes[ClashKey("a", "b", 5, 0)]
+    assert clash.steps == 101
+    assert len(clash.samples) <= 8
+    assert clash.samples[0] is frames[0]
+    assert depths(log)[clash.key].depth == pytest.approx(0.1, rel=0.03)
+
+
+def test_the_log_keeps_little_of_a_long_run():
+    log = log_of(pressing_frames(5000))
+    assert sum(1 for _ in log.history) <= log.history.limit + 1
+    assert len(log.clearance) == 5000
+    assert len(log.freedom["rod"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(0, 1), (0, 0), (-3, 17), (0, 1e-9), (2.5e6, 2.6e6), (0, 0.00123), (-1e-3, 1e3)]
+)
+def test_ticks_enclose_the_range_and_are_few(low, high):
+    ticks = plots.nice_ticks(low, high)
+    assert ticks[0] <= low + 1e-9 * abs(low) and ticks[-1] >= high - 1e-9 * abs(high)
+    assert 2 <= len(ticks) <= 8
+    assert np.ptp(np.diff(ticks)) <= 1e-9 * (ticks[-1] - ticks[0])
+
+
+def test_a_thinned_line_keeps_its_extremes():
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=20000)
+    values[[777, 15000]] = 9.0, -9.0
+    line = [(i / 100, float(v)) for i, v in enumerate(values)]
+    drawn = plots.lines({"noise": line}, "m", 200.0)
+    points = np.array([[float(x) for x in p.split(",")] for p in re.search(r'points="([^"]*)"', drawn)[1].split()])
+    assert len(points) < 2000
+    assert (np.diff(points[:, 0]) >= 0).all()
+    whole = plots.lines({"noise": [(7.77, 9.0), (150.0, -9.0)]}, "m", 200.0)
+    two = np.array([[float(x) for x in p.split(",")] for p in re.search(r'points="([^"]*)"', whole)[1].split()])
+    np.testing.assert_allclose([points[:, 1].min(), points[:, 1].max()], [two[:, 1].min(), two[:, 1].max()], atol=0.11)
+
+
+def test_a_stepped_line_goes_sideways_and_then_up():
+    drawn = plots.lines({"freedom": [(0.0, 6.0), (1.0, 2.0)]}, "", 2.0, steps=True)
+    points = [[float(x) for x in p.split(",")] for p in re.search(r'points="([^"]*)"', drawn)[1].split()]
+    assert len(points) == 4
+    assert points[0][1] == points[1][1] and points[1][0] == points[2][0] and points[2][1] == points[3][1]
+
+
+def test_pose_values_in_the_log_do_not_follow_the_scene():
+    scene = pressing_scene()
+    log = log_of([], scene)
+    scene["rod"].pose = pin.SE3(np.eye(3), np.ones(3))
+    np.testing.assert_array_equal(log.start["rod"].translation, [0, 0, 0.05])
