@@ -91,13 +91,14 @@ class AssemblyGraph:
 
     @cached_property
     def links(self) -> tuple[tuple[int, ...], ...]:
-        """Parts that cannot move against each other, as groups; the base's group first."""
+        """Parts that cannot move against each other, as groups; the base's group first, and in it the base."""
         rigid = [pair for pair, freedom in self.mobility.pairs.items() if freedom.freedom == 0]
         still = [b for b, freedom in self.mobility.parts.items() if freedom.freedom == 0]
         if self.base:
             rigid += [(self.base[0], b) for b in (*self.base[1:], *still)]
         groups = components(self.bodies, rigid)
-        return tuple(sorted(groups, key=lambda g: (not set(self.base) & set(g), g)))
+        ranked = [tuple(sorted(g, key=lambda b: (b not in self.base, b))) for g in groups]
+        return tuple(sorted(ranked, key=lambda g: (g[0] not in self.base, g)))
 
     def to_json(self) -> dict[str, Any]:
         """Parts, features, constraints and subassemblies as one JSON document; lengths in metres."""

@@ -7,13 +7,24 @@ largest volume.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
-from collision import CollisionManager, Tolerance
+import numpy as np
+import pinocchio as pin
+
+from collision import CollisionManager, SurfaceMesh, Tolerance
 from constraints import Candidate, mobility, recognise
-from vpframe.scene import Scene
+from constraints.graph import AssemblyGraph
+from constraints.mechanism import mechanism
+from constraints.urdf import to_urdf
+from vpframe.scene import Part, Scene
+
+WATER = 1000.0
+"""kg/m³, of parts whose file gives no density"""
 
 
 def base_parts(scene: Scene) -> tuple[int, ...]:
@@ -83,3 +94,48 @@ def table(document: dict[str, Any]) -> str:
     lines += ["", counts or "no constraints"]
     lines += [f"  {c['kind']:10}  {c['parts'][0]} – {c['parts'][1]}: {c['why']}" for c in document["constraints"]]
     return "\n".join(lines)
+
+
+def graph(scene: Scene, tolerance: Tolerance | None = None) -> AssemblyGraph:
+    """The assembly relationship graph of a scene as it stands, under its parts' names."""
+    constraints = [c.constraint for c in find(scene, tolerance)]
+    return AssemblyGraph.of(constraints, [p.pose for p in scene.parts], base_parts(scene), scene.names, tolerance)
+
+
+def write_urdf(scene: Scene, path: str | Path, tolerance: Tolerance | None = None) -> tuple[str, ...]:
+    """Write the mechanism of a scene as URDF, and beside it a folder of meshes, one STL a shape.
+
+    Masses follow the parts' densities, `WATER` where a part has none. Returns notes: contacts that are no joint.
+    """
+    path = Path(path)
+    made = mechanism(graph(scene, tolerance))
+    folder = path.with_name(f"{path.stem}_meshes")
+    folder.mkdir(parents=True, exist_ok=True)
+    files: dict[int, str] = {}
+    meshes = {}
+    for i, part in enumerate(scene.parts):
+        key = id(part.shape)
+        if key not in files:
+            files[key] = f"{folder.name}/{len(files)}_{re.sub(r'[^A-Za-z0-9_-]+', '_', part.name)}.stl"
+            write_stl(path.parent / files[key], part.mesh)
+        meshes[i] = files[key]
+    inertias = {i: _inertia(part) for i, part in enumerate(scene.parts) if part.shape.volume > 0.0}
+    path.write_text(to_urdf(made, path.stem, inertias, meshes), encoding="utf-8")
+    return made.notes
+
+
+def _inertia(part: Part) -> pin.Inertia:
+    density = WATER if part.density is None else part.density
+    shape = part.shape
+    return pin.Inertia(density * shape.volume, np.asarray(shape.center), density * np.asarray(shape.inertia))
+
+
+def write_stl(path: Path, mesh: SurfaceMesh) -> None:
+    """Write a mesh as binary STL, metres."""
+    corners = mesh.vertices[mesh.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    rows = np.zeros(len(corners), [("numbers", "<f4", 12), ("attribute", "<u2")])
+    rows["numbers"][:, :3] = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+    rows["numbers"][:, 3:] = corners.reshape(-1, 9)
+    path.write_bytes(b"vpframe".ljust(80) + np.uint32(len(rows)).tobytes() + rows.tobytes())
