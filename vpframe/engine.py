@@ -15,16 +15,23 @@ from numpy.typing import NDArray
 from collision import CONTACT_DTYPE, CollisionManager, Tolerance
 from constraints import ConstraintManager, mobility
 from constraints.candidate import Candidate
+from constraints.kinds import Constraint
 from constraints.manager import Change, UnknownConstraintError
 from constraints.motion import Motion
+from physics import Behaviour, Body, SpringHand
+from vpframe.dynamics import Dynamics, spring
 from vpframe.errors import TaskError
 from vpframe.events import ConstraintView
+from vpframe.interaction.paths import between
+from vpframe.interaction.reach import half_size
 from vpframe.rules import Rule
 from vpframe.scene import Scene
 
 Happening = tuple[str, tuple[str, ...], tuple[tuple[int, ...], ...], str, Mapping[str, Any]]
 """an event without its time: kind, parts, surfaces, text, data"""
 NO_PAIRS = np.zeros((0, 4), np.int32)
+MOST_PARTS = 16
+"""into how many parts a hand's way in one step is cut at most"""
 _MATING = ("recognised", "withdrawn", "accepted", "refused", "satisfied", "removed")
 
 
@@ -39,10 +46,12 @@ class Wish:
     """m: reach of the assist's snapping"""
     snap_angle: float = 0.0
     """rad"""
+    spring: SpringHand | None = None
+    """pulls with limited force instead of carrying; its target is `pose`"""
 
     def key(self) -> bytes:
         """All of it as bytes: equal wishes have equal keys."""
-        words = repr((self.part, self.carried, self.snap, self.snap_angle)).encode()
+        words = repr((self.part, self.carried, self.snap, self.snap_angle, self.spring is not None)).encode()
         return words + np.ascontiguousarray(self.pose.homogeneous).tobytes()
 
 
@@ -102,8 +111,12 @@ class Engine:
         self._remated: set[int] = set()
         """parts whose mated surfaces changed since colliding surfaces were last asked for"""
         self._shown: dict[int, ConstraintView] = {}
+        self._arm: dict[int, float] = {}
         self._corners: dict[int, NDArray[np.float64]] = {}
         self._told_at_start: list[Happening] = []
+        self._last_wanted: dict[int, pin.SE3] = {}
+        self.dynamics: Dynamics | None = None
+        """None until a part is given behaviours"""
         self.joined: set[tuple[str, str]] = set()
         """pairs of parts that an accepted constraint joined at any time"""
 
@@ -159,23 +172,25 @@ class Engine:
     # ---- a step
 
     def advance(self, wishes: Sequence[Wish], requests: Sequence[Request]) -> Result:
-        """One step: motion, contacts, constraints, freedom."""
+        """One step: motion, contacts, constraints, forces, freedom."""
         self.start()
-        clocks = dict.fromkeys(("motion", "collision", "constraints"), 0.0)
+        clocks = dict.fromkeys(("motion", "collision", "constraints", "physics"), 0.0)
         before = list(self.poses)
-        wanted = self._wanted(wishes)
-        self._active = set(wanted)
+        for wish in wishes:
+            if wish.spring is not None and (
+                self.dynamics is None or self.scene.index(wish.part) not in self.dynamics.bodies
+            ):
+                raise TaskError(f"{wish.part} has no behaviours, so a spring cannot pull it; session.behave(...) first")
+        firm = [wish for wish in wishes if wish.spring is None]
+        wanted = self._wanted(firm)
+        self._active = set(wanted) | {self.scene.index(wish.part) for wish in wishes}
         self._decide(requests)
         happenings, self._told_at_start = self._told_at_start, []
-        happenings += self._follow_hands(wanted, wishes, clocks)
-        self._touch(before, clocks)
-        changes = self._mate(wanted, clocks)
-        happenings += changes
-        if any(kind in ("accepted", "removed") for kind, *_ in changes):  # a part snaps on, or off, at once
-            here = list(self.poses)
-            self._follow_hands(wanted, wishes, clocks)
-            self._touch(here, clocks)
-            happenings += self._mate(wanted, clocks)
+        for part_way in self._part_ways(wanted):
+            happenings += self._follow(part_way, firm, clocks)
+        self._last_wanted = wanted
+        if self.dynamics is not None:
+            happenings += self._fall(wishes, clocks)
         happenings += self._clash(before, clocks)
         moved = [i for i in range(len(self.poses)) if self.poses[i] is not before[i]]
         self._moved |= set(moved) | self._active
@@ -193,6 +208,69 @@ class Engine:
             mates=self.mates.state() if mated else None,
             timings=clocks,
         )
+
+    def _part_ways(self, wanted: dict[int, pin.SE3]) -> list[dict[int, pin.SE3]]:
+        """The hands' way in this step, cut so finely that no mate is passed unseen where there is anything near."""
+        last = {i: self._last_wanted.get(i, self.poses[i]) for i in wanted}
+        far = max((self._travel(i, last[i], pose) for i, pose in wanted.items()), default=0.0)
+        n = min(int(np.ceil(far / self.tolerance.reach)), MOST_PARTS)
+        if n <= 1 or not len(self.collision.object_pairs(sorted(wanted), within=far + self.mates.within)):
+            return [wanted]
+        return [{i: between(last[i], pose, k / n) for i, pose in wanted.items()} for k in range(1, n + 1)]
+
+    def _travel(self, i: int, a: pin.SE3, b: pin.SE3) -> float:
+        way = a.actInv(b)
+        if i not in self._arm:
+            self._arm[i] = 2.0 * half_size(self.scene.parts[i].mesh)
+        return float(np.linalg.norm(way.translation) + self._arm[i] * np.linalg.norm(pin.log3(way.rotation)))
+
+    def _follow(self, wanted: dict[int, pin.SE3], wishes: Sequence[Wish], clocks: dict[str, float]) -> list[Happening]:
+        """Hands move their parts; contacts, candidates and constraints follow."""
+        before = list(self.poses)
+        happenings = list(self._follow_hands(wanted, wishes, clocks))
+        self._touch(before, clocks)
+        changes = self._mate(wanted, clocks)
+        happenings += changes
+        if any(kind in ("accepted", "removed") for kind, *_ in changes):  # a part snaps on, or off, at once
+            here = list(self.poses)
+            self._follow_hands(wanted, wishes, clocks)
+            self._touch(here, clocks)
+            happenings += self._mate(wanted, clocks)
+        return happenings
+
+    def _fall(self, wishes: Sequence[Wish], clocks: dict[str, float]) -> list[Happening]:
+        """What is free moves under its forces."""
+        assert self.dynamics is not None
+        began = clock.perf_counter()
+        springs = {self.scene.index(w.part): spring(w.pose, w.spring) for w in wishes if w.spring is not None}
+        self.dynamics.join(self._constraints_in_force())
+        self.dynamics.hold({i: self.poses[i] for i in self._active if i not in springs}, springs)
+        moved, rested = self.dynamics.step(self.dt)
+        for i, pose in moved.items():
+            if pose != self.poses[i]:
+                self.poses[i] = pose
+                self._moved.add(i)
+        gone = [i for i in moved if i not in self._active]
+        if gone:  # what was near to them is so no longer
+            keep = ~np.isin(self._rows["object_a"], gone) & ~np.isin(self._rows["object_b"], gone)
+            self._rows = self._rows[keep]
+        happenings: list[Happening] = []
+        for i in sorted(rested):
+            on = [self.names[j] for j in self.dynamics.resting_on(i)]
+            text = f"{self.names[i]} comes to rest" + (f" on {', '.join(on)}" if on else "")
+            happenings.append(("landed", (self.names[i], *on), (), text, {}))
+        clocks["physics"] += clock.perf_counter() - began
+        return happenings
+
+    def _constraints_in_force(self) -> dict[int, Constraint]:
+        return {id: entry.candidate.constraint for id, entry in self.mates.accepted.items()}
+
+    def behave(self, i: int, body: Body, behaviours: Sequence[Behaviour]) -> None:
+        """Give a part mass and behaviours: it moves under forces whenever no hand holds it."""
+        self.start()
+        if self.dynamics is None:
+            self.dynamics = Dynamics(self.scene, self.collision, self.tolerance)
+        self.dynamics.add(i, body, behaviours)
 
     def _wanted(self, wishes: Sequence[Wish]) -> dict[int, pin.SE3]:
         wanted: dict[int, pin.SE3] = {}
@@ -429,6 +507,8 @@ class Engine:
             "moved": self._moved,
             "blocked": self._blocked,
             "joined": sorted(self.joined),
+            "last_wanted": self._last_wanted,
+            "dynamics": None if self.dynamics is None else self.dynamics.state(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -440,6 +520,9 @@ class Engine:
         self._rows, self._colliding = state["rows"], state["colliding"]
         self._active, self._moved, self._blocked = set(state["active"]), set(state["moved"]), dict(state["blocked"])
         self.joined = set(state["joined"])
+        self._last_wanted = dict(state["last_wanted"])
+        if self.dynamics is not None:
+            self.dynamics.restore(state["dynamics"], self._constraints_in_force())
         self._told_at_start, self._remated, self._shown = [], set(), {}
 
     def follow(self, result: Result) -> None:

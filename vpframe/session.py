@@ -31,6 +31,7 @@ from vpframe.rules import Rule, accept_all
 from vpframe.scene import Part, Scene
 
 if TYPE_CHECKING:
+    from physics import Behaviour
     from vpframe.interaction.verbs import Verb
     from vpframe.report.swept import SweptVolume
 
@@ -134,7 +135,9 @@ class Session:
         for hand in self._hands.values():
             wanted = hand.desire(self.dt, hand.assist.rate(room))
             if hand.held is not None:
-                wishes.append(Wish(hand.held, wanted, hand.carried, hand.assist.snap, hand.assist.snap_angle))
+                wishes.append(
+                    Wish(hand.held, wanted, hand.carried, hand.assist.snap, hand.assist.snap_angle, hand.spring)
+                )
         requests, self._requests = self._requests, []
         result = self._advance(wishes, requests)
         self.step_count += 1
@@ -417,6 +420,21 @@ class Session:
     def authorise(self, a: str, b: str) -> None:
         """Let two parts overlap (a press fit, a seal): they neither clash nor block each other."""
         self.engine.authorise(self.scene.index(a), self.scene.index(b))
+
+    def behave(
+        self, part: str, *behaviours: Behaviour, material: str | float | None = None, mass: float | None = None
+    ) -> None:
+        """Give a part behaviours (`physics.Gravity()`, `physics.Elastic(0.6)`, …): with them it moves under forces
+        whenever no hand holds it, and stands on, bounces off and slides along the other parts.
+
+        material: a name from `physics.DENSITY` or kg/m³; the part's own density, else steel, if not given. mass: kg.
+        """
+        i = self.scene.index(part)
+        if self.scene[part].fixed:
+            raise TaskError(f"{part} is fixed in the scene; set part.fixed = False before giving it behaviours")
+        from vpframe.dynamics import body_of
+
+        self.engine.behave(i, body_of(self.scene[part], material, mass), behaviours)
 
     # ---- what the task expects
 

@@ -19,6 +19,7 @@ from vpframe.interaction.paths import Path
 from vpframe.interaction.reach import surface_distances
 
 if TYPE_CHECKING:
+    from physics import SpringHand
     from vpframe.session import Session
 
 
@@ -81,6 +82,8 @@ class Hand:
         self.carried: tuple[str, ...] = ()
         """parts that move with the held one as if glued to it"""
         self.assist = Assist()
+        self.spring: SpringHand | None = None
+        """set a `physics.SpringHand` to pull parts that have behaviours with limited force instead of carrying them"""
         self.stopped_by: str = ""
         """what keeps the held part from following; empty while it can"""
         self.doing = ""

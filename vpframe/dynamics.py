@@ -1,0 +1,104 @@
+"""`Dynamics`: the physics of a session. It exists from the first part that is given behaviours, and not before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import pinocchio as pin
+
+from collision import CollisionManager, Tolerance
+from constraints.geometry import Freeform
+from constraints.kinds import Constraint
+from physics import Behaviour, Body, Snapshot, SpringHand, World
+from vpframe.scene import Part, Scene
+
+
+class Dynamics:
+    """A `physics.World` over the scene's parts, told what hands hold and which constraints are in force."""
+
+    def __init__(self, scene: Scene, collision: CollisionManager, tolerance: Tolerance) -> None:
+        self.scene = scene
+        self.world = World(collision, tolerance)
+        self.bodies: set[int] = set()
+        """parts that move under forces when no hand holds them"""
+        self._held: set[int] = set()
+        self._joined: tuple[int, ...] | None = None
+
+    def add(self, i: int, body: Body, behaviours: Sequence[Behaviour]) -> None:
+        """Give a part mass and behaviours."""
+        part = self.scene.parts[i]
+        known = {s.index: s.geometry for s in part.surfaces if not isinstance(s.geometry, Freeform)}
+        self.world.add(i, body, behaviours, known)
+        self.bodies.add(i)
+
+    def join(self, constraints: Mapping[int, Constraint]) -> None:
+        """The constraints in force, by id."""
+        ids = tuple(sorted(constraints))
+        if ids != self._joined:
+            self._joined = ids
+            self.world.set_joints([constraints[i] for i in ids if self.bodies & set(constraints[i].bodies)])
+
+    def hold(self, carried: Mapping[int, pin.SE3], springs: Mapping[int, SpringHand]) -> None:
+        """What hands hold in this step: `carried` to a pose that nothing can hinder, `springs` as far as they can."""
+        for i in sorted(self._held - set(carried) - set(springs)):
+            self.world.let_go(i)
+        self._held = (set(carried) | set(springs)) & self.bodies
+        for i, pose in sorted(carried.items()):
+            if i in self.bodies:
+                self.world.hold(i, pose)
+            else:
+                self.world.set_pose(i, pose)
+        for i, spring in sorted(springs.items()):
+            self.world.hold(i, spring)
+
+    def step(self, dt: float) -> tuple[dict[int, pin.SE3], set[int]]:
+        """Go on by `dt` seconds: new poses of what moved, and which parts have come to rest."""
+        before = set(self.world.awake)
+        if not before and not self._held:
+            self.world.step(dt)
+            return {}, set()
+        self.world.step(dt)
+        after = set(self.world.awake)
+        moved = {i: self.world.pose(i) for i in sorted((before | after) - self._held)}
+        moved |= {i: self.world.pose(i) for i in sorted(self._held)}
+        return moved, before - after - self._held
+
+    def resting_on(self, i: int) -> tuple[int, ...]:
+        """Parts that press on a part."""
+        return tuple(sorted({touch.other for touch in self.world.touches(i)}))
+
+    def state(self) -> dict[str, Any]:
+        """All that the next step depends on, as values that pickle."""
+        return {"world": dict(self.world.state().data), "held": self._held}
+
+    def restore(self, state: Mapping[str, Any], constraints: Mapping[int, Constraint]) -> None:
+        """Go back to what `state` returned, in this or another process; the same parts have behaviours."""
+        self.join(constraints)
+        # joints are the same by what they say, though not the same objects when they come from a file
+        here = self.world.state().data["joints"]
+        self.world.restore(Snapshot({**state["world"], "joints": here}))
+        self._held = set(state["held"])
+
+
+def body_of(part: Part, material: str | float | None, mass: float | None) -> Body:
+    """Mass properties of a part.
+
+    material: a name from `physics.DENSITY`, or kg/m³; without it the part's own density counts, else that of steel.
+    mass: kg; scales mass and inertia.
+    """
+    density = material if material is not None else part.density if part.density is not None else "steel"
+    shape = part.shape
+    if shape.closed and shape.volume > 0.0:
+        body = Body.from_volume(shape.volume, shape.center, shape.inertia, density, part.name)
+    else:
+        body = Body.from_mesh(part.mesh, density, part.name)
+    if mass is None:
+        return body
+    return replace(body, mass=mass, inertia=body.inertia * (mass / body.mass))
+
+
+def spring(target: pin.SE3, like: SpringHand) -> SpringHand:
+    """The same hand, elsewhere."""
+    return replace(like, target=target)
