@@ -32,6 +32,8 @@ MAX_PASSES = 12
 """Passes of plan, project and sweep a step; what is left of the motion after them is left to the next step."""
 MAX_TURN = 0.5
 """rad a pass, within which a linear step is a fair guess for Newton."""
+MARGIN = 2.0
+"""Of `Tolerance.linear`: the gap that the linear rows keep, so that a slide stays out of the sweep's way."""
 FOLLOW = 1e-8
 """Weight of keeping the other bodies where they are, against 1 of bringing the held ones to the wanted poses."""
 
@@ -188,7 +190,7 @@ class _Plan:
         for _ in range(MAX_PASSES):
             x, rows, active = self._propose()
             target = self._moved(x)
-            reached, hit = self._sweep(target, rows)
+            reached, hit = self._sweep(target)
             if len(active):
                 self.acting.append(rows[active])
                 blocked = True
@@ -320,7 +322,7 @@ class _Plan:
                     local = sign * (pose.rotation.T @ normal)
                     c[i, k : k + 3] = local
                     c[i, k + 3 : k + 6] = np.cross(pose.actInv(point) - center, local) / radius
-            lower[i] = min(0.0, self.tolerance.linear - gap)
+            lower[i] = min(0.0, MARGIN * self.tolerance.linear - gap)
         return c, lower
 
     def _normal(self, row: Any) -> tuple[Array, float]:
@@ -380,31 +382,20 @@ class _Plan:
             target = target | dict(solve(self.constraints, at, self.bodies, self.tolerance).poses)
         return target
 
-    def _sweep(self, target: dict[int, pin.SE3], rows: NDArray[Any]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
+    def _sweep(self, target: dict[int, pin.SE3]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
         """How far along the screws to `target` the bodies get, and the rows of what stopped them."""
-        collision = self.motion.collision
         hit = None
-        touching = rows[rows["distance"] <= 0.0]
-        for row in touching:  # pairs that touch already are held by their inequality, not by the sweep
-            collision.ignore_surfaces(*_surface_pair(row))
-        try:
-            for _ in range(3):
-                found = collision.time_of_contact(target)
-                if found.t >= 1.0:
-                    return target, hit
-                hit = found.rows
-                start = {b: self.poses[b] for b in target}
-                target = self._projected({b: pin.SE3.Interpolate(start[b], target[b], found.t) for b in target})
-            return {b: self.poses[b] for b in target}, hit
-        finally:
-            for row in touching:
-                collision.heed_surfaces(*_surface_pair(row))
+        for _ in range(3):
+            found = self.motion.collision.time_of_contact(target)
+            if found.t >= 1.0:
+                return target, hit
+            hit = found.contacts
+            if found.t <= 0.0:
+                break
+            target = self._projected(dict(found.poses))
+        return {b: self.poses[b] for b in target}, hit
 
     def _commit(self, target: dict[int, pin.SE3]) -> None:
         for body, pose in target.items():
             self.poses[body] = pose
             self.motion.collision.set_pose(body, pose)
-
-
-def _surface_pair(row: Any) -> tuple[int, tuple[int, ...], int, tuple[int, ...]]:
-    return int(row["object_a"]), (int(row["surface_a"]),), int(row["object_b"]), (int(row["surface_b"]),)
