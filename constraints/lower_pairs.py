@@ -28,7 +28,7 @@ def name_joint(twists: Array, length: float, across: float) -> str:
     `length` (m) scales pitches and offsets; within `across` (rad, or of a length) directions are parallel, axes meet
     and pitches vanish.
 
-    "rigid", "revolute", "prismatic", "screw", "cylindrical", "pin-slot", "universal", "planar", "spherical",
+    "rigid", "revolute", "prismatic", "screw", "cylindrical", "universal", "planar", "spherical",
     "translational", "free", else "n-dof".
     """
     freedom = twists.shape[1]
@@ -54,8 +54,8 @@ def name_joint(twists: Array, length: float, across: float) -> str:
     pitch = abs(float(axis @ (turning[:3, 0] - sliding @ (sliding.T @ turning[:3, 0]))))
     if freedom == 2 and skew[0] > 1.0 - across:
         return "cylindrical"
-    if skew.max() < across and pitch < across:
-        return {2: "pin-slot", 3: "planar"}.get(freedom, f"{freedom}-dof")
+    if freedom == 3 and skew.max() < across and pitch < across:
+        return "planar"
     return f"{freedom}-dof"
 
 

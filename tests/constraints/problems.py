@@ -146,6 +146,24 @@ def slider_crank(angle: float = 0.7) -> Problem:
     return Problem(tuple(constraints), tuple(poses), 0.09)
 
 
+def sarrus() -> Problem:
+    """Sarrus' linkage (1853): two legs of three parallel hinges, at right angles, carry a platform straight up."""
+    x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    legs = [
+        (x, [np.array(p) for p in ([0, 0.1, 0], [0, 0.15, 0.05], [0, 0.1, 0.1])]),
+        (y, [np.array(p) for p in ([0.1, 0, 0], [0.15, 0, 0.05], [0.1, 0, 0.1])]),
+    ]
+    poses = [pin.SE3.Identity(), pin.SE3(np.eye(3), 0.1 * Z)]
+    constraints: list[Constraint] = []
+    for axis, (foot, knee, top) in legs:
+        lower, upper = len(poses), len(poses) + 1
+        poses += [pin.SE3(np.eye(3), (foot + knee) / 2), pin.SE3(np.eye(3), (knee + top) / 2)]
+        constraints += hinge(0, lower, poses[0], poses[lower], foot, axis, 0.1)
+        constraints += hinge(lower, upper, poses[lower], poses[upper], knee, axis, 0.1)
+        constraints += hinge(upper, 1, poses[upper], poses[1], top, axis, 0.1)
+    return Problem(tuple(constraints), tuple(poses), 0.1)
+
+
 def flange(bolts: int = 4, error: float = 0.0) -> Problem:
     """A cover on a housing: faces against, `bolts` holes each concentric; the last hole of the cover `error` m off."""
     constraints: list[Constraint] = [Against((0, 1), (Plane([0, 0, 0], Z), Plane([0, 0, 0], -Z)), size=0.05)]
