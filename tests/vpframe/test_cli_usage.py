@@ -6,10 +6,6 @@ import sys
 import pytest
 
 
-def vpframe(*arguments, **options):
-    return subprocess.run([sys.executable, "-m", "vpframe.cli", *arguments], capture_output=True, text=True, **options)
-
-
 def test_help_needs_none_of_the_heavy_imports():
     code = (
         "import sys; from vpframe.cli import main\n"
@@ -39,7 +35,7 @@ def test_help_needs_none_of_the_heavy_imports():
     ],
     ids=" ".join,
 )
-def test_bad_usage_is_one_line_and_exit_2(arguments, tmp_path):
+def test_bad_usage_is_one_line_and_exit_2(arguments, tmp_path, vpframe):
     done = vpframe(*arguments, cwd=tmp_path, timeout=120)
     assert done.returncode == 2, (done.stdout, done.stderr)
     assert done.stdout == ""
@@ -47,6 +43,6 @@ def test_bad_usage_is_one_line_and_exit_2(arguments, tmp_path):
     assert "internal error" not in done.stderr
 
 
-def test_the_line_names_the_file(tmp_path):
+def test_the_line_names_the_file(tmp_path, vpframe):
     done = vpframe("mates", "no_such_file.step", cwd=tmp_path)
     assert "no_such_file.step" in done.stderr

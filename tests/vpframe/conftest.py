@@ -1,0 +1,22 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent.parent
+
+
+@pytest.fixture(scope="session")
+def vpframe():
+    """Run the command line through its real entry point, the installed script if there is one."""
+    script = Path(sys.executable).parent / "vpframe"
+    command = [str(script)] if script.exists() else [sys.executable, "-m", "vpframe.cli"]
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+
+    def run(*arguments, **options):
+        options.setdefault("env", {**os.environ, "PYTHONPATH": path})
+        return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, **options)
+
+    return run
