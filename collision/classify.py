@@ -1,6 +1,6 @@
 """Clash, contact, clearance, containment: what a user of DMU tools calls the nearness of two parts.
 
-With the tolerance tol = `Tolerance.linear` + the deflection of the tessellation, two surfaces are in
+With the tolerance tol = `Tolerance.linear` + the deflections of the two tessellations, two surfaces are in
 
 - clash, if they meet and reach deeper than tol into one another (see `collision.penetration`);
 - contact, if they meet less deeply, or are at most tol apart: flush faces, a faceted bolt in its faceted bore;
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from collision.containment import contains, signed_distances, solid_of
 from collision.errors import CollisionError
@@ -59,7 +59,7 @@ class PairClass:
 def classify(
     manager: CollisionManager,
     clearance: float = 0.0,
-    deflection: float = 0.0,
+    deflection: float | Sequence[ArrayLike] = 0.0,
     authorised: Iterable[Sequence[int]] = (),
     objects: Iterable[int] | None = None,
 ) -> list[PairClass]:
@@ -68,7 +68,8 @@ def classify(
     Parameters
     ----------
     clearance: m, wanted between parts.
-    deflection: m, by which the tessellations may be off their true surfaces, both together.
+    deflection: m, by which the tessellations of two surfaces may be off the true ones, both together; or for every
+        object the deflections of its surfaces, one each.
     authorised: pairs of objects (i, j), or of surfaces (i, surface of i, j, surface of j), whose clash is meant, such
         as a press fit: they are listed as "authorised".
     objects: only pairs with at least one of these; None for all.
@@ -77,21 +78,24 @@ def classify(
     -------
     Sorted by objects, the parts' own kind (surfaces None) before their surfaces' pairs.
     """
-    for name, value in (("clearance", clearance), ("deflection", deflection)):
-        if not 0.0 <= value < np.inf:
-            raise CollisionError(f"{name} is {value!r}; give a finite length of at least 0 m")
+    if not 0.0 <= clearance < np.inf:
+        raise CollisionError(f"clearance is {clearance!r}; give a finite length of at least 0 m")
+    slack = _deflections(manager, deflection)
     meant = _authorised(authorised)
-    near = manager.tolerance.linear + deflection
     found: list[PairClass] = []
-    for i, j in manager.object_pairs(objects, max(clearance, near)).tolist():
-        rows = pair_contacts(manager, i, j, max(clearance, near))
+    widest = manager.tolerance.linear + 2.0 * max((float(d.max()) for d in slack.values()), default=0.0)
+    for i, j in manager.object_pairs(objects, max(clearance, widest)).tolist():
+        nearness = manager.tolerance.linear + slack[i][:, None] + slack[j][None, :]
+        rows = pair_contacts(manager, i, j, max(clearance, float(nearness.max())))
         depths = {}
         if (rows["distance"] == 0.0).any():
             depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in penetration(manager, i, j)}
         pairs: list[PairClass] = []
         for row in rows:
             surfaces = int(row["surface_a"]), int(row["surface_b"])
-            distance = float(row["distance"])
+            distance, near = float(row["distance"]), float(nearness[surfaces])
+            if distance > max(near, clearance):
+                continue
             deep = depths.get(surfaces)
             depth = 0.0 if deep is None else float(deep["depth"])
             kind: Kind = "clash" if depth > near else ("contact" if distance <= near else "clearance")
@@ -100,7 +104,7 @@ def classify(
             witness = deep["point"] if deep is not None and depth > near else (row["point_a"] + row["point_b"]) / 2
             pairs.append(PairClass(kind, (i, j), surfaces, distance, depth, np.array(witness)))
         if not any(pair.kind in ("clash", "authorised") for pair in pairs):
-            whole = _as_a_whole(manager, i, j, bool(depths), near, (i, j) in meant)
+            whole = _as_a_whole(manager, i, j, bool(depths), float(nearness.max()), (i, j) in meant)
             if whole is not None:
                 found.append(whole)
         found += pairs
@@ -113,6 +117,18 @@ def by_parts(classes: Iterable[PairClass]) -> Mapping[tuple[int, int], Kind]:
     for pair in classes:
         worst = out.get(pair.objects, pair.kind)
         out[pair.objects] = min(worst, pair.kind, key=KINDS.index)
+    return out
+
+
+def _deflections(manager: CollisionManager, deflection: float | Sequence[ArrayLike]) -> dict[int, NDArray[np.float64]]:
+    """Of every surface of every object; half of a deflection that is given for both of a pair."""
+    out = {}
+    for i in manager.objects:
+        given = deflection / 2.0 if isinstance(deflection, (int, float)) else deflection[i]
+        surfaces = manager.mesh(i).n_surfaces
+        out[i] = np.broadcast_to(np.asarray(given, dtype=np.float64), (surfaces,))
+        if not (np.isfinite(out[i]).all() and (out[i] >= 0.0).all()):
+            raise CollisionError(f"deflection of object {i} is {given!r}; give finite lengths of at least 0 m")
     return out
 
 

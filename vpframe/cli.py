@@ -95,6 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = add("clash", _clash, "clash, contact, clearance and containment by surface pair; exit 1 if there is a clash")
     sub.add_argument("files", metavar="FILE", nargs="+", help="models; several are put into one scene as they stand")
     sub.add_argument("--clearance", metavar="LENGTH", type=_length, default=0.0, help="also list pairs nearer than it")
+    sub.add_argument("--authorise", metavar="A:B", action="append", default=[], help="a pair of parts meant to clash")
     _add_loading(sub)
     sub.add_argument("--json", action="store_true")
 
@@ -203,7 +204,7 @@ def _clash(arguments: argparse.Namespace) -> int:
 
     with _document(arguments.json) as emit:
         scene = clash.merged([_load(path, arguments) for path in arguments.files])
-        document = clash.clash(scene, clearance=arguments.clearance)
+        document = clash.clash(scene, arguments.clearance, authorised=clash.authorised_pairs(arguments.authorise))
         emit(document)
         if not arguments.json:
             print(clash.table(document))

@@ -1,0 +1,126 @@
+"""Clash, contact, clearance and containment of a scene as it stands: what `vpframe clash FILE...` prints.
+
+Triangles are judged with the deflection of their surfaces in mind. Round surfaces that fit each other, a shaft in its
+bore, are judged on their radii and axes instead, because tessellation alone is off by more than such a fit is wide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from collision import CollisionManager, Tolerance
+from collision.classify import KINDS, classify
+from constraints import recognise
+from vpframe.deflection import deflections
+from vpframe.errors import VpframeError
+from vpframe.scene import Scene
+
+BAD_KINDS = ("clash", "containment")
+ROUND_FITS = ("concentric", "spherical")
+"""kinds whose residual is how far the centres are apart, so that gap = fit - residual"""
+
+
+def merged(scenes: Sequence[Scene]) -> Scene:
+    """Several scenes as one, each in its own coordinates; parts are then called `file/part`."""
+    if len(scenes) == 1:
+        return scenes[0]
+    out = Scene()
+    stems: dict[str, int] = {}
+    for scene in scenes:
+        stem = Path(scene.source or "scene").stem
+        stems[stem] = stems.get(stem, 0) + 1
+        prefix = stem if stems[stem] == 1 else f"{stem}_{stems[stem]}"
+        for part in scene.parts:
+            out.add(replace(part, name=f"{prefix}/{part.name}"))
+    out.notes = tuple(f"{scene.source}: {note}" for scene in scenes for note in scene.notes)
+    return out
+
+
+def clash(
+    scene: Scene,
+    clearance: float = 0.0,
+    tolerance: Tolerance | None = None,
+    authorised: Iterable[tuple[str, str]] = (),
+) -> dict[str, Any]:
+    """Every pair of surfaces that clashes, touches or is nearer than `clearance` (m).
+
+    Parameters
+    ----------
+    tolerance: surfaces that reach at most `tolerance.linear` into each other are in contact, not in clash.
+    authorised: pairs of parts, by name, whose clash is meant: a press fit.
+
+    Returns
+    -------
+    {"pairs": [{"kind", "parts": [a, b], "surfaces": [i, j], "distance", "depth", "reason"}]}, lengths in metres, in the
+    order of parts and surfaces; `surfaces` is empty where the parts as a whole are meant (containment, coincidence).
+    """
+    t = replace(tolerance or Tolerance(), reach=0.0, reach_angular=0.0)
+    manager = CollisionManager(t)
+    for part in scene.parts:
+        manager.add(part.mesh, part.pose)
+    meant = [(scene.index(a), scene.index(b)) for a, b in authorised]
+    sag = {shape: deflections(shape) for shape in {part.shape for part in scene.parts}}
+    found = classify(manager, clearance, [sag[part.shape] for part in scene.parts], meant)
+    rows: dict[tuple[int, ...], tuple[str, float, float, str]] = {
+        (*p.objects, *(p.surfaces or ())): (p.kind, p.distance, p.depth, p.reason) for p in found
+    }
+    allowed = {frozenset(pair) for pair in meant}
+    contacts = manager.contacts(within=max(t.linear, t.clearance))
+    for candidate in recognise([p.features for p in scene.parts], [p.pose for p in scene.parts], contacts, t):
+        if candidate.kind not in ROUND_FITS or candidate.match.fit is None:
+            continue
+        gap = candidate.match.fit - candidate.residual
+        a, b = candidate.bodies
+        for i in candidate.surfaces[0]:
+            for j in candidate.surfaces[1]:
+                rows.pop((a, b, i, j), None)
+                if gap <= max(t.linear, clearance):
+                    kind = "clash" if gap < -t.linear else "contact" if gap <= t.linear else "clearance"
+                    if kind == "clash" and frozenset((a, b)) in allowed:
+                        kind = "authorised"
+                    rows[a, b, i, j] = (kind, max(gap, 0.0), max(-gap, 0.0), candidate.why)
+    names = scene.names
+    return {
+        "pairs": [
+            {
+                "kind": kind,
+                "parts": [names[key[0]], names[key[1]]],
+                "surfaces": list(key[2:]),
+                "distance": distance,
+                "depth": depth,
+                "reason": reason,
+            }
+            for key, (kind, distance, depth, reason) in sorted(rows.items())
+        ]
+    }
+
+
+def table(document: dict[str, Any]) -> str:
+    """What `clash` found, for a person: a line a pair of surfaces, the gravest first."""
+    pairs = document["pairs"]
+    if not pairs:
+        return "no two parts touch"
+    counts = ((kind, sum(p["kind"] == kind for p in pairs)) for kind in KINDS)
+    lines = [", ".join(f"{n} {kind}" for kind, n in counts if n)]
+    for pair in sorted(pairs, key=lambda p: KINDS.index(p["kind"])):
+        where = "surfaces {} – {}".format(*pair["surfaces"]) if pair["surfaces"] else "as a whole"
+        if pair["depth"] > 0.0:
+            size = f"{pair['depth'] * 1e3:.3f} mm deep"
+        else:
+            size = f"{pair['distance'] * 1e3:.3f} mm apart" if pair["distance"] > 0.0 else "touching"
+        lines.append(f"  {pair['kind']:11}  {pair['parts'][0]} – {pair['parts'][1]}: {where}, {size}")
+    return "\n".join(lines)
+
+
+def authorised_pairs(text: Iterable[str]) -> list[tuple[str, str]]:
+    """Pairs of part names written `a:b`. Raises VpframeError where there are not two."""
+    out = []
+    for entry in text:
+        a, colon, b = entry.partition(":")
+        if not (a and colon and b):
+            raise VpframeError(f"authorised pair {entry!r}: write two part names as A:B")
+        out.append((a, b))
+    return out
