@@ -3,7 +3,7 @@
 With the tolerance tol = `Tolerance.linear` + the deflections of the two tessellations, two surfaces are in
 
 - clash, if they meet and reach deeper than tol into one another (see `collision.penetration`);
-- contact, if they meet less deeply, or are at most tol apart: flush faces, a faceted bolt in its faceted bore;
+- contact, if they meet less deeply, or are at most `Tolerance.linear` apart: flush faces, a faceted bolt in its bore;
 - clearance, if they are farther apart than that, but nearer than the clearance asked for.
 
 Two parts are in containment if one lies wholly inside the other. They clash without any pair of surfaces that does so
@@ -80,13 +80,12 @@ def classify(
     """
     if not 0.0 <= clearance < np.inf:
         raise CollisionError(f"clearance is {clearance!r}; give a finite length of at least 0 m")
-    slack = _deflections(manager, deflection)
+    slack, tolerance = _deflections(manager, deflection), manager.tolerance.linear
     meant = _authorised(authorised)
     found: list[PairClass] = []
-    widest = manager.tolerance.linear + 2.0 * max((float(d.max()) for d in slack.values()), default=0.0)
-    for i, j in manager.object_pairs(objects, max(clearance, widest)).tolist():
-        nearness = manager.tolerance.linear + slack[i][:, None] + slack[j][None, :]
-        rows = pair_contacts(manager, i, j, max(clearance, float(nearness.max())))
+    for i, j in manager.object_pairs(objects, max(clearance, tolerance)).tolist():
+        nearness = tolerance + slack[i][:, None] + slack[j][None, :]
+        rows = pair_contacts(manager, i, j, max(clearance, tolerance))
         depths = {}
         if (rows["distance"] == 0.0).any():
             depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in penetration(manager, i, j)}
@@ -94,11 +93,11 @@ def classify(
         for row in rows:
             surfaces = int(row["surface_a"]), int(row["surface_b"])
             distance, near = float(row["distance"]), float(nearness[surfaces])
-            if distance > max(near, clearance):
+            if distance > max(tolerance, clearance):
                 continue
             deep = depths.get(surfaces)
             depth = 0.0 if deep is None else float(deep["depth"])
-            kind: Kind = "clash" if depth > near else ("contact" if distance <= near else "clearance")
+            kind: Kind = "clash" if depth > near else "contact" if distance <= tolerance else "clearance"
             if kind == "clash" and ((i, j) in meant or (i, surfaces[0], j, surfaces[1]) in meant):
                 kind = "authorised"
             witness = deep["point"] if deep is not None and depth > near else (row["point_a"] + row["point_b"]) / 2

@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from collision import CONTACT_DTYPE, SurfaceMesh, Tolerance
 from constraints.candidate import Candidate
-from constraints.geometry import Cylinder
 from constraints.kinds import Constraint
 from constraints.manager import ConstraintManager
-from constraints.sleeve import faces_within, faces_without
+from constraints.sleeve import sleeve
 from constraints.solver import solve
 from constraints.system import systems
 
@@ -132,17 +131,10 @@ class Motion:
 
     def _sleeve(self, candidate: Candidate) -> tuple[Pairing, ...]:
         """Of a shaft in a bore: the faces that cannot meet while the two share their axis."""
-        a, fa, b, fb, _ = candidate.key
-        first, second = candidate.geometries
-        if candidate.kind != "concentric" or not (isinstance(first, Cylinder) and isinstance(second, Cylinder)):
-            return ()
-        features = self.constraints.recogniser.features
-        mesh_a, mesh_b = self.collision.mesh(a), self.collision.mesh(b)
-        if features[a][fa].sense > 0:
-            inner = faces_within(mesh_a, first, self.tolerance.fit)
-            return ((a, inner, b, faces_without(mesh_b, second, features[b][fb].surfaces)),)
-        inner = faces_within(mesh_b, second, self.tolerance.fit)
-        return ((a, faces_without(mesh_a, first, features[a][fa].surfaces), b, inner),)
+        a, _, b, _, _ = candidate.key
+        meshes = self.collision.mesh(a), self.collision.mesh(b)
+        faces = sleeve(candidate, self.constraints.recogniser.features, meshes, self.tolerance.fit)
+        return () if faces is None else ((a, faces[0], b, faces[1]),)
 
     def step(self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3], movable: Iterable[int]) -> MotionResult:
         """Move the bodies in `wanted` towards the poses given, and with them what their constraints take along.

@@ -7,13 +7,37 @@ bolt although the two rims are polygons that cross. A flange or a shoulder is no
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh
+from constraints.candidate import Candidate
+from constraints.features import Feature
 from constraints.geometry import Cylinder, perpendicular
 
 Array = NDArray[np.float64]
+
+
+def sleeve(
+    candidate: Candidate,
+    features: Sequence[Sequence[Feature]],
+    meshes: tuple[SurfaceMesh, SurfaceMesh],
+    slack: float,
+) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
+    """Faces of a candidate's two bodies of which none of the first can meet any of the second while it holds.
+
+    features: of every body. meshes: of the candidate's two bodies. slack: m, see `faces_within`. None for candidates
+    that are no shaft in a bore.
+    """
+    a, fa, b, fb, _ = candidate.key
+    first, second = candidate.geometries
+    if candidate.kind != "concentric" or not (isinstance(first, Cylinder) and isinstance(second, Cylinder)):
+        return None
+    if features[a][fa].sense > 0:
+        return faces_within(meshes[0], first, slack), faces_without(meshes[1], second, features[b][fb].surfaces)
+    return faces_without(meshes[0], first, features[a][fa].surfaces), faces_within(meshes[1], second, slack)
 
 
 def faces_within(mesh: SurfaceMesh, shaft: Cylinder, slack: float) -> tuple[int, ...]:

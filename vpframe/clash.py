@@ -6,14 +6,16 @@ bore, are judged on their radii and axes instead, because tessellation alone is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 from collision import CollisionManager, Tolerance
 from collision.classify import KINDS, classify
 from constraints import recognise
+from constraints.sleeve import sleeve
 from vpframe.deflection import deflections
 from vpframe.errors import VpframeError
 from vpframe.scene import Scene
@@ -68,20 +70,15 @@ def clash(
         (*p.objects, *(p.surfaces or ())): (p.kind, p.distance, p.depth, p.reason) for p in found
     }
     allowed = {frozenset(pair) for pair in meant}
-    contacts = manager.contacts(within=max(t.linear, t.clearance))
-    for candidate in recognise([p.features for p in scene.parts], [p.pose for p in scene.parts], contacts, t):
-        if candidate.kind not in ROUND_FITS or candidate.match.fit is None:
-            continue
-        gap = candidate.match.fit - candidate.residual
-        a, b = candidate.bodies
-        for i in candidate.surfaces[0]:
-            for j in candidate.surfaces[1]:
-                rows.pop((a, b, i, j), None)
-                if gap <= max(t.linear, clearance):
-                    kind = "clash" if gap < -t.linear else "contact" if gap <= t.linear else "clearance"
-                    if kind == "clash" and frozenset((a, b)) in allowed:
-                        kind = "authorised"
-                    rows[a, b, i, j] = (kind, max(gap, 0.0), max(-gap, 0.0), candidate.why)
+    for fit in _fits(scene, manager):
+        for key in fit.mated | (fit.beside & rows.keys()):
+            rows.pop(key, None)
+            if fit.gap > max(t.linear, clearance):
+                continue
+            kind = "clash" if fit.gap < -t.linear else "contact" if fit.gap <= t.linear else "clearance"
+            if kind == "clash" and frozenset(key[:2]) in allowed:
+                kind = "authorised"
+            rows[key] = (kind, max(fit.gap, 0.0), max(-fit.gap, 0.0), fit.why)
     names = scene.names
     return {
         "pairs": [
@@ -96,6 +93,36 @@ def clash(
             for key, (kind, distance, depth, reason) in sorted(rows.items())
         ]
     }
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Round surfaces that fit each other as the scene stands."""
+
+    gap: float
+    """m between them where they are nearest; negative for interference"""
+    why: str
+    mated: set[tuple[int, ...]]
+    """(part a, part b, surface of a, surface of b) of the two features"""
+    beside: set[tuple[int, ...]]
+    """the same of the faces that cannot be nearer to each other than the two features are"""
+
+
+def _fits(scene: Scene, manager: CollisionManager) -> Iterator[_Fit]:
+    t = manager.tolerance
+    features = [part.features for part in scene.parts]
+    contacts = manager.contacts(within=max(t.linear, t.clearance))
+    for candidate in recognise(features, [part.pose for part in scene.parts], contacts, t):
+        if candidate.kind not in ROUND_FITS or candidate.match.fit is None:
+            continue
+        a, b = candidate.bodies
+        beside = sleeve(candidate, features, (manager.mesh(a), manager.mesh(b)), t.fit) or ((), ())
+        yield _Fit(
+            candidate.match.fit - candidate.residual,
+            candidate.why,
+            {(a, b, i, j) for i, j in product(*candidate.surfaces)},
+            {(a, b, i, j) for i, j in product(*beside)},
+        )
 
 
 def table(document: dict[str, Any]) -> str:

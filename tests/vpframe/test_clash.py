@@ -66,7 +66,7 @@ def test_identical_parts_in_one_place_clash():
 
 def test_the_table_names_parts_and_counts_kinds():
     text = table(clash(shaft_in_bore(0.01002)))
-    assert text.startswith("1 clash") and "block – shaft" in text and "0.020 mm deep" in text
+    assert text.startswith("3 clash") and "block – shaft" in text and "0.020 mm deep" in text
     assert table({"pairs": []}) == "no two parts touch"
 
 
