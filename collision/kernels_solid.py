@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from collision.kernels_distance import STACK, _along, _cross, _dot, _sub, closest_on_segment
+from collision.kernels_distance import STACK, _along, _cross, _dot, _sub, closest_on_segment, planes_part
+from collision.polygons import triangles_meet
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def winding_number(vertices, triangles, p):
     """How often the mesh winds about p: the sum of the triangles' signed solid angles, over 4π.
 
@@ -28,7 +29,7 @@ def winding_number(vertices, triangles, p):
     return total / (4.0 * np.pi)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def closest_on_triangle(p, a, b, c):
     """(nearest point, where it lies: 0 … 2 on the edge ab, bc, ca, 3 … 5 in the corner a, b, c, 6 inside)."""
     n = _cross(_sub(b, a), _sub(c, a))
@@ -58,7 +59,7 @@ def closest_on_triangle(p, a, b, c):
     return nearest, feature
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _gap(box, i, p):
     x = max(0.0, box[i, 0] - p[0], p[0] - box[i, 3])
     y = max(0.0, box[i, 1] - p[1], p[1] - box[i, 4])
@@ -66,19 +67,17 @@ def _gap(box, i, p):
     return x * x + y * y + z * z
 
 
-@njit(cache=True, nogil=True)
-def signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, p, stack, gap):
-    """(distance, negative behind the surface; nearest point; its triangle, in leaf order) of the mesh and a point.
+@njit(cache=True, nogil=True, error_model="numpy")
+def distance(root, vertices, box, second, first, count, corner, p, bound, stack, gap):
+    """(squared distance, nearest point, its triangle in leaf order, feature) of a point and the triangles below a node.
 
-    The side is told by the pseudonormal of the nearest feature, which is right for any closed mesh (Bærentzen & Aanæs,
-    "Signed Distance Computation Using the Angle Weighted Pseudonormal", 2005). face: (m, 3), edge: (m, 3, 3), vertex:
-    (m, 3, 3) pseudonormals by triangle in leaf order.
+    Only what is nearer than `bound` (squared, m²) is looked for; triangle -1 if there is nothing.
     """
-    best = np.inf
+    best = bound
     nearest = p
     triangle, feature = -1, 6
-    stack[0] = 0
-    gap[0] = _gap(box, 0, p)
+    stack[0] = root
+    gap[0] = _gap(box, root, p)
     top = 1
     while top > 0:
         top -= 1
@@ -103,6 +102,18 @@ def signed_distance(vertices, box, second, first, count, corner, face, edge, ver
         stack[top], gap[top] = far, g1
         stack[top + 1], gap[top + 1] = near, g0
         top += 2
+    return best, nearest, triangle, feature
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, p, stack, gap):
+    """(distance, negative behind the surface; nearest point; its triangle, in leaf order) of the mesh and a point.
+
+    The side is told by the pseudonormal of the nearest feature, which is right for any closed mesh (Bærentzen & Aanæs,
+    "Signed Distance Computation Using the Angle Weighted Pseudonormal", 2005). face: (m, 3), edge: (m, 3, 3), vertex:
+    (m, 3, 3) pseudonormals by triangle in leaf order.
+    """
+    best, nearest, triangle, feature = distance(0, vertices, box, second, first, count, corner, p, np.inf, stack, gap)
     if feature == 6:
         n = (face[triangle, 0], face[triangle, 1], face[triangle, 2])
     elif feature < 3:
@@ -110,13 +121,11 @@ def signed_distance(vertices, box, second, first, count, corner, face, edge, ver
     else:
         k = feature - 3
         n = (vertex[triangle, k, 0], vertex[triangle, k, 1], vertex[triangle, k, 2])
-    distance = np.sqrt(best)
-    if _dot(n, _sub(p, nearest)) < 0.0:
-        distance = -distance
-    return distance, nearest, triangle
+    apart = np.sqrt(best)
+    return (-apart if _dot(n, _sub(p, nearest)) < 0.0 else apart), nearest, triangle
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def signed_distances(vertices, box, second, first, count, corner, face, edge, vertex, points, out):
     """`signed_distance` of many points (n, 3): distances into `out` (n,)."""
     stack, gap = np.empty(STACK, np.int64), np.empty(STACK)
@@ -125,7 +134,7 @@ def signed_distances(vertices, box, second, first, count, corner, face, edge, ve
         out[i], _, _ = signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, p, stack, gap)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _to_triangle(vertices, corner, t, p):
     a = (vertices[corner[t, 0], 0], vertices[corner[t, 0], 1], vertices[corner[t, 0], 2])
     b = (vertices[corner[t, 1], 0], vertices[corner[t, 1], 1], vertices[corner[t, 1], 2])
@@ -135,17 +144,48 @@ def _to_triangle(vertices, corner, t, p):
     return np.sqrt(_dot(w, w))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _meets(vertices, box, second, first, count, corner, p, q, r, stack, work):
+    """Whether the triangle p q r meets any of the mesh."""
+    low = (min(p[0], q[0], r[0]), min(p[1], q[1], r[1]), min(p[2], q[2], r[2]))
+    high = (max(p[0], q[0], r[0]), max(p[1], q[1], r[1]), max(p[2], q[2], r[2]))
+    stack[0] = 0
+    top = 1
+    while top > 0:
+        top -= 1
+        i = stack[top]
+        if (
+            box[i, 0] > high[0] or low[0] > box[i, 3]
+            or box[i, 1] > high[1] or low[1] > box[i, 4]
+            or box[i, 2] > high[2] or low[2] > box[i, 5]
+        ):  # fmt: skip
+            continue
+        if second[i] >= 0:
+            stack[top], stack[top + 1] = i + 1, second[i]
+            top += 2
+            continue
+        for t in range(first[i], first[i] + count[i]):
+            a = (vertices[corner[t, 0], 0], vertices[corner[t, 0], 1], vertices[corner[t, 0], 2])
+            b = (vertices[corner[t, 1], 0], vertices[corner[t, 1], 1], vertices[corner[t, 1], 2])
+            c = (vertices[corner[t, 2], 0], vertices[corner[t, 2], 1], vertices[corner[t, 2], 2])
+            if not planes_part(a, b, c, p, q, r, 0.0) and triangles_meet(a, b, c, p, q, r, work):
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def deepest(
     vertices, box, second, first, count, corner, face, edge, vertex, surface_of,
-    points, surface, precision, budget, out,
+    points, surface, root, precision, budget, out, work,
 ):  # fmt: skip
     """The point of the triangles `points` (n, 9) that lies deepest behind the mesh, nearest to its surface `surface`.
 
     Branch and bound over halved triangles. A triangle's points are at most as deep as its corners are far from one
-    triangle of the mesh (the distance to a convex set is convex), and at most by its radius deeper than its middle.
-    Found to within `precision` (m), or after `budget` points the deepest of those. out: (7,) depth >= 0, the point, the
-    nearest point of the mesh. Returns whether a point behind the surface was found.
+    triangle of the mesh (the distance to a convex set is convex), and at most by its radius deeper than its middle;
+    they are no deeper than some step by which the whole triangle comes out of the solid. None of them is nearest to the
+    surface, whose subtree is `root`, if that lies farther from the middle than radius and greatest depth together.
+    Found to within `precision` (m) and 1 %, or after `budget` triangles the deepest seen. out: (7,) depth >= 0, the
+    point, the nearest point of the mesh; all 0 if nothing lies behind.
     """
     stack, gap = np.empty(STACK, np.int64), np.empty(STACK)
     room = 4 * len(points) + 256
@@ -153,7 +193,6 @@ def deepest(
     todo[: len(points)] = points
     top = len(points)
     depth = 0.0
-    found = False
     while top > 0 and budget > 0:
         top -= 1
         budget -= 1
@@ -161,32 +200,48 @@ def deepest(
         x1, y1, z1 = todo[top, 3], todo[top, 4], todo[top, 5]
         x2, y2, z2 = todo[top, 6], todo[top, 7], todo[top, 8]
         c = ((x0 + x1 + x2) / 3.0, (y0 + y1 + y2) / 3.0, (z0 + z1 + z2) / 3.0)
-        distance, q, t = signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, c, stack, gap)
+        apart, q, t = signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, c, stack, gap)
         radius, bound = 0.0, 0.0
         for k in range(3):
             p = (todo[top, 3 * k], todo[top, 3 * k + 1], todo[top, 3 * k + 2])
             w = _sub(p, c)
             radius = max(radius, np.sqrt(_dot(w, w)))
             bound = max(bound, _to_triangle(vertices, corner, t, p))
-        bound = min(bound, radius - distance)
+        bound = min(bound, radius - apart)
+        if bound <= 1.01 * depth + precision:
+            continue
+        if surface_of[t] != surface:
+            reach = radius + bound
+            _, _, near, _ = distance(root, vertices, box, second, first, count, corner, c, reach * reach, stack, gap)
+            if near < 0:
+                continue
         for k in range(4):  # the middle, then the corners
             if k == 0:
-                p, d, f, u = c, distance, q, t
-            elif bound > depth:
+                p, d, f, u = c, apart, q, t
+            else:
                 p = (todo[top, 3 * k - 3], todo[top, 3 * k - 2], todo[top, 3 * k - 1])
                 d, f, u = signed_distance(
                     vertices, box, second, first, count, corner, face, edge, vertex, p, stack, gap
                 )
-            else:
-                break
             if -d > depth and surface_of[u] == surface:
-                found = True
                 depth = -d
                 out[0] = depth
                 for i in range(3):
                     out[1 + i], out[4 + i] = p[i], f[i]
-        if bound <= depth + precision or top + 2 > room:
+        step = 1.01 * depth + precision
+        if bound <= step or top + 2 > room:
             continue
+        sx, sy, sz = step * face[t, 0], step * face[t, 1], step * face[t, 2]
+        out_p = (x0 + sx, y0 + sy, z0 + sz)
+        out_q = (x1 + sx, y1 + sy, z1 + sz)
+        out_r = (x2 + sx, y2 + sy, z2 + sz)
+        if not _meets(vertices, box, second, first, count, corner, out_p, out_q, out_r, stack, work):
+            c = (c[0] + sx, c[1] + sy, c[2] + sz)
+            apart, _, _ = signed_distance(
+                vertices, box, second, first, count, corner, face, edge, vertex, c, stack, gap
+            )
+            if apart > 0.0:
+                continue
         # halve the longest edge
         e0 = (x1 - x0) ** 2 + (y1 - y0) ** 2 + (z1 - z0) ** 2
         e1 = (x2 - x1) ** 2 + (y2 - y1) ** 2 + (z2 - z1) ** 2
@@ -203,4 +258,3 @@ def deepest(
         row[0], row[1], row[2], row[3], row[4], row[5] = mx, my, mz, x1, y1, z1
         row[6], row[7], row[8] = x2, y2, z2
         top += 2
-    return found

@@ -9,7 +9,7 @@ translation into the material as long as the nearest surface stays the same; it 
 thickness, for beyond the middle the other side is nearer. Surfaces that only touch have depth 0. Behind means inside
 for closed meshes; an open mesh counts as the boundary of what lies behind it.
 
-Depths are found by branch and bound to a hundredth of `Tolerance.linear`, from below.
+Depths are found by branch and bound, from below, to within 1 % and a hundredth of `Tolerance.linear`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ PENETRATION_DTYPE = np.dtype(
 """One row a pair of surfaces that meet, `object_a < object_b`, rows sorted by the four ids."""
 
 BUDGET: Final = 20000
-"""Points looked at for one surface in another; beyond it the deepest of those counts."""
+"""Triangles, halved ones too, looked at for one surface in another; beyond it the deepest point seen counts."""
 
 
 def penetration(manager: CollisionManager, i: int, j: int) -> NDArray[Any]:
@@ -96,6 +96,7 @@ def _deepest(
 ) -> NDArray[np.float64]:
     """(7,) depth, point and nearest boundary point of a surface of `other`, posed in the frame of `solid`."""
     from collision import kernels_solid as kernels
+    from collision.predicates import workspace
 
     tree, boundary = tree_of(solid), solid_of(solid)
     out = np.zeros(7)
@@ -105,6 +106,7 @@ def _deepest(
     kernels.deepest(
         solid.vertices, tree.box, tree.second, tree.first, tree.count, tree.corner,
         boundary.face, boundary.edge, boundary.vertex, solid.surface_of_triangle[tree.order],
-        np.ascontiguousarray(corners[near].reshape(-1, 9)), surface, precision, BUDGET, out,
+        np.ascontiguousarray(corners[near].reshape(-1, 9)), surface, tree.root[surface], precision, BUDGET, out,
+        workspace(),
     )  # fmt: skip
     return out
