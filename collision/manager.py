@@ -226,11 +226,11 @@ class CollisionManager:
 
         return penetration(self, i, j)
 
-    def time_of_contact(self, moves: Mapping[int, pin.SE3]) -> Any:
+    def time_of_contact(self, moves: Mapping[int, pin.SE3], deflection: float = 0.0) -> Any:
         """First contact on the way of the given objects to the given poses; see `collision.sweep`."""
         from collision.sweep import time_of_contact
 
-        return time_of_contact(self, moves)
+        return time_of_contact(self, moves, deflection)
 
     @property
     def statistics(self) -> Statistics:

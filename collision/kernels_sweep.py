@@ -1,0 +1,398 @@
+"""Numba kernels of `collision.sweep`: conservative advancement over two trees.
+
+At a time t every pair of nodes (or of triangles) yields a certificate: a direction n in a's frame along which it is
+separated by g, the speed s at which b's points can close that gap at t, and a bound k of how fast that speed can grow.
+The pair then stays apart for as long as s·dt + k·dt²/2 < g. The least such dt over the pair of trees is the step, found
+by branch and bound (Tang, Kim & Manocha, "C²A: Controlled Conservative Advancement", ICRA 2009; here n is any
+separating direction, and the second-order term lets motion along a surface be told from motion towards it).
+
+Both objects move along screws: body twists (v, w) are constant over t in [0, 1]. A point x of b, in a's frame, moves
+with u = dv + dw × x, dw = R·w_b - w_a. In the world, where dw is constant, du/dt = dw × (the velocity x has by b's own
+motion, of constant length), and a's frame turns with w_a; so for n fixed in a's frame
+
+    |n·du/dt| <= |n × w_a|·|u| + (|n × dw| + |w_a × dw|)·|v_b + w_b × x_b|
+
+where |w_a × dw| bounds how far dw can turn in a's frame within the unit of time.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+
+from collision.kernels_distance import (
+    STACK,
+    _cross,
+    _dot,
+    _size,
+    _sub,
+    box_gap,
+    closest_features,
+    move,
+    planes_part,
+    rounding_of,
+)
+from collision.polygons import triangles_meet
+
+STEPS: Final = 20000
+"""Advancements after which a pair counts as in contact at the time reached: a guard that stays on the safe side."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _norm(u):
+    return np.sqrt(_dot(u, u))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turned(rotation, u):
+    return (
+        rotation[0, 0] * u[0] + rotation[0, 1] * u[1] + rotation[0, 2] * u[2],
+        rotation[1, 0] * u[0] + rotation[1, 1] * u[1] + rotation[1, 2] * u[2],
+        rotation[2, 0] * u[0] + rotation[2, 1] * u[1] + rotation[2, 2] * u[2],
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def pose_at(rotation, translation, twist, t, rotation_t, translation_t):
+    """Write the pose (rotation, translation)·exp(t·twist); twist = (v, w) in the body frame (Rodrigues' formula)."""
+    wx, wy, wz = twist[3] * t, twist[4] * t, twist[5] * t
+    angle = np.sqrt(wx * wx + wy * wy + wz * wz)
+    if angle < 1e-4:  # the series, to the last bit at this size
+        s, c, e = 1.0 - angle * angle / 6.0, 0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0
+    else:
+        s = np.sin(angle) / angle
+        half = np.sin(0.5 * angle) / angle
+        c = 2.0 * half * half
+        e = (1.0 - s) / (angle * angle)
+    vx, vy, vz = twist[0] * t, twist[1] * t, twist[2] * t
+    cx, cy, cz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
+    dx, dy, dz = wy * cz - wz * cy, wz * cx - wx * cz, wx * cy - wy * cx
+    p = (vx + c * cx + e * dx, vy + c * cy + e * dy, vz + c * cz + e * dz)
+    r = (
+        (1.0 - c * (wy * wy + wz * wz), c * wx * wy - s * wz, c * wx * wz + s * wy),
+        (c * wx * wy + s * wz, 1.0 - c * (wx * wx + wz * wz), c * wy * wz - s * wx),
+        (c * wx * wz - s * wy, c * wy * wz + s * wx, 1.0 - c * (wx * wx + wy * wy)),
+    )
+    for i in range(3):
+        translation_t[i] = translation[i] + rotation[i, 0] * p[0] + rotation[i, 1] * p[1] + rotation[i, 2] * p[2]
+        for j in range(3):
+            rotation_t[i, j] = rotation[i, 0] * r[0][j] + rotation[i, 1] * r[1][j] + rotation[i, 2] * r[2][j]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def relative(rotation_a, translation_a, rotation_b, translation_b, rotation, translation):
+    """Write the pose of b in a's frame."""
+    d = (
+        translation_b[0] - translation_a[0], translation_b[1] - translation_a[1], translation_b[2] - translation_a[2],
+    )  # fmt: skip
+    for i in range(3):
+        translation[i] = rotation_a[0, i] * d[0] + rotation_a[1, i] * d[1] + rotation_a[2, i] * d[2]
+        for j in range(3):
+            rotation[i, j] = (
+                rotation_a[0, i] * rotation_b[0, j]
+                + rotation_a[1, i] * rotation_b[1, j]
+                + rotation_a[2, i] * rotation_b[2, j]
+            )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _safe(g, s, k):
+    """The greatest dt with s·dt + k·dt²/2 <= g, for g > 0 and k >= 0; infinity if there is none."""
+    root = np.sqrt(s * s + 2.0 * k * g)
+    if s + root > 0.0:
+        return 2.0 * g / (s + root)
+    return np.inf
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _node_step(box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, level):
+    """(safe dt, fastest, ever, pace) of two nodes that are to stay `level` (m) apart.
+
+    Speeds of b's fastest point: against a now, against a at any time up to 1, and by b's own motion.
+    """
+    bc = (0.5 * (box_b[j, 0] + box_b[j, 3]), 0.5 * (box_b[j, 1] + box_b[j, 4]), 0.5 * (box_b[j, 2] + box_b[j, 5]))
+    bh = (box_b[j, 3] - bc[0], box_b[j, 4] - bc[1], box_b[j, 5] - bc[2])
+    c = _turned(rotation, bc)
+    c = (c[0] + translation[0], c[1] + translation[1], c[2] + translation[2])
+    radius = _norm(bh)
+    u = _cross(dw, c)
+    u = (u[0] + dv[0], u[1] + dv[1], u[2] + dv[2])
+    own = _cross(wb, bc)
+    own = (own[0] + vb[0], own[1] + vb[1], own[2] + vb[2])
+    turn, bend = _norm(dw), _norm(_cross(wa, dw))
+    fastest = _norm(u) + turn * radius
+    pace = _norm(own) + _norm(wb) * radius
+    ever = fastest + turn * pace
+    step = 0.0
+    square = 0.0
+    for d in range(3):
+        half = abs(rotation[d, 0]) * bh[0] + abs(rotation[d, 1]) * bh[1] + abs(rotation[d, 2]) * bh[2]
+        middle = 0.5 * (box_a[i, d] + box_a[i, d + 3])
+        offset = c[d] - middle
+        gap = abs(offset) - half - (box_a[i, d + 3] - middle)
+        if gap > level:
+            e, f = (d + 1) % 3, (d + 2) % 3
+            spin = np.sqrt(dw[e] * dw[e] + dw[f] * dw[f])
+            closing = (-u[d] if offset > 0.0 else u[d]) + spin * radius
+            growth = np.sqrt(wa[e] * wa[e] + wa[f] * wa[f]) * ever + (spin + bend) * pace
+            step = max(step, _safe(gap - level, closing, growth))
+        if gap > 0.0:
+            square += gap * gap
+    distance = np.sqrt(square)
+    if distance > level:
+        step = max(step, _safe(distance - level, fastest, _norm(wa) * ever + (turn + bend) * pace))
+    return step, fastest, ever, pace
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _range(n, a, b, c):
+    x, y, z = _dot(n, a), _dot(n, b), _dot(n, c)
+    return min(x, y, z), max(x, y, z)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _hold(n, gap, p, q, r, dv, dw, wa, ever, pace, aim):
+    """How long the gap along n surely stays above `aim`, where p, q, r move against it."""
+    closing = -_dot(n, dv) - min(_dot(n, _cross(dw, p)), _dot(n, _cross(dw, q)), _dot(n, _cross(dw, r)))
+    growth = _norm(_cross(n, wa)) * ever + (_norm(_cross(n, dw)) + _norm(_cross(wa, dw))) * pace
+    return _safe(gap - aim, closing, growth)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def separation(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough):
+    """(separation of two triangles, how long it surely stays above `aim`), over their normals and products of edges.
+
+    The separation is the greatest over these axes. For triangles that meet it is minus the length of the shortest
+    translation that parts them, 0 for triangles in one plane. It holds as long as along the axis that holds longest.
+    Ends with the first axis that shows it to be above `level`, and to hold for `enough`.
+    """
+    ab, bc, ca = _sub(b, a), _sub(c, b), _sub(a, c)
+    pq, qr, rp = _sub(q, p), _sub(r, q), _sub(p, r)
+    best, hold = -np.inf, 0.0
+    for k in range(-2, 9):
+        if k == -2:
+            n = _cross(ab, bc)
+        elif k == -1:
+            n = _cross(pq, qr)
+        else:
+            u = ab if k < 3 else (bc if k < 6 else ca)
+            v = pq if k % 3 == 0 else (qr if k % 3 == 1 else rp)
+            n = _cross(u, v)
+        length = _norm(n)
+        if length == 0.0:
+            continue
+        n = (n[0] / length, n[1] / length, n[2] / length)
+        low_a, high_a = _range(n, a, b, c)
+        low_b, high_b = _range(n, p, q, r)
+        ahead, behind = low_b - high_a, low_a - high_b
+        best = max(best, ahead, behind)
+        if ahead > aim:
+            hold = max(hold, _hold(n, ahead, p, q, r, dv, dw, wa, ever, pace, aim))
+        if behind > aim:
+            n = (-n[0], -n[1], -n[2])
+            hold = max(hold, _hold(n, behind, p, q, r, dv, dw, wa, ever, pace, aim))
+        if best > level and hold >= enough:
+            break
+    if best == -np.inf:
+        best = 0.0  # points or parallel segments, which meet in a point or along a line
+    return best, hold
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pair_step(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough, touching, work):
+    """(signed distance of two triangles, how long it surely stays above `aim`); less exact if that is `enough`.
+
+    Signed distance: the distance, or the separation where they meet or are nearer than `touching` (m), below which
+    float64 no longer tells the direction from one witness to the other.
+    """
+    s, hold = separation(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough)
+    if (s > level and hold >= enough) or triangles_meet(a, b, c, p, q, r, work):
+        return s, hold
+    d2, x, y = closest_features(a, b, c, p, q, r)
+    d = np.sqrt(d2)
+    if d <= touching:
+        return s, hold
+    if d > aim:
+        n = _sub(y, x)
+        hold = max(hold, _hold((n[0] / d, n[1] / d, n[2] / d), d, p, q, r, dv, dw, wa, ever, pace, aim))
+    return d, hold
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _leaf_step(
+    i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
+    rotation, translation, dv, dw, wa, fastest, ever, pace, level, aim, step, rounding, work,
+):  # fmt: skip
+    """(step, least signed distance - level) of two leaves; the step is what was given, or shorter."""
+    least = np.inf
+    most = _norm(wa) * ever + (_norm(dw) + _norm(_cross(wa, dw))) * pace
+    for tb in range(first_b[j], first_b[j] + count_b[j]):
+        p = move(rotation, translation, vertices_b, corner_b[tb, 0])
+        q = move(rotation, translation, vertices_b, corner_b[tb, 1])
+        r = move(rotation, translation, vertices_b, corner_b[tb, 2])
+        low = (min(p[0], q[0], r[0]), min(p[1], q[1], r[1]), min(p[2], q[2], r[2]))
+        high = (max(p[0], q[0], r[0]), max(p[1], q[1], r[1]), max(p[2], q[2], r[2]))
+        for ta in range(first_a[i], first_a[i] + count_a[i]):
+            ia, ib, ic = corner_a[ta, 0], corner_a[ta, 1], corner_a[ta, 2]
+            a = (vertices_a[ia, 0], vertices_a[ia, 1], vertices_a[ia, 2])
+            b = (vertices_a[ib, 0], vertices_a[ib, 1], vertices_a[ib, 2])
+            c = (vertices_a[ic, 0], vertices_a[ic, 1], vertices_a[ic, 2])
+            reach = max(0.0, level + fastest * step + 0.5 * most * step * step) + rounding
+            if (
+                min(a[0], b[0], c[0]) > high[0] + reach or low[0] > max(a[0], b[0], c[0]) + reach
+                or min(a[1], b[1], c[1]) > high[1] + reach or low[1] > max(a[1], b[1], c[1]) + reach
+                or min(a[2], b[2], c[2]) > high[2] + reach or low[2] > max(a[2], b[2], c[2]) + reach
+            ):  # fmt: skip
+                continue
+            if planes_part(a, b, c, p, q, r, reach):
+                continue
+            d, hold = _pair_step(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, step, rounding, work)
+            least = min(least, d - level)
+            if d <= level:
+                return 0.0, least
+            step = min(step, hold)
+    return step, least
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def sweep(
+    vertices_a, box_a, second_a, first_a, count_a, corner_a, surface_a,
+    vertices_b, box_b, second_b, first_b, count_b, corner_b, surface_b,
+    rotation_a, translation_a, twist_a, rotation_b, translation_b, twist_b,
+    until, tolerance, play, level, hit, work,
+):  # fmt: skip
+    """The first time in [0, until] at which a pair of surfaces comes to its level, or infinity.
+
+    level: (ka, kb) m, the signed distance at which a surface pair stops the motion, -inf where it never does; (0, 0)
+    where all stop at `tolerance`. Steps aim `play` (m) below a pair's own level, half the tolerance below the others':
+    the level is crossed, never by more than that.
+    hit: (2,) the surface pair. Returns (time, time of the advancement before it).
+    """
+    own = level.shape[0] > 0
+    ra, ta = np.empty((3, 3)), np.empty(3)
+    rb, tb = np.empty((3, 3)), np.empty(3)
+    rotation, translation = np.empty((3, 3)), np.empty(3)
+    stack = np.empty((STACK, 2), np.int64)
+    safe = np.empty(STACK)
+    wa = (twist_a[3], twist_a[4], twist_a[5])
+    wb = (twist_b[3], twist_b[4], twist_b[5])
+    vb = (twist_b[0], twist_b[1], twist_b[2])
+    t = 0.0
+    before = 0.0
+    hit[0], hit[1] = -1, -1
+    for _ in range(STEPS):
+        pose_at(rotation_a, translation_a, twist_a, t, ra, ta)
+        pose_at(rotation_b, translation_b, twist_b, t, rb, tb)
+        relative(ra, ta, rb, tb, rotation, translation)
+        rounding = rounding_of(box_a, box_b, rotation, translation)
+        turned = _turned(rotation, wb)
+        dw = _sub(turned, wa)
+        dv = _sub(_turned(rotation, vb), _cross(turned, (translation[0], translation[1], translation[2])))
+        dv = (dv[0] - twist_a[0], dv[1] - twist_a[1], dv[2] - twist_a[2])
+        step = until - t
+        aim = 0.5 * tolerance
+        stack[0, 0], stack[0, 1] = 0, 0
+        safe[0] = 0.0
+        top = 1
+        while top > 0:
+            top -= 1
+            if safe[top] >= step:
+                continue
+            i, j = stack[top, 0], stack[top, 1]
+            s, u = surface_a[i], surface_b[j]
+            stop, target = tolerance, aim
+            if own and s >= 0 and u >= 0:
+                stop = level[s, u]
+                if stop == -np.inf:
+                    continue
+                if stop < tolerance:
+                    target = stop - play
+            leaf_a, leaf_b = second_a[i] < 0, second_b[j] < 0
+            if leaf_a and leaf_b:
+                _, fastest, ever, pace = _node_step(
+                    box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, target
+                )
+                step, least = _leaf_step(
+                    i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
+                    rotation, translation, dv, dw, wa, fastest, ever, pace, stop, target, step, rounding, work,
+                )  # fmt: skip
+                if least <= 0.0:
+                    hit[0], hit[1] = s, u
+                    return t, before
+                continue
+            if leaf_b or (not leaf_a and _size(box_a, i) >= _size(box_b, j)):
+                i0, j0, i1, j1 = i + 1, j, second_a[i], j
+            else:
+                i0, j0, i1, j1 = i, j + 1, i, second_b[j]
+            margin = aim + rounding  # no level lies above the tolerance, so this is safe for every pair below
+            s0, _, _, _ = _node_step(box_a, i0, box_b, j0, rotation, translation, dv, dw, wa, vb, wb, margin)
+            s1, _, _, _ = _node_step(box_a, i1, box_b, j1, rotation, translation, dv, dw, wa, vb, wb, margin)
+            if s0 < s1:
+                i0, j0, s0, i1, j1, s1 = i1, j1, s1, i0, j0, s0
+            stack[top, 0], stack[top, 1], safe[top] = i0, j0, s0
+            stack[top + 1, 0], stack[top + 1, 1], safe[top + 1] = i1, j1, s1
+            top += 2
+        if step >= until - t:
+            return np.inf, t
+        before = t
+        t += step
+    return t, before
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _leaf_depth(
+    i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
+    rotation, translation, least, rounding, work,
+):  # fmt: skip
+    """`least`, or the least signed distance of two leaves' triangles if that is less."""
+    still = (0.0, 0.0, 0.0)
+    for tb in range(first_b[j], first_b[j] + count_b[j]):
+        p = move(rotation, translation, vertices_b, corner_b[tb, 0])
+        q = move(rotation, translation, vertices_b, corner_b[tb, 1])
+        r = move(rotation, translation, vertices_b, corner_b[tb, 2])
+        for ta in range(first_a[i], first_a[i] + count_a[i]):
+            ia, ib, ic = corner_a[ta, 0], corner_a[ta, 1], corner_a[ta, 2]
+            a = (vertices_a[ia, 0], vertices_a[ia, 1], vertices_a[ia, 2])
+            b = (vertices_a[ib, 0], vertices_a[ib, 1], vertices_a[ib, 2])
+            c = (vertices_a[ic, 0], vertices_a[ic, 1], vertices_a[ic, 2])
+            if not planes_part(a, b, c, p, q, r, max(0.0, least)):
+                d, _ = _pair_step(a, b, c, p, q, r, still, still, still, 0.0, 0.0, least, least, 0.0, rounding, work)
+                least = min(least, d)
+    return least
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def depth_of(
+    root_a, root_b,
+    vertices_a, box_a, second_a, first_a, count_a, corner_a,
+    vertices_b, box_b, second_b, first_b, count_b, corner_b,
+    rotation, translation, within, rounding, work,
+):  # fmt: skip
+    """The least signed distance (m) of the triangles below two nodes, or `within` (>= 0) if none is nearer."""
+    stack = np.empty((STACK, 2), np.int64)
+    least = within
+    stack[0, 0], stack[0, 1] = root_a, root_b
+    top = 1
+    while top > 0:
+        top -= 1
+        i, j = stack[top, 0], stack[top, 1]
+        reach = max(0.0, least) + rounding
+        if box_gap(box_a, i, box_b, j, rotation, translation) > reach * reach:
+            continue
+        leaf_a, leaf_b = second_a[i] < 0, second_b[j] < 0
+        if leaf_a and leaf_b:
+            least = _leaf_depth(
+                i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
+                rotation, translation, least, rounding, work,
+            )  # fmt: skip
+            continue
+        if leaf_b or (not leaf_a and _size(box_a, i) >= _size(box_b, j)):
+            stack[top, 0], stack[top, 1] = i + 1, j
+            stack[top + 1, 0], stack[top + 1, 1] = second_a[i], j
+        else:
+            stack[top, 0], stack[top, 1] = i, j + 1
+            stack[top + 1, 0], stack[top + 1, 1] = i, second_b[j]
+        top += 2
+    return least

@@ -1,0 +1,232 @@
+"""The first time of contact along a motion: nothing thin is passed, at any speed.
+
+Each object that moves goes from its pose to its target along one screw, the SE(3) geodesic: at time t in [0, 1] it is
+at T0·exp(t·log(T0⁻¹·T1)); all move at once. Contact is when the distance of two surfaces falls to the tolerance.
+
+- Never late: before the time that is returned no two surfaces that were apart have met.
+- Early by no more than the tolerance: at that time two surfaces are within `Tolerance.linear` of each other.
+
+Surfaces in contact at the start, at most the tolerance apart, could not part if that alone stopped them. Such a pair
+stops the motion only if it approaches. Its signed distance (that of the triangles, and where they meet minus the
+shortest translation that parts the two triangles) may shrink by a tenth of the tolerance below what it is at the start,
+so that surfaces slide; a pair that is pressed further stops the motion before it has begun to. However often that is
+asked, a pair that is not deeper already is let no deeper than the tolerance, or than the deflection if that is given:
+the tessellations of a shaft and its bore reach into each other by as much while the surfaces fit. Triangles smaller
+than that depth are the one thing that may be passed, by the very pair of surfaces that is in contact already.
+
+Advancement by certificates, see `collision.kernels_sweep`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision import poses
+from collision.contact import CONTACT_DTYPE
+from collision.errors import CollisionError, UnknownObjectError
+from collision.mesh import SurfaceMesh
+from collision.proximity import heeded_surfaces, surface_contacts
+from collision.tree import MeshTree, tree_of
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+
+    from collision.manager import CollisionManager
+
+PLAY = 0.1
+"""of the tolerance: how much nearer a pair in contact may come while it slides"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeOfContact:
+    """The first contact on the way of some objects to their targets."""
+
+    t: float
+    """in [0, 1]: how far along the motion; 1 where nothing stops it"""
+    contacts: NDArray[Any]
+    """CONTACT_DTYPE rows of the surface pairs that stop it, at that time, world frame; none where nothing does"""
+    poses: Mapping[int, pin.SE3]
+    """where the moving objects are at that time"""
+
+    @property
+    def hit(self) -> bool:
+        """Whether something stops the motion."""
+        return len(self.contacts) > 0
+
+    @property
+    def rows(self) -> NDArray[np.int32]:
+        """(k, 4) object, surface, object, surface of the pairs that stop the motion, sorted."""
+        names = ("object_a", "surface_a", "object_b", "surface_b")
+        return np.stack([self.contacts[name] for name in names], axis=1).astype(np.int32).reshape(-1, 4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Mover:
+    """One object on its way: pose at t = 0 and body twist over the unit of time."""
+
+    mesh: SurfaceMesh
+    tree: MeshTree
+    rotation: NDArray[np.float64]
+    translation: NDArray[np.float64]
+    twist: NDArray[np.float64]
+    low: NDArray[np.float64]
+    """(3,) of a box about the whole way, world frame"""
+    high: NDArray[np.float64]
+
+    def at(self, t: float) -> pin.SE3:
+        import pinocchio as pin
+
+        return pin.SE3(self.rotation, self.translation) * pin.exp6(pin.Motion(t * self.twist))
+
+
+def time_of_contact(manager: CollisionManager, moves: Mapping[int, Any], deflection: float = 0.0) -> TimeOfContact:
+    """The first contact while the objects `moves` go from their poses to their targets, all at once.
+
+    Parameters
+    ----------
+    moves: target pose (`pinocchio.SE3` or (4, 4)) by object; whatever is not named stays where it is.
+    deflection: m, how deep surfaces in contact at the start may reach into each other because of their tessellation.
+
+    Ignored pairs of objects and of surfaces stop nothing.
+    """
+    import pinocchio as pin
+
+    if not 0.0 <= deflection < np.inf:
+        raise CollisionError(f"deflection is {deflection!r}; give a finite length of at least 0 m")
+    movers = {}
+    for i in manager.objects:
+        pose = manager.pose(i)
+        twist = np.zeros(6)
+        if i in moves:
+            who = f"target of object {i} ({manager.mesh(i).name})"
+            target = poses.unpack(poses.pack(moves[i], who, i, manager.tolerance.rigid))
+            twist = np.array(pin.log6(pose.actInv(target)))
+        movers[i] = _mover(manager.mesh(i), pose, twist)
+    for i in moves:
+        if i not in movers:
+            raise UnknownObjectError(f"no object {i} to move", i)
+    first, stops = 1.0, []
+    for i, j in _pairs(manager, movers, {int(i) for i in moves}):
+        t, before, pair, touching = _pair_time(manager, movers[i], movers[j], i, j, first, deflection)
+        if t <= first and pair[0] >= 0:
+            t = before if pair in touching else t
+            if t < first:
+                stops.clear()
+            first = min(first, t)
+            stops.append((i, j, pair, touching))
+    contacts = [_contacts(manager, movers, i, j, pair, touching, first) for i, j, pair, touching in stops]
+    rows = np.concatenate([np.empty(0, CONTACT_DTYPE), *contacts])
+    return TimeOfContact(first, rows, {int(i): movers[i].at(first) for i in sorted(moves)})
+
+
+def _mover(mesh: SurfaceMesh, pose: pin.SE3, twist: NDArray[np.float64]) -> _Mover:
+    tree = tree_of(mesh)
+    rotation, translation = np.ascontiguousarray(pose.rotation), np.array(pose.translation)
+    box = tree.box[0]
+    center, half = 0.5 * (box[:3] + box[3:]), 0.5 * (box[3:] - box[:3])
+    low, high = _box(rotation, translation, center, half)
+    speed = float(np.linalg.norm(twist[3:]))
+    if speed > 0.0 or twist.any():
+        import pinocchio as pin
+
+        end = pin.SE3(rotation, translation) * pin.exp6(pin.Motion(twist))
+        low_end, high_end = _box(end.rotation, end.translation, center, half)
+        # a point of the box moves along a helix: off its chord by no more than the sagitta of its turn
+        axis = twist[3:] / speed if speed > 0.0 else np.zeros(3)
+        arm = np.linalg.norm(np.cross(twist[3:], center) + twist[:3] - axis * (axis @ twist[:3]))
+        radius = (arm / speed if speed > 0.0 else 0.0) + float(np.linalg.norm(half))
+        sagitta = radius * (1.0 - np.cos(0.5 * min(speed, np.pi))) if speed > 0.0 else 0.0
+        low, high = np.minimum(low, low_end) - sagitta, np.maximum(high, high_end) + sagitta
+    return _Mover(mesh, tree, rotation, translation, twist, low, high)
+
+
+def _box(
+    rotation: NDArray[np.float64], translation: NDArray[np.float64], center: NDArray[np.float64],
+    half: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+    middle, reach = rotation @ center + translation, np.abs(rotation) @ half
+    reach = reach + 1e-14 * (np.abs(translation).sum() + np.abs(center).sum() + half.sum())
+    return middle - reach, middle + reach
+
+
+def _pairs(manager: CollisionManager, movers: Mapping[int, _Mover], moving: set[int]) -> list[tuple[int, int]]:
+    """Pairs i < j of which one moves, that are heeded, and whose ways come near each other."""
+    ids = list(movers)
+    low = np.array([movers[i].low for i in ids])
+    high = np.array([movers[i].high for i in ids])
+    out = []
+    for i in sorted(moving):
+        near = (low <= movers[i].high + manager.tolerance.linear).all(axis=1)
+        near &= (high >= movers[i].low - manager.tolerance.linear).all(axis=1)
+        for k in np.flatnonzero(near).tolist():
+            j = ids[k]
+            if j != i and not (j in moving and j < i) and not manager.ignored(i, j):
+                out.append((min(i, j), max(i, j)))
+    return sorted(out)
+
+
+def _pair_time(
+    manager: CollisionManager, a: _Mover, b: _Mover, i: int, j: int, until: float, deflection: float
+) -> tuple[float, float, tuple[int, int], set[tuple[int, int]]]:
+    """(time or infinity, the advancement before it, the pair of surfaces, the pairs in contact at the start)."""
+    from collision import kernels_distance, kernels_sweep
+    from collision.predicates import workspace
+
+    tolerance = manager.tolerance.linear
+    play = PLAY * tolerance
+    heeded = heeded_surfaces(manager, i, j)
+    start = manager.relative_pose(i, j)
+    touching = surface_contacts(a.mesh, b.mesh, start, tolerance, heeded)
+    pairs = {(int(row["surface_a"]), int(row["surface_b"])) for row in touching}
+    level = np.empty((0, 0))
+    if heeded is not None or pairs:
+        level = np.full((a.mesh.n_surfaces, b.mesh.n_surfaces), tolerance)
+        if heeded is not None:
+            level[heeded == 0] = -np.inf
+    work = workspace()
+    rotation, translation = np.ascontiguousarray(start.rotation), start.translation
+    rounding = kernels_distance.rounding_of(a.tree.box, b.tree.box, rotation, translation)
+    for s, t in sorted(pairs):
+        depth = kernels_sweep.depth_of(
+            a.tree.root[s], b.tree.root[t],
+            a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner,
+            b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner,
+            rotation, translation, tolerance, rounding, work,
+        )  # fmt: skip
+        lowest = max(depth - play, -tolerance) if depth > play - tolerance else depth - 0.01 * play
+        level[s, t] = min(lowest, -deflection) if deflection > 0.0 else lowest
+    hit = np.empty(2, np.int64)
+    time, before = kernels_sweep.sweep(
+        a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner, a.tree.surface,
+        b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner, b.tree.surface,
+        a.rotation, a.translation, a.twist, b.rotation, b.translation, b.twist,
+        until, tolerance, 0.5 * play, level, hit, work,
+    )  # fmt: skip
+    return float(time), float(before), (int(hit[0]), int(hit[1])), pairs
+
+
+def _contacts(
+    manager: CollisionManager, movers: Mapping[int, _Mover], i: int, j: int, pair: tuple[int, int],
+    touching: set[tuple[int, int]], t: float,
+) -> NDArray[Any]:  # fmt: skip
+    """The pairs of surfaces that stop objects i and j at time t: `pair`, and those that come into contact with it."""
+    world = movers[i].at(t)
+    relative = world.actInv(movers[j].at(t))
+    rows = surface_contacts(
+        movers[i].mesh, movers[j].mesh, relative, 1.5 * manager.tolerance.linear, heeded_surfaces(manager, i, j)
+    )
+    chosen = []
+    for row in rows:
+        surfaces = (int(row["surface_a"]), int(row["surface_b"]))
+        new = surfaces not in touching and row["distance"] <= manager.tolerance.linear
+        chosen.append(surfaces == pair or new)
+    rows = rows[np.array(chosen, bool)]
+    rows["object_a"], rows["object_b"] = i, j
+    for point in ("point_a", "point_b"):
+        rows[point] = rows[point] @ world.rotation.T + world.translation
+    return rows

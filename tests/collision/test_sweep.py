@@ -1,0 +1,193 @@
+"""Time of contact against sub-sampling, closed forms, and what a hand does to walls, bores and thin plates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from collision import CollisionError, CollisionManager, PoseError, SurfaceMesh, UnknownObjectError
+from collision.kernels_sweep import pose_at
+from collision.query import colliding_surfaces
+from collision.sweep import time_of_contact
+from tests.collision.reference import box, random_soup, sphere, turned
+
+TOLERANCE = 1e-5
+
+
+def at(x: float, y: float = 0.0, z: float = 0.0, turn: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> pin.SE3:
+    return pin.SE3(pin.exp3(np.array(turn)), np.array([x, y, z], float))
+
+
+def along(start: pin.SE3, target: pin.SE3, t: float) -> pin.SE3:
+    return start * pin.exp6(pin.Motion(t * pin.log6(start.actInv(target)).vector))
+
+
+def check(world: CollisionManager, moves: dict[int, pin.SE3], samples: int = 200) -> float:
+    """Never late, early by no more than the tolerance; the time."""
+    found = time_of_contact(world, moves)
+    starts = {i: world.pose(i) for i in world.objects}
+    targets = starts | moves
+
+    def collide(t: float) -> bool:
+        poses = {i: along(starts[i], targets[i], t) for i in starts}
+        return any(
+            len(colliding_surfaces(world.mesh(i), world.mesh(j), poses[i].actInv(poses[j])))
+            for i in starts
+            for j in starts
+            if i < j and (i in moves or j in moves)
+        )
+
+    until = found.t if found.hit else 1.0
+    assert not any(collide(t) for t in np.linspace(0.0, until, samples))
+    if found.hit:
+        assert 0.0 < found.t < 1.0
+        assert found.contacts["distance"].min() <= TOLERANCE
+        for i, pose in found.poses.items():
+            np.testing.assert_allclose(pose.homogeneous, along(starts[i], targets[i], found.t).homogeneous, atol=1e-12)
+        for row in found.contacts:
+            gap = np.linalg.norm(row["point_a"] - row["point_b"])
+            assert gap == pytest.approx(row["distance"], abs=1e-12)
+    else:
+        assert found.t == 1.0
+    return found.t
+
+
+def test_poses_of_the_kernel_are_those_of_pinocchio() -> None:
+    rng = np.random.default_rng(0)
+    rotation, translation = np.empty((3, 3)), np.empty(3)
+    for size in (0.0, 1e-9, 1e-5, 1e-3, 0.3, 3.0):
+        start = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+        twist = np.concatenate([rng.normal(size=3), size * rng.normal(size=3)])
+        pose_at(np.ascontiguousarray(start.rotation), start.translation, twist, 0.7, rotation, translation)
+        expected = start * pin.exp6(pin.Motion(0.7 * twist))
+        np.testing.assert_allclose(rotation, expected.rotation, atol=1e-14)
+        np.testing.assert_allclose(translation, expected.translation, atol=1e-13)
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_random_screws_against_sub_sampling(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    world = CollisionManager()
+    world.add(random_soup(rng, 12, 3), at(0.0))
+    world.add(random_soup(rng, 12, 3), at(6.0))
+    turn = tuple(rng.normal(size=3) * rng.choice([0.0, 0.3, 1.5]))
+    check(world, {1: at(*rng.normal(size=3) * 1.5, turn=turn)})
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_several_objects_move_at_once(seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    world = CollisionManager()
+    for k in range(3):
+        world.add(random_soup(rng, 8, 2), at(5.0 * np.cos(2.1 * k), 5.0 * np.sin(2.1 * k)))
+    moves = {k: at(*rng.normal(size=3), turn=tuple(rng.normal(size=3))) for k in (0, 2)}
+    check(world, moves)
+
+
+@pytest.mark.parametrize("speed", [1.0, 1e3, 1e6])
+def test_nothing_thin_is_passed_at_any_speed(speed: float) -> None:
+    world = CollisionManager()
+    sheet = SurfaceMesh([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]], name="sheet")
+    world.add(sheet, at(0.0), movable=False)
+    world.add(sphere(0.1, 12), at(0.0, 0.0, 0.35))
+    found = time_of_contact(world, {1: at(0.0, 0.0, 0.35 - speed, turn=(0.4, 0.0, 0.1))})
+    assert found.hit
+    height = found.poses[1].translation[2]
+    lowest = (world.mesh(1).vertices @ found.poses[1].rotation.T)[:, 2].min() + height
+    assert 0.0 < lowest <= TOLERANCE
+    assert found.rows.tolist() == [[0, 0, 1, 0]]
+
+
+def test_a_bar_swings_into_a_post_at_the_angle_of_the_closed_form() -> None:
+    world = CollisionManager()
+    world.add(box(2.0, 0.2, 0.1), at(0.0))
+    world.add(box(0.1, 0.1, 1.0), at(0.0, 0.8, 0.0), movable=False)
+    t = check(world, {0: at(0.0, turn=(0.0, 0.0, 3.0))})
+    # the bar's side, 0.1 off its axis, meets the post's corner (0.05, 0.75)
+    corner = np.array([0.05, 0.75])
+    angle = np.arctan2(corner[1], corner[0]) - np.arcsin(0.1 / np.linalg.norm(corner))
+    assert 3.0 * t == pytest.approx(angle, abs=2 * TOLERANCE / 0.7)
+    assert 3.0 * t <= angle
+
+
+def test_objects_that_move_together_do_not_stop_each_other() -> None:
+    world = CollisionManager()
+    world.add(box(1.0, 1.0, 1.0), at(0.0))
+    world.add(box(1.0, 1.0, 1.0), at(0.0, 0.0, 1.0))
+    world.add(box(1.0, 1.0, 1.0), at(0.0, 0.0, 2.0 + 1e-3))
+    screw = at(4.0, 1.0, 0.5, turn=(0.3, 0.2, 2.0))
+    found = time_of_contact(world, {k: screw * world.pose(k) for k in range(3)})
+    assert not found.hit and found.t == 1.0
+
+
+def resting(gap: float = 0.0) -> CollisionManager:
+    world = CollisionManager()
+    world.add(box(4.0, 4.0, 1e-3, 2), at(0.0, 0.0, -0.5e-3), movable=False)
+    world.add(box(0.2, 0.2, 0.2), at(0.0, 0.0, 0.1 + gap))
+    return world
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.4e-5])
+def test_from_contact_a_part_lifts_slides_and_turns_but_is_not_pressed_in(gap: float) -> None:
+    world = resting(gap)
+    z = 0.1 + gap
+    for free in (at(0, 0, 1.0), at(0.7, 0.3, z), at(0, 0, z, turn=(0, 0, 2.0)), at(0.5, 0, z, turn=(0, 0, -1.0))):
+        assert time_of_contact(world, {1: free}).t == 1.0
+    for pressed in (at(0, 0, z - 1e-3), at(0.5, 0, z - 1e-2), at(0, 0, -50.0), at(0, 0, z, turn=(0.3, 0, 0))):
+        found = time_of_contact(world, {1: pressed})
+        assert found.t < 1e-3 and found.hit
+        assert {tuple(row[[0, 2]]) for row in found.rows} == {(0, 1)}
+
+
+def test_pressing_on_and_on_gets_no_deeper_than_the_tolerance() -> None:
+    world = resting()
+    for k in range(200):
+        pose = world.pose(1)
+        push = at(pose.translation[0] + 1e-4, 0.0, pose.translation[2] - (1e-3 if k % 2 else 0.9e-6))
+        world.set_pose(1, time_of_contact(world, {1: push}).poses[1])
+    assert world.pose(1).translation[2] >= 0.1 - 1.1 * TOLERANCE
+
+
+def test_a_hand_slides_along_one_wall_and_stops_at_the_next() -> None:
+    world = resting()
+    wall = world.add(box(0.01, 4.0, 1.0), at(1.0, 0.0, 0.5 + 1e-4), movable=False)
+    found = time_of_contact(world, {1: at(3.0, 0.0, 0.1)})
+    assert found.poses[1].translation[0] == pytest.approx(1.0 - 0.005 - 0.1, abs=TOLERANCE)
+    assert {int(row[2]) for row in found.rows} == {wall}
+    assert (1, 1, wall, 0) in [tuple(row) for row in found.rows.tolist()]
+
+
+def test_ignored_surfaces_and_objects_stop_nothing() -> None:
+    world = resting(0.3)
+    down = {1: at(0.0, 0.0, -1.0)}
+    assert time_of_contact(world, down).hit
+    world.ignore_surfaces(0, range(6), 1, [4])
+    sides = time_of_contact(world, down)
+    assert sides.hit and 4 not in sides.rows[:, 3]
+    world.ignore(0, 1)
+    assert time_of_contact(world, down).t == 1.0
+
+
+def test_a_faceted_shaft_slides_in_its_bore_within_the_deflection() -> None:
+    radius, sectors = 0.005, 16
+    sag = radius * (1 - np.cos(np.pi / sectors))
+    bore = turned([(0, radius), (0, 0.02), (0.01, 0.02), (0.01, radius), (0, radius)], sectors)
+    shaft = turned([(-0.002, 0), (-0.002, radius), (0.02, radius), (0.02, 0)], sectors)
+    world = CollisionManager()
+    world.add(bore, at(0.0), movable=False)
+    world.add(shaft, at(0.0, turn=(0.0, 0.0, 0.1)))
+    out = at(0.0, 0.0, 0.0015, turn=(0.0, 0.0, 0.1))  # its ends stay outside
+    assert time_of_contact(world, {1: out}, deflection=1.1 * sag).t == 1.0
+    aside = time_of_contact(world, {1: at(0.002)}, deflection=1.1 * sag)
+    assert aside.hit and aside.t < 0.1
+
+
+def test_bad_moves_are_named() -> None:
+    world = resting()
+    with pytest.raises(UnknownObjectError, match="object 7"):
+        time_of_contact(world, {7: at(0.0)})
+    with pytest.raises(PoseError, match="target of object 1"):
+        time_of_contact(world, {1: np.full((4, 4), np.nan)})
+    with pytest.raises(CollisionError, match="deflection"):
+        time_of_contact(world, {1: at(0.0)}, deflection=-1.0)
