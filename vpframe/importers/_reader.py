@@ -14,9 +14,7 @@ import sys
 import threading
 from typing import Any, TextIO
 
-
-class UnreadableError(Exception):
-    """The file cannot be used; the message says what, where and how to mend it."""
+from vpframe.importers.raw import UnreadableError
 
 
 def main() -> None:

@@ -235,6 +235,8 @@ def _volume(shape: TopoDS_Shape, raw: RawShape) -> None:
     volume = properties.Mass()
     if volume == 0:
         return
+    if volume < 0:  # a solid inside out
+        raw.triangles = np.ascontiguousarray(raw.triangles[:, [0, 2, 1]])
     raw.volume = abs(volume) * MM**3
     raw.center = np.array([center.X(), center.Y(), center.Z()]) * MM
     sign = 1.0 if volume > 0 else -1.0

@@ -11,11 +11,13 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from vpframe.errors import LoadError
 from vpframe.importers.raw import RawScene
+from vpframe.importers.step_text import StepText, scan
 
 Progress = Callable[[float, str], None]
 
@@ -28,6 +30,25 @@ def read(
     A shape that crashes the kernel while it is meshed is left out, and named in the notes, by reading again
     without it. Raises LoadError when the file as a whole cannot be read, or not within `timeout` seconds.
     """
+    with ThreadPoolExecutor(1) as pool:  # the text is read here while the kernel starts up there
+        text = pool.submit(scan, path.read_bytes() if form == "step" else b"DATA;")
+        raw = _read_without_crashing(path, form, deflection, angular, timeout, progress, text)
+    if form == "step":
+        if text.result().damage:
+            raw.notes.append(f"damaged: {text.result().damage_summary()}: faces or parts may be missing")
+        raw.notes.extend(text.result().lost(raw.instances, raw.faces))
+    return raw
+
+
+def _read_without_crashing(
+    path: Path,
+    form: str,
+    deflection: float,
+    angular: float,
+    timeout: float,
+    progress: Progress | None,
+    text: Future[StepText],
+) -> RawScene:
     skip: list[int] = []
     while True:
         with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
@@ -45,14 +66,15 @@ def read(
                 with open(out, "rb") as file:
                     raw: RawScene = pickle.load(file)
                 return raw
+        where = text.result().damage_summary()
         if outcome.error is not None:
-            raise LoadError(f"{path}: {outcome.error}", str(path))
+            raise LoadError(f"{path}: {outcome.error}{f' (damaged: {where})' if where else ''}", str(path))
         if outcome.shape is None or outcome.shape in skip:
-            raise LoadError(f"{path}: {_how_it_ended(outcome)} while {outcome.text}; {_MEND}", str(path))
+            damage = f"it is damaged: {where}" if where else "it is probably damaged"
+            mend = "open it in a CAD program and export it again"
+            message = f"{path}: {_how_it_ended(outcome)} while {outcome.text}; {damage}; {mend}"
+            raise LoadError(message, str(path))
         skip.append(outcome.shape)
-
-
-_MEND = "the file is probably damaged: open it in a CAD program and export it again"
 
 
 class _Outcome:

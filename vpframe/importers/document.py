@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeSolid, BRepBuilderAPI_Sewing, BRepBuilderAPI_Transform
+from OCP.BRepLib import BRepLib
+from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.collections import Sequence_TDF_Label
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.IGESCAFControl import IGESCAFControl_Reader
@@ -20,7 +22,7 @@ from OCP.TDataStd import TDataStd_Name
 from OCP.TDF import TDF_Label
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_ShapeEnum
-from OCP.TopExp import TopExp_Explorer
+from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.XCAFDoc import (
@@ -31,14 +33,14 @@ from OCP.XCAFDoc import (
     XCAFDoc_ShapeTool,
 )
 
-from vpframe.importers._reader import UnreadableError
 from vpframe.importers.brep import MM, tessellate
 from vpframe.importers.names import numbered
-from vpframe.importers.raw import Array, Color, RawPart, RawScene
+from vpframe.importers.raw import Array, Color, RawPart, RawScene, UnreadableError
 
 Progress = Callable[..., None]
 
-_UNNAMED = re.compile(r"(=>\[.*\]|NAUO\d+|\d+|)$")  # what kernels and exporters write where the user gave no name
+_UNNAMED = re.compile(r"=>\[.*\]|NAUO\d+|\d+|")  # what kernels and exporters write where the user gave no name
+_SEWING = 1e-5  # m: gaps that are closed between loose faces (IGES has nothing else)
 _GENERIC = ("SOLID", "COMPOUND", "SHELL", "COMPSOLID")
 _KINDS = (XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen)
 
@@ -48,6 +50,7 @@ class Node:
     """A label of the document as placed under its parent."""
 
     name: str
+    product: str
     pose: TopLoc_Location
     label: Any
     """the label referred to"""
@@ -69,10 +72,10 @@ def read_document(
     roots = [_node(labels.Value(i), TopLoc_Location()) for i in range(1, labels.Length() + 1)]
     raw = RawScene()
     found = _Solids(raw, colors)
-    for path_name, node, pose, color in _leaves(roots):
-        found.add(path_name, node, pose, color)
-    if not raw.parts:
-        raise UnreadableError("holds no solid with faces; export the parts as solids (not wireframe or surfaces)")
+    for leaf in _leaves(roots):
+        found.add(leaf)
+    if not found.has_solid:
+        raise UnreadableError("holds no solid; export the parts as solids, not as wireframe or open surfaces")
     return found.mesh(deflection, angular, skip, progress)
 
 
@@ -112,48 +115,59 @@ def _rgba(color: Quantity_ColorRGBA) -> Color:
     return (rgb.Red(), rgb.Green(), rgb.Blue(), float(color.Alpha()))
 
 
-def _node(label: Any, pose: TopLoc_Location) -> Node:
+def _node(label: Any, pose: TopLoc_Location, within: str = "part") -> Node:
     referred = label
     if XCAFDoc_ShapeTool.IsReference_s(label):
         referred = TDF_Label()
         XCAFDoc_ShapeTool.GetReferredShape_s(label, referred)
         pose = XCAFDoc_ShapeTool.GetLocation_s(label)
+    product = _name(referred)
+    if not product or product in _GENERIC:  # the solid of a product that has more than one representation
+        product = within
     name = _name(label)
-    if _UNNAMED.match(name):
-        name = _name(referred)
+    if _UNNAMED.fullmatch(name):
+        name = _name(referred) or within
     children = []
     if XCAFDoc_ShapeTool.IsAssembly_s(referred):
         components = Sequence_TDF_Label()
         XCAFDoc_ShapeTool.GetComponents_s(referred, components)
-        children = [_node(components.Value(i), TopLoc_Location()) for i in range(1, components.Length() + 1)]
+        labels = (components.Value(i) for i in range(1, components.Length() + 1))
+        children = [_node(component, TopLoc_Location(), product) for component in labels]
         children = [child for child in children if child.children or _has_faces(child.label)]
-    return Node(name or "part", pose, referred, _color(label) or _color(referred), children)
+    return Node(name, product, pose, referred, _color(label) or _color(referred), children)
 
 
 def _has_faces(label: Any) -> bool:
     return TopExp_Explorer(XCAFDoc_ShapeTool.GetShape_s(label), TopAbs_ShapeEnum.TopAbs_FACE).More()
 
 
-def _leaves(roots: list[Node]) -> Iterator[tuple[str, Node, TopLoc_Location, Color | None]]:
-    """Instances with their paths of names; a single root, which every path would begin with, is left out."""
+@dataclass
+class Leaf:
+    """An instance of a shape in the tree."""
 
-    def walk(
-        node: Node, path: str, pose: TopLoc_Location, color: Color | None
-    ) -> Iterator[tuple[str, Node, TopLoc_Location, Color | None]]:
-        if node.color is not None and color is None:
-            color = node.color
+    path: str
+    """names from the root down, a slash between; a single root, with which all would begin, is left out"""
+    node: Node
+    pose: TopLoc_Location
+    color: Color | None
+    owner: tuple[int, ...]
+    """the places, from the root down, of the instance of the product it belongs to"""
+
+
+def _leaves(roots: list[Node]) -> Iterator[Leaf]:
+    def walk(node: Node, leaf: Leaf) -> Iterator[Leaf]:
+        leaf.color = leaf.color or node.color
         if not node.children:
-            yield path, node, pose, color
-        for name, child in zip(numbered(child.name for child in node.children), node.children, strict=True):
-            alone = len(node.children) == 1 and child.name in _GENERIC and not child.children and path
-            inner = path if alone else f"{path}/{name}" if path else name
-            yield from walk(child, inner, pose.Multiplied(child.pose), color)
+            yield leaf
+        for i, (name, child) in enumerate(zip(numbered(c.name for c in node.children), node.children, strict=True)):
+            alone = len(node.children) == 1 and child.name in _GENERIC and not child.children and leaf.path
+            path = leaf.path if alone else f"{leaf.path}/{name}" if leaf.path else name
+            owner = leaf.owner if child.product == node.product and not child.children else (*leaf.owner, i)
+            yield from walk(child, Leaf(path, child, leaf.pose.Multiplied(child.pose), leaf.color, owner))
 
-    if len(roots) == 1:
-        yield from walk(roots[0], "" if roots[0].children else roots[0].name, roots[0].pose, None)
-    else:
-        for name, root in zip(numbered(root.name for root in roots), roots, strict=True):
-            yield from walk(root, name, root.pose, None)
+    for i, (name, root) in enumerate(zip(numbered(r.name for r in roots), roots, strict=True)):
+        path = "" if len(roots) == 1 and root.children else name
+        yield from walk(root, Leaf(path, root, root.pose, None, (i,)))
 
 
 class _Solids:
@@ -163,18 +177,29 @@ class _Solids:
         self.raw = raw
         self.colors = colors
         self.shapes: list[TopoDS_Shape] = []
+        self.has_solid = False
+        self._owners: set[tuple[int, ...]] = set()
 
-    def add(self, name: str, node: Node, pose: TopLoc_Location, color: Color | None) -> None:
+    def add(self, leaf: Leaf) -> None:
         """Parts for every solid of a leaf, and for the sheets that belong to none."""
-        solids = _explore(XCAFDoc_ShapeTool.GetShape_s(node.label))
-        density = _density(XCAFDoc_MaterialTool.GetDensityForShape_s(node.label))
+        solids = _explore(XCAFDoc_ShapeTool.GetShape_s(leaf.node.label))
+        density = _density(XCAFDoc_MaterialTool.GetDensityForShape_s(leaf.node.label))
         for i, solid in enumerate(solids, 1):
-            place = pose.Multiplied(solid.Location())
+            self.has_solid |= solid.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID
+            place = leaf.pose.Multiplied(solid.Location())
             number = self._number(solid, place)
             rotation, translation, _ = _rigid(place)
-            own = color or self._color_of(solid)
-            part = name if len(solids) == 1 else f"{name}/{i}"
-            self.raw.parts.append(RawPart(part, number, rotation, translation, own, density))
+            color = leaf.color or self._color_of(solid)
+            name = leaf.path if len(solids) == 1 else f"{leaf.path}/{i}"
+            self.raw.parts.append(RawPart(name, number, rotation, translation, color, density))
+        product = leaf.node.product
+        if leaf.owner not in self._owners:
+            self._owners.add(leaf.owner)
+            self.raw.instances[product] += 1
+        faces = ShapeMap()
+        for solid in solids:
+            TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_FACE, faces)
+        self.raw.faces[product] += faces.Extent()
 
     def _number(self, solid: TopoDS_Shape, place: TopLoc_Location) -> int:
         own = solid.Located(TopLoc_Location())
@@ -221,20 +246,29 @@ class _Solids:
 
 
 def _explore(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
-    """The solids of a shape and the shells outside of any, sewn to solids where they close."""
-    solids = list(_of(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
-    sewing = BRepBuilderAPI_Sewing(1e-3)
+    """The solids of a shape, and the faces outside of any sewn to shells: to solids where these close."""
+    found = list(_of(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
     loose = TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_SOLID)
     if not loose.More():
-        return solids
+        return found
+    sewing = BRepBuilderAPI_Sewing(_SEWING / MM)
     while loose.More():
         sewing.Add(loose.Current())
         loose.Next()
     sewing.Perform()
     sewn = sewing.SewedShape()
     for shell in _of(sewn, TopAbs_ShapeEnum.TopAbs_SHELL):
-        solids.append(BRepBuilderAPI_MakeSolid(TopoDS.Shell(shell)).Solid() if shell.Closed() else shell)
-    return solids
+        if not shell.Closed():
+            found.append(shell)
+            continue
+        solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell(shell)).Solid()
+        BRepLib.OrientClosedSolid_s(solid)
+        found.append(solid)
+    alone = TopExp_Explorer(sewn, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_SHELL)
+    while alone.More():
+        found.append(alone.Current())
+        alone.Next()
+    return found
 
 
 def _of(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:

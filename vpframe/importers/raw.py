@@ -5,6 +5,7 @@ They are pickled by the reading process, so this module imports numpy alone. Len
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +13,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Color = tuple[float, float, float, float]
+
+
+class UnreadableError(Exception):
+    """A file that cannot be used; the message says what is wrong and how to mend it, without the file's name."""
 
 
 @dataclass
@@ -77,4 +82,8 @@ class RawScene:
 
     shapes: list[RawShape] = field(default_factory=list)
     parts: list[RawPart] = field(default_factory=list)
+    instances: Counter[str] = field(default_factory=Counter)
+    """how often each product of a CAD file was found, by the product's name"""
+    faces: Counter[str] = field(default_factory=Counter)
+    """how many faces all instances of each product have together"""
     notes: list[str] = field(default_factory=list)

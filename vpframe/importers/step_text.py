@@ -1,0 +1,167 @@
+"""What a STEP file says of itself, read without the CAD kernel: damage by line, and the parts it ought to give.
+
+The kernel drops what it cannot read without a word (or crashes on it). The text tells which statements are damaged and
+how many faces and instances each product has, so that what was lost can be named.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+
+_END = re.compile(rb";\s*+(?=#\d++\s*+=|ENDSEC|/\*|$)")  # not any semicolon: strings may hold one
+_STATEMENT = re.compile(rb"(?:/\*.*?\*/\s*)*#(\d++)\s*+=\s*+(.*)", re.DOTALL)
+_REFERENCE = re.compile(rb"#(\d+)")
+_STRING = re.compile(rb"'(?:[^']++|'')*+'")
+_SIMPLE = re.compile(rb"([A-Z][A-Z0-9_]*)\s*\(")
+_BODY = re.compile(rb"(?:[A-Z][A-Z0-9_]*\s*)?\([A-Z0-9_#$*.,()+\-\s\"/!]*\)", re.DOTALL)
+_FACES = (b"ADVANCED_FACE", b"FACE_SURFACE")
+_SHOWN = 3
+
+
+@dataclass
+class StepText:
+    """Products and damage of a STEP file."""
+
+    faces: Counter[str] = field(default_factory=Counter)
+    """product name -> faces of all its instances together, for products that have any"""
+    instances: Counter[str] = field(default_factory=Counter)
+    """product name -> how often the assembly uses it"""
+    damage: list[str] = field(default_factory=list)
+    """one line a damaged statement, in the file's order"""
+
+    def damage_summary(self) -> str:
+        """The damage in one line; "" when there is none."""
+        if not self.damage:
+            return ""
+        more = f" and {len(self.damage) - _SHOWN} more" if len(self.damage) > _SHOWN else ""
+        return "; ".join(self.damage[:_SHOWN]) + more
+
+    def lost(self, instances: Counter[str], faces: Counter[str]) -> list[str]:
+        """One line for each product that gave fewer instances or faces than the text says.
+
+        `instances` and `faces` are what was read, by product name.
+        """
+        if faces.total() == self.faces.total():
+            return []  # before names are compared, which the kernel may spell otherwise
+        notes = []
+        for name, expected in self.faces.items():
+            wanted, got = self.instances[name], instances[name]
+            if got < wanted:
+                notes.append(f"part {name} is lost: {got} of its {wanted} instances could be read")
+            elif faces[name] < expected:
+                notes.append(f"part {name} is incomplete: {faces[name]} of its {expected} faces could be read")
+        return notes
+
+
+def scan(data: bytes) -> StepText:
+    """Read the statements of a STEP file's text."""
+    text = StepText()
+    start = data.find(b"DATA;")
+    if start < 0:
+        text.damage.append("no DATA section")
+        return text
+    start += len(b"DATA;")
+    end = data.rfind(b"ENDSEC;")
+    end = len(data) if end < start else end
+    statements = _statements(data, start, end, text)
+    _products(statements, text)
+    return text
+
+
+def _statements(data: bytes, start: int, end: int, text: StepText) -> dict[int, bytes]:
+    """Entity number -> what it is defined as; what cannot be read goes to `text.damage`."""
+    statements: dict[int, bytes] = {}
+    lines: dict[int, int] = {}
+    damage: list[tuple[int, str]] = []
+    line, position = data.count(b"\n", 0, start) + 1, start
+    for stop in [*_END.finditer(data, start, end), None]:
+        piece = data[position : stop.start() if stop else end]
+        begin = line + piece.count(b"\n", 0, len(piece) - len(piece.lstrip()))
+        line += data.count(b"\n", position, stop.end() if stop else end)
+        position = stop.end() if stop else end
+        match = _STATEMENT.fullmatch(piece.strip())
+        if match is None:
+            if piece.strip():
+                damage.append((begin, f"line {begin}: the statement cannot be read"))
+            continue
+        number, body = int(match.group(1)), match.group(2).strip()
+        bare = _STRING.sub(b"", body)
+        if b"'" in bare or bare.count(b"(") != bare.count(b")") or not _BODY.fullmatch(bare):
+            damage.append((begin, f"line {begin}: statement #{number} cannot be read"))
+        elif number in statements:
+            damage.append((begin, f"line {begin}: #{number} is defined a second time"))
+        statements[number], lines[number] = body, begin
+    for number, body in statements.items():
+        missing = next((r for r in map(int, _REFERENCE.findall(_STRING.sub(b"", body))) if r not in statements), None)
+        if missing is not None:
+            damage.append((lines[number], f"line {lines[number]}: #{number} names #{missing}, which does not exist"))
+    text.damage = [message for _, message in sorted(damage)]
+    return statements
+
+
+def _products(statements: dict[int, bytes], text: StepText) -> None:
+    kinds = {n: m.group(1) for n, body in statements.items() if (m := _SIMPLE.match(body)) is not None}
+    references = {n: [int(r) for r in _REFERENCE.findall(_STRING.sub(b"", body))] for n, body in statements.items()}
+
+    def of(*kind: bytes) -> list[int]:
+        return [n for n, k in kinds.items() if k in kind]
+
+    definitions = {}  # product definition -> name
+    for n in of(b"PRODUCT_DEFINITION", b"PRODUCT_DEFINITION_WITH_ASSOCIATED_DOCUMENTS"):
+        formation = references[n][0] if references[n] else -1
+        product = next((r for r in references.get(formation, []) if kinds.get(r) == b"PRODUCT"), -1)
+        strings = _STRING.findall(statements.get(product, b""))
+        if len(strings) >= 2:
+            name = strings[1] if len(strings[1]) > 2 else strings[0]
+            definitions[n] = name[1:-1].replace(b"''", b"'").decode("utf-8", "replace").strip()
+    shapes = {n: references[n][0] for n in of(b"PRODUCT_DEFINITION_SHAPE") if references[n]}
+    equal: dict[int, list[int]] = {}
+    for n in of(b"SHAPE_REPRESENTATION_RELATIONSHIP"):
+        if len(references[n]) == 2:
+            a, b = references[n]
+            equal.setdefault(a, []).append(b)
+            equal.setdefault(b, []).append(a)
+    own: dict[int, int] = {}
+    for n in of(b"SHAPE_DEFINITION_REPRESENTATION"):
+        if len(references[n]) == 2 and (definition := shapes.get(references[n][0])) in definitions:
+            representation = references[n][1]
+            own[definition] = _count_faces([representation, *equal.get(representation, [])], kinds, references)
+    children: dict[int, list[int]] = {}
+    used = set()
+    for n in of(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE"):
+        if len(references[n]) >= 2:
+            children.setdefault(references[n][0], []).append(references[n][1])
+            used.add(references[n][1])
+    times: Counter[int] = Counter()
+
+    def walk(definition: int, above: frozenset[int]) -> None:
+        times[definition] += 1
+        for child in children.get(definition, ()):
+            if child not in above:
+                walk(child, above | {child})
+
+    for definition in definitions:
+        if definition not in used:
+            walk(definition, frozenset({definition}))
+    for definition, count in own.items():
+        if count:
+            name = definitions[definition]
+            text.faces[name] += count * times[definition]
+            text.instances[name] += times[definition]
+
+
+def _count_faces(roots: list[int], kinds: dict[int, bytes], references: dict[int, list[int]]) -> int:
+    """Distinct faces below representations; contexts, styles and geometry are not descended into needlessly."""
+    seen, front, count = set(roots), list(roots), 0
+    while front:
+        n = front.pop()
+        if kinds.get(n) in _FACES:
+            count += 1
+            continue
+        for r in references.get(n, ()):
+            if r not in seen:
+                seen.add(r)
+                front.append(r)
+    return count
