@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 
 from constraints.graph import AssemblyGraph
 from constraints.kinds import Constraint
+from constraints.lower_pairs import SUBGROUPS
 from constraints.mobility import Freedom, Mobility, mobility
 from constraints.solver import solve
 from constraints.system import systems
 
 Array = NDArray[np.float64]
-
-SUBGROUPS = ("prismatic", "revolute", "screw", "cylindrical", "translational", "planar", "spherical", "free")
-"""Joints whose motions form a group: the same chain of axes serves wherever the joint has moved (Hervé 1978)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,7 +301,7 @@ def _spanning_tree(
     return tree, list(left.values())
 
 
-_FREE = Freedom(6, np.eye(6), "free")
+_FREE = Freedom(6, 6, np.eye(6), "free")
 
 
 def _needed(tree: Sequence[Joint], rest: Sequence[Joint], n_links: int) -> list[Joint]:

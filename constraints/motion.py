@@ -9,8 +9,8 @@ part through another. What is left of the motion is tried again along the new su
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,7 +23,7 @@ from constraints.kinds import Constraint
 from constraints.manager import ConstraintManager
 from constraints.sleeve import sleeve
 from constraints.solver import solve
-from constraints.system import systems
+from constraints.system import System, systems
 
 Array = NDArray[np.float64]
 
@@ -111,6 +111,9 @@ class Motion:
         self.tolerance = tolerance or constraints.tolerance
         self._mated: dict[int, tuple[Pairing, ...]] = {}
         self._shape: dict[int, tuple[Array, float]] = {}
+        self._layout: tuple[Any, _Layout] | None = None
+        # a projection finer than this does not pay where measured features contradict one another by rounding
+        self.solving = replace(self.tolerance, solver=max(self.tolerance.solver, 0.1 * self.tolerance.satisfied))
 
     def sync(self) -> None:
         """Tell collision which surfaces are mated now. `step` does so itself; call it before other queries."""
@@ -143,9 +146,11 @@ class Motion:
         included); everything else stands still.
         """
         self.sync()
-        moves = sorted(set(movable) | set(wanted))
-        plan = _Plan(self, dict(wanted), poses, moves)
-        return plan.run()
+        moves = frozenset(movable) | frozenset(wanted)
+        key = (self.constraints.constraints, moves, frozenset(wanted))
+        if self._layout is None or self._layout[0] != key:
+            self._layout = (key, _Layout.of(*key, self.shape))
+        return _Plan(self, self._layout[1], dict(wanted), poses).run()
 
     def shape(self, body: int) -> tuple[Array, float]:
         """Centre (3,) of a body's box in its frame and the radius of the ball about it that holds the body, m."""
@@ -157,50 +162,95 @@ class Motion:
         return known
 
 
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Where one system's Jacobian goes among the unknowns of a plan, for one of the two bodies of its equations."""
+
+    rows: NDArray[np.intp]
+    column: NDArray[np.intp]
+    """(k,) block of six unknowns of each row"""
+    shift: Array
+    """(k, 3) from the plan's centre of the body to the system's"""
+    radius: Array
+    """(k,)"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """What a plan knows as long as the same constraints hold and the same bodies are held."""
+
+    bodies: tuple[int, ...]
+    column: dict[int, int]
+    systems: tuple[System, ...]
+    scatter: tuple[tuple[_Rows, _Rows], ...]
+    constraints: tuple[Constraint, ...]
+
+    @classmethod
+    def of(
+        cls,
+        constraints: tuple[Constraint, ...],
+        moves: frozenset[int],
+        held: frozenset[int],
+        shape: Callable[[int], tuple[Array, float]],
+    ) -> _Layout:
+        """The held bodies, and those that a chain of constraints between movable ones joins to them."""
+        own = tuple(s for s in systems(constraints, moves) if held & set(s.movable))
+        bodies = tuple(sorted(held | {b for s in own for b in s.movable}))
+        column = {b: 6 * k for k, b in enumerate(bodies)}
+        members = tuple(constraints[k] for s in own for k in s.members)
+        return cls(bodies, column, own, tuple(cls._rows(s, column, shape) for s in own), members)
+
+    @staticmethod
+    def _rows(
+        system: System, column: dict[int, int], shape: Callable[[int], tuple[Array, float]]
+    ) -> tuple[_Rows, _Rows]:
+        equation = np.repeat(np.arange(len(system.code)), np.diff(np.append(system.start, system.rows)))
+        sides = []
+        for side in (0, 1):
+            place = system.body[equation, side]
+            rows = np.flatnonzero(system.slot[place] >= 0)
+            bodies = [system.bodies[i] for i in place[rows]]
+            shift = np.array([system.center[i] - shape(b)[0] for i, b in zip(place[rows], bodies, strict=True)])
+            blocks = np.array([column[b] // 6 for b in bodies], dtype=np.intp)
+            sides.append(_Rows(rows, blocks, shift.reshape(-1, 3), np.array([shape(b)[1] for b in bodies])))
+        return sides[0], sides[1]
+
+
 class _Plan:
     """One step. Unknowns: for each body the local twist about its centre, rotation measured in metres at its rim."""
 
-    def __init__(self, motion: Motion, wanted: dict[int, pin.SE3], poses: Sequence[pin.SE3], moves: list[int]) -> None:
-        self.motion, self.wanted, self.tolerance = motion, wanted, motion.tolerance
-        constraints = motion.constraints.constraints
-        held = set(wanted)
-        self.constraints: list[Constraint] = []
-        bodies = set(held)
-        for system in systems(constraints, frozenset(moves)):
-            if held & set(system.movable):
-                bodies |= set(system.movable)
-                self.constraints += [constraints[k] for k in system.members]
-        self.bodies = sorted(bodies)
-        self.column = {b: 6 * k for k, b in enumerate(self.bodies)}
+    def __init__(self, motion: Motion, layout: _Layout, wanted: dict[int, pin.SE3], poses: Sequence[pin.SE3]) -> None:
+        self.motion, self.layout, self.wanted, self.tolerance = motion, layout, wanted, motion.tolerance
+        self.bodies, self.column = layout.bodies, layout.column
         self.n = 6 * len(self.bodies)
         self.poses: list[pin.SE3] = list(poses)
         self.acting: list[NDArray[Any]] = []
+        self.residual, self.jacobian = self._linearised()
 
     def run(self) -> MotionResult:
         blocked = False
         best = self._error()
         for _ in range(MAX_PASSES):
-            x, rows, active = self._propose()
+            x, rows, active, covered = self._propose()
             target = self._moved(x)
-            reached, hit = self._sweep(target)
+            if not covered or len(rows):
+                target, hit = self._sweep(target)
+                if hit is not None:
+                    self.acting.append(hit)
+                    blocked = True
             if len(active):
                 self.acting.append(rows[active])
                 blocked = True
-            if hit is not None:
-                self.acting.append(hit)
-                blocked = True
-            self._commit(reached)
+            self._commit(target)
             error = self._error()
             if error >= best * (1.0 - 1e-3) or error <= self.tolerance.satisfied:
                 break
             best = error
-        residual = max((float(np.abs(self._residual(c)).max()) for c in self.constraints), default=0.0)
-        contacts = np.unique(np.concatenate(self.acting)) if self.acting else np.empty(0, CONTACT_DTYPE)
         return MotionResult(
             poses={b: self.poses[b] for b in self.bodies},
             blocked=blocked,
-            contacts=contacts,
-            residual=residual,
+            contacts=np.unique(np.concatenate(self.acting)) if self.acting else np.empty(0, CONTACT_DTYPE),
+            residual=float(np.abs(self.residual).max(initial=0.0)),
             remaining={b: self._remaining(b) for b in sorted(self.wanted)},
         )
 
@@ -224,19 +274,12 @@ class _Plan:
             e = self._hand_error(body)
             e[3:] *= self.motion.shape(body)[1]
             total += float(e @ e)
-        for c in self.constraints:
-            r = self._residual(c)
-            total += float(r @ r)
-        return float(np.sqrt(total))
-
-    def _residual(self, c: Constraint) -> Array:
-        a, b = c.bodies
-        return c.residual(self.poses[a], self.poses[b])
+        return float(np.sqrt(total + self.residual @ self.residual))
 
     # -- the quadratic program
 
-    def _propose(self) -> tuple[Array, NDArray[Any], NDArray[np.int64]]:
-        """The motion (n,), the contact rows it was planned with, and which of them it presses on."""
+    def _propose(self) -> tuple[Array, NDArray[Any], NDArray[np.int64], bool]:
+        """The motion (n,), the contact rows it was planned with, which of them it presses on, whether they are all."""
         goal, weight = np.zeros(self.n), np.full(self.n, FOLLOW)
         for body in self.wanted:
             k = self.column[body]
@@ -249,7 +292,7 @@ class _Plan:
         gradient = -basis.T @ (weight * (goal - origin))
         y = np.linalg.solve(hessian, -gradient) if len(gradient) else gradient
         x = self._clipped(origin + basis @ y)
-        rows = self._near(x)
+        rows, reach = self._near(x)
         active = np.zeros(0, np.int64)
         if len(rows):
             c, lower = self._inequalities(rows)
@@ -258,29 +301,29 @@ class _Plan:
                 if found is not None:
                     y, active = found
                     x = self._clipped(origin + basis @ y)
-        return x, rows, active
+        return x, rows, active, self._travel(x) < reach
+
+    def _linearised(self) -> tuple[Array, Array]:
+        """Residual (m,) and Jacobian (m, n) of the constraints, in metres (radians at the size of the features)."""
+        residuals, jacobians = [np.zeros(0)], [np.zeros((0, self.n))]
+        for system, sides in zip(self.layout.systems, self.layout.scatter, strict=True):
+            r, *both = system.evaluate(*system.gather(self.poses))
+            out = np.zeros((system.rows, len(self.bodies), 6))
+            for j, to in zip(both, sides, strict=True):
+                linear = j[to.rows, :3]
+                out[to.rows, to.column, :3] += linear
+                out[to.rows, to.column, 3:] += (j[to.rows, 3:] + _cross(to.shift, linear)) / to.radius[:, None]
+            residuals.append(r * system.weight)
+            jacobians.append(out.reshape(system.rows, -1) * system.weight[:, None])
+        return np.concatenate(residuals), np.vstack(jacobians)
 
     def _allowed(self) -> tuple[Array, Array]:
         """The linearised constraints' solutions x = origin + basis·y: (n,) and (n, k)."""
-        if not self.constraints:
+        if not len(self.residual):
             return np.zeros(self.n), np.eye(self.n)
-        residuals, jacobians = [], []
-        for c in self.constraints:
-            a, b = c.bodies
-            rows = np.zeros((c.rows, self.n))
-            for body, j in zip((a, b), c.jacobian(self.poses[a], self.poses[b]), strict=True):
-                k = self.column.get(body)
-                if k is not None:
-                    center, radius = self.motion.shape(body)
-                    rows[:, k : k + 3] = j[:, :3]
-                    rows[:, k + 3 : k + 6] = (j[:, 3:] - np.cross(center, j[:, :3])) / radius
-            scale = np.where(c.angular, c.size, 1.0)[:, None]
-            jacobians.append(scale * rows)
-            residuals.append(scale[:, 0] * self._residual(c))
-        jacobian, residual = np.vstack(jacobians), np.concatenate(residuals)
-        u, s, vt = np.linalg.svd(jacobian)
-        rank = int((s > 1e-7 * s[0]).sum()) if len(s) else 0
-        return -vt[:rank].T @ ((u[:, :rank].T @ residual) / s[:rank]), vt[rank:].T
+        u, s, vt = np.linalg.svd(self.jacobian)
+        rank = int((s > 1e-7 * s[0]).sum())
+        return -vt[:rank].T @ ((u[:, :rank].T @ self.residual) / s[:rank]), vt[rank:].T
 
     def _clipped(self, x: Array) -> Array:
         """A motion shortened until no body turns by more than MAX_TURN."""
@@ -291,12 +334,13 @@ class _Plan:
         """m: the farthest that any point of any body goes."""
         return max(float(np.linalg.norm(x[k : k + 3]) + np.linalg.norm(x[k + 3 : k + 6])) for k in self.column.values())
 
-    def _near(self, x: Array) -> NDArray[Any]:
-        """Contact rows of the moving bodies that this motion might close."""
-        reach = min(self._travel(x), 5.0 * self.tolerance.reach) + 2.0 * self.tolerance.linear
-        rows = self.motion.collision.contacts(reach, self.bodies)
-        moving = np.isin(rows["object_a"], self.bodies) | np.isin(rows["object_b"], self.bodies)
-        return rows[moving]
+    def _near(self, x: Array) -> tuple[NDArray[Any], float]:
+        """Contact rows of the moving bodies that this motion might close, and how far it may go without meeting others.
+
+        A long motion is not looked at to its end: beyond a few reaches the sweep finds what it meets.
+        """
+        reach = min(self._travel(x), 5.0 * self.tolerance.reach) + 2.0 * MARGIN * self.tolerance.linear
+        return self.motion.collision.contacts(reach, self.bodies), reach
 
     def _inequalities(self, rows: NDArray[Any]) -> tuple[Array, Array]:
         """C (k, n) and lower (k,): C x >= lower keeps each pair of surfaces apart to first order."""
@@ -369,9 +413,9 @@ class _Plan:
         return self._projected(target)
 
     def _projected(self, target: dict[int, pin.SE3]) -> dict[int, pin.SE3]:
-        if self.constraints:
+        if self.layout.constraints:
             at = dict(enumerate(self.poses)) | target
-            target = target | dict(solve(self.constraints, at, self.bodies, self.tolerance).poses)
+            target = target | dict(solve(self.layout.constraints, at, self.bodies, self.motion.solving).poses)
         return target
 
     def _sweep(self, target: dict[int, pin.SE3]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
@@ -391,3 +435,16 @@ class _Plan:
         for body, pose in target.items():
             self.poses[body] = pose
             self.motion.collision.set_pose(body, pose)
+        self.residual, self.jacobian = self._linearised()
+
+
+def _cross(u: Array, v: Array) -> Array:
+    """Row-wise cross product of (k, 3) arrays; numpy's own costs ten times as much on small ones."""
+    return np.stack(
+        [
+            u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1],
+            u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2],
+            u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0],
+        ],
+        axis=1,
+    )
