@@ -1,4 +1,5 @@
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from tests.vpframe.watching import fake_session, pressing_frames, pressing_scene
-from vpframe.errors import LoadError
+from vpframe.errors import LoadError, VpframeError
 from vpframe.scene import Part, Scene
 from vpframe.visualization import palette, replay
 from vpframe.visualization.recorder import RerunRecorder
@@ -214,6 +215,29 @@ def test_what_is_no_recording_is_said_in_one_line(tmp_path, content):
         replay.replay(path, script=True)
     assert str(path) in str(raised.value)
     assert "\n" not in str(raised.value)
+
+
+def test_a_file_that_cannot_be_written_is_said_before_the_session(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(VpframeError, match="run.rrd"):
+        RerunRecorder(tmp_path / "file" / "run.rrd")
+    with pytest.raises(VpframeError, match=re.escape(str(tmp_path))):
+        RerunRecorder(tmp_path)
+
+
+def test_what_stops_the_writer_stops_the_recorder_and_not_the_session(tmp_path, monkeypatch):
+    from vpframe.visualization import recorder as module
+
+    monkeypatch.setattr(module, "FLUSH_STEPS", 1)
+    monkeypatch.setitem(module._COLUMNS, "scalar", lambda values: 1 / 0)
+    recorder = RerunRecorder(tmp_path / "run.rrd")
+    recorder.begin(fake_session())
+    with pytest.raises(ZeroDivisionError):
+        for _ in range(100):
+            for frame in pressing_frames(20):
+                recorder.frame(frame)
+    with pytest.raises(ZeroDivisionError):
+        recorder.end()
 
 
 def test_rerun_is_started_on_loopback_only(tmp_path):

@@ -1,15 +1,18 @@
 """`RerunRecorder`: a session on disk as a rerun recording (`.rrd`), readable at any moment while it grows.
 
-Geometry is written once; poses, highlights, constraints, events and plots follow in columns, about once a second, so
-that a recording that is killed loses at most its last second. Positions are single precision, as rerun keeps them.
+Geometry is written once; poses, highlights, constraints, events and plots follow in columns, every two seconds and from
+a thread of its own, so that the session does not wait for the disk and a recording that is killed loses no more than
+its last seconds. Positions are single precision, as rerun keeps them.
 Timelines: `step` and `time` (s since the session began). Plots are in the units their names say.
 """
 
 from __future__ import annotations
 
+import queue
 import re
+import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +21,7 @@ import pinocchio as pin
 import rerun as rr
 from numpy.typing import NDArray
 
+from vpframe.errors import VpframeError
 from vpframe.events import ConstraintView, Event, Frame
 from vpframe.scene import Part, Scene
 from vpframe.visualization import palette
@@ -30,8 +34,11 @@ if TYPE_CHECKING:
     from vpframe.session import Session
 
 FLUSH_STEPS = 240
-FLUSH_SECONDS = 1.0
+FLUSH_SECONDS = 2.0
 """the buffered steps go to the file when there are this many, or this long after the last time"""
+
+BACKLOG = 8
+"""buffers that may wait for the writer before the session does"""
 
 GONE = "removed"
 """the state of a constraint that is no longer listed"""
@@ -49,22 +56,36 @@ EVENT_COLOR = {
 }
 
 
+Buffered = dict[tuple[str, str], list[tuple[int, float, Any]]]
+"""by entity and kind of value: step, time, value"""
+
+
 class RerunRecorder:
-    """Writes what a session shows to `path` (an `.rrd` file; folders are made, an older file is replaced)."""
+    """Writes what a session shows to `path` (an `.rrd` file; folders are made, an older file is replaced).
+
+    Raises
+    ------
+    VpframeError: the file cannot be written.
+    """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self.path.open("wb").close()
+        except OSError as error:
+            raise VpframeError(f"{path}: cannot be written: {error.strerror}; give another file") from None
         self._stream: rr.RecordingStream | None = None
 
     def begin(self, session: Session) -> None:
         """Write the geometry and how to look at it."""
         scene = session.scene
-        self.path.parent.mkdir(parents=True, exist_ok=True)
         self._stream = stream = rr.RecordingStream("vpframe", recording_id=None, send_properties=True)
         camera = frame_scene(scene)
         stream.save(self.path, default_blueprint=blueprint(camera))
         stream.send_recording_name(Path(scene.source).name if scene.source else "session")
         self._names = scene.names
+        self._paths = {name: _path("parts", name) for name in scene.names}
         self._colors = palette.part_colors(scene)
         self._symbol_size = 0.06 * camera.radius
         self._rows = _Rows()
@@ -72,41 +93,44 @@ class RerunRecorder:
         self._red: set[tuple[int, int]] = set()
         self._symbols: dict[str, tuple[object, ...]] = {}
         self._placed: dict[str, pin.SE3] = {}
-        self._state: dict[str, str] = {}
+        self._state: dict[int, str] = {}
+        self._lanes: dict[int, str] = {}
         self._script = ""
-        self._plotted: set[str] = set()
+        self._lines: dict[tuple[str, str], str] = {}
         self._hand: dict[str, NDArray[np.float64]] = {}
         self._last_flush = time.monotonic()
         stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for part in scene.parts:
             self._log_part(stream, part)
+        self._failure: Exception | None = None
+        self._queue: queue.Queue[Buffered | None] = queue.Queue(maxsize=BACKLOG)
+        self._writer = threading.Thread(target=self._write, args=(stream,), name="vpframe recorder", daemon=True)
+        self._writer.start()
         self._start(scene)
         self._flush()
 
     def frame(self, frame: Frame) -> None:
-        """Buffer one step; now and then write."""
+        """Buffer one step; now and then hand it to the writer. Raises what stopped the writer, if anything did."""
+        if self._failure is not None:
+            raise self._failure
         rows = self._rows
         rows.at(frame.step, frame.time)
         self._poses(frame.poses)
         self._highlight(frame.colliding)
         self._draw(frame)
-        for view in frame.constraints:
-            self._set_state(_lane(view), view.state)
-        listed = {_lane(view) for view in frame.constraints}
-        for lane in [lane for lane, state in self._state.items() if state != GONE and lane not in listed]:
-            self._set_state(lane, GONE)
+        self._states(frame.constraints)
         for event in frame.events:
             rows.add("events", "text", (event.kind, event.text or _describe(event)))
         if frame.script != self._script:
             self._script = frame.script
             rows.add("script", "document", frame.script)
         for part, freedom in frame.freedom.items():
-            self._plot(_path("plots/freedom", part), part, freedom)
+            self._plot("plots/freedom", part, freedom, name=part)
         if frame.clearance is not None:
-            self._plot("plots/clearance", "clearance (mm)", 1e3 * frame.clearance, palette.FREEDOM)
-        self._plot("plots/clashes", "colliding surface pairs", len(frame.colliding), palette.COLLIDING)
+            self._plot("plots/clearance", "", 1e3 * frame.clearance, "clearance (mm)", palette.FREEDOM)
+        self._plot("plots/clashes", "", len(frame.colliding), "colliding surface pairs", palette.COLLIDING)
         for name, seconds in frame.timings.items():
-            self._plot(_path("plots/timings", name), f"{name} (ms)", 1e3 * seconds)
+            self._plot("plots/timings", name, 1e3 * seconds, f"{name} (ms)")
         if rows.steps >= FLUSH_STEPS or time.monotonic() - self._last_flush > FLUSH_SECONDS:
             self._flush()
 
@@ -114,8 +138,12 @@ class RerunRecorder:
         """Write what is left and close the file."""
         if self._stream is not None:
             self._flush()
+            self._queue.put(None)
+            self._writer.join()
             self._stream.disconnect()
             self._stream = None
+            if self._failure is not None:
+                raise self._failure
 
     def _log_part(self, stream: rr.RecordingStream, part: Part) -> None:
         mesh = display_mesh(part.shape)
@@ -148,7 +176,7 @@ class RerunRecorder:
             before = self._pose.get(name)
             if before is None or before != pose:
                 self._pose[name] = pose.copy()
-                self._rows.add(_path("parts", name), "transform", pose)
+                self._rows.add(self._paths[name], "transform", pose)
 
     def _highlight(self, colliding: NDArray[np.int32]) -> None:
         red = {(int(o), int(s)) for row in colliding for o, s in (row[:2], row[2:])}
@@ -178,36 +206,54 @@ class RerunRecorder:
                 self._rows.add(_path("trail", name), "segment", np.array([self._hand[name], place]))
             self._hand[name] = place
 
-    def _set_state(self, lane: str, state: str) -> None:
-        """Keep a constraint's state; GONE is drawn as a gap."""
-        path = f"constraints/{lane}"
-        if lane not in self._state and self._stream is not None:
-            values = [*palette.STATE, GONE]
-            colors = _colors([*palette.STATE.values(), palette.REFUSED])
-            visible = [value != GONE for value in values]
-            style = rr.StateConfiguration(values=values, labels=values, colors=colors, visible=visible)
-            self._stream.log(path, style, static=True)
-        if self._state.get(lane) != state:
-            self._state[lane] = state
-            self._rows.add(path, "state", state)
+    def _states(self, views: tuple[ConstraintView, ...]) -> None:
+        """Keep the state of each constraint when it changes; GONE is drawn as a gap."""
+        now = {view.id: view.state for view in views}
+        if now == self._state:
+            return
+        for view in views:
+            if view.id not in self._lanes:
+                path = self._lanes[view.id] = f"constraints/{_lane(view)}"
+                values = [*palette.STATE, GONE]
+                colors = _colors([*palette.STATE.values(), palette.REFUSED])
+                visible = [value != GONE for value in values]
+                style = rr.StateConfiguration(values=values, labels=values, colors=colors, visible=visible)
+                self._rows.add(path, "style", style)
+            if self._state.get(view.id) != view.state:
+                self._rows.add(self._lanes[view.id], "state", view.state)
+        for gone in self._state.keys() - now.keys():
+            self._rows.add(self._lanes[gone], "state", GONE)
+        self._state = now
 
-    def _plot(self, path: str, name: str, value: float, color: palette.Color | None = None) -> None:
+    def _plot(self, root: str, leaf: str, value: float, name: str, color: palette.Color | None = None) -> None:
         """One point of a line; its name, with the unit, is written the first time."""
-        if path not in self._plotted and self._stream is not None:
-            self._plotted.add(path)
+        path = self._lines.get((root, leaf))
+        if path is None:
+            path = self._lines[root, leaf] = _path(root, leaf) if leaf else root
             colors = [_rgba(color)] if color else None
-            self._stream.log(path, rr.SeriesLines(names=[name], colors=colors, widths=[1.8]), static=True)
+            self._rows.add(path, "style", rr.SeriesLines(names=[name], colors=colors, widths=[1.8]))
         self._rows.add(path, "scalar", float(value))
 
     def _flush(self) -> None:
-        stream = self._stream
-        if stream is None:
-            return
-        for path, steps, times, columns in self._rows.take():
-            index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("time", duration=times)]
-            stream.send_columns(path, index, columns)
-        stream.flush()
+        self._queue.put(self._rows.take())
         self._last_flush = time.monotonic()
+
+    def _write(self, stream: rr.RecordingStream) -> None:
+        """Send rows to the file until None comes (in the writer's thread)."""
+        try:
+            while (rows := self._queue.get()) is not None:
+                for (path, kind), entries in rows.items():
+                    if kind == "style":
+                        stream.log(path, entries[0][2], static=True)
+                        continue
+                    steps, times, values = (list(column) for column in zip(*entries, strict=True))
+                    index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("time", duration=times)]
+                    stream.send_columns(path, index, _COLUMNS[kind](values))
+                stream.flush()
+        except Exception as error:
+            self._failure = error
+            while self._queue.get() is not None:  # the session must not wait for a writer that is gone
+                pass
 
 
 class _Rows:
@@ -216,7 +262,7 @@ class _Rows:
     def __init__(self) -> None:
         self.steps = 0
         self._now = (0, 0.0)
-        self._rows: dict[tuple[str, str], list[tuple[int, float, Any]]] = {}
+        self._rows: Buffered = {}
 
     def at(self, step: int, seconds: float) -> None:
         self._now = (step, seconds)
@@ -225,12 +271,10 @@ class _Rows:
     def add(self, path: str, kind: str, value: Any) -> None:
         self._rows.setdefault((path, kind), []).append((*self._now, value))
 
-    def take(self) -> Iterator[tuple[str, list[int], list[float], Any]]:
-        """Path, steps, times and columns of each buffer; the buffers are empty afterwards."""
+    def take(self) -> Buffered:
+        """All rows by entity and kind; the buffers are empty afterwards."""
         rows, self._rows, self.steps = self._rows, {}, 0
-        for (path, kind), entries in rows.items():
-            steps, times, values = (list(column) for column in zip(*entries, strict=True))
-            yield path, steps, times, _COLUMNS[kind](values)
+        return rows
 
 
 def _transforms(values: list[pin.SE3]) -> Any:
@@ -245,6 +289,8 @@ def _strips(values: list[Symbol | None]) -> Any:
     style = rr.LineStrips3D.columns(
         colors=_colors([symbol.color for symbol in drawn]),
         radii=_ui_radii([0.5 * symbol.width for symbol in drawn]),
+        labels=[symbol.label for symbol in drawn],
+        show_labels=[False] * len(drawn),
     )
     return [*strips.partition([len(symbol.strips) if symbol else 0 for symbol in values]), *style.partition(each)]
 

@@ -22,8 +22,8 @@ from vpframe.errors import VpframeError
 from vpframe.visualization.controls import Controls, Request
 
 PATIENCE = 10.0
-RATE = 60.0
-"""frames a second to a page, at most"""
+RATE = 90.0
+"""frames a second to a page, at most: above 60, so that every frame of a 60 Hz session can pass"""
 
 
 class Server:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from math import copysign, sqrt
 
 import numpy as np
 import pinocchio as pin
@@ -53,26 +55,28 @@ def constraint_symbol(view: ConstraintView) -> Symbol:
     An axis with a ring for what turns about an axis (concentric, conical, screw, …), a ball for what turns about a
     point, a line for what touches along one, a framed square with its normal for what lies on a plane.
     """
-    size = max(float(view.size), 1e-9)
-    if view.kind in TURNING:
-        strips = [_segment(-2.2 * size, 2.2 * size), circle(Z, 1.15 * size)]
-        if view.kind == "screw":
-            strips[1] = _helix(1.15 * size)
-    elif view.kind in ("spherical", "point"):
-        strips = [circle(axis, 0.6 * size) for axis in (Z, X, Y)]
-    elif view.kind in ("line", "tangent", "parallel", "rack"):
-        strips = [_segment(-1.5 * size, 1.5 * size)]
-    else:
-        strips = [_square(size), *arrow(Z, 0.8 * size)]
+    size = _rounded(view.size)
     return Symbol(
         name=f"constraint/{view.id}",
-        key=(view.kind, view.state, round(size, 9)),
-        strips=tuple(strips),
+        key=(view.kind, view.state, size, view.parts),
+        strips=_constraint_strips(view.kind, size),
         pose=frame_at(view.origin, view.direction),
         color=palette.STATE.get(view.state, palette.CANDIDATE),
         width=3.0 if view.state == "active" else 2.0,
         label=f"{view.kind}: {view.parts[0]} – {view.parts[1]}",
     )
+
+
+@lru_cache(maxsize=1024)
+def _constraint_strips(kind: str, size: float) -> tuple[Points, ...]:
+    if kind in TURNING:
+        ring = _helix(1.15 * size) if kind == "screw" else circle(Z, 1.15 * size)
+        return _segment(-2.2 * size, 2.2 * size), ring
+    if kind in ("spherical", "point"):
+        return tuple(circle(axis, 0.6 * size) for axis in (Z, X, Y))
+    if kind in ("line", "tangent", "parallel", "rack"):
+        return (_segment(-1.5 * size, 1.5 * size),)
+    return _square(size), *arrow(Z, 0.8 * size)
 
 
 SLIDES: dict[str, tuple[Points, ...]] = {"prismatic": (Z,), "cylindrical": (Z,), "planar": (X, Y)}
@@ -91,15 +95,27 @@ def freedom_symbol(part: str, joint: str, pose: pin.SE3, size: float) -> Symbol 
 
     `pose`: where the pair sits, z along the direction that names it. `size`: metres.
     """
+    strips = _freedom_strips(joint, _rounded(size))
+    if not strips:
+        return None
+    return Symbol(
+        f"freedom/{part}", (joint, _rounded(size), part), strips, pose, palette.FREEDOM, 3.0, f"{part}: {joint}"
+    )
+
+
+@lru_cache(maxsize=1024)
+def _freedom_strips(joint: str, size: float) -> tuple[Points, ...]:
     strips: list[Points] = []
     for axis in SLIDES.get(joint, ()):
         strips += arrow(axis, size) + arrow(-axis, size)
     for axis in TURNS.get(joint, ()):
         strips += _turn(axis, 0.62 * size)
-    if not strips:
-        return None
-    key = (joint, round(size, 9))
-    return Symbol(f"freedom/{part}", key, tuple(strips), pose, palette.FREEDOM, 3.0, f"{part}: {joint}")
+    return tuple(strips)
+
+
+def _rounded(size: float) -> float:
+    """The size to three digits: a symbol need not be drawn anew when it differs by less."""
+    return float(f"{max(float(size), 1e-9):.3g}")
 
 
 def frame_symbols(frame: Frame, refused: bool = False) -> tuple[Symbol, ...]:
@@ -111,7 +127,7 @@ def frame_symbols(frame: Frame, refused: bool = False) -> tuple[Symbol, ...]:
             continue
         naming = min(mine, key=lambda view: (view.kind in FLAT, view.id))  # an axis says more than a normal
         pose = frame_at(naming.origin, naming.direction)
-        symbol = freedom_symbol(name, frame.joint[name], pose, 2.4 * max(float(naming.size), 1e-9))
+        symbol = freedom_symbol(name, frame.joint[name], pose, 2.4 * naming.size)
         if symbol:
             symbols.append(symbol)
     return tuple(symbols)
@@ -133,11 +149,17 @@ def trail_symbol(name: str, points: ArrayLike) -> Symbol:
 
 def frame_at(origin: ArrayLike, direction: ArrayLike) -> pin.SE3:
     """The pose at `origin` (3,) whose z axis is along `direction` (3,); the world's z where that is zero."""
-    z = np.asarray(direction, dtype=np.float64)
-    length = np.linalg.norm(z)
-    z = z / length if length > 0 else Z
-    x = perpendicular(z)
-    return pin.SE3(np.column_stack([x, np.cross(z, x), z]), np.array(origin, dtype=np.float64))
+    x, y, z = np.asarray(direction, dtype=np.float64).tolist()
+    length = sqrt(x * x + y * y + z * z)
+    x, y, z = (x / length, y / length, z / length) if length > 0 else (0.0, 0.0, 1.0)
+    # Duff et al. 2017, "Building an Orthonormal Basis, Revisited": scalars, because this runs for each symbol and step
+    sign = copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    rotation = np.array(
+        [[1.0 + sign * x * x * a, b, x], [sign * b, sign + y * y * a, y], [-sign * x, -y, z]], dtype=np.float64
+    )
+    return pin.SE3(rotation, np.array(origin, dtype=np.float64))
 
 
 def circle(axis: Points, radius: float, turn: float = 2 * np.pi) -> Points:

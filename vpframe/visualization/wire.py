@@ -45,19 +45,18 @@ class Encoder:
             if place in self._moved or pose != self.start[name]:
                 self._moved[place] = pose
         fresh: list[Message] = []
-        drawn = []
+        drawn, places = [], []
         for symbol in (*frame_symbols(frame), *hand_symbols(frame.hands, 0.06 * self.camera.radius)):
             number = self._strips.get(symbol.key)
             if number is None:
                 number = self._strips[symbol.key] = len(self._strips)
                 fresh.append(strips_message(number, symbol))
+            places.append(matrix(symbol.pose))
             drawn.append(
                 {
                     "name": symbol.name,
                     "strips": number,
                     "color": palette.hex_color(symbol.color),
-                    "label": symbol.label,
-                    "pose": _matrix(symbol.pose),
                 }
             )
         message = {
@@ -79,6 +78,7 @@ class Encoder:
                 for view in frame.constraints
             ],
             "symbols": drawn,
+            "symbol_poses": pack(np.array(places, dtype=np.float32)),
             "freedom": {name: [freedom, frame.joint.get(name, "")] for name, freedom in frame.freedom.items()},
             "clearance": frame.clearance,
             "held": frame.held,

@@ -108,7 +108,7 @@ function showFrame(frame) {
   const poses = floats(frame.poses);
   frame.moved.forEach((index, i) => viewer.set_transform(world.parts[index].path, poses.subarray(16 * i, 16 * i + 16)));
   showCollisions(frame.colliding);
-  showSymbols(frame.symbols);
+  showSymbols(frame);
   extendTrail(frame);
   $("time").textContent = `${frame.time.toFixed(3)} s`;
   $("step").textContent = `step ${frame.step}`;
@@ -178,18 +178,19 @@ function lineObject(geometry, color) {
   return group;
 }
 
-function showSymbols(list) {
-  const shown = $("symbols").checked ? list : [];
+function showSymbols(frame) {
+  const shown = $("symbols").checked ? frame.symbols : [];
+  const poses = floats(frame.symbol_poses);
   const names = new Set(shown.map((symbol) => symbol.name));
-  for (const symbol of shown) {
+  shown.forEach((symbol, i) => {
     const key = `${symbol.strips} ${symbol.color}`;
     const path = ["symbols", symbol.name];
     if (world.symbols.get(symbol.name) !== key) {
       viewer.set_object(path, lineObject(world.strips.get(symbol.strips), symbol.color));
       world.symbols.set(symbol.name, key);
     }
-    viewer.set_transform(path, symbol.pose);
-  }
+    viewer.set_transform(path, poses.subarray(16 * i, 16 * i + 16));
+  });
   for (const name of [...world.symbols.keys()].filter((name) => !names.has(name))) {
     viewer.delete_path(["symbols", name]);
     world.symbols.delete(name);
@@ -335,7 +336,7 @@ $("edges").onchange = () => {
   for (const part of world.parts) part.lines.visible = $("edges").checked;
   viewer.set_dirty();
 };
-$("symbols").onchange = () => { if (world.last) showSymbols(world.last.symbols); viewer.set_dirty(); };
+$("symbols").onchange = () => { if (world.last) showSymbols(world.last); viewer.set_dirty(); };
 $("trail").onchange = () => { for (const name of world.trail.keys()) drawTrail(name); viewer.set_dirty(); };
 
 // ---- live, or from the file ----------------------------------------------------------------------------------------
