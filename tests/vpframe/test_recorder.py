@@ -219,7 +219,7 @@ def test_what_is_no_recording_is_said_in_one_line(tmp_path, content):
 
 def test_a_file_that_cannot_be_written_is_said_before_the_session(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(VpframeError, match="run.rrd"):
+    with pytest.raises(VpframeError, match=r"run\.rrd"):
         RerunRecorder(tmp_path / "file" / "run.rrd")
     with pytest.raises(VpframeError, match=re.escape(str(tmp_path))):
         RerunRecorder(tmp_path)
