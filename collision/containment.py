@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
+from collision.shape import ShapeMesh
 from collision.tree import tree_of
 
 if TYPE_CHECKING:
@@ -42,6 +44,8 @@ def solid_of(mesh: SurfaceMesh) -> Solid:
     """The mesh as the boundary of a solid, derived at the first call and kept in `mesh._cache["solid"]`."""
     solid = mesh._cache.get("solid")
     if solid is None:
+        if isinstance(mesh, ShapeMesh):
+            raise CollisionError(f"{mesh.name}: a shape without triangles bounds no mesh; give it as a SurfaceMesh")
         solid = mesh._cache["solid"] = _derive(mesh)
     return solid
 

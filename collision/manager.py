@@ -13,6 +13,7 @@ from collision import poses as _poses
 from collision.errors import CollisionError, UnknownObjectError
 from collision.mesh import SurfaceMesh
 from collision.query import Method, examine
+from collision.shape import ShapeMesh, mesh_of_shape
 from collision.statistics import Statistics
 from collision.tolerance import Tolerance
 from collision.tree import tree_of
@@ -59,6 +60,14 @@ class CollisionManager:
             self._pose = np.concatenate([self._pose, np.empty((max(16, i), 12))])
         self._pose[i] = packed
         return i
+
+    def add_shape(self, shape: Any, pose: pin.SE3 | ArrayLike, movable: bool = True, name: str | None = None) -> int:
+        """Add a solid that is no mesh, a coal primitive, convex hull, height field or octree, as one surface; its id.
+
+        Answers about it are coal's, not exact; it has no penetration, contains nothing and is not swept. A height field
+        becomes a mesh, to which none of this applies.
+        """
+        return self.add(mesh_of_shape(shape, name), pose, movable)
 
     def remove(self, i: int) -> None:
         """Take an object out; its id is not used again."""
@@ -171,6 +180,12 @@ class CollisionManager:
         ]
         return np.array(rows, np.int32).reshape(-1, 2)
 
+    def _has_shape(self, i: int, j: int) -> bool:
+        return isinstance(self._meshes[i], ShapeMesh) or isinstance(self._meshes[j], ShapeMesh)
+
+    def _method(self, i: int, j: int) -> Method:
+        return "coal" if self._has_shape(i, j) else self.method
+
     def _world_box(self, i: int, margin: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         box = tree_of(self.mesh(i)).box[0]
         rotation, translation = self._pose[i, :9].reshape(3, 3), self._pose[i, 9:]
@@ -187,13 +202,13 @@ class CollisionManager:
         rows = [np.empty((0, 4), np.int32)]
         for i, j in self.object_pairs(objects).tolist():
             pose = self.relative_pose(i, j)
-            pairs, cost = examine(self.mesh(i), self.mesh(j), pose, self.method)
+            pairs, cost = examine(self.mesh(i), self.mesh(j), pose, self._method(i, j))
             self._statistics += cost
             self._answers += 1
-            if self.cross_check_every and self._answers % self.cross_check_every == 0:
+            if self.cross_check_every and self._answers % self.cross_check_every == 0 and not self._has_shape(i, j):
                 from collision.oracle import cross_check
 
-                cross_check(self.mesh(i), self.mesh(j), pose, pairs, self.tolerance)
+                cross_check(self.mesh(i), self.mesh(j), pose, pairs)
             left_out = self._ignored_surfaces.get((i, j))
             if left_out:
                 pairs = pairs[[(a, b) not in left_out for a, b in pairs.tolist()]]

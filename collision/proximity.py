@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from collision.contact import CONTACT_DTYPE
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
+from collision.shape import ShapeMesh
 from collision.tree import tree_of
 
 if TYPE_CHECKING:
@@ -48,6 +49,10 @@ def surface_contacts(
     from collision import kernels_distance as kernels
     from collision.predicates import workspace
 
+    if isinstance(mesh_a, ShapeMesh) or isinstance(mesh_b, ShapeMesh):
+        from collision import oracle
+
+        return oracle.surface_contacts(mesh_a, mesh_b, pose_ab, within, heeded)
     a, b = tree_of(mesh_a), tree_of(mesh_b)
     rotation, translation = np.ascontiguousarray(pose_ab.rotation), pose_ab.translation
     rounding = kernels.rounding_of(a.box, b.box, rotation, translation)
@@ -99,6 +104,12 @@ def mesh_clearance(
     from collision import kernels_distance as kernels
     from collision.predicates import workspace
 
+    if isinstance(mesh_a, ShapeMesh) or isinstance(mesh_b, ShapeMesh):
+        rows = surface_contacts(mesh_a, mesh_b, pose_ab, bound)
+        for name, surface in (("surface_a", surface_a), ("surface_b", surface_b)):
+            if surface is not None:
+                rows = rows[rows[name] == surface]
+        return rows[[int(np.argmin(rows["distance"]))]] if len(rows) else None
     a, b = tree_of(mesh_a), tree_of(mesh_b)
     rotation, translation = np.ascontiguousarray(pose_ab.rotation), pose_ab.translation
     best, hit = np.empty(7), np.empty(2, np.int32)

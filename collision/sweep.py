@@ -31,6 +31,7 @@ from collision.contact import CONTACT_DTYPE
 from collision.errors import CollisionError, UnknownObjectError
 from collision.mesh import SurfaceMesh
 from collision.proximity import heeded_surfaces, surface_contacts
+from collision.shape import ShapeMesh
 from collision.tree import MeshTree, tree_of
 
 if TYPE_CHECKING:
@@ -110,7 +111,8 @@ def time_of_contact(manager: CollisionManager, moves: Mapping[int, Any], deflect
     for i in moves:
         if i not in movers:
             raise UnknownObjectError(f"no object {i} to move", i)
-    first, stops = 1.0, []
+    first = 1.0
+    stops: list[tuple[int, int, tuple[int, int], set[tuple[int, int]]]] = []
     for i, j in _pairs(manager, movers, {int(i) for i in moves}):
         t, before, pair, touching = _pair_time(manager, movers[i], movers[j], i, j, first, deflection)
         if t <= first and pair[0] >= 0:
@@ -177,6 +179,9 @@ def _pair_time(
     from collision import kernels_distance, kernels_sweep
     from collision.predicates import workspace
 
+    for mesh in (a.mesh, b.mesh):
+        if isinstance(mesh, ShapeMesh):
+            raise CollisionError(f"{mesh.name}: a shape without triangles is not swept; give it as a SurfaceMesh")
     tolerance = manager.tolerance.linear
     play = PLAY * tolerance
     heeded = heeded_surfaces(manager, i, j)

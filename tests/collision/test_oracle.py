@@ -1,0 +1,160 @@
+"""coal behind the same interface: agreement, a disagreement that can be reproduced, shapes that are no meshes."""
+
+from __future__ import annotations
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from collision import CollisionError, CollisionManager, PoseError, SurfaceMesh, colliding_surfaces
+from collision import oracle as oracle_module
+from collision.containment import inside, is_closed
+from collision.oracle import OracleError, cross_check, reproduce
+from collision.proximity import clearance, surface_contacts
+from collision.shape import mesh_of_shape
+from tests.collision.reference import box, random_soup, sphere
+
+
+def at(x: float, y: float = 0.0, z: float = 0.0) -> pin.SE3:
+    return pin.SE3(np.eye(3), np.array([x, y, z]))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_coal_gives_the_same_answer_on_soups(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = random_soup(rng, 90, 6), random_soup(rng, 70, 5)
+    pose = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3) * 0.5)
+    ours = colliding_surfaces(a, b, pose, method="brute")
+    assert len(ours)
+    assert ours.tolist() == colliding_surfaces(a, b, pose, method="coal").tolist()
+    cross_check(a, b, pose, ours)
+    theirs = oracle_module.surface_contacts(a, b, pose, 0.1)
+    mine = surface_contacts(a, b, pose, 0.1)
+    assert mine[["surface_a", "surface_b"]].tolist() == theirs[["surface_a", "surface_b"]].tolist()
+    np.testing.assert_allclose(mine["distance"], theirs["distance"], atol=1e-7)
+
+
+def test_a_wrong_answer_is_raised_with_what_reproduces_it(tmp_path) -> None:
+    rng = np.random.default_rng(5)
+    a, b = random_soup(rng, 60, 4), random_soup(rng, 60, 4)
+    pose = at(0.2, 0.1)
+    ours = colliding_surfaces(a, b, pose, method="brute")
+    with pytest.raises(OracleError, match="reproduce from") as raised:
+        cross_check(a, b, pose, ours[1:], tmp_path)
+    assert raised.value.theirs.tolist() == ours.tolist()
+    again_a, again_b, matrix = reproduce(raised.value.path)
+    assert colliding_surfaces(again_a, again_b, pin.SE3(matrix), method="brute").tolist() == ours.tolist()
+
+
+def test_touching_by_less_than_coal_can_tell_is_no_disagreement() -> None:
+    a = box(1.0, 1.0, 1.0)
+    for gap in (0.0, 1e-12, -1e-12):
+        pose = at(0.3, 0.2, 1.0 + gap)
+        cross_check(a, a, pose, colliding_surfaces(a, a, pose, method="brute"))
+    with pytest.raises(OracleError):
+        cross_check(a, a, at(0.3, 0.2, 0.99), np.empty((0, 2), np.int32))
+
+
+def test_the_manager_checks_every_nth_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = CollisionManager(cross_check=2)
+    world.add(sphere(0.5), at(0.0))
+    world.add(sphere(0.5), at(0.4))
+    for _ in range(4):
+        assert len(world.colliding_surfaces()) == 1
+    monkeypatch.setattr(oracle_module, "colliding_surfaces", lambda *a: np.empty((0, 2), np.int32))
+    world.colliding_surfaces()
+    with pytest.raises(OracleError):
+        world.colliding_surfaces()
+
+
+def test_bad_poses_never_reach_coal() -> None:
+    bad = np.eye(4)
+    bad[0, 3] = np.nan
+    with pytest.raises(PoseError):
+        colliding_surfaces(box(1, 1, 1), box(1, 1, 1), bad, method="coal")
+    with pytest.raises(PoseError):
+        oracle_module.colliding_surfaces(box(1, 1, 1), box(1, 1, 1), bad)
+
+
+def hull() -> coal.Convex:
+    points = np.random.default_rng(0).normal(size=(40, 3)) * 0.2
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(1, len(points))
+    model.addVertices(points)
+    model.addTriangles(np.array([[0, 1, 2]]))
+    model.endModel()
+    model.buildConvexHull(True, "Qt")
+    return model.convex
+
+
+SHAPES = {
+    "sphere": lambda: coal.Sphere(0.3),
+    "box": lambda: coal.Box(0.5, 0.6, 0.6),
+    "capsule": lambda: coal.Capsule(0.2, 0.2),
+    "cylinder": lambda: coal.Cylinder(0.3, 0.6),
+    "cone": lambda: coal.Cone(0.3, 0.6),
+    "ellipsoid": lambda: coal.Ellipsoid(0.2, 0.3, 0.3),
+    "hull": hull,
+    "octree": lambda: coal.makeOctree(np.random.default_rng(0).uniform(-0.25, 0.25, (200, 3)), 0.05),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_shapes_collide_and_come_near_as_objects_of_one_surface(name: str) -> None:
+    world = CollisionManager()
+    shape = world.add_shape(SHAPES[name](), at(0.0))
+    i = world.add(box(2.0, 2.0, 0.1, 3), at(0.0))
+    assert {tuple(row) for row in world.colliding_surfaces().tolist()} >= {(shape, 0, i, 4), (shape, 0, i, 5)}
+    world.set_pose(i, at(0.0, 0.0, -2.05))
+    assert not len(world.colliding_surfaces())
+    row = world.clearance(shape, i)[0]
+    half = 2.0 - row["distance"]
+    assert 0.2 < half < 0.8
+    assert row["point_b"][2] == pytest.approx(-2.0, abs=1e-6)
+    assert row["point_a"][2] == pytest.approx(-half, abs=1e-4)
+    assert (row["triangle_a"], row["surface_b"]) == (-1, 5)
+    near = world.contacts(float(row["distance"]) + 1e-6)
+    assert (0, 5) in near[["surface_a", "surface_b"]].tolist()
+    assert len(world.contacts(float(row["distance"]) - 1e-3)) == 0
+
+
+def test_two_shapes_and_a_sphere_of_known_clearance() -> None:
+    world = CollisionManager()
+    world.add_shape(coal.Sphere(0.3), at(0.0))
+    world.add_shape(coal.Sphere(0.2), at(0.7))
+    assert clearance(world, 0, 1)["distance"][0] == pytest.approx(0.2, abs=1e-9)
+    world.set_pose(1, at(0.49))
+    assert world.colliding_surfaces().tolist() == [[0, 0, 1, 0]]
+
+
+def test_a_height_field_is_a_closed_mesh_with_exact_answers() -> None:
+    heights = np.array([[0.1, 0.2, 0.3], [0.1, 0.4, 0.1]])
+    mesh = mesh_of_shape(coal.HeightFieldOBBRSS(2.0, 4.0, heights, -1.0))
+    assert is_closed(mesh) and mesh.n_surfaces == 1
+    inner = [[0.0, 1.99, 0.19], [0.0, -1.99, 0.39], [0.99, 1.99, 0.28], [-0.5, 0.0, -0.9]]
+    outer = [[0.0, 1.99, 0.21], [0.0, -1.99, 0.41], [0.99, 1.99, 0.31], [0.0, 0.0, -1.1]]
+    assert inside(mesh, inner).all() and not inside(mesh, outer).any()
+    world = CollisionManager()
+    world.add_shape(coal.HeightFieldOBBRSS(2.0, 2.0, np.full((5, 5), 0.1), -1.0), at(0.0), movable=False)
+    i = world.add(box(0.2, 0.2, 0.2), at(0.1, 0.1, 0.19))
+    assert {row[3] for row in world.colliding_surfaces().tolist()} == {0, 1, 2, 3}
+    world.set_pose(i, at(0.1, 0.1, 0.21))
+    assert not len(world.colliding_surfaces())
+    assert world.clearance(0, i)["distance"][0] == pytest.approx(0.01)
+    ball = world.add_shape(coal.Sphere(0.1), at(-0.5, 0.5, 0.15))
+    assert [0, 0, ball, 0] in world.colliding_surfaces([ball]).tolist()
+
+
+def test_what_coal_cannot_bound_or_a_shape_cannot_answer_is_named() -> None:
+    world = CollisionManager()
+    with pytest.raises(CollisionError, match="no bounds"):
+        world.add_shape(coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), at(0.0))
+    with pytest.raises(CollisionError, match="not a shape"):
+        world.add_shape("ball", at(0.0), name="ball")
+    i = world.add_shape(coal.Sphere(0.3), at(0.0))
+    j = world.add(SurfaceMesh(box(1, 1, 1).vertices, box(1, 1, 1).triangles), at(0.5))
+    with pytest.raises(CollisionError, match="bounds no mesh"):
+        world.contains(i, j)
+    with pytest.raises(CollisionError, match="not swept"):
+        world.time_of_contact({i: at(1.0)})
