@@ -18,7 +18,7 @@ import pinocchio as pin
 from collision import Tolerance
 from constraints import system_kernels as kernels
 from constraints.kinds.base import Constraint
-from constraints.solver import resolution, run
+from constraints.solver import run
 from constraints.system import System, build
 from constraints.system_ranks import row_space
 
@@ -141,7 +141,7 @@ def conflicts(
         members = list(system.members)
         rotation, translation = system.gather(at)
         worst = float(np.abs(system.evaluate(rotation, translation)[0]).max())
-        holds = worst <= resolution(system, translation, tolerance)
+        holds = worst <= kernels.resolution(system.element, translation, tolerance.solver)
         poses = dict(at)
         while not holds:
             core = _irreducible(constraints, members, system, poses, tolerance)

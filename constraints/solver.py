@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +12,7 @@ import pinocchio as pin
 from collision import Tolerance
 from constraints import system_kernels as kernels
 from constraints.kinds.base import Constraint
-from constraints.system import Array, Poses, System, systems
+from constraints.system import Array, Poses, System, plan
 
 MAX_ITERATIONS = 200
 MAX_POLISHED = 240
@@ -55,47 +56,53 @@ def solve(
     ConstraintsError: a constraint names a body without a pose, or a pose is not finite.
     """
     tol = tolerance or Tolerance()
-    moves = frozenset(movable)
+    work = plan(tuple(constraints), frozenset(movable))
+    rotation, translation = work.gather(poses)
+    n = len(work.systems)
+    if n == 0:
+        return Solution({}, 0.0, True, 0)
+    status, iterations, worst = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n)
+    given: tuple[Any, ...] = (*work.packed, work.offset, work.length, rotation, translation, tol.solver, MAX_ITERATIONS)
+    kernels.solve_all(*given, status, iterations, worst)
     out: dict[int, pin.SE3] = {}
-    residual, iterations, converged = 0.0, 0, True
     conflicting: list[int] = []
-    for system in systems(tuple(constraints), moves):
-        rotation, translation = system.gather(poses)
-        status, count, worst = run(system, rotation, translation, tol)
-        if status == kernels.SOLVED and count == 0:
+    for k, system in enumerate(work.systems):
+        if iterations[k] == 0:
             out.update((b, poses[b]) for b in system.movable)
-        else:
-            out.update(system.scatter(rotation, translation))
-        if status != kernels.SOLVED:
-            converged = False
-            limit = resolution(system, translation, tol)
-            r = system.evaluate(rotation, translation)[0]
-            conflicting += sorted({system.members[k] for k in system.owner[np.abs(r) > limit]})
-        residual = max(residual, worst)
-        iterations += count
-    return Solution(out, residual, converged, iterations, tuple(sorted(conflicting)))
-
-
-def resolution(system: System, translation: Array, tolerance: Tolerance) -> float:
-    """The residual to reach: `tolerance.solver`, or four roundings of the largest coordinate where that is more."""
-    largest = max(float(np.abs(translation).max()), float(np.abs(system.element[:, [0, 1, 2, 12, 13, 14]]).max()))
-    return max(tolerance.solver, 4.0 * float(np.spacing(largest)))
+            continue
+        own = slice(work.offset[k, 2], work.offset[k + 1, 2])
+        if status[k] != kernels.SOLVED:
+            state = status[k], iterations[k], worst[k]
+            status[k], iterations[k], worst[k] = _finish(system, rotation[own], translation[own], tol, state)
+        out.update(system.scatter(rotation[own], translation[own]))
+        if status[k] != kernels.SOLVED:
+            limit = kernels.resolution(system.element, translation[own], tol.solver)
+            r = system.evaluate(rotation[own], translation[own])[0]
+            conflicting += sorted({system.members[i] for i in system.owner[np.abs(r) > limit]})
+    return Solution(out, float(worst.max()), not conflicting, int(iterations.sum()), tuple(sorted(conflicting)))
 
 
 def run(system: System, rotation: Array, translation: Array, tolerance: Tolerance) -> tuple[int, int, float]:
     """Solve one system, poses changed in place: (status, iterations, greatest residual)."""
     e = system.elimination
-    limit = resolution(system, translation, tolerance)
-    status, iterations, worst = kernels.levenberg_marquardt(
+    state = kernels.levenberg_marquardt(
         system.code, system.body, system.element, system.param, system.start, system.weight, system.extent,
         system.columns, system.target, e.column, e.row, e.update, e.update_start,
-        rotation, translation, system.length, limit, MAX_ITERATIONS,
+        rotation, translation, system.length, tolerance.solver, MAX_ITERATIONS,
     )  # fmt: skip
-    if status != kernels.SOLVED and 6 * len(system.movable) <= MAX_POLISHED:
-        more, worst = _polish(system, rotation, translation, worst, limit)
-        iterations += more
-        status = kernels.SOLVED if worst <= limit else status
-    return status, iterations, worst
+    return _finish(system, rotation, translation, tolerance, state)
+
+
+def _finish(
+    system: System, rotation: Array, translation: Array, tolerance: Tolerance, state: tuple[int, int, float]
+) -> tuple[int, int, float]:
+    """Polish what Levenberg-Marquardt left unsolved, where the system is small enough."""
+    status, iterations, worst = state
+    if status == kernels.SOLVED or 6 * len(system.movable) > MAX_POLISHED:
+        return state
+    limit = kernels.resolution(system.element, translation, tolerance.solver)
+    more, worst = _polish(system, rotation, translation, worst, limit)
+    return (kernels.SOLVED if worst <= limit else status), iterations + more, worst
 
 
 def _polish(system: System, rotation: Array, translation: Array, worst: float, limit: float) -> tuple[int, float]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -96,26 +97,13 @@ class System:
 
     def gather(self, poses: Poses) -> tuple[Array, Array]:
         """Rotations (n, 3, 3) and positions of the centres (n, 3) of the bodies."""
-        rotation = np.empty((len(self.bodies), 3, 3))
-        translation = np.empty((len(self.bodies), 3))
-        for i, b in enumerate(self.bodies):
-            try:
-                pose = poses[b]
-            except (KeyError, IndexError):
-                raise ConstraintsError(f"a constraint refers to body {b}, which has no pose; pass one") from None
-            rotation[i] = pose.rotation
-            translation[i] = pose.translation
-        if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
-            bad = ~np.isfinite(rotation).all(axis=(1, 2)) | ~np.isfinite(translation).all(axis=1)
-            raise ConstraintsError(
-                f"the pose of body {self.bodies[int(np.argmax(bad))]} is not finite; pass a finite one"
-            )
-        translation += np.einsum("nij,nj->ni", rotation, self.center)
+        rotation, translation = _read(poses, self.bodies)
+        translation += (rotation @ self.center[:, :, None])[:, :, 0]
         return rotation, translation
 
     def scatter(self, rotation: Array, translation: Array) -> dict[int, pin.SE3]:
         """Poses of the movable bodies."""
-        origin = translation - np.einsum("nij,nj->ni", rotation, self.center)
+        origin = translation - (rotation @ self.center[:, :, None])[:, :, 0]
         return {b: pin.SE3(rotation[i], origin[i]) for i, b in enumerate(self.bodies) if self.slot[i] >= 0}
 
     def evaluate(self, rotation: Array, translation: Array) -> tuple[Array, Array, Array]:
@@ -170,6 +158,95 @@ def components(constraints: Sequence[Constraint], movable: Iterable[int]) -> lis
 def systems(constraints: tuple[Constraint, ...], movable: frozenset[int]) -> tuple[System, ...]:
     """One `System` a connected component; kept, since the same constraints are solved step after step."""
     return tuple(build(constraints, tuple(group), movable) for group in components(constraints, movable))
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """All systems of a set of constraints, packed one after another so that one kernel call solves them."""
+
+    systems: tuple[System, ...]
+    bodies: tuple[int, ...]
+    """ids, each once"""
+    place: Ints
+    """body of each system, in order -> place in `bodies`"""
+    offset: Ints
+    """(k + 1, 6) first equation, row, body, column, off-diagonal block and update of each system"""
+    length: Array
+    """(k,) m"""
+    center: Array
+    packed: tuple[NDArray[Any], ...]
+    """what `system_kernels.solve_all` takes before `offset`"""
+
+    def gather(self, poses: Poses) -> tuple[Array, Array]:
+        """Rotations and positions of the centres, of each system's bodies in order."""
+        rotation, translation = _read(poses, self.bodies)
+        rotation, translation = rotation[self.place], translation[self.place]
+        translation += (rotation @ self.center[:, :, None])[:, :, 0]
+        return rotation, translation
+
+
+@lru_cache(maxsize=128)
+def plan(constraints: tuple[Constraint, ...], movable: frozenset[int]) -> Plan:
+    """The plan of one system a connected component; kept."""
+    each = systems(constraints, movable)
+    bodies = sorted({b for s in each for b in s.bodies})
+    where = {b: i for i, b in enumerate(bodies)}
+    sizes = [
+        (
+            len(s.code),
+            s.rows,
+            len(s.bodies),
+            len(s.elimination.column),
+            len(s.elimination.row),
+            len(s.elimination.update),
+        )
+        for s in each
+    ]
+
+    def pack(arrays: Sequence[NDArray[Any]], *shape: int) -> NDArray[Any]:
+        return np.concatenate(arrays) if arrays else np.zeros((0, *shape))
+
+    e = [s.elimination for s in each]
+    return Plan(
+        each,
+        tuple(bodies),
+        np.array([where[b] for s in each for b in s.bodies], dtype=np.int64),
+        np.concatenate([np.zeros((1, 6)), np.cumsum(np.reshape(sizes, (-1, 6)), axis=0)]).astype(np.int64),
+        np.array([s.length for s in each]),
+        pack([s.center for s in each], 3),
+        (
+            pack([s.code for s in each]),
+            pack([s.body for s in each]),
+            pack([s.element for s in each]),
+            pack([s.param for s in each]),
+            pack([s.start for s in each]),
+            pack([s.weight for s in each]),
+            pack([s.extent for s in each]),
+            pack([s.columns for s in each]),
+            pack([s.target for s in each]),
+            pack([x.column for x in e]),
+            pack([x.row for x in e]),
+            pack([x.update for x in e]),
+            pack([x.update_start for x in e]),
+        ),
+    )
+
+
+def _read(poses: Poses, bodies: Sequence[int]) -> tuple[Array, Array]:
+    """Rotations (n, 3, 3) and translations (n, 3) of the bodies, checked."""
+    rotation = np.empty((len(bodies), 3, 3))
+    translation = np.empty((len(bodies), 3))
+    for i, b in enumerate(bodies):
+        try:
+            pose = poses[b]
+        except (KeyError, IndexError):
+            raise ConstraintsError(f"a constraint refers to body {b}, which has no pose; pass one") from None
+        rotation[i] = pose.rotation
+        translation[i] = pose.translation
+    if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
+        bad = ~np.isfinite(rotation).all(axis=(1, 2)) | ~np.isfinite(translation).all(axis=1)
+        raise ConstraintsError(f"the pose of body {bodies[int(np.argmax(bad))]} is not finite; pass a finite one")
+    return rotation, translation
 
 
 def build(

@@ -13,6 +13,7 @@ SOLVED = 0
 STATIONARY = 1
 EXHAUSTED = 2
 
+EPSILON = 2.0**-52
 DAMPING_FLOOR = 1e-13
 """relative to the unit entries of a scaled Jacobian: what keeps a rank-deficient JᵀJ factorisable in float64"""
 
@@ -196,11 +197,24 @@ def _cost(r, weight):
 
 
 @njit(cache=True)
+def resolution(element, translation, tolerance):
+    """The residual to reach: `tolerance`, or four roundings of the largest coordinate where that is more."""
+    largest = 0.0
+    for i in range(len(translation)):
+        for j in range(3):
+            largest = max(largest, abs(translation[i, j]))
+    for e in range(len(element)):
+        for j in range(3):
+            largest = max(largest, max(abs(element[e, j]), abs(element[e, 12 + j])))
+    return max(tolerance, 4.0 * EPSILON * largest)
+
+
+@njit(cache=True)
 def levenberg_marquardt(
     code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
     rotation, translation, length, tolerance, max_iterations,
 ):  # fmt: skip
-    """Move the bodies (in place) to where max|r| <= tolerance, or to the nearest least-squares pose there is.
+    """Move the bodies (in place) to where max|r| <= `resolution`, or to the nearest least-squares pose there is.
 
     The damping follows the square of the residual (Yamashita and Fukushima, Computing Suppl. 15, 2001): quadratic
     convergence on consistent systems even where J loses rank, and steps of least norm.
@@ -212,7 +226,8 @@ def levenberg_marquardt(
     Ja, Jb = np.empty((m, 6)), np.empty((m, 6))
     evaluate(code, body, element, param, start, rotation, translation, r, Ja, Jb)
     cost, worst = _cost(r, weight)
-    if worst <= tolerance:
+    limit = resolution(element, translation, tolerance)
+    if worst <= limit:
         return SOLVED, 0, worst
     blocks = np.empty((n + len(row), 6, 6))
     factored = np.empty_like(blocks)
@@ -262,8 +277,27 @@ def levenberg_marquardt(
         translation[:] = t
         r[:] = r_new
         cost, worst = cost_new, worst_new
-        if worst <= tolerance:
+        if worst <= limit:
             return SOLVED, iteration, worst
         if slow >= 4:
             return STATIONARY, iteration, worst
     return EXHAUSTED, max_iterations, worst
+
+
+@njit(cache=True)
+def solve_all(
+    code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start, offset,
+    length, rotation, translation, tolerance, max_iterations, status, iterations, worst,
+):  # fmt: skip
+    """`levenberg_marquardt` on each of k systems packed one after another, `offset` (k + 1, 6): see `system.Plan`."""
+    for s in range(len(offset) - 1):
+        e, f = offset[s, 0], offset[s + 1, 0]
+        m, n = offset[s, 1], offset[s + 1, 1]
+        b, c = offset[s, 2], offset[s + 1, 2]
+        x, y = offset[s, 3], offset[s + 1, 3]
+        status[s], iterations[s], worst[s] = levenberg_marquardt(
+            code[e:f], body[e:f], element[e:f], param[e:f], start[e:f], weight[m:n], extent[b:c], column_of[b:c],
+            target[e:f], column[x:y], row[offset[s, 4] : offset[s + 1, 4]],
+            update[offset[s, 5] : offset[s + 1, 5]], update_start[x:y],
+            rotation[b:c], translation[b:c], length[s], tolerance, max_iterations,
+        )  # fmt: skip
