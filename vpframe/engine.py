@@ -421,7 +421,7 @@ class Engine:
         if state == "active":
             constraint = candidate.constraint
             symbol = constraint.drawing(self.poses[a])
-            origin, direction = symbol.origin, symbol.direction
+            origin, direction = self.poses[a].act(match.local), symbol.direction
             rows = constraint.residual(self.poses[a], self.poses[b])[~constraint.angular]
             residual = float(np.abs(rows).max(initial=0.0))
         return ConstraintView(

@@ -9,8 +9,10 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from vpframe.events import Event
 from vpframe.report import plots
 from vpframe.report.log import SessionLog
+from vpframe.visualization import palette
 
 HERE = Path(__file__).parent
 OPEN_EVENTS = 40
@@ -23,7 +25,7 @@ def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) 
         _head(document),
         _figure(pictures.get("end"), "at the end", "wide"),
         _section("Steps", _stages(document["stages"])),
-        _section("What happened", _events(document["events"]) + _moments(log, pictures)),
+        _section("What happened", _events(log.events) + _moments(log, pictures)),
         _section("Constraints", _constraints(document, log)),
         _section("Freedom left", _freedom(log)),
         _section("Clearance along the path", _clearance(document, log, pictures)),
@@ -70,14 +72,14 @@ def _stages(stages: Sequence[dict[str, Any]]) -> str:
     return _folded(_table(("from (s)", "for (s)", "script"), rows, numbers=2), "steps", len(rows))
 
 
-def _events(events: Sequence[dict[str, Any]]) -> str:
+def _events(events: Sequence[Event]) -> str:
     rows = [
         (
-            f"{e['time']:.3f}",
-            f"<span class='kind {escape(e['kind'])}'>{escape(e['kind'])}</span>",
-            escape(e["text"] or " – ".join(e["parts"])),
+            f"{event.time:.3f}",
+            f"<span class='kind {palette.tone(event)}'>{escape(event.kind)}</span>",
+            escape(event.text or " – ".join(event.parts)),
         )
-        for e in events
+        for event in events
     ]
     return _folded(_table(("time (s)", "event", ""), rows, numbers=1), "events", len(rows))
 
@@ -184,8 +186,11 @@ def _timings(document: dict[str, Any], log: SessionLog) -> str:
     ]
     count = max(len(values) for values in log.timings.values())
     scale = log.duration / max(count, 1)
-    series = {name: [(i * scale, 1e3 * s) for i, s in enumerate(v, 1)] for name, v in log.timings.items()}
-    return plots.lines(series, "ms", log.duration) + _table(("", "median (ms)", "99 % (ms)", "total (s)"), rows)
+    top = 2e3 * max(t["p99"] for t in document["timings"].values())  # a first step that compiles would flatten all else
+    series = {name: [(i * scale, min(1e3 * s, top)) for i, s in enumerate(v, 1)] for name, v in log.timings.items()}
+    return plots.lines(series, "ms, cut off at twice the 99 % quantile", log.duration) + _table(
+        ("", "median (ms)", "99 % (ms)", "total (s)"), rows
+    )
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: int = 0) -> str:

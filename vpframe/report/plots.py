@@ -8,13 +8,13 @@ from math import ceil, floor, isfinite, log10
 
 from vpframe.visualization import palette
 
-WIDTH, LEFT, RIGHT, TOP, BOTTOM = 860, 64, 150, 10, 26
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 860, 48, 150, 22, 26
 SERIES = ("#2a6bd6", "#d9822b", "#1a9e57", "#9b4dca", "#c0392b", "#16838f", "#7f6a00", "#56606e")
 
 Line = Sequence[tuple[float, float]]
 
 
-def lines(series: Mapping[str, Line], unit: str, duration: float, steps: bool = False, height: int = 170) -> str:
+def lines(series: Mapping[str, Line], unit: str, duration: float, steps: bool = False, height: int = 180) -> str:
     """Lines over time (s). `steps`: a value stays until the next one. Empty series are left out."""
     drawn = {name: line for name, line in series.items() if len(line)}
     if not drawn:
@@ -95,7 +95,7 @@ class _Plot:
                 parts.append(
                     f'<text x="{self.x(tick):.1f}" y="{self.height - 8}" text-anchor="middle">{tick:g} s</text>'
                 )
-        parts.append(f'<text x="8" y="{TOP + 10}">{escape(unit)}</text>')
+        parts.append(f'<text x="{LEFT}" y="12">{escape(unit)}</text>')
         return "".join(parts)
 
     def thinned(self, line: Line) -> str:

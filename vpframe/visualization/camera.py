@@ -68,6 +68,16 @@ def frame_scene(
     return look_at(np.concatenate(corners) if corners else np.array([[-0.5] * 3, [0.5] * 3]), direction)
 
 
+def first_view(scene: Scene) -> Camera:
+    """The camera for a session whose way is not known yet: room is left for what can move to be lifted."""
+    corners = [box_corners(part, part.pose) for part in scene.parts]
+    if not corners:
+        return frame_scene(scene)
+    height = float(np.ptp(np.concatenate(corners)[:, 2]))
+    lift = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.6 * height]))
+    return frame_scene(scene, {}, {part.name: lift * part.pose for part in scene.parts if not part.fixed})
+
+
 def box_corners(part: Part, pose: pin.SE3) -> NDArray[np.float64]:
     """(8, 3) corners of the part's own bounding box, in the world."""
     v = part.mesh.vertices

@@ -14,6 +14,7 @@ import pinocchio as pin
 from vpframe.errors import VpframeError
 from vpframe.events import Event, Frame
 from vpframe.scene import Scene
+from vpframe.visualization.camera import first_view, frame_scene
 from vpframe.visualization.controls import Controls
 from vpframe.visualization.history import History
 from vpframe.visualization.page import html
@@ -70,7 +71,7 @@ class MeshcatViewer:
         from vpframe.visualization.server import Server
 
         self._scene = scene
-        self._encoder = Encoder(scene)
+        self._encoder = Encoder(scene, camera=first_view(scene))
         self._opening = _json(self._encoder.begin())
         self._strips: list[str] = []
         self._encoded: tuple[int, str] | None = None
@@ -131,9 +132,11 @@ def write_page(
 
     `start`: poses before the first frame, where they are not the scene's present ones.
     """
-    encoder = Encoder(scene, start)
+    shown = list(frames)
+    poses = [frame.poses for frame, _ in shown[:: max(len(shown) // 40, 1)]]
+    encoder = Encoder(scene, start, frame_scene(scene, start or {}, *poses))
     messages = [encoder.begin()]
-    for frame, events in frames:
+    for frame, events in shown:
         fresh, message = encoder.frame(frame, events)
         messages += [*fresh, message]
     path = Path(path)

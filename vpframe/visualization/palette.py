@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import colorsys
 
+from vpframe.events import Event
 from vpframe.scene import Part, Scene
 
 Color = tuple[float, float, float]
@@ -27,6 +28,28 @@ BACKGROUND: tuple[Color, Color] = ((0.97, 0.98, 0.99), (0.80, 0.84, 0.89))
 """top and bottom"""
 
 STATE: dict[str, Color] = {"candidate": CANDIDATE, "active": ACTIVE, "refused": REFUSED}
+
+TONES: dict[str, Color] = {"bad": COLLIDING, "offer": CANDIDATE, "good": ACTIVE, "hand": FREEDOM, "plain": REFUSED}
+"""colours of what an event means to a person"""
+
+_TONE = {
+    "collided": "bad",
+    "blocked": "bad",
+    "recognised": "offer",
+    "accepted": "good",
+    "satisfied": "good",
+    "landed": "good",
+    "grabbed": "hand",
+    "released": "hand",
+}
+
+
+def tone(event: Event) -> str:
+    """What an event means to a person: one of TONES. An expectation that holds is good, one that fails is bad."""
+    if event.kind == "expectation":
+        return "good" if event.data.get("holds", False) else "bad"
+    return _TONE.get(event.kind, "plain")
+
 
 _DEFAULT = Part.__dataclass_fields__["color"].default
 

@@ -26,7 +26,7 @@ from vpframe.events import ConstraintView, Event, Frame
 from vpframe.scene import Part, Scene
 from vpframe.visualization import palette
 from vpframe.visualization.blueprint import blueprint
-from vpframe.visualization.camera import frame_scene
+from vpframe.visualization.camera import first_view, frame_scene
 from vpframe.visualization.display import display_mesh
 from vpframe.visualization.symbols import Symbol, frame_symbols, hand_symbols
 
@@ -37,24 +37,16 @@ FLUSH_STEPS = 240
 FLUSH_SECONDS = 2.0
 """the buffered steps go to the file when there are this many, or this long after the last time"""
 
+VIEWS = 200
+"""states of the scene, one a flush, that the final camera is fitted to at most"""
 BACKLOG = 8
 """buffers that may wait for the writer before the session does"""
 
 GONE = "removed"
 """the state of a constraint that is no longer listed"""
 
-EVENT_LEVEL = {"collided": "WARN", "blocked": "WARN", "refused": "WARN", "expectation": "ERROR", "note": "DEBUG"}
-EVENT_COLOR = {
-    "collided": palette.COLLIDING,
-    "blocked": palette.COLLIDING,
-    "expectation": palette.COLLIDING,
-    "recognised": palette.CANDIDATE,
-    "accepted": palette.ACTIVE,
-    "satisfied": palette.ACTIVE,
-    "grabbed": palette.FREEDOM,
-    "released": palette.FREEDOM,
-}
-
+LEVEL = {"bad": "WARN", "plain": "DEBUG"}
+"""rerun's level of an event by its tone; INFO for the rest"""
 
 Buffered = dict[tuple[str, str], list[tuple[int, float, Any]]]
 """by entity and kind of value: step, time, value"""
@@ -81,10 +73,12 @@ class RerunRecorder:
         """Write the geometry and how to look at it."""
         scene = session.scene
         self._stream = stream = rr.RecordingStream("vpframe", recording_id=None, send_properties=True)
-        camera = frame_scene(scene)
+        camera = first_view(scene)
         stream.save(self.path, default_blueprint=blueprint(camera))
         stream.send_recording_name(Path(scene.source).name if scene.source else "session")
+        self._scene = scene
         self._names = scene.names
+        self._seen: list[dict[str, pin.SE3]] = []
         self._paths = {name: _path("parts", name) for name in scene.names}
         self._colors = palette.part_colors(scene)
         self._symbol_size = 0.06 * camera.radius
@@ -120,7 +114,7 @@ class RerunRecorder:
         self._draw(frame)
         self._states(frame.constraints)
         for event in frame.events:
-            rows.add("events", "text", (event.kind, event.text or _describe(event)))
+            rows.add("events", "text", event)
         if frame.script != self._script:
             self._script = frame.script
             rows.add("script", "document", frame.script)
@@ -140,6 +134,8 @@ class RerunRecorder:
             self._flush()
             self._queue.put(None)
             self._writer.join()
+            camera = frame_scene(self._scene, *self._seen)  # all that was seen is known now
+            self._stream.send_blueprint(blueprint(camera), make_default=True)
             self._stream.disconnect()
             self._stream = None
             if self._failure is not None:
@@ -235,6 +231,8 @@ class RerunRecorder:
         self._rows.add(path, "scalar", float(value))
 
     def _flush(self) -> None:
+        if len(self._seen) < VIEWS:
+            self._seen.append(dict(self._pose))
         self._queue.put(self._rows.take())
         self._last_flush = time.monotonic()
 
@@ -300,11 +298,12 @@ def _segments(values: list[NDArray[np.float64]]) -> Any:
     return rr.LineStrips3D.columns(strips=values, colors=colors, radii=_ui_radii([1.0] * len(values)))
 
 
-def _texts(values: list[tuple[str, str]]) -> Any:
+def _texts(events: list[Event]) -> Any:
+    tones = [palette.tone(event) for event in events]
     return rr.TextLog.columns(
-        text=[f"{kind}: {text}" for kind, text in values],
-        level=[EVENT_LEVEL.get(kind, "INFO") for kind, _ in values],
-        color=_colors([EVENT_COLOR.get(kind, palette.REFUSED) for kind, _ in values]),
+        text=[f"{event.kind}: {event.text or ' – '.join(event.parts)}" for event in events],
+        level=[LEVEL.get(tone, "INFO") for tone in tones],
+        color=_colors([palette.TONES[tone] for tone in tones]),
     )
 
 
@@ -327,10 +326,6 @@ def _lane(view: ConstraintView) -> str:
 
 def _surface_path(part: str, surface: int) -> str:
     return f"{_path('parts', part)}/surfaces/{surface}"
-
-
-def _describe(event: Event) -> str:
-    return " – ".join(event.parts)
 
 
 def _rgba(color: palette.Color) -> int:

@@ -23,10 +23,10 @@ Message = dict[str, Any]
 class Encoder:
     """Turns the frames of one scene into messages. Strips of symbols are sent once and referred to by a number."""
 
-    def __init__(self, scene: Scene, start: Mapping[str, pin.SE3] | None = None) -> None:
+    def __init__(self, scene: Scene, start: Mapping[str, pin.SE3] | None = None, camera: Camera | None = None) -> None:
         self.scene = scene
         self.start = {part.name: (start or {}).get(part.name, part.pose).copy() for part in scene.parts}
-        self.camera = frame_scene(scene, self.start)
+        self.camera = camera or frame_scene(scene, self.start)
         self._index = {name: i for i, name in enumerate(scene.names)}
         self._moved: dict[int, pin.SE3] = {}
         self._strips: dict[tuple[object, ...], int] = {}
@@ -149,7 +149,12 @@ def strips_message(number: int, symbol: Symbol) -> Message:
 
 def event_message(event: Event) -> Message:
     """An event as a line in the page's log."""
-    return {"time": event.time, "kind": event.kind, "text": event.text or " – ".join(event.parts)}
+    return {
+        "time": event.time,
+        "kind": event.kind,
+        "tone": palette.tone(event),
+        "text": event.text or " – ".join(event.parts),
+    }
 
 
 def matrix(pose: pin.SE3) -> NDArray[np.float64]:

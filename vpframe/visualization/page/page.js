@@ -232,7 +232,7 @@ function showHeld(frame) {
     row.append(element("span", "what", "clearance"), element("span", "dim", `${(1e3 * frame.clearance).toFixed(3)} mm`));
     rows.push(row);
   }
-  $("held").replaceChildren(...(rows.length ? rows : [element("span", "empty", "nothing")]));
+  $("held").replaceChildren(...(rows.length ? rows : [element("span", "empty", "none")]));
 }
 
 function showClashes(rows) {
@@ -276,7 +276,7 @@ function button(text, message) {
 }
 
 function addEvent(event) {
-  const line = element("div", event.kind);
+  const line = element("div", event.tone);
   line.append(element("span", "at", `${event.time.toFixed(3)} s`), element("span", "kind", event.kind),
     document.createTextNode(event.text));
   $("events").append(line);
