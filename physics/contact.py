@@ -122,43 +122,111 @@ def _radial(cylinder, p, margin, depth, normal):
 
 
 @njit(cache=True)
+def _listed(pairs, first, last, sa, sb, side):
+    """Whether rows first … last-1 list surface sa of the one body (column 1, or 3 for side 1) with sb of the other."""
+    for i in range(first, last):
+        if pairs[i, 1 + 2 * side] == sa and pairs[i, 3 - 2 * side] == sb:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _union(pairs, first, last, side, surface_row, start, items, stamps, kinds, analytic, surface):
+    """Items (vertices or edges) of the surfaces in one column of rows first … last-1, each once; balls have none."""
+    stamps[-1] += 1
+    stamp = stamps[-1]
+    n = 0
+    out = np.empty(64, np.int64)
+    before = -1
+    for i in range(first, last):
+        s = pairs[i, 1 + 2 * side]
+        if s == before:
+            continue
+        before = s
+        if kinds[surface + s] == SPHERE and analytic[surface + s, 7] > 0:
+            continue
+        for k in range(start[surface_row + s], start[surface_row + s + 1]):
+            item = items[k]
+            if stamps[item] != stamp:
+                stamps[item] = stamp
+                if n == len(out):
+                    grown = np.empty(2 * n, np.int64)
+                    grown[:n] = out
+                    out = grown
+                out[n] = item
+                n += 1
+    return out[:n]
+
+
+@njit(cache=True)
+def _belongs(shapes, pairs, first, last, side, row, v, s):
+    """Whether vertex v lies on some surface that is listed with surface s of the other body."""
+    for i in range(first, last):
+        if pairs[i, 3 - 2 * side] != s:
+            continue
+        mine = row + pairs[i, 1 + 2 * side]
+        for k in range(shapes.vertex_start[mine], shapes.vertex_start[mine + 1]):
+            if shapes.surface_vertices[k] == v:
+                return True
+    return False
+
+
+@njit(cache=True)
 def _vertices_on_faces(
-    shapes, a, b, sa, sb, row_a, row_b, shape_a, ra, pa, rb, pb, margin, depth, n, ints, reals, sign
-):
-    """Vertices of a's surface on the faces of b's; rows are written (a, b) for sign 1, (b, a) for -1."""
-    surface_b = row_b[0]
-    box = shapes.boxes[surface_b]
+    shapes, pairs, first, last, side, fa, fb, ra, pa, rb, pb, margin, depth, n, ints, reals, stamps_v, done
+):  # fmt: skip
+    """Vertices of the one body (column `side`) on the faces of the other; `ra` … `fa` are the one's, `rb` … the other's.
+
+    done: (surfaces,) scratch stamps that tell which of the other's surfaces have been looked at.
+    """
+    ga, gb = shapes.first_surface[fa], shapes.first_surface[fb]
+    vertices = _union(
+        pairs, first, last, side, ga + fa, shapes.vertex_start, shapes.surface_vertices, stamps_v, shapes.kinds,
+        shapes.analytic, ga,
+    )  # fmt: skip
+    points = np.empty((len(vertices), 3))
     world = np.empty(3)
-    p = np.empty(3)
+    for i in range(len(vertices)):
+        _to(ra, pa, shapes.vertices[vertices[i]], world)
+        _from(rb, pb, world, points[i])
+    a, b = pairs[first, 2 * side], pairs[first, 2 - 2 * side]
+    reach = max(margin, depth)
     q = np.empty(3)
     normal = np.empty(3)
-    for i in range(shapes.vertex_start[row_a[1]], shapes.vertex_start[row_a[1] + 1]):
-        v = shapes.surface_vertices[i]
-        _to(ra, pa, shapes.vertices[v], world)
-        _from(rb, pb, world, p)
-        reach = max(margin, depth)
-        if (
-            p[0] < box[0] - reach or p[1] < box[1] - reach or p[2] < box[2] - reach
-            or p[0] > box[3] + reach or p[1] > box[4] + reach or p[2] > box[5] + reach
-        ):  # fmt: skip
+    done[-1] += 1
+    stamp = done[-1]
+    for row in range(first, last):
+        sb = pairs[row, 3 - 2 * side]
+        if done[gb + sb] == stamp or (shapes.kinds[gb + sb] == SPHERE and shapes.analytic[gb + sb, 7] > 0):
             continue
-        gap = _over(shapes, row_b, p, margin, depth, normal)
-        if gap == np.inf:
-            continue
-        front = True
-        for j in range(shapes.neighbour_start[v + shape_a], shapes.neighbour_start[v + shape_a + 1]):
-            _to(ra, pa, shapes.vertices[shapes.neighbours[j]], world)
-            _from(rb, pb, world, q)
-            x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-            if normal[0] * x + normal[1] * y + normal[2] * z < -FRONT * np.sqrt(x * x + y * y + z * z):
-                front = False
-                break
-        if not front:
-            continue
-        if sign > 0:
-            n = _emit(n, ints, reals, a, b, sa, sb, 4 * v + VERTEX, 4 * sb + FACE, rb, pb, p, normal, gap, 1.0)
-        else:
-            n = _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, 4 * v + VERTEX, rb, pb, p, normal, gap, -1.0)
+        done[gb + sb] = stamp
+        box = shapes.boxes[gb + sb]
+        for i in range(len(vertices)):
+            p = points[i]
+            if (
+                p[0] < box[0] - reach or p[1] < box[1] - reach or p[2] < box[2] - reach
+                or p[0] > box[3] + reach or p[1] > box[4] + reach or p[2] > box[5] + reach
+            ):  # fmt: skip
+                continue
+            gap = _over(shapes, (gb + sb, gb + sb + fb), p, margin, depth, normal)
+            if gap == np.inf:
+                continue
+            v = vertices[i]
+            front = True
+            for j in range(shapes.neighbour_start[v + fa], shapes.neighbour_start[v + fa + 1]):
+                _to(ra, pa, shapes.vertices[shapes.neighbours[j]], world)
+                _from(rb, pb, world, q)
+                x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+                if normal[0] * x + normal[1] * y + normal[2] * z < -FRONT * np.sqrt(x * x + y * y + z * z):
+                    front = False
+                    break
+            if not front or not _belongs(shapes, pairs, first, last, side, ga + fa, v, sb):
+                continue
+            sa = pairs[row, 1 + 2 * side]
+            if side == 0:
+                n = _emit(n, ints, reals, a, b, sa, sb, 4 * v + VERTEX, 4 * sb + FACE, rb, pb, p, normal, gap, 1.0)
+            else:
+                n = _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, 4 * v + VERTEX, rb, pb, p, normal, gap, -1.0)
     return n
 
 
@@ -286,9 +354,29 @@ def _ball_on_surface(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin,
 
 
 @njit(cache=True)
-def _edges_on_edges(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals):
-    """Crossings of convex edges of both surfaces, in b's frame."""
-    box = shapes.boxes[row_b[0]]
+def _edges_on_edges(
+    shapes, pairs, first, last, fa, fb, ra, pa, rb, pb, margin, depth, n, ints, reals, stamps_e
+):  # fmt: skip
+    """Crossings of convex edges of both bodies, in b's frame."""
+    ga, gb = shapes.first_surface[fa], shapes.first_surface[fb]
+    a, b, sa, sb = pairs[first]
+    mine = _union(
+        pairs, first, last, 0, ga + fa, shapes.edge_start, shapes.surface_edges, stamps_e, shapes.kinds,
+        shapes.analytic, ga,
+    )  # fmt: skip
+    others = _union(
+        pairs, first, last, 1, gb + fb, shapes.edge_start, shapes.surface_edges, stamps_e, shapes.kinds,
+        shapes.analytic, gb,
+    )  # fmt: skip
+    reach = max(margin, depth)
+    low = np.full(3, np.inf)
+    high = np.full(3, -np.inf)
+    for k in range(len(others)):
+        for end in range(2):
+            v = shapes.vertices[shapes.edges[others[k], end]]
+            for m in range(3):
+                low[m] = min(low[m], v[m] - reach)
+                high[m] = max(high[m], v[m] + reach)
     world = np.empty(3)
     p0 = np.empty(3)
     p1 = np.empty(3)
@@ -296,27 +384,31 @@ def _edges_on_edges(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, 
     normal = np.empty(3)
     wing = np.empty(3)
     zero = np.zeros(3)
-    reach = max(margin, depth)
-    for i in range(shapes.edge_start[row_a[1]], shapes.edge_start[row_a[1] + 1]):
-        ea = shapes.surface_edges[i]
+    for i in range(len(mine)):
+        ea = mine[i]
         _to(ra, pa, shapes.vertices[shapes.edges[ea, 0]], world)
         _from(rb, pb, world, p0)
         _to(ra, pa, shapes.vertices[shapes.edges[ea, 1]], world)
         _from(rb, pb, world, p1)
-        apart = False
-        for k in range(3):
-            if min(p0[k], p1[k]) > box[3 + k] + reach or max(p0[k], p1[k]) < box[k] - reach:
-                apart = True
-        if apart:
+        if (
+            min(p0[0], p1[0]) > high[0] or min(p0[1], p1[1]) > high[1] or min(p0[2], p1[2]) > high[2]
+            or max(p0[0], p1[0]) < low[0] or max(p0[1], p1[1]) < low[1] or max(p0[2], p1[2]) < low[2]
+        ):  # fmt: skip
             continue
         ux, uy, uz = p1[0] - p0[0], p1[1] - p0[1], p1[2] - p0[2]
         uu = ux * ux + uy * uy + uz * uz
-        for j in range(shapes.edge_start[row_b[1]], shapes.edge_start[row_b[1] + 1]):
-            eb = shapes.surface_edges[j]
-            if shapes.edge_sense[ea] | shapes.edge_sense[eb] == 3:
-                continue  # a fit: chords of a bore against a shaft; the vertices on the analytic surface tell more
+        for j in range(len(others)):
+            eb = others[j]
             q0 = shapes.vertices[shapes.edges[eb, 0]]
             q1 = shapes.vertices[shapes.edges[eb, 1]]
+            if (
+                min(p0[0], p1[0]) > max(q0[0], q1[0]) + reach or max(p0[0], p1[0]) < min(q0[0], q1[0]) - reach
+                or min(p0[1], p1[1]) > max(q0[1], q1[1]) + reach or max(p0[1], p1[1]) < min(q0[1], q1[1]) - reach
+                or min(p0[2], p1[2]) > max(q0[2], q1[2]) + reach or max(p0[2], p1[2]) < min(q0[2], q1[2]) - reach
+            ):  # fmt: skip
+                continue
+            if shapes.edge_sense[ea] | shapes.edge_sense[eb] == 3:
+                continue  # a fit: chords of a bore against a shaft; the vertices on the analytic surface tell more
             vx, vy, vz = q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2]
             nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
             nn = nx * nx + ny * ny + nz * nz
@@ -351,53 +443,71 @@ def _edges_on_edges(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, 
                 gap = -gap
             if gap > margin or gap < -depth:
                 continue
+            listed = False
+            for k in range(2):
+                for m in range(2):
+                    surface_a, surface_b = shapes.edge_surfaces[ea, k], shapes.edge_surfaces[eb, m]
+                    if not listed and _listed(pairs, first, last, surface_a, surface_b, 0):
+                        listed = True
+                        sa, sb = surface_a, surface_b
+            if not listed:
+                continue
             at[0], at[1], at[2] = p0[0] + s * ux, p0[1] + s * uy, p0[2] + s * uz
             n = _emit(n, ints, reals, a, b, sa, sb, 4 * ea + EDGE, 4 * eb + EDGE, rb, pb, at, normal, gap, 1.0)
     return n
 
 
 @njit(cache=True)
-def find(pairs, rotations, origins, shape_of, shapes, margin, depth, ints, reals):
+def find(pairs, rotations, origins, shape_of, shapes, margin, depth, ints, reals, stamps_v, stamps_e, stamps_s):
     """Contact points of near surface pairs; returns how many (more than fit: call again with larger arrays).
 
     pairs: (k, 4) int64 rows (body a, its surface, body b, its surface), a < b, sorted.
     rotations (n, 3, 3), origins (n, 3): mesh frames in the world. shape_of (n,): each body's shape in `shapes`.
     margin, depth: m; gaps from -depth to margin are listed.
     ints (c, 6): bodies, surfaces, features of a and b. reals (c, 7): point (3) m, normal (3) from b to a, gap m.
+    stamps: scratch, one more than there are vertices, edges and surfaces; kept from call to call, zero at first.
     A feature that several surface pairs see is listed once.
     """
     n = 0
     first = 0
-    for i in range(pairs.shape[0]):
-        a, sa, b, sb = pairs[i, 0], pairs[i, 1], pairs[i, 2], pairs[i, 3]
-        if i > 0 and (a != pairs[i - 1, 0] or b != pairs[i - 1, 2]):
-            first = n
+    while first < pairs.shape[0]:
+        a, b = pairs[first, 0], pairs[first, 2]
+        last = first + 1
+        while last < pairs.shape[0] and pairs[last, 0] == a and pairs[last, 2] == b:
+            last += 1
         fa, fb = shape_of[a], shape_of[b]
-        ga, gb = shapes.first_surface[fa] + sa, shapes.first_surface[fb] + sb
-        row_a, row_b = (ga, ga + fa), (gb, gb + fb)
+        ga, gb = shapes.first_surface[fa], shapes.first_surface[fb]
         ra, pa, rb, pb = rotations[a], origins[a], rotations[b], origins[b]
-        ball_a = shapes.kinds[ga] == SPHERE and shapes.analytic[ga, 7] > 0
-        ball_b = shapes.kinds[gb] == SPHERE and shapes.analytic[gb, 7] > 0
         start = n
-        if ball_a:
-            n = _ball_on_surface(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals, 1)
-        elif ball_b:
-            n = _ball_on_surface(shapes, b, a, sb, sa, row_b, row_a, rb, pb, ra, pa, margin, depth, n, ints, reals, -1)
-        else:
-            n = _vertices_on_faces(
-                shapes, a, b, sa, sb, row_a, row_b, fa, ra, pa, rb, pb, margin, depth, n, ints, reals, 1
-            )
-            n = _vertices_on_faces(
-                shapes, b, a, sb, sa, row_b, row_a, fb, rb, pb, ra, pa, margin, depth, n, ints, reals, -1
-            )
-            if shapes.kinds[gb] == FACETED:
-                n = _rims_on_faces(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals, 1)
-            if shapes.kinds[ga] == FACETED:
-                n = _rims_on_faces(
+        for i in range(first, last):
+            sa, sb = pairs[i, 1], pairs[i, 3]
+            row_a, row_b = (ga + sa, ga + sa + fa), (gb + sb, gb + sb + fb)
+            if shapes.kinds[ga + sa] == SPHERE and shapes.analytic[ga + sa, 7] > 0:
+                n = _ball_on_surface(
+                    shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals, 1
+                )
+            elif shapes.kinds[gb + sb] == SPHERE and shapes.analytic[gb + sb, 7] > 0:
+                n = _ball_on_surface(
                     shapes, b, a, sb, sa, row_b, row_a, rb, pb, ra, pa, margin, depth, n, ints, reals, -1
                 )
-            n = _edges_on_edges(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals)
-        n = _once(ints, reals, first, start, n)
+            else:
+                if shapes.kinds[gb + sb] == FACETED:
+                    n = _rims_on_faces(
+                        shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals, 1
+                    )
+                if shapes.kinds[ga + sa] == FACETED:
+                    n = _rims_on_faces(
+                        shapes, b, a, sb, sa, row_b, row_a, rb, pb, ra, pa, margin, depth, n, ints, reals, -1
+                    )
+        n = _once(ints, reals, start, start, n)
+        n = _vertices_on_faces(
+            shapes, pairs, first, last, 0, fa, fb, ra, pa, rb, pb, margin, depth, n, ints, reals, stamps_v, stamps_s
+        )
+        n = _vertices_on_faces(
+            shapes, pairs, first, last, 1, fb, fa, rb, pb, ra, pa, margin, depth, n, ints, reals, stamps_v, stamps_s
+        )
+        n = _edges_on_edges(shapes, pairs, first, last, fa, fb, ra, pa, rb, pb, margin, depth, n, ints, reals, stamps_e)
+        first = last
     return n
 
 

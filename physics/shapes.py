@@ -42,6 +42,8 @@ class Shape(NamedTuple):
     """(e, 2) vertices of the convex edges"""
     wings: Array
     """(e, 2, 3) unit, in the plane of each of the edge's triangles, from the edge into the triangle"""
+    edge_surfaces: Ints
+    """(e, 2) the surfaces of its two triangles (a shape's own numbers)"""
     edge_sense: Ints
     """(e,) bit 1: borders a convex analytic surface, bit 2: a concave one"""
     circle_start: Ints
@@ -98,6 +100,7 @@ def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = No
         surface_edges=np.ascontiguousarray(listed[:, 1]),
         edges=edges,
         wings=wings,
+        edge_surfaces=np.ascontiguousarray(of_edge),
         edge_sense=sense,
         circle_start=np.searchsorted(rims[:, 7], np.arange(k + 1)).astype(np.int64),
         circles=np.ascontiguousarray(rims[:, :7]),
@@ -207,6 +210,7 @@ class Shapes(NamedTuple):
     surface_edges: Ints
     edges: Ints
     wings: Array
+    edge_surfaces: Ints
     edge_sense: Ints
     circle_start: Ints
     circles: Array
@@ -251,6 +255,7 @@ def pack(shapes: list[Shape]) -> Shapes:
         surface_edges=items("surface_edges", "edges"),
         edges=items("edges", "vertices"),
         wings=items("wings"),
+        edge_surfaces=items("edge_surfaces"),
         edge_sense=items("edge_sense"),
         circle_start=starts("circle_start", "circles"),
         circles=items("circles"),

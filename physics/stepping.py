@@ -22,6 +22,7 @@ from physics import contact, pressing
 from physics.bodies import FREE, Bodies, drift, place
 from physics.integrators import METHODS
 from physics.joints import Joint, assemble
+from physics.mechanism import Mechanism
 from physics.pressing import NO_CONTACTS, Contacts
 from physics.rotations import exponential, multiply
 from physics.shapes import Shapes
@@ -46,6 +47,10 @@ class Island:
     moved: Ints
     """kinematic bodies among the pairs and joints"""
     joints: Sequence[Joint] = ()
+    mechanism: Mechanism | None = None
+    """the same bodies in joint coordinates, where that is possible"""
+    constant: bool = True
+    """whether no force on it depends on anything that changes"""
     impacts: int = 0
     """counted in the present step"""
     residual: float = 0.0
@@ -65,6 +70,13 @@ class Stepper:
         self.restitution = np.zeros(0)
         self._ints = np.empty((256, 6), np.int64)
         self._reals = np.empty((256, 7))
+        self._stamps: tuple[Ints, ...] = ()
+
+    def use(self, shapes: Shapes) -> None:
+        """Take the shapes that bodies may have from now on."""
+        self.shapes = shapes
+        sizes = len(shapes.vertices), len(shapes.edges), len(shapes.kinds)
+        self._stamps = tuple(np.zeros(n + 1, np.int64) for n in sizes)
 
     # --- contacts ---------------------------------------------------------------------------------------------------
 
@@ -75,8 +87,9 @@ class Stepper:
         b = self.bodies
         while True:
             n = contact.find(
-                island.pairs, b.rotation, b.origin, self.shape_of, self.shapes, margin, depth, self._ints, self._reals
-            )
+                island.pairs, b.rotation, b.origin, self.shape_of, self.shapes, margin, depth, self._ints, self._reals,
+                *self._stamps,
+            )  # fmt: skip
             if n <= len(self._ints):
                 return Contacts(self._ints[:n].copy(), self._reals[:n].copy(), np.zeros((n, 3)))
             self._ints = np.empty((2 * n, 6), np.int64)
@@ -93,28 +106,47 @@ class Stepper:
 
     # --- one step ---------------------------------------------------------------------------------------------------
 
-    def advance(self, island: Island, before: Contacts, dt: float, wrench: Callable[[Ints, float], Array]) -> Contacts:
-        """Move an island over `dt` seconds; the contacts at the end. `wrench(ids, t)` gives (n, 6) forces, N, N·m."""
+    def advance(
+        self, island: Island, before: Contacts, time: float, dt: float, wrench: Callable[[Ints, float], Array]
+    ) -> Contacts:
+        """Move an island from `time` over `dt` seconds; the contacts at the end. `wrench(ids, t)`: (n, 6) N, N·m."""
         b = self.bodies
         island.impacts = 0
         island.residual = 0.0
-        rest = _Saved(b, island.moved)
+        rest = Saved(b, island.moved)
         t = 0.0
         reach = self._reach(island, dt)
         now = self.find(island, reach, reach)
         now = self._inherit(now, before)
+        smooth = island.mechanism is not None and (island.joints or not island.constant)
+        if smooth and not len(island.moved) and _least(now, slice(None)) > self.tolerance.touch:
+            if self._smooth(island, time, dt, wrench):
+                return NO_CONTACTS
         while dt - t > 1e-12 * dt:
             h = dt - t
             limit = self._limit(island)
             if h > limit:
                 h /= np.ceil(h / limit)
             if island.impacts >= IMPACTS:
-                now = self._sub(island, now, rest, t, dt - t, wrench, events=False)
+                now = self._blunt(island, now, rest, time, t, dt - t, wrench)
                 t = dt
             else:
-                taken, now = self._substep(island, now, rest, t, h, wrench)
+                taken, now = self._substep(island, now, rest, time, t, h, wrench)
                 t += taken
         return now
+
+    def _smooth(self, island: Island, time: float, dt: float, wrench) -> bool:
+        """The whole step without contact, at high order; False (and nothing moved) if it would touch something."""
+        if self._limit(island) < dt:
+            return False
+        b = self.bodies
+        start = Saved(b, island.ids)
+        reach = self._reach(island, dt)
+        island.mechanism.advance(b, time, dt, wrench, island.constant)
+        if _least(self.find(island, reach, reach), slice(None)) > self.tolerance.touch and self._limit(island) >= dt:
+            return True
+        start.restore(b)
+        return False
 
     def _reach(self, island: Island, h: float) -> float:
         """m: how far any point of the island, or what meets it, may move in h seconds."""
@@ -143,10 +175,10 @@ class Stepper:
             now.force[known] = before.force[row[known]]
         return now
 
-    def _substep(self, island, now, rest, t, h, wrench):
+    def _substep(self, island, now, rest, time, t, h, wrench):
         """One sub-step of at most h, cut short at the first impact; the time taken and the contacts at its end."""
-        start = _Saved(self.bodies, island.ids)
-        after, fresh = self._fly(island, now, rest, t, h, wrench)
+        start = Saved(self.bodies, island.ids)
+        after, fresh = self._fly(island, now, rest, time, t, h, wrench)
         tolerance = self._rounding(island)
         gap = _least(after, fresh)
         if gap < -tolerance:
@@ -163,7 +195,7 @@ class Stepper:
                 if not low < cut < high:
                     break
                 start.restore(self.bodies)
-                trial, trial_fresh = self._fly(island, now, rest, t, cut, wrench)
+                trial, trial_fresh = self._fly(island, now, rest, time, t, cut, wrench)
                 g = _least(trial, trial_fresh)
                 if g < -tolerance:
                     high, after, fresh, gap = cut, trial, trial_fresh, g
@@ -174,9 +206,9 @@ class Stepper:
                     low, low_gap = cut, g
             else:
                 start.restore(self.bodies)
-                after, fresh = self._fly(island, now, rest, t, high, wrench)
+                after, fresh = self._fly(island, now, rest, time, t, high, wrench)
             h = high
-        self._arrive(island, after, fresh, t + h, 0.5 * h, wrench)
+        self._arrive(island, after, fresh, time + t + h, 0.5 * h, wrench)
         return h, after
 
     def _rounding(self, island: Island) -> float:
@@ -188,12 +220,12 @@ class Stepper:
         b = self.bodies
         return -float(pressing.normal_speeds(which, contacts.ints, contacts.reals, b.center, b.velocity)[0])
 
-    def _fly(self, island, now, rest, t, h, wrench):
+    def _fly(self, island, now, rest, time, t, h, wrench):
         """Half a kick and free flight over h; contacts there, and which of them did not touch before."""
         b = self.bodies
         touch = self.tolerance.touch
         pressed = np.flatnonzero(now.reals[:, 6] <= touch)
-        self._kick(island, now, pressed, t, 0.5 * h, wrench)
+        self._kick(island, now, pressed, time + t, 0.5 * h, wrench)
         loaded = now.force[:, 0] > 0.0
         self._drift(island, rest, t + h, h)
         reach = self._reach(island, h)
@@ -311,12 +343,12 @@ class Stepper:
         self._press(island, contacts, touching, b.velocity[island.ids].copy(), 1.0, np.zeros(len(contacts.ints)))
         contacts.force[:] = kept
 
-    def _sub(self, island, now, rest, t, h, wrench, events):
+    def _blunt(self, island, now, rest, time, t, h, wrench):
         """A step without rebound and without looking for impacts: nothing closes more than its gap allows."""
         gaps = now.reals[:, 6]
         target = -np.maximum(gaps, 0.0) / h
         near = np.arange(len(gaps))
-        self._press(island, now, near, self._free(island, t, h, wrench), h, target)
+        self._press(island, now, near, self._free(island, time + t, h, wrench), h, target)
         self._drift(island, rest, t + h, h)
         reach = self._reach(island, h)
         after = self.find(island, reach, reach)
@@ -333,7 +365,7 @@ def _least(contacts: Contacts, fresh) -> float:
     return float(gaps.min()) if len(gaps) else np.inf
 
 
-class _Saved:
+class Saved:
     """State of some bodies at the start of a step, to go back to, or (kinematic ones) to carry on from at any time."""
 
     def __init__(self, bodies: Bodies, ids: Ints) -> None:

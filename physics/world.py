@@ -21,10 +21,11 @@ from physics.hands import Grip, SpringHand
 from physics.integrators import METHODS
 from physics.islands import islands
 from physics.joints import Joint
+from physics.mechanism import Mechanism
 from physics.near import near_objects, near_surfaces
 from physics.pressing import NO_CONTACTS, Contacts
 from physics.shapes import Shape, make_shape, pack
-from physics.stepping import Island, Stepper
+from physics.stepping import Island, Saved, Stepper
 
 Array = NDArray[np.float64]
 
@@ -77,6 +78,7 @@ class World:
         self._solid: dict[int, bool] = {}
         self._shapes: list[Shape] = []
         self._shape_key: dict[tuple, int] = {}
+        self._mechanisms: dict[tuple, tuple[dict[int, pin.SE3], Mechanism | None]] = {}
         self._contacts = NO_CONTACTS
         self._pairs = np.zeros((0, 4), np.int64)
         self._slack = 0.0
@@ -171,6 +173,7 @@ class World:
             for i in (old.get(key) or now[key]).bodies:
                 self.wake(i)
         self._joints = new
+        self._mechanisms.clear()
         self._stale = True
 
     # --- state --------------------------------------------------------------------------------------------------------
@@ -239,6 +242,9 @@ class World:
             n=b.n, time=self.time, contacts=tuple(self._contacts), pairs=self._pairs, slack=self._slack,
             travel=self._travel, stale=self._stale, grips={i: g.data() for i, g in self._grips.items()},
             members=tuple(sorted(self._behaviours)), last_step=self._last_step, joints=tuple(map(id, self._joints)),
+            mechanisms={
+                key: {i: pose.homogeneous for i, pose in poses.items()} for key, (poses, _) in self._mechanisms.items()
+            },
         )  # fmt: skip
         return Snapshot(copy.deepcopy(data))
 
@@ -258,6 +264,12 @@ class World:
         self._stale = data["stale"]
         self._last_step = data["last_step"]
         self._grips = {i: Grip.of(d) for i, d in data["grips"].items()}
+        self._mechanisms.clear()
+        by_id = {id(joint): joint for joint in self._joints}
+        for key, homogeneous in data["mechanisms"].items():
+            poses = {i: pin.SE3(m) for i, m in homogeneous.items()}
+            joints = [by_id[j] for j in key[1]]
+            self._mechanisms[key] = (poses, Mechanism.build(np.array(key[0]), joints, b, poses))
         for i in self._behaviours:
             self.collision.set_pose(i, b.pose(i))
 
@@ -310,17 +322,19 @@ class World:
         b = self._bodies
         carried = self._carry(dt)
         free = self._free_awake()
-        for i in free:
-            if i in self._varying:
-                self._wrenches(np.array([i]), self.time)  # a faulty behaviour is found before anything moves
         if len(free) or carried:
             self._list_near(free, carried, dt)
             groups = self._islands(free)
             ended = []
             self.residual = 0.0
-            for island in groups:
-                ended.append(self._stepper.advance(island, self._contacts, dt, self._wrenches))
-                self.residual = max(self.residual, island.residual)
+            start = Saved(b, np.array(sorted({*free, *carried}), dtype=np.int64))
+            try:
+                for island in groups:
+                    ended.append(self._stepper.advance(island, self._contacts, self.time, dt, self._wrenches))
+                    self.residual = max(self.residual, island.residual)
+            except BehaviourError:
+                start.restore(b)
+                raise
             self._contacts = _joined(ended)
             self._finish_carried(carried, dt)
             self._settle(groups, dt)
@@ -438,7 +452,7 @@ class World:
             self._shape_key[key] = len(self._shapes)
             self._shapes.append(make_shape(mesh, geometries))
             self._kept_alive.append((mesh, geometries))
-            self._stepper.shapes = pack(self._shapes)
+            self._stepper.use(pack(self._shapes))
             self._surface_count = np.array([len(s.kinds) for s in self._shapes], np.int64)
             self._whole = np.array([[*s.boxes[:, :3].min(axis=0), *s.boxes[:, 3:].max(axis=0)] for s in self._shapes])
         self._stepper.shape_of[i] = self._shape_key[key]
@@ -495,8 +509,19 @@ class World:
             joints = [j for j in self._joints if members & set(j.bodies)]
             touched = {*pairs[:, 0].tolist(), *pairs[:, 2].tolist(), *(i for j in joints for i in j.bodies)}
             moved = np.array(sorted(i for i in touched if b.kind[i] == KINEMATIC), dtype=np.int64)
-            out.append(Island(ids, pairs, moved, joints))
+            constant = not any(i in self._varying or i in self._grips for i in members)
+            mechanism = self._mechanism(ids, joints) if joints or not constant else None
+            out.append(Island(ids, pairs, moved, joints, mechanism, constant))
         return out
+
+    def _mechanism(self, ids: NDArray[np.int64], joints: Sequence[Joint]) -> Mechanism | None:
+        """The island's model, made once for these bodies and joints."""
+        key = (tuple(ids.tolist()), tuple(map(id, joints)))
+        if key not in self._mechanisms:
+            members = {*key[0], *(i for joint in joints for i in joint.bodies)}
+            poses = {i: self._bodies.pose(i) for i in sorted(members)}
+            self._mechanisms[key] = (poses, Mechanism.build(ids, joints, self._bodies, poses))
+        return self._mechanisms[key][1]
 
     def _settle(self, groups: list[Island], dt: float) -> None:
         """Put islands to sleep that have been at rest for long enough."""

@@ -199,7 +199,7 @@ class Faulty(Behaviour):
 
 @pytest.mark.parametrize("value", [[0, 0, np.nan, 0, 0, 0], [1, 2, 3], "up", [np.inf] * 6])
 def test_a_bad_wrench_is_named_before_anything_moves(value):
-    world, box = dropped_box(0.5, [Faulty(value, 0.05)])
+    world, box = dropped_box(0.5, [Faulty(value, 0.055)])
     for _ in range(5):
         world.step(0.01)
     before = world.pose(box)
