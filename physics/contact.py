@@ -124,10 +124,10 @@ def _radial(cylinder, p, margin, depth, normal):
 @njit(cache=True)
 def _listed(pairs, first, last, sa, sb, side):
     """Whether rows first … last-1 list surface sa of the one body (column 1, or 3 for side 1) with sb of the other."""
+    found = False
     for i in range(first, last):
-        if pairs[i, 1 + 2 * side] == sa and pairs[i, 3 - 2 * side] == sb:
-            return True
-    return False
+        found = found or (pairs[i, 1 + 2 * side] == sa and pairs[i, 3 - 2 * side] == sb)
+    return found
 
 
 @njit(cache=True)
@@ -175,7 +175,7 @@ def _belongs(shapes, pairs, first, last, side, row, v, s):
 def _vertices_on_faces(
     shapes, pairs, first, last, side, fa, fb, ra, pa, rb, pb, margin, depth, n, ints, reals, stamps_v, done
 ):  # fmt: skip
-    """Vertices of the one body (column `side`) on the faces of the other; `ra` … `fa` are the one's, `rb` … the other's.
+    """Vertices of the one body (column `side`) on the faces of the other; `ra`, `fa`, … are the one's.
 
     done: (surfaces,) scratch stamps that tell which of the other's surfaces have been looked at.
     """

@@ -61,7 +61,7 @@ def lower_pair(joints: Sequence[Joint], child: int, pose_parent: pin.SE3, pose_c
         return LowerPair("rigid", pin.SE3.Identity())
     if f == 6:
         return LowerPair("free", pin.SE3.Identity())
-    u, s, vt = np.linalg.svd(null[3:])
+    _, s, vt = np.linalg.svd(null[3:])
     turns = int((s > 1e-7).sum())
     slides = null[:3] @ vt[turns:].T  # pure translations among them
     if turns == 0 and f == 1:
@@ -152,7 +152,7 @@ class Mechanism:
     def build(
         cls, ids: Ints, joints: Sequence[Joint], bodies: Bodies, poses: Mapping[int, pin.SE3]
     ) -> Mechanism | None:
-        """The model of the free bodies `ids` and the constraints between them and to ground, around `poses`; or None."""
+        """The model of the free bodies `ids` and their constraints, read at `poses`; None if there is none."""
         by_pair: dict[tuple[int, int], list[Joint]] = {}
         members = set(ids.tolist())
         for joint in joints:
@@ -198,7 +198,7 @@ class Mechanism:
         return made if made._true(joints, poses) else None
 
     def _true(self, joints: Sequence[Joint], poses: Mapping[int, pin.SE3]) -> bool:
-        """Whether the tree's constraints hold away from where they were read: a pair may look like another at a point."""
+        """Whether the tree's constraints hold away from where they were read: a pair may look like another there."""
         if self.loops:
             return True
         q = pin.neutral(self.model)
@@ -319,7 +319,7 @@ class Mechanism:
         a = pin.aba(model, data, q, v, tau).copy()
         if not self.loops:
             return a
-        # Gauss's principle: the least change of `a` (in the mass metric) that gives the anchors no relative acceleration
+        # Gauss's principle: the least change of `a` (mass metric) that leaves the anchors no relative acceleration
         drift = self._drift(q, v)
         _, jacobian = self._gaps(q)
         lower = np.linalg.cholesky(pin.crba(model, data, q, pin.Convention.WORLD))

@@ -118,10 +118,9 @@ class Stepper:
         reach = self._reach(island, dt)
         now = self.find(island, reach, reach)
         now = self._inherit(now, before)
-        smooth = island.mechanism is not None and (island.joints or not island.constant)
-        if smooth and not len(island.moved) and _least(now, slice(None)) > self.tolerance.touch:
-            if self._smooth(island, time, dt, wrench):
-                return NO_CONTACTS
+        free = len(island.moved) == 0 and _least(now, slice(None)) > self.tolerance.touch
+        if free and island.mechanism is not None and self._smooth(island, island.mechanism, time, dt, wrench):
+            return NO_CONTACTS
         while dt - t > 1e-12 * dt:
             h = dt - t
             limit = self._limit(island)
@@ -135,14 +134,14 @@ class Stepper:
                 t += taken
         return now
 
-    def _smooth(self, island: Island, time: float, dt: float, wrench) -> bool:
+    def _smooth(self, island: Island, mechanism: Mechanism, time: float, dt: float, wrench) -> bool:
         """The whole step without contact, at high order; False (and nothing moved) if it would touch something."""
         if self._limit(island) < dt:
             return False
         b = self.bodies
         start = Saved(b, island.ids)
         reach = self._reach(island, dt)
-        island.mechanism.advance(b, time, dt, wrench, island.constant)
+        mechanism.advance(b, time, dt, wrench, island.constant)
         if _least(self.find(island, reach, reach), slice(None)) > self.tolerance.touch and self._limit(island) >= dt:
             return True
         start.restore(b)
