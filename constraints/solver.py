@@ -63,7 +63,8 @@ def solve(
         return Solution({}, 0.0, True, 0)
     status, iterations, worst = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n)
     given: tuple[Any, ...] = (*work.packed, work.offset, work.length, rotation, translation, tol.solver, MAX_ITERATIONS)
-    kernels.solve_all(*given, status, iterations, worst)
+    given += (status, iterations, worst)
+    kernels.solve_all(*given)
     out: dict[int, pin.SE3] = {}
     conflicting: list[int] = []
     for k, system in enumerate(work.systems):
