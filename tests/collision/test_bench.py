@@ -1,0 +1,71 @@
+"""The ways that the benchmark compares give the same answer where they should; its table and plot are made of rows."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from examples import digger
+
+FOLDER = Path(__file__).parent.parent / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def bench() -> ModuleType:
+    sys.path.insert(0, str(FOLDER))
+    try:
+        spec = importlib.util.spec_from_file_location("bench_collision", FOLDER / "bench_collision.py")
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+    finally:
+        sys.path.remove(str(FOLDER))
+
+
+def test_every_way_finds_the_pairs_but_boxes_invent_some(bench: ModuleType) -> None:
+    a, b = digger.shaft(24, None), digger.housing(24, None)
+    poses = digger.shaft_trajectory(24)
+    measured = bench._Bench(quick=True)
+    exact = ["best", "oaabb", "brute", bench.COAL_ALL, bench.COAL_OBB, bench.COAL_FIRST]
+    measured.ways("case", a, b, poses, None, [*exact, "float32", "bounding boxes only"])
+    error = {row["method"]: row["error"] for row in measured.rows}
+    assert [error[method] for method in exact] == [0.0] * len(exact)
+    assert error["float32"] <= 1.0
+    assert error["bounding boxes only"] > 5.0
+    assert all(row["seconds"] > 0.0 and row["n"] == 24 for row in measured.rows)
+
+
+def test_rows_become_a_plot(bench: ModuleType, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    case = "shaft against true surfaces, deflection 86.4 µm"
+    rows = [
+        {"case": case, "method": m, "seconds": s, "error": e, "unit": "wrong pairs/query", "n": 3}
+        for m, s, e in (("best", 1e-5, 0.0), ("bounding boxes only", 1e-4, 20.0))
+    ]
+    (path,) = bench.plot({"rows": rows}, tmp_path)
+    assert path.stat().st_size > 10_000
+
+
+def test_fcl_motion_is_read(bench: ModuleType, tmp_path: Path) -> None:
+    grids = "".join(
+        f'<GRID id="{i}" x="{x}" y="{y}" z="{z}"/>'
+        for i, (x, y, z) in enumerate([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+    )
+    sides = "".join(
+        f'<TRIA id="{i}" g1="{a}" g2="{b}" g3="{c}"/>'
+        for i, (a, b, c) in enumerate([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
+    )
+    unit = "1 0 0 0 1 0 0 0 1"
+    quarter = "0 -1 0 1 0 0 0 0 1"
+    frame = f'<FRAME id="1" obj1_pos="1 2 3" obj2_pos="1 3 3" obj1_dc="{unit}" obj2_dc="{quarter}"/>'
+    parts = "".join(f'<OBJECT id="{k}">{grids}{sides}</OBJECT>' for k in (1, 2))
+    path = tmp_path / "motion.xml"
+    path.write_text(f"<MODEL>{parts}<MOTION>{frame}</MOTION></MODEL>")
+    a, b, poses = bench.read_fcl(path)
+    assert (a.n_triangles, a.n_surfaces, b.n_surfaces, len(poses)) == (4, 4, 4, 1)
+    assert poses[0].act(b.vertices[1]).tolist() == pytest.approx([0.0, 2.0, 0.0])
