@@ -264,6 +264,13 @@ def test_a_stepped_line_goes_sideways_and_then_up():
     assert points[0][1] == points[1][1] and points[1][0] == points[2][0] and points[2][1] == points[3][1]
 
 
+def test_a_line_is_broken_where_there_is_nothing_to_draw():
+    line = [(0.0, 1.0), (0.5, 2.0), (1.0, float("nan")), (1.5, float("nan")), (2.0, 3.0), (2.5, 1.0)]
+    drawn = plots.lines({"clearance": line}, "mm", 3.0)
+    assert drawn.count("<polyline") == 2
+    assert "nan" not in drawn
+
+
 def test_pose_values_in_the_log_do_not_follow_the_scene():
     scene = pressing_scene()
     log = log_of([], scene)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import nan
 from typing import TYPE_CHECKING
 
 import pinocchio as pin
@@ -88,7 +89,7 @@ class SessionLog:
         self.freedom: dict[str, list[tuple[float, int, str]]] = {}
         """by part, whenever it changed: time (s), degrees of freedom, the lower pair's name"""
         self.clearance: list[tuple[float, float]] = []
-        """time (s), least clearance (m)"""
+        """time (s), least clearance (m), NaN while there is none to measure"""
         self.least: Frame | None = None
         """the step of least clearance"""
         self.colliding: list[tuple[float, int]] = []
@@ -137,7 +138,10 @@ class SessionLog:
             joint = frame.joint.get(part, "")
             if not known or known[-1][1:] != (freedom, joint):
                 known.append((now, freedom, joint))
-        if frame.clearance is not None:
+        if frame.clearance is None:
+            if self.clearance:
+                self.clearance.append((now, nan))
+        else:
             self.clearance.append((now, frame.clearance))
             if self.least is None or self.least.clearance is None or frame.clearance < self.least.clearance:
                 self.least = frame

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import groupby
 from math import ceil, floor, isfinite, log10
 
 from vpframe.visualization import palette
@@ -15,7 +16,7 @@ Line = Sequence[tuple[float, float]]
 
 
 def lines(series: Mapping[str, Line], unit: str, duration: float, steps: bool = False, height: int = 180) -> str:
-    """Lines over time (s). `steps`: a value stays until the next one. Empty series are left out."""
+    """Lines over time (s), broken where a value is NaN. `steps`: a value stays until the next one."""
     drawn = {name: line for name, line in series.items() if len(line)}
     if not drawn:
         return ""
@@ -26,8 +27,8 @@ def lines(series: Mapping[str, Line], unit: str, duration: float, steps: bool = 
     body = [plot.axes(ticks, unit)]
     for place, (name, line) in enumerate(drawn.items()):
         color = SERIES[place % len(SERIES)]
-        points = plot.stepped(line) if steps else plot.thinned(line)
-        body.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="1.6"/>')
+        for points in [plot.stepped(line)] if steps else [plot.thinned(piece) for piece in unbroken(line)]:
+            body.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="1.6"/>')
         body.append(plot.legend(place, name, color))
     return plot.svg(body)
 
@@ -70,6 +71,11 @@ def nice_ticks(low: float, high: float, count: int = 5) -> list[float]:
     return [round(i * step, 12) for i in range(first, last + 1)]
 
 
+def unbroken(line: Line) -> list[list[tuple[float, float]]]:
+    """The pieces of a line between values that are not finite."""
+    return [list(group) for finite, group in groupby(line, key=lambda point: isfinite(point[1])) if finite]
+
+
 class _Plot:
     def __init__(self, duration: float, low: float, high: float, height: int) -> None:
         self.height = height
@@ -102,8 +108,7 @@ class _Plot:
         """Points of a line, of each pixel column no more than the lowest and the highest."""
         columns: dict[int, list[tuple[float, float]]] = {}
         for time, value in line:
-            if isfinite(value):
-                columns.setdefault(int(self.x(time)), []).append((time, value))
+            columns.setdefault(int(self.x(time)), []).append((time, value))
         kept: list[tuple[float, float]] = []
         for points in columns.values():
             extremes = {min(points, key=lambda p: p[1]), max(points, key=lambda p: p[1])}

@@ -50,7 +50,7 @@ def fill_triangles(xy, z, keep, depth, face, weight):
 def draw_segments(ends, z, color, width, hidden, depth, image):
     """Draw segments as discs of `width` pixels swept along them; where something nearer stands, only `hidden` of them.
 
-    ends: (n, 2, 2) float64 pixels. z: (n, 2). color: (n, 3) in 0 … 1. width: (n,) pixels. hidden: opacity in 0 … 1.
+    ends: (n, 2, 2) float64 pixels. z: (n, 2). color: (n, 3) in 0 … 1. width: (n,) pixels. hidden: (n,) opacity.
     depth: (h, w) is read only; image: (h, w, 3) float32 is changed in place.
     """
     height, columns = depth.shape
@@ -71,6 +71,6 @@ def draw_segments(ends, z, color, width, hidden, depth, image):
                 if ex * ex + ey * ey > half * half:
                     continue
                 d = z[s, 0] + t * (z[s, 1] - z[s, 0])
-                alpha = 1.0 if d >= depth[row, column] else hidden
+                alpha = 1.0 if d >= depth[row, column] else hidden[s]
                 for channel in range(3):
                     image[row, column, channel] += alpha * (color[s, channel] - image[row, column, channel])

@@ -120,8 +120,9 @@ class RerunRecorder:
             rows.add("script", "document", frame.script)
         for part, freedom in frame.freedom.items():
             self._plot("plots/freedom", part, freedom, name=part)
-        if frame.clearance is not None:
-            self._plot("plots/clearance", "", 1e3 * frame.clearance, "clearance (mm)", palette.FREEDOM)
+        if frame.clearance is not None or ("plots/clearance", "") in self._lines:
+            clearance = np.nan if frame.clearance is None else 1e3 * frame.clearance  # NaN leaves a gap
+            self._plot("plots/clearance", "", clearance, "clearance (mm)", palette.FREEDOM)
         self._plot("plots/clashes", "", len(frame.colliding), "colliding surface pairs", palette.COLLIDING)
         for name, seconds in frame.timings.items():
             self._plot("plots/timings", name, 1e3 * seconds, f"{name} (ms)")

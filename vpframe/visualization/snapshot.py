@@ -232,13 +232,14 @@ def _draw_symbols(
 ) -> None:
     from vpframe.visualization.raster import draw_segments
 
-    ends, color, width = [], [], []
+    ends, color, width, hidden = [], [], [], []
     for symbol in symbols:
         for strip in symbol.world():
             points = project(strip, camera, depth.shape)
             ends.append(np.stack([points[:-1], points[1:]], axis=1))
             color.append(np.tile(symbol.color, (len(points) - 1, 1)))
             width.append(np.full(len(points) - 1, symbol.width * supersample))
+            hidden.append(np.full(len(points) - 1, symbol.hidden))
     if not ends:
         return
     segment = np.concatenate(ends)
@@ -247,7 +248,7 @@ def _draw_symbols(
         np.ascontiguousarray(segment[:, :, 2]) + 0.01 * camera.radius,  # a line that lies on a surface is in front
         np.concatenate(color),
         np.concatenate(width),
-        0.45,
+        np.concatenate(hidden),
         depth,
         image,
     )

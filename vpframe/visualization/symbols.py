@@ -43,6 +43,8 @@ class Symbol:
     width: float
     """of the lines, pixels"""
     label: str = ""
+    hidden: float = 0.4
+    """opacity in 0 … 1 where something stands in front"""
 
     def world(self) -> tuple[Points, ...]:
         """The strips in the world."""
@@ -99,7 +101,7 @@ def freedom_symbol(part: str, joint: str, pose: pin.SE3, size: float) -> Symbol 
     if not strips:
         return None
     return Symbol(
-        f"freedom/{part}", (joint, _rounded(size), part), strips, pose, palette.FREEDOM, 3.0, f"{part}: {joint}"
+        f"freedom/{part}", (joint, _rounded(size), part), strips, pose, palette.FREEDOM, 3.0, f"{part}: {joint}", 0.85
     )
 
 

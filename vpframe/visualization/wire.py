@@ -143,6 +143,7 @@ def strips_message(number: int, symbol: Symbol) -> Message:
         "type": "strips",
         "number": number,
         "width": symbol.width,
+        "hidden": symbol.hidden,
         "strips": [pack(strip.astype(np.float32)) for strip in symbol.strips],
     }
 

@@ -163,15 +163,16 @@ function points(text) {
 
 function keepStrips(message) {
   const radius = 0.0011 * world.info.camera.radius * message.width;
-  world.strips.set(message.number, merge(message.strips.flatMap((strip) => tube(points(strip), radius))));
+  const geometry = merge(message.strips.flatMap((strip) => tube(points(strip), radius)));
+  world.strips.set(message.number, { geometry, hidden: message.hidden });
 }
 
 // a line is drawn in full where it is seen, and faintly through what hides it
-function lineObject(geometry, color) {
+function lineObject({ geometry, hidden: opacity }, color) {
   const group = new THREE.Group();
   const front = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ color }));
   const hidden = new THREE.Mesh(
-    geometry, new THREE.MeshBasicMaterial({ color, transparent: true, opacity: 0.35, depthTest: false, depthWrite: false }));
+    geometry, new THREE.MeshBasicMaterial({ color, transparent: true, opacity, depthTest: false, depthWrite: false }));
   hidden.renderOrder = 1;
   front.renderOrder = 2;
   group.add(front, hidden);

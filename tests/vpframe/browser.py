@@ -1,0 +1,128 @@
+"""A headless Chromium, driven through its DevTools protocol, for tests that look at pages as people do."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import io
+import json
+import shutil
+import subprocess
+import tempfile
+import time
+import urllib.request
+from typing import Any
+
+import numpy as np
+import tornado.websocket
+from PIL import Image
+
+PROGRAM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+FLAGS = (
+    "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--remote-debugging-port=0", "--hide-scrollbars", "--no-first-run", "--disable-background-networking",
+)  # fmt: skip
+
+
+class Browser:
+    """One window. Close it, or use it as a context manager."""
+
+    def __init__(self, width: int = 1000, height: int = 700) -> None:
+        assert PROGRAM is not None
+        self.folder = tempfile.mkdtemp(prefix="vpframe-browser-")
+        size = f"--window-size={width},{height}"
+        self.process = subprocess.Popen(
+            [PROGRAM, *FLAGS, size, f"--user-data-dir={self.folder}", "about:blank"],
+            stderr=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            text=True,
+        )
+        self.loop = asyncio.new_event_loop()
+        self.socket: Any = None
+        self.number = 0
+        self.errors: list[str] = []
+        try:
+            self._begin(width, height)
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin(self, width: int, height: int) -> None:
+        assert self.process.stderr is not None
+        line = next(line for line in self.process.stderr if "DevTools listening on" in line)
+        port = line.rsplit(":", 1)[1].split("/")[0]
+        pages = json.load(urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=10))
+        address = next(page["webSocketDebuggerUrl"] for page in pages if page["type"] == "page")
+        self.socket = self.loop.run_until_complete(self._connect(address))
+        self.call("Page.enable")
+        self.call("Runtime.enable")
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+
+    @staticmethod
+    async def _connect(address: str) -> Any:
+        return await tornado.websocket.websocket_connect(address, max_message_size=1 << 28)
+
+    def call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """One command of the protocol and its answer; page errors met on the way are kept in `errors`."""
+        return self.loop.run_until_complete(asyncio.wait_for(self._call(method, parameters), 60))
+
+    async def _call(self, method: str, parameters: dict[str, Any]) -> dict[str, Any]:
+        self.number += 1
+        await self.socket.write_message(json.dumps({"id": self.number, "method": method, "params": parameters}))
+        while True:
+            message = json.loads(await self.socket.read_message())
+            if message.get("method") == "Runtime.exceptionThrown":
+                self.errors.append(str(message["params"]["exceptionDetails"].get("exception", {}).get("description")))
+            if message.get("id") == self.number:
+                assert "error" not in message, message
+                return message["result"]
+
+    def open(self, address: str) -> None:
+        """Go to a page and wait until its first frame is on the screen."""
+        self.errors.clear()
+        self.call("Page.navigate", url=address)
+        self.wait("document.readyState === 'complete'")
+        self.settle()
+
+    def run(self, expression: str) -> Any:
+        """The value of a JavaScript expression in the page."""
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
+        return answer["result"].get("value")
+
+    def wait(self, expression: str, seconds: float = 30.0) -> None:
+        """Wait until an expression is true."""
+        until = time.monotonic() + seconds
+        while not self.run(expression):
+            assert time.monotonic() < until, f"{expression} did not become true; page errors: {self.errors}"
+            time.sleep(0.05)
+
+    def settle(self) -> None:
+        """Wait for two animation frames: what was asked for is drawn then."""
+        self.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
+
+    def picture(self) -> np.ndarray:
+        """(h, w, 3) uint8 of what is on the screen."""
+        self.settle()
+        data = self.call("Page.captureScreenshot", format="png")["data"]
+        return np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB"))
+
+    def close(self) -> None:
+        """End the browser and remove its folder."""
+        if self.socket is not None:
+            self.loop.run_until_complete(self._disconnect())
+        self.loop.close()
+        self.process.terminate()
+        self.process.wait(20)
+        if self.process.stderr is not None:
+            self.process.stderr.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    async def _disconnect(self) -> None:
+        self.socket.close()
+
+    def __enter__(self) -> Browser:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
