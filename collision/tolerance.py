@@ -34,6 +34,10 @@ class Tolerance:
     """m, rad: residual at which a constraint counts as satisfied by the solver."""
     satisfied: float = 1e-9
     """m, rad: residual below which moving parts obey a constraint"""
+    conflict: float = 1e-7
+    """m, rad: constraints that miss each other by more contradict; below it is what files and fits leave."""
+    lower_pair: float = 1e-6
+    """rad: within it directions are parallel and axes meet, when a joint is named by its twists."""
     rank: float = 1e-9
     """1: singular values below this times the largest count as zero."""
     reach: float = 1e-3

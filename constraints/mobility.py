@@ -28,8 +28,8 @@ from constraints.system_ranks import null_basis, pivoted_qr
 STEP = 0.02
 """rad (or of a part's size): the finite step; small enough to stay on a branch, large enough that a contact of fourth
 order (residual STEP⁴ = 1.6e-7) is told from a motion"""
-ACROSS = 1e-6
-"""rad: within it directions are parallel and axes meet, when a joint is named"""
+AS_GOOD = 10.0
+"""a displaced pose holds if its residual is at most this times that of the pose it comes from (files are not exact)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,9 @@ class Mobility:
         """Constraints that earlier ones imply, in whole or in part, in the order given; found when first asked for."""
         s = self._study
         out = {c.constraints[-1] for c in self.conflicting}
-        found = [redundancies(s.constraints, m.system, out, s.at, s.tolerance, s.texts) for m in s.moves]
+        found = [
+            redundancies(s.constraints, m.system, out, s.at, s.threshold(m), s.tolerance, s.texts) for m in s.moves
+        ]
         return tuple(sorted((x for each in found for x in each), key=lambda x: x.constraint))
 
 
@@ -90,6 +92,10 @@ class _Study:
     fixed: frozenset[int]
     tolerance: Tolerance
     names: Names
+
+    def threshold(self, m: _Moves) -> float:
+        """What counts as dependent: a contradiction that is named is no uncertainty any more."""
+        return m.threshold if m.worst <= self.tolerance.conflict else self.tolerance.rank
 
     @cached_property
     def texts(self) -> list[str]:
@@ -107,19 +113,18 @@ class _Moves:
     samples: Mapping[int, tuple[pin.SE3, ...]] | None
     """world displacements of each body in the finite motions that were reached; None where motions need no proof"""
     finite: int
+    worst: float
+    """m or rad: greatest residual"""
     margin: float
     threshold: float
     """relative pivot up to which a motion is free"""
+    across: float
+    """rad: how exactly directions are known"""
 
     @property
     def freedom(self) -> int:
         """Instantaneous motions."""
         return next(iter(self.twists.values())).shape[1]
-
-    @property
-    def across(self) -> float:
-        """rad: how exactly directions are known."""
-        return max(ACROSS, 4.0 * self.threshold)
 
 
 def mobility(
@@ -203,6 +208,7 @@ def null_space(system: System, rotation: Array, translation: Array, tolerance: T
 
 def _moves(block: Block, system: System, at: Mapping[int, pin.SE3], tolerance: Tolerance) -> _Moves:
     rotation, translation = system.gather(at)
+    worst = float(np.abs(system.evaluate(rotation, translation)[0]).max())
     null, threshold, margin = null_space(system, rotation, translation, tolerance)
     twists = {
         b: _world(system, null[system.slot[i]], i, rotation, translation)
@@ -210,11 +216,12 @@ def _moves(block: Block, system: System, at: Mapping[int, pin.SE3], tolerance: T
         if system.slot[i] >= 0
     }
     k = null.shape[2]
+    across = max(tolerance.lower_pair, 4.0 * threshold)
     series = len(block.bodies) == 1 and all(c.subgroup for c in system.constraints)
     if k == 0 or series:  # an intersection of subgroups is one: its motions are true and named by their twists
-        return _Moves(block, system, twists, None, k, margin, threshold)
-    samples, finite = _sample(system, null, rotation, translation, tolerance)
-    return _Moves(block, system, twists, samples, finite, margin, threshold)
+        return _Moves(block, system, twists, None, k, worst, margin, threshold, across)
+    samples, finite = _sample(system, null, rotation, translation, worst, tolerance)
+    return _Moves(block, system, twists, samples, finite, worst, margin, threshold, across)
 
 
 def _world(system: System, local: Array, i: int, rotation: Array, translation: Array) -> Array:
@@ -224,13 +231,14 @@ def _world(system: System, local: Array, i: int, rotation: Array, translation: A
 
 
 def _sample(
-    system: System, null: Array, rotation: Array, translation: Array, tolerance: Tolerance
+    system: System, null: Array, rotation: Array, translation: Array, worst: float, tolerance: Tolerance
 ) -> tuple[dict[int, tuple[pin.SE3, ...]], int]:
     """Finite displacements reached along each null direction (and one between them), and how many are independent."""
     k = null.shape[2]
     directions = list(np.moveaxis(null, 2, 0))
     if k > 1:
         directions.append(null @ (np.arange(1.0, k + 1) / np.linalg.norm(np.arange(1.0, k + 1))))
+    limit = max(kernels.resolution(system.element, translation, tolerance.solver), AS_GOOD * worst)
     slots = [i for i in range(len(system.bodies)) if system.slot[i] >= 0]
     extent = system.extent[slots][:, None]
     slot_of_column = np.argsort(system.elimination.position)
@@ -241,12 +249,12 @@ def _sample(
         step = direction * (STEP / np.abs(direction / extent).max())
         turned, moved = rotation.copy(), translation.copy()
         kernels.move(rotation, translation, system.extent, system.columns, step[slot_of_column], turned, moved)
-        status, _, _ = run(system, turned, moved, tolerance)
+        _, _, off = run(system, turned, moved, tolerance)
         before = [pin.SE3(rotation[i], translation[i]) for i in slots]
         after = [pin.SE3(turned[i], moved[i]) for i in slots]
         local = np.array([pin.log6(x.inverse() * y).vector for x, y in zip(before, after, strict=True)])
         local[:, 3:] *= extent
-        if status != kernels.SOLVED or np.linalg.norm(local) < 0.5 * np.linalg.norm(step):
+        if off > limit or np.linalg.norm(local) < 0.5 * np.linalg.norm(step):
             continue  # it came back: no motion that way
         spanned.append(local.ravel() / np.linalg.norm(local))
         for i, x, y in zip(slots, before, after, strict=True):
@@ -279,7 +287,7 @@ class _Carried:
     closed: bool = True
     """whether it is one block whose motions are a subgroup's"""
     length: float = np.inf
-    across: float = ACROSS
+    across: float = 0.0
 
     def then(self, m: _Moves, b: int) -> _Carried:
         """With the motion of body b against the root of its block."""

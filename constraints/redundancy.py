@@ -88,17 +88,21 @@ def redundancies(
     system: System,
     without: Collection[int],
     at: Mapping[int, pin.SE3],
+    threshold: float,
     tolerance: Tolerance,
     texts: Sequence[str],
 ) -> list[Redundancy]:
-    """Redundant constraints of one system, in the order given; earlier ones are kept, conflicting ones left out."""
+    """Redundant constraints of one system, in the order given; earlier ones are kept, conflicting ones left out.
+
+    A row within `threshold` of the span of earlier rows lies in it.
+    """
     members = [i for i in system.members if i not in without]
     poses, _ = _holds(constraints, members, system, at, tolerance)
     part = build(constraints, tuple(members), system.movable, bounds=False)
     _, jacobian = part.dense(*part.gather(poses))
     lengths = np.linalg.norm(jacobian, axis=1, keepdims=True)
     unit = np.divide(jacobian, lengths, out=jacobian, where=lengths > 0.0)
-    place, weights = row_space(unit, tolerance.rank)
+    place, weights = row_space(unit, threshold)
     owner = np.array(members)[part.owner]
     kept = owner[place >= 0]
     out: list[Redundancy] = []
@@ -106,7 +110,7 @@ def redundancies(
         mine = owner == c
         said = mine & (place < 0)
         if said.any():
-            by = np.unique(kept[(np.abs(weights[said]) > WEIGHT).any(axis=0)])
+            by = np.unique(kept[(np.abs(weights[said]) > max(WEIGHT, 1e3 * threshold)).any(axis=0)])
             by = by[by != c]
             out.append(_redundancy(c, int(said.sum()), int(mine.sum()), tuple(by.tolist()), texts))
     return out
@@ -134,14 +138,14 @@ def conflicts(
     for i, c in enumerate(constraints):
         if fixed.issuperset(c.bodies):
             off, unit = _worst(c, at)
-            if off > tolerance.solver:
+            if off > tolerance.conflict:
                 text = f"{texts[i]} cannot hold, both are fixed: off by {_amount(off, unit)}"
                 out.append(Conflict((i,), off, unit, text))
     for system in systems:
         members = list(system.members)
         rotation, translation = system.gather(at)
         worst = float(np.abs(system.evaluate(rotation, translation)[0]).max())
-        holds = worst <= kernels.resolution(system.element, translation, tolerance.solver)
+        holds = worst <= kernels.resolution(system.element, translation, tolerance.conflict)
         poses = dict(at)
         while not holds:
             core = _irreducible(constraints, members, system, poses, tolerance)
@@ -182,7 +186,7 @@ def _irreducible(
     """A subset that cannot hold, while every subset of it can: each member is dropped if the rest still cannot."""
     core = list(members)
     # At a least-squares pose Jᵀr = 0: only rows with a residual take part, so most members drop out at once.
-    strained = [i for i in core if _worst(constraints[i], at)[0] > tolerance.solver]
+    strained = [i for i in core if _worst(constraints[i], at)[0] > 1e-3 * tolerance.conflict]
     if strained and not _holds(constraints, strained, system, at, tolerance)[1]:
         core = strained
     for i in list(core):
@@ -205,9 +209,9 @@ def _holds(
         return poses, True
     part = build(constraints, tuple(members), system.movable, bounds=False)
     rotation, translation = part.gather(at)
-    status, _, _ = run(part, rotation, translation, tolerance)
+    _, _, worst = run(part, rotation, translation, tolerance)
     poses.update(part.scatter(rotation, translation))
-    return poses, status == kernels.SOLVED
+    return poses, worst <= kernels.resolution(part.element, translation, tolerance.conflict)
 
 
 def _worst(constraint: Constraint, at: Mapping[int, pin.SE3]) -> tuple[float, str]:

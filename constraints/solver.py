@@ -13,10 +13,13 @@ from collision import Tolerance
 from constraints import system_kernels as kernels
 from constraints.kinds.base import Constraint
 from constraints.system import Array, Poses, System, plan
+from constraints.system_ranks import least_norm
 
 MAX_ITERATIONS = 200
 MAX_POLISHED = 240
 """columns of the largest system that is polished by a dense decomposition"""
+ROUNDING = 1e-13
+"""1: pivots below this times the largest are rounding"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +110,7 @@ def _finish(
 
 
 def _polish(system: System, rotation: Array, translation: Array, worst: float, limit: float) -> tuple[int, float]:
-    """Gauss-Newton steps of least norm from a singular value decomposition, while each halves the residual.
+    """Gauss-Newton steps of least norm from an orthogonal decomposition, while each halves the residual.
 
     JᵀJ hides what is weaker than 1e-7 (planes that far from parallel); here anything above rounding is followed, since
     a step is taken only if it pays.
@@ -118,7 +121,7 @@ def _polish(system: System, rotation: Array, translation: Array, worst: float, l
         if worst <= limit:
             return count, worst
         r, jacobian = system.dense(rotation, translation)
-        step = np.linalg.lstsq(jacobian, -r, rcond=None)[0].reshape(-1, 6)[columns]
+        step = least_norm(np.ascontiguousarray(jacobian.T), -r, ROUNDING).reshape(-1, 6)[columns]
         kernels.move(rotation, translation, system.extent, system.columns, step, turned, moved)
         now = float(np.abs(system.evaluate(turned, moved)[0]).max())
         if now > 0.5 * worst:

@@ -31,8 +31,8 @@ def _dot(x, y, n):
 def pivoted_qr(columns, threshold):
     """QR with column pivoting (Businger and Golub 1965) of the matrix whose columns are rows of `columns` (n, m).
 
-    Works in place. Returns (order (n,), R (rank, n) by pivoted columns, rank, least kept |R_kk| over the largest); a
-    pivot up to `threshold` times the largest is nought.
+    Works in place: rows 0 … rank-1 of `columns` end as the columns of Q. Returns (order (n,), R (rank, n) by pivoted
+    columns, rank, least kept |R_kk| over the largest); a pivot up to `threshold` times the largest is nought.
     """
     n, m = columns.shape
     order = np.arange(n)
@@ -95,6 +95,40 @@ def null_basis(order, R, rank):
                 s -= R[i, j] * v[order[j]]
             v[order[i]] = s / R[i, i]
     return out
+
+
+@njit(cache=True)
+def least_norm(columns, rhs, threshold):
+    """Least-squares solution (n,) of least norm of A x = rhs, the columns of A as rows of `columns` (n, m), spoilt."""
+    n, m = columns.shape
+    order, R, rank, _ = pivoted_qr(columns, threshold)
+    left = rhs.copy()
+    y = np.empty(rank)
+    for k in range(rank):
+        y[k] = _dot(columns[k], left, m)
+        for r in range(m):
+            left[r] -= y[k] * columns[k, r]
+    x = np.zeros(n)
+    for k in range(rank - 1, -1, -1):
+        s = y[k]
+        for j in range(k + 1, rank):
+            s -= R[k, j] * x[order[j]]
+        x[order[k]] = s / R[k, k]
+    null = null_basis(order, R, rank)
+    for a in range(len(null)):  # made orthonormal, and taken out of x
+        v = null[a]
+        for _ in range(2):
+            for b in range(a):
+                d = _dot(null[b], v, n)
+                for j in range(n):
+                    v[j] -= d * null[b, j]
+        size = math.sqrt(_dot(v, v, n))
+        for j in range(n):
+            v[j] /= size
+        d = _dot(v, x, n)
+        for j in range(n):
+            x[j] -= d * v[j]
+    return x
 
 
 @njit(cache=True)

@@ -11,7 +11,7 @@ from constraints.blocks import GROUND, blocks
 from constraints.geometry import Sphere
 from constraints.kinds import Spherical
 from constraints.system import components, eliminate, systems
-from constraints.system_ranks import null_basis, pivoted_qr, row_space
+from constraints.system_ranks import least_norm, null_basis, pivoted_qr, row_space
 from tests.constraints import problems
 
 BALL = (Sphere([0, 0, 0], 0.01), Sphere([0, 0, 0], 0.01))
@@ -78,6 +78,16 @@ class TestRanks:
         order, upper, rank, margin = pivoted_qr(np.zeros((6, 3)), 1e-9)
         assert rank == 0 and margin == 1.0
         assert np.linalg.matrix_rank(null_basis(order, upper, rank)) == 6
+
+    @pytest.mark.parametrize("seed", range(20))
+    def test_least_norm_is_that_of_numpy(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        m, n = int(rng.integers(1, 30)), int(rng.integers(1, 30))
+        rank = int(rng.integers(1, min(m, n) + 1))
+        matrix = rng.normal(size=(m, rank)) @ rng.normal(size=(rank, n))
+        rhs = rng.normal(size=m)
+        x = least_norm(np.ascontiguousarray(matrix.T), rhs, 1e-10)
+        assert x == pytest.approx(np.linalg.lstsq(matrix, rhs, rcond=1e-10)[0], rel=1e-6, abs=1e-8)
 
     @pytest.mark.parametrize("seed", range(20))
     def test_row_space_keeps_what_is_new_and_explains_the_rest(self, seed: int) -> None:
