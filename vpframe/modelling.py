@@ -36,6 +36,7 @@ from OCP.Message import Message, Message_Printer
 from OCP.Quantity import Quantity_ColorRGBA
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.STEPCAFControl import STEPCAFControl_Writer
+from OCP.STEPControl import STEPControl_StepModelType
 from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TDataStd import TDataStd_Name
 from OCP.TDocStd import TDocStd_Document
@@ -246,11 +247,12 @@ def scene(parts: Mapping[str, Placed], deflection: float = 1e-4, angular: float 
     return Scene(made)
 
 
-def write_step(path: str | Path, parts: Mapping[str, Any], name: str = "assembly") -> Path:
+def write_step(path: str | Path, parts: Mapping[str, Any], name: str = "assembly", external: bool = False) -> Path:
     """Write placed solids as a STEP assembly with names, colours and densities; returns the path.
 
     `parts` maps a name to `Placed`, where a mapping may stand for the solid: a subassembly. One `Solid` (or one
-    mapping) placed twice is written once and instanced.
+    mapping) placed twice is written once and instanced. With `external` each part goes to a file of its own beside it,
+    named after it, to which the assembly refers.
     """
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
     XCAFDoc_DocumentTool.SetLengthUnit_s(document, MM)
@@ -268,7 +270,8 @@ def write_step(path: str | Path, parts: Mapping[str, Any], name: str = "assembly
     writer.SetNameMode(True)
     writer.SetColorMode(True)
     writer.SetMaterialMode(True)
-    writer.Transfer(document)
+    prefix = Path(path).stem + "_" if external else None
+    writer.Transfer(document, STEPControl_StepModelType.STEPControl_AsIs, prefix)
     if writer.Write(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise ModellingError(f"{path}: the STEP file cannot be written; check that its folder exists and is writable")
     return Path(path)

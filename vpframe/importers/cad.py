@@ -36,8 +36,17 @@ def read(
     if form == "step":
         if text.result().damage:
             raw.notes.append(f"damaged: {text.result().damage_summary()}: faces or parts may be missing")
+        raw.notes.extend(_missing_files(path, text.result()))
         raw.notes.extend(text.result().lost(raw.instances, raw.faces))
     return raw
+
+
+def _missing_files(path: Path, text: StepText) -> list[str]:
+    return [
+        f"{name}, which it refers to, does not lie beside it: put it there"
+        for name in text.external
+        if not (path.parent / name).exists()
+    ]
 
 
 def _read_without_crashing(
@@ -66,9 +75,9 @@ def _read_without_crashing(
                 with open(out, "rb") as file:
                     raw: RawScene = pickle.load(file)
                 return raw
-        where = text.result().damage_summary()
+        where = "; ".join(filter(None, [text.result().damage_summary(), *_missing_files(path, text.result())]))
         if outcome.error is not None:
-            raise LoadError(f"{path}: {outcome.error}{f' (damaged: {where})' if where else ''}", str(path))
+            raise LoadError(f"{path}: {outcome.error}{f' ({where})' if where else ''}", str(path))
         if outcome.shape is None or outcome.shape in skip:
             damage = f"it is damaged: {where}" if where else "it is probably damaged"
             mend = "open it in a CAD program and export it again"

@@ -27,7 +27,9 @@ class StepText:
     faces: Counter[str] = field(default_factory=Counter)
     """product name -> faces of all its instances together, for products that have any"""
     instances: Counter[str] = field(default_factory=Counter)
-    """product name -> how often the assembly uses it"""
+    """product name -> how often the assembly uses it, for products with a shape of their own"""
+    external: list[str] = field(default_factory=list)
+    """names of the files it refers to"""
     damage: list[str] = field(default_factory=list)
     """one line a damaged statement, in the file's order"""
 
@@ -43,12 +45,14 @@ class StepText:
 
         `instances` and `faces` are what was read, by product name.
         """
-        if faces.total() == self.faces.total():
+        if faces.total() == self.faces.total() and instances.total() == self.instances.total():
             return []  # before names are compared, which the kernel may spell otherwise
         notes = []
-        for name, expected in self.faces.items():
-            wanted, got = self.instances[name], instances[name]
-            if got < wanted:
+        for name, wanted in self.instances.items():
+            expected, got = self.faces[name], instances[name]
+            if got < wanted and not expected:
+                notes.append(f"part {name} is left out: the file gives it no faces that can be read")
+            elif got < wanted:
                 notes.append(f"part {name} is lost: {got} of its {wanted} instances could be read")
             elif faces[name] < expected:
                 notes.append(f"part {name} is incomplete: {faces[name]} of its {expected} faces could be read")
@@ -115,7 +119,9 @@ def _products(statements: dict[int, bytes], text: StepText) -> None:
         strings = _STRING.findall(statements.get(product, b""))
         if len(strings) >= 2:
             name = strings[1] if len(strings[1]) > 2 else strings[0]
-            definitions[n] = name[1:-1].replace(b"''", b"'").decode("utf-8", "replace").strip()
+            definitions[n] = _text(name)
+    for n in of(b"DOCUMENT_FILE"):
+        text.external.extend(_text(s) for s in _STRING.findall(statements[n])[:1])
     shapes = {n: references[n][0] for n in of(b"PRODUCT_DEFINITION_SHAPE") if references[n]}
     equal: dict[int, list[int]] = {}
     for n in of(b"SHAPE_REPRESENTATION_RELATIONSHIP"):
@@ -146,10 +152,14 @@ def _products(statements: dict[int, bytes], text: StepText) -> None:
         if definition not in used:
             walk(definition, frozenset({definition}))
     for definition, count in own.items():
-        if count:
+        if count or definition not in children:
             name = definitions[definition]
             text.faces[name] += count * times[definition]
             text.instances[name] += times[definition]
+
+
+def _text(string: bytes) -> str:
+    return string[1:-1].replace(b"''", b"'").decode("utf-8", "replace").strip()
 
 
 def _count_faces(roots: list[int], kinds: dict[int, bytes], references: dict[int, list[int]]) -> int:
