@@ -166,6 +166,11 @@ def cylinder(radius: float, height: float) -> Solid:
 def cone(radius_bottom: float, radius_top: float, height: float) -> Solid:
     """A cone (or frustum) about z, from z = 0 to `height`; one of the radii may be zero."""
     _lengths("cone", height=height)
+    for name, radius in (("radius_bottom", radius_bottom), ("radius_top", radius_top)):
+        if not (np.isfinite(radius) and radius >= 0.0):
+            raise ModellingError(f"cone: {name} is {radius!r}; give a length in metres, or zero for a point")
+    if radius_bottom == radius_top:
+        raise ModellingError(f"cone: both radii are {radius_top!r}; that is a cylinder: use cylinder()")
     return Solid(BRepPrimAPI_MakeCone(radius_bottom / MM, radius_top / MM, height / MM).Solid())
 
 
@@ -182,11 +187,19 @@ def torus(major: float, minor: float) -> Solid:
 
 
 def _face(points: Iterable[Sequence[float]]) -> Any:
+    corners = np.array(list(points), dtype=np.float64)
+    if len(corners) < 3 or not np.isfinite(corners).all():
+        raise ModellingError(f"polygon: {len(corners)} points; give at least three, of finite coordinates")
+    if np.linalg.matrix_rank(corners - corners[0]) < 2:
+        raise ModellingError("polygon: bounds no area; its points must not all lie on one line")
     polygon = BRepBuilderAPI_MakePolygon()
-    for x, y, z in points:
-        polygon.Add(gp_Pnt(x / MM, y / MM, z / MM))
+    for x, y, z in corners / MM:
+        polygon.Add(gp_Pnt(x, y, z))
     polygon.Close()
-    return BRepBuilderAPI_MakeFace(polygon.Wire(), True).Face()
+    face = BRepBuilderAPI_MakeFace(polygon.Wire(), True)
+    if not face.IsDone():
+        raise ModellingError("polygon: no face can be spanned by its points; they must lie in one plane")
+    return face.Face()
 
 
 def revolve(profile: Sequence[tuple[float, float]], angle: float = 2.0 * np.pi) -> Solid:

@@ -53,7 +53,7 @@ def _content(data: bytes) -> str | None:
     if _is_binary_stl(data) or (head.startswith(b"solid") and b"facet" in data[:4096]):
         return "stl"
     line = data[:160].split(b"\n")[0].rstrip(b"\r")
-    if len(line) >= 73 and line[72:73] == b"S" and line[73:80].strip() == b"1":
+    if len(line) >= 73 and line[72:73] == b"S" and line[73:80].strip(b" 0") == b"1":
         return "iges"
     return None
 

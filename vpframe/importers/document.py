@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeSolid, BRepBuilderAPI_Sewing, BRepBuilderAPI_Transform
 from OCP.BRepLib import BRepLib
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
@@ -24,7 +26,7 @@ from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
 from OCP.XCAFDoc import (
     XCAFDoc_ColorTool,
     XCAFDoc_ColorType,
@@ -52,8 +54,9 @@ class Node:
     name: str
     product: str
     pose: TopLoc_Location
-    label: Any
-    """the label referred to"""
+    shape: TopoDS_Shape
+    density: float
+    """as the kernel gives it; 0 when there is none"""
     color: Color | None
     children: list[Node]
 
@@ -72,7 +75,10 @@ def read_document(
     roots = [_node(labels.Value(i), TopLoc_Location()) for i in range(1, labels.Length() + 1)]
     raw = RawScene()
     found = _Solids(raw, colors)
-    for leaf in _leaves(roots):
+    leaves = list(_leaves(roots))
+    if form == "iges" and not any(_holds(leaf.node.shape, TopAbs_ShapeEnum.TopAbs_SOLID) for leaf in leaves):
+        leaves = _joined(leaves, Path(path).stem)
+    for leaf in leaves:
         found.add(leaf)
     if not found.has_solid:
         raise UnreadableError("holds no solid; export the parts as solids, not as wireframe or open surfaces")
@@ -133,12 +139,14 @@ def _node(label: Any, pose: TopLoc_Location, within: str = "part") -> Node:
         XCAFDoc_ShapeTool.GetComponents_s(referred, components)
         labels = (components.Value(i) for i in range(1, components.Length() + 1))
         children = [_node(component, TopLoc_Location(), product) for component in labels]
-        children = [child for child in children if child.children or _has_faces(child.label)]
-    return Node(name, product, pose, referred, _color(label) or _color(referred), children)
+        children = [child for child in children if child.children or _holds(child.shape, TopAbs_ShapeEnum.TopAbs_FACE)]
+    shape = XCAFDoc_ShapeTool.GetShape_s(referred)
+    density = XCAFDoc_MaterialTool.GetDensityForShape_s(referred)
+    return Node(name, product, pose, shape, density, _color(label) or _color(referred), children)
 
 
-def _has_faces(label: Any) -> bool:
-    return TopExp_Explorer(XCAFDoc_ShapeTool.GetShape_s(label), TopAbs_ShapeEnum.TopAbs_FACE).More()
+def _holds(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> bool:
+    return TopExp_Explorer(shape, kind).More()
 
 
 @dataclass
@@ -170,6 +178,17 @@ def _leaves(roots: list[Node]) -> Iterator[Leaf]:
         yield from walk(root, Leaf(path, root, root.pose, None, (i,)))
 
 
+def _joined(leaves: list[Leaf], name: str) -> list[Leaf]:
+    """One leaf of all: the loose faces of a file without solids belong together."""
+    compound = TopoDS_Compound()
+    builder = BRep_Builder()
+    builder.MakeCompound(compound)
+    for leaf in leaves:
+        builder.Add(compound, leaf.node.shape.Moved(leaf.pose))
+    node = Node(name, name, TopLoc_Location(), compound, 0.0, None, [])
+    return [Leaf(name, node, TopLoc_Location(), leaves[0].color if leaves else None, (0,))]
+
+
 class _Solids:
     """Solids found so far: instances of one solid become parts of one shape."""
 
@@ -182,8 +201,8 @@ class _Solids:
 
     def add(self, leaf: Leaf) -> None:
         """Parts for every solid of a leaf, and for the sheets that belong to none."""
-        solids = _explore(XCAFDoc_ShapeTool.GetShape_s(leaf.node.label))
-        density = _density(XCAFDoc_MaterialTool.GetDensityForShape_s(leaf.node.label))
+        solids = _explore(leaf.node.shape)
+        density = _density(leaf.node.density)
         for i, solid in enumerate(solids, 1):
             self.has_solid |= solid.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID
             place = leaf.pose.Multiplied(solid.Location())
@@ -258,7 +277,7 @@ def _explore(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
     sewing.Perform()
     sewn = sewing.SewedShape()
     for shell in _of(sewn, TopAbs_ShapeEnum.TopAbs_SHELL):
-        if not shell.Closed():
+        if not BRep_Tool.IsClosed_s(shell):
             found.append(shell)
             continue
         solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell(shell)).Solid()
