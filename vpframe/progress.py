@@ -98,6 +98,53 @@ class Progress:
                 return
 
 
+class Watch:
+    """A line on standard error while one of many short pieces of work takes long, such as a step that compiles kernels.
+
+    Use it as a context manager around each piece; a piece costs two assignments. `text` is shown with the seconds.
+    """
+
+    def __init__(self, text: str, stream: TextIO | None = None, delay: float = DELAY) -> None:
+        self.text = text
+        self._stream = stream if stream is not None else sys.stderr
+        self._delay = delay
+        self._began: float | None = None
+        self._thread: threading.Thread | None = None
+        self._drawing = threading.Lock()
+        self._drawn = False
+        self._closed = threading.Event()
+
+    def __enter__(self) -> Watch:
+        self._began = time.monotonic()
+        if self._thread is None and self._stream.isatty():
+            self._thread = threading.Thread(target=self._look, name="vpframe watch", daemon=True)
+            self._thread.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._began = None
+        if self._drawn:
+            with self._drawing:
+                self._stream.write("\r\x1b[K")
+                self._stream.flush()
+                self._drawn = False
+
+    def close(self) -> None:
+        """Stop to look."""
+        self._closed.set()
+
+    def _look(self) -> None:
+        while not self._closed.wait(min(self._delay, 0.5)):
+            with self._drawing:
+                began = self._began
+                if began is None or time.monotonic() - began < self._delay:
+                    continue
+                line = f"{self.text}  {duration(time.monotonic() - began)}"
+                self._stream.write("\r\x1b[K" + line[: shutil.get_terminal_size().columns - 1])
+                self._stream.flush()
+                self._drawn = True
+
+
 def duration(seconds: float) -> str:
     """`12 s`, `3 min 05 s`, `1 h 20 min`."""
     whole = round(seconds)

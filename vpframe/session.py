@@ -26,6 +26,7 @@ from vpframe.events import EVENT_KINDS, ConstraintView, Event, Frame, Observer
 from vpframe.interaction.conditions import Condition
 from vpframe.interaction.hand import Hand, Outcome, as_pose
 from vpframe.interaction.reach import half_size
+from vpframe.progress import Watch
 from vpframe.report.log import SessionLog
 from vpframe.rules import Rule, accept_all
 from vpframe.scene import Part, Scene
@@ -92,6 +93,7 @@ class Session:
         self._requests: list[Request] = []
         self._hands: dict[str, Hand] = {}
         self._queues: dict[str, deque[Verb]] | None = None
+        self._watch = Watch("a long step: kernels are compiled at their first use, and kept for the next run")
         self._frame: Frame | None = None
         self._result: Result | None = None
         self._sizes: dict[str, float] = {}
@@ -139,7 +141,8 @@ class Session:
                     Wish(hand.held, wanted, hand.carried, hand.assist.snap, hand.assist.snap_angle, hand.spring)
                 )
         requests, self._requests = self._requests, []
-        result = self._advance(wishes, requests)
+        with self._watch:
+            result = self._advance(wishes, requests)
         self.step_count += 1
         self._take_in(result)
         return self._publish(result)
@@ -537,6 +540,7 @@ class Session:
             for observer in list(self.observers):
                 self._guarded(observer, lambda o=observer: o.frame(last))  # type: ignore[misc]
         self._closed = True
+        self._watch.close()
         if self._begun:
             for observer in list(self.observers):
                 self._guarded(observer, observer.end)

@@ -3,7 +3,7 @@ import time
 
 import pytest
 
-from vpframe.progress import Progress, duration
+from vpframe.progress import Progress, Watch, duration
 
 
 class Terminal(io.StringIO):
@@ -57,6 +57,29 @@ def test_over_counts_items():
 @pytest.mark.parametrize(("seconds", "text"), [(0.4, "0 s"), (59, "59 s"), (185, "3 min 05 s"), (4800, "1 h 20 min")])
 def test_durations_as_people_say_them(seconds, text):
     assert duration(seconds) == text
+
+
+def test_a_watch_speaks_only_of_a_piece_of_work_that_takes_long():
+    stream = Terminal()
+    watch = Watch("a long step", stream, delay=0.05)
+    for _ in range(1000):
+        with watch:
+            pass
+    assert stream.getvalue() == ""
+    with watch:
+        until = time.monotonic() + 5.0
+        while "a long step" not in stream.getvalue() and time.monotonic() < until:
+            time.sleep(0.01)
+    watch.close()
+    assert "a long step" in stream.getvalue()
+    assert stream.getvalue().endswith("\r\x1b[K")
+
+
+def test_a_watch_is_silent_without_a_terminal():
+    stream = io.StringIO()
+    with Watch("a long step", stream, delay=0.0):
+        time.sleep(0.05)
+    assert stream.getvalue() == ""
 
 
 def test_an_error_inside_passes_through():
