@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 
 from collision import CONTACT_DTYPE, SurfaceMesh, Tolerance
 from constraints.candidate import Candidate
+from constraints.geometry import Plane
 from constraints.kinds import Constraint
 from constraints.manager import ConstraintManager
+from constraints.overlap import facing_area
 from constraints.sleeve import sleeve
 from constraints.solver import solve
 from constraints.system import System, systems
@@ -33,8 +35,14 @@ MAX_TURN = 0.5
 """rad a pass, within which a linear step is a fair guess for Newton."""
 MARGIN = 2.0
 """Of `Tolerance.linear`: the gap that the linear rows keep, so that a slide stays out of the sweep's way."""
-FOLLOW = 1e-8
-"""Weight of keeping the other bodies where they are, against 1 of bringing the held ones to the wanted poses."""
+TOUCHING = 1e-3
+"""Of `Tolerance.linear`: nearer than this two witnesses no longer tell a direction."""
+FACING = 0.99
+"""Cosine of the angle up to which two planes count as facing each other (8°)."""
+SHORT = 0.9
+"""Of the way to an unforeseen contact that a pass goes."""
+FOLLOW = 1e-6
+"""Weight of moving the other bodies as if they were of one piece with the held one, against 1 of obeying the hand."""
 
 
 Pairing = tuple[int, tuple[int, ...], int, tuple[int, ...]]
@@ -216,6 +224,23 @@ class _Layout:
         return sides[0], sides[1]
 
 
+@dataclass(frozen=True, eq=False)
+class _Proposal:
+    """What one pass is about to do."""
+
+    x: Array
+    rows: NDArray[Any]
+    """contacts it was planned with"""
+    active: NDArray[np.int64]
+    """which of them it presses on"""
+    covered: bool
+    """whether no other contact can be met on the way"""
+    lifts: bool
+    """whether it only makes room between surfaces that are too near each other"""
+    whole: bool
+    """whether it is all the way to the wanted pose"""
+
+
 class _Plan:
     """One step. Unknowns: for each body the local twist about its centre, rotation measured in metres at its rim."""
 
@@ -228,28 +253,33 @@ class _Plan:
         self.residual, self.jacobian = self._linearised()
 
     def run(self) -> MotionResult:
-        blocked = False
+        blocked = lifted = False
         best = self._error()
         for _ in range(MAX_PASSES):
-            x, rows, active, covered = self._propose()
-            target = self._moved(x)
-            if not covered or len(rows):
+            proposal = self._propose(may_lift=not lifted)
+            lifted = proposal.lifts
+            target = dict(self.wanted) if proposal.whole else self._moved(proposal.x)
+            if not proposal.covered or len(proposal.rows):
                 target, hit = self._sweep(target)
                 if hit is not None:
                     self.acting.append(hit)
                     blocked = True
-            if len(active):
-                self.acting.append(rows[active])
+            travel = self._commit(target)
+            if lifted:
+                best = self._error()
+                continue
+            if len(proposal.active):
+                self.acting.append(proposal.rows[proposal.active])
                 blocked = True
-            self._commit(target)
             error = self._error()
-            if error >= best * (1.0 - 1e-3) or error <= self.tolerance.satisfied:
+            # a motion to the nearest allowed pose brings the squared error down by its own square, at least
+            if error <= self.tolerance.satisfied or best**2 - error**2 < 1e-3 * travel**2 or travel == 0.0:
                 break
             best = error
         return MotionResult(
             poses={b: self.poses[b] for b in self.bodies},
             blocked=blocked,
-            contacts=np.unique(np.concatenate(self.acting)) if self.acting else np.empty(0, CONTACT_DTYPE),
+            contacts=_latest(self.acting),
             residual=float(np.abs(self.residual).max(initial=0.0)),
             remaining={b: self._remaining(b) for b in sorted(self.wanted)},
         )
@@ -278,8 +308,8 @@ class _Plan:
 
     # -- the quadratic program
 
-    def _propose(self) -> tuple[Array, NDArray[Any], NDArray[np.int64], bool]:
-        """The motion (n,), the contact rows it was planned with, which of them it presses on, whether they are all."""
+    def _propose(self, may_lift: bool) -> _Proposal:
+        """The next motion towards the wanted poses; before it one off what is too near, if there `may` be one."""
         goal, weight = np.zeros(self.n), np.full(self.n, FOLLOW)
         for body in self.wanted:
             k = self.column[body]
@@ -287,21 +317,59 @@ class _Plan:
             e[3:] *= self.motion.shape(body)[1]
             goal[k : k + 6], weight[k : k + 6] = e, 1.0
         origin, basis = self._allowed()
-        # minimise Σ w (x - goal)² over x = origin + basis y
-        hessian = basis.T @ (weight[:, None] * basis)
-        gradient = -basis.T @ (weight * (goal - origin))
+        # minimise Σ w (F x - goal)² over x = origin + basis y
+        follow = self._following()
+        d = follow @ basis
+        hessian = d.T @ (weight[:, None] * d)
+        gradient = -d.T @ (weight * (goal - follow @ origin))
         y = np.linalg.solve(hessian, -gradient) if len(gradient) else gradient
         x = self._clipped(origin + basis @ y)
         rows, reach = self._near(x)
         active = np.zeros(0, np.int64)
-        if len(rows):
-            c, lower = self._inequalities(rows)
-            if (c @ x < lower - 1e-15).any() and len(y):
+        lifts = False
+        if len(rows) and len(y):
+            c, gap = self._inequalities(rows)
+            margin = MARGIN * self.tolerance.linear
+            lift = self._lift(basis, c, gap, margin) if may_lift and self._travel(x) > margin else None
+            lower = np.minimum(margin - gap, 0.0)
+            if lift is not None:
+                x, lifts = lift, True
+            elif (c @ x < lower - 1e-15).any():
                 found = self._quadratic_program(hessian, gradient, c @ basis, lower - c @ origin)
                 if found is not None:
                     y, active = found
-                    x = self._clipped(origin + basis @ y)
-        return x, rows, active, self._travel(x) < reach
+                    # an arm that turns by this sinks half the margin below its tangent
+                    longest = max(self.motion.shape(b)[1] for b in self.bodies)
+                    x = self._clipped(origin + basis @ y, float(np.sqrt(margin / longest)))
+        whole = not self.layout.constraints and not len(active) and not lifts and self._turn(x) < 0.99 * MAX_TURN
+        return _Proposal(x, rows, active, self._travel(x) < reach, lifts, whole)
+
+    def _lift(self, basis: Array, c: Array, gap: Array, margin: float) -> Array | None:
+        """The least motion that brings pairs nearer than half the margin back to it; None where none is, or can be."""
+        if (gap >= 0.5 * margin).all():
+            return None
+        d = c @ basis
+        found = self._quadratic_program(
+            np.eye(basis.shape[1]), np.zeros(basis.shape[1]), d, np.minimum(margin - gap, margin * (gap < margin))
+        )
+        return None if found is None else basis @ found[0]
+
+    def _following(self) -> Array:
+        """(n, n) F: x of held bodies as it is, of the others relative to the first held one, as one rigid body."""
+        out = np.eye(self.n)
+        held = min(self.wanted)
+        center, radius = self.motion.shape(held)
+        pose, k = self.poses[held], self.column[held]
+        for body, i in self.column.items():
+            if body in self.wanted:
+                continue
+            other_center, other_radius = self.motion.shape(body)
+            turn = self.poses[body].rotation.T @ pose.rotation
+            arm = pose.actInv(self.poses[body].act(other_center)) - center
+            out[i : i + 3, k : k + 3] = -turn
+            out[i : i + 3, k + 3 : k + 6] = turn @ pin.skew(arm) / radius
+            out[i + 3 : i + 6, k + 3 : k + 6] = -turn * (other_radius / radius)
+        return out
 
     def _linearised(self) -> tuple[Array, Array]:
         """Residual (m,) and Jacobian (m, n) of the constraints, in metres (radians at the size of the features)."""
@@ -325,10 +393,14 @@ class _Plan:
         rank = int((s > 1e-7 * s[0]).sum())
         return -vt[:rank].T @ ((u[:, :rank].T @ self.residual) / s[:rank]), vt[rank:].T
 
-    def _clipped(self, x: Array) -> Array:
-        """A motion shortened until no body turns by more than MAX_TURN."""
-        turn = max(float(np.linalg.norm(x[k + 3 : k + 6])) / self.motion.shape(b)[1] for b, k in self.column.items())
-        return x if turn <= MAX_TURN else x * (MAX_TURN / turn)
+    def _clipped(self, x: Array, most: float = MAX_TURN) -> Array:
+        """A motion shortened until no body turns by more than `most` rad."""
+        turn = self._turn(x)
+        return x if turn <= most else x * (most / turn)
+
+    def _turn(self, x: Array) -> float:
+        """rad: the most that a body turns."""
+        return max(float(np.linalg.norm(x[k + 3 : k + 6])) / self.motion.shape(b)[1] for b, k in self.column.items())
 
     def _travel(self, x: Array) -> float:
         """m: the farthest that any point of any body goes."""
@@ -337,16 +409,42 @@ class _Plan:
     def _near(self, x: Array) -> tuple[NDArray[Any], float]:
         """Contact rows of the moving bodies that this motion might close, and how far it may go without meeting others.
 
-        A long motion is not looked at to its end: beyond a few reaches the sweep finds what it meets.
+        A long motion is not looked at to its end: beyond a few reaches the sweep finds what it meets. A pair of facing
+        planes gives a row a corner of the area they share: one witness alone would let the part tilt about it.
         """
         reach = min(self._travel(x), 5.0 * self.tolerance.reach) + 2.0 * MARGIN * self.tolerance.linear
-        return self.motion.collision.contacts(reach, self.bodies), reach
+        rows = self.motion.collision.contacts(reach, self.bodies)
+        return np.concatenate([rows[:0], *(self._spread(rows[i : i + 1]) for i in range(len(rows)))]), reach
+
+    def _spread(self, row: NDArray[Any]) -> NDArray[Any]:
+        """A contact of two facing planes as one row a corner of the area they share; others as they are."""
+        recogniser = self.motion.constraints.recogniser
+        a, sa, b, sb = (int(row[name][0]) for name in ("object_a", "surface_a", "object_b", "surface_b"))
+        fa, fb = recogniser.feature_of(a, sa), recogniser.feature_of(b, sb)
+        if fa is None or fb is None:
+            return row
+        first, second = recogniser.view(a, fa, self.poses[a]), recogniser.view(b, fb, self.poses[b])
+        p, q = first.geometry, second.geometry
+        if not (isinstance(p, Plane) and isinstance(q, Plane)) or p.normal @ q.normal > -FACING:
+            return row
+        region = facing_area(p.origin, p.normal, first.triangles, second.triangles, q.origin, q.normal)
+        apart = row["distance"][0] > TOUCHING * self.tolerance.linear
+        if not len(region.gaps) or (apart and region.gap_min < 0.0):  # back to back through a thin plate
+            return row
+        out = np.repeat(row, len(region.gaps))
+        out["distance"] = np.maximum(region.gaps, 0.0)
+        out["point_a"] = region.corners
+        out["point_b"] = region.corners + region.gaps[:, None] * p.normal
+        return out
 
     def _inequalities(self, rows: NDArray[Any]) -> tuple[Array, Array]:
-        """C (k, n) and lower (k,): C x >= lower keeps each pair of surfaces apart to first order."""
-        c, lower = np.zeros((len(rows), self.n)), np.zeros(len(rows))
+        """C (k, n) and gap (k,): the gap of each pair of surfaces grows by C x, to first order."""
+        c, gaps = np.zeros((len(rows), self.n)), np.full(len(rows), np.inf)
         for i, row in enumerate(rows):
             normal, gap = self._normal(row)
+            if normal is None:
+                continue
+            gaps[i] = gap
             for body, point, sign in (
                 (int(row["object_a"]), row["point_a"], -1.0),
                 (int(row["object_b"]), row["point_b"], 1.0),
@@ -358,20 +456,25 @@ class _Plan:
                     local = sign * (pose.rotation.T @ normal)
                     c[i, k : k + 3] = local
                     c[i, k + 3 : k + 6] = np.cross(pose.actInv(point) - center, local) / radius
-            lower[i] = min(0.0, MARGIN * self.tolerance.linear - gap)
-        return c, lower
+        return c, gaps
 
-    def _normal(self, row: Any) -> tuple[Array, float]:
-        """(3,) unit, from a to b, and the gap; where they touch, the normal of the triangle that parts them best."""
+    def _normal(self, row: Any) -> tuple[Array | None, float]:
+        """(3,) unit, from a to b, and the gap.
+
+        Where surfaces touch it is the outward normal of the triangle that parts the two best, of those that have the
+        other's material in front of them; None where neither has (edges side by side), which is left to the sweep.
+        """
         gap = float(row["distance"])
-        if gap > 0.0:
+        if gap > TOUCHING * self.tolerance.linear:
             return (row["point_b"] - row["point_a"]) / gap, gap
         a, b = int(row["object_a"]), int(row["object_b"])
         ta, na = self._triangle(a, int(row["triangle_a"]))
         tb, nb = self._triangle(b, int(row["triangle_b"]))
+        if na @ nb > self.tolerance.angular:
+            return None, gap
         beneath_a = -float(((tb - ta[0]) @ na).min())
         beneath_b = -float(((ta - tb[0]) @ nb).min())
-        return (na, 0.0) if beneath_a <= beneath_b else (-nb, 0.0)
+        return (na if beneath_a <= beneath_b else -nb), gap
 
     def _triangle(self, body: int, triangle: int) -> tuple[Array, Array]:
         mesh, pose = self.motion.collision.mesh(body), self.poses[body]
@@ -393,6 +496,9 @@ class _Plan:
         solver = proxqp.dense.QP(len(gradient), 0, len(lower))
         solver.settings.eps_abs = 1e-11
         solver.settings.eps_rel = 0.0
+        solver.settings.check_duality_gap = True  # without, rows off their bound keep a little force
+        solver.settings.eps_duality_gap_abs = 1e-12
+        solver.settings.eps_duality_gap_rel = 0.0
         solver.init(hessian, gradient, None, None, c, lower, np.full(len(lower), 1e20))
         solver.solve()
         if solver.results.info.status != proxqp.QPSolverOutput.PROXQP_SOLVED:
@@ -407,9 +513,10 @@ class _Plan:
         for body, k in self.column.items():
             center, radius = self.motion.shape(body)
             pose = self.poses[body]
-            rotation = pin.Quaternion(pose.rotation @ pin.exp3(x[k + 3 : k + 6] / radius)).normalized().matrix()
-            middle = pose.act(center) + pose.rotation @ x[k : k + 3]
-            target[body] = pin.SE3(rotation, middle - rotation @ center)
+            turn = x[k + 3 : k + 6] / radius
+            twist = pin.Motion(x[k : k + 3] - np.cross(turn, center), turn)  # one screw for bodies that move as one
+            moved = pose * pin.exp6(twist)
+            target[body] = pin.SE3(pin.Quaternion(moved.rotation).normalized().matrix(), moved.translation)
         return self._projected(target)
 
     def _projected(self, target: dict[int, pin.SE3]) -> dict[int, pin.SE3]:
@@ -426,16 +533,31 @@ class _Plan:
             if found.t >= 1.0:
                 return target, hit
             hit = found.contacts
-            if found.t <= 0.0:
-                break
-            target = self._projected(dict(found.poses))
+            # stop short of what the linear rows did not foresee: with it among them the next pass goes on from afar
+            target = self._projected(
+                {b: pin.SE3.Interpolate(self.poses[b], pose, SHORT * found.t) for b, pose in target.items()}
+            )
         return {b: self.poses[b] for b in target}, hit
 
-    def _commit(self, target: dict[int, pin.SE3]) -> None:
+    def _commit(self, target: dict[int, pin.SE3]) -> float:
+        """Go there; how far the farthest point of a body went (m, at most)."""
+        travel = 0.0
         for body, pose in target.items():
+            center, radius = self.motion.shape(body)
+            step = self.poses[body].actInv(pose)
+            shift = float(np.linalg.norm(step.act(center) - center))
+            travel = max(travel, shift + radius * float(np.linalg.norm(pin.log3(step.rotation))))
             self.poses[body] = pose
             self.motion.collision.set_pose(body, pose)
         self.residual, self.jacobian = self._linearised()
+        return travel
+
+
+def _latest(rows: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """The last row of each pair of surfaces, sorted."""
+    names = ("object_a", "surface_a", "object_b", "surface_b")
+    last = {tuple(int(row[n]) for n in names): row for block in rows for row in block}
+    return np.array([last[key] for key in sorted(last)], CONTACT_DTYPE)
 
 
 def _cross(u: Array, v: Array) -> Array:

@@ -25,17 +25,27 @@ class FacingArea:
     gap_min: float
     gap_max: float
     """m: least and greatest height of the second plane over the first within the region (negative: interference)"""
+    corners: Array
+    """(k, 3) the region's farthest points in eight directions, on the first plane; k <= 8"""
+    gaps: Array
+    """(k,) m: height of the second plane over them"""
+
+
+_ANGLES = 2.0 * np.pi * (np.arange(8) + 0.5) / 8.0
+_OUTWARD = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 
 
 @njit(cache=True, error_model="numpy")
-def _clip_area(a: Array, b: Array, slope: Array) -> Any:  # pragma: no cover - compiled
+def _clip_area(a: Array, b: Array, slope: Array, outward: Array, far: Array) -> Any:  # pragma: no cover - compiled
     """Sum over triangle pairs of their intersection (Sutherland & Hodgman 1974): area, moment, range of the height.
 
     a (n, 3, 2) and b (m, 3, 2): triangles in plane coordinates, counter-clockwise. slope (3,): the height of the
-    second plane over the first is slope[0]*x + slope[1]*y + slope[2].
+    second plane over the first is slope[0]*x + slope[1]*y + slope[2]. far (8, 2) becomes the region's farthest points
+    in the directions outward (8, 2).
     """
     area = mx = my = 0.0
     low, high = np.inf, -np.inf
+    best = np.full(outward.shape[0], -np.inf)
     poly = np.empty((16, 2))
     other = np.empty((16, 2))
     for i in range(a.shape[0]):
@@ -92,6 +102,12 @@ def _clip_area(a: Array, b: Array, slope: Array) -> Any:  # pragma: no cover - c
                     h = slope[0] * poly[k, 0] + slope[1] * poly[k, 1] + slope[2]
                     low = min(low, h)
                     high = max(high, h)
+                    for d in range(outward.shape[0]):
+                        e = outward[d, 0] * poly[k, 0] + outward[d, 1] * poly[k, 1]
+                        if e > best[d]:
+                            best[d] = e
+                            far[d, 0] = poly[k, 0]
+                            far[d, 1] = poly[k, 1]
     return area, mx, my, low, high
 
 
@@ -110,10 +126,19 @@ def facing_area(
     b = _counter_clockwise((second - origin) @ frame)
     down = float(other_normal @ normal)
     slope = -np.array([other_normal @ u, other_normal @ v, other_normal @ (origin - other_origin)]) / down
-    area, mx, my, low, high = _clip_area(a, b, slope)
+    far = np.zeros((8, 2))
+    area, mx, my, low, high = _clip_area(a, b, slope, _OUTWARD, far)
     if area <= 0.0:
-        return FacingArea(0.0, origin, np.inf, np.inf)
-    return FacingArea(area, origin + (mx / area) * u + (my / area) * v, low, high)
+        return FacingArea(0.0, origin, np.inf, np.inf, np.zeros((0, 3)), np.zeros(0))
+    far = np.unique(far, axis=0)
+    return FacingArea(
+        area=area,
+        centroid=origin + (mx / area) * u + (my / area) * v,
+        gap_min=low,
+        gap_max=high,
+        corners=origin + far @ frame.T,
+        gaps=far @ slope[:2] + slope[2],
+    )
 
 
 def _counter_clockwise(t: Array) -> Array:

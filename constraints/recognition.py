@@ -60,6 +60,10 @@ class Recogniser:
                 pairs[(a, fa, b, fb)] = pairs.get((a, fa, b, fb), 0) + 1
         return pairs
 
+    def view(self, body: int, feature: int, pose: pin.SE3) -> View:
+        """A feature where it is when its body is at `pose`."""
+        return View(self._extent(body, feature), pose)
+
     def matches(self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits) -> tuple[Match, ...]:
         """What two features mean to each other at `poses`: nothing, one kind, or a fit and its thread."""
         a, fa, b, fb = pair
@@ -67,7 +71,7 @@ class Recogniser:
         known = self._known.get((pair, limits))
         if known is not None and known[0] == state:  # most pairs stand still from one step to the next
             return known[1]
-        found = matches(View(self._extent(a, fa), poses[a]), View(self._extent(b, fb), poses[b]), limits)
+        found = matches(self.view(a, fa, poses[a]), self.view(b, fb, poses[b]), limits)
         out: tuple[Match, ...] = () if found is None else (found,)
         pitch = self.pitch(pair)
         if found is not None and pitch is not None and found.kind == "concentric":

@@ -1,0 +1,268 @@
+"""Constrained motion: the nearest allowed pose, nothing passed at any speed, constraints kept without drift."""
+
+from itertools import combinations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from collision import CollisionManager, Tolerance
+from constraints import ConstraintManager, Motion
+from constraints.motion import _Plan, adjacent_surfaces
+from tests.constraints.shapes import Body, box, flanged_shaft, housing, shaft, turned
+
+
+def at(x=0.0, y=0.0, z=0.0, rpy=(0.0, 0.0, 0.0)):
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array([x, y, z], float))
+
+
+class Room:
+    """Bodies, of which number 0 stands still, and a hand on number 1."""
+
+    def __init__(self, bodies: list[Body], poses, accept=True, **options):
+        self.world = CollisionManager()
+        for k, (body, pose) in enumerate(zip(bodies, poses, strict=True)):
+            self.world.add(body.mesh, pose, movable=k > 0)
+        rules = [lambda c: True] if accept else []
+        self.manager = ConstraintManager([b.features for b in bodies], rules=rules, fixed=[0], **options)
+        self.motion = Motion(self.world, self.manager)
+        self.poses = list(poses)
+        self.movable = range(1, len(bodies))
+
+    def move(self, pose, held=1, movable=None):
+        result = self.motion.step({held: pose}, self.poses, self.movable if movable is None else movable)
+        for i, p in result.poses.items():
+            self.poses[i] = p
+        return result
+
+    def update(self, wanted=None):
+        changes = self.manager.update(self.poses, self.world.contacts(self.manager.within), wanted)
+        self.motion.sync()
+        return [(c.kind, c.candidate.kind) for c in changes]
+
+    def mate(self):
+        """Accept what is there, and let it snap."""
+        self.update()
+        self.move(self.poses[1])
+        return self
+
+
+def test_a_free_part_goes_where_the_hand_wants_it():
+    room = Room([box(0.1, 0.1, 0.1), box(0.02, 0.03, 0.04)], [at(), at(x=0.5)])
+    for target in (at(x=0.3, rpy=(3.0, 0, 0)), at(y=2.0, rpy=(0, 0.2, -2.9)), at(z=-5.0)):
+        result = room.move(target)
+        assert np.abs(room.poses[1].homogeneous - target.homogeneous).max() < 1e-9
+        assert not result.blocked and len(result.contacts) == 0
+        assert result.remaining[1] == pytest.approx((0.0, 0.0), abs=1e-8)
+
+
+@pytest.mark.parametrize("jump", [0.2, 2.0, 200.0])
+def test_no_speed_carries_a_part_through_a_thin_wall(jump):
+    room = Room([box(1.0, 1.0, 1e-4), box(0.02, 0.03, 0.04)], [at(), at(z=0.1)])
+    result = room.move(at(z=0.1 - jump))
+    assert result.blocked and set(result.contacts["object_a"].tolist()) == {0}
+    assert 0.0 < room.poses[1].translation[2] - 0.02 - 5e-5 < 1e-4
+    assert len(room.world.colliding_surfaces()) == 0
+
+
+def test_it_slides_along_the_wall_under_the_hand():
+    room = Room([box(1.0, 1.0, 0.02), box(0.04, 0.04, 0.04)], [at(), at(z=0.05)])
+    for x in np.linspace(0.0, 0.3, 31):
+        room.move(at(x=x, y=-0.5 * x, z=0.0))
+        assert room.poses[1].translation[:2] == pytest.approx([x, -0.5 * x], abs=1e-6)
+        assert 0.0 <= room.poses[1].translation[2] - 0.03 < 1e-4
+        assert np.abs(pin.log3(room.poses[1].rotation)).max() < 1e-3
+
+
+def test_what_starts_in_contact_slides_and_lifts():
+    room = Room([box(1.0, 1.0, 0.02), box(0.04, 0.04, 0.04)], [at(), at(z=0.03)], accept=False)
+    room.move(at(x=0.05, z=0.02))
+    assert room.poses[1].translation == pytest.approx([0.05, 0.0, 0.03], abs=3e-5)
+    assert len(room.world.colliding_surfaces()) == 0
+    room.move(at(x=0.05, z=0.08))
+    assert room.poses[1].translation == pytest.approx([0.05, 0.0, 0.08], abs=1e-9)
+
+
+def test_a_shaking_hand_in_a_cage_never_gets_out():
+    """A box in a closed cage, wanted anywhere within a metre: no two surfaces ever meet."""
+    rng = np.random.default_rng(7)
+    cage = turned([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)][::-1], n=12)  # a hollow drum, normals inward
+    room = Room([cage, box(0.03, 0.05, 0.07)], [at(), at(z=0.05)])
+    for _ in range(60):
+        room.move(at(*rng.uniform(-1, 1, 3), rpy=rng.uniform(-3, 3, 3)))
+        assert len(room.world.colliding_surfaces()) == 0
+        assert np.abs(room.poses[1].translation - [0, 0, 0.05]).max() < 0.1
+
+
+def bored(clearance=2e-5, z=0.03):
+    return Room([housing(0.01 + clearance), flanged_shaft(phase=0.05)], [at(), at(z=z)]).mate()
+
+
+@pytest.mark.parametrize("clearance", [2e-5, 1e-4, 0.0])
+def test_a_shaft_turns_and_slides_freely_in_its_bore_whatever_the_facets(clearance):
+    room = bored(clearance)
+    assert [c.kind for c in room.manager.constraints] == ["concentric"]
+    for k in range(1, 40):
+        z, turn = 0.03 + 0.02 * np.sin(0.3 * k), 0.2 * k
+        result = room.move(at(x=0.01 * np.sin(k), z=z, rpy=(0.02 * np.cos(k), 0.0, turn)))
+        pose = room.poses[1]
+        assert result.residual < 1e-9 and not result.blocked
+        assert pose.translation[2] == pytest.approx(z, abs=1e-3)
+        assert abs(pin.log3(pose.rotation.T @ pin.rpy.rpyToMatrix(0, 0, turn))[2]) < 0.02
+
+
+def test_the_flange_stops_at_the_face_and_seats_when_accepted():
+    room = bored()
+    result = room.move(at(z=-0.05))
+    assert result.blocked and 0.0 < room.poses[1].translation[2] - 0.01 < 1e-4
+    assert (0, 2, 1, 2) in {tuple(r)[:4] for r in result.contacts.tolist()}
+    assert ("accepted", "against") in room.update()
+    room.move(at(z=-0.05))
+    assert room.poses[1].translation == pytest.approx([0, 0, 0.01], abs=1e-12)
+    assert ("satisfied", "against") in room.update({1: at(z=-0.05)})
+    assert room.update({1: at(z=0.02)}) == [("removed", "against")]
+    room.move(at(z=0.02))
+    assert room.poses[1].translation == pytest.approx([0, 0, 0.02], abs=1e-9)
+
+
+def test_accepting_snaps_the_part_into_place():
+    room = Room([housing(0.0101), flanged_shaft(phase=0.05)], [at(), at(x=5e-5, z=0.0105, rpy=(0.0005, 0, 0))])
+    room.update()
+    assert len(room.manager.accepted) == 2
+    result = room.move(room.poses[1])
+    assert result.residual < 1e-9
+    assert room.poses[1].translation == pytest.approx([0, 0, 0.01], abs=1e-9)
+
+
+def test_the_subassembly_comes_along():
+    """A ring sits on a shaft's flange: held by the shaft, the ring follows; held by the ring, the shaft does."""
+    ring = housing(0.01, 0.01, 0.02)
+    room = Room([box(0.1, 0.1, 0.1), flanged_shaft(), ring], [at(x=1.0), at(), at(z=0.04)])
+    room.update()
+    assert sorted(c.kind for c in room.manager.constraints) == ["against", "concentric"]
+    start = room.poses[1].actInv(room.poses[2])
+    for held, target in ((1, at(x=0.1, y=0.2, rpy=(0.3, 0.2, 0.1))), (2, at(y=-0.1, z=0.3, rpy=(1.0, -0.4, 0.2)))):
+        result = room.move(target, held)
+        assert result.residual < 1e-9 and set(result.poses) == {1, 2}
+        assert np.abs(room.poses[held].homogeneous - target.homogeneous).max() < 1e-6
+        now = room.poses[1].actInv(room.poses[2])
+        assert now.translation == pytest.approx(start.translation, abs=1e-9)
+
+
+def test_a_subassembly_is_stopped_by_what_its_other_end_hits():
+    ring = housing(0.01, 0.01, 0.02)
+    wall = box(0.2, 0.2, 0.02)
+    room = Room([wall, flanged_shaft(), ring], [at(z=-0.1), at(), at(z=0.04)])
+    room.update()
+    result = room.move(at(z=-0.5), held=2)
+    assert result.blocked
+    assert 0.0 < room.poses[1].translation[2] + 0.09 < 1e-4  # the shaft's end, on the wall
+    assert room.poses[2].translation[2] == pytest.approx(room.poses[1].translation[2] + 0.04, abs=1e-9)
+
+
+def test_parts_that_may_not_move_hold_the_others():
+    room = Room([box(0.1, 0.1, 0.1), flanged_shaft(), housing(0.01, 0.01, 0.02)], [at(x=1.0), at(), at(z=0.04)])
+    room.update()
+    room.move(at(x=0.1, z=0.5, rpy=(0, 0, 1.0)), held=2, movable=[2])
+    assert room.poses[1] == at()
+    assert room.poses[2].translation == pytest.approx([0, 0, 0.04], abs=1e-9)
+    assert abs(pin.log3(room.poses[2].rotation)[2]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_removing_a_constraint_in_the_middle_of_a_motion_makes_its_surfaces_solid_again():
+    room = bored(clearance=1e-4)
+    (id,) = room.manager.accepted
+    room.move(at(z=0.025))
+    assert room.world.ignored_surfaces(0, 1)
+    room.manager.remove(id)
+    room.manager.rules.clear()
+    room.move(at(x=0.05, z=0.025))
+    assert not room.world.ignored_surfaces(0, 1)
+    assert abs(room.poses[1].translation[0]) < 3e-4  # the bore holds it
+    assert len(room.world.colliding_surfaces()) == 0
+
+
+def test_same_input_same_bits():
+    def run():
+        room = bored(clearance=1e-4)
+        for k in range(25):
+            room.move(at(x=0.01, z=0.03 - 0.002 * k, rpy=(0.01, 0.02, 0.3 * k)))
+        return room.poses[1].homogeneous.tobytes()
+
+    assert run() == run()
+
+
+def steps(count):
+    """Greatest distance from the constraints over many steps of a shaft that turns and slides in its bore."""
+    room = bored()
+    (constraint,) = room.manager.constraints
+    worst = 0.0
+    for k in range(count):
+        room.move(at(x=0.003, z=0.03 + 0.015 * np.sin(0.01 * k), rpy=(0.01, 0.0, 0.05 * k)))
+        if k % max(1, count // 1000) == 0:
+            worst = max(worst, float(np.abs(constraint.residual(*room.poses)).max()))
+    rotation = room.poses[1].rotation
+    return max(worst, float(np.abs(rotation.T @ rotation - np.eye(3)).max()))
+
+
+def test_no_drift():
+    assert steps(2000) < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+def test_no_drift_in_a_million_steps():
+    assert steps(1_000_000) < 1e-9
+
+
+def test_quadratic_program_against_every_active_set():
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        n, m = int(rng.integers(1, 5)), int(rng.integers(1, 6))
+        root = rng.normal(size=(n, n))
+        h, g, c = root @ root.T + 0.1 * np.eye(n), rng.normal(size=n), rng.normal(size=(m, n))
+        lower = -rng.uniform(0.0, 1.0, m)
+        best = np.inf
+        for size in range(min(n, m) + 1):
+            for active in map(list, combinations(range(m), size)):
+                k = np.block([[h, c[active].T], [c[active], np.zeros((size, size))]])
+                try:
+                    y = np.linalg.solve(k, np.concatenate([-g, lower[active]]))[:n]
+                except np.linalg.LinAlgError:
+                    continue
+                if (c @ y >= lower - 1e-9).all():
+                    best = min(best, 0.5 * y @ h @ y + g @ y)
+        y, pressed = _Plan._quadratic_program(h, g, c, lower)
+        assert (c @ y >= lower - 1e-9).all()
+        assert 0.5 * y @ h @ y + g @ y == pytest.approx(best, abs=1e-8)
+        assert all(abs(c[k] @ y - lower[k]) < 1e-8 for k in pressed)
+
+
+def test_a_quadratic_program_without_solution_says_so():
+    c = np.array([[1.0], [-1.0]])
+    assert _Plan._quadratic_program(np.eye(1), np.zeros(1), c, np.array([1.0, 1.0])) is None
+
+
+def test_adjacent_surfaces_of_a_turned_part():
+    mesh = flanged_shaft().mesh
+    assert adjacent_surfaces(mesh, [1]) == (0, 2)
+    assert adjacent_surfaces(mesh, [0, 1]) == (2,)
+    assert adjacent_surfaces(box(1, 1, 1).mesh, [0]) == (2, 3, 4, 5)
+    assert adjacent_surfaces(shaft().mesh, [0, 1, 2]) == ()
+
+
+def test_tolerance_sets_the_distance_kept():
+    room = Room([box(1.0, 1.0, 0.02), box(0.04, 0.04, 0.04)], [at(), at(z=0.05)])
+    room.world = CollisionManager(Tolerance(linear=1e-4))
+    for body, pose in ((box(1.0, 1.0, 0.02), at()), (box(0.04, 0.04, 0.04), at(z=0.05))):
+        room.world.add(body.mesh, pose)
+    room.motion = Motion(room.world, room.manager, Tolerance(linear=1e-4))
+    room.move(at(z=0.0))
+    assert 4e-5 < room.poses[1].translation[2] - 0.03 < 4e-4
+
+
+def test_back_faces_of_thin_plates_do_not_count_as_facing():
+    room = Room([box(0.3, 0.3, 1e-3), box(0.1, 0.1, 1e-3)], [at(), at(z=0.0012)], accept=False)
+    for x in np.linspace(0.0, 0.05, 6):
+        room.move(at(x=x, z=0.0))
+        assert room.poses[1].translation == pytest.approx([x, 0.0, 0.00102], abs=2e-6)
