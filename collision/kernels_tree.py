@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from collision.wide import BOXES, INFO, LANES, TRIANGLES
+
 
 @njit(cache=True, nogil=True)
 def _select(key, item, lo, hi, nth):
@@ -59,6 +61,20 @@ def _longest_axis(centre, item, lo, hi):
 
 
 @njit(cache=True, nogil=True)
+def _middle(n, leaf):
+    """Where to split n > leaf items: halves, but whole blocks of leaf, 8, 64, 512 … items, the greatest less than n.
+
+    So any eight consecutive blocks of one size are a block of the next: see `collision.wide`.
+    """
+    block = leaf
+    if n > 8:
+        block = 8
+        while 8 * block < n:
+            block *= 8
+    return block * (((n + block - 1) // block + 1) >> 1)
+
+
+@njit(cache=True, nogil=True)
 def plan_top(vertices, triangles, by_surface, start, leaf, second, past, first, count, root, begin):
     """Lay out the nodes above the surfaces: `root`, and `begin`, where each surface's triangles begin in leaf order."""
     k = len(start) - 1
@@ -74,16 +90,18 @@ def plan_top(vertices, triangles, by_surface, start, leaf, second, past, first, 
                     low = min(low, value)
                     high = max(high, value)
             centre[d, s] = 0.5 * low + 0.5 * high
-    item = np.arange(k)
+    item = np.empty(k, np.int64)
+    for s in range(k):
+        item[s] = s
     # a stack of ranges of surfaces still to be laid out; the parent waits for its second child's place
     stack = np.empty((2 * k + 2, 3), np.int64)
-    stack[0] = (0, k, -1)
+    stack[0, 0], stack[0, 1], stack[0, 2] = 0, k, -1
     top = 1
     node = 0
     triangle = 0
     while top > 0:
         top -= 1
-        lo, hi, parent = stack[top]
+        lo, hi, parent = stack[top, 0], stack[top, 1], stack[top, 2]
         if parent >= 0:
             second[parent] = node
         if hi - lo == 1:
@@ -94,7 +112,7 @@ def plan_top(vertices, triangles, by_surface, start, leaf, second, past, first, 
             node += 2 * ((m + leaf - 1) // leaf) - 1
             triangle += m
             continue
-        mid = (lo + hi) >> 1
+        mid = lo + _middle(hi - lo, 1)
         _select(centre[_longest_axis(centre, item, lo, hi)], item, lo, hi, mid)
         triangles_below = 0
         nodes_below = hi - lo - 1
@@ -105,8 +123,8 @@ def plan_top(vertices, triangles, by_surface, start, leaf, second, past, first, 
         first[node] = triangle
         count[node] = triangles_below
         past[node] = node + nodes_below
-        stack[top] = (mid, hi, node)
-        stack[top + 1] = (lo, mid, -1)
+        stack[top, 0], stack[top, 1], stack[top, 2] = mid, hi, node
+        stack[top + 1, 0], stack[top + 1, 1], stack[top + 1, 2] = lo, mid, -1
         top += 2
         node += 1
 
@@ -121,8 +139,9 @@ def build_surface(
     for s in range(surface_from, surface_to):
         m = start[s + 1] - start[s]
         centre = np.empty((3, m))
-        item = np.arange(m)
+        item = np.empty(m, np.int64)
         for i in range(m):
+            item[i] = i
             t = by_surface[start[s] + i]
             a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
             for d in range(3):
@@ -130,11 +149,11 @@ def build_surface(
                 centre[d, i] = 0.5 * min(x, y, z) + 0.5 * max(x, y, z)
         node = root[s]
         end = node + 2 * ((m + leaf - 1) // leaf) - 1
-        stack[0] = (0, m, -1)
+        stack[0, 0], stack[0, 1], stack[0, 2] = 0, m, -1
         top = 1
         while top > 0:
             top -= 1
-            lo, hi, parent = stack[top]
+            lo, hi, parent = stack[top, 0], stack[top, 1], stack[top, 2]
             if parent >= 0:
                 second[parent] = node
             leaves = (hi - lo + leaf - 1) // leaf
@@ -143,7 +162,7 @@ def build_surface(
             past[node] = node + 2 * leaves - 1
             surface[node] = s
             if leaves > 1:
-                mid = lo + leaf * ((leaves + 1) >> 1)
+                mid = lo + _middle(hi - lo, leaf)
                 _select(centre[_longest_axis(centre, item, lo, hi)], item, lo, hi, mid)
                 stack[top] = (mid, hi, node)
                 stack[top + 1] = (lo, mid, -1)
@@ -184,3 +203,98 @@ def close_top(box, second, surface):
     for node in range(len(second) - 1, -1, -1):
         if surface[node] < 0:
             _join(box, node, second[node])
+
+
+@njit(cache=True, nogil=True)
+def _down(x):
+    """A float32 not above x."""
+    y = np.float32(x)
+    return y - abs(y) * np.float32(1.2e-7)
+
+
+@njit(cache=True, nogil=True)
+def _up(x):
+    y = np.float32(x)
+    return y + abs(y) * np.float32(1.2e-7)
+
+
+@njit(cache=True, nogil=True)
+def _levels(nodes, at, boxes):
+    """Fill the levels above a level of `boxes` inner nodes at `nodes[at]`; the place after the last."""
+    while boxes > 1:
+        above = at + BOXES * boxes
+        for i in range(LANES * ((boxes + LANES - 1) // LANES)):
+            to = above + BOXES * (i // LANES) + i % LANES
+            for d in range(3):
+                low, high = np.float32(np.inf), np.float32(-np.inf)
+                if i < boxes:
+                    for k in range(LANES):
+                        low = min(low, nodes[at + BOXES * i + LANES * d + k])
+                        high = max(high, nodes[at + BOXES * i + LANES * (d + 3) + k])
+                nodes[to + LANES * d] = low
+                nodes[to + LANES * (d + 3)] = high
+        at = above
+        boxes = (boxes + LANES - 1) // LANES
+    return at + BOXES * boxes
+
+
+@njit(cache=True, nogil=True)
+def widen(vertices, corner, first, count, root, by_place, frame, nodes, info):
+    """Fill `nodes` and `info` of a `WideTree` from the binary tree's arrays; `by_place`: the surfaces by root."""
+    k = len(root)
+    level = (k + LANES - 1) // LANES
+    at = BOXES * level
+    while level > 1:
+        level = (level + LANES - 1) // LANES
+        at += BOXES * level
+    for i in range((k + LANES - 1) // LANES):
+        _empty(nodes, BOXES * i)
+    box = np.empty(6)
+    for place in range(k):
+        s = by_place[place]
+        begin = first[root[s]]
+        m = count[root[s]]
+        leaves = (m + LANES - 1) // LANES
+        above = at + TRIANGLES * leaves
+        o = INFO * place
+        info[o], info[o + 1], info[o + 2], info[o + 3], info[o + 4] = s, at, above, begin, m
+        if leaves > 1:
+            for i in range((leaves + LANES - 1) // LANES):
+                _empty(nodes, above + BOXES * i)
+        top = BOXES * (place // LANES) + place % LANES
+        for i in range(leaves):
+            low, high = begin + LANES * i, begin + min(m, LANES * (i + 1))
+            for d in range(3):
+                box[d], box[d + 3] = np.inf, -np.inf
+                for t in range(low, high):
+                    for c in range(3):
+                        x = vertices[corner[t, c], d] - frame[d]
+                        box[d] = min(box[d], x)
+                        box[d + 3] = max(box[d + 3], x)
+            own = above + BOXES * (i // LANES) + i % LANES if leaves > 1 else top
+            for d in range(3):
+                nodes[own + LANES * d] = _down(box[d])
+                nodes[own + LANES * (d + 3)] = _up(box[d + 3])
+                nodes[top + LANES * d] = min(nodes[top + LANES * d], nodes[own + LANES * d])
+                nodes[top + LANES * (d + 3)] = max(nodes[top + LANES * (d + 3)], nodes[own + LANES * (d + 3)])
+                # as the query computes it
+                centre = 0.5 * (np.float64(nodes[own + LANES * d]) + np.float64(nodes[own + LANES * (d + 3)]))
+                for c in range(3):
+                    row = at + TRIANGLES * i + LANES * (3 * c + d)
+                    for t in range(LANES):
+                        x = np.inf
+                        if low + t < high:
+                            x = vertices[corner[low + t, c], d] - frame[d] - centre
+                        nodes[row + t] = x
+        at = above
+        if leaves > 1:
+            at = _levels(nodes, above, (leaves + LANES - 1) // LANES)
+    _levels(nodes, 0, (k + LANES - 1) // LANES)
+
+
+@njit(cache=True, nogil=True)
+def _empty(nodes, at):
+    """An inner node without boxes."""
+    for i in range(3 * LANES):
+        nodes[at + i] = np.inf
+        nodes[at + 3 * LANES + i] = -np.inf

@@ -6,7 +6,8 @@ Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997;
 Exact as long as no product over- or underflows: coordinates of magnitude 0, or from 1e-70 to 1e70.
 
 Kernels (numba, no fastmath: a fused multiply-add would break the error-free transformations). They share a workspace
-`w` of `WORKSPACE` float64, one a thread; `w[FALLBACKS]` counts the signs that needed exact arithmetic.
+`w` of `WORKSPACE` float64, one a thread; `w[FALLBACKS]` counts the signs that needed exact arithmetic. Signatures are
+written out because numba else compiles a kernel anew for every constant argument.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ ORIENT3D: Final = (7.0 + 56.0 * 2.0**-53) * 2.0**-53  # Shewchuk's o3derrboundA
 TINY: Final = 1e-280
 """A filter bound below this may have lost bits to underflow; one that is 0 is right, every product is 0."""
 
-# Places in the workspace. The nine differences of two components each, then products and sums that grow from them.
+# Places in the workspace, each as long as what it may hold.
 _DIFFERENCE: Final = 0
 _LEFT: Final = 32
 _RIGHT: Final = 48
@@ -36,9 +37,10 @@ _MINOR: Final = 64
 _SCALED: Final = 96
 _SCALED2: Final = 160
 _TERM: Final = 224
-_SUM: Final = 288
-_SUM2: Final = 480
-_PART: Final = 672
+_TOTAL: Final = 320
+_PART: Final = 544
+_GIVEN: Final = 768
+_LENGTH: Final = 784
 
 
 def workspace() -> NDArray[np.float64]:
@@ -46,7 +48,7 @@ def workspace() -> NDArray[np.float64]:
     return np.zeros(WORKSPACE)
 
 
-@njit(cache=True, nogil=True)
+@njit("int64(float64[::1], int64, float64, float64)", cache=True, nogil=True)
 def _difference(w, h, a, b):
     """Place a - b at `w[h]` without error; its length, 0 … 2 (figure 6, Two-Diff)."""
     x = a - b
@@ -63,7 +65,7 @@ def _difference(w, h, a, b):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit("int64(float64[::1], int64, int64, int64, int64, float64, int64)", cache=True, nogil=True)
 def _sum(w, e, ne, f, nf, sign, h):
     """Place e + sign·f at `w[h]`, zeros left out; its length (figure 8, Fast-Expansion-Sum)."""
     if ne == 0:
@@ -100,7 +102,7 @@ def _sum(w, e, ne, f, nf, sign, h):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit("int64(float64[::1], int64, int64, float64, int64)", cache=True, nogil=True)
 def _scale(w, e, ne, b, h):
     """Place e·b at `w[h]`, zeros left out; its length, at most 2·ne (figure 13, Scale-Expansion)."""
     c = SPLITTER * b
@@ -139,19 +141,19 @@ def _scale(w, e, ne, b, h):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit("int64(float64[::1], int64, int64, int64, int64, int64)", cache=True, nogil=True)
 def _product(w, e, ne, f, nf, h):
     """Place e·f at `w[h]`, where f has at most two components and e at most sixteen; its length."""
-    if nf == 0 or ne == 0:
-        return 0
-    if nf == 1:
-        return _scale(w, e, ne, w[f], h)
-    n = _scale(w, e, ne, w[f], _SCALED)
-    m = _scale(w, e, ne, w[f + 1], _SCALED2)
-    return _sum(w, _SCALED, n, _SCALED2, m, 1.0, h)
+    n = 0
+    for i in range(nf):
+        m = _scale(w, e, ne, w[f + i], _SCALED)
+        for j in range(n):
+            w[_SCALED2 + j] = w[h + j]
+        n = _sum(w, _SCALED2, n, _SCALED, m, 1.0, h)
+    return n
 
 
-@njit(cache=True, nogil=True)
+@njit("int64(float64[::1], int64, int64)", cache=True, nogil=True)
 def _sign(w, e, ne):
     """The sign of an expansion is that of its greatest component."""
     if ne == 0:
@@ -159,7 +161,7 @@ def _sign(w, e, ne):
     return 1 if w[e + ne - 1] > 0.0 else -1
 
 
-@njit(cache=True, nogil=True)
+@njit("int64(" + "float64, " * 6 + "float64[::1])", cache=True, nogil=True)
 def _orient2d_exact(ax, ay, bx, by, cx, cy, w):
     w[FALLBACKS] += 1.0
     d = _DIFFERENCE
@@ -172,7 +174,7 @@ def _orient2d_exact(ax, ay, bx, by, cx, cy, w):
     return _sign(w, _MINOR, _sum(w, _LEFT, left, _RIGHT, right, -1.0, _MINOR))
 
 
-@njit(cache=True, nogil=True)
+@njit("int64(" + "float64, " * 6 + "float64[::1])", cache=True, nogil=True)
 def orient2d(ax, ay, bx, by, cx, cy, w):
     """1 if a, b, c turn left, -1 if right, 0 if collinear."""
     left = (ax - cx) * (by - cy)
@@ -189,36 +191,37 @@ def orient2d(ax, ay, bx, by, cx, cy, w):
     return _orient2d_exact(ax, ay, bx, by, cx, cy, w)
 
 
-@njit(cache=True, nogil=True)
+@njit("int64(float64[::1], int64, int64, int64)", cache=True, nogil=True)
+def _entries(w, i, j, h):
+    """Place the product of the differences i and j at `w[h]`; its length."""
+    return _product(w, _DIFFERENCE + 2 * i, int(w[_LENGTH + i]), _DIFFERENCE + 2 * j, int(w[_LENGTH + j]), h)
+
+
+@njit("int64(" + "float64, " * 12 + "float64[::1])", cache=True, nogil=True)
 def _orient3d_exact(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
+    # loops, not three terms written out: the compiler would write out every step of each
     w[FALLBACKS] += 1.0
-    d = _DIFFERENCE
-    ax_, ay_, az_ = _difference(w, d, ax, dx), _difference(w, d + 2, ay, dy), _difference(w, d + 4, az, dz)
-    bx_, by_, bz_ = _difference(w, d + 6, bx, dx), _difference(w, d + 8, by, dy), _difference(w, d + 10, bz, dz)
-    cx_, cy_, cz_ = _difference(w, d + 12, cx, dx), _difference(w, d + 14, cy, dy), _difference(w, d + 16, cz, dz)
-
-    n = _minor(w, d + 6, bx_, d + 14, cy_, d + 12, cx_, d + 8, by_)
-    total = _product(w, _MINOR, n, d + 4, az_, _SUM)
-
-    n = _minor(w, d + 12, cx_, d + 2, ay_, d, ax_, d + 14, cy_)
-    term = _product(w, _MINOR, n, d + 10, bz_, _TERM)
-    total = _sum(w, _SUM, total, _TERM, term, 1.0, _SUM2)
-
-    n = _minor(w, d, ax_, d + 8, by_, d + 6, bx_, d + 2, ay_)
-    term = _product(w, _MINOR, n, d + 16, cz_, _TERM)
-    total = _sum(w, _SUM2, total, _TERM, term, 1.0, _PART)
-    return _sign(w, _PART, total)
-
-
-@njit(cache=True, nogil=True)
-def _minor(w, e, ne, f, nf, g, ng, h, nh):
-    """Place e·f - g·h, each of at most two components, at `w[_MINOR]`; its length, at most 16."""
-    left = _product(w, e, ne, f, nf, _LEFT)
-    right = _product(w, g, ng, h, nh, _RIGHT)
-    return _sum(w, _LEFT, left, _RIGHT, right, -1.0, _MINOR)
+    w[_GIVEN], w[_GIVEN + 1], w[_GIVEN + 2] = ax, ay, az
+    w[_GIVEN + 3], w[_GIVEN + 4], w[_GIVEN + 5] = bx, by, bz
+    w[_GIVEN + 6], w[_GIVEN + 7], w[_GIVEN + 8] = cx, cy, cz
+    w[_GIVEN + 9], w[_GIVEN + 10], w[_GIVEN + 11] = dx, dy, dz
+    for i in range(9):
+        w[_LENGTH + i] = _difference(w, _DIFFERENCE + 2 * i, w[_GIVEN + i], w[_GIVEN + 9 + i % 3])
+    total = 0
+    for i in range(3):  # z of one row times the minor of the x and y of the next two
+        j, k = 3 * ((i + 1) % 3), 3 * ((i + 2) % 3)
+        left = _entries(w, j, k + 1, _LEFT)
+        right = _entries(w, k, j + 1, _RIGHT)
+        minor = _sum(w, _LEFT, left, _RIGHT, right, -1.0, _MINOR)
+        z = 3 * i + 2
+        term = _product(w, _MINOR, minor, _DIFFERENCE + 2 * z, int(w[_LENGTH + z]), _TERM)
+        for n in range(total):
+            w[_PART + n] = w[_TOTAL + n]
+        total = _sum(w, _PART, total, _TERM, term, 1.0, _TOTAL)
+    return _sign(w, _TOTAL, total)
 
 
-@njit(cache=True, nogil=True)
+@njit("int64(" + "float64, " * 12 + "float64[::1])", cache=True, nogil=True)
 def orient3d(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
     """1 if d lies below the plane of a, b, c (from above, a, b, c turn left), -1 if above, 0 if coplanar.
 

@@ -29,6 +29,9 @@ class Statistics:
     def __add__(self, other: Statistics) -> Statistics:
         return Statistics(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
 
+    def __sub__(self, other: Statistics) -> Statistics:
+        return Statistics(*(a - b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
     @staticmethod
     def of(counts: Iterable[int]) -> Statistics:
         """From the kernels' counters: five numbers in the order of the fields."""

@@ -1,0 +1,269 @@
+"""Eight at once: what numba does not vectorise by itself, as LLVM vector operations.
+
+A node is rows of eight float32 in a flat array, as `collision.wide` lays them out. LLVM maps the operations to whatever
+the processor has; an empty lane compares false with everything, so its bit is never set.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from collision.wide import LANES
+
+MOTION: Final = 23
+"""float32 that describe a motion: rotation by rows (9), its absolute values (9), translation (3), then what boxes are
+inflated by, and what differences of vertices are off by at least"""
+PREPARED: Final = 21 * LANES
+"""float32 of a leaf prepared for the triangle filter: the 9 rows of its corners, least x, y, z, greatest x, y, z,
+normals e × f where e = q - p, f = r - p, their products with p, |e| + |f| and |e||f| in sum norms"""
+
+_INT = ir.IntType(64)
+_FLOAT = ir.FloatType()
+_VECTOR = ir.VectorType(_FLOAT, LANES)
+
+
+class _Lanes:
+    """A vector (or a scalar) in the making: arithmetic on it writes instructions."""
+
+    def __init__(self, builder, value):
+        self.builder, self.value = builder, value
+
+    def _with(self, operation, other):
+        return _Lanes(self.builder, operation(self.value, other.value))
+
+    def __add__(self, other):
+        return self._with(self.builder.fadd, other)
+
+    def __sub__(self, other):
+        return self._with(self.builder.fsub, other)
+
+    def __mul__(self, other):
+        return self._with(self.builder.fmul, other)
+
+    def __le__(self, other):
+        return self._with(lambda a, b: self.builder.fcmp_ordered("<=", a, b), other)
+
+    def __gt__(self, other):
+        return self._with(lambda a, b: self.builder.fcmp_ordered(">", a, b), other)
+
+    def __and__(self, other):
+        return self._with(self.builder.and_, other)
+
+    def __or__(self, other):
+        return self._with(self.builder.or_, other)
+
+    def __invert__(self):
+        return _Lanes(self.builder, self.builder.not_(self.value))
+
+    def min(self, other):
+        return _Lanes(self.builder, self.builder.select((other > self).value, self.value, other.value))
+
+    def max(self, other):
+        return _Lanes(self.builder, self.builder.select((self > other).value, self.value, other.value))
+
+    def abs(self):
+        return self.max(_Lanes(self.builder, self.builder.fneg(self.value)))
+
+    def splat(self):
+        """All lanes this scalar."""
+        undefined = ir.Constant(_VECTOR, ir.Undefined)
+        first = self.builder.insert_element(undefined, self.value, ir.Constant(ir.IntType(32), 0))
+        zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+        return _Lanes(self.builder, self.builder.shuffle_vector(first, undefined, zeros))
+
+    def bits(self):
+        """A vector of truths as an int64, bit k from lane k."""
+        return self.builder.zext(self.builder.bitcast(self.value, ir.IntType(LANES)), _INT)
+
+
+class _Memory:
+    """A place in a float32 array."""
+
+    def __init__(self, context, builder, kind, array, at):
+        self.builder = builder
+        self.base = builder.gep(context.make_array(kind)(context, builder, array).data, [at])
+
+    def _row(self, i):
+        place = self.builder.gep(self.base, [ir.Constant(_INT, LANES * i)])
+        return self.builder.bitcast(place, _VECTOR.as_pointer())
+
+    def row(self, i):
+        return _Lanes(self.builder, self.builder.load(self._row(i), align=4))
+
+    def store(self, i, lanes):
+        self.builder.store(lanes.value, self._row(i), align=4)
+
+    def number(self, i):
+        return _Lanes(self.builder, self.builder.load(self.builder.gep(self.base, [ir.Constant(_INT, i)])))
+
+
+def _constant(builder, x, like=_FLOAT):
+    return _Lanes(builder, ir.Constant(like, x if like is _FLOAT else [x] * LANES))
+
+
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _minus(a, b):
+    return [x - y for x, y in zip(a, b, strict=True)]
+
+
+@intrinsic
+def overlapping(typingctx, nodes, at, x0, y0, z0, x1, y1, z1):
+    """Bit k is set if box k of the inner node at `nodes[at]` overlaps the closed box x0 … z1 (float32)."""
+    signature = types.int64(nodes, types.int64, *(types.float32,) * 6)
+
+    def generate(context, builder, signature, args):
+        node = _Memory(context, builder, signature.args[0], args[0], args[1])
+        x = [_Lanes(builder, a).splat() for a in args[2:]]
+        near = (node.row(0) <= x[3]) & (x[0] <= node.row(3))
+        near = near & (node.row(1) <= x[4]) & (x[1] <= node.row(4))
+        return (near & (node.row(2) <= x[5]) & (x[2] <= node.row(5))).bits()
+
+    return signature, generate
+
+
+@intrinsic
+def move_boxes(typingctx, nodes, at, motion, out, to):
+    """Place at `out[to]` an inner node of boxes that hold those of the one at `nodes[at]` moved by `motion`."""
+    signature = types.void(nodes, types.int64, motion, out, types.int64)
+
+    def generate(context, builder, signature, args):
+        node = _Memory(context, builder, signature.args[0], args[0], args[1])
+        m = _Memory(context, builder, signature.args[2], args[2], ir.Constant(_INT, 0))
+        target = _Memory(context, builder, signature.args[3], args[3], args[4])
+        half = _constant(builder, 0.5, _VECTOR)
+        centre = [half * (node.row(d) + node.row(d + 3)) for d in range(3)]
+        extent = [half * (node.row(d + 3) - node.row(d)) for d in range(3)]
+        for d in range(3):
+            c, h = m.number(18 + d).splat(), m.number(21).splat()
+            for e in range(3):
+                c = c + m.number(3 * d + e).splat() * centre[e]
+                h = h + m.number(9 + 3 * d + e).splat() * extent[e]
+            target.store(d, c - h)
+            target.store(d + 3, c + h)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def _prepare(corner, target):
+    """Fill a `PREPARED` leaf from its corners."""
+    e, f = _minus(corner[1], corner[0]), _minus(corner[2], corner[0])
+    normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]]
+    for i in range(3):
+        for d in range(3):
+            target.store(3 * i + d, corner[i][d])
+    for d in range(3):
+        target.store(9 + d, corner[0][d].min(corner[1][d]).min(corner[2][d]))
+        target.store(12 + d, corner[0][d].max(corner[1][d]).max(corner[2][d]))
+        target.store(15 + d, normal[d])
+    me, mf = e[0].abs() + e[1].abs() + e[2].abs(), f[0].abs() + f[1].abs() + f[2].abs()
+    target.store(18, _dot(normal, corner[0]))
+    target.store(19, me + mf)
+    target.store(20, me * mf)
+
+
+@intrinsic
+def prepare_triangles(typingctx, nodes, at, out, to):
+    """Place at `out[to]` the prepared form of the leaf at `nodes[at]`."""
+    signature = types.void(nodes, types.int64, out, types.int64)
+
+    def generate(context, builder, signature, args):
+        node = _Memory(context, builder, signature.args[0], args[0], args[1])
+        target = _Memory(context, builder, signature.args[2], args[2], args[3])
+        _prepare([[node.row(3 * i + d) for d in range(3)] for i in range(3)], target)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@intrinsic
+def turn_triangles(typingctx, nodes, at, motion, out, to):
+    """Place at `out[to]` the prepared form of the leaf at `nodes[at]` turned (not shifted) by `motion`."""
+    signature = types.void(nodes, types.int64, motion, out, types.int64)
+
+    def generate(context, builder, signature, args):
+        node = _Memory(context, builder, signature.args[0], args[0], args[1])
+        m = _Memory(context, builder, signature.args[2], args[2], ir.Constant(_INT, 0))
+        target = _Memory(context, builder, signature.args[3], args[3], args[4])
+        rotation = [m.number(i).splat() for i in range(9)]
+        corner = [[node.row(3 * i + d) for d in range(3)] for i in range(3)]
+        _prepare([[_dot(rotation[3 * d : 3 * d + 3], x) for d in range(3)] for x in corner], target)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@intrinsic
+def reaching(typingctx, leaf, at, x0, y0, z0, x1, y1, z1):
+    """Bit k is set if the box of triangle k of the prepared leaf at `leaf[at]` overlaps the closed box x0 … z1."""
+    signature = types.int64(leaf, types.int64, *(types.float32,) * 6)
+
+    def generate(context, builder, signature, args):
+        node = _Memory(context, builder, signature.args[0], args[0], args[1])
+        near = _Lanes(builder, ir.Constant(ir.VectorType(ir.IntType(1), LANES), [1] * LANES))
+        for d in range(3):
+            near = near & (node.row(9 + d) <= _Lanes(builder, args[5 + d]).splat())
+            near = near & (_Lanes(builder, args[2 + d]).splat() <= node.row(12 + d))
+        return near.bits()
+
+    return signature, generate
+
+
+@intrinsic
+def perhaps_meeting(typingctx, leaf, at, other, to, sx, sy, sz, off, kf, kp, k):
+    """Bit i is set unless, beyond doubt, triangle i of the prepared leaf at `leaf[at]` and the triangle in the lane at
+    `other[to]` of another, shifted by (sx, sy, sz), are apart: by their boxes or by the plane of either.
+
+    `off` bounds the error of every difference of two coordinates, kf·(|e| + |f|) + kp·|e||f| + k that of the
+    determinant of two edges e, f and a difference (see `best`).
+    """
+    signature = types.int64(leaf, types.int64, other, types.int64, *(types.float32,) * 7)
+
+    def generate(context, builder, signature, args):
+        node = _Memory(context, builder, signature.args[0], args[0], args[1])
+        single = _Memory(context, builder, signature.args[2], args[2], args[3])
+        shift = [_Lanes(builder, x) for x in args[4:7]]
+        off, kf, kp, k = (_Lanes(builder, x) for x in args[7:])
+        near = _Lanes(builder, ir.Constant(ir.VectorType(ir.IntType(1), LANES), [1] * LANES))
+        for d in range(3):
+            low, high = single.number(LANES * (9 + d)), single.number(LANES * (12 + d))
+            near = near & (node.row(9 + d) <= (high + shift[d] + off).splat())
+            near = near & ((low + shift[d] - off).splat() <= node.row(12 + d))
+        # corners of all eight against the plane of the one
+        normal = [single.number(LANES * (15 + d)) for d in range(3)]
+        plane = single.number(LANES * 18) + _dot(normal, shift)
+        bound = kf * single.number(LANES * 19) + kp * single.number(LANES * 20) + k
+        normal = [x.splat() for x in normal]
+        side = [_dot(normal, [node.row(3 * i + d) for d in range(3)]) for i in range(3)]
+        apart = (side[0].min(side[1]).min(side[2]) > (plane + bound).splat()) | (
+            (plane - bound).splat() > side[0].max(side[1]).max(side[2])
+        )
+        # corners of the one against the planes of all eight
+        normal = [node.row(15 + d) for d in range(3)]
+        corner = [[(single.number(LANES * (3 * i + d)) + shift[d]).splat() for d in range(3)] for i in range(3)]
+        side = [_dot(normal, x) for x in corner]
+        plane = node.row(18)
+        bound = kf.splat() * node.row(19) + kp.splat() * node.row(20) + k.splat()
+        apart = apart | (side[0].min(side[1]).min(side[2]) > plane + bound)
+        apart = apart | (plane - bound > side[0].max(side[1]).max(side[2]))
+        return (near & ~apart).bits()
+
+    return signature, generate
+
+
+@intrinsic
+def lowest(typingctx, bits):
+    """The place of the lowest set bit."""
+    signature = types.int64(types.int64)
+
+    def generate(context, builder, signature, args):
+        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
+
+    return signature, generate

@@ -1,0 +1,88 @@
+"""The tree as the fast query reads it: nodes of eight, float32, no pointers at all.
+
+Triangles in leaf order of the `MeshTree`, whose splits keep blocks of 8, 64, 512 … together. Within a surface of m
+triangles level 1 has ceil(m / 8) leaves, each with eight consecutive triangles; level 2 has ceil(m / 64) nodes with the
+boxes of eight consecutive leaves; and so on up to one node, the surface's top. The same over the surfaces, in the order
+in which the tree has them: level 1 has nodes with the boxes of eight surfaces, up to one node for the mesh.
+
+Boxes are about the mesh's centre and rounded outwards; triangles are about the centre of their leaf's box, so that
+float32 resolves them to 1e-7 of the leaf's size, wherever it lies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision.errors import MeshError
+from collision.mesh import SurfaceMesh
+from collision.tree import tree_of
+
+LANES: Final = 8
+"""boxes or triangles a node"""
+BOXES: Final = 6 * LANES
+"""float32 an inner node takes: rows of the least x, y, z and of the greatest; an empty lane is (inf, -inf)"""
+TRIANGLES: Final = 9 * LANES
+"""float32 a leaf takes: rows of x, y, z of the corners p, q, r; an empty lane is all inf"""
+LARGEST: Final = 1e30
+"""m: the boxes are float32"""
+INFO: Final = 5
+"""numbers a surface in `WideTree.info`"""
+
+
+@dataclass(frozen=True, slots=True)
+class WideTree:
+    """What the fast query needs of a mesh; all arrays flat and C-contiguous."""
+
+    nodes: NDArray[np.float32]
+    """nodes of `collision.lanes`: the levels over the surfaces, then the leaves and levels of each surface"""
+    info: NDArray[np.int64]
+    """(5 k,) for each surface in the tree's order: its number, where in `nodes` its leaves and its levels above begin,
+    its first triangle in leaf order, its number of triangles"""
+    corner: NDArray[np.int32]
+    """(3 m,) vertices of the triangles in leaf order"""
+    vertices: NDArray[np.float64]
+    """(3 n,) the mesh's vertices"""
+    frame: NDArray[np.float64]
+    """(7,) centre of the mesh's box, half its size, greatest magnitude of a coordinate"""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes beyond those of the mesh and of its `MeshTree`."""
+        return self.nodes.nbytes + self.info.nbytes + self.frame.nbytes
+
+
+def wide_tree_of(mesh: SurfaceMesh) -> WideTree:
+    """The mesh's wide tree, built at the first call and kept in `mesh._cache["wide"]`."""
+    wide = mesh._cache.get("wide")
+    if wide is None:
+        from collision.kernels_tree import widen
+
+        largest = float(np.abs(mesh.vertices).max())
+        if largest > LARGEST:
+            raise MeshError(f"{mesh.name}: a coordinate is {largest:g}; the largest allowed is {LARGEST:g}", mesh.name)
+        tree = tree_of(mesh)
+        counts = np.diff(mesh.surface_start).tolist()
+        leaves = [-(-m // LANES) for m in counts]
+        over = max(1, _over(len(counts))) + sum(_over(n) for n in leaves)
+        size = TRIANGLES * sum(leaves) + BOXES * over
+        nodes = np.empty(size, np.float32)
+        info = np.empty(INFO * len(counts), np.int64)
+        box = tree.box[0]
+        frame = np.array([*(0.5 * (box[:3] + box[3:])), *(0.5 * (box[3:] - box[:3])), largest])
+        widen(mesh.vertices, tree.corner, tree.first, tree.count, tree.root, np.argsort(tree.root), frame, nodes, info)
+        wide = WideTree(nodes, info, tree.corner.ravel(), mesh.vertices.ravel(), frame)
+        mesh._cache["wide"] = wide
+    return wide
+
+
+def _over(boxes: int) -> int:
+    """Nodes of all levels over so many boxes, up to one node; a box alone needs none."""
+    total = 0
+    while boxes > 1:
+        boxes = -(-boxes // LANES)
+        total += boxes
+    return total
