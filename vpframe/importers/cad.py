@@ -20,6 +20,7 @@ from vpframe.importers.raw import RawScene
 from vpframe.importers.step_text import StepText, scan
 
 Progress = Callable[[float, str], None]
+READER = "vpframe.importers._reader"
 
 
 def read(
@@ -113,7 +114,7 @@ def _run(request: dict[str, Any], folder: str, timeout: float, progress: Progres
     root = str(Path(__file__).resolve().parents[2])
     environment = dict(os.environ)
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, [root, environment.get("PYTHONPATH")]))
-    command = [sys.executable, "-m", "vpframe.importers._reader", json.dumps(request)]
+    command = [sys.executable, "-m", READER, json.dumps(request)]
     with open(os.path.join(folder, "words"), "w+", encoding="utf-8", errors="replace") as words:
         process = subprocess.Popen(
             command,

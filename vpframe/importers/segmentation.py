@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from collision import Tolerance
 from constraints.errors import GeometryError
 from constraints.fits import FitError, fit_kind, refine
-from constraints.geometry import Cylinder, Freeform, Geometry, Plane, Torus
+from constraints.geometry import Cylinder, Freeform, Geometry, Plane, Sphere, Torus
 from vpframe.importers.growth import neighbours, packed, reach
 
 Array = NDArray[np.float64]
@@ -175,9 +175,14 @@ class _Segmentation:
         if isinstance(geometry, Torus) and self._circles(geometry, grown) < 4:
             return False  # through three circles about one axis there is always a torus
         if not strong:
+            beside = {g for f in np.unique(self.facet[grown]).tolist() for g in self.around[f]}
+            beside = {g for g in beside - set(self.facet[grown].tolist()) if self.label[self.facets[g][0]] < 0}
+            if len(beside) >= facets:
+                return False  # a patch of a freeform surface
             areas = np.bincount(self.facet[grown], self.areas[grown])
             areas = areas[areas > 0]
-            return facets >= 3 and self._score(geometry, grown) >= 1 and areas.max() <= 3.0 * np.median(areas)
+            needed = _STRONG if isinstance(geometry, Sphere | Torus) else 1
+            return facets >= 3 and self._score(geometry, grown) >= needed and areas.max() <= 3.0 * np.median(areas)
         return facets >= 4 and self._score(geometry, grown) >= _STRONG * (1 if isinstance(geometry, Cylinder) else 2)
 
     def _circles(self, torus: Torus, grown: Index) -> int:

@@ -16,7 +16,7 @@ _REFERENCE = re.compile(rb"#(\d+)")
 _STRING = re.compile(rb"'(?:[^']++|'')*+'")
 _SIMPLE = re.compile(rb"([A-Z][A-Z0-9_]*)\s*\(")
 _BODY = re.compile(rb"(?:[A-Z][A-Z0-9_]*\s*)?\([A-Z0-9_#$*.,()+\-\s\"/!]*\)", re.DOTALL)
-_FACES = (b"ADVANCED_FACE", b"FACE_SURFACE")
+_SHELLS = (b"CLOSED_SHELL", b"OPEN_SHELL")
 _SHOWN = 3
 
 
@@ -163,15 +163,15 @@ def _text(string: bytes) -> str:
 
 
 def _count_faces(roots: list[int], kinds: dict[int, bytes], references: dict[int, list[int]]) -> int:
-    """Distinct faces below representations; contexts, styles and geometry are not descended into needlessly."""
-    seen, front, count = set(roots), list(roots), 0
+    """How many faces the shells below representations name; their own text may be beyond reading."""
+    seen, front, faces = set(roots), list(roots), set()
     while front:
         n = front.pop()
-        if kinds.get(n) in _FACES:
-            count += 1
+        if kinds.get(n) in _SHELLS:
+            faces.update(references[n])
             continue
         for r in references.get(n, ()):
             if r not in seen:
                 seen.add(r)
                 front.append(r)
-    return count
+    return len(faces)

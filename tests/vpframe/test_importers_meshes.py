@@ -1,0 +1,284 @@
+"""Bare meshes: what the files say is kept, and surfaces are found again that tessellation hid."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import vpframe as vp
+from collision import Tolerance
+from constraints.geometry import Cylinder
+from vpframe import modelling as m
+from vpframe.importers.growth import neighbours
+from vpframe.importers.meshes import weld
+from vpframe.importers.segmentation import segment
+
+
+def soup(shape: vp.Shape, scale: float = 1.0) -> trimesh.Trimesh:
+    """The shape's mesh as an STL has it: no vertex shared."""
+    corners = shape.mesh.vertices[shape.mesh.triangles].reshape(-1, 3) * scale
+    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
+
+
+def plate() -> m.Solid:
+    """A rounded block with a bore, a countersink, a boss whose foot is filleted, and a dimple."""
+    solid = m.box(0.06, 0.04, 0.01).filleted(0.004, lambda p: abs(p[2] - 0.005) < 1e-6)
+    solid += m.cylinder(0.006, 0.022).translated(0.044, 0.02)
+    solid = solid.filleted(0.002, lambda p: abs(p[2] - 0.01) < 1e-6 and np.hypot(p[0] - 0.044, p[1] - 0.02) < 0.007)
+    solid -= m.cylinder(0.004, 0.02).translated(0.015, 0.02)
+    solid -= m.cone(0.002, 0.006, 0.004).translated(0.015, 0.02, 0.006 + 1e-9)
+    return solid - m.sphere(0.003).translated(0.03, 0.01, 0.01)
+
+
+def stepped_shaft() -> m.Solid:
+    """Bands of planes, cylinders and cones in a row about one axis: a torus goes through any three of their circles."""
+    profile = [
+        (0, 0),
+        (0.008, 0),
+        (0.01, 0.002),
+        (0.01, 0.02),
+        (0.012, 0.021),
+        (0.013, 0.023),
+        (0.013, 0.03),
+        (0.006, 0.034),
+    ]
+    return m.revolve([*profile, (0.006, 0.05), (0, 0.05)])
+
+
+def wave() -> m.Solid:
+    """Planes at blunt angles side by side, and a slot's rounded ends: no curved surface where there is none."""
+    solid = m.extrude([(0, 0), (0.03, 0), (0.04, 0.004), (0.05, 0.012), (0.05, 0.03), (0, 0.03)], 0.008)
+    slot = m.box(0.01, 0.006, 0.008) + m.cylinder(0.003, 0.008).translated(0, 0.003)
+    slot += m.cylinder(0.003, 0.008).translated(0.01, 0.003)
+    return solid - slot.translated(0.015, 0.012)
+
+
+def overlap(a: np.ndarray, b: np.ndarray, area: np.ndarray) -> float:
+    return float(area[a & b].sum() / area[a | b].sum())
+
+
+@pytest.mark.parametrize("make", [plate, stepped_shaft, wave])
+@pytest.mark.parametrize("angular", [0.2, 0.35])
+def test_the_surfaces_of_a_tessellated_solid_are_found_again(make, angular):
+    truth = m.shape(make(), 1e-3, angular)
+    mesh = truth.mesh
+    vertices, triangles = weld(mesh.vertices.astype(np.float32).astype(np.float64), mesh.triangles.astype(np.int64))
+    segments = segment(vertices, triangles, 1e-6)
+    corners = vertices[triangles]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    assert np.array_equal(np.sort(np.concatenate([s.triangles for s in segments])), np.arange(len(triangles)))
+    masks = []
+    for s in segments:
+        mask = np.zeros(len(triangles), bool)
+        mask[s.triangles] = True
+        masks.append((s, mask))
+    for face in truth.surfaces:
+        same = [g.geometry.kind == face.geometry.kind for g in truth.surfaces]
+        lies = [
+            same[g.index]
+            and np.abs(
+                face.geometry.distance(mesh.vertices[mesh.triangles[mesh.triangles_of(g.index)]].reshape(-1, 3))
+            ).max()
+            < 1e-9
+            for g in truth.surfaces
+        ]
+        own = np.isin(mesh.surface_of_triangle, np.flatnonzero(lies))  # the face and those on the same surface
+        parts = [(s, k) for s, k in masks if k[mesh.triangles_of(face.index)].any()]
+        best = max(parts, key=lambda p: overlap(p[1], own, area))
+        joined = np.any(
+            [k for s, k in parts if s.geometry.kind == best[0].geometry.kind and overlap(k, own, area) > 0.2], axis=0
+        )
+        assert (
+            max(
+                overlap(best[1], own, area),
+                overlap(joined, own, area),
+                overlap(best[1], mesh.surface_of_triangle == face.index, area),
+            )
+            >= 0.9
+        ), f"{face.name}, a {face.geometry.kind}, came back as {best[0].geometry.kind}"
+        assert best[0].geometry.kind == face.geometry.kind
+        assert best[0].residual <= 1e-6
+
+
+def test_a_freeform_surface_between_planes_is_one_segment():
+    n = 16
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0, 0.05, n), np.linspace(0, 0.05, n)))
+    top = np.column_stack([x, y, 0.02 + 0.004 * np.sin(110 * x) * np.cos(90 * y)])
+    grid = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    quads = np.vstack(
+        [np.column_stack([grid, grid + 1, grid + n + 1]), np.column_stack([grid, grid + n + 1, grid + n])]
+    )
+    rim = np.r_[
+        np.arange(n), np.arange(1, n) * n + n - 1, (n - 1) * n + np.arange(n - 2, -1, -1), np.arange(n - 2, 0, -1) * n
+    ]
+    foot = np.column_stack([top[rim, :2], np.zeros(len(rim))])
+    k = np.arange(len(rim))
+    nxt = np.roll(k, -1)
+    walls = np.vstack(
+        [np.column_stack([rim[k], k + n * n, rim[nxt]]), np.column_stack([rim[nxt], k + n * n, nxt + n * n])]
+    )
+    vertices, triangles = weld(np.vstack([top, foot]), np.vstack([quads, walls]))
+    segments = segment(vertices, triangles, 1e-6)
+    kinds = sorted(s.geometry.kind for s in segments)
+    assert kinds == ["freeform", "plane", "plane", "plane", "plane"]
+    free = next(s for s in segments if s.geometry.kind == "freeform")
+    assert len(free.triangles) == len(quads)
+
+
+def test_neighbours_against_brute_force():
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    triangles = np.vstack([mesh.faces[:-3], [mesh.faces[0]]]).astype(np.int32)  # a hole, and an edge where three meet
+    found = neighbours(triangles)
+    for t, k in np.ndindex(found.shape):
+        edge = {triangles[t, k], triangles[t, (k + 1) % 3]}
+        others = [u for u in range(len(triangles)) if u != t and edge <= set(triangles[u])]
+        assert found[t, k] == (others[0] if len(others) == 1 else -1)
+
+
+def test_welding_joins_what_single_precision_parts_and_no_more():
+    rng = np.random.default_rng(2)
+    points = rng.uniform(size=(50, 3))
+    spread = np.concatenate([points, points + 1e-8, points + 1e-5])
+    corners = rng.permutation(150)[:147].reshape(-1, 3)
+    vertices, triangles = weld(spread, corners)
+    assert vertices[triangles] == pytest.approx(spread[corners], abs=1e-7)
+    near = {(i % 50, i >= 100) for i in np.unique(corners)}
+    assert len(vertices) == len(near)
+
+
+@pytest.mark.parametrize("form", ["stl", "obj", "ply", "glb"])
+def test_a_mesh_file_becomes_typed_surfaces(tmp_path, form):
+    truth = m.shape(plate())
+    soup(truth, 1.0 if form == "glb" else 1000.0).export(tmp_path / f"plate.{form}")
+    scene = vp.load(tmp_path / f"plate.{form}")
+    (part,) = scene.parts
+    assert part.shape.closed
+    assert part.mesh.vertices.min(axis=0) == pytest.approx(truth.mesh.vertices.min(axis=0), abs=1e-8)
+    assert part.shape.volume == pytest.approx(truth.volume, rel=5e-3)
+    expected = sorted((f.geometry.kind, f.sense) for f in truth.features)
+    assert sorted((f.geometry.kind, f.sense) for f in part.features) == expected
+    bore = next(f.geometry for f in part.features if isinstance(f.geometry, Cylinder) and f.sense < 0)
+    assert bore.radius == pytest.approx(0.004, abs=1e-8)
+    assert any("mm" in note for note in scene.notes) == (form != "glb")
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("m", 1.0), ("cm", 0.01), ("mm", 0.001), ("in", 0.0254), ("ft", 0.3048), (None, 0.001)]
+)
+def test_units(tmp_path, unit, metres):
+    trimesh.creation.box((10.0, 20.0, 30.0)).export(tmp_path / "a.stl")
+    part = vp.load(tmp_path / "a.stl", unit=unit)["a"]
+    assert np.ptp(part.mesh.vertices, axis=0) == pytest.approx(np.array([10.0, 20.0, 30.0]) * metres, rel=1e-6)
+
+
+def test_a_small_model_without_a_unit_is_taken_to_be_in_metres_and_says_so(tmp_path):
+    trimesh.creation.box((0.01, 0.02, 0.03)).export(tmp_path / "a.ply")
+    scene = vp.load(tmp_path / "a.ply")
+    assert np.ptp(scene["a"].mesh.vertices, axis=0) == pytest.approx([0.01, 0.02, 0.03], rel=1e-6)
+    assert any("taken as m;" in note for note in scene.notes)
+
+
+def obj_of(shape: vp.Shape, line: str, path: Path) -> Path:
+    """An OBJ file with each face under a line of its own."""
+    text = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in shape.mesh.vertices]
+    for s in range(shape.mesh.n_surfaces):
+        text.append(line.format(s))
+        text += ["f " + " ".join(str(v + 1) for v in t) for t in shape.mesh.triangles[shape.mesh.triangles_of(s)]]
+    path.write_text("\n".join(text) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("line", ["g face_{}", "usemtl paint_{}", "o body_{}"])
+def test_groups_of_an_obj_file_are_surfaces(tmp_path, line):
+    truth = m.shape(m.box(0.1, 0.1, 0.01) - m.cylinder(0.004, 0.01).translated(0.05, 0.05))
+    scene = vp.load(obj_of(truth, line, tmp_path / "plate.obj"))
+    (part,) = scene.parts
+    assert part.name == "plate"
+    assert part.shape.closed
+    assert len(part.surfaces) == 7
+    assert sorted(s.geometry.kind for s in part.surfaces) == ["cylinder"] + ["plane"] * 6
+
+
+def test_closed_objects_of_an_obj_file_are_parts(tmp_path):
+    a, b = m.shape(m.box(0.1, 0.1, 0.1)), m.shape(m.cylinder(0.05, 0.1).translated(0.3))
+    text, start = [], 1
+    for name, shape in (("block", a), ("round", b)):
+        text.append(f"o {name}")
+        text += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in shape.mesh.vertices]
+        text += ["f " + " ".join(str(v + start) for v in t) for t in shape.mesh.triangles]
+        start += len(shape.mesh.vertices)
+    (tmp_path / "two.obj").write_text("\n".join(text))
+    scene = vp.load(tmp_path / "two.obj")
+    assert sorted(scene.names) == ["block", "round"]
+    assert [len(scene[n].surfaces) for n in ("block", "round")] == [6, 3]
+
+
+def test_the_nodes_of_a_glb_are_parts_that_share_shapes(tmp_path):
+    mesh = soup(m.shape(m.cylinder(0.01, 0.05)))
+    mesh.visual = trimesh.visual.TextureVisuals(
+        material=trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 0, 0, 255])
+    )
+    scene = trimesh.Scene()
+    scene.add_geometry(mesh, node_name="pin_0", geom_name="pin")
+    for i in (1, 2):
+        scene.graph.update(f"pin_{i}", matrix=trimesh.transformations.translation_matrix([i, 0, 0]), geometry="pin")
+    scene.graph.update("wide", matrix=np.diag([-2.0, 1.0, 1.0, 1.0]), geometry="pin")
+    scene.export(tmp_path / "a.glb")
+    read = vp.load(tmp_path / "a.glb")
+    assert set(read.names) == {"pin_0", "pin_1", "pin_2", "wide"}
+    assert len({id(p.shape) for p in read.parts}) == 2
+    assert read["pin_2"].pose.translation == pytest.approx([2.0, 0.0, 0.0])
+    assert read["pin_0"].color == pytest.approx((1.0, 0.0, 0.0, 1.0))
+    assert read["wide"].shape.volume == pytest.approx(2 * read["pin_0"].shape.volume, rel=1e-6)
+    assert read["wide"].shape.volume > 0.0
+
+
+def test_a_mesh_inside_out_is_turned_and_an_open_one_named(tmp_path):
+    box = trimesh.creation.box((10.0, 10.0, 10.0))
+    box.invert()
+    box.export(tmp_path / "a.stl")
+    part = vp.load(tmp_path / "a.stl")["a"]
+    assert part.shape.volume == pytest.approx(1e-6, rel=1e-6)
+    assert any("inside out" in note for note in part.shape.notes)
+    trimesh.Trimesh(box.vertices, box.faces[:-1], process=False).export(tmp_path / "b.stl")
+    part = vp.load(tmp_path / "b.stl")["b"]
+    assert not part.shape.closed
+    assert any("open" in note for note in part.shape.notes)
+
+
+def test_zero_area_triangles_are_dropped_and_counted(tmp_path):
+    box = trimesh.creation.box((10.0, 10.0, 10.0))
+    flat = np.vstack([box.faces, [[0, 0, 1], [3, 5, 3]]])
+    trimesh.Trimesh(box.vertices, flat, process=False).export(tmp_path / "a.stl")
+    part = vp.load(tmp_path / "a.stl")["a"]
+    assert part.mesh.n_triangles == 12
+    assert part.shape.closed
+    assert any("2 triangles of zero area" in note for note in part.shape.notes)
+
+
+def test_the_same_mesh_gives_the_same_segments():
+    mesh = m.shape(plate()).mesh
+    vertices, triangles = weld(mesh.vertices, mesh.triangles.astype(np.int64))
+    first, second = (segment(vertices, triangles, 1e-6, Tolerance()) for _ in range(2))
+    assert [s.triangles.tolist() for s in first] == [s.triangles.tolist() for s in second]
+    assert [repr(s.geometry) for s in first] == [repr(s.geometry) for s in second]
+
+
+DATA = os.environ.get("VPFRAME_DATA")
+
+
+@pytest.mark.skipif(DATA is None, reason="VPFRAME_DATA names no folder of models")
+class TestRealModels:
+    @pytest.mark.parametrize(
+        ("name", "concave", "diameter"),
+        [("factory_round_peg_8mm_tight", False, 7.995e-3), ("factory_round_hole_8mm_subdiv_3x", True, 8.1e-3)],
+    )
+    def test_peg_and_hole(self, name, concave, diameter):
+        (part,) = vp.load(Path(DATA or "") / "mesh" / f"{name}.obj").parts
+        (fit,) = (s for s in part.surfaces if isinstance(s.geometry, Cylinder))
+        assert fit.orientation == ("concave" if concave else "convex")
+        assert 2 * fit.geometry.radius == pytest.approx(diameter, abs=1e-5)
