@@ -21,6 +21,8 @@ from collision.tree import tree_of
 if TYPE_CHECKING:
     import pinocchio as pin
 
+    from collision.sweep import TimeOfContact
+
 
 class CollisionManager:
     """Objects, each a `SurfaceMesh` at a pose, and the questions one asks about them.
@@ -223,11 +225,11 @@ class CollisionManager:
 
         return contacts(self, within, objects)
 
-    def clearance(self, i: int, j: int) -> Any:
-        """The least distance between two objects, with witness; see `collision.proximity`."""
+    def clearance(self, i: int, j: int, surface_i: int | None = None, surface_j: int | None = None) -> NDArray[Any]:
+        """The least distance of two objects, or of a surface of either: one `CONTACT_DTYPE` row with witness points."""
         from collision.proximity import clearance
 
-        return clearance(self, i, j)
+        return clearance(self, i, j, surface_i, surface_j)
 
     def contains(self, i: int, j: int) -> bool:
         """Whether object j lies wholly inside object i, no surfaces meeting; see `collision.containment`."""
@@ -241,7 +243,7 @@ class CollisionManager:
 
         return penetration(self, i, j)
 
-    def time_of_contact(self, moves: Mapping[int, pin.SE3], deflection: float = 0.0) -> Any:
+    def time_of_contact(self, moves: Mapping[int, pin.SE3], deflection: float = 0.0) -> TimeOfContact:
         """First contact on the way of the given objects to the given poses; see `collision.sweep`."""
         from collision.sweep import time_of_contact
 
