@@ -89,7 +89,7 @@ def solve(
 def run(system: System, rotation: Array, translation: Array, tolerance: Tolerance) -> tuple[int, int, float]:
     """Solve one system, poses changed in place: (status, iterations, greatest residual)."""
     e = system.elimination
-    state = kernels.levenberg_marquardt(
+    state = kernels.solve_system(
         system.code, system.body, system.element, system.param, system.start, system.weight, system.extent,
         system.columns, system.target, e.column, e.row, e.update, e.update_start,
         rotation, translation, system.length, tolerance.solver, MAX_ITERATIONS,

@@ -14,6 +14,12 @@ STATIONARY = 1
 EXHAUSTED = 2
 
 EPSILON = 2.0**-52
+ASTRAY = 1e-3
+"""rad, or of the parts' length: a least-squares end farther from a solution than this may be a wrong turn"""
+RETRIES = 8
+PUSH = 0.15
+"""rad, or of a part's size: how far the starts of later attempts are pushed"""
+GOLDEN = 0.6180339887498949
 DAMPING_FLOOR = 1e-13
 """relative to the unit entries of a scaled Jacobian: what keeps a rank-deficient JᵀJ factorisable in float64"""
 
@@ -212,12 +218,12 @@ def resolution(element, translation, tolerance):
 @njit(cache=True)
 def levenberg_marquardt(
     code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
-    rotation, translation, length, tolerance, max_iterations,
+    rotation, translation, length, tolerance, max_iterations, caution,
 ):  # fmt: skip
     """Move the bodies (in place) to where max|r| <= `resolution`, or to the nearest least-squares pose there is.
 
     The damping follows the square of the residual (Yamashita and Fukushima, Computing Suppl. 15, 2001): quadratic
-    convergence on consistent systems even where J loses rank, and steps of least norm.
+    convergence on consistent systems even where J loses rank, and steps of least norm. `caution` scales it.
     Returns (status, iterations, max|r|).
     """
     m = len(weight)
@@ -234,7 +240,7 @@ def levenberg_marquardt(
     gradient = np.empty((n, 6))
     step = np.empty((n, 6))
     R, t = rotation.copy(), translation.copy()
-    mu = 1e-2
+    mu = caution
     slow = 0
     for iteration in range(1, max_iterations + 1):
         assemble(body, start, weight, extent, column_of, target, r, Ja, Jb, blocks, gradient)
@@ -285,17 +291,63 @@ def levenberg_marquardt(
 
 
 @njit(cache=True)
+def solve_system(
+    code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
+    rotation, translation, length, tolerance, max_iterations,
+):  # fmt: skip
+    """`levenberg_marquardt`, begun again where it ends far from a solution; the first end that holds is kept.
+
+    First with more caution, then from poses pushed a little way off (a fixed sequence): a start 30° off may lead into a
+    valley with no solution in it, and one beside it does not.
+    """
+    R, t = rotation.copy(), translation.copy()
+    n = len(column) - 1
+    push = np.empty((n, 6))
+    caution = 1.0
+    status, iterations, worst = levenberg_marquardt(
+        code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
+        rotation, translation, length, tolerance, max_iterations, caution,
+    )  # fmt: skip
+    for attempt in range(RETRIES):
+        if status == SOLVED or worst <= ASTRAY * min(1.0, length):
+            break
+        R_new, t_new = R.copy(), t.copy()
+        if attempt < 2:
+            caution *= 100.0
+        else:
+            caution = 1.0
+            for k in range(n):
+                for i in range(6):
+                    x = (attempt * 6 * n + 6 * k + i) * GOLDEN
+                    push[k, i] = PUSH * (2.0 * (x - math.floor(x)) - 1.0)
+            for i in range(len(column_of)):
+                if column_of[i] >= 0:
+                    push[column_of[i]] *= extent[i]
+            move(R, t, extent, column_of, push, R_new, t_new)
+        status_new, more, worst_new = levenberg_marquardt(
+            code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
+            R_new, t_new, length, tolerance, max_iterations, caution,
+        )  # fmt: skip
+        iterations += more
+        if status_new == SOLVED:
+            status, worst = status_new, worst_new
+            rotation[:] = R_new
+            translation[:] = t_new
+    return status, iterations, worst
+
+
+@njit(cache=True)
 def solve_all(
     code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start, offset,
     length, rotation, translation, tolerance, max_iterations, status, iterations, worst,
 ):  # fmt: skip
-    """`levenberg_marquardt` on each of k systems packed one after another, `offset` (k + 1, 6): see `system.Plan`."""
+    """`solve_system` on each of k systems packed one after another, `offset` (k + 1, 6): see `system.Plan`."""
     for s in range(len(offset) - 1):
         e, f = offset[s, 0], offset[s + 1, 0]
         m, n = offset[s, 1], offset[s + 1, 1]
         b, c = offset[s, 2], offset[s + 1, 2]
         x, y = offset[s, 3], offset[s + 1, 3]
-        status[s], iterations[s], worst[s] = levenberg_marquardt(
+        status[s], iterations[s], worst[s] = solve_system(
             code[e:f], body[e:f], element[e:f], param[e:f], start[e:f], weight[m:n], extent[b:c], column_of[b:c],
             target[e:f], column[x:y], row[offset[s, 4] : offset[s + 1, 4]],
             update[offset[s, 5] : offset[s + 1, 5]], update_start[x:y],

@@ -4,13 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import atan, pi, sin, tan
 
 import numpy as np
 import pinocchio as pin
 
-from constraints.geometry import Cylinder, Plane
-from constraints.kinds import Against, Concentric, Constraint, Coplanar, Line, Parallel
+from constraints.geometry import Cone, Cylinder, Plane, Sphere
+from constraints.kinds import (
+    Against,
+    Angle,
+    Concentric,
+    Conical,
+    Constraint,
+    Contact,
+    Coplanar,
+    Distance,
+    Line,
+    Parallel,
+    Point,
+    Spherical,
+    Tangent,
+)
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -206,6 +221,53 @@ def machine(covers: int = 10, bolts: int = 24) -> Problem:
                 Parallel((cover, bolt), (Plane(hole, [1, 0, 0]), Plane([0, 0, 0], [1, 0, 0])), size=0.005)
             )
     return Problem(tuple(constraints), tuple(poses), 0.1)
+
+
+def random_pair(kind: str, bodies: tuple[int, int], poses: Sequence[pin.SE3], rng: np.random.Generator) -> Constraint:
+    """A constraint of this kind somewhere between two bodies, true at these poses."""
+    a, b = bodies
+    place = poses[a].act(0.05 * rng.normal(size=3))
+    d = rng.normal(size=3)
+    d /= np.linalg.norm(d)
+    e = np.cross(d, rng.normal(size=3))
+    e /= np.linalg.norm(e)
+    flip = float(rng.choice([-1.0, 1.0]))
+    of, pair = {
+        "against": (Against, (Plane(place, d), Plane(place + 0.02 * e, -d))),
+        "coplanar": (Coplanar, (Plane(place, d), Plane(place + 0.02 * e, d))),
+        "concentric": (Concentric, (Cylinder(place, d, 0.01), Cylinder(place + 0.03 * d, flip * d, 0.01))),
+        "spherical": (Spherical, (Sphere(place, 0.01), Sphere(place, 0.01))),
+        "conical": (Conical, (Cone(place, d, 0.3), Cone(place, d, 0.3))),
+        "parallel": (Parallel, (Plane(place, d), Plane(place + 0.05 * e, flip * d))),
+        "contact": (Contact, (Line(place, d), Point(place + 0.02 * d))),
+        "distance": (partial(Distance, at=0.05), (Point(place), Point(place + 0.05 * e))),
+        "angle": (partial(Angle, at=0.7), (Plane(place, d), Plane(place, np.cos(0.7) * d + np.sin(0.7) * e))),
+        "tangent plane sphere": (Tangent, (Plane(place, d), Sphere(place + 0.02 * e + 0.01 * d, 0.01))),
+        "tangent plane cylinder": (Tangent, (Plane(place, d), Cylinder(place + 0.01 * d, e, 0.01))),
+        "tangent cylinders": (Tangent, (Cylinder(place, d, 0.01), Cylinder(place + 0.03 * e, flip * d, 0.02))),
+    }[kind]
+    return of(bodies, (pair[0].transformed(poses[a].inverse()), pair[1].transformed(poses[b].inverse())))
+
+
+RANDOM_KINDS = (
+    "against", "coplanar", "concentric", "spherical", "conical", "parallel", "contact", "distance", "angle",
+    "tangent plane sphere", "tangent plane cylinder", "tangent cylinders",
+)  # fmt: skip
+
+
+def random_assembly(seed: int) -> Problem:
+    """Two to eight bodies in a random graph with loops, one or two constraints of random kinds an edge, all true."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 9))
+    turns = rng.normal(size=(n, 4))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    poses = [pin.SE3(pin.Quaternion(*q).matrix(), 0.05 * rng.normal(size=3)) for q in turns]
+    edges = [(int(rng.integers(0, i)), i) for i in range(1, n)]
+    for _ in range(int(rng.integers(0, n))):
+        a, b = rng.choice(n, 2, replace=False)
+        edges.append((int(a), int(b)))
+    kinds = [(e, str(rng.choice(RANDOM_KINDS))) for e in edges for _ in range(int(rng.integers(1, 3)))]
+    return Problem(tuple(random_pair(kind, e, poses, rng) for e, kind in kinds), tuple(poses), 0.1)
 
 
 def lattice(columns: int, rows: int) -> Problem:

@@ -71,6 +71,20 @@ def test_consistent_systems_end_below_1e12_from_a_tenth_of_the_size_and_30_degre
     assert all(p.rotation.T @ p.rotation == pytest.approx(np.eye(3), abs=1e-14) for p in solution.poses.values())
 
 
+def test_random_assemblies_with_loops_come_together_from_30_degrees_off() -> None:
+    """Each body off its own way, so 60° between two: 99 in 100 are found, and a miss is never called a solution."""
+    missed = 0
+    for seed in range(200):
+        problem = problems.random_assembly(seed)
+        assert problem.residual(problem.poses) < 1e-12
+        start = problem.shaken(0.01, pi / 6, seed)
+        solution = solve(problem.constraints, start, problem.movable)
+        held = problem.residual({0: start[0], **solution.poses}) < 2e-12
+        assert solution.converged == held
+        missed += not held
+    assert missed <= 2
+
+
 def test_same_input_same_bits() -> None:
     problem = problems.lattice(5, 5)
     start = problem.shaken(0.01, 0.3, 5)
@@ -100,8 +114,8 @@ def test_bodies_share_the_move_and_the_fixed_one_does_not() -> None:
     ball = Spherical(AB, (Sphere([0, 0, 0], 0.01), Sphere([0, 0, 0], 0.01)))
     apart = pin.SE3(np.eye(3), np.array([0.2, 0, 0]))
     both = solve([ball], [HOME, apart], [0, 1])
-    assert both.poses[0].translation == pytest.approx([0.1, 0, 0], abs=1e-12)
-    assert both.poses[1].translation == pytest.approx([0.1, 0, 0], abs=1e-12)
+    assert both.poses[0].translation == pytest.approx([0.1, 0, 0], abs=1e-9)
+    assert both.poses[1].translation == pytest.approx([0.1, 0, 0], abs=1e-9)
     assert solve([ball], [HOME, apart], [1]).poses[1].translation == pytest.approx([0, 0, 0], abs=1e-12)
 
 
