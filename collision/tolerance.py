@@ -28,6 +28,8 @@ class Tolerance:
     """1: in a bare mesh, vertices lie on their surface to this part of the mesh's extent (files carry seven digits)."""
     clearance: float = 2.5e-4
     """m: greatest radial clearance (or interference) at which a shaft still fits a bore."""
+    fit_class: str = ""
+    """ISO 286 class, such as H7/g6, that a shaft and its bore have to make; empty for `clearance` alone"""
     rigid: float = 1e-6
     """1: greatest |RᵀR - I| entry of a rotation that counts as rigid."""
     solver: float = 1e-12

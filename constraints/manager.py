@@ -20,7 +20,7 @@ from constraints.errors import ConstraintsError
 from constraints.features import Feature
 from constraints.geometry import Plane
 from constraints.kinds import Constraint
-from constraints.pairings import Limits
+from constraints.pairings import FITS, Limits
 from constraints.recognition import Recogniser
 from constraints.solver import solve
 
@@ -71,6 +71,7 @@ class ConstraintManager:
     threads: pitch (m a turn) of threaded features, by (body, feature).
     rules: asked in order about each new candidate; the first that does not say None decides.
     fixed: ids of bodies that cannot move: two of them may make constraints contradict each other.
+    kinds: what is offered; by default surfaces that coincide (`pairings.FITS`), no tangencies.
 
     A pair of features keeps its id as long as the manager lives, through `state` and `restore` too.
     """
@@ -83,11 +84,13 @@ class ConstraintManager:
         threads: Mapping[tuple[int, int], float] | None = None,
         rules: Sequence[Rule] = (),
         fixed: Iterable[int] = (),
+        kinds: Iterable[str] = FITS,
     ) -> None:
         self.tolerance = tolerance or Tolerance()
         self.recogniser = Recogniser(features, threads)
         self.rules: list[Rule] = list(rules)
         self.fixed = frozenset(fixed)
+        self.kinds = frozenset(kinds)
         self.candidates: dict[int, Candidate] = {}
         """offered, by id"""
         self.accepted: dict[int, Accepted] = {}
@@ -253,7 +256,8 @@ class ConstraintManager:
                 del self._pulled[id]
         for pair, count in sorted(touching.items()):
             for match in self.recogniser.matches(pair, poses, offer):
-                self._recognise(pair, match, count, poses)
+                if match.kind in self.kinds:
+                    self._recognise(pair, match, count, poses)
 
     def _recognise(self, pair: Pair, match: Match, count: int, poses: Sequence[pin.SE3]) -> None:
         """Offer a match that is not known yet, and ask the rules."""

@@ -12,6 +12,11 @@ cylinder             hollow cylinder        concentric      offset of the axes o
 cone                 hollow cone            conical         offset of the apexes across the surface, half angles
 sphere               hollow sphere          spherical       offset of the centres, radial fit
 torus                hollow torus           toroidal        offset of the centres, axes, radial fit
+cylinder, cone,      plane                  tangent         gap at the line or point where they come nearest
+sphere, torus
+cylinder             cylinder               tangent         gap: outside or inside where parallel, else crossed
+sphere               cylinder, cone, torus, tangent         gap, outside or inside
+                     sphere
 ===================  =====================  ==============  =========================================================
 """
 
@@ -29,7 +34,9 @@ from collision import Tolerance
 from constraints.candidate import Match
 from constraints.features import Feature
 from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector
+from constraints.iso286 import fit_class
 from constraints.overlap import facing_area, height_spans, open_angle, shared_height
+from constraints.tangencies import TANGENCIES, reached, sag
 
 
 @dataclass(frozen=True)
@@ -46,6 +53,10 @@ class Limits:
     """m: the least shared length; negative while a part approaches"""
     strip: float
     """m: the least width of a shared area"""
+    fit_class: str = ""
+    """ISO 286 class of shafts in bores"""
+    slack: float = 0.0
+    """m: how exactly radii are known"""
 
     @classmethod
     def offer(cls, tolerance: Tolerance) -> Limits:
@@ -66,7 +77,15 @@ class Limits:
             clearance=tolerance.clearance,
             overlap=tolerance.linear - reach,
             strip=strip,
+            fit_class=tolerance.fit_class,
+            slack=tolerance.linear,
         )
+
+    def fit(self, radius: float, clearance: float) -> bool:
+        """Whether a shaft of `radius` fits a bore with this radial clearance (m)."""
+        if self.fit_class and not fit_class(self.fit_class, 2.0 * radius).allows(2.0 * clearance, self.slack):
+            return False
+        return abs(clearance) <= self.clearance
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +232,7 @@ def concentric(a: View, b: View, limits: Limits) -> Match | None:
     assert isinstance(s, Cylinder) and isinstance(h, Cylinder)
     fit = h.radius - s.radius
     angle = _angle(s.axis, h.axis)
-    if abs(fit) > limits.clearance or angle > limits.angular:
+    if not limits.fit(s.radius, fit) or angle > limits.angular:
         return None
     axis = h.axis
     sign = 1.0 if s.axis @ axis >= 0 else -1.0
@@ -231,7 +250,7 @@ def concentric(a: View, b: View, limits: Limits) -> Match | None:
     smaller = min(solid.extent.length, hollow.extent.length)
     words = (
         f"Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm over {_millimetres(max(overlap, 0.0))}, "
-        f"axes {_millimetres(offset)} apart"
+        f"axes {_millimetres(offset)} apart{', ' + limits.fit_class if limits.fit_class else ''}"
     )
     shared = (overlap, smaller, hollow.extent.open)
     return _round("concentric", a, b, axis, offset, angle, fit, shared, on_hollow.mean(axis=0), h.radius, words)
@@ -300,6 +319,66 @@ def toroidal(a: View, b: View, limits: Limits) -> Match | None:
     return _round("toroidal", a, b, h.axis, offset, angle, fit, shared, h.center, h.major, words)
 
 
+def _radius(geometry: Geometry) -> float:
+    """m: radius of curvature where a ball lies in it; infinite where it widens (a cone)."""
+    match geometry:
+        case Cylinder() | Sphere():
+            return geometry.radius
+        case Torus():
+            return geometry.minor
+    return np.inf
+
+
+def tangent(a: View, b: View, limits: Limits) -> Match | None:
+    """Surfaces that touch along a line or in a point, where both really are."""
+    first, second = a, b
+    if (type(a.geometry), type(b.geometry)) not in TANGENCIES or b.feature.sense < 0:
+        first, second = b, a
+    rule = TANGENCIES[type(first.geometry), type(second.geometry)]
+    spans = second.extent.spans
+    hollow = first.feature.sense < 0
+    if hollow and _radius(first.geometry) - _radius(second.geometry) <= (
+        limits.clearance if type(first.geometry) is type(second.geometry) else limits.linear
+    ):
+        return None  # that near it is a fit, good or bad
+    touch = rule(first.geometry, second.geometry, (float(spans[0, 0]), float(spans[-1, 1])), hollow)
+    if touch is None or abs(touch.gap) > limits.linear or touch.angle > limits.angular:
+        return None
+    both = np.ones(len(touch.points), bool)
+    for view in (first, second):
+        triangles = view.triangles
+        both &= reached(touch.points, triangles, 2.0 * sag(view.geometry, triangles) + limits.linear + abs(touch.gap))
+    if not both.any():
+        return None
+    points = touch.points[both]
+    middle = points.mean(axis=0)
+    if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) < limits.linear:
+        return None  # the end of a line touches: an edge contact, not a tangency
+    length = float(np.linalg.norm(points[-1] - points[0]))
+    share = float(both.mean())
+    where = f"along {_millimetres(length)}" if len(touch.points) > 1 else "in a point"
+    side = 1.0 if first is b else -1.0
+    return Match(
+        kind="tangent",
+        residual=abs(touch.gap),
+        angle=touch.angle,
+        fit=None,
+        overlap=length,
+        share=share,
+        closed=False,
+        approach=side * touch.normal,
+        origin=middle,
+        local=a.pose.actInv(middle),
+        direction=touch.normal,
+        size=max(0.5 * length, limits.linear),
+        words=(
+            f"{first.geometry.kind} and {second.geometry.kind} touch {where}, {touch.mode}, "
+            f"{_millimetres(abs(touch.gap))} {'apart' if touch.gap >= 0 else 'into each other'}"
+        ),
+        parameters={"mode": touch.mode},
+    )
+
+
 Rule = Callable[[View, View, Limits], Match | None]
 
 
@@ -321,14 +400,29 @@ PAIRINGS: tuple[Pairing, ...] = (
     Pairing("conical", Cone, Cone, (-1,), conical),
     Pairing("spherical", Sphere, Sphere, (-1,), spherical),
     Pairing("toroidal", Torus, Torus, (-1,), toroidal),
+    Pairing("tangent", Plane, Cylinder, (1,), tangent),
+    Pairing("tangent", Plane, Cone, (1,), tangent),
+    Pairing("tangent", Plane, Sphere, (1,), tangent),
+    Pairing("tangent", Plane, Torus, (1,), tangent),
+    Pairing("tangent", Cylinder, Cylinder, (1, -1), tangent),
+    Pairing("tangent", Cylinder, Sphere, (1, -1), tangent),
+    Pairing("tangent", Cone, Sphere, (1, -1), tangent),
+    Pairing("tangent", Torus, Sphere, (1, -1), tangent),
+    Pairing("tangent", Sphere, Sphere, (1, -1), tangent),
 )
+FITS = ("against", "concentric", "conical", "screw", "spherical", "toroidal")
+"""Kinds whose surfaces coincide: what is offered to a hand, which would not want every tangency on its way."""
 
 
 def matches(a: View, b: View, limits: Limits) -> Match | None:
     """What the first fitting row of the table says of two features; None when no row does."""
     first, second = type(a.feature.geometry), type(b.feature.geometry)
     for row in PAIRINGS:
-        if {row.first, row.second} == {first, second} and a.feature.sense * b.feature.sense in row.senses:
+        if (
+            {row.first, row.second} == {first, second}
+            and max(a.feature.sense, b.feature.sense) > 0
+            and a.feature.sense * b.feature.sense in row.senses
+        ):
             found = row.rule(a, b, limits)
             if found is not None:
                 return found
