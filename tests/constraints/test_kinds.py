@@ -307,3 +307,20 @@ def test_opposed_directions_still_know_which_way_to_turn() -> None:
     solution = solve([fixed], [pin.SE3.Identity(), flipped], movable=[1])
     assert solution.converged
     assert solution.poses[1].isIdentity(1e-11)
+
+
+@each_kind
+def test_the_symbol_is_drawn_on_body_a_and_moves_with_it(constraint: Constraint, freedom: int) -> None:
+    rng = np.random.default_rng(3)
+    pose, move = random_pose(rng), random_pose(rng)
+    here, there = constraint.drawing(pose), constraint.drawing(move * pose)
+    assert here.shape in ("plane", "axis", "point", "rigid")
+    assert here.size == constraint.size
+    assert np.linalg.norm(here.direction) == pytest.approx(1.0)
+    assert there.origin == pytest.approx(move.act(here.origin))
+    assert there.direction == pytest.approx(move.rotation @ here.direction)
+    feature = constraint.features[0].transformed(pose)
+    if isinstance(feature, Plane):
+        assert feature.distance([here.origin])[0] == pytest.approx(0.0, abs=1e-12)
+    elif isinstance(feature, (Cylinder, Sphere)) and not isinstance(constraint, Fixed):
+        assert feature.distance([here.origin])[0] == pytest.approx(-feature.radius)  # on the axis, at the centre
