@@ -25,7 +25,7 @@ from collision.lanes import (
     turn_triangles,
 )
 from collision.polygons import triangles_meet
-from collision.predicates import FALLBACKS
+from collision.predicates import FALLBACKS, KERNEL
 from collision.wide import BOXES, INFO, TRIANGLES
 
 LEVELS: Final = 12
@@ -38,7 +38,7 @@ SPREAD: Final = 3
 """a prepared leaf takes up to three times what the leaf takes, and lies at three times its place"""
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def take_pose(matrix, rigid, pose):
     """Pack the (4, 4) `matrix` into `pose` (see `collision.poses`); whether it is a finite rigid motion."""
     for d in range(3):
@@ -60,7 +60,7 @@ def take_pose(matrix, rigid, pose):
     return off <= rigid and det > 0.0 and matrix[3, 3] == 1.0  # NaN: det > 0 is false
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def set_motion(pose, frame_a, frame_b, motion):
     """Fill `motion` (see `lanes.MOTION`) for boxes about b's centre into boxes about a's centre.
 
@@ -81,7 +81,7 @@ def set_motion(pose, frame_a, frame_b, motion):
     motion[22] = 4.0 * place + 1e-30
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _set_levels(at, above, boxes, start):
     """Place in `start[1:]` where the levels over `boxes` leaves at `at` begin, those from 2 on at `above`; how many."""
     level = 1
@@ -94,10 +94,10 @@ def _set_levels(at, above, boxes, start):
     return level
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def best_pairs(
     nodes_a, info_a, corner_a, vertices_a, frame_a, nodes_b, info_b, corner_b, vertices_b, frame_b,
-    pose, motion, moved, stamp, turned, prepared, stamp_a, query, stack, keys, pairs, counts, w,
+    pose, motion, moved, stamp, turned, prepared, stamp_a, query, stack, levels, keys, pairs, counts, w,
 ):  # fmt: skip
     """Place the colliding pairs of surfaces, sorted, in `pairs` (n, 2); how many.
 
@@ -106,9 +106,8 @@ def best_pairs(
     """
     ka, kb = len(info_a) // INFO, len(info_b) // INFO
     set_motion(pose, frame_a, frame_b, motion)
-    start_a = np.empty(LEVELS, np.int64)
+    start_a, surface_a, surface_b = levels[0], levels[1], levels[2]
     top_a = _set_levels(0, BOXES * ((ka + 7) >> 3), (ka + 7) >> 3, start_a)
-    surface_a, surface_b = np.empty(LEVELS, np.int64), np.empty(LEVELS, np.int64)
     counts[0] += 1
     found = 0
     for node_b in range((kb + 7) >> 3):
@@ -153,7 +152,7 @@ def best_pairs(
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def _sort(keys, n):
     """Shell's sort of the first n: numba's own takes seconds to compile."""
     gap = n // 2
@@ -168,21 +167,21 @@ def _sort(keys, n):
         gap //= 2
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL)
 def ask(
     nodes_a, info_a, corner_a, vertices_a, frame_a, nodes_b, info_b, corner_b, vertices_b, frame_b,
-    matrix, rigid, pose, motion, moved, stamp, turned, prepared, stamp_a, query, stack, keys, pairs, counts, w,
+    matrix, rigid, pose, motion, moved, stamp, turned, prepared, stamp_a, query, stack, levels, keys, pairs, counts, w,
 ):  # fmt: skip
     """`best_pairs` for a (4, 4) pose as it comes; -1 if that is not a rigid motion."""
     if not take_pose(matrix, rigid, pose):
         return -1
     return best_pairs(
         nodes_a, info_a, corner_a, vertices_a, frame_a, nodes_b, info_b, corner_b, vertices_b, frame_b,
-        pose, motion, moved, stamp, turned, prepared, stamp_a, query, stack, keys, pairs, counts, w,
+        pose, motion, moved, stamp, turned, prepared, stamp_a, query, stack, levels, keys, pairs, counts, w,
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(forceinline=True, **KERNEL)
 def _surfaces_meet(
     nodes_a, corner_a, vertices_a, start_a, levels_a, top_a, first_a,
     nodes_b, corner_b, vertices_b, start_b, levels_b, top_b, first_b,
@@ -252,7 +251,7 @@ def _surfaces_meet(
     return False
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(forceinline=True, **KERNEL)
 def _leaves_meet(
     nodes_a, corner_a, vertices_a, leaf_a, a, first_a, nodes_b, corner_b, vertices_b, leaf_b, b, first_b,
     pose, motion, moved, stamp, turned, prepared, stamp_a, query, counts, w,
@@ -324,17 +323,17 @@ def _leaves_meet(
     return False
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(forceinline=True, **KERNEL)
 def _middle(low, high):
     return 0.5 * (np.float64(low) + np.float64(high))
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(forceinline=True, **KERNEL)
 def _corner(vertices, i):
     return vertices[3 * i], vertices[3 * i + 1], vertices[3 * i + 2]
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(forceinline=True, **KERNEL)
 def _moved(vertices, i, pose):
     """The same arithmetic as `boxes.transform`."""
     x, y, z = vertices[3 * i], vertices[3 * i + 1], vertices[3 * i + 2]

@@ -70,7 +70,7 @@ class Scratch:
     """What the fast query works in: one a thread, grown to the largest meshes seen, never part of an answer."""
 
     def __init__(self) -> None:
-        from collision.best import SLOT, SPREAD, STACK, ask
+        from collision.best import LEVELS, SLOT, SPREAD, STACK, ask
         from collision.lanes import MOTION
         from collision.predicates import workspace
 
@@ -79,6 +79,7 @@ class Scratch:
         self._query = 0
         self.pose, self.motion = np.empty(15), np.empty(MOTION, np.float32)
         self.stack = np.empty(STACK, np.int32)
+        self.levels = np.empty((3, LEVELS), np.int64)
         self.workspace = workspace()
         self.counts = np.zeros(5, np.int64)
         self._grow_a(1)
@@ -116,7 +117,8 @@ class Scratch:
         n = self._ask(
             a.nodes, a.info, a.corner, a.vertices, a.frame, b.nodes, b.info, b.corner, b.vertices, b.frame,
             matrix, Tolerance.rigid, self.pose, self.motion, self.moved, self.stamp, self.turned,
-            self.prepared, self.stamp_a, self._query, self.stack, self.keys, self.pairs, self.counts, self.workspace,
+            self.prepared, self.stamp_a, self._query, self.stack, self.levels, self.keys, self.pairs,
+            self.counts, self.workspace,
         )  # fmt: skip
         if n < 0:
             pack(pose, f"pose of {mesh_b.name} in {mesh_a.name}")
