@@ -357,21 +357,42 @@ def _leaf_depth(
             a = (vertices_a[ia, 0], vertices_a[ia, 1], vertices_a[ia, 2])
             b = (vertices_a[ib, 0], vertices_a[ib, 1], vertices_a[ib, 2])
             c = (vertices_a[ic, 0], vertices_a[ic, 1], vertices_a[ic, 2])
-            if not planes_part(a, b, c, p, q, r, max(0.0, least)):
+            beyond = -np.inf  # what parts their boxes parts the triangles: a lower bound of their signed distance
+            for k in range(3):
+                low_a, high_a = min(a[k], b[k], c[k]), max(a[k], b[k], c[k])
+                low_b, high_b = min(p[k], q[k], r[k]), max(p[k], q[k], r[k])
+                beyond = max(beyond, low_b - high_a, low_a - high_b)
+            if beyond < least and not planes_part(a, b, c, p, q, r, max(0.0, least)):
                 d, _ = _pair_step(a, b, c, p, q, r, still, still, still, 0.0, 0.0, least, least, 0.0, rounding, work)
                 least = min(least, d)
     return least
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def depth_of(
+def depths_of(
+    pairs, root_a, root_b,
+    vertices_a, box_a, second_a, first_a, count_a, corner_a,
+    vertices_b, box_b, second_b, first_b, count_b, corner_b,
+    rotation, translation, within, rounding, depths, work,
+):  # fmt: skip
+    """The least signed distance (m) of each pair of surfaces, or `within` (>= 0) if it is more, into `depths`."""
+    stack = np.empty((STACK, 2), np.int64)
+    for k in range(len(pairs)):
+        depths[k] = _depth(
+            root_a[pairs[k, 0]], root_b[pairs[k, 1]],
+            vertices_a, box_a, second_a, first_a, count_a, corner_a,
+            vertices_b, box_b, second_b, first_b, count_b, corner_b,
+            rotation, translation, within, rounding, work, stack,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _depth(
     root_a, root_b,
     vertices_a, box_a, second_a, first_a, count_a, corner_a,
     vertices_b, box_b, second_b, first_b, count_b, corner_b,
-    rotation, translation, within, rounding, work,
+    rotation, translation, within, rounding, work, stack,
 ):  # fmt: skip
-    """The least signed distance (m) of the triangles below two nodes, or `within` (>= 0) if none is nearer."""
-    stack = np.empty((STACK, 2), np.int64)
     least = within
     stack[0, 0], stack[0, 1] = root_a, root_b
     top = 1

@@ -107,6 +107,10 @@ class CollisionManager:
         mesh = self.mesh(i)
         self._pose[i] = _poses.pack(pose, f"object {i} ({mesh.name})", i, self.tolerance.rigid)
 
+    def packed_poses(self, objects: Sequence[int]) -> NDArray[np.float64]:
+        """(n, 12) poses of objects that there are: rotation by rows, then translation."""
+        return self._pose[list(objects)]
+
     def relative_pose(self, i: int, j: int) -> pin.SE3:
         """The pose of object j in the frame of object i, by which its vertices are moved once."""
         self.mesh(i), self.mesh(j)

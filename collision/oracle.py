@@ -145,14 +145,15 @@ def _in_doubt(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, pair: tupl
     a, b = tree_of(mesh_a), tree_of(mesh_b)
     rotation, translation = pose[:9].reshape(3, 3), pose[9:]
     size = max(float(np.ptp(mesh.vertices, axis=0).max()) for mesh in (mesh_a, mesh_b))
-    signed = kernels_sweep.depth_of(
-        a.root[pair[0]], b.root[pair[1]],
+    signed = np.empty(1)
+    kernels_sweep.depths_of(
+        np.array([pair], np.int32), a.root, b.root,
         mesh_a.vertices, a.box, a.second, a.first, a.count, a.corner,
         mesh_b.vertices, b.box, b.second, b.first, b.count, b.corner,
         rotation, translation, 2.0 * DOUBT * size,
-        kernels_distance.rounding_of(a.box, b.box, rotation, translation), workspace(),
+        kernels_distance.rounding_of(a.box, b.box, rotation, translation), signed, workspace(),
     )  # fmt: skip
-    return abs(signed) <= DOUBT * size
+    return bool(abs(signed[0]) <= DOUBT * size)
 
 
 def _surface(mesh: SurfaceMesh, surface: int) -> Any:

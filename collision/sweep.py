@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from collision import poses
 from collision.contact import CONTACT_DTYPE
-from collision.errors import CollisionError, UnknownObjectError
+from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
 from collision.proximity import heeded_surfaces, surface_contacts
 from collision.shape import ShapeMesh
@@ -68,16 +68,13 @@ class TimeOfContact:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Mover:
-    """One object on its way: pose at t = 0 and body twist over the unit of time."""
+    """One object on its way, or standing: pose at t = 0 and body twist over the unit of time."""
 
     mesh: SurfaceMesh
     tree: MeshTree
     rotation: NDArray[np.float64]
     translation: NDArray[np.float64]
     twist: NDArray[np.float64]
-    low: NDArray[np.float64]
-    """(3,) of a box about the whole way, world frame"""
-    high: NDArray[np.float64]
 
     def at(self, t: float) -> pin.SE3:
         import pinocchio as pin
@@ -95,25 +92,17 @@ def time_of_contact(manager: CollisionManager, moves: Mapping[int, Any], deflect
 
     Ignored pairs of objects and of surfaces stop nothing.
     """
-    import pinocchio as pin
 
     if not 0.0 <= deflection < np.inf:
         raise CollisionError(f"deflection is {deflection!r}; give a finite length of at least 0 m")
-    movers = {}
-    for i in manager.objects:
-        pose = manager.pose(i)
-        twist = np.zeros(6)
-        if i in moves:
-            who = f"target of object {i} ({manager.mesh(i).name})"
-            target = poses.unpack(poses.pack(moves[i], who, i, manager.tolerance.rigid))
-            twist = np.array(pin.log6(pose.actInv(target)))
-        movers[i] = _mover(manager.mesh(i), pose, twist)
-    for i in moves:
-        if i not in movers:
-            raise UnknownObjectError(f"no object {i} to move", i)
+    moving = {int(i): _mover(manager, int(i), target) for i, target in moves.items()}
+    movers = dict(moving)
     first = 1.0
     stops: list[tuple[int, int, tuple[int, int], set[tuple[int, int]]]] = []
-    for i, j in _pairs(manager, movers, {int(i) for i in moves}):
+    for i, j in _pairs(manager, moving):
+        for k in (i, j):
+            if k not in movers:
+                movers[k] = _mover(manager, k, None)
         t, before, pair, touching = _pair_time(manager, movers[i], movers[j], i, j, first, deflection)
         if t <= first and pair[0] >= 0:
             t = before if pair in touching else t
@@ -123,53 +112,66 @@ def time_of_contact(manager: CollisionManager, moves: Mapping[int, Any], deflect
             stops.append((i, j, pair, touching))
     contacts = [_contacts(manager, movers, i, j, pair, touching, first) for i, j, pair, touching in stops]
     rows = np.concatenate([np.empty(0, CONTACT_DTYPE), *contacts])
-    return TimeOfContact(first, rows, {int(i): movers[i].at(first) for i in sorted(moves)})
+    return TimeOfContact(first, rows, {i: moving[i].at(first) for i in sorted(moving)})
 
 
-def _mover(mesh: SurfaceMesh, pose: pin.SE3, twist: NDArray[np.float64]) -> _Mover:
-    tree = tree_of(mesh)
-    rotation, translation = np.ascontiguousarray(pose.rotation), np.array(pose.translation)
-    box = tree.box[0]
-    center, half = 0.5 * (box[:3] + box[3:]), 0.5 * (box[3:] - box[:3])
-    low, high = _box(rotation, translation, center, half)
-    speed = float(np.linalg.norm(twist[3:]))
-    if speed > 0.0 or twist.any():
-        import pinocchio as pin
+def _mover(manager: CollisionManager, i: int, target: Any) -> _Mover:
+    import pinocchio as pin
 
-        end = pin.SE3(rotation, translation) * pin.exp6(pin.Motion(twist))
-        low_end, high_end = _box(end.rotation, end.translation, center, half)
-        # a point of the box moves along a helix: off its chord by no more than the sagitta of its turn
-        axis = twist[3:] / speed if speed > 0.0 else np.zeros(3)
-        arm = np.linalg.norm(np.cross(twist[3:], center) + twist[:3] - axis * (axis @ twist[:3]))
-        radius = (arm / speed if speed > 0.0 else 0.0) + float(np.linalg.norm(half))
-        sagitta = radius * (1.0 - np.cos(0.5 * min(speed, np.pi))) if speed > 0.0 else 0.0
-        low, high = np.minimum(low, low_end) - sagitta, np.maximum(high, high_end) + sagitta
-    return _Mover(mesh, tree, rotation, translation, twist, low, high)
+    mesh, pose = manager.mesh(i), manager.pose(i)
+    twist = np.zeros(6)
+    if target is not None:
+        who = f"target of object {i} ({mesh.name})"
+        end = poses.unpack(poses.pack(target, who, i, manager.tolerance.rigid))
+        twist = np.array(pin.log6(pose.actInv(end)))
+    return _Mover(mesh, tree_of(mesh), np.ascontiguousarray(pose.rotation), np.array(pose.translation), twist)
 
 
-def _box(
-    rotation: NDArray[np.float64], translation: NDArray[np.float64], center: NDArray[np.float64],
-    half: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    middle, reach = rotation @ center + translation, np.abs(rotation) @ half
-    reach = reach + 1e-14 * (np.abs(translation).sum() + np.abs(center).sum() + half.sum())
+def _pairs(manager: CollisionManager, moving: Mapping[int, _Mover]) -> list[tuple[int, int]]:
+    """Pairs i < j of which one moves, that are heeded, and whose ways come near each other."""
+    ids = list(manager.objects)
+    place = {i: k for k, i in enumerate(ids)}
+    box = np.array([tree_of(manager.mesh(i)).box[0] for i in ids])
+    center, half = 0.5 * (box[:, :3] + box[:, 3:]), 0.5 * (box[:, 3:] - box[:, :3])
+    packed = manager.packed_poses(ids)
+    low, high = _boxes(packed, center, half)
+    for i, mover in moving.items():
+        k = place[i]
+        end = mover.at(1.0)
+        last = np.concatenate([end.rotation.ravel(), end.translation])
+        low_end, high_end = _boxes(last[None], center[[k]], half[[k]])
+        beyond = _sagitta(mover.twist, center[k], float(np.linalg.norm(half[k])))
+        low[k] = np.minimum(low[k], low_end[0]) - beyond
+        high[k] = np.maximum(high[k], high_end[0]) + beyond
+    out = set()
+    for i in moving:
+        k = place[i]
+        near = (low <= high[k] + manager.tolerance.linear).all(axis=1)
+        near &= (high >= low[k] - manager.tolerance.linear).all(axis=1)
+        out |= {(min(i, ids[j]), max(i, ids[j])) for j in np.flatnonzero(near).tolist() if ids[j] != i}
+    return sorted(pair for pair in out if not manager.ignored(*pair))
+
+
+def _boxes(
+    packed: NDArray[np.float64], center: NDArray[np.float64], half: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n, 3) least and greatest corners, in the world, of boxes posed by (n, 12)."""
+    rotation, translation = packed[:, :9].reshape(-1, 3, 3), packed[:, 9:]
+    middle = np.einsum("nij,nj->ni", rotation, center) + translation
+    reach = np.einsum("nij,nj->ni", np.abs(rotation), half)
+    reach += 1e-14 * (np.abs(translation) + np.abs(center) + half).sum(axis=1, keepdims=True)  # for rounding
     return middle - reach, middle + reach
 
 
-def _pairs(manager: CollisionManager, movers: Mapping[int, _Mover], moving: set[int]) -> list[tuple[int, int]]:
-    """Pairs i < j of which one moves, that are heeded, and whose ways come near each other."""
-    ids = list(movers)
-    low = np.array([movers[i].low for i in ids])
-    high = np.array([movers[i].high for i in ids])
-    out = []
-    for i in sorted(moving):
-        near = (low <= movers[i].high + manager.tolerance.linear).all(axis=1)
-        near &= (high >= movers[i].low - manager.tolerance.linear).all(axis=1)
-        for k in np.flatnonzero(near).tolist():
-            j = ids[k]
-            if j != i and not (j in moving and j < i) and not manager.ignored(i, j):
-                out.append((min(i, j), max(i, j)))
-    return sorted(out)
+def _sagitta(twist: NDArray[np.float64], center: NDArray[np.float64], radius: float) -> float:
+    """How far points of a ball stray from their chords on the screw: each turns about its axis by |w|."""
+    turn = float(np.linalg.norm(twist[3:]))
+    if turn == 0.0:
+        return 0.0
+    axis = twist[3:] / turn
+    arm = np.cross(twist[3:], center) + twist[:3]
+    arm -= axis * (axis @ arm)
+    return float((np.linalg.norm(arm) / turn + radius) * (1.0 - np.cos(0.5 * min(turn, np.pi))))
 
 
 def _pair_time(
@@ -196,15 +198,19 @@ def _pair_time(
     work = workspace()
     rotation, translation = np.ascontiguousarray(start.rotation), start.translation
     rounding = kernels_distance.rounding_of(a.tree.box, b.tree.box, rotation, translation)
-    for s, t in sorted(pairs):
-        depth = kernels_sweep.depth_of(
-            a.tree.root[s], b.tree.root[t],
+    if pairs:
+        surfaces = np.array(sorted(pairs), np.int32)
+        depths = np.empty(len(surfaces))
+        kernels_sweep.depths_of(
+            surfaces, a.tree.root, b.tree.root,
             a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner,
             b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner,
-            rotation, translation, tolerance, rounding, work,
+            rotation, translation, tolerance, rounding, depths, work,
         )  # fmt: skip
-        lowest = max(depth - play, -tolerance) if depth > play - tolerance else depth - 0.01 * play
-        level[s, t] = min(lowest, -deflection) if deflection > 0.0 else lowest
+        lowest = np.where(depths > play - tolerance, np.maximum(depths - play, -tolerance), depths - 0.01 * play)
+        if deflection > 0.0:
+            lowest = np.minimum(lowest, -deflection)
+        level[surfaces[:, 0], surfaces[:, 1]] = lowest
     hit = np.empty(2, np.int64)
     time, before = kernels_sweep.sweep(
         a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner, a.tree.surface,
