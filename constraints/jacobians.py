@@ -240,7 +240,15 @@ def _rim_height(A, B, u, radius, f, g, ta, tb):
 
 @njit(cache=True)
 def _wrapped(x, period):
+    """x modulo the period, within half a period of nought."""
     return x - period * math.floor(x / period + 0.5)
+
+
+@njit(cache=True)
+def _turning(x, y):
+    """Slope of atan2(y, x) along its circle: 1 / (x² + y²), nought where the direction is lost."""
+    square = x * x + y * y
+    return 1.0 / square if square > 0.0 else 0.0
 
 
 @njit(cache=True)
@@ -250,7 +258,7 @@ def _helix(A, B, u, pitch, offset, f, g, ta, tb):
     y = _dot(A[1], B[0])
     _along(0, A[2], u, f, g, ta)
     f[0] = _wrapped(f[0] - offset - pitch * math.atan2(y, x) / TWO_PI, abs(pitch))
-    k = -pitch / (TWO_PI * (x * x + y * y))
+    k = -pitch / TWO_PI * _turning(x, y)
     w = np.zeros(3)
     _add_torque(k * x, B[0], A[1], w)
     _add_torque(-k * y, B[0], A[0], w)
@@ -267,7 +275,7 @@ def _mesh(A, B, u, teeth_a, teeth_b, sense, offset, f, g, ta, tb):
         x = sign * _dot(F[0], u)
         y = sign * _dot(F[1], u)
         f[0] -= k * math.atan2(y, x)
-        k *= sign / (x * x + y * y)
+        k *= sign * _turning(x, y)
         direction = k * (y * F[0] - x * F[1])
         g[0, :] += direction
         _add_torque(k * y, F[0], u, t)
@@ -283,7 +291,7 @@ def _rack(A, B, u, radius, teeth, sense, offset, f, g, ta, tb):
     y = _dot(A[1], u) - s * _dot(A[1], B[2])
     turn = -math.atan2(y, x)
     f[0] = _wrapped(s - sense * radius * turn - offset, TWO_PI * radius / teeth)
-    k = sense * radius / (x * x + y * y)
+    k = sense * radius * _turning(x, y)
     h = k * (x * A[1] - y * A[0])  # f = s + … and d(-turn) = h·dw with w = u - s D_b, seen from a
     w = u - s * B[2]
     along = _dot(h, B[2])

@@ -324,3 +324,39 @@ def test_the_symbol_is_drawn_on_body_a_and_moves_with_it(constraint: Constraint,
         assert feature.distance([here.origin])[0] == pytest.approx(0.0, abs=1e-12)
     elif isinstance(feature, (Cylinder, Sphere)) and not isinstance(constraint, Fixed):
         assert feature.distance([here.origin])[0] == pytest.approx(-feature.radius)  # on the axis, at the centre
+
+
+@each_kind
+def test_degenerate_poses_give_finite_rows(constraint: Constraint, freedom: int) -> None:
+    """Features on top of one another; axes parallel, opposed and crossed; a wheel on its own axis: no NaN, no error."""
+    frames = [constraint.compiled.element[0, :12], constraint.compiled.element[0, 12:]]
+    if constraint.compiled.side[0, 0]:
+        frames.reverse()
+    to_feature = [pin.SE3(np.column_stack([f[3:6], f[6:9], f[9:12]]), f[0:3].copy()) for f in frames]
+    turns = [np.zeros(3), [pi, 0, 0], [0, pi, 0], [0, 0, pi], [pi / 2, 0, 0], [1e-9, 0, 0], [pi - 1e-9, 0, 0]]
+    for turn in turns:
+        for shift in (np.zeros(3), [0, 0, 0.1], [0.1, 0, 0], [1e-12, 0, 0]):
+            between = pin.SE3(pin.exp3(np.array(turn, dtype=float)), np.array(shift, dtype=float))
+            pose = to_feature[0] * between * to_feature[1].inverse()
+            residual = constraint.residual(pin.SE3.Identity(), pose)
+            assert np.isfinite(residual).all()
+            assert all(np.isfinite(j).all() for j in constraint.jacobian(pin.SE3.Identity(), pose))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-6, 9e-5, 1.1e-4, 1e-3, 0.5, 2.0, 3.0])
+@pytest.mark.parametrize(
+    "constraint", [Parallel(AB, PLANES, sense=1), Parallel(AB, PLANES, sense=-1), Fixed(AB, POINTS)]
+)
+def test_rotation_rows_are_right_at_every_angle(constraint: Constraint, angle: float) -> None:
+    """Series and closed form meet; near the pole, at 3 rad, too."""
+    frames = constraint.compiled.element[0].reshape(2, 12)
+    a, b = (np.column_stack([f[3:6], f[6:9], f[9:12]]) for f in frames)
+    flip = np.diag([1.0, -1.0, -1.0]) if getattr(constraint, "sense", 1) == -1 else np.eye(3)
+    turn = pin.exp3(angle * np.array([0.6, 0.8, 0.0]))
+    pose = pin.SE3(a @ turn @ flip @ b.T, np.zeros(3))
+    first, second = pin.SE3.Identity(), pose
+    assert np.linalg.norm(constraint.residual(first, second)) == pytest.approx(angle, abs=1e-15, rel=1e-9)
+    for exact, numeric in zip(
+        constraint.jacobian(first, second), differences(constraint, first, second, 1e-4), strict=True
+    ):
+        assert np.abs(exact - numeric).max() < 2e-7 * max(1.0, np.abs(exact).max() ** 2)
