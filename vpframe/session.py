@@ -606,7 +606,7 @@ def _viewers(viewer: str | Observer | None) -> list[Observer]:
             raise VpframeError(f'viewer={viewer!r}; give None, "meshcat" or an observer')
         from vpframe.visualization.meshcat_viewer import MeshcatViewer
 
-        return [MeshcatViewer()]
+        return [MeshcatViewer(open_browser=True, pace=1.0)]
     return [viewer]
 
 

@@ -222,6 +222,32 @@ def test_pause_holds_a_frame_until_play_and_step_lets_one_through(viewer):
     assert passed == [frame.step for frame in frames]
 
 
+def test_pace_holds_the_session_to_the_clock_only_while_a_page_looks(monkeypatch):
+    from vpframe.visualization import meshcat_viewer
+
+    frames, slept = pressing_frames(30), []
+    viewer = MeshcatViewer(pace=0.5)
+    monkeypatch.setattr(meshcat_viewer.time, "sleep", slept.append)
+    for frame in frames:
+        viewer.frame(frame)
+    assert slept == []
+    monkeypatch.setattr(MeshcatViewer, "clients", 1)
+    for frame in frames[1:]:
+        viewer.frame(frame)
+    assert max(slept) <= 2 / 60  # twice the step, less what has passed
+    assert len(slept) >= 25
+
+
+def test_without_a_screen_the_address_is_printed(monkeypatch, capsys):
+    monkeypatch.setattr("vpframe.visualization.meshcat_viewer.has_screen", lambda: False)
+    viewer = MeshcatViewer(open_browser=True)
+    viewer.begin(fake_session())
+    try:
+        assert viewer.url in capsys.readouterr().err
+    finally:
+        viewer.end()
+
+
 def test_waiting_gives_up_after_its_timeout():
     controls = Controls()
     assert controls.wait(0.0)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import sys
 import threading
+import time
 import webbrowser
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -18,11 +20,17 @@ from vpframe.visualization.camera import first_view, frame_scene
 from vpframe.visualization.controls import Controls
 from vpframe.visualization.history import History
 from vpframe.visualization.page import html
+from vpframe.visualization.screen import has_screen
 from vpframe.visualization.wire import Encoder, Message, event_message
 
 if TYPE_CHECKING:
     from vpframe.session import Session
     from vpframe.visualization.server import Server
+
+BROWSER_SECONDS = 8.0
+"""how long a session waits for the browser it has opened"""
+MAX_PAUSE = 0.25
+"""s, the longest wait between two frames that `pace` can ask for"""
 
 Cursor = tuple[int, int]
 """how many strips and how many events a page has seen"""
@@ -33,18 +41,29 @@ class MeshcatViewer:
 
     Parameters
     ----------
-    open_browser: open the page in the user's browser when the session begins.
+    open_browser: open the page in the user's browser when the session begins, and wait for it for some seconds; without
+        a screen its address is printed instead.
     host, port: where to listen; only this machine can reach the page unless `host` says otherwise. Port 0 is any free.
     frames: how many frames `static_html` can play back; a longer run is thinned evenly.
+    pace: s of the session a second of the clock, at most, while a page is looking; None lets the session run freely.
 
     `frame` costs the session's loop a few microseconds: drawing happens in another thread, from the latest frame only.
-    It waits in one case, when a person pressed "Pause". `controls` carries what they accepted and refused.
+    It waits in two cases: for `pace`, and when a person pressed "Pause". `controls` carries what they asked for.
     """
 
-    def __init__(self, open_browser: bool = False, host: str = "127.0.0.1", port: int = 0, frames: int = 1200) -> None:
+    def __init__(
+        self,
+        open_browser: bool = False,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        frames: int = 1200,
+        pace: float | None = None,
+    ) -> None:
         self.controls = Controls()
         self._open_browser = open_browser
         self._address = (host, port)
+        self._pace = pace
+        self._last = (0.0, 0.0)
         self._history = History(frames)
         self._lock = threading.Lock()
         self._server: Server | None = None
@@ -77,7 +96,12 @@ class MeshcatViewer:
         self._encoded: tuple[int, str] | None = None
         self._server = Server(html(), self._open, self._latest, self.controls, *self._address)
         if self._open_browser:
-            webbrowser.open(self._server.url, new=2)
+            if has_screen() and webbrowser.open(self._server.url, new=2):
+                until = time.monotonic() + BROWSER_SECONDS
+                while not self.clients and time.monotonic() < until:
+                    time.sleep(0.05)
+            else:
+                print(f"look at it at {self._server.url}", file=sys.stderr, flush=True)
 
     def frame(self, frame: Frame) -> None:
         """Show this frame when a page is ready for it; wait here only while a person holds the session."""
@@ -87,6 +111,12 @@ class MeshcatViewer:
             self._server.notify()
         if self.controls.paused:
             self.controls.wait()
+        if self._pace is not None and self.clients:
+            seconds, clock = self._last
+            ahead = (frame.time - seconds) / self._pace - (time.monotonic() - clock)
+            if ahead > 0.0:
+                time.sleep(min(ahead, MAX_PAUSE))
+        self._last = (frame.time, time.monotonic())
 
     def end(self) -> None:
         """Show the last frame and stop to serve."""
@@ -158,7 +188,7 @@ def view(
     """
     if static is not None:
         return str(write_page(scene, (), static))
-    viewer = MeshcatViewer(open_browser=open_browser, host=host)
+    viewer = MeshcatViewer(open_browser=open_browser and has_screen(), host=host)
     viewer.show(scene)
     print(f"{viewer.url}  (Ctrl-C ends)" if wait else viewer.url, flush=True)
     if wait:

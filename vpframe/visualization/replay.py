@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from vpframe.errors import LoadError
+from vpframe.visualization.screen import has_screen
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,7 @@ def command(path: Path) -> list[str]:
     """How rerun is started: its window where there is a screen, otherwise its server, bound to loopback either way."""
     beside = Path(sys.executable).with_name("rerun")
     program = str(beside) if beside.exists() else (shutil.which("rerun") or "rerun")
-    screen = sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    where = ["--port", "auto"] if screen else ["--serve-web", "--web-viewer-port", "0"]
+    where = ["--port", "auto"] if has_screen() else ["--serve-web", "--web-viewer-port", "0"]
     return [program, "--bind", "127.0.0.1", *where, str(path)]
 
 

@@ -57,6 +57,7 @@ function addPart(info) {
   geometry.setAttribute("normal", shape.normals);
   geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(3 * shape.positions.count), 3));
   geometry.setIndex(shape.index);
+  geometry.computeBoundingSphere();
   const color = new THREE.Color(info.color);
   const face = new THREE.MeshPhongMaterial({
     vertexColors: true, shininess: 40, specular: 0x1c1c1c, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
@@ -94,11 +95,28 @@ function frameCamera() {
   viewer.set_camera(camera);
   viewer.controls.target.copy(up(target));
   viewer.controls.update();
+  viewer.controls.addEventListener("start", () => { world.steered = true; });
+  world.steered = false;
   const lamp = new THREE.DirectionalLight(0xffffff, 0.5); // it goes with the camera, from above its left shoulder
   lamp.position.set(-0.35 * radius, 0.9 * radius, 0.4 * radius);
   lamp.target.position.set(0, 0, -4 * radius);
   camera.add(lamp, lamp.target);
   viewer.set_3d_pane_size();
+}
+
+// a part that leaves the picture makes the camera step back, until a person has taken the camera in hand
+function follow(moved) {
+  if (world.steered) return;
+  const camera = viewer.camera;
+  const out = moved.some((index) => {
+    const part = world.parts[index];
+    const center = part.geometry.boundingSphere.center.clone().applyMatrix4(part.group.parent.matrixWorld).project(camera);
+    return Math.abs(center.x) > 0.72 || Math.abs(center.y) > 0.78;
+  });
+  if (!out) return;
+  const target = viewer.controls.target;
+  camera.position.sub(target).multiplyScalar(1.03).add(target);
+  viewer.controls.update();
 }
 
 // ---- a frame -------------------------------------------------------------------------------------------------------
@@ -107,6 +125,8 @@ function showFrame(frame) {
   world.last = frame;
   const poses = floats(frame.poses);
   frame.moved.forEach((index, i) => viewer.set_transform(world.parts[index].path, poses.subarray(16 * i, 16 * i + 16)));
+  viewer.scene.updateMatrixWorld();
+  if (socket) follow(frame.moved);
   showCollisions(frame.colliding);
   showSymbols(frame);
   extendTrail(frame);
