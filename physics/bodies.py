@@ -45,10 +45,17 @@ class Bodies:
         self.awake = np.zeros(0, np.bool_)
         self.quiet = np.zeros(0)
         """s for which the body has been at rest"""
+        self.rate = np.zeros((0, 6))
+        """m/s², rad/s²: what forces, joints and contacts did to `velocity` in the last half kick"""
+        self.momentum = np.zeros((0, 6))
+        """kg·m²/s, world axes: angular momentum, and the angular velocity it goes with (while nothing turns it, the
+        momentum is kept to the bit)"""
+        self.steady = np.zeros(0, np.bool_)
+        """whether the next half kick is to be the mirror image of the last (see `stepping`)"""
 
     _PER_OBJECT = (
         "kind", "center", "attitude", "velocity", "offset", "mass", "inertia", "inverse", "radius", "thickness",
-        "rotation", "origin", "awake", "quiet",
+        "rotation", "origin", "awake", "quiet", "rate", "steady", "momentum",
     )  # fmt: skip
 
     def reserve(self, n: int) -> None:
@@ -103,9 +110,8 @@ def place(ids, center, attitude, offset, rotation, origin):
 
 
 @njit(cache=True)
-def drift(ids, center, attitude, velocity, inertia, inverse, offset, rotation, origin, h, method):
+def drift(ids, center, attitude, velocity, momentum, inertia, inverse, offset, rotation, origin, h, method):
     """Free flight of the bodies `ids` over h seconds, in place: straight for the centre, free rotation about it."""
-    momentum = np.empty(3)
     for i in ids:
         for k in range(3):
             center[i, k] += h * velocity[i, k]
@@ -113,9 +119,28 @@ def drift(ids, center, attitude, velocity, inertia, inverse, offset, rotation, o
         if w[0] == 0.0 and w[1] == 0.0 and w[2] == 0.0:
             continue
         r = rotation[i]
-        body = r.T @ w
-        momentum[:] = r @ (inertia[i] @ body)
-        fly(attitude[i], momentum, inverse[i], h, method)
+        kept = momentum[i]
+        if kept[3] != w[0] or kept[4] != w[1] or kept[5] != w[2]:
+            kept[:3] = r @ (inertia[i] @ (r.T @ w))
+        fly(attitude[i], kept[:3], inverse[i], h, method)
         matrix(attitude[i], r)
-        velocity[i, 3:6] = r @ (inverse[i] @ (r.T @ momentum))
+        velocity[i, 3:6] = r @ (inverse[i] @ (r.T @ kept[:3]))
+        kept[3:] = velocity[i, 3:6]
     place(ids, center, attitude, offset, rotation, origin)
+
+
+@njit(cache=True)
+def coast(
+    ids, center, attitude, velocity, momentum, mass, inertia, inverse, offset, rotation, origin, wrench, h, method
+):  # fmt: skip
+    """A whole step of bodies that meet nothing, under constant wrenches (n, 6): half a kick, free flight, half a kick."""
+    for turn in range(2):
+        for k in range(len(ids)):
+            i = ids[k]
+            for c in range(3):
+                velocity[i, c] += 0.5 * h * wrench[k, c] / mass[i]
+            if wrench[k, 3] != 0.0 or wrench[k, 4] != 0.0 or wrench[k, 5] != 0.0:
+                r = rotation[i]
+                velocity[i, 3:6] += 0.5 * h * (r @ (inverse[i] @ (r.T @ wrench[k, 3:6])))
+        if turn == 0:
+            drift(ids, center, attitude, velocity, momentum, inertia, inverse, offset, rotation, origin, h, method)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from physics.rotations import cross
 from physics.shapes import CYLINDER, FACETED, SPHERE
 
 # columns of the integer rows
@@ -22,6 +23,8 @@ POINT, NORMAL, GAP = 0, 3, 6
 # a feature is numbered by its index times 4 plus its kind; a face, a sphere or a bore is its surface
 VERTEX, EDGE, FACE, RIM = 0, 1, 2, 3
 
+TILT = 1e-6
+"""1: sine of the angle below which a rim lies flat on a face, and its vertices stand for it"""
 FRONT = 1e-2
 """1: sine of the angle by which material may reach behind a face and still count as in front of it"""
 
@@ -193,6 +196,7 @@ def _vertices_on_faces(
     reach = max(margin, depth)
     q = np.empty(3)
     normal = np.empty(3)
+    zero = np.zeros(3)
     done[-1] += 1
     stamp = done[-1]
     for row in range(first, last):
@@ -220,6 +224,11 @@ def _vertices_on_faces(
                 if normal[0] * x + normal[1] * y + normal[2] * z < -FRONT * np.sqrt(x * x + y * y + z * z):
                     front = False
                     break
+            if front and shapes.vertex_rim[v] >= 0 and shapes.kinds[gb + sb] == FACETED:
+                _to(ra, zero, shapes.circles[shapes.vertex_rim[v], 3:6], world)
+                _from(rb, zero, world, q)
+                x, y, z = cross(normal, q)
+                front = x * x + y * y + z * z < TILT * TILT  # else the rim itself touches first
             if not front or not _belongs(shapes, pairs, first, last, side, ga + fa, v, sb):
                 continue
             sa = pairs[row, 1 + 2 * side]
@@ -249,17 +258,18 @@ def _rims_on_faces(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, d
         along = nt[0] * d[0] + nt[1] * d[1] + nt[2] * d[2]
         x, y, z = nt[0] - along * d[0], nt[1] - along * d[1], nt[2] - along * d[2]
         tilt = np.sqrt(x * x + y * y + z * z)
-        if tilt < 1e-9:
+        if tilt < TILT:
             continue
         r = circle[6] / tilt
         q[0], q[1], q[2] = q[0] - r * x, q[1] - r * y, q[2] - r * z
         gap = _over(shapes, row_b, q, margin, depth, normal)
         if gap == np.inf:
             continue
+        rim = 4 * int(circle[7]) + RIM
         if sign > 0:
-            n = _emit(n, ints, reals, a, b, sa, sb, 4 * c + RIM, 4 * sb + FACE, rb, pb, q, normal, gap, 1.0)
+            n = _emit(n, ints, reals, a, b, sa, sb, rim, 4 * sb + FACE, rb, pb, q, normal, gap, 1.0)
         else:
-            n = _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, 4 * c + RIM, rb, pb, q, normal, gap, -1.0)
+            n = _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, rim, rb, pb, q, normal, gap, -1.0)
     return n
 
 

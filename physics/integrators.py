@@ -111,7 +111,7 @@ def fly(q, momentum, inverse, h, method):
     """Free rotation over `h` seconds, in place, of the attitude `q` (4,).
 
     `momentum` (3,) in world axes stays what it is; `inverse` (3, 3) is the inverse inertia in body axes. A step over
-    which the body would turn by more than 1/4 rad is split, so that any spin is followed.
+    which the body would turn by more than 1/40 rad is split, so that any spin is followed.
     """
     rotation = np.empty((3, 3))
     matrix(q, rotation)
@@ -125,7 +125,7 @@ def fly(q, momentum, inverse, h, method):
         p = multiply(exponential(h * w[0], h * w[1], h * w[2]), (q[0], q[1], q[2], q[3]))
         q[0], q[1], q[2], q[3] = p
         return
-    n = int(np.ceil(4.0 * angle))
+    n = int(np.ceil(40.0 * angle))
     for _ in range(n):
         if method == 1:
             _rkmk4(q, momentum, inverse, h / n)

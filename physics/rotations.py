@@ -14,17 +14,18 @@ def cross(a, b):
 
 @njit(cache=True)
 def matrix(q, out):
-    """Rotation matrix (3, 3) of the unit quaternion `q` (4,), into `out`."""
+    """Rotation matrix (3, 3) of the quaternion `q` (4,), into `out`; rounding in its length does not matter."""
     x, y, z, w = q[0], q[1], q[2], q[3]
-    out[0, 0] = 1.0 - 2.0 * (y * y + z * z)
-    out[0, 1] = 2.0 * (x * y - z * w)
-    out[0, 2] = 2.0 * (x * z + y * w)
-    out[1, 0] = 2.0 * (x * y + z * w)
-    out[1, 1] = 1.0 - 2.0 * (x * x + z * z)
-    out[1, 2] = 2.0 * (y * z - x * w)
-    out[2, 0] = 2.0 * (x * z - y * w)
-    out[2, 1] = 2.0 * (y * z + x * w)
-    out[2, 2] = 1.0 - 2.0 * (x * x + y * y)
+    s = 2.0 / (x * x + y * y + z * z + w * w)
+    out[0, 0] = 1.0 - s * (y * y + z * z)
+    out[0, 1] = s * (x * y - z * w)
+    out[0, 2] = s * (x * z + y * w)
+    out[1, 0] = s * (x * y + z * w)
+    out[1, 1] = 1.0 - s * (x * x + z * z)
+    out[1, 2] = s * (y * z - x * w)
+    out[2, 0] = s * (x * z - y * w)
+    out[2, 1] = s * (y * z + x * w)
+    out[2, 2] = 1.0 - s * (x * x + y * y)
 
 
 @njit(cache=True)

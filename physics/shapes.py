@@ -48,7 +48,9 @@ class Shape(NamedTuple):
     """(e,) bit 1: borders a convex analytic surface, bit 2: a concave one"""
     circle_start: Ints
     circles: Array
-    """(c, 7) rims of cylinders: centre, axis, radius; by surface"""
+    """(c, 8) rims of cylinders: centre, axis, radius, number; by surface (a rim is listed for both it parts)"""
+    vertex_rim: Ints
+    """(n,) row in `circles` of a rim that the vertex lies on, or -1"""
     kinds: Ints
     """(k,) FACETED, SPHERE or CYLINDER, by surface"""
     analytic: Array
@@ -103,11 +105,22 @@ def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = No
         edge_surfaces=np.ascontiguousarray(of_edge),
         edge_sense=sense,
         circle_start=np.searchsorted(rims[:, 7], np.arange(k + 1)).astype(np.int64),
-        circles=np.ascontiguousarray(rims[:, :7]),
+        circles=np.ascontiguousarray(rims[:, [0, 1, 2, 3, 4, 5, 6, 8]]),
+        vertex_rim=_vertex_rim(vertices, rims),
         kinds=kinds,
         analytic=analytic,
         boxes=boxes,
     )
+
+
+def _vertex_rim(vertices: Array, rims: Array) -> Ints:
+    on = np.full(len(vertices), -1, np.int64)
+    for row, rim in enumerate(rims):
+        q = vertices - rim[:3]
+        height = q @ rim[3:6]
+        radius = np.linalg.norm(q - height[:, None] * rim[3:6], axis=1)
+        on[np.hypot(height, radius - rim[6]) < 1e-6 * rim[6]] = row
+    return on
 
 
 def _analytic(vertices, triangles, normals, double_area, surface_of, k, geometries):
@@ -172,7 +185,7 @@ def _edges(vertices, triangles, normals, surface_of, kinds, analytic):
 
 
 def _rims(vertices, edges, surfaces, normals, owner, one, two, kinds, analytic):
-    """Circles where a convex cylinder ends in a plane face square to its axis; listed for both surfaces."""
+    """Circles where a convex cylinder ends in a plane face square to its axis; listed for both surfaces (c, 9)."""
     rims: list[list[float]] = []
     for s in np.flatnonzero((kinds == CYLINDER) & (analytic[:, 7] > 0)):
         origin, axis, radius = analytic[s, :3], analytic[s, 3:6], analytic[s, 6]
@@ -190,9 +203,10 @@ def _rims(vertices, edges, surfaces, normals, owner, one, two, kinds, analytic):
             )
             if square.all() and whole and np.ptp(heights) < 1e-6 * radius:
                 center = origin + heights.mean() * axis
+                number = len(rims) // 2
                 for of in (int(s), int(o)):
-                    rims.append([*center, *axis, radius, of])
-    return np.array(rims).reshape(-1, 8)
+                    rims.append([*center, *axis, radius, of, number])
+    return np.array(rims).reshape(-1, 9)
 
 
 class Shapes(NamedTuple):
@@ -214,12 +228,22 @@ class Shapes(NamedTuple):
     edge_sense: Ints
     circle_start: Ints
     circles: Array
+    vertex_rim: Ints
     kinds: Ints
     analytic: Array
     boxes: Array
     first_surface: Ints
     """(shapes,) global number of a shape's surface 0; offsets have one row more a shape, so there surface s of shape
     i is row `first_surface[i] + s + i` (and vertex v of shape i is row v + i of `neighbour_start`)"""
+
+
+def _rows(shapes: list[Shape]) -> Ints:
+    """`vertex_rim` with rows of the packed circles."""
+    out, base = [], 0
+    for shape in shapes:
+        out.append(np.where(shape.vertex_rim >= 0, shape.vertex_rim + base, -1))
+        base += len(shape.circles)
+    return np.concatenate(out)
 
 
 def pack(shapes: list[Shape]) -> Shapes:
@@ -259,6 +283,7 @@ def pack(shapes: list[Shape]) -> Shapes:
         edge_sense=items("edge_sense"),
         circle_start=starts("circle_start", "circles"),
         circles=items("circles"),
+        vertex_rim=_rows(shapes),
         kinds=items("kinds"),
         analytic=items("analytic"),
         boxes=items("boxes"),

@@ -4,6 +4,11 @@ A sub-step of length h is half a kick, free flight, half a kick. Each kick solve
 contacts that touch, so that a constant force, resting and sliding with friction are exact. Flight ends early at the
 first new contact: its time is found to rounding, the impact happens there, and the rest of the step goes on from it.
 
+Where bodies roll or turn in contact without sliding, the first half kick of a step is the mirror image of the last
+half kick of the step before, so that it is the velocity between the two that obeys the contacts (the reversible
+nonholonomic leapfrog of McLachlan & Perlmutter, J. Nonlinear Sci. 16, 2006): no energy is lost to the turning of the
+contact frame.
+
 Impacts follow Newton's law, each contact with its own coefficient. Several at once are resolved in rounds: only the
 contacts that close are reflected, those that this makes close are reflected next (generalised reflections, Smith,
 Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 2012), so a row of touching balls passes a blow on.
@@ -19,7 +24,7 @@ from numpy.typing import NDArray
 
 from collision import Tolerance
 from physics import contact, pressing
-from physics.bodies import FREE, Bodies, drift, place
+from physics.bodies import FREE, Bodies, coast, drift, place
 from physics.integrators import METHODS
 from physics.joints import Joint, assemble
 from physics.mechanism import Mechanism
@@ -32,6 +37,8 @@ Ints = NDArray[np.int64]
 
 IMPACTS = 64
 """impacts an island may have in one step; after that the rest of the step is taken without rebound"""
+MOVING = 1e-6
+"""m/s, rad/s: islands slower than this are at rest, and solved anew in each half kick"""
 ROUNDING = 1e-13
 """m: to which impacts are located and pressed contacts are kept closed (plus the rounding of the coordinates)"""
 
@@ -51,6 +58,8 @@ class Island:
     """the same bodies in joint coordinates, where that is possible"""
     constant: bool = True
     """whether no force on it depends on anything that changes"""
+    first_rate: Array | None = None
+    """(n, 6) of the half kick that the present sub-step began with"""
     impacts: int = 0
     """counted in the present step"""
     residual: float = 0.0
@@ -104,6 +113,14 @@ class Stepper:
         restitution = np.where(np.isnan(ea), eb, np.where(np.isnan(eb), ea, np.fmin(ea, eb)))
         return np.where(np.isnan(friction), 0.5, friction), np.where(np.isnan(restitution), 0.0, restitution)
 
+    def coast(self, ids: Ints, wrench: Array, dt: float) -> None:
+        """A step of bodies that are near to nothing and under constant wrenches (n, 6)."""
+        b = self.bodies
+        coast(
+            ids, b.center, b.attitude, b.velocity, b.momentum, b.mass, b.inertia, b.inverse, b.offset, b.rotation,
+            b.origin, wrench, dt, self.method,
+        )  # fmt: skip
+
     # --- one step ---------------------------------------------------------------------------------------------------
 
     def advance(
@@ -118,9 +135,6 @@ class Stepper:
         reach = self._reach(island, dt)
         now = self.find(island, reach, reach)
         now = self._inherit(now, before)
-        free = len(island.moved) == 0 and _least(now, slice(None)) > self.tolerance.touch
-        if free and island.mechanism is not None and self._smooth(island, island.mechanism, time, dt, wrench):
-            return NO_CONTACTS
         while dt - t > 1e-12 * dt:
             h = dt - t
             limit = self._limit(island)
@@ -130,22 +144,27 @@ class Stepper:
                 now = self._blunt(island, now, rest, time, t, dt - t, wrench)
                 t = dt
             else:
+                free = len(island.moved) == 0 and _least(now, slice(None)) > self.tolerance.touch
+                if free and island.mechanism is not None:
+                    after = self._smooth(island, island.mechanism, time + t, h, wrench)
+                    if after is not None:
+                        t, now = t + h, after
+                        continue
                 taken, now = self._substep(island, now, rest, time, t, h, wrench)
                 t += taken
         return now
 
-    def _smooth(self, island: Island, mechanism: Mechanism, time: float, dt: float, wrench) -> bool:
-        """The whole step without contact, at high order; False (and nothing moved) if it would touch something."""
-        if self._limit(island) < dt:
-            return False
+    def _smooth(self, island: Island, mechanism: Mechanism, time: float, h: float, wrench) -> Contacts | None:
+        """h seconds without contact, at high order; None (and nothing moved) if it would touch something."""
         b = self.bodies
         start = Saved(b, island.ids)
-        reach = self._reach(island, dt)
-        mechanism.advance(b, time, dt, wrench, island.constant)
-        if _least(self.find(island, reach, reach), slice(None)) > self.tolerance.touch and self._limit(island) >= dt:
-            return True
+        reach = self._reach(island, h)
+        mechanism.advance(b, time, h, wrench, island.constant)
+        after = self.find(island, reach, reach)
+        if _least(after, slice(None)) > self.tolerance.touch and self._limit(island) >= 0.5 * h:
+            return after
         start.restore(b)
-        return False
+        return None
 
     def _reach(self, island: Island, h: float) -> float:
         """m: how far any point of the island, or what meets it, may move in h seconds."""
@@ -176,7 +195,8 @@ class Stepper:
 
     def _substep(self, island, now, rest, time, t, h, wrench):
         """One sub-step of at most h, cut short at the first impact; the time taken and the contacts at its end."""
-        start = Saved(self.bodies, island.ids)
+        b = self.bodies
+        start = Saved(b, island.ids)
         after, fresh = self._fly(island, now, rest, time, t, h, wrench)
         tolerance = self._rounding(island)
         gap = _least(after, fresh)
@@ -193,7 +213,7 @@ class Stepper:
                     cut = 0.5 * (low + high)
                 if not low < cut < high:
                     break
-                start.restore(self.bodies)
+                start.restore(b)
                 trial, trial_fresh = self._fly(island, now, rest, time, t, cut, wrench)
                 g = _least(trial, trial_fresh)
                 if g < -tolerance:
@@ -204,10 +224,22 @@ class Stepper:
                 else:
                     low, low_gap = cut, g
             else:
-                start.restore(self.bodies)
+                start.restore(b)
                 after, fresh = self._fly(island, now, rest, time, t, high, wrench)
             h = high
+        mirrored = b.steady[island.ids].all()
         self._arrive(island, after, fresh, time + t + h, 0.5 * h, wrench)
+        if (
+            not mirrored
+            and b.steady[island.ids].all()
+            and not (fresh & (after.reals[:, 6] <= self.tolerance.touch)).any()
+        ):
+            # the first of mirrored half kicks has none to mirror: the mean of both halves serves, to second order
+            rate = 0.5 * (b.rate[island.ids] + island.first_rate)
+            start.restore(b)
+            b.rate[island.ids] = rate
+            after, fresh = self._fly(island, now, rest, time, t, h, wrench)
+            self._arrive(island, after, fresh, time + t + h, 0.5 * h, wrench)
         return h, after
 
     def _rounding(self, island: Island) -> float:
@@ -224,7 +256,12 @@ class Stepper:
         b = self.bodies
         touch = self.tolerance.touch
         pressed = np.flatnonzero(now.reals[:, 6] <= touch)
-        self._kick(island, now, pressed, time + t, 0.5 * h, wrench)
+        if b.steady[island.ids].all():
+            b.velocity[island.ids] += 0.5 * h * b.rate[island.ids]
+        else:
+            before = b.velocity[island.ids]
+            self._kick(island, now, pressed, time + t, 0.5 * h, wrench)
+            island.first_rate = (b.velocity[island.ids] - before) / (0.5 * h)
         loaded = now.force[:, 0] > 0.0
         self._drift(island, rest, t + h, h)
         reach = self._reach(island, h)
@@ -249,8 +286,8 @@ class Stepper:
     def _drift(self, island, rest, time, h):
         b = self.bodies
         drift(
-            island.ids, b.center, b.attitude, b.velocity, b.inertia, b.inverse, b.offset, b.rotation, b.origin, h,
-            self.method,
+            island.ids, b.center, b.attitude, b.velocity, b.momentum, b.inertia, b.inverse, b.offset, b.rotation,
+            b.origin, h, self.method,
         )  # fmt: skip
         rest.carry(b, time)
 
@@ -320,9 +357,21 @@ class Stepper:
         if len(new):
             speed = pressing.normal_speeds(new, contacts.ints, contacts.reals, b.center, b.velocity)
             closing[new] = speed < -self.tolerance.rest_speed
+        before = b.velocity[island.ids]
         self._kick(island, contacts, np.flatnonzero(touching & ~closing), t, h, wrench)
+        now = b.velocity[island.ids]
+        b.rate[island.ids] = (now - before) / h
+        b.steady[island.ids] = not closing.any() and np.abs(now).max() > MOVING and self._sticks(contacts)
         if closing.any():
             self._impact(island, contacts, np.flatnonzero(touching))
+
+    def _sticks(self, contacts: Contacts) -> bool:
+        """Whether contacts carry, and none of those that do slides with friction."""
+        loaded = contacts.force[:, 0] > 0.0
+        mu, _ = self._pair_values(contacts.ints[loaded])
+        f = contacts.force[loaded]
+        grip = mu * f[:, 0]
+        return bool(loaded.any() and ((f[:, 1] ** 2 + f[:, 2] ** 2 < (0.999 * grip) ** 2) | (grip == 0.0)).all())
 
     def _impact(self, island, contacts, touching):
         """Newton's law for all contacts that close, in rounds, then none closes any more."""

@@ -220,6 +220,7 @@ class World:
         i = self._member(object_id)
         self._bodies.awake[i] = True
         self._bodies.quiet[i] = 0.0
+        self._bodies.steady[i] = False
 
     def energy(self, object_id: int) -> float:
         """Kinetic energy of an object, J."""
@@ -324,7 +325,7 @@ class World:
         free = self._free_awake()
         if len(free) or carried:
             self._list_near(free, carried, dt)
-            groups = self._islands(free)
+            groups, lone = self._islands(free)
             ended = []
             self.residual = 0.0
             start = Saved(b, np.array(sorted({*free, *carried}), dtype=np.int64))
@@ -335,6 +336,8 @@ class World:
             except BehaviourError:
                 start.restore(b)
                 raise
+            if len(lone):
+                self._stepper.coast(lone, self._constant[lone], dt)
             self._contacts = _joined(ended)
             self._finish_carried(carried, dt)
             self._settle(groups, dt)
@@ -479,7 +482,8 @@ class World:
             b.kind[i] = STATIC
         b.set_pose(i, self.collision.pose(i))
 
-    def _islands(self, free: list[int]) -> list[Island]:
+    def _islands(self, free: list[int]) -> tuple[list[Island], NDArray[np.int64]]:
+        """Islands of the awake bodies, and those that are near to nothing and under constant forces; wakes neighbours."""
         b = self._bodies
         is_free = b.kind == FREE
         links = np.unique(self._pairs[:, [0, 2]], axis=0) if len(self._pairs) else np.zeros((0, 2), np.int64)
@@ -496,8 +500,10 @@ class World:
                         b.awake[other] = True
                         b.quiet[other] = 0.0
                         grown = True
-        groups = islands(everything, (*map(tuple, links.tolist()), *joined))
         free[:] = sorted(everything)
+        bound = {*links.ravel().tolist(), *(i for pair in joined for i in pair), *self._varying, *self._grips}
+        lone = np.array([i for i in free if i not in bound], dtype=np.int64)
+        groups = islands(everything & bound, (*map(tuple, links.tolist()), *joined))
         out = []
         for ids in groups:
             members = set(ids.tolist())
@@ -512,7 +518,7 @@ class World:
             constant = not any(i in self._varying or i in self._grips for i in members)
             mechanism = self._mechanism(ids, joints) if joints or not constant else None
             out.append(Island(ids, pairs, moved, joints, mechanism, constant))
-        return out
+        return out, lone
 
     def _mechanism(self, ids: NDArray[np.int64], joints: Sequence[Joint]) -> Mechanism | None:
         """The island's model, made once for these bodies and joints."""

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shapes_for_tests import ball_mesh, box_mesh, cylinder_mesh
+from physics_meshes import ball_mesh, box_mesh, cylinder_mesh
 
 from collision import SurfaceMesh
 from physics import Body, BodyError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from shapes_for_tests import at, ball_mesh, box_mesh, room
+from physics_meshes import at, ball_mesh, box_mesh, room
 
 from collision import CollisionManager
 from constraints.geometry import Sphere

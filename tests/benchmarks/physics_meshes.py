@@ -1,4 +1,4 @@
-"""Meshes and rooms that the physics tests share."""
+"""Meshes and rooms that the physics tests and the benchmark share."""
 
 from __future__ import annotations
 
