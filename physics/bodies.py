@@ -133,7 +133,7 @@ def drift(ids, center, attitude, velocity, momentum, inertia, inverse, offset, r
 def coast(
     ids, center, attitude, velocity, momentum, mass, inertia, inverse, offset, rotation, origin, wrench, h, method
 ):  # fmt: skip
-    """A whole step of bodies that meet nothing, under constant wrenches (n, 6): half a kick, free flight, half a kick."""
+    """A step of bodies that meet nothing, under constant wrenches (n, 6): half a kick, free flight, half a kick."""
     for turn in range(2):
         for k in range(len(ids)):
             i = ids[k]

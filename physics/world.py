@@ -483,7 +483,7 @@ class World:
         b.set_pose(i, self.collision.pose(i))
 
     def _islands(self, free: list[int]) -> tuple[list[Island], NDArray[np.int64]]:
-        """Islands of the awake bodies, and those that are near to nothing and under constant forces; wakes neighbours."""
+        """Islands of the awake bodies, and the lone ones (near to nothing, constant forces); wakes neighbours."""
         b = self._bodies
         is_free = b.kind == FREE
         links = np.unique(self._pairs[:, [0, 2]], axis=0) if len(self._pairs) else np.zeros((0, 2), np.int64)

@@ -35,6 +35,11 @@ from physics_cases import (
 )
 
 
+def _r(value: float) -> str:
+    """A number as MJCF reads it, to the last bit."""
+    return repr(float(value))
+
+
 def _quaternion(rotation: np.ndarray) -> str:
     """w x y z of a rotation matrix."""
     w = np.sqrt(max(0.0, 1 + np.trace(rotation))) / 2
@@ -57,9 +62,9 @@ class MuJoCo:
         self.version = mujoco.__version__
 
     def model(self, dt: float, body: str, option: str = "", integrator: str = "implicitfast", asset: str = "") -> Any:
-        xml = f"""<mujoco><option timestep="{float(dt)!r}" gravity="0 0 {float(-G)!r}" integrator="{integrator}" cone="elliptic"
+        xml = f"""<mujoco><option timestep="{_r(dt)}" gravity="0 0 {_r(-G)}" integrator="{integrator}" cone="elliptic"
           solver="Newton" tolerance="1e-12" iterations="200" {option}/>
-          <size memory="64M"/><default><geom solref="{float(max(2.0 * dt, 1e-4))!r} 1" solimp="0.99 0.9999 1e-6"/></default>
+          <size memory="64M"/><default><geom solref="{_r(max(2.0 * dt, 1e-4))} 1" solimp="0.99 0.9999 1e-6"/></default>
           <asset>{asset}</asset><worldbody>{body}</worldbody></mujoco>"""
         return self.mj.MjModel.from_xml_string(xml)
 
@@ -78,10 +83,10 @@ class MuJoCo:
         k = (0.2 / dt) ** 2
         ratio = 0.0 if e == 1.0 else -np.log(e) / np.sqrt(np.pi**2 + np.log(e) ** 2)
         b = 2 * ratio * np.sqrt(k)
-        geom = f'solref="{float(-k)!r} {float(-b)!r}" solimp="0.9999 0.9999 1e-6"'
+        geom = f'solref="{_r(-k)} {_r(-b)}" solimp="0.9999 0.9999 1e-6"'
         m = self.model(
             dt,
-            f"""<geom type="plane" size="4 4 1" {geom}/><body pos="0 0 {float(BALL["drop"] + BALL["radius"])!r}"><freejoint/>
+            f"""<geom type="plane" size="4 4 1" {geom}/><body pos="0 0 {_r(BALL["drop"] + BALL["radius"])}"><freejoint/>
             <geom type="sphere" size="{BALL["radius"]}" mass="{BALL["mass"]}" {geom}/></body>""",
             integrator="RK4" if option == "RK4" else "implicitfast",
         )
@@ -96,7 +101,7 @@ class MuJoCo:
         a, s = SLOPE["tilt"], SLOPE["side"]
         m = self.model(
             dt,
-            f"""<geom type="plane" size="20 20 1" friction="{mu} 0 0"/><body pos="0 0 {float(s / 2)!r}"><freejoint/>
+            f"""<geom type="plane" size="20 20 1" friction="{mu} 0 0"/><body pos="0 0 {_r(s / 2)}"><freejoint/>
             <geom type="box" size="{s / 2} {s / 2} {s / 2}" mass="{SLOPE["mass"]}" friction="{mu} 0 0"/></body>""",
             option='noslip_iterations="20"' if option == "noslip" else "",
         )
@@ -161,9 +166,9 @@ class MuJoCo:
         body = f"""<body name="1"><joint axis="0 -1 0"/>{bar(l1)}<body name="2" pos="{l1} 0 0"><joint axis="0 -1 0"/>
             {bar(l2)}<site name="mid" pos="{l2 / 2} 0 0"/></body></body>
             <body name="3" pos="{f["ground"]} 0 0"><joint axis="0 -1 0"/>{bar(l3)}</body>"""
-        xml = f"""<mujoco><option timestep="{float(dt)!r}" gravity="0 0 {float(-G)!r}" integrator="RK4" tolerance="1e-14"
+        xml = f"""<mujoco><option timestep="{_r(dt)}" gravity="0 0 {_r(-G)}" integrator="RK4" tolerance="1e-14"
             iterations="200"/><worldbody>{body}</worldbody><equality><connect body1="2" body2="3" anchor="{l2} 0 0"
-            solref="{float(2 * dt)!r} 1" solimp="0.9999 0.9999 1e-6"/></equality></mujoco>"""
+            solref="{_r(2 * dt)} 1" solimp="0.9999 0.9999 1e-6"/></equality></mujoco>"""
         m = self.mj.MjModel.from_xml_string(xml)
         d = self.mj.MjData(m)
         d.qpos[:] = [f["crank"], a2, a3]
@@ -177,7 +182,7 @@ class MuJoCo:
         s = STACK["side"]
         geom = f'type="box" size="{s / 2} {s / 2} {s / 2}" mass="{STACK["mass"]}" friction="{STACK["friction"]} 0 0"'
         bodies = "".join(
-            f'<body pos="0 0 {float(s * (k + 0.5))!r}"><freejoint/><geom {geom}/></body>' for k in range(STACK["n"])
+            f'<body pos="0 0 {_r(s * (k + 0.5))}"><freejoint/><geom {geom}/></body>' for k in range(STACK["n"])
         )
         m = self.model(dt, f'<geom type="plane" size="4 4 1" friction="{STACK["friction"]} 0 0"/>{bodies}')
         d = self.mj.MjData(m)
@@ -190,7 +195,7 @@ class MuJoCo:
         r, a, mu = ROLL["radius"], ROLL["tilt"], ROLL["friction"]
         m = self.model(
             dt,
-            f"""<geom type="plane" size="20 20 1" friction="{mu} 0 0"/><body pos="0 0 {float(r)!r}"><freejoint/>
+            f"""<geom type="plane" size="20 20 1" friction="{mu} 0 0"/><body pos="0 0 {_r(r)}"><freejoint/>
             <geom type="sphere" size="{r}" mass="{ROLL["mass"]}" friction="{mu} 0 0"/></body>""",
         )
         m.opt.gravity[:] = [G * np.sin(a), 0, -G * np.cos(a)]
@@ -204,7 +209,7 @@ class MuJoCo:
         m = self.model(
             dt,
             f"""<geom type="plane" size="2 2 1" friction="{mu} 0 0"/>
-            <body pos="0 0 {float(center[2])!r}" quat="{_quaternion(rotation)}"><freejoint/><geom type="cylinder"
+            <body pos="0 0 {_r(center[2])}" quat="{_quaternion(rotation)}"><freejoint/><geom type="cylinder"
             size="{COIN["radius"]} {COIN["thickness"] / 2}" mass="{COIN["mass"]}" friction="{mu} 0 0"/></body>""",
         )
         d = self.mj.MjData(m)
@@ -217,7 +222,7 @@ class MuJoCo:
         lift, k, _ = balloon_constants()
         m = self.model(
             dt,
-            f"""<geom type="box" size="2 2 0.1" pos="0 0 {float(BALLOON["ceiling"] + 0.1)!r}"/>
+            f"""<geom type="box" size="2 2 0.1" pos="0 0 {_r(BALLOON["ceiling"] + 0.1)}"/>
             <body pos="0 0 {BALLOON["start"]}"><freejoint/><geom type="sphere" size="{r}"
             mass="{BALLOON["mass"]}"/></body>""",
         )
@@ -245,14 +250,15 @@ class MuJoCo:
             walls = f'<geom type="mesh" mesh="plate" pos="0 0 {plate / 2}"/>'
         else:  # 32 blocks about the hole, tangent to it
             half = (r + c) * np.tan(np.pi / 32) + 1e-6
+            out = r + c + 0.005
+            turns = 2 * np.pi / 32 * np.arange(32)
             walls = "".join(
-                f'<geom type="box" size="0.005 {float(half)!r} {plate / 2}" euler="0 0 {360 / 32 * k}" '
-                f'pos="{float((r + c + 0.005) * np.cos(2 * np.pi / 32 * k))!r} {float((r + c + 0.005) * np.sin(2 * np.pi / 32 * k))!r}'
-                f' {plate / 2}"/>'
-                for k in range(32)
+                f'<geom type="box" size="0.005 {_r(half)} {plate / 2}" euler="0 0 {_r(np.degrees(turn))}" '
+                f'pos="{_r(out * np.cos(turn))} {_r(out * np.sin(turn))} {plate / 2}"/>'
+                for turn in turns
             )
         z = plate + PEG["gap"] + length / 2
-        body = f"""<geom type="plane" size="1 1 1"/>{walls}<body pos="{float(PEG["offset"] * c)!r} 0 {float(z)!r}"><freejoint/>
+        body = f"""<geom type="plane" size="1 1 1"/>{walls}<body pos="{_r(PEG["offset"] * c)} 0 {_r(z)}"><freejoint/>
             <geom type="cylinder" size="{r} {length / 2}" density="7850" friction="0.1 0 0"/></body>"""
         m = self.model(dt, body, asset=asset)
         d = self.mj.MjData(m)
