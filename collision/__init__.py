@@ -9,7 +9,7 @@ from collision.errors import CollisionError, MeshError, PoseError, UnknownObject
 from collision.manager import CollisionManager
 from collision.mesh import SurfaceMesh
 from collision.penetration import PENETRATION_DTYPE
-from collision.query import colliding_surfaces
+from collision.query import PairQuery, colliding_surfaces
 from collision.statistics import Statistics
 from collision.sweep import TimeOfContact
 from collision.tolerance import Tolerance
@@ -21,6 +21,7 @@ __all__ = [
     "CollisionManager",
     "MeshError",
     "PairClass",
+    "PairQuery",
     "PoseError",
     "Statistics",
     "SurfaceMesh",

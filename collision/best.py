@@ -32,6 +32,11 @@ LEVELS: Final = 12
 """of either kind; 8^12 is more triangles than there can be"""
 STACK: Final = 4 * 64 * 2 * LEVELS
 """numbers on the stack of pairs of nodes: up to 64 pairs at each step down either tree"""
+QUESTION: Final = 5
+"""where, after the counts of `Statistics`, the questions are numbered"""
+PREPARED_FOR: Final = 6
+"""not 0: leaves of a stay prepared for good, since always the same mesh is a"""
+COUNTS: Final = 7
 SLOT: Final = 24
 """where a node begins is a multiple of this"""
 SPREAD: Final = 3
@@ -97,13 +102,17 @@ def _set_levels(at, above, boxes, start):
 @njit(**KERNEL)
 def best_pairs(
     nodes_a, info_a, corner_a, vertices_a, frame_a, nodes_b, info_b, corner_b, vertices_b, frame_b,
-    pose, motion, moved, stamp, turned, prepared, stamp_a, query, stack, levels, keys, pairs, counts, w,
+    last, pose, motion, moved, stamp, turned, prepared, stamp_a, stack, levels, keys, pairs, counts, w,
 ):  # fmt: skip
     """Place the colliding pairs of surfaces, sorted, in `pairs` (n, 2); how many.
 
-    The first two rows are the fields of the `WideTree` of a and of b; then the (15,) pose, and scratch: `stamp` and
-    `stamp_a` tell which nodes of b are moved, and which leaves of a prepared, for the question numbered `query`.
+    The first two rows are the fields of the `WideTree` of a and of b. `last`: empty, or for each pair of surfaces the
+    two triangles that met when last asked, -1 if none did; they are tried first. Then the (15,) pose, and scratch:
+    `stamp` and `stamp_a` tell which nodes of b are moved, and which leaves of a prepared, since which question.
     """
+    counts[QUESTION] += 1
+    query = counts[QUESTION]
+    query_a = counts[PREPARED_FOR] if counts[PREPARED_FOR] != 0 else query
     ka, kb = len(info_a) // INFO, len(info_b) // INFO
     set_motion(pose, frame_a, frame_b, motion)
     start_a, surface_a, surface_b = levels[0], levels[1], levels[2]
@@ -134,14 +143,25 @@ def best_pairs(
                         continue
                     a = INFO * (8 * q + i)
                     o = INFO * (8 * node_b + j)
+                    key = info_a[a] * kb + info_b[o]
+                    if len(last) > 0 and last[key] >= 0:
+                        counts[3] += 1
+                        ta, tb = last[key] >> 32, last[key] & 0xFFFFFFFF
+                        if _pair_meets(corner_a, vertices_a, ta, corner_b, vertices_b, tb, pose, w):
+                            keys[found] = key
+                            found += 1
+                            continue
                     levels_a = _set_levels(info_a[a + 1], info_a[a + 2], (info_a[a + 4] + 7) >> 3, surface_a)
                     levels_b = _set_levels(info_b[o + 1], info_b[o + 2], (info_b[o + 4] + 7) >> 3, surface_b)
-                    if _surfaces_meet(
+                    met = _surfaces_meet(
                         nodes_a, corner_a, vertices_a, surface_a, levels_a, at_a + i, info_a[a + 3],
                         nodes_b, corner_b, vertices_b, surface_b, levels_b, b, info_b[o + 3],
-                        pose, motion, moved, stamp, turned, prepared, stamp_a, query, stack, depth, counts, w,
-                    ):  # fmt: skip
-                        keys[found] = info_a[a] * kb + info_b[o]
+                        pose, motion, moved, stamp, turned, prepared, stamp_a, query, query_a, stack, depth, counts, w,
+                    )  # fmt: skip
+                    if len(last) > 0:
+                        last[key] = met
+                    if met >= 0:
+                        keys[found] = key
                         found += 1
     counts[4] += int(w[FALLBACKS])
     w[FALLBACKS] = 0.0
@@ -170,14 +190,14 @@ def _sort(keys, n):
 @njit(**KERNEL)
 def ask(
     nodes_a, info_a, corner_a, vertices_a, frame_a, nodes_b, info_b, corner_b, vertices_b, frame_b,
-    matrix, rigid, pose, motion, moved, stamp, turned, prepared, stamp_a, query, stack, levels, keys, pairs, counts, w,
+    matrix, rigid, last, pose, motion, moved, stamp, turned, prepared, stamp_a, stack, levels, keys, pairs, counts, w,
 ):  # fmt: skip
     """`best_pairs` for a (4, 4) pose as it comes; -1 if that is not a rigid motion."""
     if not take_pose(matrix, rigid, pose):
         return -1
     return best_pairs(
         nodes_a, info_a, corner_a, vertices_a, frame_a, nodes_b, info_b, corner_b, vertices_b, frame_b,
-        pose, motion, moved, stamp, turned, prepared, stamp_a, query, stack, levels, keys, pairs, counts, w,
+        last, pose, motion, moved, stamp, turned, prepared, stamp_a, stack, levels, keys, pairs, counts, w,
     )  # fmt: skip
 
 
@@ -185,9 +205,9 @@ def ask(
 def _surfaces_meet(
     nodes_a, corner_a, vertices_a, start_a, levels_a, top_a, first_a,
     nodes_b, corner_b, vertices_b, start_b, levels_b, top_b, first_b,
-    pose, motion, moved, stamp, turned, prepared, stamp_a, query, stack, bottom, counts, w,
+    pose, motion, moved, stamp, turned, prepared, stamp_a, query, query_a, stack, bottom, counts, w,
 ):  # fmt: skip
-    """Whether a surface of a and one of b meet.
+    """Two triangles in which a surface of a and one of b meet (2^32·(that of a) + that of b, in leaf order), or -1.
 
     The box of node q of level l is lane q % 8 of node q // 8 of level l + 1; that of a surface's top is at `top`.
     """
@@ -200,12 +220,13 @@ def _surfaces_meet(
         a = top_a if la == levels_a else start_a[la + 1] + BOXES * (qa >> 3) + (qa & 7)
         b = top_b if lb == levels_b else start_b[lb + 1] + BOXES * (qb >> 3) + (qb & 7)
         if la == 1 and lb == 1:
-            if _leaves_meet(
+            met = _leaves_meet(
                 nodes_a, corner_a, vertices_a, start_a[1] + TRIANGLES * qa, a, first_a + 8 * qa,
                 nodes_b, corner_b, vertices_b, start_b[1] + TRIANGLES * qb, b, first_b + 8 * qb,
-                pose, motion, moved, stamp, turned, prepared, stamp_a, query, counts, w,
-            ):  # fmt: skip
-                return True
+                pose, motion, moved, stamp, turned, prepared, stamp_a, query, query_a, counts, w,
+            )  # fmt: skip
+            if met >= 0:
+                return met
             continue
         if la > lb:
             counts[2] += 8
@@ -248,15 +269,15 @@ def _surfaces_meet(
                 stack[depth + 2], stack[depth + 3] = lb - 1, 8 * qb + j
                 depth += 4
                 bits &= bits - 1
-    return False
+    return -1
 
 
 @njit(forceinline=True, **KERNEL)
 def _leaves_meet(
     nodes_a, corner_a, vertices_a, leaf_a, a, first_a, nodes_b, corner_b, vertices_b, leaf_b, b, first_b,
-    pose, motion, moved, stamp, turned, prepared, stamp_a, query, counts, w,
+    pose, motion, moved, stamp, turned, prepared, stamp_a, query, query_a, counts, w,
 ):  # fmt: skip
-    """Whether a triangle of one leaf meets one of another; the boxes of the leaves are at `a` and `b`.
+    """The same for two leaves, whose boxes are at `a` and `b`.
 
     Both leaves are about the centre of a's leaf. Coordinates there are off by at most 10 roundings of float32 of the
     leaves' size (those of b turned and shifted) and by what the float64 vertices are off; differences by `off`.
@@ -264,8 +285,8 @@ def _leaves_meet(
     With e, f, w off by `off` an entry, their determinant is off by no more than off·(|e||f| + |f||w| + |w||e|) in sum
     norms, each enlarged by 2·off; its rounding adds less than 2·off·|e||f|, and 1% is for the rounding of the bound.
     """
-    if stamp_a[leaf_a // SLOT] != query:
-        stamp_a[leaf_a // SLOT] = query
+    if stamp_a[leaf_a // SLOT] != query_a:
+        stamp_a[leaf_a // SLOT] = query_a
         prepare_triangles(nodes_a, leaf_a, prepared, SPREAD * leaf_a)
     if stamp[leaf_b // SLOT] != query:
         stamp[leaf_b // SLOT] = query
@@ -296,7 +317,7 @@ def _leaves_meet(
         -hx - sx - off, -hy - sy - off, -hz - sz - off, hx - sx + off, hy - sy + off, hz - sz + off,
     )  # fmt: skip
     if bits_b == 0:
-        return False
+        return -1
     reach = size_a + np.float32(1.8) * size_b + np.float32(2.0) * off  # of any difference, where boxes overlap
     kf = np.float32(1.01) * off * (reach + np.float32(6.0) * off)
     kp = np.float32(3.03) * off
@@ -308,19 +329,27 @@ def _leaves_meet(
         bits = perhaps_meeting(prepared, SPREAD * leaf_a, turned, SPREAD * leaf_b + j, sx, sy, sz, off, kf, kp, k)
         if bits == 0:
             continue
-        p2 = _moved(vertices_b, corner_b[3 * (first_b + j)], pose)
-        q2 = _moved(vertices_b, corner_b[3 * (first_b + j) + 1], pose)
-        r2 = _moved(vertices_b, corner_b[3 * (first_b + j) + 2], pose)
         while bits != 0:
-            t = 3 * (first_a + lowest(bits))
+            t = first_a + lowest(bits)
             bits &= bits - 1
             counts[3] += 1
-            p1 = _corner(vertices_a, corner_a[t])
-            q1 = _corner(vertices_a, corner_a[t + 1])
-            r1 = _corner(vertices_a, corner_a[t + 2])
-            if triangles_meet(p1, q1, r1, p2, q2, r2, w):
-                return True
-    return False
+            if _pair_meets(corner_a, vertices_a, t, corner_b, vertices_b, first_b + j, pose, w):
+                return (t << 32) + first_b + j
+    return -1
+
+
+@njit(**KERNEL)
+def _pair_meets(corner_a, vertices_a, ta, corner_b, vertices_b, tb, pose, w):
+    """Whether triangle `ta` of a meets triangle `tb` of b, moved; both in leaf order."""
+    return triangles_meet(
+        _corner(vertices_a, corner_a[3 * ta]),
+        _corner(vertices_a, corner_a[3 * ta + 1]),
+        _corner(vertices_a, corner_a[3 * ta + 2]),
+        _moved(vertices_b, corner_b[3 * tb], pose),
+        _moved(vertices_b, corner_b[3 * tb + 1], pose),
+        _moved(vertices_b, corner_b[3 * tb + 2], pose),
+        w,
+    )
 
 
 @njit(forceinline=True, **KERNEL)

@@ -12,13 +12,13 @@ written out because numba else compiles a kernel anew for every constant argumen
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-KERNEL: Final[dict[str, bool]] = {"cache": True, "nogil": True, "_nrt": False}
+KERNEL: Final[dict[str, Any]] = {"cache": True, "nogil": True, "_nrt": False}
 """How kernels are compiled that allocate nothing. Without `_nrt`, numba counts references to every array at every call:
 measured, that was two thirds of a query."""
 WORKSPACE: Final = 1024

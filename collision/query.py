@@ -53,9 +53,9 @@ def examine(
     """`colliding_surfaces`, and what it cost."""
     if method == "best":
         scratch = _local.scratch
-        before = Statistics.of(scratch.counts)
+        before = Statistics.of(scratch.counts[:5])
         pairs = scratch.ask(mesh_a, mesh_b, pose_ab)
-        return pairs, Statistics.of(scratch.counts) - before
+        return pairs, Statistics.of(scratch.counts[:5]) - before
     pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}")
     if method in ("oaabb", "brute"):
         return _plain(mesh_a, mesh_b, pose, method == "oaabb")
@@ -70,59 +70,104 @@ class Scratch:
     """What the fast query works in: one a thread, grown to the largest meshes seen, never part of an answer."""
 
     def __init__(self) -> None:
-        from collision.best import LEVELS, SLOT, SPREAD, STACK, ask
+        from collision.best import COUNTS, LEVELS, SLOT, SPREAD, STACK
         from collision.lanes import MOTION
         from collision.predicates import workspace
 
-        self._ask = ask
         self._slot, self._spread = SLOT, SPREAD
-        self._query = 0
         self.pose, self.motion = np.empty(15), np.empty(MOTION, np.float32)
         self.stack = np.empty(STACK, np.int32)
         self.levels = np.empty((3, LEVELS), np.int64)
         self.workspace = workspace()
-        self.counts = np.zeros(5, np.int64)
-        self._grow_a(1)
-        self._grow_b(1)
-        self._grow_pairs(1)
+        self.counts = np.zeros(COUNTS, np.int64)
+        self.size_a = self.size_b = self.size_pairs = 0
+        self.fit(1, 1, 1)
 
-    def _grow_a(self, nodes: int) -> None:
-        self.prepared = np.empty(self._spread * nodes, np.float32)
-        self.stamp_a = np.zeros(nodes // self._slot + 1, np.int64)
-
-    def _grow_b(self, nodes: int) -> None:
-        self.moved = np.empty(nodes, np.float32)
-        self.turned = np.empty(self._spread * nodes, np.float32)
-        self.stamp = np.zeros(nodes // self._slot + 1, np.int64)
-
-    def _grow_pairs(self, pairs: int) -> None:
-        self.keys = np.empty(pairs, np.int64)
-        self.pairs = np.empty((pairs, 2), np.int32)
+    def fit(self, size_a: int, size_b: int, pairs: int) -> None:
+        """Grow to so many float32 of nodes, and pairs of surfaces."""
+        if size_a > self.size_a:
+            self.size_a = size_a
+            self.prepared = np.empty(self._spread * size_a, np.float32)
+            self.stamp_a = np.zeros(size_a // self._slot + 1, np.int64)
+        if size_b > self.size_b:
+            self.size_b = size_b
+            self.moved = np.empty(size_b, np.float32)
+            self.turned = np.empty(self._spread * size_b, np.float32)
+            self.stamp = np.zeros(size_b // self._slot + 1, np.int64)
+        if pairs > self.size_pairs:
+            self.size_pairs = pairs
+            self.keys = np.empty(pairs, np.int64)
+            self.pairs = np.empty((pairs, 2), np.int32)
+        self.arguments = (
+            self.pose, self.motion, self.moved, self.stamp, self.turned, self.prepared, self.stamp_a,
+            self.stack, self.levels, self.keys, self.pairs, self.counts, self.workspace,
+        )  # fmt: skip
 
     def ask(self, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose: Any) -> NDArray[np.int32]:
-        """The colliding pairs of surfaces."""
+        """The colliding pairs of surfaces, nothing remembered."""
+        from collision.best import ask
+
         a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
-        if len(a.nodes) > len(self.prepared) // self._spread:
-            self._grow_a(len(a.nodes))
-        if len(b.nodes) > len(self.moved):
-            self._grow_b(len(b.nodes))
-        if mesh_a.n_surfaces * mesh_b.n_surfaces > len(self.keys):
-            self._grow_pairs(mesh_a.n_surfaces * mesh_b.n_surfaces)
-        self._query += 1
-        matrix = getattr(pose, "homogeneous", None)
-        if matrix is None:
-            packed = pack(pose, f"pose of {mesh_b.name} in {mesh_a.name}")
-            matrix = np.eye(4)
-            matrix[:3, :3], matrix[:3, 3] = packed[:9].reshape(3, 3), packed[9:]
-        n = self._ask(
-            a.nodes, a.info, a.corner, a.vertices, a.frame, b.nodes, b.info, b.corner, b.vertices, b.frame,
-            matrix, Tolerance.rigid, self.pose, self.motion, self.moved, self.stamp, self.turned,
-            self.prepared, self.stamp_a, self._query, self.stack, self.levels, self.keys, self.pairs,
-            self.counts, self.workspace,
-        )  # fmt: skip
+        pairs = mesh_a.n_surfaces * mesh_b.n_surfaces
+        if len(a.nodes) > self.size_a or len(b.nodes) > self.size_b or pairs > self.size_pairs:
+            self.fit(len(a.nodes), len(b.nodes), pairs)
+        matrix = _matrix(pose, mesh_a, mesh_b)
+        n = ask(*a.arrays, *b.arrays, matrix, Tolerance.rigid, NOTHING, *self.arguments)
         if n < 0:
-            pack(pose, f"pose of {mesh_b.name} in {mesh_a.name}")
+            pack(pose, _who(mesh_a, mesh_b))  # raises
         return self.pairs[:n].copy()
+
+
+class PairQuery:
+    """Two meshes asked again and again along a motion: `colliding_surfaces`, faster, with the very same answers.
+
+    Remembered between questions: for each pair of surfaces the triangles that met last, tried first next time. Not for
+    two threads at once.
+    """
+
+    def __init__(self, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> None:
+        from collision.best import PREPARED_FOR, ask
+
+        a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
+        pairs = mesh_a.n_surfaces * mesh_b.n_surfaces
+        self._meshes = mesh_a, mesh_b
+        self._ask = ask
+        self._scratch = Scratch()
+        self._scratch.fit(len(a.nodes), len(b.nodes), pairs)
+        self._scratch.counts[PREPARED_FOR] = 1
+        self._head = (*a.arrays, *b.arrays)
+        self._tail = (np.full(pairs, -1, np.int64), *self._scratch.arguments)
+
+    def colliding_surfaces(self, pose_ab: Any) -> NDArray[np.int32]:
+        """(k, 2) int32: surface of a, surface of b, sorted; for b at `pose_ab` in a's frame."""
+        matrix = _matrix(pose_ab, *self._meshes)
+        n = self._ask(*self._head, matrix, Tolerance.rigid, *self._tail)
+        if n < 0:
+            pack(pose_ab, _who(*self._meshes))  # raises
+        return self._scratch.pairs[:n].copy()
+
+    @property
+    def statistics(self) -> Statistics:
+        """Counts of all questions so far."""
+        return Statistics.of(self._scratch.counts[:5])
+
+
+NOTHING = np.empty(0, np.int64)
+"""nothing remembered"""
+
+
+def _who(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> str:
+    return f"pose of {mesh_b.name} in {mesh_a.name}"
+
+
+def _matrix(pose: Any, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> NDArray[np.float64]:
+    """The (4, 4) form of a pose; a `pinocchio.SE3` is checked by the kernel, anything else here."""
+    matrix: NDArray[np.float64] | None = getattr(pose, "homogeneous", None)
+    if matrix is None:
+        packed = pack(pose, _who(mesh_a, mesh_b))
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = packed[:9].reshape(3, 3), packed[9:]
+    return matrix
 
 
 class _Local(threading.local):

@@ -12,7 +12,7 @@ float32 resolves them to 1e-7 of the leaf's size, wherever it lies.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,9 @@ class WideTree:
     frame: NDArray[np.float64]
     """(7,) centre of the mesh's box, half its size, greatest magnitude of a coordinate"""
 
+    arrays: tuple[NDArray[Any], ...]
+    """the five of them, in this order"""
+
     @property
     def nbytes(self) -> int:
         """Bytes beyond those of the mesh and of its `MeshTree`."""
@@ -74,7 +77,10 @@ def wide_tree_of(mesh: SurfaceMesh) -> WideTree:
         box = tree.box[0]
         frame = np.array([*(0.5 * (box[:3] + box[3:])), *(0.5 * (box[3:] - box[:3])), largest])
         widen(mesh.vertices, tree.corner, tree.first, tree.count, tree.root, np.argsort(tree.root), frame, nodes, info)
-        wide = WideTree(nodes, info, tree.corner.ravel(), mesh.vertices.ravel(), frame)
+        arrays = (nodes, info, tree.corner.ravel(), mesh.vertices.ravel(), frame)
+        for array in arrays:
+            array.setflags(write=False)
+        wide = WideTree(*arrays, arrays)
         mesh._cache["wide"] = wide
     return wide
 

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from collision import CollisionError, PoseError, SurfaceMesh, colliding_surfaces
+from collision import CollisionError, MeshError, PairQuery, PoseError, SurfaceMesh, colliding_surfaces
 from collision.query import METHODS, examine
 from tests.collision import exact, shapes
 
@@ -74,6 +74,60 @@ def test_methods_agree_on_larger_meshes() -> None:
         assert answers[0] == sorted(answers[0])
         hits += len(answers[0])
     assert hits > 200
+
+
+def test_memory_changes_no_answer() -> None:
+    rng = np.random.default_rng(3)
+    a, b = shapes.wave(24, 4, 1), shapes.wave(20, 3, 2)
+    query = PairQuery(a, b)
+    pose = pin.SE3.Identity()
+    afresh = 0
+    for step in range(120):
+        pose = random_pose(rng, 0.3) if step % 30 == 0 else pose * pin.exp6(0.01 * rng.normal(size=6))
+        assert np.array_equal(query.colliding_surfaces(pose), colliding_surfaces(a, b, pose, "oaabb"))
+        afresh += examine(a, b, pose, "best")[1].triangle_box_tests
+    assert 0 < query.statistics.triangle_box_tests < afresh
+    with pytest.raises(PoseError, match="not a rigid motion"):
+        query.colliding_surfaces(np.diag([2.0, 1.0, 1.0, 1.0]))
+
+
+def test_far_from_the_origin_and_small() -> None:
+    rng = np.random.default_rng(4)
+    base_a, base_b = shapes.wave(10, 2, 1), shapes.wave(8, 2, 2)
+    hits = 0
+    for scale, offset in ((1e-6, 0.0), (1e-6, 1.0), (1.0, 1e6), (1e6, 1e6), (1e-3, 1e3)):
+        a = SurfaceMesh(base_a.vertices * scale + offset, base_a.triangles, base_a.surface_of_triangle)
+        b = SurfaceMesh(base_b.vertices * scale - offset, base_b.triangles, base_b.surface_of_triangle)
+        for _ in range(20):
+            rotation = random_pose(rng, 0.0).rotation
+            middle = 0.5 * scale * np.array([1, 1, 0])
+            place = middle + offset + 0.2 * scale * rng.normal(size=3)
+            pose = pin.SE3(rotation, place - rotation @ (middle - offset))
+            answers = [colliding_surfaces(a, b, pose, method).tolist() for method in OWN]
+            assert all(answer == answers[0] for answer in answers)
+            hits += len(answers[0])
+    assert hits > 200
+
+
+def test_surfaces_of_many_sizes_and_numbers() -> None:
+    """Trees of one level and of four, of a surface and of hundreds."""
+    rng = np.random.default_rng(5)
+    meshes = [shapes.soup(1, 1, 1, 2.0), shapes.soup(9, 9, 2, 1.0), shapes.soup(700, 300, 3), shapes.wave(50, 1, 4)]
+    hits = 0
+    for a in meshes:
+        for b in meshes:
+            for _ in range(3):
+                pose = random_pose(rng, 0.4)
+                answers = [colliding_surfaces(a, b, pose, method).tolist() for method in ("best", "oaabb")]
+                assert answers[0] == answers[1]
+                hits += len(answers[0])
+    assert hits > 1000
+
+
+def test_coordinates_beyond_float32_are_refused() -> None:
+    mesh = SurfaceMesh([[0, 0, 0], [1e31, 0, 0], [0, 1, 0]], [[0, 1, 2]], name="galaxy")
+    with pytest.raises(MeshError, match=r"galaxy.*largest allowed"):
+        colliding_surfaces(mesh, mesh, pin.SE3.Identity())
 
 
 def test_overlap_boxes_save_box_tests() -> None:
