@@ -273,22 +273,28 @@ class ConstraintManager:
 
     def _remove_contradicted(self, poses: Sequence[pin.SE3]) -> None:
         """Where a newly accepted constraint cannot hold with the older ones, these give way, the newest first."""
-        for id in [i for i in self._unproven if i in self.accepted]:
-            if self._holds(list(self.accepted), poses):
+        fresh, self._unproven = [i for i in self._unproven if i in self.accepted], []
+        if not fresh or self._holds(list(self.accepted), poses):
+            return
+        for k, id in enumerate(fresh):
+            proven = [i for i in self.accepted if i not in fresh[k + 1 :]]
+            if id not in self.accepted or self._holds(proven, poses):
                 continue
-            older = [i for i in reversed(self.accepted) if i != id]
+            older = [i for i in reversed(proven) if i != id]
             mine = self.accepted[id].candidate
-            culprit = next((i for i in older if self._holds([k for k in self.accepted if k != i], poses)), None)
+            culprit = next((i for i in older if self._holds([k for k in proven if k != i], poses)), None)
             same_pair = [i for i in older if self.accepted[i].candidate.bodies == mine.bodies]
             for i in same_pair if culprit is None else [culprit]:
                 self.remove(i, f"cannot hold together with the {mine.kind} just accepted")
-        self._unproven = []
 
     def _holds(self, ids: Sequence[int], poses: Sequence[pin.SE3]) -> bool:
         """Whether the constraints of these ids can hold together, starting from `poses`."""
+        limit = self.tolerance.linear  # real hole patterns are off by less, and still go together
+        constraints = [self.accepted[i].candidate.constraint for i in ids]
+        if all(np.abs(c.residual(poses[c.bodies[0]], poses[c.bodies[1]])).max() <= limit for c in constraints):
+            return True
         free = [i for i in range(len(poses)) if i not in self.fixed]
-        solution = solve([self.accepted[i].candidate.constraint for i in ids], poses, free, self.tolerance)
-        return solution.residual <= self.tolerance.linear  # real hole patterns are off by less, and still go together
+        return solve(constraints, poses, free, replace(self.tolerance, solver=0.1 * limit)).residual <= limit
 
     # -- checkpoint
 

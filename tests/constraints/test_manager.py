@@ -213,6 +213,16 @@ def test_a_contradicting_acceptance_removes_the_older_constraint():
     assert list(bench.manager.accepted) == [high]
 
 
+def test_what_is_off_by_a_micrometre_goes_together():
+    floor, step = Builder(), Builder()
+    for b, up, shift in ((floor, True, 1e-6), (step, False, 0.0)):
+        rectangles(b, [(0, 0, 0.1, 0.1)], 0.0, up=up)
+        rectangles(b, [(0.2, 0, 0.3, 0.1)], shift, up=up)
+    bench = Bench([floor.body(), step.body()], [at(), at(z=2e-6)], fixed=[0], rules=[lambda c: True])
+    assert bench.go() == [("recognised", "against"), ("accepted", "against")] * 2
+    assert len(bench.manager.accepted) == 2
+
+
 def test_consistent_redundant_constraints_stay():
     bench = Bench([box(0.1, 0.1, 0.02), box(0.05, 0.05, 0.05)], [at(), at(z=0.035)], rules=[lambda c: True], fixed=[0])
     two = Bench([housing(), housing(), flanged_shaft()], [at(), at(z=-0.07), at(z=0.01)], rules=[lambda c: True])
