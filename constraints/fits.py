@@ -82,8 +82,9 @@ def allowed(points: Array, tolerance: Tolerance) -> float:
     return min(tolerance.fit, tolerance.fit_relative * float(np.linalg.norm(np.ptp(points, axis=0))))
 
 
-def fit_kind(kind: str, points: ArrayLike, bases: ArrayLike, normals: ArrayLike) -> Fit:
-    """The least-squares surface of one kind; raises FitError when there is none. Arguments as for `fit_surface`."""
+def fit_kind(kind: str, points: ArrayLike, bases: ArrayLike, normals: ArrayLike, iterations: int = 40) -> Fit:
+    """The least-squares surface of one kind; raises FitError when there is none. Arguments as for `fit_surface`,
+    `iterations` as for `refine`."""
     p = np.asarray(points, dtype=np.float64)
     center = p.mean(axis=0)
     scale = float(np.linalg.norm(np.ptp(p, axis=0)))
@@ -91,7 +92,7 @@ def fit_kind(kind: str, points: ArrayLike, bases: ArrayLike, normals: ArrayLike)
         raise FitError(f"{len(p)} points of extent {scale} m determine no {kind}; give more")
     unit = (p - center) / scale
     guess = _GUESS[kind](unit, (np.asarray(bases, dtype=np.float64) - center) / scale, np.asarray(normals))
-    geometry = _scaled(refine(guess, unit), scale, center)
+    geometry = _scaled(refine(guess, unit, iterations), scale, center)
     return Fit(geometry, float(np.abs(geometry.distance(p)).max()))
 
 

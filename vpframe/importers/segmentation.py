@@ -17,6 +17,8 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from collision import Tolerance
 from constraints.errors import GeometryError
@@ -30,6 +32,8 @@ Index = NDArray[np.int64]
 _NEEDED = {"plane": 3, "cylinder": 5, "sphere": 4, "cone": 6, "torus": 7}
 _STRONG = 6
 """vertices beyond those needed that a curved surface must explain to be taken before the planes"""
+_SMALL = 12
+"""facets below which a curved piece amid a freeform surface is taken for a chance fit"""
 _OUTDO = {"cylinder": 1.0, "cone": 1.5, "sphere": 1.5, "torus": 2.5}
 """how many times the facets of a simpler surface a richer one must explain: a sphere goes through any frustum's two
 circles, a torus through any two frustums in a row"""
@@ -76,6 +80,7 @@ class _Segmentation:
         self._stamp = 0
         self._out = np.empty(len(triangles), np.int64)
         self.facet, self.facets = self._flat_facets()
+        self._facet_areas = np.bincount(self.facet, self.areas)
         self.around = self._smooth_neighbours()
 
     def run(self) -> list[Segment]:
@@ -84,6 +89,7 @@ class _Segmentation:
         self._planes(sure=False)
         self._curved(strong=False)
         self._rest()
+        self._dissolve()
         return sorted(self.segments, key=lambda s: int(s.triangles.min()))
 
     def _grow(self, geometry: Geometry, seed: int) -> Index:
@@ -126,26 +132,17 @@ class _Segmentation:
 
     def _smooth_neighbours(self) -> list[list[int]]:
         """Facets that meet each facet at a blunt angle, those along the longest border first."""
-        t, k = np.nonzero(self.across >= 0)
-        n = self.across[t, k]
-        other = (self.facet[t] != self.facet[n]) & (
-            np.einsum("ij,ij->i", self.normals[t], self.normals[n]) > self.smooth
-        )
-        t, k, n = t[other], k[other], n[other]
-        ends = self.vertices[self.triangles[t, k]] - self.vertices[self.triangles[t, (k + 1) % 3]]
+        t, n, lengths = self._smooth_edges(self.facet)
         border: list[dict[int, float]] = [{} for _ in self.facets]
-        for a, b, length in zip(
-            self.facet[t].tolist(), self.facet[n].tolist(), np.linalg.norm(ends, axis=1), strict=True
-        ):
-            border[a][b] = border[a].get(b, 0.0) + float(length)
+        for a, b, length in zip(self.facet[t].tolist(), self.facet[n].tolist(), lengths.tolist(), strict=True):
+            border[a][b] = border[a].get(b, 0.0) + length
         return [sorted(d, key=lambda b: (-d[b], b)) for d in border]
 
     def _curved(self, strong: bool) -> None:
         """Take curved surfaces, those that explain most first, from seeds at every facet that is still free."""
         candidates: list[tuple[int, Geometry, int]] = []
         covered = np.zeros(len(self.triangles), bool)
-        areas = np.array([self.areas[f].sum() for f in self.facets])
-        for f in np.argsort(-areas, kind="stable").tolist():
+        for f in np.argsort(-self._facet_areas, kind="stable").tolist():
             if self.label[self.facets[f][0]] >= 0 or covered[self.facets[f][0]]:
                 continue
             best = self._best_at(f, strong)
@@ -201,7 +198,7 @@ class _Segmentation:
             if len(points) < _NEEDED[kind] + 1:
                 continue
             try:
-                fit = fit_kind(kind, points, self.middles[patch], self.vectors[patch])
+                fit = fit_kind(kind, points, self.middles[patch], self.vectors[patch], iterations=15)
             except (FitError, GeometryError):
                 continue
             if fit.residual > self.tolerance:
@@ -248,12 +245,18 @@ class _Segmentation:
 
     def _planes(self, sure: bool) -> None:
         """Take flat facets: those that cannot be a segment of a curved surface, or those that stand alone."""
-        for f in sorted(range(len(self.facets)), key=lambda f: (-self.areas[self.facets[f]].sum(), f)):
+        areas = self._facet_areas
+        for f in np.argsort(-areas, kind="stable").tolist():
             members = self.facets[f]
             if self.label[members[0]] >= 0:
                 continue
-            free = any(self.label[self.facets[g][0]] < 0 for g in self.around[f])
-            if self._is_wide(members) if sure else not free:
+            if sure:  # facets beside it that are as large speak of a surface that bends slowly
+                beside = max((areas[g] for g in self.around[f]), default=0.0)
+                flat = areas[f] > 3.0 * beside and self._is_wide(members)
+            else:  # a lone triangle beside smooth neighbours is a piece of something bent
+                free = any(self.label[self.facets[g][0]] < 0 for g in self.around[f])
+                flat = not free and (len(members) > 1 or not self.around[f])
+            if flat:
                 self._take(members, self._plane(members))
 
     def _is_wide(self, members: Index) -> bool:
@@ -276,27 +279,65 @@ class _Segmentation:
         return fit.geometry
 
     def _rest(self) -> None:
-        """Join what is left across smooth edges to freeform surfaces."""
-        for t in range(len(self.triangles)):
-            if self.label[t] >= 0:
-                continue
-            region, front = {t}, [t]
-            while front:
-                a = front.pop()
-                for b in self.across[a].tolist():
-                    if (
-                        b >= 0
-                        and b not in region
-                        and self.label[b] < 0
-                        and (self.needle[a] or self.needle[b] or self.normals[a] @ self.normals[b] > self.smooth)
-                    ):
-                        region.add(b)
-                        front.append(b)
-            members = np.array(sorted(region))
+        """Join what is left across smooth edges: to freeform surfaces, or to planes where it is but a few facets."""
+        t, n, _ = self._smooth_edges()
+        free = (self.label[t] < 0) & (self.label[n] < 0)
+        graph = coo_array((np.ones(int(free.sum())), (t[free], n[free])), shape=(len(self.label),) * 2)
+        _, group = connected_components(graph, directed=False)
+        left = np.flatnonzero(self.label < 0)
+        for g in np.unique(group[left]):
+            members = left[group[left] == g]
             facets = np.unique(self.facet[members])
-            if len(facets) >= 4:
+            bent = [f for f in facets if len(self.facets[f]) == 1 and self.around[f]]
+            if len(facets) >= 4 or bent:
                 self._take(members, Freeform())
                 continue
             for f in facets:
                 flat = members[self.facet[members] == f]
                 self._take(flat, self._plane(flat))
+
+    def _smooth_edges(self, apart: Index | None = None) -> tuple[Index, Index, Array]:
+        """Pairs of triangles that meet at a blunt angle (each both ways) and the lengths of their edges, m.
+
+        With `apart`, only pairs whose numbers there differ, and needles meet at the angle their normals make.
+        """
+        t, k = np.nonzero(self.across >= 0)
+        n = self.across[t, k].astype(np.int64)
+        blunt = np.einsum("ij,ij->i", self.normals[t], self.normals[n]) > self.smooth
+        smooth = blunt | self.needle[t] | self.needle[n] if apart is None else blunt & (apart[t] != apart[n])
+        t, k, n = t[smooth], k[smooth], n[smooth]
+        ends = self.vertices[self.triangles[t, k]] - self.vertices[self.triangles[t, (k + 1) % 3]]
+        return t, n, np.linalg.norm(ends, axis=1)
+
+    def _dissolve(self) -> None:
+        """Give small curved pieces that mostly border on freeform surfaces to them, and join these where they meet."""
+        t, n, length = self._smooth_edges()
+        while True:
+            a, b = self.label[t], self.label[n]
+            count = len(self.segments)
+            free = np.array([isinstance(s.geometry, Freeform) for s in self.segments])
+            small = np.array([self._is_small(s) for s in self.segments])
+            border = np.bincount(a[a != b], length[a != b], minlength=count)
+            towards = np.bincount(a[(a != b) & free[b]], length[(a != b) & free[b]], minlength=count)
+            given = small & ~free & (towards > 0.5 * border) & (border > 0.0)
+            loose = free | given
+            joins = loose[a] & loose[b] & (a != b)
+            if not joins.any():
+                return
+            graph = coo_array((np.ones(int(joins.sum())), (a[joins], b[joins])), shape=(count, count))
+            _, group = connected_components(graph, directed=False)
+            members: dict[int, list[Index]] = {}
+            for i, s in enumerate(self.segments):
+                key = int(group[i]) if loose[i] else -1 - i
+                members.setdefault(key, []).append(s.triangles)
+            kept = {-1 - i: s for i, s in enumerate(self.segments) if not loose[i]}
+            self.segments = []
+            for key, pieces in members.items():
+                triangles = np.sort(np.concatenate(pieces))
+                self.label[triangles] = len(self.segments)
+                self.segments.append(kept.get(key) or Segment(triangles, Freeform(), 0.0))
+
+    def _is_small(self, segment: Segment) -> bool:
+        if isinstance(segment.geometry, Plane):
+            return len(segment.triangles) == 1
+        return len(np.unique(self.facet[segment.triangles])) < _SMALL
