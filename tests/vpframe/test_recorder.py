@@ -141,6 +141,33 @@ def test_the_recording_carries_a_blueprint(recorded):
     assert len(reader.blueprints()) == 2  # as the session began, and when all that was seen is known
 
 
+def test_a_real_session_is_recorded_as_it_was(tmp_path):
+    from tests.vpframe.bench_scene import SEAT, scene
+    from vpframe.interaction.conditions import constraint
+    from vpframe.session import Session
+
+    path = tmp_path / "run.rrd"
+    with Session(scene(), record=path) as session:
+        hand = session.hand(at=(0.06, 0.0, 0.08))
+        hand.grab("peg")
+        hand.move_to(SEAT + np.array([0.0, 0.0, 0.03]), duration=0.5)
+        hand.slide("down", until=constraint("concentric", other="block"))
+        hand.release()
+    rows = rows_of(path)
+    told = [(line.step, line.kind, line.text) for line in replay.lines(path) if line.kind != "script"]
+    assert sorted(told) == sorted((e.step, e.kind, e.text) for e in session.events)
+    assert {"grabbed", "recognised", "accepted", "released"} <= {kind for _, kind, _ in told}
+    translation = at_step(rows["parts/peg"], "Transform3D:translation")
+    trail = session.trail("peg")
+    assert len(trail) > 30
+    for step, pose in trail:
+        np.testing.assert_allclose(translation[step][0], pose.translation, atol=1e-7)
+    freedom = at_step(rows["plots/freedom/peg"], "Scalars:scalars")
+    assert freedom[max(freedom)] == [session.freedom("peg")]
+    states = [row["StateChange:state"][0] for e, r in rows.items() if "concentric" in e for row in r if "step" in row]
+    assert "active" in states
+
+
 def test_names_with_slashes_and_spaces_do_not_nest(tmp_path):
     shape = pressing_scene()["rod"].shape
     names = ("a", "a/b", "a b (2)", "größe")

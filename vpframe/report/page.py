@@ -122,9 +122,13 @@ def _clearance(document: dict[str, Any], log: SessionLog, pictures: dict[Any, by
     least = document["clearance"]
     if least is None:
         return ""
-    text = f"Least: {_mm(least['least'])} at {least['time']:.3f} s (step {least['step']})."
+    text = f"Least: {_mm(least['least'])} at {least['time']:.3f} s (step {least['step']})"
+    if least["parts"]:
+        (a, b), (s, t) = least["parts"], least["surfaces"]
+        place = ", ".join(f"{1e3 * x:.2f}" for x in least["points"][0])
+        text += f", between {escape(a)} [{s}] and {escape(b)} [{t}] at ({place}) mm"
     plot = plots.lines({"clearance": [(t, 1e3 * c) for t, c in log.clearance]}, "mm", log.duration)
-    return f"<p>{text}</p>{plot}{_figure(pictures.get('least'), 'where it is least', 'wide')}"
+    return f"<p>{text}.</p>{plot}{_figure(pictures.get('least'), 'where it is least', 'wide')}"
 
 
 def _clashes(document: dict[str, Any], pictures: dict[Any, bytes]) -> str:

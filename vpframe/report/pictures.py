@@ -12,18 +12,20 @@ from vpframe.scene import Scene
 from vpframe.visualization.camera import DIRECTION, Camera, look_at
 from vpframe.visualization.display import display_mesh
 from vpframe.visualization.snapshot import render
-from vpframe.visualization.symbols import frame_symbols, hand_symbols
+from vpframe.visualization.symbols import Symbol, frame_symbols, hand_symbols
 
 SIZE = (480, 360)
 GHOST = 0.22
 """opacity of what stands between the eye and a clash"""
 
 
-def scene_picture(scene: Scene, frame: Frame, camera: Camera, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:
-    """The whole scene at one step, with what collides and the constraints."""
+def scene_picture(
+    scene: Scene, frame: Frame, camera: Camera, size: tuple[int, int] = SIZE, marks: Sequence[Symbol] = ()
+) -> NDArray[np.uint8]:
+    """The whole scene at one step, with what collides, the constraints and `marks`."""
     names = scene.names
     marked = [(names[o], int(s)) for row in frame.colliding for o, s in (row[:2], row[2:])]
-    symbols = (*frame_symbols(frame), *hand_symbols(frame.hands, 0.06 * camera.radius))
+    symbols = (*frame_symbols(frame), *hand_symbols(frame.hands, 0.06 * camera.radius), *marks)
     return render(scene, frame.poses, marked, size, camera, symbols)
 
 

@@ -19,9 +19,11 @@ from vpframe.report.depth import Depth, depths
 from vpframe.report.log import SessionLog
 from vpframe.report.pictures import pair_picture, scene_picture
 from vpframe.report.swept import SweptVolume, write_stl
+from vpframe.report.where import Gap, least_gap
 from vpframe.visualization.camera import frame_scene
 from vpframe.visualization.meshcat_viewer import write_page
 from vpframe.visualization.snapshot import png
+from vpframe.visualization.symbols import gap_symbol
 
 CLASH_PICTURES = 24
 MOMENT_PICTURES = 12
@@ -60,11 +62,12 @@ def write(
         raise VpframeError(f"{folder}: cannot be made a folder: {error.strerror}") from None
     status = folder / "clashes.json"
     records = clash_status.updated(clash_status.read(status), log.clashes)
-    with Progress("measuring clashes") as progress:
+    with Progress("measuring clashes and clearance") as progress:
         found = depths(log, progress)
-    document = _document(log, records, found, failure, task, authorised, swept)
+        gap = least_gap(log)
+    document = _document(log, records, found, gap, failure, task, authorised, swept)
     with Progress("drawing the report") as progress:
-        pictures = _pictures(log, progress)
+        pictures = _pictures(log, gap, progress)
     for volume in swept:
         write_stl(folder / _stl_name(volume), volume.vertices, volume.triangles)
     clash_status.write(status, records)
@@ -79,6 +82,7 @@ def _document(
     log: SessionLog,
     records: Sequence[ClashRecord],
     found: dict[ClashKey, Depth],
+    gap: Gap | None,
     failure: str,
     task: str,
     authorised: Sequence[tuple[str, str]],
@@ -113,6 +117,9 @@ def _document(
             "least": least.clearance,
             "time": least.time,
             "step": least.step,
+            "parts": list(gap.parts) if gap else None,
+            "surfaces": list(gap.surfaces) if gap else None,
+            "points": [point.tolist() for point in gap.points] if gap else None,
             "poses": {
                 name: {
                     "translation": least.poses[name].translation.tolist(),
@@ -182,7 +189,7 @@ def _clash(log: SessionLog, record: ClashRecord, depth: Depth | None) -> dict[st
     }
 
 
-def _pictures(log: SessionLog, progress: Progress) -> dict[Any, bytes]:
+def _pictures(log: SessionLog, gap: Gap | None, progress: Progress) -> dict[Any, bytes]:
     """PNG bytes by what they show: a ClashKey, the number of a moment, "end", or "least"."""
     camera = frame_scene(log.scene, log.start, *(frame.poses for frame, _ in log.history.sample(40)))
     clashes = list(log.clashes.values())[:CLASH_PICTURES]
@@ -202,7 +209,8 @@ def _pictures(log: SessionLog, progress: Progress) -> dict[Any, bytes]:
         drawn[number] = shown[frame.step]
     for name, last in (("end", log.history.last), ("least", log.least)):
         if last is not None:
-            drawn[name] = png(scene_picture(log.scene, last, camera, (640, 480)))
+            mark = [gap_symbol(*gap.points, camera.radius)] if gap and name == "least" else []
+            drawn[name] = png(scene_picture(log.scene, last, camera, (640, 480), mark))
     return drawn
 
 

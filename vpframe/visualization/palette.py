@@ -23,6 +23,8 @@ HAND: Color = (0.98, 0.80, 0.20)
 """the hand, and the part it holds"""
 TRAIL: Color = (0.45, 0.35, 0.75)
 """where the held part has been"""
+GAP: Color = (0.75, 0.10, 0.62)
+"""the place of least clearance"""
 EDGE: Color = (0.13, 0.15, 0.19)
 BACKGROUND: tuple[Color, Color] = ((0.97, 0.98, 0.99), (0.80, 0.84, 0.89))
 """top and bottom"""

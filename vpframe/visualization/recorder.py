@@ -114,7 +114,7 @@ class RerunRecorder:
         self._draw(frame)
         self._states(frame.constraints)
         for event in frame.events:
-            rows.add("events", "text", event)
+            rows.add("events", "text", event, (event.step, event.time))
         if frame.script != self._script:
             self._script = frame.script
             rows.add("script", "document", frame.script)
@@ -267,8 +267,9 @@ class _Rows:
         self._now = (step, seconds)
         self.steps += 1
 
-    def add(self, path: str, kind: str, value: Any) -> None:
-        self._rows.setdefault((path, kind), []).append((*self._now, value))
+    def add(self, path: str, kind: str, value: Any, at: tuple[int, float] | None = None) -> None:
+        """Buffer a value, at the present step unless `at` says another (step, s)."""
+        self._rows.setdefault((path, kind), []).append((*(at or self._now), value))
 
     def take(self) -> Buffered:
         """All rows by entity and kind; the buffers are empty afterwards."""

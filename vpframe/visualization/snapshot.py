@@ -167,7 +167,7 @@ class _Buffers:
         key = np.clip(lit @ KEY_LIGHT, 0.0, None)
         half = KEY_LIGHT + np.array([0.0, 0.0, 1.0])
         shine = np.clip(lit @ (half / np.linalg.norm(half)), 0.0, None) ** 40
-        light = 0.46 + 0.48 * key + 0.16 * np.clip(lit @ FILL_LIGHT, 0.0, None)
+        light = 0.50 + 0.50 * key + 0.18 * np.clip(lit @ FILL_LIGHT, 0.0, None)
         shaded = color * light[:, None] + 0.13 * shine[:, None]
         if cut:
             rows, columns = np.nonzero(seen)

@@ -149,6 +149,15 @@ def trail_symbol(name: str, points: ArrayLike) -> Symbol:
     return Symbol(f"trail/{name}", (len(strip),), (strip,), pin.SE3.Identity(), palette.TRAIL, 2.0, name)
 
 
+def gap_symbol(a: ArrayLike, b: ArrayLike, scale: float) -> Symbol:
+    """Where two things are nearest: points `a` and `b` (3,) joined, in rings one can find. scale: m, of the picture."""
+    line = np.array([a, b], dtype=np.float64)
+    middle = line.mean(axis=0)
+    radius = max(0.03 * scale, 0.75 * float(np.linalg.norm(line[1] - line[0])))
+    rings = [middle + circle(axis, radius) for axis in (X, Y, Z)]
+    return Symbol("gap", ("gap",), (line, *rings), pin.SE3.Identity(), palette.GAP, 2.0, "least clearance", 0.85)
+
+
 def frame_at(origin: ArrayLike, direction: ArrayLike) -> pin.SE3:
     """The pose at `origin` (3,) whose z axis is along `direction` (3,); the world's z where that is zero."""
     x, y, z = np.asarray(direction, dtype=np.float64).tolist()
