@@ -116,13 +116,14 @@ def signed_distances(mesh: SurfaceMesh, points: ArrayLike) -> NDArray[np.float64
     For a closed mesh without self-intersections, behind is inside.
     """
     from collision import kernels_solid as kernels
+    from collision.kernels_distance import STACK
 
     p = np.ascontiguousarray(np.asarray(points, np.float64).reshape(-1, 3))
     tree, solid = tree_of(mesh), solid_of(mesh)
     out = np.empty(len(p))
     kernels.signed_distances(
         mesh.vertices, tree.box, tree.second, tree.first, tree.count, tree.corner,
-        solid.face, solid.edge, solid.vertex, p, out,
+        solid.face, solid.edge, solid.vertex, p, out, np.empty(STACK, np.int64), np.empty(STACK),
     )  # fmt: skip
     return out
 

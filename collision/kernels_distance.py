@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from collision.polygons import triangles_meet
+from collision.predicates import KERNEL
 
 ROUNDING: Final = 1e-14
 """1: bound, generously, of the relative rounding error of the few dozen operations behind one pruning test."""
@@ -20,32 +21,32 @@ STACK: Final = 512
 """Places on a traversal's stack: more than the depths of two trees together."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _sub(a, b):
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _cross(a, b):
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _along(a, s, u):
     return (a[0] + s * u[0], a[1] + s * u[1], a[2] + s * u[2])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _greatest(u):
     return max(abs(u[0]), abs(u[1]), abs(u[2]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def move(rotation, translation, vertices, i):
     """Vertex i moved by a pose: the one formula by which a vertex of b comes into a's frame."""
     x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
@@ -56,7 +57,7 @@ def move(rotation, translation, vertices, i):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def closest_on_segment(p, a, b):
     """The point of the segment a b nearest p."""
     u = _sub(b, a)
@@ -69,7 +70,7 @@ def closest_on_segment(p, a, b):
     return _along(a, s / length, u)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _vertex_edges(best, x, y, p, a, b, c):
     """Better the nearest pair (x on p's side, y on the triangle's) by the edges of a b c."""
     for k in range(3):
@@ -86,7 +87,7 @@ def _vertex_edges(best, x, y, p, a, b, c):
     return best, x, y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _vertex_face(best, x, y, p, a, b, c, n, nn):
     """Better the nearest pair by the foot of p inside the triangle a b c of normal n, nn = n·n > 0."""
     h = _dot(n, _sub(p, a))
@@ -104,7 +105,7 @@ def _vertex_face(best, x, y, p, a, b, c, n, nn):
     return best, x, y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _edge_edge(best, x, y, p, u, q, v):
     """Better the nearest pair by the common normal of the edges p + s·u and q + t·v, where it meets both inside."""
     n = _cross(u, v)
@@ -125,7 +126,7 @@ def _edge_edge(best, x, y, p, u, q, v):
     return best, x, y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def closest_features(a, b, c, p, q, r):
     """(squared distance, point of a b c, point of p q r) of the nearest features: 6 vertex-face and 9 edge-edge pairs.
 
@@ -167,7 +168,7 @@ def closest_features(a, b, c, p, q, r):
     return best, x, y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _pierces(a, b, p, q, r):
     """(how deep inside the triangle p q r the segment a b pierces it, where); depth -1 where it does not."""
     n = _cross(_sub(q, p), _sub(r, p))
@@ -181,7 +182,7 @@ def _pierces(a, b, p, q, r):
     return min(s, t, u), f
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def common_point(a, b, c, p, q, r):
     """A point that two triangles have in common, to rounding: the middle of the segment in which they cross."""
     n = 0
@@ -208,7 +209,7 @@ def common_point(a, b, c, p, q, r):
     return (0.5 * (e[0] + f[0]), 0.5 * (e[1] + f[1]), 0.5 * (e[2] + f[2]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _beyond(n, o, p, q, r, size, bound):
     """Whether p, q, r lie on one side of the plane (n, o), all farther from it than `bound`, whatever the rounding."""
     u, v, w = _sub(p, o), _sub(q, o), _sub(r, o)
@@ -222,7 +223,7 @@ def _beyond(n, o, p, q, r, size, bound):
     return near > 0.0 and near * near > bound * bound * _dot(n, n)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def planes_part(a, b, c, p, q, r, bound):
     """Whether the plane of one triangle proves that they are farther apart than `bound`."""
     u, v = _sub(b, a), _sub(c, a)
@@ -232,7 +233,7 @@ def planes_part(a, b, c, p, q, r, bound):
     return _beyond(_cross(u, v), p, a, b, c, _greatest(u) * _greatest(v), bound)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def box_gap(box_a, i, box_b, j, rotation, translation):
     """Lower bound of the squared distance of node i of a and node j of b: the gap along a's axes or along b's."""
     ax, ay, az = 0.5 * (box_a[i, 0] + box_a[i, 3]), 0.5 * (box_a[i, 1] + box_a[i, 4]), 0.5 * (box_a[i, 2] + box_a[i, 5])
@@ -255,7 +256,7 @@ def box_gap(box_a, i, box_b, j, rotation, translation):
     return max(along_a, gx * gx + gy * gy + gz * gz)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def rounding_of(box_a, box_b, rotation, translation):
     """m: how far a distance of boxes or points may be off, by its coordinates and the rotation's own error."""
     reach = 0.0
@@ -272,12 +273,12 @@ def rounding_of(box_a, box_b, rotation, translation):
     return (ROUNDING + 4.0 * off) * 2.0 * reach
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _size(box, i):
     return box[i, 3] - box[i, 0] + box[i, 4] - box[i, 1] + box[i, 5] - box[i, 2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _leaves(
     i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
     rotation, translation, bound, rounding, best, hit, work,
@@ -325,7 +326,7 @@ def _leaves(
     return bound
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def closest(
     root_a, root_b,
     vertices_a, box_a, second_a, first_a, count_a, corner_a,
@@ -370,7 +371,7 @@ def closest(
         top += 2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def near_surfaces(
     box_a, second_a, surface_a, box_b, second_b, surface_b, rotation, translation, reach, heeded, pairs, stack,
 ):  # fmt: skip
@@ -404,16 +405,14 @@ def near_surfaces(
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def surface_contacts(
     pairs, root_a, root_b,
     vertices_a, box_a, second_a, first_a, count_a, corner_a,
     vertices_b, box_b, second_b, first_b, count_b, corner_b,
-    rotation, translation, within, rounding, best, hit, work,
+    rotation, translation, within, rounding, best, hit, work, stack, gap,
 ):  # fmt: skip
     """`closest` for each surface pair of `pairs`: rows of `best` (n, 7) and `hit` (n, 2)."""
-    stack = np.empty((STACK, 2), np.int64)
-    gap = np.empty(STACK)
     for k in range(len(pairs)):
         closest(
             root_a[pairs[k, 0]], root_b[pairs[k, 1]],

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from collision.kernels_distance import STACK, _along, _cross, _dot, _sub, closest_on_segment, planes_part
+from collision.kernels_distance import _along, _cross, _dot, _sub, closest_on_segment, planes_part
 from collision.polygons import triangles_meet
+from collision.predicates import KERNEL
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def winding_number(vertices, triangles, p):
     """How often the mesh winds about p: the sum of the triangles' signed solid angles, over 4π.
 
@@ -29,7 +30,7 @@ def winding_number(vertices, triangles, p):
     return total / (4.0 * np.pi)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def closest_on_triangle(p, a, b, c):
     """(nearest point, where it lies: 0 … 2 on the edge ab, bc, ca, 3 … 5 in the corner a, b, c, 6 inside)."""
     n = _cross(_sub(b, a), _sub(c, a))
@@ -59,7 +60,7 @@ def closest_on_triangle(p, a, b, c):
     return nearest, feature
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _gap(box, i, p):
     x = max(0.0, box[i, 0] - p[0], p[0] - box[i, 3])
     y = max(0.0, box[i, 1] - p[1], p[1] - box[i, 4])
@@ -67,7 +68,7 @@ def _gap(box, i, p):
     return x * x + y * y + z * z
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def distance(root, vertices, box, second, first, count, corner, p, bound, stack, gap):
     """(squared distance, nearest point, its triangle in leaf order, feature) of a point and the triangles below a node.
 
@@ -105,7 +106,7 @@ def distance(root, vertices, box, second, first, count, corner, p, bound, stack,
     return best, nearest, triangle, feature
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, p, stack, gap):
     """(distance, negative behind the surface; nearest point; its triangle, in leaf order) of the mesh and a point.
 
@@ -125,16 +126,15 @@ def signed_distance(vertices, box, second, first, count, corner, face, edge, ver
     return (-apart if _dot(n, _sub(p, nearest)) < 0.0 else apart), nearest, triangle
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def signed_distances(vertices, box, second, first, count, corner, face, edge, vertex, points, out):
+@njit(error_model="numpy", **KERNEL)
+def signed_distances(vertices, box, second, first, count, corner, face, edge, vertex, points, out, stack, gap):
     """`signed_distance` of many points (n, 3): distances into `out` (n,)."""
-    stack, gap = np.empty(STACK, np.int64), np.empty(STACK)
     for i in range(len(points)):
         p = (points[i, 0], points[i, 1], points[i, 2])
         out[i], _, _ = signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, p, stack, gap)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _to_triangle(vertices, corner, t, p):
     a = (vertices[corner[t, 0], 0], vertices[corner[t, 0], 1], vertices[corner[t, 0], 2])
     b = (vertices[corner[t, 1], 0], vertices[corner[t, 1], 1], vertices[corner[t, 1], 2])
@@ -144,7 +144,7 @@ def _to_triangle(vertices, corner, t, p):
     return np.sqrt(_dot(w, w))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _meets(vertices, box, second, first, count, corner, p, q, r, stack, work):
     """Whether the triangle p q r meets any of the mesh."""
     low = (min(p[0], q[0], r[0]), min(p[1], q[1], r[1]), min(p[2], q[2], r[2]))
@@ -173,25 +173,22 @@ def _meets(vertices, box, second, first, count, corner, p, q, r, stack, work):
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def deepest(
     vertices, box, second, first, count, corner, face, edge, vertex, surface_of,
-    points, surface, root, precision, budget, out, work,
+    todo, n, surface, root, precision, budget, out, work, stack, gap,
 ):  # fmt: skip
-    """The point of the triangles `points` (n, 9) that lies deepest behind the mesh, nearest to its surface `surface`.
+    """The deepest point behind the mesh of the first n triangles of `todo` (m, 9), where nearest to its `surface`.
 
     Branch and bound over halved triangles. A triangle's points are at most as deep as its corners are far from one
     triangle of the mesh (the distance to a convex set is convex), and at most by its radius deeper than its middle;
     they are no deeper than some step by which the whole triangle comes out of the solid. None of them is nearest to the
     surface, whose subtree is `root`, if that lies farther from the middle than radius and greatest depth together.
     Found to within `precision` (m) and 1 %, or after `budget` triangles the deepest seen. out: (7,) depth >= 0, the
-    point, the nearest point of the mesh; all 0 if nothing lies behind.
+    point, the nearest point of the mesh; all 0 if nothing lies behind. The rest of `todo` is room to work in.
     """
-    stack, gap = np.empty(STACK, np.int64), np.empty(STACK)
-    room = 4 * len(points) + 256
-    todo = np.empty((room, 9))
-    todo[: len(points)] = points
-    top = len(points)
+    room = len(todo)
+    top = n
     depth = 0.0
     while top > 0 and budget > 0:
         top -= 1

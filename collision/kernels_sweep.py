@@ -23,7 +23,6 @@ import numpy as np
 from numba import njit
 
 from collision.kernels_distance import (
-    STACK,
     _cross,
     _dot,
     _size,
@@ -35,17 +34,18 @@ from collision.kernels_distance import (
     rounding_of,
 )
 from collision.polygons import triangles_meet
+from collision.predicates import KERNEL
 
 STEPS: Final = 20000
 """Advancements after which a pair counts as in contact at the time reached: a guard that stays on the safe side."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _norm(u):
     return np.sqrt(_dot(u, u))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _turned(rotation, u):
     return (
         rotation[0, 0] * u[0] + rotation[0, 1] * u[1] + rotation[0, 2] * u[2],
@@ -54,7 +54,7 @@ def _turned(rotation, u):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def pose_at(rotation, translation, twist, t, rotation_t, translation_t):
     """Write the pose (rotation, translation)·exp(t·twist); twist = (v, w) in the body frame (Rodrigues' formula)."""
     wx, wy, wz = twist[3] * t, twist[4] * t, twist[5] * t
@@ -81,7 +81,7 @@ def pose_at(rotation, translation, twist, t, rotation_t, translation_t):
             rotation_t[i, j] = rotation[i, 0] * r[0][j] + rotation[i, 1] * r[1][j] + rotation[i, 2] * r[2][j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def relative(rotation_a, translation_a, rotation_b, translation_b, rotation, translation):
     """Write the pose of b in a's frame."""
     d = (
@@ -97,7 +97,7 @@ def relative(rotation_a, translation_a, rotation_b, translation_b, rotation, tra
             )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _safe(g, s, k):
     """The greatest dt with s·dt + k·dt²/2 <= g, for g > 0 and k >= 0; infinity if there is none."""
     root = np.sqrt(s * s + 2.0 * k * g)
@@ -106,7 +106,7 @@ def _safe(g, s, k):
     return np.inf
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _node_step(box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, level):
     """(safe dt, fastest, ever, pace) of two nodes that are to stay `level` (m) apart.
 
@@ -146,13 +146,13 @@ def _node_step(box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, le
     return step, fastest, ever, pace
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _range(n, a, b, c):
     x, y, z = _dot(n, a), _dot(n, b), _dot(n, c)
     return min(x, y, z), max(x, y, z)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _hold(n, gap, p, q, r, dv, dw, wa, ever, pace, aim):
     """How long the gap along n surely stays above `aim`, where p, q, r move against it."""
     closing = -_dot(n, dv) - min(_dot(n, _cross(dw, p)), _dot(n, _cross(dw, q)), _dot(n, _cross(dw, r)))
@@ -160,7 +160,7 @@ def _hold(n, gap, p, q, r, dv, dw, wa, ever, pace, aim):
     return _safe(gap - aim, closing, growth)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def separation(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough):
     """(separation of two triangles, how long it surely stays above `aim`), over their normals and products of edges.
 
@@ -200,7 +200,7 @@ def separation(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough):
     return best, hold
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _pair_step(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough, touching, work):
     """(signed distance of two triangles, how long it surely stays above `aim`); less exact if that is `enough`.
 
@@ -220,7 +220,7 @@ def _pair_step(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough, tou
     return d, hold
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _leaf_step(
     i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
     rotation, translation, dv, dw, wa, fastest, ever, pace, level, aim, step, rounding, work,
@@ -256,26 +256,25 @@ def _leaf_step(
     return step, least
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def sweep(
     vertices_a, box_a, second_a, first_a, count_a, corner_a, surface_a,
     vertices_b, box_b, second_b, first_b, count_b, corner_b, surface_b,
     rotation_a, translation_a, twist_a, rotation_b, translation_b, twist_b,
-    until, tolerance, play, level, hit, work,
+    until, tolerance, play, level, hit, work, stack, safe, rotations, translations,
 ):  # fmt: skip
     """The first time in [0, until] at which a pair of surfaces comes to its level, or infinity.
 
     level: (ka, kb) m, the signed distance at which a surface pair stops the motion, -inf where it never does; (0, 0)
     where all stop at `tolerance`. Steps aim `play` (m) below a pair's own level, half the tolerance below the others':
     the level is crossed, never by more than that.
-    hit: (2,) the surface pair. Returns (time, time of the advancement before it).
+    hit: (2,) the surface pair. rotations, translations: room for three.
+
+    Returns (time, time of the advancement before it).
     """
     own = level.shape[0] > 0
-    ra, ta = np.empty((3, 3)), np.empty(3)
-    rb, tb = np.empty((3, 3)), np.empty(3)
-    rotation, translation = np.empty((3, 3)), np.empty(3)
-    stack = np.empty((STACK, 2), np.int64)
-    safe = np.empty(STACK)
+    ra, rb, rotation = rotations[0], rotations[1], rotations[2]
+    ta, tb, translation = translations[0], translations[1], translations[2]
     wa = (twist_a[3], twist_a[4], twist_a[5])
     wb = (twist_b[3], twist_b[4], twist_b[5])
     vb = (twist_b[0], twist_b[1], twist_b[2])
@@ -341,7 +340,7 @@ def sweep(
     return t, before
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _leaf_depth(
     i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
     rotation, translation, least, rounding, work,
@@ -368,15 +367,14 @@ def _leaf_depth(
     return least
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def depths_of(
     pairs, root_a, root_b,
     vertices_a, box_a, second_a, first_a, count_a, corner_a,
     vertices_b, box_b, second_b, first_b, count_b, corner_b,
-    rotation, translation, within, rounding, depths, work,
+    rotation, translation, within, rounding, depths, work, stack,
 ):  # fmt: skip
     """The least signed distance (m) of each pair of surfaces, or `within` (>= 0) if it is more, into `depths`."""
-    stack = np.empty((STACK, 2), np.int64)
     for k in range(len(pairs)):
         depths[k] = _depth(
             root_a[pairs[k, 0]], root_b[pairs[k, 1]],
@@ -386,7 +384,7 @@ def depths_of(
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", **KERNEL)
 def _depth(
     root_a, root_b,
     vertices_a, box_a, second_a, first_a, count_a, corner_a,

@@ -96,6 +96,7 @@ def _deepest(
 ) -> NDArray[np.float64]:
     """(7,) depth, point and nearest boundary point of a surface of `other`, posed in the frame of `solid`."""
     from collision import kernels_solid as kernels
+    from collision.kernels_distance import STACK
     from collision.predicates import workspace
 
     tree, boundary = tree_of(solid), solid_of(solid)
@@ -103,10 +104,13 @@ def _deepest(
     corners = (other.vertices @ pose.rotation.T + pose.translation)[other.triangles[other.triangles_of(other_surface)]]
     box = tree.box[0]
     near = (corners.min(axis=1) <= box[3:]).all(axis=1) & (corners.max(axis=1) >= box[:3]).all(axis=1)
+    n = int(np.count_nonzero(near))
+    todo = np.empty((4 * n + 256, 9))  # halving a triangle again and again leaves one sibling a step
+    todo[:n] = corners[near].reshape(-1, 9)
     kernels.deepest(
         solid.vertices, tree.box, tree.second, tree.first, tree.count, tree.corner,
         boundary.face, boundary.edge, boundary.vertex, solid.surface_of_triangle[tree.order],
-        np.ascontiguousarray(corners[near].reshape(-1, 9)), surface, tree.root[surface], precision, BUDGET, out,
-        workspace(),
+        todo, n, surface, tree.root[surface], precision, BUDGET, out, workspace(),
+        np.empty(STACK, np.int64), np.empty(STACK),
     )  # fmt: skip
     return out

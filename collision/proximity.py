@@ -76,7 +76,7 @@ def surface_contacts(
         pairs, a.root, b.root,
         mesh_a.vertices, a.box, a.second, a.first, a.count, a.corner,
         mesh_b.vertices, b.box, b.second, b.first, b.count, b.corner,
-        rotation, translation, float(within), rounding, best, hit, workspace(),
+        rotation, translation, float(within), rounding, best, hit, workspace(), stack, np.empty(kernels.STACK),
     )  # fmt: skip
     found = np.flatnonzero(hit[:, 0] >= 0)
     found = found[np.lexsort((pairs[found, 1], pairs[found, 0]))]

@@ -195,7 +195,7 @@ def _pair_time(
         level = np.full((a.mesh.n_surfaces, b.mesh.n_surfaces), tolerance)
         if heeded is not None:
             level[heeded == 0] = -np.inf
-    work = workspace()
+    work, stack = workspace(), np.empty((kernels_distance.STACK, 2), np.int64)
     rotation, translation = np.ascontiguousarray(start.rotation), start.translation
     rounding = kernels_distance.rounding_of(a.tree.box, b.tree.box, rotation, translation)
     if pairs:
@@ -205,7 +205,7 @@ def _pair_time(
             surfaces, a.tree.root, b.tree.root,
             a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner,
             b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner,
-            rotation, translation, tolerance, rounding, depths, work,
+            rotation, translation, tolerance, rounding, depths, work, stack,
         )  # fmt: skip
         lowest = np.where(depths > play - tolerance, np.maximum(depths - play, -tolerance), depths - 0.01 * play)
         if deflection > 0.0:
@@ -216,7 +216,8 @@ def _pair_time(
         a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner, a.tree.surface,
         b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner, b.tree.surface,
         a.rotation, a.translation, a.twist, b.rotation, b.translation, b.twist,
-        until, tolerance, 0.5 * play, level, hit, work,
+        until, tolerance, 0.5 * play, level, hit, work, stack, np.empty(kernels_distance.STACK),
+        np.empty((3, 3, 3)), np.empty((3, 3)),
     )  # fmt: skip
     return float(time), float(before), (int(hit[0]), int(hit[1])), pairs
 
