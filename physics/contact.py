@@ -369,7 +369,7 @@ def _edges_on_edges(
 ):  # fmt: skip
     """Crossings of convex edges of both bodies, in b's frame."""
     ga, gb = shapes.first_surface[fa], shapes.first_surface[fb]
-    a, b, sa, sb = pairs[first]
+    a, sa, b, sb = pairs[first]
     mine = _union(
         pairs, first, last, 0, ga + fa, shapes.edge_start, shapes.surface_edges, stamps_e, shapes.kinds,
         shapes.analytic, ga,

@@ -48,6 +48,8 @@ class Grip:
         self.hand = hold if isinstance(hold, SpringHand) else None
         self.target: pin.SE3 = hold.target if isinstance(hold, SpringHand) else hold
         self.wrench: Array = np.zeros(6)
+        self.before: Array = np.zeros(6)
+        """velocity of the object a step ago"""
 
     def pull(self, view: View) -> Array:
         """(6,) force and torque about the centre of mass, world axes."""

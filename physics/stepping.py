@@ -89,11 +89,16 @@ class Stepper:
 
     # --- contacts ---------------------------------------------------------------------------------------------------
 
-    def find(self, island: Island, margin: float, depth: float) -> Contacts:
-        """Contact points of the island as it stands; forces are zero."""
+    def find(self, island: Island, reach: float) -> Contacts:
+        """Contact points of the island as it stands, with gaps up to `reach` (m); forces are zero.
+
+        Penetration is looked for to 3/10 of the thinnest part: deeper, the nearest face may be that of the other side.
+        """
         if len(island.pairs) == 0 or self.shapes is None:
             return NO_CONTACTS
         b = self.bodies
+        thickness = float(b.thickness[island.pairs[:, [0, 2]]].min())
+        margin, depth = reach, max(0.1 * thickness, min(reach, 0.3 * thickness))
         while True:
             n = contact.find(
                 island.pairs, b.rotation, b.origin, self.shape_of, self.shapes, margin, depth, self._ints, self._reals,
@@ -132,8 +137,7 @@ class Stepper:
         island.residual = 0.0
         rest = Saved(b, island.moved)
         t = 0.0
-        reach = self._reach(island, dt)
-        now = self.find(island, reach, reach)
+        now = self.find(island, self._reach(island, dt))
         now = self._inherit(now, before)
         while dt - t > 1e-12 * dt:
             h = dt - t
@@ -160,7 +164,7 @@ class Stepper:
         start = Saved(b, island.ids)
         reach = self._reach(island, h)
         mechanism.advance(b, time, h, wrench, island.constant)
-        after = self.find(island, reach, reach)
+        after = self.find(island, reach)
         if _least(after, slice(None)) > self.tolerance.touch and self._limit(island) >= 0.5 * h:
             return after
         start.restore(b)
@@ -266,7 +270,7 @@ class Stepper:
         self._drift(island, rest, t + h, h)
         reach = self._reach(island, h)
         for _ in range(6):
-            after = self.find(island, reach, reach)
+            after = self.find(island, reach)
             row = pressing.match(now.ints, after.ints) if len(now.ints) else np.full(len(after.ints), -1)
             known = row >= 0
             touched = np.zeros(len(after.ints), bool)
@@ -399,12 +403,12 @@ class Stepper:
         self._press(island, now, near, self._free(island, time + t, h, wrench), h, target)
         self._drift(island, rest, t + h, h)
         reach = self._reach(island, h)
-        after = self.find(island, reach, reach)
+        after = self.find(island, reach)
         jb, jj, jr = assemble(island.joints, self.bodies, island.ids)
         sunk = np.flatnonzero(after.reals[:, 6] < 0.0)
         if len(sunk) or len(jr):
             self._correct(island, after, sunk, jb, jj, jr)
-            after = self.find(island, reach, reach)
+            after = self.find(island, reach)
         return self._inherit(after, now)
 
 

@@ -323,7 +323,7 @@ class World:
         b = self._bodies
         carried = self._carry(dt)
         free = self._free_awake()
-        if len(free) or carried:
+        if len(free) or carried or self._grips:
             self._list_near(free, carried, dt)
             groups, lone = self._islands(free)
             ended = []
@@ -361,6 +361,8 @@ class World:
             else:
                 path = self._path[i]
                 target = self._target(i, path.pose(self.time + dt), type(path).__name__)
+            if grip is not None:
+                grip.before = b.velocity[i].copy()
             turn = pin.log3(target.rotation @ b.rotation[i].T)
             shift = target.rotation @ b.offset[i] + target.translation - b.center[i]
             b.velocity[i, :3] = shift / dt
@@ -369,8 +371,25 @@ class World:
                 moving.append(i)
         return moving
 
+    def _felt(self, i: int, grip: Grip, dt: float) -> Array:
+        """(6,) what it took to carry object i through the step: its inertia, less what contacts and behaviours gave."""
+        b = self._bodies
+        change = (b.velocity[i] - grip.before) / dt
+        r = b.rotation[i]
+        w = np.concatenate([b.mass[i] * change[:3], r @ b.inertia[i] @ r.T @ change[3:]])
+        omega = b.velocity[i, 3:]
+        w[3:] += np.cross(omega, r @ b.inertia[i] @ r.T @ omega)
+        w -= self._wrenches(np.array([i]), self.time)[0]
+        for touch in self._touches(i, dt):
+            w[:3] -= touch.impulse / dt
+            w[3:] -= np.cross(touch.point - b.center[i], touch.impulse / dt)
+        return w
+
     def _finish_carried(self, carried: list[int], dt: float) -> None:
         b = self._bodies
+        for i, grip in self._grips.items():
+            if grip.hand is None:
+                grip.wrench = self._felt(i, grip, dt)
         for i in carried:
             grip = self._grips.get(i)
             path = self._path.get(i)

@@ -1,0 +1,224 @@
+"""Hard cases: extreme masses and sizes, fast spin, edges and vertices, jams, deep starts, singular loops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from physics_meshes import at, ball_mesh, box_mesh, cylinder_mesh, plate_with_hole, room
+
+from collision import CollisionManager
+from constraints.geometry import Cylinder, Sphere
+from physics import Body, Elastic, Friction, Gravity, Sleeping, World
+from physics.behaviours import STANDARD_GRAVITY as G
+
+
+def energy(world, ids):
+    return sum(
+        world.energy(i) + world._body[i].mass * G * (world.pose(i).act(np.array(world._body[i].center))[2]) for i in ids
+    )
+
+
+@pytest.mark.parametrize("heavy_above", [True, False])
+def test_mass_ratio_of_a_million(heavy_above):
+    manager, _ = room()
+    mesh = box_mesh(0.1, 0.1, 0.1)
+    world = World(manager)
+    masses = (1e-3, 1e3) if heavy_above else (1e3, 1e-3)
+    ids = [manager.add(mesh, at(z=0.05 + 0.1 * k)) for k in range(2)]
+    for i, mass in zip(ids, masses, strict=True):
+        world.add(i, Body.box([0.1] * 3, mass), [Gravity(), Friction(0.5), Sleeping(False)])
+    for _ in range(200):
+        world.step(0.01)
+    for k, i in enumerate(ids):
+        assert world.pose(i).translation == pytest.approx([0, 0, 0.05 + 0.1 * k], abs=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-4, 1e3])
+def test_tiny_and_huge_parts_come_to_rest(size):
+    manager, _ = room(40 * size, 2 * size)
+    mesh = box_mesh(size, size, size)
+    box = manager.add(mesh, at(z=0.8 * size, turn=(0.1, 0.2, 0.3)))
+    world = World(manager)
+    world.add(box, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.5), Sleeping(False)])
+    scale = np.sqrt(size / G)
+    for _ in range(400):
+        world.step(0.05 * scale)
+    assert world.pose(box).translation[2] == pytest.approx(0.5 * size, abs=1e-6 * size)
+    assert np.abs(world.velocity(box)[:3]).max() < 1e-6 * size / scale
+
+
+def test_one_radian_a_step_keeps_energy_and_momentum():
+    manager = CollisionManager()
+    part = manager.add(box_mesh(0.1, 0.2, 0.3), at())
+    world = World(manager)
+    body = Body.box([0.1, 0.2, 0.3], 1.0)
+    world.add(part, body, velocity=[0, 0, 0, 30.0, 80.0, 50.0])
+    first = world.energy(part)
+    momentum = body.inertia @ [30.0, 80.0, 50.0]
+    for _ in range(1000):
+        world.step(0.01)
+    assert world.energy(part) == pytest.approx(first, rel=1e-12)
+    r = world.pose(part).rotation
+    assert r @ body.inertia @ r.T @ world.velocity(part)[3:] == pytest.approx(momentum, rel=1e-12)
+
+
+@pytest.mark.parametrize("turn", [(0, np.pi / 4, 0), (np.arctan(np.sqrt(2.0)), np.pi / 4, 0)])
+def test_landing_on_an_edge_or_a_vertex_never_gains_energy(turn):
+    manager, _ = room()
+    mesh = box_mesh(0.1, 0.1, 0.1)
+    box = manager.add(mesh, at(z=0.3, turn=turn))
+    world = World(manager)
+    world.add(box, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.5), Elastic(0.3), Sleeping(False)])
+    last = energy(world, [box])
+    worst = 0.0
+    for _ in range(200):
+        world.step(0.01)
+        now = energy(world, [box])
+        worst = max(worst, now - last)
+        last = now
+        rotation = world.pose(box).rotation
+        lowest = (world.pose(box).translation + mesh.vertices @ rotation.T)[:, 2].min()
+        assert lowest > -1e-9
+    assert worst < 2e-3 * G * 0.3
+
+
+def test_edge_on_edge():
+    """A bar across another, both on their long edges: four crossings of edges never pass."""
+    manager, _ = room()
+    below = manager.add(box_mesh(1.0, 0.1, 0.1), at(z=0.5, turn=(np.pi / 4, 0, 0)), movable=False)
+    mesh = box_mesh(0.1, 1.0, 0.1)
+    above = manager.add(mesh, at(z=0.5 + 0.1 * np.sqrt(2) + 0.05, turn=(0, np.pi / 4, 0)))
+    world = World(manager)
+    world.add(below, None, [Friction(0.8)])
+    world.add(above, Body.from_mesh(mesh, 1000.0), [Gravity(), Sleeping(False)])
+    for _ in range(30):
+        world.step(0.01)
+    assert world.pose(above).translation[2] == pytest.approx(0.5 + 0.1 * np.sqrt(2), abs=1e-9)
+
+
+def test_wedge_jams():
+    """A box in a V of 90°: twelve contacts for six freedoms, and it stays where it was put."""
+    manager = CollisionManager()
+    for s in (-1, 1):
+        turn = pin.exp3(np.array([0, s * np.pi / 4, 0]))
+        manager.add(box_mesh(1, 1, 0.2), pin.SE3(turn, turn @ [-s * 0.5, 0, -0.1]), movable=False)
+    mesh = box_mesh(0.2, 0.2, 0.2)
+    box = manager.add(mesh, at(z=0.1 * np.sqrt(2), turn=(0, np.pi / 4, 0)))
+    world = World(manager)
+    world.add(box, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.9), Sleeping(False)])
+    start = world.pose(box).translation
+    for _ in range(100):
+        world.step(0.01)
+    assert np.abs(world.pose(box).translation - start).max() < 1e-10
+
+
+def test_a_deep_start_is_resolved_without_an_explosion():
+    manager, _ = room()
+    mesh = box_mesh(0.1, 0.1, 0.1)
+    box = manager.add(mesh, at(z=0.045))  # 5 mm deep
+    world = World(manager)
+    world.add(box, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.5), Sleeping(False)])
+    for _ in range(100):
+        world.step(0.01)
+        assert world.energy(box) < 1e-9
+    assert world.pose(box).translation == pytest.approx([0, 0, 0.05], abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [10.0, 300.0])
+def test_nothing_thin_is_passed_at_any_speed(speed):
+    """A 5 mm ball against a 1 mm plate, up to 3 m a step."""
+    manager = CollisionManager()
+    manager.add(box_mesh(0.5, 0.5, 0.001), at(), movable=False)
+    mesh = ball_mesh(0.0025, 4)
+    ball = manager.add(mesh, at(z=0.7))
+    world = World(manager)
+    world.add(ball, Body.sphere(0.0025, 1e-3), [Elastic(1.0)], {0: Sphere(np.zeros(3), 0.0025)},
+              velocity=[0, 0, -speed, 0, 0, 0])  # fmt: skip
+    while world.time < 1.0 / speed:
+        world.step(0.01)
+    assert world.velocity(ball)[2] == pytest.approx(speed, rel=1e-12)
+    travelled = 0.7 - 0.0005 - 0.0025
+    assert world.pose(ball).translation[2] == pytest.approx(0.003 + speed * world.time - travelled, abs=1e-9)
+
+
+@pytest.mark.parametrize("clearance", [5e-5, 5e-6])
+def test_a_peg_falls_into_its_hole_and_stays(clearance):
+    radius, length, plate = 0.004, 0.03, 0.02
+    manager, _ = room(0.2)
+    hole = manager.add(plate_with_hole(0.04, plate, radius + clearance), at(z=plate / 2), movable=False)
+    mesh = cylinder_mesh(radius, length)
+    peg = manager.add(mesh, at(x=0.3 * clearance, z=plate + 0.004 + length / 2))
+    world = World(manager)
+    world.add(hole, None, [], {0: Cylinder(np.zeros(3), [0, 0, 1], radius + clearance)})
+    world.add(
+        peg, Body.from_mesh(mesh, 7850.0), [Gravity(), Friction(0.1)], {0: Cylinder(np.zeros(3), [0, 0, 1], radius)}
+    )
+    off = 0.0
+    for _ in range(60):
+        world.step(0.01)
+        off = max(off, float(np.hypot(*world.pose(peg).translation[:2])))
+    assert world.pose(peg).translation[2] == pytest.approx(length / 2, abs=1e-9)
+    assert off < clearance * (1 + 1e-6)
+
+
+def test_newtons_cradle_passes_the_blow_on():
+    manager = CollisionManager()
+    world = World(manager)
+    radius = 0.02
+    ids = []
+    for k in range(5):
+        i = manager.add(ball_mesh(radius, 4), at(x=2 * radius * k - (0.05 if k == 0 else 0.0)))
+        world.add(
+            i,
+            Body.sphere(radius, 0.1),
+            [Elastic(1.0), Friction(0.0)],
+            {0: Sphere(np.zeros(3), radius)},
+            velocity=[1.0 if k == 0 else 0.0, 0, 0, 0, 0, 0],
+        )
+        ids.append(i)
+    for _ in range(10):
+        world.step(0.01)
+    assert [world.velocity(i)[0] for i in ids] == pytest.approx([0, 0, 0, 0, 1], abs=1e-12)
+
+
+def test_resting_stack_does_not_creep_over_ten_thousand_steps():
+    manager, _ = room()
+    mesh = box_mesh(0.1, 0.1, 0.1)
+    world = World(manager)
+    ids = [manager.add(mesh, at(x=0.01 * k, z=0.05 + 0.1 * k)) for k in range(3)]
+    for i in ids:
+        world.add(i, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.5), Sleeping(False)])
+    for _ in range(3000):
+        world.step(0.01)
+    for k, i in enumerate(ids):
+        assert world.pose(i).translation == pytest.approx([0.01 * k, 0, 0.05 + 0.1 * k], abs=1e-9)
+
+
+@pytest.mark.slow
+def test_resting_stack_does_not_creep_over_a_million_steps():
+    manager, _ = room()
+    mesh = box_mesh(0.1, 0.1, 0.1)
+    world = World(manager)
+    ids = [manager.add(mesh, at(x=0.01 * k, z=0.05 + 0.1 * k)) for k in range(2)]
+    for i in ids:
+        world.add(i, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.5), Sleeping(False)])
+    for _ in range(1_000_000):
+        world.step(0.01)
+    for k, i in enumerate(ids):
+        assert world.pose(i).translation == pytest.approx([0.01 * k, 0, 0.05 + 0.1 * k], abs=1e-6)
+
+
+def test_idle_parts_sleep_and_cost_no_islands():
+    manager, _ = room(20.0)
+    world = World(manager)
+    mesh = box_mesh(0.1, 0.1, 0.1)
+    for k in range(100):
+        i = manager.add(mesh, at(x=0.2 * (k % 10) - 1, y=0.2 * (k // 10) - 1, z=0.05))
+        world.add(i, Body.from_mesh(mesh, 1000.0), [Gravity()])
+    for _ in range(60):
+        world.step(0.01)
+    assert world.awake == ()
+    poses = {i: p.homogeneous for i, p in world.poses.items()}
+    world.step(0.01)
+    assert all(np.array_equal(p.homogeneous, poses[i]) for i, p in world.poses.items())
