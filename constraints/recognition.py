@@ -19,9 +19,14 @@ from collision import Tolerance
 from constraints.candidate import KINDS, Candidate, Key, Match, Pair
 from constraints.features import Feature
 from constraints.pairings import Extent, Limits, View, matches
+from constraints.threads import ALIKE
 
 Pairs = dict[Pair, int]
 """how many pairs of faces touch, by pair of features"""
+
+
+FLANK = 0.25
+"""Of a pitch: how much the mean radii of two threads that fit each other may differ."""
 
 
 class Recogniser:
@@ -68,15 +73,22 @@ class Recogniser:
         """What two features mean to each other at `poses`: nothing, one kind, or a fit and its thread."""
         a, fa, b, fb = pair
         state = (_bytes(poses[a]), _bytes(poses[b]))
-        known = self._known.get((pair, limits))
+        asked = (pair, limits)
+        known = self._known.get(asked)
         if known is not None and known[0] == state:  # most pairs stand still from one step to the next
             return known[1]
+        pitch = self.pitch(pair)
+        both = pitch is not None and (a, fa) in self.threads and (b, fb) in self.threads
+        if both and pitch is not None:  # their flanks meet though their mean radii differ, as crests are cut otherwise
+            limits = replace(limits, clearance=max(limits.clearance, FLANK * abs(pitch)), fit_class="")
         found = matches(self.view(a, fa, poses[a]), self.view(b, fb, poses[b]), limits)
         out: tuple[Match, ...] = () if found is None else (found,)
-        pitch = self.pitch(pair)
         if found is not None and pitch is not None and found.kind == "concentric":
+            if both:
+                words = f"threads on one axis over {found.overlap * 1e3:.4g} mm"
+                found = replace(found, fit=None, words=words)
             out = (found, replace(found, kind="screw", parameters={"pitch": pitch}))
-        self._known[pair, limits] = (state, out)
+        self._known[asked] = (state, out)
         return out
 
     def match(self, key: Key, poses: Sequence[pin.SE3], limits: Limits) -> Match | None:
@@ -84,9 +96,12 @@ class Recogniser:
         return next((m for m in self.matches(key[:4], poses, limits) if m.kind == key[4]), None)
 
     def pitch(self, pair: Pair) -> float | None:
-        """m a turn, where one of the two features is a thread."""
+        """m a turn, where one of the two features is a thread, or both are of one pitch."""
         a, fa, b, fb = pair
-        return self.threads.get((a, fa), self.threads.get((b, fb)))
+        first, second = self.threads.get((a, fa)), self.threads.get((b, fb))
+        if first is None or second is None:
+            return second if first is None else first
+        return first if abs(first - second) <= ALIKE * abs(first) else None
 
     def candidate(self, pair: Pair, match: Match, contacts: int, limits: Limits, poses: Sequence[pin.SE3]) -> Candidate:
         """The candidate that `match` amounts to, with its score and its reasons."""

@@ -18,8 +18,10 @@ import pinocchio as pin
 
 from collision import CollisionManager, SurfaceMesh, Tolerance
 from constraints import Candidate, mobility, recognise
+from constraints.features import Feature
 from constraints.graph import AssemblyGraph
 from constraints.mechanism import mechanism
+from constraints.threads import threaded
 from constraints.urdf import to_urdf
 from vpframe.scene import Part, Scene
 
@@ -42,8 +44,22 @@ def find(scene: Scene, tolerance: Tolerance | None = None) -> tuple[Candidate, .
     for part in scene.parts:
         collision.add(part.mesh, part.pose)
     contacts = collision.contacts(within=max(t.linear, t.clearance))
-    found = recognise([p.features for p in scene.parts], [p.pose for p in scene.parts], contacts, t)
+    features, threads = threaded_features(scene)
+    found = recognise(features, [p.pose for p in scene.parts], contacts, t, threads=threads)
     return tuple(sorted(found, key=lambda c: (c.kind, c.key)))
+
+
+def threaded_features(scene: Scene) -> tuple[list[tuple[Feature, ...]], dict[tuple[int, int], float]]:
+    """Features of each part, those threads among them that are real geometry, and their pitches by (part, feature)."""
+    known: dict[int, tuple[tuple[Feature, ...], dict[int, float]]] = {}
+    features, threads = [], {}
+    for i, part in enumerate(scene.parts):
+        key = id(part.shape)
+        if key not in known:
+            known[key] = threaded(part.mesh, part.features)
+        features.append(known[key][0])
+        threads.update({(i, place): pitch for place, pitch in known[key][1].items()})
+    return features, threads
 
 
 def mates(scene: Scene, tolerance: Tolerance | None = None) -> dict[str, Any]:
