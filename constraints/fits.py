@@ -114,7 +114,7 @@ def refine(geometry: Geometry, points: ArrayLike, iterations: int = 40) -> Geome
         jacobian = _jacobian(best, p)
         matrix, gradient = jacobian.T @ jacobian, jacobian.T @ distance
         matrix[np.diag_indices_from(matrix)] += damping * matrix.trace()
-        trial = _stepped(best, -np.linalg.solve(matrix, gradient))
+        trial = _stepped(best, -np.linalg.solve(matrix, gradient).astype(np.float64))
         if trial is not None:
             moved = trial.distance(p)
             gain = cost - float(moved @ moved)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import textwrap
+from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -234,3 +237,36 @@ def test_the_same_file_gives_the_same_bits(tmp_path):
     assert a.mesh.triangles.tobytes() == b.mesh.triangles.tobytes()
     for s, t in zip(a.surfaces, b.surfaces, strict=True):
         assert repr(s) == repr(t)
+
+
+DATA = os.environ.get("VPFRAME_DATA")
+
+
+@pytest.mark.skipif(DATA is None, reason="VPFRAME_DATA names no folder of models")
+class TestRealModels:
+    @pytest.mark.parametrize(("name", "length"), [("as1-oc-214", 0.18), ("as1_pe_203", 0.18 * 25.4)])
+    def test_as1(self, name, length):
+        """The same assembly in millimetres, with no cylinder typed, and in inches, with parts that have no faces."""
+        scene = vp.load(Path(DATA or "") / "step" / f"{name}.stp")
+        assert len(scene) == 18
+        assert len({id(p.shape) for p in scene.parts}) == 5
+        assert sum(len(p.surfaces) for p in scene.parts) == 160
+        assert scene.notes == ()
+        bores = Counter()
+        for part in {id(p.shape): p for p in scene.parts}.values():
+            kinds = Counter((f.geometry.kind, f.sense) for f in part.features)
+            assert set(kinds) <= {("plane", 1), ("cylinder", 1), ("cylinder", -1)}
+            assert all(len(f.surfaces) == 2 for f in part.features if f.geometry.kind == "cylinder")
+            bores[kinds["cylinder", -1], kinds["cylinder", 1]] += 1
+        assert bores == {(6, 0): 1, (4, 0): 1, (1, 0): 1, (0, 2): 1, (0, 1): 1}  # plate, bracket, nut, bolt, rod
+        plate = next(p for p in scene.parts if len(p.surfaces) == 18)
+        assert np.ptp(plate.mesh.vertices, axis=0).max() == pytest.approx(length, rel=1e-6)
+
+    @pytest.mark.parametrize(
+        "name", ["bearing_20x37x9.stp", "bdw_taper_bearing.step", "caxif_dm1-oc-214.stp", "screw.step"]
+    )
+    def test_others_load_whole(self, name):
+        scene = vp.load(Path(DATA or "") / "step" / name)
+        assert scene.notes == ()
+        assert all(p.shape.closed for p in scene.parts)
+        assert all(f.residual <= 1e-5 for p in scene.parts for f in p.features)

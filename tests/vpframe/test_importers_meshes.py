@@ -11,6 +11,7 @@ import trimesh
 
 import vpframe as vp
 from collision import Tolerance
+from constraints.fits import KINDS, FitError, fit_kind
 from constraints.geometry import Cylinder
 from vpframe import modelling as m
 from vpframe.importers.growth import neighbours
@@ -282,3 +283,46 @@ class TestRealModels:
         (fit,) = (s for s in part.surfaces if isinstance(s.geometry, Cylinder))
         assert fit.orientation == ("concave" if concave else "convex")
         assert 2 * fit.geometry.radius == pytest.approx(diameter, abs=1e-5)
+
+    @pytest.mark.parametrize(
+        ("name", "needed", "total"), [("odri_pulley", 76, 76), ("tinymovr_gimbal_bracket", 48, 56)]
+    )
+    def test_segmentation(self, name, needed, total):
+        """Faces recovered with at least 0.9 of their area, neighbours on one analytic surface merged on both sides."""
+        stl = trimesh.load_mesh(Path(DATA or "") / "segmentation" / f"{name}.stl", process=False)
+        truth = np.load(Path(DATA or "") / "segmentation" / f"{name}_truth.npz")
+        vertices, triangles = weld(np.asarray(stl.vertices) * 1e-3, np.asarray(stl.faces))
+        corners = vertices[triangles]
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        vertices, triangles, face, area = vertices, triangles[area > 0], truth["face_id"][area > 0], area[area > 0]
+        segments = segment(vertices, triangles, 1e-6)
+        found = np.empty(len(triangles), int)
+        for i, s in enumerate(segments):
+            found[s.triangles] = i
+        face = merged(vertices, triangles, face, [str(k) for k in truth["kind"]])
+        found = merged(vertices, triangles, found, [s.geometry.kind for s in segments])
+        numbers = np.unique(face)
+        best = [max(overlap(face == f, found == s, area) for s in np.unique(found[face == f])) for f in numbers]
+        assert len(numbers) == total
+        assert sum(b >= 0.9 for b in best) >= needed
+
+
+def merged(vertices: np.ndarray, triangles: np.ndarray, label: np.ndarray, kinds: list[str]) -> np.ndarray:
+    """Labels after neighbours of one analytic kind that one surface fits have been given the same."""
+    across = neighbours(triangles)
+    t, k = np.nonzero(across >= 0)
+    pairs = np.unique(np.column_stack([label[t], label[across[t, k]]]), axis=0)
+    name = np.arange(len(kinds))
+    for a, b in pairs[pairs[:, 0] < pairs[:, 1]]:
+        if kinds[a] != kinds[b] or kinds[a] not in KINDS:
+            continue
+        both = np.flatnonzero((label == a) | (label == b))
+        corners = vertices[triangles[both]]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        try:
+            fit = fit_kind(kinds[a], np.unique(corners.reshape(-1, 3), axis=0), corners.mean(axis=1), normals)
+        except FitError:
+            continue
+        if fit.residual < 2e-6:
+            name[name == name[b]] = name[a]
+    return name[label]
