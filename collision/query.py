@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
 from collision.poses import pack
+from collision.shape import triangles_needed
 from collision.statistics import Statistics
 from collision.tolerance import Tolerance
 from collision.wide import wide_tree_of
@@ -201,6 +202,7 @@ def _boxes(mesh: SurfaceMesh) -> tuple[NDArray[np.int32], NDArray[np.float64], N
 
     cached = mesh._cache.get("plain")
     if cached is None:
+        triangles_needed(mesh)
         corner = mesh.triangles[mesh.order]
         box, group = np.empty((mesh.n_triangles, 6)), np.empty((mesh.n_surfaces, 6))
         triangle_boxes(mesh.vertices, corner, box)

@@ -42,6 +42,12 @@ class ShapeMesh(SurfaceMesh):
         self.shape = shape
 
 
+def triangles_needed(mesh: SurfaceMesh) -> None:
+    """Raise CollisionError for a `ShapeMesh`: its triangles are not those of its shape."""
+    if isinstance(mesh, ShapeMesh):
+        raise CollisionError(f'{mesh.name}: a shape has no triangles to test; ask with method="coal", or a manager')
+
+
 def mesh_of_shape(shape: Any, name: str | None = None) -> SurfaceMesh:
     """The object to add for a coal shape: a `ShapeMesh`, or the closed mesh that a height field is.
 

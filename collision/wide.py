@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from collision.errors import MeshError
 from collision.mesh import SurfaceMesh
+from collision.shape import triangles_needed
 from collision.tree import tree_of
 
 LANES: Final = 8
@@ -64,6 +65,7 @@ def wide_tree_of(mesh: SurfaceMesh) -> WideTree:
     if wide is None:
         from collision.kernels_tree import widen
 
+        triangles_needed(mesh)
         largest = float(np.abs(mesh.vertices).max())
         if largest > LARGEST:
             raise MeshError(f"{mesh.name}: a coordinate is {largest:g}; the largest allowed is {LARGEST:g}", mesh.name)

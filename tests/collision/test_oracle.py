@@ -156,5 +156,9 @@ def test_what_coal_cannot_bound_or_a_shape_cannot_answer_is_named() -> None:
     j = world.add(SurfaceMesh(box(1, 1, 1).vertices, box(1, 1, 1).triangles), at(0.5))
     with pytest.raises(CollisionError, match="bounds no mesh"):
         world.contains(i, j)
+    for method in ("best", "oaabb", "brute"):
+        with pytest.raises(CollisionError, match="no triangles to test"):
+            colliding_surfaces(world.mesh(i), world.mesh(j), at(0.5), method=method)
+    assert len(colliding_surfaces(world.mesh(i), world.mesh(j), at(0.5), method="coal")) == 1
     with pytest.raises(CollisionError, match="not swept"):
         world.time_of_contact({i: at(1.0)})
