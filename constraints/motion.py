@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from collision import CONTACT_DTYPE, SurfaceMesh, Tolerance
 from constraints.candidate import Candidate
+from constraints.errors import ConstraintsError
 from constraints.geometry import Plane
 from constraints.kinds import Constraint
 from constraints.manager import ConstraintManager
@@ -152,8 +153,15 @@ class Motion:
 
         wanted: target pose of each held body. poses: of all bodies, now. movable: ids that may move (held ones
         included); everything else stands still.
+
+        Raises ConstraintsError for a pose that is not finite.
         """
+        for body, pose in wanted.items():
+            if not (np.isfinite(pose.translation).all() and np.isfinite(pose.rotation).all()):
+                raise ConstraintsError(f"the pose wanted of body {body} is not finite; give a finite one")
         self.sync()
+        if not wanted:
+            return MotionResult({}, False, np.empty(0, CONTACT_DTYPE), 0.0, {})
         moves = frozenset(movable) | frozenset(wanted)
         key = (self.constraints.constraints, moves, frozenset(wanted))
         if self._layout is None or self._layout[0] != key:

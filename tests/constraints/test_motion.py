@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from collision import CollisionManager, Tolerance
-from constraints import ConstraintManager, Motion
+from constraints import ConstraintManager, ConstraintsError, Motion
 from constraints.motion import _Plan, adjacent_surfaces
 from tests.constraints.shapes import Body, box, flanged_shaft, housing, shaft, turned
 
@@ -266,3 +266,32 @@ def test_back_faces_of_thin_plates_do_not_count_as_facing():
     for x in np.linspace(0.0, 0.05, 6):
         room.move(at(x=x, z=0.0))
         assert room.poses[1].translation == pytest.approx([x, 0.0, 0.00102], abs=2e-6)
+
+
+def test_poses_that_are_none_are_refused_before_anything_moves():
+    room = bored()
+    before = room.world.pose(1)
+    bad = at()
+    bad.translation = np.array([0.0, np.nan, 0.0])
+    with pytest.raises(ConstraintsError, match="body 1 is not finite"):
+        room.move(bad)
+    assert room.world.pose(1) == before
+
+
+def test_a_hand_that_holds_nothing_moves_nothing():
+    room = bored()
+    result = room.motion.step({}, room.poses, room.movable)
+    assert result.poses == {} and not result.blocked
+
+
+def test_two_hands_on_two_parts():
+    """One hand holds the ring, the other the shaft it sits on; what both want together cannot be, so they share it."""
+    room = Room([box(0.1, 0.1, 0.1), flanged_shaft(), housing(0.01, 0.01, 0.02)], [at(x=1.0), at(), at(z=0.04)])
+    room.update()
+    result = room.motion.step({1: at(x=0.01), 2: at(x=-0.01, z=0.04)}, room.poses, room.movable)
+    assert result.residual < 1e-9
+    assert all(0.001 < shift < 0.019 for shift, _ in result.remaining.values())
+    turned = {1: at(rpy=(0, 0, 0.3)), 2: at(z=0.04, rpy=(0, 0, -0.4))}
+    result = room.motion.step(turned, [room.poses[0], result.poses[1], result.poses[2]], room.movable)
+    for body, pose in turned.items():
+        assert np.abs(pin.log3(result.poses[body].rotation.T @ pose.rotation)).max() < 1e-6
