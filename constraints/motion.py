@@ -60,6 +60,7 @@ class Solids(Protocol):
     def time_of_contact(self, moves: Mapping[int, pin.SE3]) -> Any: ...
     def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
     def heed_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
+    def ignored_surfaces(self, i: int, j: int) -> frozenset[tuple[int, int]]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +120,7 @@ class Motion:
         self.constraints = constraints
         self.tolerance = tolerance or constraints.tolerance
         self._mated: dict[int, tuple[Pairing, ...]] = {}
+        self._beside: dict[int, Pairing] = {}
         self._shape: dict[int, tuple[Array, float]] = {}
         self._layout: tuple[Any, _Layout] | None = None
         # a projection finer than this does not pay where measured features contradict one another by rounding
@@ -130,6 +132,7 @@ class Motion:
         if self._mated.keys() == accepted.keys():
             return
         for id in [i for i in self._mated if i not in accepted]:
+            del self._beside[id]
             for a, sa, b, sb in self._mated.pop(id):
                 self.collision.heed_surfaces(a, sa, b, sb)
         for id, entry in accepted.items():
@@ -137,6 +140,7 @@ class Motion:
             sa, sb = entry.candidate.surfaces
             beside_a = adjacent_surfaces(self.collision.mesh(a), sa)
             beside_b = adjacent_surfaces(self.collision.mesh(b), sb)
+            self._beside[id] = (a, beside_a, b, beside_b)
             self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb), *self._sleeve(entry.candidate))
             for row in self._mated[id]:  # again for the old ones too: pairs may share surfaces with one just heeded
                 self.collision.ignore_surfaces(*row)
@@ -147,6 +151,11 @@ class Motion:
         meshes = self.collision.mesh(a), self.collision.mesh(b)
         faces = sleeve(candidate, self.constraints.recogniser.features, meshes, self.tolerance.fit)
         return () if faces is None else ((a, faces[0], b, faces[1]),)
+
+    def beside_a_mate(self, row: Any) -> bool:
+        """Whether the surfaces of a contact row both lie next to the surfaces of one mate."""
+        a, sa, b, sb = (int(row[name]) for name in ("object_a", "surface_a", "object_b", "surface_b"))
+        return any((i, j) == (a, b) and sa in si and sb in sj for i, si, j, sj in self._beside.values())
 
     def step(self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3], movable: Iterable[int]) -> MotionResult:
         """Move the bodies in `wanted` towards the poses given, and with them what their constraints take along.
@@ -258,6 +267,7 @@ class _Plan:
         self.n = 6 * len(self.bodies)
         self.poses: list[pin.SE3] = list(poses)
         self.acting: list[NDArray[Any]] = []
+        self.flush: set[tuple[int, ...]] = set()
         self.residual, self.jacobian = self._linearised()
 
     def run(self) -> MotionResult:
@@ -451,6 +461,8 @@ class _Plan:
         for i, row in enumerate(rows):
             normal, gap = self._normal(row)
             if normal is None:
+                if self.motion.beside_a_mate(row):
+                    self.flush.add(tuple(int(row[n]) for n in ("object_a", "surface_a", "object_b", "surface_b")))
                 continue
             gaps[i] = gap
             for body, point, sign in (
@@ -534,7 +546,22 @@ class _Plan:
         return target
 
     def _sweep(self, target: dict[int, pin.SE3]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
-        """How far along the screws to `target` the bodies get, and the rows of what stopped them."""
+        """How far along the screws to `target` the bodies get, and the rows of what stopped them.
+
+        Faces that run on flush from one part to the other across a mate (the rims of two flanges) meet all along its
+        edge, and cannot go deeper while it holds; bodies that move apart on two screws would jam there by rounding.
+        """
+        collision = self.motion.collision
+        flush = [(a, s, b, t) for a, s, b, t in sorted(self.flush) if (s, t) not in collision.ignored_surfaces(a, b)]
+        for a, s, b, t in flush:
+            collision.ignore_surfaces(a, (s,), b, (t,))
+        try:
+            return self._advance(target)
+        finally:
+            for a, s, b, t in flush:
+                collision.heed_surfaces(a, (s,), b, (t,))
+
+    def _advance(self, target: dict[int, pin.SE3]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
         hit = None
         for _ in range(3):
             found = self.motion.collision.time_of_contact(target)
