@@ -201,10 +201,13 @@ def _new(arguments: argparse.Namespace) -> int:
 
 def _clash(arguments: argparse.Namespace) -> int:
     from vpframe import clash
+    from vpframe.progress import Progress
 
     with _document(arguments.json) as emit:
         scene = clash.merged([_load(path, arguments) for path in arguments.files])
-        document = clash.clash(scene, arguments.clearance, authorised=clash.authorised_pairs(arguments.authorise))
+        with Progress("looking for clashes"):
+            authorised = clash.authorised_pairs(arguments.authorise)
+            document = clash.clash(scene, arguments.clearance, authorised=authorised)
         emit(document)
         if not arguments.json:
             print(clash.table(document))
@@ -215,10 +218,12 @@ def _clash(arguments: argparse.Namespace) -> int:
 
 def _mates(arguments: argparse.Namespace) -> int:
     from vpframe import mates
+    from vpframe.progress import Progress
 
     with _document(arguments.json) as emit:
         scene = _load(arguments.file, arguments)
-        document = mates.mates(scene)
+        with Progress("recognising constraints"):
+            document = mates.mates(scene)
         emit(document)
         if not arguments.json:
             print(mates.table(document))

@@ -267,6 +267,26 @@ def test_what_stops_the_writer_stops_the_recorder_and_not_the_session(tmp_path, 
         recorder.end()
 
 
+def test_a_recording_that_was_cut_off_is_opened_without_its_torn_end(recorded, tmp_path, monkeypatch):
+    path, _, _ = recorded
+    cut = tmp_path / "cut.rrd"
+    cut.write_bytes(path.read_bytes()[:-5])
+    opened = []
+
+    def run(arguments, env, check):
+        opened.append((Path(arguments[-1]).read_bytes(), env["RERUN_ANALYTICS"]))
+        return subprocess.CompletedProcess(arguments, 0)
+
+    monkeypatch.setattr(replay.subprocess, "run", run)
+    assert replay.replay(cut) == 0
+    ((content, analytics),) = opened
+    assert path.read_bytes().startswith(content)
+    assert 0.5 * path.stat().st_size < len(content) < cut.stat().st_size
+    assert analytics == "0"
+    assert replay.replay(path) == 0
+    assert opened[1][0] == path.read_bytes()
+
+
 def test_rerun_is_started_on_loopback_only(tmp_path):
     command = replay.command(tmp_path / "run.rrd")
     assert command[1:3] == ["--bind", "127.0.0.1"]

@@ -163,7 +163,7 @@ class RerunRecorder:
     def _start(self, scene: Scene) -> None:
         """Poses and colours before the first step: a later value of a static component would not be seen."""
         self._rows.at(0, 0.0)
-        self._poses({part.name: part.pose for part in scene.parts})
+        self._poses({part.name: part.pose.copy() for part in scene.parts})
         for part in scene.parts:
             for surface in range(part.mesh.n_surfaces):
                 self._rows.add(_surface_path(part.name, surface), "albedo", self._colors[part.name])
@@ -171,8 +171,10 @@ class RerunRecorder:
     def _poses(self, poses: Mapping[str, pin.SE3]) -> None:
         for name, pose in poses.items():
             before = self._pose.get(name)
+            if before is pose:  # what nothing moves costs one look-up a step
+                continue
+            self._pose[name] = pose
             if before is None or before != pose:
-                self._pose[name] = pose.copy()
                 self._rows.add(self._paths[name], "transform", pose)
 
     def _highlight(self, colliding: NDArray[np.int32]) -> None:

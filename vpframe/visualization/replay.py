@@ -41,7 +41,9 @@ def replay(path: str | Path, script: bool = False) -> int:
             print(f"{line.time:10.3f} s  step {line.step:6d}  {line.kind:11s} {line.text}")
         return 0
     _check(path)
-    return subprocess.run(command(path), env={**os.environ, "RERUN_ANALYTICS": "0"}, check=False).returncode
+    with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
+        shown = _whole(path, Path(folder))
+        return subprocess.run(command(shown), env={**os.environ, "RERUN_ANALYTICS": "0"}, check=False).returncode
 
 
 def command(path: Path) -> list[str]:
@@ -90,7 +92,8 @@ def tables(path: str | Path, entities: tuple[str, ...] | None = None) -> Iterato
 
 
 def _whole(path: Path, folder: Path) -> Path:
-    """The recording itself, or a copy without the message it breaks off in, which rerun's reader does not forgive.
+    """The recording itself, or a copy without the message it breaks off in, which neither rerun's reader nor its viewer
+    forgives.
 
     The format (RRF2): 12 bytes of header, then messages of 16 bytes, whose last 8 say how many bytes follow.
     """

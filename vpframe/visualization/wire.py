@@ -28,6 +28,7 @@ class Encoder:
         self.start = {part.name: (start or {}).get(part.name, part.pose).copy() for part in scene.parts}
         self.camera = camera or frame_scene(scene, self.start)
         self._index = {name: i for i, name in enumerate(scene.names)}
+        self._known: dict[str, pin.SE3] = {}
         self._moved: dict[int, pin.SE3] = {}
         self._strips: dict[tuple[object, ...], int] = {}
 
@@ -41,6 +42,9 @@ class Encoder:
         A page that has all strips can join at any frame: a frame names the pose of every part that ever moved.
         """
         for name, pose in frame.poses.items():
+            if self._known.get(name) is pose:  # what nothing moves costs one look-up a frame
+                continue
+            self._known[name] = pose
             place = self._index[name]
             if place in self._moved or pose != self.start[name]:
                 self._moved[place] = pose
