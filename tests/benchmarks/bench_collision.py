@@ -224,9 +224,9 @@ def _second_workload(bench: _Bench, quick: bool, ratios: dict[str, float]) -> No
 
 def read_fcl(path: Path) -> tuple[SurfaceMesh, SurfaceMesh, list[pin.SE3]]:
     """The two meshes, cut into surfaces along edges of more than 30°, and the poses of the second in the first."""
-    root = ElementTree.parse(path).getroot()
+    root = ElementTree.fromstring(f"<all>{path.read_text()}</all>")  # the file has two roots
     meshes = []
-    for number, element in enumerate(root.findall("OBJECT")):
+    for number, element in enumerate(root.iter("OBJECT")):
         grid = {g.get("id"): [float(g.get(k, "nan")) for k in "xyz"] for g in element.findall("GRID")}
         index = {name: i for i, name in enumerate(grid)}
         triangles = np.array([[index[t.get(k)] for k in ("g1", "g2", "g3")] for t in element.findall("TRIA")])

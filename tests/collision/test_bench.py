@@ -65,7 +65,7 @@ def test_fcl_motion_is_read(bench: ModuleType, tmp_path: Path) -> None:
     frame = f'<FRAME id="1" obj1_pos="1 2 3" obj2_pos="1 3 3" obj1_dc="{unit}" obj2_dc="{quarter}"/>'
     parts = "".join(f'<OBJECT id="{k}">{grids}{sides}</OBJECT>' for k in (1, 2))
     path = tmp_path / "motion.xml"
-    path.write_text(f"<MODEL>{parts}<MOTION>{frame}</MOTION></MODEL>")
+    path.write_text(f"<MODEL>{parts}</MODEL>\n<MOTION>{frame}</MOTION>")
     a, b, poses = bench.read_fcl(path)
     assert (a.n_triangles, a.n_surfaces, b.n_surfaces, len(poses)) == (4, 4, 4, 1)
     assert poses[0].act(b.vertices[1]).tolist() == pytest.approx([0.0, 2.0, 0.0])
