@@ -261,14 +261,15 @@ def sweep(
     vertices_a, box_a, second_a, first_a, count_a, corner_a, surface_a,
     vertices_b, box_b, second_b, first_b, count_b, corner_b, surface_b,
     rotation_a, translation_a, twist_a, rotation_b, translation_b, twist_b,
-    until, tolerance, play, level, hit, work, stack, safe, rotations, translations,
+    until, tolerance, play, steps, level, hit, work, stack, safe, rotations, translations,
 ):  # fmt: skip
     """The first time in [0, until] at which a pair of surfaces comes to its level, or infinity.
 
     level: (ka, kb) m, the signed distance at which a surface pair stops the motion, -inf where it never does; (0, 0)
     where all stop at `tolerance`. Steps aim `play` (m) below a pair's own level, half the tolerance below the others':
     the level is crossed, never by more than that.
-    hit: (2,) the surface pair. rotations, translations: room for three.
+    hit: (2,) the surface pair, also where `steps` advancements do not suffice and it counts as met where they end.
+    rotations, translations: room for three.
 
     Returns (time, time of the advancement before it).
     """
@@ -281,7 +282,7 @@ def sweep(
     t = 0.0
     before = 0.0
     hit[0], hit[1] = -1, -1
-    for _ in range(STEPS):
+    for _ in range(steps):
         pose_at(rotation_a, translation_a, twist_a, t, ra, ta)
         pose_at(rotation_b, translation_b, twist_b, t, rb, tb)
         relative(ra, ta, rb, tb, rotation, translation)
@@ -313,13 +314,15 @@ def sweep(
                 _, fastest, ever, pace = _node_step(
                     box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, target
                 )
-                step, least = _leaf_step(
+                shorter, least = _leaf_step(
                     i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
                     rotation, translation, dv, dw, wa, fastest, ever, pace, stop, target, step, rounding, work,
                 )  # fmt: skip
-                if least <= 0.0:
+                if least <= 0.0 or shorter < step:
                     hit[0], hit[1] = s, u
+                if least <= 0.0:
                     return t, before
+                step = shorter
                 continue
             if leaf_b or (not leaf_a and _size(box_a, i) >= _size(box_b, j)):
                 i0, j0, i1, j1 = i + 1, j, second_a[i], j

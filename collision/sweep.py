@@ -30,7 +30,7 @@ from collision import poses
 from collision.contact import CONTACT_DTYPE
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
-from collision.proximity import heeded_surfaces, surface_contacts
+from collision.proximity import heeded_surfaces, mesh_clearance, surface_contacts
 from collision.shape import ShapeMesh
 from collision.tree import MeshTree, tree_of
 
@@ -216,7 +216,7 @@ def _pair_time(
         a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner, a.tree.surface,
         b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner, b.tree.surface,
         a.rotation, a.translation, a.twist, b.rotation, b.translation, b.twist,
-        until, tolerance, 0.5 * play, level, hit, work, stack, np.empty(kernels_distance.STACK),
+        until, tolerance, 0.5 * play, kernels_sweep.STEPS, level, hit, work, stack, np.empty(kernels_distance.STACK),
         np.empty((3, 3, 3)), np.empty((3, 3)),
     )  # fmt: skip
     return float(time), float(before), (int(hit[0]), int(hit[1])), pairs
@@ -230,14 +230,16 @@ def _contacts(
     world = movers[i].at(t)
     relative = world.actInv(movers[j].at(t))
     rows = surface_contacts(
-        movers[i].mesh, movers[j].mesh, relative, 1.5 * manager.tolerance.linear, heeded_surfaces(manager, i, j)
+        movers[i].mesh, movers[j].mesh, relative, manager.tolerance.linear, heeded_surfaces(manager, i, j)
     )
     chosen = []
     for row in rows:
         surfaces = (int(row["surface_a"]), int(row["surface_b"]))
-        new = surfaces not in touching and row["distance"] <= manager.tolerance.linear
-        chosen.append(surfaces == pair or new)
-    rows = rows[np.array(chosen, bool)]
+        chosen.append(surfaces != pair and surfaces not in touching)
+    nearest = mesh_clearance(movers[i].mesh, movers[j].mesh, relative, *pair)
+    assert nearest is not None  # nothing is beyond an infinite bound
+    rows = np.concatenate([rows[np.array(chosen, bool)], nearest])
+    rows = rows[np.lexsort((rows["surface_b"], rows["surface_a"]))]
     rows["object_a"], rows["object_b"] = i, j
     for point in ("point_a", "point_b"):
         rows[point] = rows[point] @ world.rotation.T + world.translation

@@ -183,6 +183,20 @@ def test_a_faceted_shaft_slides_in_its_bore_within_the_deflection() -> None:
     assert aside.hit and aside.t < 0.1
 
 
+def test_a_motion_that_needs_too_many_advancements_stops_rather_than_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    from collision import kernels_sweep
+
+    world = CollisionManager()
+    world.add(box(1.0, 1.0, 1.0), at(0.0), movable=False)
+    world.add(box(0.2, 0.2, 0.2), at(0.0, 0.0, 1.0))
+    past = {1: at(0.9, 0.0, 0.0, turn=(0.5, 2.0, 0.0))}
+    full = time_of_contact(world, past)
+    monkeypatch.setattr(kernels_sweep, "STEPS", 2)
+    short = time_of_contact(world, past)
+    assert short.hit and 0.0 < short.t <= full.t
+    assert short.contacts["distance"].min() > TOLERANCE
+
+
 def test_bad_moves_are_named() -> None:
     world = resting()
     with pytest.raises(UnknownObjectError, match="object 7"):
