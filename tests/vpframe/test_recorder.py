@@ -281,7 +281,7 @@ def test_a_recording_that_was_cut_off_is_opened_without_its_torn_end(recorded, t
     assert replay.replay(cut) == 0
     ((content, analytics),) = opened
     assert path.read_bytes().startswith(content)
-    assert 0.5 * path.stat().st_size < len(content) < cut.stat().st_size
+    assert 0.2 * path.stat().st_size < len(content) < cut.stat().st_size  # the torn end is the file's index
     assert analytics == "0"
     assert replay.replay(path) == 0
     assert opened[1][0] == path.read_bytes()

@@ -95,11 +95,15 @@ def _whole(path: Path, folder: Path) -> Path:
     """The recording itself, or a copy without the message it breaks off in, which neither rerun's reader nor its viewer
     forgives.
 
-    The format (RRF2): 12 bytes of header, then messages of 16 bytes, whose last 8 say how many bytes follow.
+    The format (RRF2): 12 bytes of header; messages that begin with 16 bytes, whose last 8 say how many follow; and,
+    when the recorder was closed, 32 bytes that end in RRF2FOOT and a version.
     """
     size = path.stat().st_size
     end = 12
     with path.open("rb") as file:
+        file.seek(max(size - 12, 0))
+        if file.read(8) == b"RRF2FOOT":
+            return path
         while end + 16 <= size:
             file.seek(end + 8)
             after = end + 16 + int.from_bytes(file.read(8), "little")
