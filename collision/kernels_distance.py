@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numba import njit
 
+from collision.kernels_vector import along, cross, dot, greatest, sub
 from collision.polygons import triangles_meet
 from collision.predicates import KERNEL
 
@@ -19,31 +20,6 @@ ROUNDING: Final = 1e-14
 """1: bound, generously, of the relative rounding error of the few dozen operations behind one pruning test."""
 STACK: Final = 512
 """Places on a traversal's stack: more than the depths of two trees together."""
-
-
-@njit(error_model="numpy", **KERNEL)
-def _sub(a, b):
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
-
-
-@njit(error_model="numpy", **KERNEL)
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(error_model="numpy", **KERNEL)
-def _cross(a, b):
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-@njit(error_model="numpy", **KERNEL)
-def _along(a, s, u):
-    return (a[0] + s * u[0], a[1] + s * u[1], a[2] + s * u[2])
-
-
-@njit(error_model="numpy", **KERNEL)
-def _greatest(u):
-    return max(abs(u[0]), abs(u[1]), abs(u[2]))
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -60,14 +36,14 @@ def move(rotation, translation, vertices, i):
 @njit(error_model="numpy", **KERNEL)
 def closest_on_segment(p, a, b):
     """The point of the segment a b nearest p."""
-    u = _sub(b, a)
-    length = _dot(u, u)
-    s = _dot(_sub(p, a), u)
+    u = sub(b, a)
+    length = dot(u, u)
+    s = dot(sub(p, a), u)
     if s <= 0.0 or length == 0.0:
         return a
     if s >= length:
         return b
-    return _along(a, s / length, u)
+    return along(a, s / length, u)
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -80,8 +56,8 @@ def _vertex_edges(best, x, y, p, a, b, c):
             q = closest_on_segment(p, b, c)
         else:
             q = closest_on_segment(p, c, a)
-        w = _sub(p, q)
-        d = _dot(w, w)
+        w = sub(p, q)
+        d = dot(w, w)
         if d < best:
             best, x, y = d, p, q
     return best, x, y
@@ -90,16 +66,16 @@ def _vertex_edges(best, x, y, p, a, b, c):
 @njit(error_model="numpy", **KERNEL)
 def _vertex_face(best, x, y, p, a, b, c, n, nn):
     """Better the nearest pair by the foot of p inside the triangle a b c of normal n, nn = n·n > 0."""
-    h = _dot(n, _sub(p, a))
+    h = dot(n, sub(p, a))
     if h * h < best * nn:
-        f = _along(p, -h / nn, n)
+        f = along(p, -h / nn, n)
         if (
-            _dot(_cross(_sub(b, a), _sub(f, a)), n) >= 0.0
-            and _dot(_cross(_sub(c, b), _sub(f, b)), n) >= 0.0
-            and _dot(_cross(_sub(a, c), _sub(f, c)), n) >= 0.0
+            dot(cross(sub(b, a), sub(f, a)), n) >= 0.0
+            and dot(cross(sub(c, b), sub(f, b)), n) >= 0.0
+            and dot(cross(sub(a, c), sub(f, c)), n) >= 0.0
         ):
-            w = _sub(p, f)
-            d = _dot(w, w)
+            w = sub(p, f)
+            d = dot(w, w)
             if d < best:
                 return d, p, f
     return best, x, y
@@ -108,19 +84,19 @@ def _vertex_face(best, x, y, p, a, b, c, n, nn):
 @njit(error_model="numpy", **KERNEL)
 def _edge_edge(best, x, y, p, u, q, v):
     """Better the nearest pair by the common normal of the edges p + s·u and q + t·v, where it meets both inside."""
-    n = _cross(u, v)
-    nn = _dot(n, n)
+    n = cross(u, v)
+    nn = dot(n, n)
     if nn > 0.0:
-        w = _sub(q, p)
-        h = _dot(w, n)
+        w = sub(q, p)
+        h = dot(w, n)
         if h * h < best * nn:
-            s = _dot(_cross(w, v), n) / nn
-            t = _dot(_cross(w, u), n) / nn
+            s = dot(cross(w, v), n) / nn
+            t = dot(cross(w, u), n) / nn
             if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
-                e = _along(p, s, u)
-                f = _along(q, t, v)
-                g = _sub(e, f)
-                d = _dot(g, g)
+                e = along(p, s, u)
+                f = along(q, t, v)
+                g = sub(e, f)
+                d = dot(g, g)
                 if d < best:
                     return d, e, f
     return best, x, y
@@ -133,24 +109,24 @@ def closest_features(a, b, c, p, q, r):
     For triangles that do not meet this is their distance. Each candidate is a pair of points that lie on the triangles
     to rounding, so that an ill-conditioned candidate can only be too far, never too near (Ericson 2005, 5.1).
     """
-    w = _sub(a, p)
-    best, x, y = _dot(w, w), a, p
+    w = sub(a, p)
+    best, x, y = dot(w, w), a, p
     best, x, y = _vertex_edges(best, x, y, a, p, q, r)
     best, x, y = _vertex_edges(best, x, y, b, p, q, r)
     best, x, y = _vertex_edges(best, x, y, c, p, q, r)
     best, y, x = _vertex_edges(best, y, x, p, a, b, c)
     best, y, x = _vertex_edges(best, y, x, q, a, b, c)
     best, y, x = _vertex_edges(best, y, x, r, a, b, c)
-    ab, bc, ca = _sub(b, a), _sub(c, b), _sub(a, c)
-    pq, qr, rp = _sub(q, p), _sub(r, q), _sub(p, r)
-    n = _cross(pq, qr)
-    nn = _dot(n, n)
+    ab, bc, ca = sub(b, a), sub(c, b), sub(a, c)
+    pq, qr, rp = sub(q, p), sub(r, q), sub(p, r)
+    n = cross(pq, qr)
+    nn = dot(n, n)
     if nn > 0.0:
         best, x, y = _vertex_face(best, x, y, a, p, q, r, n, nn)
         best, x, y = _vertex_face(best, x, y, b, p, q, r, n, nn)
         best, x, y = _vertex_face(best, x, y, c, p, q, r, n, nn)
-    n = _cross(ab, bc)
-    nn = _dot(n, n)
+    n = cross(ab, bc)
+    nn = dot(n, n)
     if nn > 0.0:
         best, y, x = _vertex_face(best, y, x, p, a, b, c, n, nn)
         best, y, x = _vertex_face(best, y, x, q, a, b, c, n, nn)
@@ -171,14 +147,14 @@ def closest_features(a, b, c, p, q, r):
 @njit(error_model="numpy", **KERNEL)
 def _pierces(a, b, p, q, r):
     """(how deep inside the triangle p q r the segment a b pierces it, where); depth -1 where it does not."""
-    n = _cross(_sub(q, p), _sub(r, p))
-    ha, hb = _dot(n, _sub(a, p)), _dot(n, _sub(b, p))
+    n = cross(sub(q, p), sub(r, p))
+    ha, hb = dot(n, sub(a, p)), dot(n, sub(b, p))
     if (ha > 0.0) == (hb > 0.0) or ha == hb:
         return -1.0, a
-    f = _along(a, ha / (ha - hb), _sub(b, a))
-    s = _dot(_cross(_sub(q, p), _sub(f, p)), n)
-    t = _dot(_cross(_sub(r, q), _sub(f, q)), n)
-    u = _dot(_cross(_sub(p, r), _sub(f, r)), n)
+    f = along(a, ha / (ha - hb), sub(b, a))
+    s = dot(cross(sub(q, p), sub(f, p)), n)
+    t = dot(cross(sub(r, q), sub(f, q)), n)
+    u = dot(cross(sub(p, r), sub(f, r)), n)
     return min(s, t, u), f
 
 
@@ -212,25 +188,25 @@ def common_point(a, b, c, p, q, r):
 @njit(error_model="numpy", **KERNEL)
 def _beyond(n, o, p, q, r, size, bound):
     """Whether p, q, r lie on one side of the plane (n, o), all farther from it than `bound`, whatever the rounding."""
-    u, v, w = _sub(p, o), _sub(q, o), _sub(r, o)
-    h0, h1, h2 = _dot(n, u), _dot(n, v), _dot(n, w)
+    u, v, w = sub(p, o), sub(q, o), sub(r, o)
+    h0, h1, h2 = dot(n, u), dot(n, v), dot(n, w)
     if h0 < 0.0 and h1 < 0.0 and h2 < 0.0:
         h0, h1, h2 = -h0, -h1, -h2
     near = min(h0, h1, h2)
     if near <= 0.0:
         return False
-    near -= ROUNDING * size * max(_greatest(u), _greatest(v), _greatest(w))
-    return near > 0.0 and near * near > bound * bound * _dot(n, n)
+    near -= ROUNDING * size * max(greatest(u), greatest(v), greatest(w))
+    return near > 0.0 and near * near > bound * bound * dot(n, n)
 
 
 @njit(error_model="numpy", **KERNEL)
 def planes_part(a, b, c, p, q, r, bound):
     """Whether the plane of one triangle proves that they are farther apart than `bound`."""
-    u, v = _sub(b, a), _sub(c, a)
-    if _beyond(_cross(u, v), a, p, q, r, _greatest(u) * _greatest(v), bound):
+    u, v = sub(b, a), sub(c, a)
+    if _beyond(cross(u, v), a, p, q, r, greatest(u) * greatest(v), bound):
         return True
-    u, v = _sub(q, p), _sub(r, p)
-    return _beyond(_cross(u, v), p, a, b, c, _greatest(u) * _greatest(v), bound)
+    u, v = sub(q, p), sub(r, p)
+    return _beyond(cross(u, v), p, a, b, c, greatest(u) * greatest(v), bound)
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -274,7 +250,7 @@ def rounding_of(box_a, box_b, rotation, translation):
 
 
 @njit(error_model="numpy", **KERNEL)
-def _size(box, i):
+def size_of(box, i):
     return box[i, 3] - box[i, 0] + box[i, 4] - box[i, 1] + box[i, 5] - box[i, 2]
 
 
@@ -358,7 +334,7 @@ def closest(
             if hit[0] >= 0 and bound == 0.0:
                 return
             continue
-        if leaf_b or (not leaf_a and _size(box_a, i) >= _size(box_b, j)):
+        if leaf_b or (not leaf_a and size_of(box_a, i) >= size_of(box_b, j)):
             i0, j0, i1, j1 = i + 1, j, second_a[i], j
         else:
             i0, j0, i1, j1 = i, j + 1, i, second_b[j]
@@ -395,7 +371,7 @@ def near_surfaces(
                 pairs[n, 0], pairs[n, 1] = s, t
             n += 1
             continue
-        if t >= 0 or (s < 0 and _size(box_a, i) >= _size(box_b, j)):
+        if t >= 0 or (s < 0 and size_of(box_a, i) >= size_of(box_b, j)):
             stack[top, 0], stack[top, 1] = i + 1, j
             stack[top + 1, 0], stack[top + 1, 1] = second_a[i], j
         else:

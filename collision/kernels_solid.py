@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from collision.kernels_distance import _along, _cross, _dot, _sub, closest_on_segment, planes_part
+from collision.kernels_distance import closest_on_segment, planes_part
+from collision.kernels_vector import along, cross, dot, sub
 from collision.polygons import triangles_meet
 from collision.predicates import KERNEL
 
@@ -23,9 +24,9 @@ def winding_number(vertices, triangles, p):
         a = (vertices[i, 0] - p[0], vertices[i, 1] - p[1], vertices[i, 2] - p[2])
         b = (vertices[j, 0] - p[0], vertices[j, 1] - p[1], vertices[j, 2] - p[2])
         c = (vertices[k, 0] - p[0], vertices[k, 1] - p[1], vertices[k, 2] - p[2])
-        la, lb, lc = np.sqrt(_dot(a, a)), np.sqrt(_dot(b, b)), np.sqrt(_dot(c, c))
-        numerator = _dot(a, _cross(b, c))
-        denominator = la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb
+        la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
+        numerator = dot(a, cross(b, c))
+        denominator = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
         total += 2.0 * np.arctan2(numerator, denominator)
     return total / (4.0 * np.pi)
 
@@ -33,22 +34,22 @@ def winding_number(vertices, triangles, p):
 @njit(error_model="numpy", **KERNEL)
 def closest_on_triangle(p, a, b, c):
     """(nearest point, where it lies: 0 … 2 on the edge ab, bc, ca, 3 … 5 in the corner a, b, c, 6 inside)."""
-    n = _cross(_sub(b, a), _sub(c, a))
-    nn = _dot(n, n)
+    n = cross(sub(b, a), sub(c, a))
+    nn = dot(n, n)
     if nn > 0.0:
-        f = _along(p, -_dot(n, _sub(p, a)) / nn, n)
+        f = along(p, -dot(n, sub(p, a)) / nn, n)
         if (
-            _dot(_cross(_sub(b, a), _sub(f, a)), n) > 0.0
-            and _dot(_cross(_sub(c, b), _sub(f, b)), n) > 0.0
-            and _dot(_cross(_sub(a, c), _sub(f, c)), n) > 0.0
+            dot(cross(sub(b, a), sub(f, a)), n) > 0.0
+            and dot(cross(sub(c, b), sub(f, b)), n) > 0.0
+            and dot(cross(sub(a, c), sub(f, c)), n) > 0.0
         ):
             return f, 6
     best, nearest, feature = np.inf, a, 3
     for k in range(3):
         e, f = (a, b) if k == 0 else ((b, c) if k == 1 else (c, a))
         q = closest_on_segment(p, e, f)
-        w = _sub(p, q)
-        d = _dot(w, w)
+        w = sub(p, q)
+        d = dot(w, w)
         if d < best:
             best, nearest = d, q
             if q == e:
@@ -91,8 +92,8 @@ def distance(root, vertices, box, second, first, count, corner, p, bound, stack,
                 b = (vertices[corner[t, 1], 0], vertices[corner[t, 1], 1], vertices[corner[t, 1], 2])
                 c = (vertices[corner[t, 2], 0], vertices[corner[t, 2], 1], vertices[corner[t, 2], 2])
                 q, where = closest_on_triangle(p, a, b, c)
-                w = _sub(p, q)
-                d = _dot(w, w)
+                w = sub(p, q)
+                d = dot(w, w)
                 if d < best:
                     best, nearest, triangle, feature = d, q, t, where
             continue
@@ -123,7 +124,7 @@ def signed_distance(vertices, box, second, first, count, corner, face, edge, ver
         k = feature - 3
         n = (vertex[triangle, k, 0], vertex[triangle, k, 1], vertex[triangle, k, 2])
     apart = np.sqrt(best)
-    return (-apart if _dot(n, _sub(p, nearest)) < 0.0 else apart), nearest, triangle
+    return (-apart if dot(n, sub(p, nearest)) < 0.0 else apart), nearest, triangle
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -140,8 +141,8 @@ def _to_triangle(vertices, corner, t, p):
     b = (vertices[corner[t, 1], 0], vertices[corner[t, 1], 1], vertices[corner[t, 1], 2])
     c = (vertices[corner[t, 2], 0], vertices[corner[t, 2], 1], vertices[corner[t, 2], 2])
     q, _ = closest_on_triangle(p, a, b, c)
-    w = _sub(p, q)
-    return np.sqrt(_dot(w, w))
+    w = sub(p, q)
+    return np.sqrt(dot(w, w))
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -201,8 +202,8 @@ def deepest(
         radius, bound = 0.0, 0.0
         for k in range(3):
             p = (todo[top, 3 * k], todo[top, 3 * k + 1], todo[top, 3 * k + 2])
-            w = _sub(p, c)
-            radius = max(radius, np.sqrt(_dot(w, w)))
+            w = sub(p, c)
+            radius = max(radius, np.sqrt(dot(w, w)))
             bound = max(bound, _to_triangle(vertices, corner, t, p))
         bound = min(bound, radius - apart)
         if bound <= 1.01 * depth + precision:

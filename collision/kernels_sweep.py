@@ -22,27 +22,13 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from collision.kernels_distance import (
-    _cross,
-    _dot,
-    _size,
-    _sub,
-    box_gap,
-    closest_features,
-    move,
-    planes_part,
-    rounding_of,
-)
+from collision.kernels_distance import box_gap, closest_features, move, planes_part, rounding_of, size_of
+from collision.kernels_vector import cross, dot, norm, sub
 from collision.polygons import triangles_meet
 from collision.predicates import KERNEL
 
 STEPS: Final = 20000
 """Advancements after which a pair counts as in contact at the time reached: a guard that stays on the safe side."""
-
-
-@njit(error_model="numpy", **KERNEL)
-def _norm(u):
-    return np.sqrt(_dot(u, u))
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -116,14 +102,14 @@ def _node_step(box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, le
     bh = (box_b[j, 3] - bc[0], box_b[j, 4] - bc[1], box_b[j, 5] - bc[2])
     c = _turned(rotation, bc)
     c = (c[0] + translation[0], c[1] + translation[1], c[2] + translation[2])
-    radius = _norm(bh)
-    u = _cross(dw, c)
+    radius = norm(bh)
+    u = cross(dw, c)
     u = (u[0] + dv[0], u[1] + dv[1], u[2] + dv[2])
-    own = _cross(wb, bc)
+    own = cross(wb, bc)
     own = (own[0] + vb[0], own[1] + vb[1], own[2] + vb[2])
-    turn, bend = _norm(dw), _norm(_cross(wa, dw))
-    fastest = _norm(u) + turn * radius
-    pace = _norm(own) + _norm(wb) * radius
+    turn, bend = norm(dw), norm(cross(wa, dw))
+    fastest = norm(u) + turn * radius
+    pace = norm(own) + norm(wb) * radius
     ever = fastest + turn * pace
     step = 0.0
     square = 0.0
@@ -142,21 +128,21 @@ def _node_step(box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, le
             square += gap * gap
     distance = np.sqrt(square)
     if distance > level:
-        step = max(step, _safe(distance - level, fastest, _norm(wa) * ever + (turn + bend) * pace))
+        step = max(step, _safe(distance - level, fastest, norm(wa) * ever + (turn + bend) * pace))
     return step, fastest, ever, pace
 
 
 @njit(error_model="numpy", **KERNEL)
 def _range(n, a, b, c):
-    x, y, z = _dot(n, a), _dot(n, b), _dot(n, c)
+    x, y, z = dot(n, a), dot(n, b), dot(n, c)
     return min(x, y, z), max(x, y, z)
 
 
 @njit(error_model="numpy", **KERNEL)
 def _hold(n, gap, p, q, r, dv, dw, wa, ever, pace, aim):
     """How long the gap along n surely stays above `aim`, where p, q, r move against it."""
-    closing = -_dot(n, dv) - min(_dot(n, _cross(dw, p)), _dot(n, _cross(dw, q)), _dot(n, _cross(dw, r)))
-    growth = _norm(_cross(n, wa)) * ever + (_norm(_cross(n, dw)) + _norm(_cross(wa, dw))) * pace
+    closing = -dot(n, dv) - min(dot(n, cross(dw, p)), dot(n, cross(dw, q)), dot(n, cross(dw, r)))
+    growth = norm(cross(n, wa)) * ever + (norm(cross(n, dw)) + norm(cross(wa, dw))) * pace
     return _safe(gap - aim, closing, growth)
 
 
@@ -168,19 +154,19 @@ def separation(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough):
     translation that parts them, 0 for triangles in one plane. It holds as long as along the axis that holds longest.
     Ends with the first axis that shows it to be above `level`, and to hold for `enough`.
     """
-    ab, bc, ca = _sub(b, a), _sub(c, b), _sub(a, c)
-    pq, qr, rp = _sub(q, p), _sub(r, q), _sub(p, r)
+    ab, bc, ca = sub(b, a), sub(c, b), sub(a, c)
+    pq, qr, rp = sub(q, p), sub(r, q), sub(p, r)
     best, hold = -np.inf, 0.0
     for k in range(-2, 9):
         if k == -2:
-            n = _cross(ab, bc)
+            n = cross(ab, bc)
         elif k == -1:
-            n = _cross(pq, qr)
+            n = cross(pq, qr)
         else:
             u = ab if k < 3 else (bc if k < 6 else ca)
             v = pq if k % 3 == 0 else (qr if k % 3 == 1 else rp)
-            n = _cross(u, v)
-        length = _norm(n)
+            n = cross(u, v)
+        length = norm(n)
         if length == 0.0:
             continue
         n = (n[0] / length, n[1] / length, n[2] / length)
@@ -215,7 +201,7 @@ def _pair_step(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough, tou
     if d <= touching:
         return s, hold
     if d > aim:
-        n = _sub(y, x)
+        n = sub(y, x)
         hold = max(hold, _hold((n[0] / d, n[1] / d, n[2] / d), d, p, q, r, dv, dw, wa, ever, pace, aim))
     return d, hold
 
@@ -227,7 +213,7 @@ def _leaf_step(
 ):  # fmt: skip
     """(step, least signed distance - level) of two leaves; the step is what was given, or shorter."""
     least = np.inf
-    most = _norm(wa) * ever + (_norm(dw) + _norm(_cross(wa, dw))) * pace
+    most = norm(wa) * ever + (norm(dw) + norm(cross(wa, dw))) * pace
     for tb in range(first_b[j], first_b[j] + count_b[j]):
         p = move(rotation, translation, vertices_b, corner_b[tb, 0])
         q = move(rotation, translation, vertices_b, corner_b[tb, 1])
@@ -288,8 +274,8 @@ def sweep(
         relative(ra, ta, rb, tb, rotation, translation)
         rounding = rounding_of(box_a, box_b, rotation, translation)
         turned = _turned(rotation, wb)
-        dw = _sub(turned, wa)
-        dv = _sub(_turned(rotation, vb), _cross(turned, (translation[0], translation[1], translation[2])))
+        dw = sub(turned, wa)
+        dv = sub(_turned(rotation, vb), cross(turned, (translation[0], translation[1], translation[2])))
         dv = (dv[0] - twist_a[0], dv[1] - twist_a[1], dv[2] - twist_a[2])
         step = until - t
         aim = 0.5 * tolerance
@@ -324,7 +310,7 @@ def sweep(
                     return t, before
                 step = shorter
                 continue
-            if leaf_b or (not leaf_a and _size(box_a, i) >= _size(box_b, j)):
+            if leaf_b or (not leaf_a and size_of(box_a, i) >= size_of(box_b, j)):
                 i0, j0, i1, j1 = i + 1, j, second_a[i], j
             else:
                 i0, j0, i1, j1 = i, j + 1, i, second_b[j]
@@ -410,7 +396,7 @@ def _depth(
                 rotation, translation, least, rounding, work,
             )  # fmt: skip
             continue
-        if leaf_b or (not leaf_a and _size(box_a, i) >= _size(box_b, j)):
+        if leaf_b or (not leaf_a and size_of(box_a, i) >= size_of(box_b, j)):
             stack[top, 0], stack[top, 1] = i + 1, j
             stack[top + 1, 0], stack[top + 1, 1] = second_a[i], j
         else:
