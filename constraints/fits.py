@@ -25,6 +25,10 @@ KINDS = ("plane", "cylinder", "cone", "sphere", "torus")
 """in the order in which they are tried: the simplest that fits is taken"""
 
 
+_FEW = 200
+"""points that a fit is first tried on"""
+
+
 class FitError(ConstraintsError):
     """Points through which no surface of the kind asked for goes (too few, or degenerate)."""
 
@@ -58,11 +62,15 @@ def fit_surface(
     p = np.asarray(points, dtype=np.float64)
     limits = tolerance or Tolerance()
     limit = allowed(p, limits)
+    few = p[:: -(-len(p) // _FEW)]  # what does not fit a part of the points does not fit them all
     for kind in kinds:
         if len(p) < _ENOUGH[kind]:
             continue
         try:
-            fit = fit_kind(kind, p, bases, normals)
+            fit = fit_kind(kind, few, bases, normals)
+            if fit.residual <= limit and len(few) < len(p):
+                geometry = refine(fit.geometry, p)
+                fit = Fit(geometry, float(np.abs(geometry.distance(p)).max()))
         except (FitError, GeometryError):
             continue
         if fit.residual <= limit and _faces_along(fit.geometry, bases, normals, limits):

@@ -72,37 +72,17 @@ def test_the_surfaces_of_a_tessellated_solid_are_found_again(make, angular):
     corners = vertices[triangles]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     assert np.array_equal(np.sort(np.concatenate([s.triangles for s in segments])), np.arange(len(triangles)))
-    masks = []
-    for s in segments:
-        mask = np.zeros(len(triangles), bool)
-        mask[s.triangles] = True
-        masks.append((s, mask))
-    for face in truth.surfaces:
-        same = [g.geometry.kind == face.geometry.kind for g in truth.surfaces]
-        lies = [
-            same[g.index]
-            and np.abs(
-                face.geometry.distance(mesh.vertices[mesh.triangles[mesh.triangles_of(g.index)]].reshape(-1, 3))
-            ).max()
-            < 1e-9
-            for g in truth.surfaces
-        ]
-        own = np.isin(mesh.surface_of_triangle, np.flatnonzero(lies))  # the face and those on the same surface
-        parts = [(s, k) for s, k in masks if k[mesh.triangles_of(face.index)].any()]
-        best = max(parts, key=lambda p: overlap(p[1], own, area))
-        joined = np.any(
-            [k for s, k in parts if s.geometry.kind == best[0].geometry.kind and overlap(k, own, area) > 0.2], axis=0
-        )
-        assert (
-            max(
-                overlap(best[1], own, area),
-                overlap(joined, own, area),
-                overlap(best[1], mesh.surface_of_triangle == face.index, area),
-            )
-            >= 0.9
-        ), f"{face.name}, a {face.geometry.kind}, came back as {best[0].geometry.kind}"
-        assert best[0].geometry.kind == face.geometry.kind
-        assert best[0].residual <= 1e-6
+    found = np.empty(len(triangles), int)
+    for i, s in enumerate(segments):
+        assert s.residual <= 1e-6
+        found[s.triangles] = i
+    kinds = [s.geometry.kind for s in truth.surfaces]
+    expected = merged(vertices, triangles, mesh.surface_of_triangle.astype(int), kinds)
+    found = merged(vertices, triangles, found, [s.geometry.kind for s in segments])
+    for face in np.unique(expected):
+        best = max(np.unique(found[expected == face]), key=lambda s: overlap(expected == face, found == s, area))
+        assert overlap(expected == face, found == best, area) >= 0.9, f"{kinds[face]} {face} came back in pieces"
+        assert segments[best].geometry.kind == kinds[face]
 
 
 def test_a_freeform_surface_between_planes_is_one_segment():
