@@ -60,6 +60,20 @@ def _cross(x, y, out):
 
 
 @njit(cache=True)
+def _put(scale, x, out):
+    """out = scale · x. Loops and no array expressions in these kernels: they compile in a fraction of the time."""
+    for i in range(3):
+        out[i] = scale * x[i]
+
+
+@njit(cache=True)
+def _add(scale, x, out):
+    """out += scale · x."""
+    for i in range(3):
+        out[i] += scale * x[i]
+
+
+@njit(cache=True)
 def _add_torque(scale, x, y, out):
     """out += scale · x × y."""
     out[0] += scale * (x[1] * y[2] - x[2] * y[1])
@@ -71,7 +85,7 @@ def _add_torque(scale, x, y, out):
 def _along(k, axis, u, f, g, ta):
     """Row k: u·X for a direction X that body a carries."""
     f[k] = _dot(axis, u)
-    g[k, :] = axis
+    _put(1.0, axis, g[k])
     _add_torque(1.0, axis, u, ta[k])
 
 
@@ -100,13 +114,16 @@ def _aligned(A, B, sense, f, ta, tb):
         axis, sign, value = (A[1], -s, x) if i == 0 else (A[0], s, y)
         _add_torque(k * sign, B[2], axis, tb[i])
         _add_torque(value * dk * s, B[2], A[2], tb[i])
-        ta[i, :] = -tb[i]
+        _put(-1.0, tb[i], ta[i])
 
 
 @njit(cache=True)
 def _oriented(A, B, f, ta, tb):
     """The frames coincide: f = log(F_aᵀ F_b) (rad), df = Jlog(f) F_bᵀ (Ω_b - Ω_a)."""
-    R = A @ B.T  # rows of A, B are the frames' axes
+    R = np.empty((3, 3))  # A Bᵀ: rows of A, B are the frames' axes
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = _dot(A[i], B[j])
     x = 0.5 * (R[2, 1] - R[1, 2])
     y = 0.5 * (R[0, 2] - R[2, 0])
     z = 0.5 * (R[1, 0] - R[0, 1])
@@ -129,12 +146,16 @@ def _oriented(A, B, f, ta, tb):
         k = math.pi / math.sqrt(x * x + y * y + z * z)
         q = 1.0 / (math.pi * math.pi)
     f[0], f[1], f[2] = k * x, k * y, k * z
-    W = np.array([[0.0, -f[2], f[1]], [f[2], 0.0, -f[0]], [-f[1], f[0], 0.0]])
-    J = np.eye(3) + 0.5 * W + q * (W @ W)
-    for i in range(3):
+    square = _dot(f, f)
+    for i in range(3):  # Jlog = 1 + [f]/2 + q [f]², and [f]² = f fᵀ - |f|²
         for j in range(3):
-            tb[i, :] += J[i, j] * B[j]
-        ta[i, :] = -tb[i]
+            w = q * f[i] * f[j]
+            if i == j:
+                w += 1.0 - q * square
+            else:
+                w += 0.5 * f[3 - i - j] * (-1.0 if (j - i) % 3 == 1 else 1.0)
+            _add(w, B[j], tb[i])
+        _put(-1.0, tb[i], ta[i])
 
 
 @njit(cache=True)
@@ -144,18 +165,24 @@ def _angle(A, B, f, ta, tb):
     _cross(A[2], B[2], n)
     sine = math.sqrt(_dot(n, n))
     f[0] = math.atan2(sine, _dot(A[2], B[2]))
-    axis = n / sine if sine > 0.0 else A[0]
-    tb[0, :] = axis
-    ta[0, :] = -axis
+    if sine > 0.0:
+        _put(1.0 / sine, n, tb[0])
+    else:
+        _put(1.0, A[0], tb[0])
+    _put(-1.0, tb[0], ta[0])
 
 
 @njit(cache=True)
 def _foot(A, u, out):
     """Vector from the axis of a to the point, at right angles to the axis, made unit length; and its length."""
     h = _dot(A[2], u)
-    out[:] = u - h * A[2]
+    _put(1.0, u, out)
+    _add(-h, A[2], out)
     rho = math.sqrt(_dot(out, out))
-    out[:] = out / rho if rho > 0.0 else A[0]
+    if rho > 0.0:
+        _put(1.0 / rho, out, out)
+    else:
+        _put(1.0, A[0], out)
     return rho
 
 
@@ -163,7 +190,10 @@ def _foot(A, u, out):
 def _point_distance(A, u, f, g):
     """|u|."""
     f[0] = math.sqrt(_dot(u, u))
-    g[0, :] = u / f[0] if f[0] > 0.0 else A[0]
+    if f[0] > 0.0:
+        _put(1.0 / f[0], u, g[0])
+    else:
+        _put(1.0, A[0], g[0])
 
 
 @njit(cache=True)
@@ -182,12 +212,14 @@ def _lines_distance(A, B, u, side, f, g, ta, tb):
     if sine < 1e-12:  # parallel to rounding: any common normal through the offset serves
         _line_distance(A, u, f, g, ta)
         return
-    n /= sine
+    _put(1.0 / sine, n, n)
     x = _dot(u, n)
     s = side if side != 0.0 else (1.0 if x >= 0.0 else -1.0)
     f[0] = s * x
-    g[0, :] = s * n
-    h = (u - x * n) * (s / sine)
+    _put(s, n, g[0])
+    h = np.empty(3)
+    _put(s / sine, u, h)
+    _add(-x * s / sine, n, h)
     w = np.empty(3)
     _cross(B[2], h, w)
     _add_torque(1.0, A[2], w, ta[0])
@@ -203,7 +235,8 @@ def _cone_distance(A, u, half_angle, f, g, ta):
     h = _dot(A[2], u)
     c, s = math.cos(half_angle), math.sin(half_angle)
     f[0] = rho * c - h * s
-    g[0, :] = c * n - s * A[2]
+    _put(c, n, g[0])
+    _add(-s, A[2], g[0])
     _add_torque(-h * c, A[2], n, ta[0])
     _add_torque(-s, A[2], u, ta[0])
 
@@ -217,11 +250,12 @@ def _torus_distance(A, u, major, f, g, ta):
     q = math.hypot(rho - major, h)
     f[0] = q
     if q > 0.0:
-        g[0, :] = ((rho - major) * n + h * A[2]) / q
+        _put((rho - major) / q, n, g[0])
+        _add(h / q, A[2], g[0])
         _add_torque(-(rho - major) * h / q, A[2], n, ta[0])
         _add_torque(h / q, A[2], u, ta[0])
     else:
-        g[0, :] = n
+        _put(1.0, n, g[0])
 
 
 @njit(cache=True)
@@ -262,8 +296,8 @@ def _helix(A, B, u, pitch, offset, f, g, ta, tb):
     w = np.zeros(3)
     _add_torque(k * x, B[0], A[1], w)
     _add_torque(-k * y, B[0], A[0], w)
-    tb[0, :] += w
-    ta[0, :] -= w
+    _add(1.0, w, tb[0])
+    _add(-1.0, w, ta[0])
 
 
 @njit(cache=True)
@@ -276,8 +310,8 @@ def _mesh(A, B, u, teeth_a, teeth_b, sense, offset, f, g, ta, tb):
         y = sign * _dot(F[1], u)
         f[0] -= k * math.atan2(y, x)
         k *= sign * _turning(x, y)
-        direction = k * (y * F[0] - x * F[1])
-        g[0, :] += direction
+        _add(k * y, F[0], g[0])
+        _add(-k * x, F[1], g[0])
         _add_torque(k * y, F[0], u, t)
         _add_torque(-k * x, F[1], u, t)
     f[0] = _wrapped(f[0], TWO_PI / teeth_a)
@@ -292,10 +326,14 @@ def _rack(A, B, u, radius, teeth, sense, offset, f, g, ta, tb):
     turn = -math.atan2(y, x)
     f[0] = _wrapped(s - sense * radius * turn - offset, TWO_PI * radius / teeth)
     k = sense * radius * _turning(x, y)
-    h = k * (x * A[1] - y * A[0])  # f = s + … and d(-turn) = h·dw with w = u - s D_b, seen from a
-    w = u - s * B[2]
+    h, w = np.empty(3), np.empty(3)  # f = s + … and d(-turn) = h·dw with w = u - s D_b, seen from a
+    _put(k * x, A[1], h)
+    _add(-k * y, A[0], h)
+    _put(1.0, u, w)
+    _add(-s, B[2], w)
     along = _dot(h, B[2])
-    g[0, :] = (1.0 - along) * B[2] + h
+    _put(1.0 - along, B[2], g[0])
+    _add(1.0, h, g[0])
     _add_torque(k * x, A[1], w, ta[0])
     _add_torque(-k * y, A[0], w, ta[0])
     _add_torque(1.0 - along, B[2], u, tb[0])
@@ -351,9 +389,9 @@ def _rows(code, A, B, u, p, f, g, ta, tb):
     else:
         f[0] = 0.0
         if p[0] < p[1]:
-            g[0, :] = 0.0
-            ta[0, :] = 0.0
-            tb[0, :] = 0.0
+            _put(0.0, g[0], g[0])
+            _put(0.0, ta[0], ta[0])
+            _put(0.0, tb[0], tb[0])
     return 1
 
 
@@ -386,9 +424,9 @@ def evaluate(code, body, element, param, start, rotation, translation, r, Ja, Jb
                 A[k, i] = Ra[i, 0] * x[o] + Ra[i, 1] * x[o + 1] + Ra[i, 2] * x[o + 2]
                 o = 15 + 3 * k
                 B[k, i] = Rb[i, 0] * x[o] + Rb[i, 1] * x[o + 1] + Rb[i, 2] * x[o + 2]
-        g[:] = 0.0
-        ta[:] = 0.0
-        tb[:] = 0.0
+        for k in range(3):
+            for i in range(3):
+                g[k, i] = ta[k, i] = tb[k, i] = 0.0
         n = _rows(code[e], A, B, u, param[e], f, g, ta, tb)
         for k in range(n):
             row = start[e] + k

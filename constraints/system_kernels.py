@@ -16,12 +16,29 @@ EXHAUSTED = 2
 EPSILON = 2.0**-52
 ASTRAY = 1e-3
 """rad, or of the parts' length: a least-squares end farther from a solution than this may be a wrong turn"""
-RETRIES = 8
+CAUTION = (1e2, 1e4)
+"""damping of the second and third attempt, over that of the first"""
+BESIDE = 6
+"""attempts after these, from starts pushed by up to PUSH rad (or of a part's size)"""
 PUSH = 0.15
-"""rad, or of a part's size: how far the starts of later attempts are pushed"""
 GOLDEN = 0.6180339887498949
 DAMPING_FLOOR = 1e-13
 """relative to the unit entries of a scaled Jacobian: what keeps a rank-deficient JᵀJ factorisable in float64"""
+
+
+@njit(cache=True)
+def _copy2(x, out):
+    """out = x, both of two dimensions (an array assignment compiles for seconds)."""
+    for i in range(x.shape[0]):
+        for j in range(x.shape[1]):
+            out[i, j] = x[i, j]
+
+
+@njit(cache=True)
+def _copy3(x, out):
+    """out = x, both of three dimensions."""
+    for i in range(len(x)):
+        _copy2(x[i], out[i])
 
 
 @njit(cache=True)
@@ -112,8 +129,13 @@ def substitute(blocks, column, row, x):
 @njit(cache=True)
 def assemble(body, start, weight, extent, column_of, target, r, Ja, Jb, blocks, gradient):
     """JᵀJ (lower blocks) and Jᵀr of the weighed, scaled rows; column_of (n,) body -> column or -1. Scales Ja, Jb."""
-    blocks[:] = 0.0
-    gradient[:] = 0.0
+    for b in range(len(blocks)):
+        for i in range(6):
+            for j in range(6):
+                blocks[b, i, j] = 0.0
+    for k in range(len(gradient)):
+        for i in range(6):
+            gradient[k, i] = 0.0
     for e in range(len(body)):
         last = start[e + 1] if e + 1 < len(start) else len(r)
         a, b = column_of[body[e, 0]], column_of[body[e, 1]]
@@ -250,14 +272,16 @@ def levenberg_marquardt(
                 largest = max(largest, blocks[k, i, i])
         while True:
             damping = max(mu * min(1.0, cost / (m * length * length)), DAMPING_FLOOR) * largest
-            factored[:] = blocks
+            _copy3(blocks, factored)
             for k in range(n):
                 for i in range(6):
                     factored[k, i, i] += damping
             if not factor(factored, column, row, update, update_start):
                 mu = max(10.0 * mu, 100.0 * damping / largest / min(1.0, cost / (m * length * length)))
                 continue
-            step[:] = -gradient
+            for k in range(n):
+                for i in range(6):
+                    step[k, i] = -gradient[k, i]
             substitute(factored, column, row, step)
             size = 0.0
             predicted = 0.0
@@ -279,9 +303,9 @@ def levenberg_marquardt(
         elif gain < 0.25:
             mu *= 4.0
         slow = slow + 1 if cost_new > 0.99 * cost else 0
-        rotation[:] = R
-        translation[:] = t
-        r[:] = r_new
+        _copy3(R, rotation)
+        _copy2(t, translation)
+        r, r_new = r_new, r
         cost, worst = cost_new, worst_new
         if worst <= limit:
             return SOLVED, iteration, worst
@@ -303,36 +327,33 @@ def solve_system(
     R, t = rotation.copy(), translation.copy()
     n = len(column) - 1
     push = np.empty((n, 6))
-    caution = 1.0
-    status, iterations, worst = levenberg_marquardt(
-        code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
-        rotation, translation, length, tolerance, max_iterations, caution,
-    )  # fmt: skip
-    for attempt in range(RETRIES):
-        if status == SOLVED or worst <= ASTRAY * min(1.0, length):
-            break
+    status, iterations, worst = EXHAUSTED, 0, math.inf
+    for attempt in range(1 + len(CAUTION) + BESIDE):
         R_new, t_new = R.copy(), t.copy()
-        if attempt < 2:
-            caution *= 100.0
-        else:
-            caution = 1.0
+        caution = 1.0
+        if 0 < attempt <= len(CAUTION):
+            caution = CAUTION[attempt - 1]
+        elif attempt > 0:
             for k in range(n):
                 for i in range(6):
                     x = (attempt * 6 * n + 6 * k + i) * GOLDEN
                     push[k, i] = PUSH * (2.0 * (x - math.floor(x)) - 1.0)
             for i in range(len(column_of)):
-                if column_of[i] >= 0:
-                    push[column_of[i]] *= extent[i]
+                for j in range(6):
+                    if column_of[i] >= 0:
+                        push[column_of[i], j] *= extent[i]
             move(R, t, extent, column_of, push, R_new, t_new)
         status_new, more, worst_new = levenberg_marquardt(
             code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
             R_new, t_new, length, tolerance, max_iterations, caution,
         )  # fmt: skip
         iterations += more
-        if status_new == SOLVED:
+        if attempt == 0 or status_new == SOLVED:
             status, worst = status_new, worst_new
-            rotation[:] = R_new
-            translation[:] = t_new
+            _copy3(R_new, rotation)
+            _copy2(t_new, translation)
+        if status == SOLVED or worst <= ASTRAY * min(1.0, length):
+            break
     return status, iterations, worst
 
 
