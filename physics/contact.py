@@ -88,24 +88,37 @@ def _over(shapes, row, p, margin, depth, normal):
     """
     surface, start = row
     best = np.inf
-    kind = shapes.kinds[surface]
+    round_ = shapes.kinds[surface] == CYLINDER
+    slack = 0.0
+    if round_:
+        c = shapes.analytic[surface]
+        if c[10] > 0.0:
+            height = (p[0] - c[0]) * c[3] + (p[1] - c[1]) * c[4] + (p[2] - c[2]) * c[5]
+            if c[8] <= height <= c[9]:
+                return _radial(c, p, margin, depth, normal)
+            return np.inf
+        slack = 0.1 * c[6]
     for t in range(shapes.triangle_start[start], shapes.triangle_start[start + 1]):
-        n = shapes.normals[t]
-        a = shapes.vertices[shapes.triangles[t, 0]]
-        gap = n[0] * (p[0] - a[0]) + n[1] * (p[1] - a[1]) + n[2] * (p[2] - a[2])
-        slack = 0.1 * shapes.analytic[surface, 6] if kind == CYLINDER else 0.0
+        nx, ny, nz = shapes.normals[t, 0], shapes.normals[t, 1], shapes.normals[t, 2]
+        k = shapes.triangles[t, 0]
+        gap = (
+            nx * (p[0] - shapes.vertices[k, 0])
+            + ny * (p[1] - shapes.vertices[k, 1])
+            + nz * (p[2] - shapes.vertices[k, 2])
+        )
         if gap > margin + slack or gap < -depth - slack or abs(gap) >= abs(best):
             continue
-        if n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0:
+        if nx == 0.0 and ny == 0.0 and nz == 0.0:
             continue
+        a = shapes.vertices[k]
         b = shapes.vertices[shapes.triangles[t, 1]]
         c = shapes.vertices[shapes.triangles[t, 2]]
-        if not _inside(p, a, b, c, n):
+        if not _inside(p, a, b, c, shapes.normals[t]):
             continue
-        if kind == CYLINDER:
+        if round_:
             return _radial(shapes.analytic[surface], p, margin, depth, normal)
         best = gap
-        normal[0], normal[1], normal[2] = n[0], n[1], n[2]
+        normal[0], normal[1], normal[2] = nx, ny, nz
     return best
 
 
@@ -274,39 +287,42 @@ def _rims_on_faces(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, d
 
 
 @njit(cache=True)
+def _dot(ax, ay, az, bx, by, bz):
+    return ax * bx + ay * by + az * bz
+
+
+@njit(cache=True)
 def _nearest(p, a, b, c, out):
     """Point of the triangle nearest to `p` (Ericson, "Real-Time Collision Detection", 5.1.5), into `out`."""
-    ab = b - a
-    ac = c - a
-    ap = p - a
-    d1, d2 = np.sum(ab * ap), np.sum(ac * ap)
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    x, y, z = p[0] - a[0], p[1] - a[1], p[2] - a[2]
+    d1, d2 = _dot(ux, uy, uz, x, y, z), _dot(vx, vy, vz, x, y, z)
+    x, y, z = p[0] - b[0], p[1] - b[1], p[2] - b[2]
+    d3, d4 = _dot(ux, uy, uz, x, y, z), _dot(vx, vy, vz, x, y, z)
+    x, y, z = p[0] - c[0], p[1] - c[1], p[2] - c[2]
+    d5, d6 = _dot(ux, uy, uz, x, y, z), _dot(vx, vy, vz, x, y, z)
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    s, t = 0.0, 0.0  # the point is a + s (b - a) + t (c - a)
     if d1 <= 0.0 and d2 <= 0.0:
-        out[:] = a
-        return
-    bp = p - b
-    d3, d4 = np.sum(ab * bp), np.sum(ac * bp)
-    if d3 >= 0.0 and d4 <= d3:
-        out[:] = b
-        return
-    vc = d1 * d4 - d3 * d2
-    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        out[:] = a + d1 / (d1 - d3) * ab
-        return
-    cp = p - c
-    d5, d6 = np.sum(ab * cp), np.sum(ac * cp)
-    if d6 >= 0.0 and d5 <= d6:
-        out[:] = c
-        return
-    vb = d5 * d2 - d1 * d6
-    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        out[:] = a + d2 / (d2 - d6) * ac
-        return
-    va = d3 * d6 - d5 * d4
-    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        out[:] = b + (d4 - d3) / ((d4 - d3) + (d5 - d6)) * (c - b)
-        return
-    s = 1.0 / (va + vb + vc)
-    out[:] = a + vb * s * ab + vc * s * ac
+        pass
+    elif d3 >= 0.0 and d4 <= d3:
+        s = 1.0
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        s = d1 / (d1 - d3)
+    elif d6 >= 0.0 and d5 <= d6:
+        t = 1.0
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        t = d2 / (d2 - d6)
+    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        s = 1.0 - t
+    else:
+        total = va + vb + vc
+        s, t = vb / total, vc / total
+    out[0] = a[0] + s * ux + t * vx
+    out[1] = a[1] + s * uy + t * vy
+    out[2] = a[2] + s * uz + t * vz
 
 
 @njit(cache=True)
@@ -350,7 +366,7 @@ def _ball_on_surface(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin,
                 gap = np.inf  # behind the face and past its border: another surface is in front
             elif abs(height) >= distance * (1.0 - 1e-15) or distance == 0.0:
                 gap = height - radius
-                normal[:] = nt
+                normal[0], normal[1], normal[2] = nt[0], nt[1], nt[2]
             else:
                 gap = distance - radius
                 normal[0], normal[1], normal[2] = x / distance, y / distance, z / distance
@@ -409,6 +425,8 @@ def _edges_on_edges(
         uu = ux * ux + uy * uy + uz * uz
         for j in range(len(others)):
             eb = others[j]
+            if shapes.edge_sense[ea] | shapes.edge_sense[eb] == 3:
+                continue  # a fit: chords of a bore against a shaft; the vertices on the analytic surface tell more
             q0 = shapes.vertices[shapes.edges[eb, 0]]
             q1 = shapes.vertices[shapes.edges[eb, 1]]
             if (
@@ -417,8 +435,6 @@ def _edges_on_edges(
                 or min(p0[2], p1[2]) > max(q0[2], q1[2]) + reach or max(p0[2], p1[2]) < min(q0[2], q1[2]) - reach
             ):  # fmt: skip
                 continue
-            if shapes.edge_sense[ea] | shapes.edge_sense[eb] == 3:
-                continue  # a fit: chords of a bore against a shaft; the vertices on the analytic surface tell more
             vx, vy, vz = q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2]
             nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
             nn = nx * nx + ny * ny + nz * nz

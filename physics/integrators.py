@@ -74,13 +74,22 @@ def _gauss(q, pi, inverse, h):
     for j in range(3):
         pi[j] += h * (5.0 * slope[0, j] + 8.0 * slope[1, j] + 5.0 * slope[2, j]) / 18.0
     # Magnus: (Rᵀ)' = -ω̂ Rᵀ, so A = -ω̂ and Rᵀ ← exp(Ω) Rᵀ, that is R ← R exp(-Ω)
-    a1 = -h * omega[1]
-    a2 = -h * _S15 / 3.0 * (omega[2] - omega[0])
-    a3 = -h * 10.0 / 3.0 * (omega[2] - 2.0 * omega[1] + omega[0])
-    c1 = np.array(cross(a1, a2))
-    c2 = -np.array(cross(a1, 2.0 * a3 + c1)) / 60.0
-    total = a1 + a3 / 12.0 + np.array(cross(-20.0 * a1 - a3 + c1, a2 + c2)) / 240.0
-    p = multiply((q[0], q[1], q[2], q[3]), exponential(-total[0], -total[1], -total[2]))
+    for j in range(3):
+        first, middle, last = omega[0, j], omega[1, j], omega[2, j]
+        stages[0, j] = -h * middle
+        stages[1, j] = -h * _S15 / 3.0 * (last - first)
+        stages[2, j] = -h * 10.0 / 3.0 * (last - 2.0 * middle + first)
+    c1 = cross(stages[0], stages[1])
+    for j in range(3):
+        slope[0, j] = 2.0 * stages[2, j] + c1[j]
+    c2 = cross(stages[0], slope[0])
+    for j in range(3):
+        slope[0, j] = -20.0 * stages[0, j] - stages[2, j] + c1[j]
+        slope[1, j] = stages[1, j] - c2[j] / 60.0
+    c3 = cross(slope[0], slope[1])
+    for j in range(3):
+        slope[2, j] = stages[0, j] + stages[2, j] / 12.0 + c3[j] / 240.0
+    p = multiply((q[0], q[1], q[2], q[3]), exponential(-slope[2, 0], -slope[2, 1], -slope[2, 2]))
     q[0], q[1], q[2], q[3] = p
 
 

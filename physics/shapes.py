@@ -54,7 +54,8 @@ class Shape(NamedTuple):
     kinds: Ints
     """(k,) FACETED, SPHERE or CYLINDER, by surface"""
     analytic: Array
-    """(k, 8) centre or origin, axis, radius, sense (+1 convex, -1 concave)"""
+    """(k, 11) centre or origin, axis, radius, sense (+1 convex, -1 concave); of a cylinder that goes all the way round
+    also its least and greatest height along the axis, and 1"""
     boxes: Array
     """(k, 6) lower and upper corner of each surface"""
 
@@ -125,7 +126,7 @@ def _vertex_rim(vertices: Array, rims: Array) -> Ints:
 
 def _analytic(vertices, triangles, normals, double_area, surface_of, k, geometries):
     kinds = np.zeros(k, np.int64)
-    analytic = np.zeros((k, 8))
+    analytic = np.zeros((k, 11))
     for s, geometry in geometries.items():
         mine = surface_of == s
         middle = vertices[triangles[mine]].mean(axis=1)
@@ -139,6 +140,12 @@ def _analytic(vertices, triangles, normals, double_area, surface_of, k, geometri
             continue
         outward = np.einsum("ij,ij,i->", geometry.normals(middle), normals[mine], double_area[mine])
         analytic[s, 7] = 1.0 if outward > 0.0 else -1.0
+        if kinds[s] == CYLINDER:
+            heights = (vertices[triangles[mine]].reshape(-1, 3) - analytic[s, :3]) @ analytic[s, 3:6]
+            low, high = heights.min(), heights.max()
+            whole = 2.0 * np.pi * analytic[s, 6] * (high - low)
+            if 0.5 * double_area[mine].sum() > 0.98 * whole:
+                analytic[s, 8:] = low, high, 1.0
     return kinds, analytic
 
 

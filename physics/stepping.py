@@ -129,16 +129,28 @@ class Stepper:
     # --- one step ---------------------------------------------------------------------------------------------------
 
     def advance(
-        self, island: Island, before: Contacts, time: float, dt: float, wrench: Callable[[Ints, float], Array]
+        self,
+        island: Island,
+        before: Contacts,
+        kept: bool,
+        time: float,
+        dt: float,
+        wrench: Callable[[Ints, float], Array],
     ) -> Contacts:
-        """Move an island from `time` over `dt` seconds; the contacts at the end. `wrench(ids, t)`: (n, 6) N, N·m."""
+        """Move an island from `time` over `dt` seconds; the contacts at the end. `wrench(ids, t)`: (n, 6) N, N·m.
+
+        before: contacts at the end of the last step; `kept` says that they still are what `find` would find.
+        """
         b = self.bodies
         island.impacts = 0
         island.residual = 0.0
         rest = Saved(b, island.moved)
         t = 0.0
-        now = self.find(island, self._reach(island, dt))
-        now = self._inherit(now, before)
+        if kept and len(island.moved) == 0:
+            mine = np.isin(before.ints[:, 0], island.ids) | np.isin(before.ints[:, 1], island.ids)
+            now = Contacts(before.ints[mine], before.reals[mine], before.force[mine])
+        else:
+            now = self._inherit(self.find(island, self._reach(island, dt)), before)
         while dt - t > 1e-12 * dt:
             h = dt - t
             limit = self._limit(island)
@@ -397,6 +409,7 @@ class Stepper:
 
     def _blunt(self, island, now, rest, time, t, h, wrench):
         """A step without rebound and without looking for impacts: nothing closes more than its gap allows."""
+        now = self._inherit(self.find(island, self._reach(island, h)), now)
         gaps = now.reals[:, 6]
         target = -np.maximum(gaps, 0.0) / h
         near = np.arange(len(gaps))

@@ -81,8 +81,9 @@ class World:
         self._mechanisms: dict[tuple, tuple[dict[int, pin.SE3], Mechanism | None]] = {}
         self._contacts = NO_CONTACTS
         self._pairs = np.zeros((0, 4), np.int64)
-        self._slack = 0.0
         self._travel = np.zeros(0)
+        self._reach = np.zeros(0)
+        self._moving: tuple[int, ...] = ()
         self._stale = True
 
     # --- objects ------------------------------------------------------------------------------------------------------
@@ -240,8 +241,8 @@ class World:
         b = self._bodies
         data = {name: getattr(b, name)[: b.n] for name in Bodies._PER_OBJECT}
         data.update(
-            n=b.n, time=self.time, contacts=tuple(self._contacts), pairs=self._pairs, slack=self._slack,
-            travel=self._travel, stale=self._stale, grips={i: g.data() for i, g in self._grips.items()},
+            n=b.n, time=self.time, contacts=tuple(self._contacts), pairs=self._pairs,
+            travel=self._travel, reach=self._reach, moving=self._moving, stale=self._stale, grips={i: g.data() for i, g in self._grips.items()},
             members=tuple(sorted(self._behaviours)), last_step=self._last_step, joints=tuple(map(id, self._joints)),
             mechanisms={
                 key: {i: pose.homogeneous for i, pose in poses.items()} for key, (poses, _) in self._mechanisms.items()
@@ -261,8 +262,8 @@ class World:
             getattr(b, name)[: b.n] = data[name]
         self.time = data["time"]
         self._contacts = Contacts(*data["contacts"])
-        self._pairs, self._slack, self._travel = data["pairs"], data["slack"], data["travel"]
-        self._stale = data["stale"]
+        self._pairs, self._reach, self._travel = data["pairs"], data["reach"], data["travel"]
+        self._stale, self._moving = data["stale"], data["moving"]
         self._last_step = data["last_step"]
         self._grips = {i: Grip.of(d) for i, d in data["grips"].items()}
         self._mechanisms.clear()
@@ -324,14 +325,16 @@ class World:
         carried = self._carry(dt)
         free = self._free_awake()
         if len(free) or carried or self._grips:
-            self._list_near(free, carried, dt)
+            kept = self._list_near(free, carried, dt)
             groups, lone = self._islands(free)
+            kept = kept and tuple(free) == self._moving
+            self._moving = tuple(free)
             ended = []
             self.residual = 0.0
             start = Saved(b, np.array(sorted({*free, *carried}), dtype=np.int64))
             try:
                 for island in groups:
-                    ended.append(self._stepper.advance(island, self._contacts, self.time, dt, self._wrenches))
+                    ended.append(self._stepper.advance(island, self._contacts, kept, self.time, dt, self._wrenches))
                     self.residual = max(self.residual, island.residual)
             except BehaviourError:
                 start.restore(b)
@@ -391,15 +394,15 @@ class World:
             if grip.hand is None:
                 grip.wrench = self._felt(i, grip, dt)
         for i in carried:
-            grip = self._grips.get(i)
+            held = self._grips.get(i)
             path = self._path.get(i)
-            if grip is not None:
-                b.set_pose(i, grip.target)
+            if held is not None:
+                b.set_pose(i, held.target)
             elif path is not None:
                 b.set_pose(i, path.pose(self.time + dt))
 
-    def _list_near(self, free: list[int], carried: list[int], dt: float) -> None:
-        """Renew the list of near surface pairs when something may have left the slack it was made with."""
+    def _list_near(self, free: list[int], carried: list[int], dt: float) -> bool:
+        """Renew the list of near surface pairs when something may leave the slack it was made with; True if not."""
         b = self._bodies
         movers = np.array(sorted({*free, *carried}), dtype=np.int64)
         v = b.velocity[movers]
@@ -409,7 +412,7 @@ class World:
         if listed:
             self._travel[movers] += step
             if (self._travel[movers] <= self._reach[movers]).all():
-                return
+                return True
         self._refresh()
         n = b.n
         self._travel = np.zeros(n)
@@ -428,8 +431,7 @@ class World:
             self._shape(int(i))
         self._pairs = self._surface_pairs(objects)
         self._stale = False
-
-    _reach: Array = np.zeros(0)
+        return False
 
     def _gain(self, movers: NDArray[np.int64], dt: float) -> Array:
         """m that forces may add to a body's way in one step (as they are now)."""

@@ -323,7 +323,7 @@ class Drake:
         from pydrake.multibody.plant import CoulombFriction
         from pydrake.multibody.tree import SpatialInertia
 
-        body = plant.AddRigidBody(name, SpatialInertia.SolidCubeWithMass(mass, side))
+        body = plant.AddRigidBody(name, SpatialInertia.SolidBoxWithMass(mass, side, side, side))
         plant.RegisterCollisionGeometry(body, RigidTransform(), Box(side, side, side), name, CoulombFriction(mu, mu))
         return body
 
