@@ -241,9 +241,10 @@ class World:
         b = self._bodies
         data = {name: getattr(b, name)[: b.n] for name in Bodies._PER_OBJECT}
         data.update(
-            n=b.n, time=self.time, contacts=tuple(self._contacts), pairs=self._pairs,
-            travel=self._travel, reach=self._reach, moving=self._moving, stale=self._stale, grips={i: g.data() for i, g in self._grips.items()},
-            members=tuple(sorted(self._behaviours)), last_step=self._last_step, joints=tuple(map(id, self._joints)),
+            n=b.n, time=self.time, contacts=tuple(self._contacts), pairs=self._pairs, travel=self._travel,
+            reach=self._reach, moving=self._moving, stale=self._stale, last_step=self._last_step,
+            grips={i: g.data() for i, g in self._grips.items()}, members=tuple(sorted(self._behaviours)),
+            joints=tuple(map(id, self._joints)),
             mechanisms={
                 key: {i: pose.homogeneous for i, pose in poses.items()} for key, (poses, _) in self._mechanisms.items()
             },
