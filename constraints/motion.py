@@ -50,6 +50,12 @@ Pairing = tuple[int, tuple[int, ...], int, tuple[int, ...]]
 """Body a, surfaces of it, body b, surfaces of it: each of the first with each of the second."""
 
 
+MOST_ITERATIONS = 100
+"""Iterations of the quadratic program, outer and inner; one without a solution would go on for minutes otherwise."""
+UNMOVED = 1e-9
+"""1: an inequality whose row is smaller, along the motions that are allowed, is left out of the program."""
+
+
 class Solids(Protocol):
     """What motion needs of `collision.CollisionManager`."""
 
@@ -513,9 +519,13 @@ class _Plan:
         """
         from proxsuite import proxqp
 
+        heard = np.flatnonzero(np.abs(c).max(axis=1) > UNMOVED)  # no motion that is allowed changes the others
+        c, lower = c[heard], lower[heard]
         solver = proxqp.dense.QP(len(gradient), 0, len(lower))
         solver.settings.eps_abs = 1e-11
         solver.settings.eps_rel = 0.0
+        solver.settings.max_iter = MOST_ITERATIONS
+        solver.settings.max_iter_in = MOST_ITERATIONS
         solver.settings.check_duality_gap = True  # without, rows off their bound keep a little force
         solver.settings.eps_duality_gap_abs = 1e-12
         solver.settings.eps_duality_gap_rel = 0.0
@@ -523,7 +533,7 @@ class _Plan:
         solver.solve()
         if solver.results.info.status != proxqp.QPSolverOutput.PROXQP_SOLVED:
             return None
-        return np.array(solver.results.x), np.flatnonzero(np.abs(solver.results.z) > 1e-9)
+        return np.array(solver.results.x), heard[np.abs(solver.results.z) > 1e-9]
 
     # -- along the way
 

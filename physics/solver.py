@@ -305,6 +305,8 @@ def residual(speeds, mu, rho, impulse):
     """Largest violation of the contact law, m/s: |λ - Π(λ - ρ (J v + b))| / ρ over contacts, with the true λ in Π."""
     worst = 0.0
     for c in range(speeds.shape[0]):
+        if rho[c] == 0.0:  # between bodies that no impulse moves
+            continue
         n = max(0.0, impulse[c, 0] - rho[c] * speeds[c, 0])
         y1, y2 = impulse[c, 1] - rho[c] * speeds[c, 1], impulse[c, 2] - rho[c] * speeds[c, 2]
         size = np.sqrt(y1 * y1 + y2 * y2)

@@ -183,6 +183,7 @@ class Engine:
                 raise TaskError(f"{wish.part} has no behaviours, so a spring cannot pull it; session.behave(...) first")
         firm = [wish for wish in wishes if wish.spring is None]
         wanted = self._wanted(firm)
+        self._reach_for(wishes)
         self._active = set(wanted) | {self.scene.index(wish.part) for wish in wishes}
         self._decide(requests)
         happenings, self._told_at_start = self._told_at_start, []
@@ -207,6 +208,17 @@ class Engine:
             happenings=tuple(happenings),
             mates=self.mates.state() if mated else None,
             timings=clocks,
+        )
+
+    def _reach_for(self, wishes: Sequence[Wish]) -> None:
+        """Candidates are offered as far off as the assist of a hand reaches."""
+        reach = max((w.snap for w in wishes), default=0.0)
+        angle = max((w.snap_angle for w in wishes if w.snap > 0.0), default=0.0)
+        known = self.tolerance
+        self.mates.tolerance = (
+            known
+            if reach <= known.reach
+            else replace(known, reach=reach, reach_angular=max(angle, known.reach_angular))
         )
 
     def _part_ways(self, wanted: dict[int, pin.SE3]) -> list[dict[int, pin.SE3]]:

@@ -312,8 +312,10 @@ def _axial(hand: Hand, part: str) -> ConstraintView:
 
 
 def best_fit(part: Part, target: Part, clearance: float) -> tuple[Feature, Feature]:
-    """The shaft of `part` and the bore of `target` (or the other way round: a ring over a pin) that fit best:
-    radii within `clearance`, the longest such pair."""
+    """The shaft of `part` and the bore of `target` (or the other way round: a ring over a pin) that fit best.
+
+    Radii within `clearance`; of those the largest shared surface; of equal ones (within 1 %) the nearest.
+    """
 
     def cylinders(of: Part, sense: int) -> list[Feature]:
         return [f for f in of.features if isinstance(f.geometry, Cylinder) and f.sense == sense]
@@ -326,7 +328,15 @@ def best_fit(part: Part, target: Part, clearance: float) -> tuple[Feature, Featu
             f"nothing of {part.name} fits into {target.name}: no shaft and bore with radii within "
             f"{clearance * 1e3:g} mm (Tolerance.clearance)"
         )
-    return max(fits, key=lambda f: min(f[0].area, f[1].area))
+    largest = max(min(s.area, b.area) for s, b in fits)
+    return min((f for f in fits if min(f[0].area, f[1].area) > 0.99 * largest), key=lambda f: _aside(part, target, *f))
+
+
+def _aside(part: Part, target: Part, shaft: Feature, bore: Feature) -> float:
+    """m: how far the middle of the shaft is from the axis of the bore."""
+    assert isinstance(bore.geometry, Cylinder)
+    to = target.pose.actInv(part.pose.act(shaft.samples.mean(0))) - bore.geometry.origin
+    return float(np.linalg.norm(np.cross(to, bore.geometry.axis)))
 
 
 def in_front(part: Part, target: Part, shaft: Feature, bore: Feature, gap: float) -> tuple[Vector, pin.SE3]:

@@ -1,0 +1,45 @@
+"""Each example runs without a screen, does what it expects of itself, and ends with code 0."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+QUICK = ("shaft_and_housing", "digger_pin")
+TASKS = tuple(sorted(p.stem for p in EXAMPLES.glob("*.py") if "def task(" in p.read_text()))
+
+
+def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(EXAMPLES.parent), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path, "DISPLAY": ""}
+    return subprocess.run(
+        [sys.executable, *arguments], capture_output=True, text=True, timeout=280, env=environment, cwd=cwd
+    )
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in TASKS]
+)
+def test_an_example_does_what_it_expects_of_itself(name: str, tmp_path: Path) -> None:
+    done = run(str(EXAMPLES / f"{name}.py"), cwd=tmp_path)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    assert "expectation holds" in done.stdout
+    assert "FAILS" not in done.stdout
+    assert done.stdout.splitlines()[-1].startswith("done: ")
+
+
+@pytest.mark.slow
+def test_an_example_runs_by_the_command_line_with_recording_and_report(tmp_path: Path) -> None:
+    done = run(
+        "-m", "vpframe.cli", "run", str(EXAMPLES / "shaft_and_housing.py"),
+        "--record", str(tmp_path / "run.rrd"), "--report", str(tmp_path / "report"),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "run.rrd").stat().st_size > 10_000
+    assert (tmp_path / "report" / "index.html").exists()
+    assert list((tmp_path / "report").glob("*.stl")), "the swept volume of the shaft"
