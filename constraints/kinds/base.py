@@ -57,7 +57,8 @@ class Constraint(ABC):
             raise GeometryError(f"{self.kind} of body {a} with itself; a constraint needs two bodies", "bodies")
         if not (np.isfinite(self.size) and self.size > 0.0):
             raise GeometryError(f"size is {self.size!r}; give a positive number of metres", "size")
-        self.compiled  # noqa: B018 - wrong features are an error here, not in the solver
+        if np.isnan(self.compiled.param).any():  # compiled here, so that wrong features are an error now, not later
+            raise GeometryError(f"{self.kind}: a parameter is not a number; give finite ones", "parameters")
 
     @abstractmethod
     def equations(self) -> tuple[Equation, ...]:

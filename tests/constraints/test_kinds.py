@@ -284,6 +284,8 @@ def test_a_pinion_moves_its_rack_by_the_arc() -> None:
         (lambda: Distance(AB, POINTS, at=-1.0), "at"),
         (lambda: Distance(AB, POINTS, at=0.0), "at"),
         (lambda: Screw(AB, CYLINDERS, pitch=0.0), "pitch"),
+        (lambda: Screw(AB, CYLINDERS, pitch=float("nan")), "parameters"),
+        (lambda: Distance(AB, POINTS, at=float("nan")), "limits"),
         (lambda: Gear(AB, CYLINDERS, teeth_a=0), "teeth_a"),
         (lambda: Gear(AB, CYLINDERS, sense=0), "sense"),
         (lambda: RackAndPinion(AB, (CYLINDERS[0], LINES[0]), radius=-1.0), "radius"),
