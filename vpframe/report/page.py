@@ -9,6 +9,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from vpframe.clash_status import ClashKey
 from vpframe.events import Event
 from vpframe.report import plots
 from vpframe.report.log import SessionLog
@@ -29,7 +30,7 @@ def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) 
         _section("Constraints", _constraints(document, log)),
         _section("Freedom left", _freedom(log)),
         _section("Clearance along the path", _clearance(document, log, pictures)),
-        _section("Clashes", _clashes(document, pictures)),
+        _section("Clashes", _clashes(document, log, pictures)),
         _section("Swept volumes", _swept(document["swept"])),
         _section("Time a step took", _timings(document, log)),
     ]
@@ -131,14 +132,18 @@ def _clearance(document: dict[str, Any], log: SessionLog, pictures: dict[Any, by
     return f"<p>{text}.</p>{plot}{_figure(pictures.get('least'), 'where it is least', 'wide')}"
 
 
-def _clashes(document: dict[str, Any], pictures: dict[Any, bytes]) -> str:
+def _clashes(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) -> str:
     authorised = "".join(
         f"<li>{escape(a)} – {escape(b)}: may overlap, as the script says</li>" for a, b in document["authorised"]
     )
     content = f"<ul>{authorised}</ul>" if authorised else ""
     if not document["clashes"]:
         return content + "<p>None.</p>"
-    by_key = {(*key_parts(k),): picture for k, picture in pictures.items() if hasattr(k, "part_a")}
+    by_key = {
+        (k.part_a, k.part_b, k.surface_a, k.surface_b): picture
+        for k, picture in pictures.items()
+        if isinstance(k, ClashKey)
+    }
     rows, figures = [], []
     for number, clash in enumerate(document["clashes"], 1):
         (a, b), (s, t) = clash["parts"], clash["surfaces"]
@@ -159,12 +164,9 @@ def _clashes(document: dict[str, Any], pictures: dict[Any, bytes]) -> str:
             figures.append(_figure(picture, f"{number}. {what}"))
     head = ("", "status", "surfaces", "first (s)", "steps", "depth", "remark")
     note = "<p class='dim'>To accept a clash, set its status in clashes.json; it stays accepted while it lasts.</p>"
+    pairs = {"colliding": [(t, float(n)) for t, n in log.colliding]}
+    content += plots.lines(pairs, "surface pairs", log.duration, steps=True, height=120)
     return content + _table(head, rows) + note + f"<div class='pictures'>{''.join(figures)}</div>"
-
-
-def key_parts(key: Any) -> tuple[str, str, int, int]:
-    """The fields of a ClashKey in the order of report.json."""
-    return key.part_a, key.part_b, key.surface_a, key.surface_b
 
 
 def _swept(volumes: Iterable[dict[str, Any]]) -> str:

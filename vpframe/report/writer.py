@@ -23,7 +23,7 @@ from vpframe.report.where import Gap, least_gap
 from vpframe.visualization.camera import frame_scene
 from vpframe.visualization.meshcat_viewer import write_page
 from vpframe.visualization.snapshot import png
-from vpframe.visualization.symbols import gap_symbol
+from vpframe.visualization.symbols import Symbol, gap_symbol, trail_symbol
 
 CLASH_PICTURES = 24
 MOMENT_PICTURES = 12
@@ -207,11 +207,20 @@ def _pictures(log: SessionLog, gap: Gap | None, progress: Progress) -> dict[Any,
         if frame.step not in shown:
             shown[frame.step] = png(scene_picture(log.scene, frame, camera))
         drawn[number] = shown[frame.step]
+    marks = {"end": _trails(log), "least": [gap_symbol(*gap.points, camera.radius)] if gap else []}
     for name, last in (("end", log.history.last), ("least", log.least)):
         if last is not None:
-            mark = [gap_symbol(*gap.points, camera.radius)] if gap and name == "least" else []
-            drawn[name] = png(scene_picture(log.scene, last, camera, (640, 480), mark))
+            drawn[name] = png(scene_picture(log.scene, last, camera, (640, 480), marks[name]))
     return drawn
+
+
+def _trails(log: SessionLog) -> list[Symbol]:
+    """Where each hand has been."""
+    places: dict[str, list[Any]] = {}
+    for frame, _ in log.history:
+        for name, pose in frame.hands.items():
+            places.setdefault(name, []).append(pose.translation)
+    return [trail_symbol(name, points) for name, points in places.items() if len(points) > 1]
 
 
 def _write_csv(path: Path, clashes: Sequence[dict[str, Any]]) -> None:
