@@ -22,6 +22,8 @@ class Tolerance:
     """1: … and below this part of their extent, so that a tiny freeform face does not pass for a plane."""
     facet: float = 0.25
     """rad: a triangle's normal and its surface's (at the triangle's middle) differ by less."""
+    flat: float = 1e-2
+    """rad: triangles of one flat facet of a bare mesh have normals that differ by less."""
     bend: float = 0.6
     """rad: triangles that meet at less may be segments of one curved surface."""
     segment_relative: float = 2e-5

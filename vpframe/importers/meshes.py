@@ -141,7 +141,7 @@ def _scale(path: Path, form: str, unit: str | None, pieces: list[_Piece], raw: R
 def _bodies(pieces: list[_Piece], stem: str) -> list[tuple[str, list[_Piece]]]:
     """Parts: pieces that are closed, or touch no other, alone; pieces that share borders together, as its surfaces."""
     if len(pieces) == 1:
-        return [(stem if pieces[0].source >= 0 and len(pieces) == 1 else pieces[0].name, pieces)]
+        return [(stem, pieces)]
     open_pieces = [p for p in pieces if not is_closed(weld(p.vertices, p.triangles)[1])]
     group = _touching(open_pieces)
     bodies: list[tuple[str, list[_Piece]]] = []

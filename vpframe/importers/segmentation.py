@@ -55,8 +55,8 @@ def segment(
     """Cut a welded mesh into segments; every triangle is in one.
 
     `vertices` (n, 3) m; `triangles` (m, 3), none of zero area; `tolerance` m, how far a vertex may lie off its
-    surface; `limits` gives the angles `facet` and `bend`. The answer is the same each time, segments ordered by their
-    first triangle.
+    surface; `limits` gives the angles `flat`, `facet` and `bend`. The answer is the same each time, the
+    segments ordered by their first triangle.
     """
     return _Segmentation(vertices, triangles, tolerance, limits or Tolerance()).run()
 
@@ -64,7 +64,7 @@ def segment(
 class _Segmentation:
     def __init__(self, vertices: Array, triangles: NDArray[np.int32], tolerance: float, limits: Tolerance) -> None:
         self.vertices, self.triangles, self.tolerance = vertices, triangles, tolerance
-        self.agree, self.smooth = np.cos(limits.facet), np.cos(limits.bend)
+        self.flat, self.agree, self.smooth = np.cos(limits.flat), np.cos(limits.facet), np.cos(limits.bend)
         corners = vertices[triangles]
         vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self.vectors = vectors
@@ -123,7 +123,7 @@ class _Segmentation:
             self._stamp += 1
             count = reach(
                 kind, numbers, t, self.vertices, self.triangles, self.normals, self.needle, self.across, facet,
-                self.tolerance, np.cos(1e-2), self._mark, self._stamp, self._out,
+                self.tolerance, self.flat, self._mark, self._stamp, self._out,
             )  # fmt: skip
             members = np.sort(self._out[:count])
             facet[members] = len(facets)
