@@ -1,0 +1,58 @@
+"""Newton's cradle: five balls on hinged rods; what swings in on one side swings out on the other.
+
+python examples/physics_newtons_cradle.py
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from collision import CollisionManager
+from constraints.geometry import Cylinder, Plane, Sphere
+from constraints.kinds.concentric import Concentric
+from constraints.kinds.coplanar import Coplanar
+from physics import Body, Elastic, Friction, Gravity, World
+from vpframe.modelling import box, shape, sphere
+
+
+def main(seconds: float = 1.0, balls: int = 5, angle: float = 0.5) -> dict[str, list[float]]:
+    """Let the first ball go at `angle` (rad); each ball's greatest angle to either side."""
+    radius, arm = 0.02, 0.3
+    manager = CollisionManager()
+    bar = manager.add(
+        shape(box(0.4, 0.02, 0.02)).mesh, pin.SE3(np.eye(3), np.array([-0.2, -0.01, 0.05])), movable=False
+    )
+    world = World(manager)
+    made = shape(sphere(radius), deflection=5e-4)
+    known = {s.index: Sphere(np.zeros(3), radius) for s in made.surfaces}
+    axis = np.array([0.0, 1.0, 0.0])
+    ids, joints = [], []
+    for k in range(balls):
+        pivot = np.array([2 * radius * (k - (balls - 1) / 2), 0.0, 0.0])
+        turn = pin.exp3(np.array([0.0, angle if k == 0 else 0.0, 0.0]))
+        i = manager.add(made.mesh, pin.SE3(turn, pivot + turn @ [0.0, 0.0, -arm]))
+        world.add(i, Body.sphere(radius, 0.26), [Gravity(), Elastic(1.0), Friction(0.0)], known)
+        on_bar = world.pose(bar).actInv(pivot)
+        on_ball = np.array([0.0, 0.0, arm])
+        joints += [
+            Concentric((bar, i), (Cylinder(on_bar, axis, 0.002), Cylinder(on_ball, axis, 0.002))),
+            Coplanar((bar, i), (Plane(on_bar, axis), Plane(on_ball, axis))),
+        ]
+        manager.ignore(bar, i)
+        ids.append(i)
+    world.set_joints(joints)
+    least, most = np.zeros(balls), np.zeros(balls)
+    while world.time < seconds:
+        world.step(0.005)
+        for k, i in enumerate(ids):
+            down = -world.pose(i).rotation[:, 2]
+            swing = np.arctan2(-down[0], -down[2])
+            least[k], most[k] = min(least[k], swing), max(most[k], swing)
+    return {"least": least.tolist(), "most": most.tolist()}
+
+
+if __name__ == "__main__":
+    result = main()
+    for k, (least, most) in enumerate(zip(result["least"], result["most"], strict=True)):
+        print(f"ball {k}: from {least:+.4f} to {most:+.4f} rad")

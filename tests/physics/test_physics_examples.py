@@ -1,0 +1,46 @@
+"""Each physics example runs, and what it says is so."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def run(name, **arguments):
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.main(**arguments)
+
+
+def test_parts_fall_into_the_tray():
+    assert run("physics_tray", seconds=0.6, parts=3)["inside"]
+
+
+def test_the_balloon_reaches_the_ceiling():
+    result = run("physics_balloon", height=1.2)
+    assert 0.0 < result["touched"] < 5.0
+    assert result["top"] == pytest.approx(1.2, abs=1e-9)
+
+
+def test_the_cradle_passes_the_blow_to_the_last_ball():
+    result = run("physics_newtons_cradle", seconds=0.6)
+    assert result["least"][-1] == pytest.approx(-0.5, abs=2e-3)
+    assert max(abs(x) for x in (*result["least"][:-1], *result["most"][1:])) < 1e-6
+
+
+def test_the_hinge_swings_and_holds():
+    result = run("physics_hinge")
+    assert result["weight"] > 1.0 and result["opened"] < 1e-12
+    assert result["lowest"] < -0.18 and result["fell"] > 0.1
+
+
+def test_the_nut_runs_down_its_thread():
+    result = run("physics_nut")
+    assert result["down"] == pytest.approx(result["expected"], abs=1e-10)
+    assert result["up"] > result["down"] + 0.005
