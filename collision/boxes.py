@@ -9,6 +9,30 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from collision.predicates import KERNEL
+
+
+@njit(**KERNEL)
+def take_pose(matrix, rigid, pose):
+    """Pack the (4, 4) `matrix` into `pose` (see `collision.poses`); whether it is a finite rigid motion."""
+    for d in range(3):
+        for e in range(3):
+            pose[3 * d + e] = matrix[d, e]
+        pose[9 + d] = matrix[d, 3]
+    off = 0.0
+    for d in range(3):
+        for e in range(d, 3):
+            product = pose[d] * pose[e] + pose[3 + d] * pose[3 + e] + pose[6 + d] * pose[6 + e]
+            off = max(off, abs(product - (1.0 if d == e else 0.0)))
+        if not np.isfinite(pose[9 + d]) or matrix[3, d] != 0.0:
+            return False
+    det = (
+        pose[0] * (pose[4] * pose[8] - pose[5] * pose[7])
+        + pose[1] * (pose[5] * pose[6] - pose[3] * pose[8])
+        + pose[2] * (pose[3] * pose[7] - pose[4] * pose[6])
+    )
+    return off <= rigid and det > 0.0 and matrix[3, 3] == 1.0  # NaN: det > 0 is false
+
 
 @njit(cache=True, nogil=True)
 def transform(vertices, pose, out):

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from collision import poses as _poses
-from collision.errors import CollisionError, UnknownObjectError
+from collision.errors import CollisionError, PoseError, UnknownObjectError
 from collision.mesh import SurfaceMesh
-from collision.query import Method, examine
+from collision.query import Method, Remembered, ask_many, examine
 from collision.shape import ShapeMesh, mesh_of_shape
 from collision.statistics import Statistics
 from collision.tolerance import Tolerance
-from collision.tree import tree_of
+from collision.tree import box_of
 
 if TYPE_CHECKING:
     import pinocchio as pin
 
     from collision.sweep import TimeOfContact
+
+
+NONE: NDArray[np.int32] = np.empty((0, 2), np.int32)
 
 
 class CollisionManager:
@@ -44,7 +46,11 @@ class CollisionManager:
         self.cross_check_every = 64 if cross_check is True else int(cross_check)
         self._meshes: list[SurfaceMesh | None] = []
         self._movable: list[bool] = []
-        self._pose = np.empty((0, 12))
+        self._pose, self._own, self._box = np.empty((0, 12)), np.empty((0, 6)), np.empty((0, 6))
+        self._stale = np.empty(0, np.bool_)  # whose world box is behind its pose
+        self._version = np.empty(0, np.int64)  # how often each was moved
+        self._orders: tuple[NDArray[np.int64], NDArray[np.int64], int] | None = None
+        self._remembered: dict[tuple[int, int], Remembered] = {}
         self._ignored: set[tuple[int, int]] = set()
         self._ignored_surfaces: dict[tuple[int, int], set[tuple[int, int]]] = {}
         self._statistics = Statistics()
@@ -59,8 +65,14 @@ class CollisionManager:
         self._meshes.append(mesh)
         self._movable.append(movable)
         if i == len(self._pose):
-            self._pose = np.concatenate([self._pose, np.empty((max(16, i), 12))])
-        self._pose[i] = packed
+            more = max(16, i)
+            self._pose = np.concatenate([self._pose, np.empty((more, 12))])
+            self._own = np.concatenate([self._own, np.empty((more, 6))])
+            self._box = np.concatenate([self._box, np.empty((more, 6))])
+            self._stale = np.concatenate([self._stale, np.zeros(more, np.bool_)])
+            self._version = np.concatenate([self._version, np.zeros(more, np.int64)])
+        self._pose[i], self._own[i], self._stale[i] = packed, box_of(mesh), True
+        self._orders = None
         return i
 
     def add_shape(self, shape: Any, pose: pin.SE3 | ArrayLike, movable: bool = True, name: str | None = None) -> int:
@@ -75,6 +87,9 @@ class CollisionManager:
         """Take an object out; its id is not used again."""
         self.mesh(i)
         self._meshes[i] = None
+        self._stale[i] = False
+        self._orders = None
+        self._remembered = {pair: v for pair, v in self._remembered.items() if i not in pair}
         self._ignored = {pair for pair in self._ignored if i not in pair}
         self._ignored_surfaces = {pair: v for pair, v in self._ignored_surfaces.items() if i not in pair}
 
@@ -106,6 +121,30 @@ class CollisionManager:
         """Move an object. An object that is not movable may be placed anew as well."""
         mesh = self.mesh(i)
         self._pose[i] = _poses.pack(pose, f"object {i} ({mesh.name})", i, self.tolerance.rigid)
+        self._stale[i] = True
+        self._version[i] += 1
+
+    def set_poses(self, ids: Sequence[int] | NDArray[np.integer], poses: Sequence[pin.SE3] | ArrayLike) -> None:
+        """Move many objects at once; poses: as many `pinocchio.SE3`, or (n, 4, 4). All are moved, or none."""
+        from collision.objects import take_poses
+
+        where = np.asarray(ids, np.int64)
+        try:
+            matrices = np.ascontiguousarray([getattr(pose, "homogeneous", pose) for pose in poses], np.float64)  # type: ignore[union-attr]
+        except (TypeError, ValueError):
+            matrices = np.empty(0)
+        if where.ndim != 1 or matrices.shape != (len(where), 4, 4):
+            raise PoseError(f"{where.shape} ids take as many poses, (n, 4, 4), not {matrices.shape}")
+        for i in where.tolist():
+            self.mesh(i)
+        packed = np.empty((len(where), 12))
+        bad = take_poses(matrices, self.tolerance.rigid, packed)
+        if bad >= 0:
+            i = int(where[bad])
+            _poses.pack(matrices[bad], f"object {i} ({self.mesh(i).name})", i, self.tolerance.rigid)  # raises
+        self._pose[where] = packed
+        self._stale[where] = True
+        self._version[where] += 1
 
     def packed_poses(self, objects: Sequence[int]) -> NDArray[np.float64]:
         """(n, 12) poses of objects that there are: rotation by rows, then translation."""
@@ -172,19 +211,34 @@ class CollisionManager:
         Pairs of which neither may move or that are ignored are left out, and, if `objects` are given, pairs without
         one of them. Conservative: never misses a pair; may hold pairs whose triangles are farther apart.
         """
-        chosen = None if objects is None else {i for i in objects if self.mesh(i) is not None}
-        ids = self.objects
-        boxes = {i: self._world_box(i, 0.5 * within) for i in ids}
-        rows = [
-            (i, j)
-            for i, j in combinations(ids, 2)
-            if (self._movable[i] or self._movable[j])
-            and (chosen is None or i in chosen or j in chosen)
-            and (i, j) not in self._ignored
-            and (boxes[i][0] <= boxes[j][1]).all()
-            and (boxes[j][0] <= boxes[i][1]).all()
-        ]
-        return np.array(rows, np.int32).reshape(-1, 2)
+        from collision.objects import move_world_boxes, sweep
+
+        n = len(self._meshes)
+        chosen = np.full(n, objects is None)
+        for i in objects if objects is not None else ():
+            self.mesh(i)
+            chosen[i] = True
+        move_world_boxes(self._own, self._pose, self._stale[:n], self._box)
+        if self._orders is None:
+            self._orders = self._order()
+        movers, fixed, axis = self._orders
+        pairs = np.empty((4 * n + 64, 2), np.int32)
+        while (found := sweep(movers, fixed, self._box, axis, within, chosen, pairs)) > len(pairs):
+            pairs = np.empty((found, 2), np.int32)
+        pairs = pairs[:found]
+        pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+        if self._ignored:
+            pairs = pairs[[pair not in self._ignored for pair in map(tuple, pairs.tolist())]]
+        return pairs
+
+    def _order(self) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+        """The movable objects and the others, sorted along the axis along which they spread most, and that axis."""
+        ids = np.array(self.objects, np.int64)
+        boxes = self._box[ids]
+        axis = int(np.argmax(np.ptp(boxes[:, :3] + boxes[:, 3:], axis=0))) if len(ids) else 0
+        ids = ids[np.argsort(boxes[:, axis], kind="stable")]
+        movable = np.array(self._movable, np.bool_)[ids]
+        return ids[movable], ids[~movable], axis
 
     def _has_shape(self, i: int, j: int) -> bool:
         return isinstance(self._meshes[i], ShapeMesh) or isinstance(self._meshes[j], ShapeMesh)
@@ -192,36 +246,69 @@ class CollisionManager:
     def _method(self, i: int, j: int) -> Method:
         return "coal" if self._has_shape(i, j) else self.method
 
-    def _world_box(self, i: int, margin: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        box = tree_of(self.mesh(i)).box[0]
-        rotation, translation = self._pose[i, :9].reshape(3, 3), self._pose[i, 9:]
-        centre = rotation @ (0.5 * (box[:3] + box[3:])) + translation
-        half = np.abs(rotation) @ (0.5 * (box[3:] - box[:3])) + margin
-        half += 1e-14 * (np.abs(translation).sum() + np.abs(box).sum())  # more than rounding can have moved it
-        return centre - half, centre + half
-
     def colliding_surfaces(self, objects: Iterable[int] | None = None) -> NDArray[np.int32]:
         """All pairs of surfaces that meet, exactly: (k, 4) int32 rows object, surface, object, surface, sorted.
 
         objects: only pairs with at least one of these; None for all.
-        """
-        rows = [np.empty((0, 4), np.int32)]
-        for i, j in self.object_pairs(objects).tolist():
-            pose = self.relative_pose(i, j)
-            pairs, cost = examine(self.mesh(i), self.mesh(j), pose, self._method(i, j))
-            self._statistics += cost
-            self._answers += 1
-            if self.cross_check_every and self._answers % self.cross_check_every == 0 and not self._has_shape(i, j):
-                from collision.oracle import cross_check
 
-                cross_check(self.mesh(i), self.mesh(j), pose, pairs)
-            left_out = self._ignored_surfaces.get((i, j))
-            if left_out:
-                pairs = pairs[[(a, b) not in left_out for a, b in pairs.tolist()]]
-            block = np.empty((len(pairs), 4), np.int32)
-            block[:, 0], block[:, 1], block[:, 2], block[:, 3] = i, pairs[:, 0], j, pairs[:, 1]
-            rows.append(block)
-        return np.concatenate(rows)
+        Pairs of objects of which neither moved since they were last asked are not asked again. With enough others, two
+        threads share them; answers do not depend on it.
+        """
+        object_pairs = self.object_pairs(objects)
+        answers = self._answer(object_pairs)
+        rows = np.empty((sum(map(len, answers)), 4), np.int32)
+        end = 0
+        for (i, j), pairs in zip(object_pairs.tolist(), answers, strict=True):
+            begin, end = end, end + len(pairs)
+            rows[begin:end, 0], rows[begin:end, 2] = i, j
+            rows[begin:end, 1::2] = pairs
+        if not self._ignored_surfaces:
+            return rows
+        none: set[tuple[int, int]] = set()
+        heeded = [(b, d) not in self._ignored_surfaces.get((a, c), none) for a, b, c, d in rows.tolist()]
+        return rows[np.array(heeded, np.bool_)]
+
+    def _answer(self, pairs: NDArray[np.int32]) -> list[NDArray[np.int32]]:
+        """For each pair of objects the pairs of surfaces that meet."""
+        from collision.objects import relative_poses
+
+        poses = np.empty((len(pairs), 12))
+        relative_poses(self._pose, pairs, poses)
+        answers: list[NDArray[np.int32]] = [NONE] * len(pairs)
+        fast = []
+        for k, (i, j) in enumerate(pairs.tolist()):
+            if self._method(i, j) != "best":
+                answers[k], cost = examine(self.mesh(i), self.mesh(j), _poses.unpack(poses[k]), self._method(i, j))
+                self._statistics += cost
+                continue
+            known = self._remembered.get((i, j))
+            if known is None:
+                known = self._remembered[i, j] = Remembered(self.mesh(i), self.mesh(j))
+            versions = int(self._version[i]), int(self._version[j])
+            if known.versions != versions:
+                known.asked = versions
+                fast.append((known, poses[k]))
+        if len(self._remembered) > 4 * len(pairs) + 1024:  # what has long gone apart
+            current = set(map(tuple, pairs.tolist()))
+            self._remembered = {pair: known for pair, known in self._remembered.items() if pair in current}
+        self._statistics += ask_many(fast)
+        for k, (i, j) in enumerate(pairs.tolist()):
+            if self._method(i, j) == "best":
+                answers[k] = self._remembered[i, j].pairs
+        self._cross_check(pairs, poses, answers)
+        return answers
+
+    def _cross_check(
+        self, pairs: NDArray[np.int32], poses: NDArray[np.float64], answers: list[NDArray[np.int32]]
+    ) -> None:
+        if not self.cross_check_every:
+            return
+        from collision.oracle import cross_check
+
+        for (i, j), pose, answer in zip(pairs.tolist(), poses, answers, strict=True):
+            self._answers += 1
+            if self._answers % self.cross_check_every == 0 and not self._has_shape(i, j):
+                cross_check(self.mesh(i), self.mesh(j), _poses.unpack(pose), answer)
 
     def contacts(self, within: float = 0.0, objects: Iterable[int] | None = None) -> NDArray[Any]:
         """All pairs of surfaces at a distance of at most `within` metres: `CONTACT_DTYPE` rows with witness points."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
-from functools import cached_property
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -15,7 +17,7 @@ from collision.poses import pack
 from collision.shape import triangles_needed
 from collision.statistics import Statistics
 from collision.tolerance import Tolerance
-from collision.wide import wide_tree_of
+from collision.wide import INFO, build_wide_trees, wide_tree_of
 
 Method = Literal["best", "oaabb", "brute", "coal"]
 METHODS = ("best", "oaabb", "brute", "coal")
@@ -153,6 +155,54 @@ class PairQuery:
         return Statistics.of(self._scratch.counts[:5])
 
 
+class Remembered:
+    """A pair of objects in a `CollisionManager`: what was answered, for which poses, and what met."""
+
+    __slots__ = ("asked", "last", "meshes", "pairs", "versions")
+
+    def __init__(self, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> None:
+        surfaces = mesh_a.n_surfaces * mesh_b.n_surfaces
+        self.meshes = mesh_a, mesh_b
+        self.last = np.full(surfaces, -1, np.int64) if surfaces <= REMEMBERED else NOTHING
+        self.pairs: NDArray[np.int32]
+        self.versions = self.asked = (-1, -1)
+
+
+def ask_many(asked: Sequence[tuple[Remembered, NDArray[np.float64]]]) -> Statistics:
+    """Answer pairs of objects at (12,) poses, on two threads where it is worth one; what it cost."""
+    build_wide_trees({id(mesh): mesh for known, _ in asked for mesh in known.meshes}.values())
+    if len(asked) < 2 * WORTH_A_THREAD:
+        return _ask_some(asked)
+    other = _pool().submit(_ask_some, asked[1::2])
+    return _ask_some(asked[::2]) + other.result()
+
+
+def _ask_some(asked: Sequence[tuple[Remembered, NDArray[np.float64]]]) -> Statistics:
+    from collision.best import best_pairs
+
+    scratch = _local.scratch
+    before = Statistics.of(scratch.counts[:5])
+    for known, pose in asked:
+        a, b = (wide_tree_of(mesh) for mesh in known.meshes)
+        surfaces = len(a.info) // INFO * (len(b.info) // INFO)
+        if len(a.nodes) > scratch.size_a or len(b.nodes) > scratch.size_b or surfaces > scratch.size_pairs:
+            scratch.fit(len(a.nodes), len(b.nodes), surfaces)
+        scratch.pose[:12] = pose
+        n = best_pairs(*a.arrays, *b.arrays, known.last, *scratch.arguments)
+        known.pairs = scratch.pairs[:n].copy()
+        known.versions = known.asked
+    return Statistics.of(scratch.counts[:5]) - before
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, "collision")
+
+
+REMEMBERED = 1 << 16
+"""pairs of surfaces beyond which nothing is remembered of a pair of objects"""
+WORTH_A_THREAD = 4
+"""pairs of objects that take longer than handing them to a thread"""
 NOTHING = np.empty(0, np.int64)
 """nothing remembered"""
 

@@ -57,6 +57,15 @@ class MeshTree:
         return sum(getattr(self, name).nbytes for name in self.__slots__)
 
 
+def box_of(mesh: SurfaceMesh) -> NDArray[np.float64]:
+    """(6,) the box of the mesh's triangles, kept on the mesh; takes no tree."""
+    box: NDArray[np.float64] | None = mesh._cache.get("box")
+    if box is None:
+        used = mesh.vertices[np.unique(mesh.triangles)]
+        box = mesh._cache["box"] = np.concatenate([used.min(axis=0), used.max(axis=0)])
+    return box
+
+
 def tree_of(mesh: SurfaceMesh) -> MeshTree:
     """The mesh's hierarchy, built at the first call and kept in `mesh._cache["tree"]`."""
     tree = mesh._cache.get("tree")
@@ -67,38 +76,45 @@ def tree_of(mesh: SurfaceMesh) -> MeshTree:
 
 
 def build_trees(meshes: Iterable[SurfaceMesh]) -> None:
-    """Build what is missing of the meshes' hierarchies, on `THREADS` threads: surfaces are shared out between them."""
+    """Build what is missing of the meshes' hierarchies, on `THREADS` threads: meshes, or the surfaces of a mesh."""
+    missing = list({id(mesh): mesh for mesh in meshes if "tree" not in mesh._cache}.values())
+    if len(missing) == 1:
+        _build(missing[0], THREADS if missing[0].n_triangles > 4096 else 1)
+    elif missing:
+        with ThreadPoolExecutor(THREADS) as pool:
+            list(pool.map(_build, missing))
+
+
+def _build(mesh: SurfaceMesh, threads: int = 1) -> None:
     from collision.kernels_tree import build_surface, close_top, plan_top
 
-    missing = list({id(mesh): mesh for mesh in meshes if "tree" not in mesh._cache}.values())
-    if not missing:
-        return
-    with ThreadPoolExecutor(THREADS) as pool:
-        for mesh in missing:
-            k, m = mesh.n_surfaces, mesh.n_triangles
-            leaves = -(-np.diff(mesh.surface_start) // LEAF)
-            n = int((2 * leaves - 1).sum()) + k - 1
-            box = np.empty((n, 6))
-            second, past, first, count, surface = (np.full(n, -1, np.int32) for _ in range(5))
-            root = np.empty(k, np.int32)
-            begin = np.empty(k, np.int32)
-            order = np.empty(m, np.int32)
-            corner = np.empty((m, 3), np.int32)
-            plan_top(
-                mesh.vertices, mesh.triangles, mesh.order, mesh.surface_start, LEAF,
-                second, past, first, count, root, begin,
-            )  # fmt: skip
-            shares = _shares(mesh.surface_start, THREADS if m > 4096 else 1)
-            arguments = (
-                mesh.vertices, mesh.triangles, mesh.order, mesh.surface_start, LEAF,
-                box, second, past, first, count, surface, root, begin, order, corner,
-            )  # fmt: skip
-            list(pool.map(lambda share, a=arguments: build_surface(*a, *share), shares))
-            close_top(box, second, surface)
-            arrays = (box, second, past, first, count, surface, root, order, corner)
-            for array in arrays:
-                array.setflags(write=False)
-            mesh._cache["tree"] = MeshTree(*arrays)
+    k, m = mesh.n_surfaces, mesh.n_triangles
+    leaves = -(-np.diff(mesh.surface_start) // LEAF)
+    n = int((2 * leaves - 1).sum()) + k - 1
+    box = np.empty((n, 6))
+    second, past, first, count, surface = (np.full(n, -1, np.int32) for _ in range(5))
+    root = np.empty(k, np.int32)
+    begin = np.empty(k, np.int32)
+    order = np.empty(m, np.int32)
+    corner = np.empty((m, 3), np.int32)
+    plan_top(
+        mesh.vertices, mesh.triangles, mesh.order, mesh.surface_start, LEAF,
+        second, past, first, count, root, begin,
+    )  # fmt: skip
+    arguments = (
+        mesh.vertices, mesh.triangles, mesh.order, mesh.surface_start, LEAF,
+        box, second, past, first, count, surface, root, begin, order, corner,
+    )  # fmt: skip
+    if threads == 1:
+        build_surface(*arguments, 0, k)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(lambda share: build_surface(*arguments, *share), _shares(mesh.surface_start, threads)))
+    close_top(box, second, surface)
+    arrays = (box, second, past, first, count, surface, root, order, corner)
+    for array in arrays:
+        array.setflags(write=False)
+    mesh._cache["tree"] = MeshTree(*arrays)
 
 
 def _shares(surface_start: NDArray[np.int32], parts: int) -> list[tuple[int, int]]:

@@ -11,6 +11,8 @@ float32 resolves them to 1e-7 of the leaf's size, wherever it lies.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -20,7 +22,7 @@ from numpy.typing import NDArray
 from collision.errors import MeshError
 from collision.mesh import SurfaceMesh
 from collision.shape import triangles_needed
-from collision.tree import tree_of
+from collision.tree import THREADS, build_trees, tree_of
 
 LANES: Final = 8
 """boxes or triangles a node"""
@@ -62,28 +64,42 @@ class WideTree:
 def wide_tree_of(mesh: SurfaceMesh) -> WideTree:
     """The mesh's wide tree, built at the first call and kept in `mesh._cache["wide"]`."""
     wide = mesh._cache.get("wide")
-    if wide is None:
-        from collision.kernels_tree import widen
+    return wide if wide is not None else _build(mesh)
 
-        triangles_needed(mesh)
-        largest = float(np.abs(mesh.vertices).max())
-        if largest > LARGEST:
-            raise MeshError(f"{mesh.name}: a coordinate is {largest:g}; the largest allowed is {LARGEST:g}", mesh.name)
-        tree = tree_of(mesh)
-        counts = np.diff(mesh.surface_start).tolist()
-        leaves = [-(-m // LANES) for m in counts]
-        over = max(1, _over(len(counts))) + sum(_over(n) for n in leaves)
-        size = TRIANGLES * sum(leaves) + BOXES * over
-        nodes = np.empty(size, np.float32)
-        info = np.empty(INFO * len(counts), np.int64)
-        box = tree.box[0]
-        frame = np.array([*(0.5 * (box[:3] + box[3:])), *(0.5 * (box[3:] - box[:3])), largest])
-        widen(mesh.vertices, tree.corner, tree.first, tree.count, tree.root, np.argsort(tree.root), frame, nodes, info)
-        arrays = (nodes, info, tree.corner.ravel(), mesh.vertices.ravel(), frame)
-        for array in arrays:
-            array.setflags(write=False)
-        wide = WideTree(*arrays, arrays)
-        mesh._cache["wide"] = wide
+
+def build_wide_trees(meshes: Iterable[SurfaceMesh]) -> None:
+    """Build what is missing of the meshes' wide trees, and of the trees they rest on, on `tree.THREADS` threads."""
+    missing = list({id(mesh): mesh for mesh in meshes if "wide" not in mesh._cache}.values())
+    build_trees(missing)
+    if len(missing) > 1:
+        with ThreadPoolExecutor(THREADS) as pool:
+            list(pool.map(_build, missing))
+    elif missing:
+        _build(missing[0])
+
+
+def _build(mesh: SurfaceMesh) -> WideTree:
+    from collision.kernels_tree import widen
+
+    triangles_needed(mesh)
+    largest = float(np.abs(mesh.vertices).max())
+    if largest > LARGEST:
+        raise MeshError(f"{mesh.name}: a coordinate is {largest:g}; the largest allowed is {LARGEST:g}", mesh.name)
+    tree = tree_of(mesh)
+    counts = np.diff(mesh.surface_start).tolist()
+    leaves = [-(-m // LANES) for m in counts]
+    over = max(1, _over(len(counts))) + sum(_over(n) for n in leaves)
+    size = TRIANGLES * sum(leaves) + BOXES * over
+    nodes = np.empty(size, np.float32)
+    info = np.empty(INFO * len(counts), np.int64)
+    box = tree.box[0]
+    frame = np.array([*(0.5 * (box[:3] + box[3:])), *(0.5 * (box[3:] - box[:3])), largest])
+    widen(mesh.vertices, tree.corner, tree.first, tree.count, tree.root, np.argsort(tree.root), frame, nodes, info)
+    arrays = (nodes, info, tree.corner.ravel(), mesh.vertices.ravel(), frame)
+    for array in arrays:
+        array.setflags(write=False)
+    wide = WideTree(*arrays, arrays)
+    mesh._cache["wide"] = wide
     return wide
 
 
