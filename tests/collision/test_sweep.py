@@ -75,6 +75,19 @@ def test_random_screws_against_sub_sampling(seed: int) -> None:
     check(world, {1: at(*rng.normal(size=3) * 1.5, turn=turn)})
 
 
+@pytest.mark.slow
+def test_many_random_screws_against_finer_sub_sampling() -> None:
+    hits = 0
+    for seed in range(300):
+        rng = np.random.default_rng(1000 + seed)
+        world = CollisionManager()
+        world.add(random_soup(rng, 20, 3), at(0.0))
+        world.add(random_soup(rng, 20, 3), at(6.0))
+        turn = tuple(rng.normal(size=3) * rng.choice([0.0, 0.3, 1.5, 3.0]))
+        hits += check(world, {1: at(*rng.normal(size=3) * 1.5, turn=turn)}, samples=1000) < 1.0
+    assert hits > 200
+
+
 @pytest.mark.parametrize("seed", range(10))
 def test_several_objects_move_at_once(seed: int) -> None:
     rng = np.random.default_rng(100 + seed)
