@@ -84,7 +84,7 @@ def test_many_random_screws_against_finer_sub_sampling() -> None:
         world.add(random_soup(rng, 20, 3), at(0.0))
         world.add(random_soup(rng, 20, 3), at(6.0))
         turn = tuple(rng.normal(size=3) * rng.choice([0.0, 0.3, 1.5, 3.0]))
-        hits += check(world, {1: at(*rng.normal(size=3) * 1.5, turn=turn)}, samples=1000) < 1.0
+        hits += assert_first_contact(world, {1: at(*rng.normal(size=3) * 1.5, turn=turn)}, samples=1000) < 1.0
     assert hits > 200
 
 
