@@ -297,7 +297,7 @@ class _Plan:
                 blocked = True
             error = self._error()
             # a motion to the nearest allowed pose brings the squared error down by its own square, at least
-            if error <= self.tolerance.satisfied or best**2 - error**2 < 1e-3 * travel**2 or travel == 0.0:
+            if min(error, travel) <= self.tolerance.satisfied or best**2 - error**2 < 1e-3 * travel**2:
                 break
             best = error
         return MotionResult(
