@@ -152,7 +152,7 @@ class Motion:
                 self.collision.ignore_surfaces(*row)
 
     def _sleeve(self, candidate: Candidate) -> tuple[Pairing, ...]:
-        """Of a shaft in a bore: the faces that cannot meet while the two share their axis."""
+        """The faces that cannot meet while a shaft shares its bore's axis, or planes are face to face."""
         a, _, b, _, _ = candidate.key
         meshes = self.collision.mesh(a), self.collision.mesh(b)
         faces = sleeve(candidate, self.constraints.recogniser.features, meshes, self.tolerance.fit)
@@ -297,7 +297,7 @@ class _Plan:
                 blocked = True
             error = self._error()
             # a motion to the nearest allowed pose brings the squared error down by its own square, at least
-            if min(error, travel) <= self.tolerance.satisfied or best**2 - error**2 < 1e-3 * travel**2:
+            if error <= self.tolerance.satisfied or best**2 - error**2 < 1e-3 * travel**2 or travel == 0.0:
                 break
             best = error
         return MotionResult(

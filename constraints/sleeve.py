@@ -3,6 +3,8 @@
 While two parts share an axis, a face of the one that lies wholly within the shaft's cylinder and a face of the other
 that lies wholly without the bore's cannot meet, whatever their facets do: an equal-radius nut runs off the end of its
 bolt although the two rims are polygons that cross. A flange or a shoulder is not such a face, and stays solid.
+Likewise while two planes are face to face: what is behind the one cannot meet what is behind the other, so that the
+rims of two like holes do not keep a plate from its seat.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from collision import SurfaceMesh
 from constraints.candidate import Candidate
 from constraints.features import Feature
-from constraints.geometry import Cylinder, perpendicular
+from constraints.geometry import Cylinder, Plane, perpendicular
 
 Array = NDArray[np.float64]
 
@@ -29,15 +31,25 @@ def sleeve(
     """Faces of a candidate's two bodies of which none of the first can meet any of the second while it holds.
 
     features: of every body. meshes: of the candidate's two bodies. slack: m, see `faces_within`. None for candidates
-    that are no shaft in a bore.
+    that are neither a shaft in a bore nor planes face to face.
     """
     a, fa, b, fb, _ = candidate.key
     first, second = candidate.geometries
+    if candidate.kind == "against" and isinstance(first, Plane) and isinstance(second, Plane):
+        return faces_behind(meshes[0], first, slack), faces_behind(meshes[1], second, slack)
     if candidate.kind != "concentric" or not (isinstance(first, Cylinder) and isinstance(second, Cylinder)):
         return None
     if features[a][fa].sense > 0:
         return faces_within(meshes[0], first, slack), faces_without(meshes[1], second, features[b][fb].surfaces)
     return faces_without(meshes[0], first, features[a][fa].surfaces), faces_within(meshes[1], second, slack)
+
+
+def faces_behind(mesh: SurfaceMesh, plane: Plane, slack: float) -> tuple[int, ...]:
+    """Faces whose vertices are no more than `slack` (m) before a plane of their own part; ascending."""
+    height = plane.distance(mesh.vertices)[mesh.triangles].max(axis=1)
+    highest = np.full(mesh.n_surfaces, -np.inf)
+    np.maximum.at(highest, mesh.surface_of_triangle, height)
+    return tuple(np.flatnonzero(highest <= slack).tolist())
 
 
 def faces_within(mesh: SurfaceMesh, shaft: Cylinder, slack: float) -> tuple[int, ...]:

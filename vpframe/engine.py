@@ -409,6 +409,11 @@ class Engine:
         rows = self._rows[self._rows["distance"] <= 2.0 * self.tolerance.linear]  # motion stops at `linear`
         return np.stack([rows[c] for c in ("object_a", "surface_a", "object_b", "surface_b")], axis=1)
 
+    def views(self) -> tuple[ConstraintView, ...]:
+        """All constraints as they stand."""
+        self.start()
+        return self._views(self.poses)
+
     def _views(self, before: list[pin.SE3]) -> tuple[ConstraintView, ...]:
         """All constraints in the user's terms: active by age, then candidates by score, then refused."""
         shown = {}

@@ -340,7 +340,8 @@ class Session:
         return self._constraints("candidate")
 
     def _constraints(self, state: str) -> tuple[ConstraintView, ...]:
-        return () if self._result is None else tuple(c for c in self._result.constraints if c.state == state)
+        known = self.engine.views() if self._result is None else self._result.constraints
+        return tuple(c for c in known if c.state == state)
 
     def constraints_of(self, part: str) -> tuple[ConstraintView, ...]:
         """Active constraints on one part."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from collision import SurfaceMesh
-from constraints.geometry import Cylinder
-from constraints.sleeve import faces_within, faces_without
+from constraints.geometry import Cylinder, Plane
+from constraints.sleeve import faces_behind, faces_within, faces_without
 
 
 def turned(profile: list[tuple[float, float]], sections: int, turn: float = 0.0) -> SurfaceMesh:
@@ -29,6 +29,14 @@ def turned(profile: list[tuple[float, float]], sections: int, turn: float = 0.0)
     kept, numbered = np.unique(surface, return_inverse=True)
     assert len(kept) == len(profile) or profile[0][0] == 0.0
     return SurfaceMesh(vertices, triangles, numbered)
+
+
+def test_what_is_behind_a_plane_is_all_but_the_boss_that_stands_on_it() -> None:
+    # plate with a bore, and a boss on its top: bore, boss' top, boss' side, top, outside, underside
+    plate = turned([(5.0, 0.0), (5.0, 14.0), (8.0, 14.0), (8.0, 10.0), (30.0, 10.0), (30.0, 0.0)], 24)
+    assert faces_behind(plate, Plane([0.0, 0.0, 10.0], [0.0, 0.0, 1.0]), 1e-5) == (3, 4, 5)
+    assert faces_behind(plate, Plane([0.0, 0.0, 14.0], [0.0, 0.0, 1.0]), 1e-5) == (0, 1, 2, 3, 4, 5)
+    assert faces_behind(plate, Plane([0.0, 0.0, 0.0], [0.0, 0.0, -1.0]), 1e-5) == (0, 1, 2, 3, 4, 5)
 
 
 AXIS = np.array([0.0, 0.0, 1.0])
