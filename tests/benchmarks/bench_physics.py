@@ -47,7 +47,7 @@ STEPS: dict[str, tuple[list[float], list[float]]] = {  # row -> our steps, peers
     "peg 0.1 mm": ([1e-2, 1e-3], [1e-3, 2e-4]),
     "peg 10 um": ([1e-2, 1e-3], [1e-3, 2e-4]),
 }
-DRAKE = ("slope slide", "slope stick", "pendulum", "stack")
+DRAKE = ("slope slide", "slope stick", "pendulum")
 """the rows that Drake runs (discrete SAP with point contact, RK3 for the pendulum)"""
 
 
