@@ -1,0 +1,129 @@
+"""Verbs, conditions, the assist and behaviours, each on the small bench."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from physics import Gravity, SpringHand
+from tests.vpframe.bench_scene import SEAT, at, scene
+from vpframe import rules
+from vpframe.errors import TaskError
+from vpframe.interaction import Assist, Spline, candidate, clearance, constraint, contact
+from vpframe.session import Session
+
+
+def holding(session: Session, part: str = "peg"):
+    hand = session.hand(at=session.scene[part].pose.translation + np.array([0.0, 0.0, 0.03]))
+    hand.grab(part)
+    return hand
+
+
+def test_insert_finds_the_bore_and_seats_the_peg() -> None:
+    with Session(scene()) as session:
+        assert holding(session).insert("block")
+        session.expect_at("peg", SEAT, within=1e-9)
+        session.expect_freedom("peg", 1)
+    with Session(scene()) as session, pytest.raises(TaskError, match="nothing of cube fits into block"):
+        holding(session, "cube").insert("block")
+
+
+def test_place_puts_a_part_on_the_top_of_another() -> None:
+    with Session(scene()) as session:
+        hand = holding(session, "cube")
+        assert hand.place("table", at=(0.1, 0.1))
+        assert hand.held is None
+        session.expect_constraint("against", "cube", "table")
+        session.expect_at("cube", (0.09, 0.09, 0.0), within=1e-6)
+
+
+def test_screw_and_unscrew_advance_by_the_pitch() -> None:
+    with Session(scene()) as session:
+        hand = holding(session)
+        hand.move_to(SEAT + np.array([0.0, 0.0, 0.014]))
+        hand.slide("down", until=constraint("concentric"))
+        high = session.scene["peg"].pose.translation[2]
+        hand.screw(turns=2.0, pitch=0.0015)
+        low = session.scene["peg"].pose.translation[2]
+        assert high - low == pytest.approx(0.003, abs=1e-6)
+        session.thread("peg", 0.0015)
+        hand.unscrew(turns=2.0)
+        assert session.scene["peg"].pose.translation[2] == pytest.approx(high, abs=1e-6)
+
+
+def test_follow_goes_through_the_poses_of_a_path() -> None:
+    with Session(scene(), rule=rules.leave_all) as session:
+        hand = holding(session)
+        here = session.scene["peg"].pose
+        turned = pin.SE3(pin.exp3(np.array([0.0, 0.0, 1.0])), here.translation + np.array([0.05, 0.05, 0.05]))
+        assert hand.follow(Spline([here, at(0.09, -0.03, 0.10), turned], speed=0.2))
+        session.expect_at("peg", turned, within=1e-9, angle=1e-6)
+
+
+def test_conditions_end_a_motion_when_they_hold() -> None:
+    with Session(scene(), rule=rules.leave_all) as session:
+        hand = holding(session, "cube")
+        outcome = hand.slide("down", until=clearance < 0.005)
+        assert outcome.reason == "clearance < 5 mm"
+        assert 0.0 < session.clearance("cube") < 0.005
+        assert hand.slide("down", until=contact | constraint()).reason == "contact or constraint of any kind"
+        assert session.touching("cube") == {"table": (5,)} or set(session.touching("cube")) == {"table"}
+        assert hand.wait(0.1)
+        assert not hand.slide("up", distance=0.01, until=contact & ~contact, required=False)
+
+
+def test_snap_accepts_the_best_candidate_within_the_assists_reach() -> None:
+    with Session(scene(), rule=rules.leave_all) as session:
+        hand = holding(session)
+        assert not hand.assist.snap
+        with pytest.raises(TaskError, match="set the reach first"):
+            hand.snap()
+        hand.assist = Assist(snap=0.003)
+        hand.move_to(SEAT + np.array([0.0015, 0.0, 0.0165]))
+        assert hand.wait(0.5, until=candidate("concentric"))
+        outcome = hand.snap("concentric")
+        assert outcome.reason == "snapped: concentric"
+        np.testing.assert_allclose(session.scene["peg"].pose.translation[:2], 0.0, atol=1e-9)
+
+
+def test_locks_hold_axes_and_orientation() -> None:
+    with Session(scene(), rule=rules.leave_all) as session:
+        hand = holding(session)
+        begin = session.scene["peg"].pose.copy()
+        hand.assist = Assist(lock="xz", hold_orientation=True)
+        goal = pin.SE3(pin.exp3(np.array([0.0, 0.3, 0.0])), begin.translation + np.array([0.02, 0.03, 0.04]))
+        assert hand.move_to(goal)
+        np.testing.assert_allclose(session.scene["peg"].pose.translation - begin.translation, [0, 0.03, 0], atol=1e-9)
+        np.testing.assert_allclose(session.scene["peg"].pose.rotation, begin.rotation, atol=1e-12)
+    with pytest.raises(TaskError, match="letters x, y, z"):
+        Assist(lock="w")
+
+
+def test_a_part_with_gravity_falls_when_let_go_and_comes_to_rest() -> None:
+    with Session(scene(), rule=rules.leave_all) as session:
+        hand = holding(session, "cube")
+        session.behave("cube", Gravity())
+        hand.move_by((0.0, 0.0, 0.03))
+        hand.release()
+        session.run(2.0)
+        assert abs(session.scene["cube"].pose.translation[2]) < 1e-4
+        landed = [e for e in session.events if e.kind == "landed"]
+        assert [e.parts for e in landed] == [("cube", "table")]
+        with pytest.raises(TaskError, match="fixed"):
+            session.behave("table", Gravity())
+
+
+def test_a_spring_hand_feels_the_weight() -> None:
+    with Session(scene(), rule=rules.leave_all) as session:
+        hand = holding(session, "cube")
+        hand.spring = SpringHand(
+            pin.SE3.Identity(), stiffness=100.0, damping=2.0, angular_stiffness=2e-3, angular_damping=5e-5
+        )
+        with pytest.raises(TaskError, match="has no behaviours"):
+            session.step()
+        session.behave("cube", Gravity())
+        hand.slack = 0.01
+        hand.wait(1.5)
+        weight = 7850.0 * 0.02**3 * 9.80665
+        assert 0.02 - session.scene["cube"].pose.translation[2] == pytest.approx(weight / 100.0, rel=0.02)
