@@ -167,8 +167,9 @@ def press(
                 d = cj[k, i, 6 * side : 6 * side + 3]
                 bias[k, i] = sign * (d[0] * x + d[1] * y + d[2] * z)
         bias[k, 0] -= target[chosen[k]]
-    v, residual = solver.solve(
-        free, m, world, im, inverse_world, cb, cj, bias, friction, impulse, jb, jj, jbias, jl, tolerance
+    v = np.empty((len(ids), 6))
+    residual = solver.solve(
+        free, v, m, world, im, inverse_world, cb, cj, bias, friction, impulse, jb, jj, jbias, jl, tolerance
     )
     for k in range(len(ids)):
         velocity[ids[k]] = v[k]
@@ -231,8 +232,9 @@ def correct(
         bias[k, 0] = rows[k, 6]
     bias[n:] = jresidual
     none = np.zeros((0, 2), np.int64)
-    move, _ = solver.solve(
-        np.zeros((len(ids), 6)), m, world, im, inverse_world, none, np.zeros((0, 3, 12)), np.zeros((0, 3)),
+    move = np.empty((len(ids), 6))
+    solver.solve(
+        np.zeros((len(ids), 6)), move, m, world, im, inverse_world, none, np.zeros((0, 3, 12)), np.zeros((0, 3)),
         np.zeros(0), np.zeros((0, 3)), blocks, jacobian, bias, np.zeros((n + g, 1)), 1e-13,
     )  # fmt: skip
     shift(ids, center, attitude, move)

@@ -319,18 +319,19 @@ def residual(speeds, mu, rho, impulse):
 
 
 @njit(cache=True)
-def solve(free, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, impulse, jb, jj, jbias, jl, tolerance):
-    """Velocities v (n, 6) and, in place, impulses of contacts `impulse` (c, 3) and joints `jl` (g, r); the residual.
-
+def solve(
+    free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, impulse, jb, jj, jbias, jl, tolerance
+):
+    """In place: velocities `v` (n, 6), impulses of contacts `impulse` (c, 3) and joints `jl` (g, r); the residual, m/s.
 
     free: (n, 6) velocities without constraints (linear, angular; world axes). mass (n,), inertia (n, 3, 3) and their
     inverses. cb (c, 2), cj (c, 3, 12), bias (c, 3), mu (c,): contacts. jb (g, 2), jj (g, r, 12), jbias (g, r): joints.
     `impulse` and `jl` come in as the guess (those of the step before). tolerance: m/s, relative to the largest speed.
     """
     n = free.shape[0]
-    v = free.copy()
+    v[:] = free
     if cj.shape[0] == 0 and jj.shape[0] == 0:
-        return v, 0.0
+        return 0.0
     weight = np.empty(cj.shape[0])
     jw = np.empty(jj.shape[0])
     _effective(cb, cj, inverse_mass, inverse_inertia, weight)
@@ -359,7 +360,7 @@ def solve(free, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, 
             change = _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, weight, impulse, jb, jj, jbias, jw, jl)
             if change <= tolerance * scale:
                 break
-        return v, change
+        return change
     stiffness = STIFFNESS
     center = impulse.copy()
     jcenter = jl.copy()
@@ -408,4 +409,5 @@ def solve(free, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, 
         jcenter[:] = jl
     impulse[:] = best_impulse
     jl[:] = best_jl
-    return best_v, best
+    v[:] = best_v
+    return best

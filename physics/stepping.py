@@ -325,10 +325,11 @@ class Stepper:
         b = self.bodies
         ids = island.ids
         w = wrench(ids, t)
-        _, im, _, inverse = pressing.gather(ids, b.rotation, b.mass, b.inertia, b.inverse)
         free = b.velocity[ids].copy()
-        free[:, :3] += h * im[:, None] * w[:, :3]
-        free[:, 3:] += h * np.einsum("nij,nj->ni", inverse, w[:, 3:])
+        free[:, :3] += h / b.mass[ids][:, None] * w[:, :3]
+        if w[:, 3:].any():
+            r = b.rotation[ids]
+            free[:, 3:] += h * np.einsum("nij,njk,nlk,nl->ni", r, b.inverse[ids], r, w[:, 3:])
         return free
 
     def _kick(self, island, contacts, pressed, t, h, wrench):

@@ -19,8 +19,9 @@ def run(free, mass, inertia, bodies, points, normals, mu, centers, target=None):
     if target is not None:
         bias[:, 0] = -target
     impulse = np.zeros((c, 3))
-    v, residual = solve(
-        free, mass, inertia, 1 / mass, np.linalg.inv(inertia), np.asarray(bodies), jacobian, bias,
+    v = np.empty_like(free)
+    residual = solve(
+        free, v, mass, inertia, 1 / mass, np.linalg.inv(inertia), np.asarray(bodies), jacobian, bias,
         np.full(c, mu), impulse, *NO_JOINTS, 1e-14,
     )  # fmt: skip
     return v, impulse, jacobian, bias, residual
