@@ -251,6 +251,7 @@ def rounding_of(box_a, box_b, rotation, translation):
 
 @njit(error_model="numpy", **KERNEL)
 def size_of(box, i):
+    """Sum of the edges of box `i`: the larger is opened first."""
     return box[i, 3] - box[i, 0] + box[i, 4] - box[i, 1] + box[i, 5] - box[i, 2]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+import collision.compiling  # noqa: F401, says so on standard error
 from collision.wide import BOXES, INFO, LANES, TRIANGLES
 
 

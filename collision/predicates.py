@@ -18,6 +18,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+import collision.compiling  # noqa: F401, says so on standard error
+
 KERNEL: Final[dict[str, Any]] = {"cache": True, "nogil": True, "_nrt": False}
 """How kernels are compiled that allocate nothing. Without `_nrt`, numba counts references to every array at every call:
 measured, that was two thirds of a query."""

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from collision.mesh import SurfaceMesh
 
-LEAF = 4
-"""Greatest number of triangles in a leaf; every leaf of a surface but the last is full."""
+LEAF = 8
+"""Greatest number of triangles in a leaf; every leaf of a surface but the last is full. (With 4, distances take a fifth
+less time, and a triangle 17 bytes more.)"""
 THREADS = 2
 """Threads that build trees; the tree does not depend on it."""
 

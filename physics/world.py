@@ -81,8 +81,9 @@ class World:
         self._mechanisms: dict[tuple, tuple[dict[int, pin.SE3], Mechanism | None]] = {}
         self._contacts = NO_CONTACTS
         self._pairs = np.zeros((0, 4), np.int64)
-        self._travel = np.zeros(0)
         self._reach = np.zeros(0)
+        self._listed_center = np.zeros((0, 3))
+        self._listed_rotation = np.zeros((0, 3, 3))
         self._moving: tuple[int, ...] = ()
         self._stale = True
 
@@ -145,6 +146,10 @@ class World:
                 b.kind[i] = KINEMATIC
                 self._target(i, behaviour.pose(self.time), type(behaviour).__name__)
         self.wake(i)
+        self._stale = True
+
+    def refresh(self) -> None:
+        """Take notice of objects that were added to the manager, or placed by it, while they have no body here."""
         self._stale = True
 
     def remove(self, object_id: int) -> None:
@@ -241,7 +246,8 @@ class World:
         b = self._bodies
         data = {name: getattr(b, name)[: b.n] for name in Bodies._PER_OBJECT}
         data.update(
-            n=b.n, time=self.time, contacts=tuple(self._contacts), pairs=self._pairs, travel=self._travel,
+            n=b.n, time=self.time, contacts=tuple(self._contacts), pairs=self._pairs,
+            listed=(self._listed_center, self._listed_rotation),
             reach=self._reach, moving=self._moving, stale=self._stale, last_step=self._last_step,
             grips={i: g.data() for i, g in self._grips.items()}, members=tuple(sorted(self._behaviours)),
             joints=tuple(map(id, self._joints)),
@@ -263,7 +269,8 @@ class World:
             getattr(b, name)[: b.n] = data[name]
         self.time = data["time"]
         self._contacts = Contacts(*data["contacts"])
-        self._pairs, self._reach, self._travel = data["pairs"], data["reach"], data["travel"]
+        self._pairs, self._reach = data["pairs"], data["reach"]
+        self._listed_center, self._listed_rotation = data["listed"]
         self._stale, self._moving = data["stale"], data["moving"]
         self._last_step = data["last_step"]
         self._grips = {i: Grip.of(d) for i, d in data["grips"].items()}
@@ -409,17 +416,17 @@ class World:
         v = b.velocity[movers]
         speed = np.sqrt((v[:, :3] ** 2).sum(axis=1)) + np.sqrt((v[:, 3:] ** 2).sum(axis=1)) * b.radius[movers]
         step = dt * speed + self._gain(movers, dt)
-        listed = len(self._travel) == b.n and not self._stale
-        if listed:
-            self._travel[movers] += step
-            if (self._travel[movers] <= self._reach[movers]).all():
+        if not self._stale:
+            turned = np.abs(b.rotation[movers] - self._listed_rotation[movers]).sum(axis=(1, 2)) * b.radius[movers]
+            moved = np.sqrt(((b.center[movers] - self._listed_center[movers]) ** 2).sum(axis=1)) + turned
+            if (moved + step <= self._reach[movers]).all():
                 return True
         self._refresh()
         n = b.n
-        self._travel = np.zeros(n)
+        self._listed_center = b.center[:n].copy()
+        self._listed_rotation = b.rotation[:n].copy()
         self._reach = np.zeros(n)
         self._reach[movers] = SLACK + 4.0 * step
-        self._travel[movers] = step
         others = np.array([i for i in range(n) if b.kind[i] != 0 and self._solid.get(i, True)], dtype=np.int64)
         solid = np.array([i for i in movers if self._solid.get(int(i), True)], dtype=np.int64)
         objects = np.empty((max(64, 8 * len(solid)), 2), np.int64)

@@ -23,7 +23,7 @@ def along(start: pin.SE3, target: pin.SE3, t: float) -> pin.SE3:
     return start * pin.exp6(pin.Motion(t * pin.log6(start.actInv(target)).vector))
 
 
-def check(world: CollisionManager, moves: dict[int, pin.SE3], samples: int = 200) -> float:
+def assert_first_contact(world: CollisionManager, moves: dict[int, pin.SE3], samples: int = 200) -> float:
     """Never late, early by no more than the tolerance; the time."""
     found = time_of_contact(world, moves)
     starts = {i: world.pose(i) for i in world.objects}
@@ -72,7 +72,7 @@ def test_random_screws_against_sub_sampling(seed: int) -> None:
     world.add(random_soup(rng, 12, 3), at(0.0))
     world.add(random_soup(rng, 12, 3), at(6.0))
     turn = tuple(rng.normal(size=3) * rng.choice([0.0, 0.3, 1.5]))
-    check(world, {1: at(*rng.normal(size=3) * 1.5, turn=turn)})
+    assert_first_contact(world, {1: at(*rng.normal(size=3) * 1.5, turn=turn)})
 
 
 @pytest.mark.slow
@@ -84,7 +84,7 @@ def test_many_random_screws_against_finer_sub_sampling() -> None:
         world.add(random_soup(rng, 20, 3), at(0.0))
         world.add(random_soup(rng, 20, 3), at(6.0))
         turn = tuple(rng.normal(size=3) * rng.choice([0.0, 0.3, 1.5, 3.0]))
-        hits += check(world, {1: at(*rng.normal(size=3) * 1.5, turn=turn)}, samples=1000) < 1.0
+        hits += assert_first_contact(world, {1: at(*rng.normal(size=3) * 1.5, turn=turn)}, samples=1000) < 1.0
     assert hits > 200
 
 
@@ -95,7 +95,7 @@ def test_several_objects_move_at_once(seed: int) -> None:
     for k in range(3):
         world.add(random_soup(rng, 8, 2), at(5.0 * np.cos(2.1 * k), 5.0 * np.sin(2.1 * k)))
     moves = {k: at(*rng.normal(size=3), turn=tuple(rng.normal(size=3))) for k in (0, 2)}
-    check(world, moves)
+    assert_first_contact(world, moves)
 
 
 @pytest.mark.parametrize("speed", [1.0, 1e3, 1e6])
@@ -116,7 +116,7 @@ def test_a_bar_swings_into_a_post_at_the_angle_of_the_closed_form() -> None:
     world = CollisionManager()
     world.add(box(2.0, 0.2, 0.1), at(0.0))
     world.add(box(0.1, 0.1, 1.0), at(0.0, 0.8, 0.0), movable=False)
-    t = check(world, {0: at(0.0, turn=(0.0, 0.0, 3.0))})
+    t = assert_first_contact(world, {0: at(0.0, turn=(0.0, 0.0, 3.0))})
     # the bar's side, 0.1 off its axis, meets the post's corner (0.05, 0.75)
     corner = np.array([0.05, 0.75])
     angle = np.arctan2(corner[1], corner[0]) - np.arcsin(0.1 / np.linalg.norm(corner))

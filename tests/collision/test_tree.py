@@ -5,6 +5,8 @@ import pytest
 
 from collision import SurfaceMesh
 from collision.tree import LEAF, MeshTree, build_trees, tree_of
+from collision.wide import BOXES, INFO, TRIANGLES, wide_tree_of
+from tests.collision import shapes
 
 
 def random_mesh(triangles: int, surfaces: int, seed: int) -> SurfaceMesh:
@@ -52,7 +54,28 @@ def test_the_tree_does_not_depend_on_threads_or_company(monkeypatch: pytest.Monk
 
 
 def test_memory_a_triangle() -> None:
-    mesh = random_mesh(40_000, 10, 3)
-    held = mesh.vertices.nbytes // 2  # a closed mesh has half as many vertices as triangles; this one as many
-    held += mesh.triangles.nbytes + mesh.surface_of_triangle.nbytes + mesh.order.nbytes + mesh.surface_start.nbytes
-    assert held + tree_of(mesh).nbytes <= 120 * mesh.n_triangles
+    """On a box of 12,288 triangles: mesh, tree and wide tree together."""
+    mesh = shapes.box(cells=32)
+    held = sum(getattr(mesh, name).nbytes for name in ("vertices", "triangles", "surface_of_triangle", "order"))
+    held += tree_of(mesh).nbytes + wide_tree_of(mesh).nbytes
+    assert 60 * mesh.n_triangles < held <= 120 * mesh.n_triangles
+
+
+@pytest.mark.parametrize(("triangles", "surfaces"), [(1, 1), (9, 9), (70, 3), (700, 20), (5000, 2)])
+def test_wide_nodes_hold_what_is_below_them(triangles: int, surfaces: int) -> None:
+    mesh = random_mesh(triangles, surfaces, triangles)
+    wide, tree = wide_tree_of(mesh), tree_of(mesh)
+    centre = wide.frame[:3]
+    seen: list[int] = []
+    for place, (surface, leaves, _above, first, count) in enumerate(wide.info.reshape(-1, INFO).tolist()):
+        points = mesh.vertices[mesh.triangles[mesh.triangles_of(surface)]].reshape(-1, 3) - centre
+        box = wide.nodes[BOXES * (place // 8) :][:BOXES].reshape(6, 8)[:, place % 8]
+        assert (box[:3] <= points.min(0)).all() and (points.max(0) <= box[3:]).all()
+        assert np.allclose(box, [*points.min(0), *points.max(0)], atol=1e-5)
+        assert count == len(mesh.triangles_of(surface))
+        seen += tree.order[first : first + count].tolist()
+        for i in range(count):
+            rows = wide.nodes[leaves + TRIANGLES * (i // 8) :][:TRIANGLES].reshape(3, 3, 8)[:, :, i % 8]
+            corners = mesh.vertices[wide.corner.reshape(-1, 3)[first + i]]
+            assert np.allclose(rows - rows[0], corners - corners[0], atol=1e-5)
+    assert sorted(seen) == list(range(triangles))

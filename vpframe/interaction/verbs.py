@@ -41,6 +41,7 @@ _AXIAL = ("concentric", "screw", "conical fit", "toroidal fit", "spherical fit")
 
 
 def approach(hand: Hand, part: str, surface: int | None, duration: float | None) -> Verb:
+    """To the nearest point of a part, or of one of its surfaces: `Hand.approach`."""
     from vpframe.interaction.hand import Stroke
 
     if hand.held is not None:
@@ -55,6 +56,7 @@ def approach(hand: Hand, part: str, surface: int | None, duration: float | None)
 
 
 def grab(hand: Hand, part: str, surface: int | None, carried: tuple[str, ...]) -> Verb:
+    """Take a part that the hand touches, after going there if need be: `Hand.grab`."""
     session = hand.session
     if hand.held is not None:
         raise TaskError(f"{hand.name} already holds {hand.held}; release it before grabbing {part}")
@@ -71,6 +73,7 @@ def grab(hand: Hand, part: str, surface: int | None, carried: tuple[str, ...]) -
 
 
 def release(hand: Hand) -> Verb:
+    """Let go of what is held: `Hand.release`."""
     hand.let_go()
     return _outcome(hand, "released")
     yield  # pragma: no cover - makes this a generator, as all verbs are
@@ -79,6 +82,7 @@ def release(hand: Hand) -> Verb:
 def move_to(
     hand: Hand, pose: pin.SE3 | ArrayLike, duration: float | None, until: Condition | str | None, required: bool
 ) -> Verb:
+    """Straight to a world pose: `Hand.move_to`."""
     from vpframe.interaction.hand import Stroke, as_pose
 
     goal = as_pose(pose, hand.subject)
@@ -90,6 +94,7 @@ def move_to(
 def move_by(
     hand: Hand, shift: ArrayLike, duration: float | None, until: Condition | str | None, required: bool
 ) -> Verb:
+    """Straight by a vector (3,), m, without turning: `Hand.move_by`."""
     from vpframe.interaction.hand import Stroke
 
     by = _vector(shift, "move_by")
@@ -99,6 +104,7 @@ def move_by(
 
 
 def follow(hand: Hand, path: paths.Path | str | FilePath, until: Condition | str | None, required: bool) -> Verb:
+    """Along a path or track, from where it begins: `Hand.follow`."""
     from vpframe.interaction.hand import Stroke
 
     name = str(path) if isinstance(path, str | FilePath) else type(path).__name__
@@ -119,6 +125,7 @@ def slide(
     verb: str = "slide",
     outward: bool = False,
 ) -> Verb:
+    """Along a direction, for a distance (m) or until a condition holds: `Hand.slide`."""
     from vpframe.interaction.hand import Stroke
 
     end = as_condition(until)
@@ -144,6 +151,7 @@ def pull(
     speed: float | None,
     required: bool,
 ) -> Verb:
+    """Like `slide`, with "axis" pointing away from the partner: `Hand.pull`."""
     return (yield from slide(hand, along, distance, None if distance else until, speed, required, "pull", outward=True))
 
 
@@ -155,6 +163,7 @@ def turn(
     duration: float | None,
     required: bool,
 ) -> Verb:
+    """By an angle (rad) about an axis or line: `Hand.turn`."""
     from vpframe.interaction.hand import Stroke
 
     origin, axis = line(hand, about)
@@ -166,6 +175,7 @@ def turn(
 
 
 def wait(hand: Hand, seconds: float | None, until: Condition | str | None) -> Verb:
+    """Stay, for a time (s) or until a condition holds: `Hand.wait`."""
     from vpframe.interaction.hand import Stroke
 
     end = as_condition(until)
@@ -181,6 +191,7 @@ def wait(hand: Hand, seconds: float | None, until: Condition | str | None) -> Ve
 def insert(
     hand: Hand, into: str, until: Condition | str | None, speed: float | None, gap: float, required: bool
 ) -> Verb:
+    """In front of the best fitting bore of a part, then in: `Hand.insert`."""
     part, target = _held(hand, "insert"), hand.session.scene[into]
     shaft, bore = best_fit(part, target, hand.session.tolerance.clearance)
     way, aligned = in_front(part, target, shaft, bore, gap)
@@ -192,6 +203,7 @@ def insert(
 def screw(
     hand: Hand, turns: float | None, pitch: float | None, until: Condition | str | None, rate: float, required: bool
 ) -> Verb:
+    """In by turns or until a condition holds, at `rate` turns a second: `Hand.screw`."""
     end = as_condition(until) or (None if turns else constraint("against"))
     return (yield from _screw(hand, turns, pitch, end, rate, required, "screw"))
 
@@ -199,6 +211,7 @@ def screw(
 def unscrew(
     hand: Hand, turns: float | None, pitch: float | None, until: Condition | str | None, rate: float, required: bool
 ) -> Verb:
+    """Out by turns or until a condition holds, at `rate` turns a second: `Hand.unscrew`."""
     end = as_condition(until) or (None if turns else as_condition("free"))
     return (yield from _screw(hand, turns, pitch, end, rate, required, "unscrew"))
 
@@ -223,6 +236,7 @@ def _screw(
 
 
 def place(hand: Hand, on: str, at: ArrayLike | None, height: float, let_go: bool) -> Verb:
+    """Down on the highest flat top of a part, and let go: `Hand.place`."""
     part, target = _held(hand, "place"), hand.session.scene[on]
     top, middle = top_of(target)
     over = middle if at is None else np.asarray(at, dtype=np.float64)
@@ -241,6 +255,7 @@ def place(hand: Hand, on: str, at: ArrayLike | None, height: float, let_go: bool
 
 
 def snap(hand: Hand, kind: str | None) -> Verb:
+    """Accept the best candidate within the assist's reach: `Hand.snap`."""
     from vpframe.interaction.hand import Stroke
 
     part = _held(hand, "snap").name

@@ -1,0 +1,43 @@
+"""What the first import and the first question do."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ASK = """
+import numpy as np
+from collision import SurfaceMesh, colliding_surfaces
+mesh = SurfaceMesh(np.eye(3), [[0, 1, 2]])
+print(colliding_surfaces(mesh, mesh, np.eye(4)).tolist())
+"""
+
+
+def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT)} | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+
+
+def test_importing_takes_no_compiler() -> None:
+    done = run("import sys, collision; print(sorted({'numba', 'coal', 'pinocchio'} & set(sys.modules)))")
+    assert done.stdout.strip() == "[]" and done.stderr == ""
+
+
+@pytest.mark.slow
+def test_compiling_is_said_once(tmp_path: Path) -> None:
+    cold = run(ASK, NUMBA_CACHE_DIR=str(tmp_path))
+    assert cold.stdout.strip() == "[[0, 0]]"
+    assert cold.stderr.count("compiling collision kernels") == 1 and cold.stderr.count("\n") == 1
+    warm = run(ASK, NUMBA_CACHE_DIR=str(tmp_path))
+    assert (warm.stdout, warm.stderr) == (cold.stdout, "")
