@@ -90,7 +90,10 @@ def test_urdf_with_meshes_turns_the_bolts(tmp_path):
     assert mesh.volume == pytest.approx(scene["plate"].shape.volume, rel=5e-3)
 
 
-@pytest.mark.skipif("VPFRAME_DATA" not in os.environ, reason="VPFRAME_DATA names no folder of real models")
+real_models = pytest.mark.skipif("VPFRAME_DATA" not in os.environ, reason="VPFRAME_DATA names no folder of real models")
+
+
+@real_models
 @pytest.mark.parametrize("name", ["as1-oc-214.stp", "as1_pe_203.stp"])
 def test_as1_has_sixteen_against_and_twenty_two_concentric(name):
     document = mates.mates(vp.load(str(Path(os.environ["VPFRAME_DATA"]) / "step" / name)))
