@@ -1,4 +1,4 @@
-"""Numba kernels that build a `MeshTree` (see `collision.tree` for the layout). Called from there only."""
+"""Numba kernels that build a `MeshTree` and a `WideTree`, see `collision.tree` and `collision.wide` for the layouts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collision.wide import BOXES, INFO, LANES, TRIANGLES
 
 
 @njit(cache=True, nogil=True)
-def _select(key, item, lo, hi, nth):
+def select(key, item, lo, hi, nth):
     """Hoare's quickselect: permute `item[lo:hi]` so that the first `nth - lo` have the least (key, item)."""
     hi -= 1
     while lo < hi:
@@ -43,7 +43,7 @@ def _select(key, item, lo, hi, nth):
 
 
 @njit(cache=True, nogil=True)
-def _longest_axis(centre, item, lo, hi):
+def longest_axis(centre, item, lo, hi):
     """The axis along which the centres of `item[lo:hi]` spread most."""
     axis = 0
     spread = -1.0
@@ -62,7 +62,7 @@ def _longest_axis(centre, item, lo, hi):
 
 
 @njit(cache=True, nogil=True)
-def _middle(n, leaf):
+def middle(n, leaf):
     """Where to split n > leaf items: halves, but whole blocks of leaf, 8, 64, 512 … items, the greatest less than n.
 
     So any eight consecutive blocks of one size are a block of the next: see `collision.wide`.
@@ -113,8 +113,8 @@ def plan_top(vertices, triangles, by_surface, start, leaf, second, past, first, 
             node += 2 * ((m + leaf - 1) // leaf) - 1
             triangle += m
             continue
-        mid = lo + _middle(hi - lo, 1)
-        _select(centre[_longest_axis(centre, item, lo, hi)], item, lo, hi, mid)
+        mid = lo + middle(hi - lo, 1)
+        select(centre[longest_axis(centre, item, lo, hi)], item, lo, hi, mid)
         triangles_below = 0
         nodes_below = hi - lo - 1
         for i in range(lo, hi):
@@ -163,8 +163,8 @@ def build_surface(
             past[node] = node + 2 * leaves - 1
             surface[node] = s
             if leaves > 1:
-                mid = lo + _middle(hi - lo, leaf)
-                _select(centre[_longest_axis(centre, item, lo, hi)], item, lo, hi, mid)
+                mid = lo + middle(hi - lo, leaf)
+                select(centre[longest_axis(centre, item, lo, hi)], item, lo, hi, mid)
                 stack[top] = (mid, hi, node)
                 stack[top + 1] = (lo, mid, -1)
                 top += 2
@@ -220,7 +220,7 @@ def _up(x):
 
 
 @njit(cache=True, nogil=True)
-def _levels(nodes, at, boxes):
+def add_levels(nodes, at, boxes):
     """Fill the levels above a level of `boxes` inner nodes at `nodes[at]`; the place after the last."""
     while boxes > 1:
         above = at + BOXES * boxes
@@ -249,7 +249,7 @@ def widen(vertices, corner, first, count, root, by_place, frame, nodes, info):
         level = (level + LANES - 1) // LANES
         at += BOXES * level
     for i in range((k + LANES - 1) // LANES):
-        _empty(nodes, BOXES * i)
+        empty_node(nodes, BOXES * i)
     box = np.empty(6)
     for place in range(k):
         s = by_place[place]
@@ -261,7 +261,7 @@ def widen(vertices, corner, first, count, root, by_place, frame, nodes, info):
         info[o], info[o + 1], info[o + 2], info[o + 3], info[o + 4] = s, at, above, begin, m
         if leaves > 1:
             for i in range((leaves + LANES - 1) // LANES):
-                _empty(nodes, above + BOXES * i)
+                empty_node(nodes, above + BOXES * i)
         top = BOXES * (place // LANES) + place % LANES
         for i in range(leaves):
             low, high = begin + LANES * i, begin + min(m, LANES * (i + 1))
@@ -289,12 +289,12 @@ def widen(vertices, corner, first, count, root, by_place, frame, nodes, info):
                         nodes[row + t] = x
         at = above
         if leaves > 1:
-            at = _levels(nodes, above, (leaves + LANES - 1) // LANES)
-    _levels(nodes, 0, (k + LANES - 1) // LANES)
+            at = add_levels(nodes, above, (leaves + LANES - 1) // LANES)
+    add_levels(nodes, 0, (k + LANES - 1) // LANES)
 
 
 @njit(cache=True, nogil=True)
-def _empty(nodes, at):
+def empty_node(nodes, at):
     """An inner node without boxes."""
     for i in range(3 * LANES):
         nodes[at + i] = np.inf

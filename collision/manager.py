@@ -15,11 +15,12 @@ from collision.query import Method, Remembered, ask_many, examine
 from collision.shape import ShapeMesh, mesh_of_shape
 from collision.statistics import Statistics
 from collision.tolerance import Tolerance
-from collision.tree import box_of
+from collision.tree import bounds_of
 
 if TYPE_CHECKING:
     import pinocchio as pin
 
+    from collision.objects import ObjectTree
     from collision.sweep import TimeOfContact
 
 
@@ -46,10 +47,11 @@ class CollisionManager:
         self.cross_check_every = 64 if cross_check is True else int(cross_check)
         self._meshes: list[SurfaceMesh | None] = []
         self._movable: list[bool] = []
-        self._pose, self._own, self._box = np.empty((0, 12)), np.empty((0, 6)), np.empty((0, 6))
+        self._pose, self._own = np.empty((0, 12)), np.empty((0, 7))
+        self._box, self._radius = np.empty((0, 6)), np.empty(0)
         self._stale = np.empty(0, np.bool_)  # whose world box is behind its pose
         self._version = np.empty(0, np.int64)  # how often each was moved
-        self._orders: tuple[NDArray[np.int64], NDArray[np.int64], int] | None = None
+        self._trees: tuple[ObjectTree, ObjectTree] | None = None  # of the movable objects, and of the others
         self._remembered: dict[tuple[int, int], Remembered] = {}
         self._ignored: set[tuple[int, int]] = set()
         self._ignored_surfaces: dict[tuple[int, int], set[tuple[int, int]]] = {}
@@ -67,12 +69,13 @@ class CollisionManager:
         if i == len(self._pose):
             more = max(16, i)
             self._pose = np.concatenate([self._pose, np.empty((more, 12))])
-            self._own = np.concatenate([self._own, np.empty((more, 6))])
+            self._own = np.concatenate([self._own, np.empty((more, 7))])
             self._box = np.concatenate([self._box, np.empty((more, 6))])
+            self._radius = np.concatenate([self._radius, np.empty(more)])
             self._stale = np.concatenate([self._stale, np.zeros(more, np.bool_)])
             self._version = np.concatenate([self._version, np.zeros(more, np.int64)])
-        self._pose[i], self._own[i], self._stale[i] = packed, box_of(mesh), True
-        self._orders = None
+        self._pose[i], self._own[i], self._stale[i] = packed, bounds_of(mesh), True
+        self._trees = None
         return i
 
     def add_shape(self, shape: Any, pose: pin.SE3 | ArrayLike, movable: bool = True, name: str | None = None) -> int:
@@ -88,7 +91,7 @@ class CollisionManager:
         self.mesh(i)
         self._meshes[i] = None
         self._stale[i] = False
-        self._orders = None
+        self._trees = None
         self._remembered = {pair: v for pair, v in self._remembered.items() if i not in pair}
         self._ignored = {pair for pair in self._ignored if i not in pair}
         self._ignored_surfaces = {pair: v for pair, v in self._ignored_surfaces.items() if i not in pair}
@@ -130,7 +133,9 @@ class CollisionManager:
 
         where = np.asarray(ids, np.int64)
         try:
-            matrices = np.ascontiguousarray([getattr(pose, "homogeneous", pose) for pose in poses], np.float64)  # type: ignore[union-attr]
+            if not isinstance(poses, np.ndarray):
+                poses = [getattr(pose, "homogeneous", pose) for pose in poses]  # type: ignore[union-attr]
+            matrices = np.ascontiguousarray(poses, np.float64)
         except (TypeError, ValueError):
             matrices = np.empty(0)
         if where.ndim != 1 or matrices.shape != (len(where), 4, 4):
@@ -206,24 +211,22 @@ class CollisionManager:
     # --- questions ---------------------------------------------------------------------------------------------------
 
     def object_pairs(self, objects: Iterable[int] | None = None, within: float = 0.0) -> NDArray[np.int32]:
-        """Stage 1, filter objects: (n, 2) pairs i < j, sorted, whose boxes come within `within` metres.
+        """Stage 1, filter objects: (n, 2) pairs i < j, sorted, whose boxes and spheres come within `within` metres.
 
         Pairs of which neither may move or that are ignored are left out, and, if `objects` are given, pairs without
         one of them. Conservative: never misses a pair; may hold pairs whose triangles are farther apart.
         """
-        from collision.objects import move_world_boxes, sweep
+        from collision.objects import near_pairs
 
         n = len(self._meshes)
         chosen = np.full(n, objects is None)
         for i in objects if objects is not None else ():
             self.mesh(i)
             chosen[i] = True
-        move_world_boxes(self._own, self._pose, self._stale[:n], self._box)
-        if self._orders is None:
-            self._orders = self._order()
-        movers, fixed, axis = self._orders
+        movers, fixed = self._current_trees()
         pairs = np.empty((4 * n + 64, 2), np.int32)
-        while (found := sweep(movers, fixed, self._box, axis, within, chosen, pairs)) > len(pairs):
+        arguments = (*movers.arrays, *fixed.arrays, self._box, self._radius, within, chosen)
+        while (found := near_pairs(*arguments, pairs)) > len(pairs):
             pairs = np.empty((found, 2), np.int32)
         pairs = pairs[:found]
         pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
@@ -231,14 +234,20 @@ class CollisionManager:
             pairs = pairs[[pair not in self._ignored for pair in map(tuple, pairs.tolist())]]
         return pairs
 
-    def _order(self) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-        """The movable objects and the others, sorted along the axis along which they spread most, and that axis."""
-        ids = np.array(self.objects, np.int64)
-        boxes = self._box[ids]
-        axis = int(np.argmax(np.ptp(boxes[:, :3] + boxes[:, 3:], axis=0))) if len(ids) else 0
-        ids = ids[np.argsort(boxes[:, axis], kind="stable")]
-        movable = np.array(self._movable, np.bool_)[ids]
-        return ids[movable], ids[~movable], axis
+    def _current_trees(self) -> tuple[ObjectTree, ObjectTree]:
+        from collision.objects import ObjectTree, move_world_boxes
+
+        stale = self._stale[: len(self._meshes)]
+        if self._trees is None:
+            ids = np.array(self.objects, np.int64)
+            movable = np.array(self._movable, np.bool_)[ids]
+            self._trees = ObjectTree(ids[movable]), ObjectTree(ids[~movable])
+            stale[ids] = True
+        behind = [tree for tree in self._trees if stale[tree.ids].any()]
+        move_world_boxes(self._own, self._pose, stale, self._box, self._radius)
+        for tree in behind:
+            tree.follow(self._box)
+        return self._trees
 
     def _has_shape(self, i: int, j: int) -> bool:
         return isinstance(self._meshes[i], ShapeMesh) or isinstance(self._meshes[j], ShapeMesh)

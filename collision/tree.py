@@ -7,10 +7,11 @@ Detection*, 2005, 6.2 and 6.6.2). Built at first need and kept on the mesh: `tre
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,13 +59,16 @@ class MeshTree:
         return sum(getattr(self, name).nbytes for name in self.__slots__)
 
 
-def box_of(mesh: SurfaceMesh) -> NDArray[np.float64]:
-    """(6,) the box of the mesh's triangles, kept on the mesh; takes no tree."""
-    box: NDArray[np.float64] | None = mesh._cache.get("box")
-    if box is None:
+def bounds_of(mesh: SurfaceMesh) -> NDArray[np.float64]:
+    """(7,) the box of the mesh's triangles and the radius of the sphere about its centre that holds them, kept on the
+    mesh; takes no tree."""
+    bounds: NDArray[np.float64] | None = mesh._cache.get("bounds")
+    if bounds is None:
         used = mesh.vertices[np.unique(mesh.triangles)]
-        box = mesh._cache["box"] = np.concatenate([used.min(axis=0), used.max(axis=0)])
-    return box
+        low, high = used.min(axis=0), used.max(axis=0)
+        radius = np.linalg.norm(used - (0.5 * low + 0.5 * high), axis=1).max()
+        bounds = mesh._cache["bounds"] = np.array([*low, *high, radius])
+    return bounds
 
 
 def tree_of(mesh: SurfaceMesh) -> MeshTree:
@@ -81,9 +85,19 @@ def build_trees(meshes: Iterable[SurfaceMesh]) -> None:
     missing = list({id(mesh): mesh for mesh in meshes if "tree" not in mesh._cache}.values())
     if len(missing) == 1:
         _build(missing[0], THREADS if missing[0].n_triangles > 4096 else 1)
-    elif missing:
+    else:
+        share_out(_build, missing)
+
+
+def share_out(build: Callable[[SurfaceMesh], Any], meshes: list[SurfaceMesh]) -> None:
+    """Call `build` for each mesh, every thread for its share: to hand them over one by one takes what threads gain."""
+    largest_first = sorted(meshes, key=lambda mesh: -mesh.n_triangles)
+    if len(meshes) == 1:
+        build(meshes[0])
+    elif meshes:
         with ThreadPoolExecutor(THREADS) as pool:
-            list(pool.map(_build, missing))
+            shares = (largest_first[t::THREADS] for t in range(THREADS))
+            list(pool.map(lambda share: [build(mesh) for mesh in share], shares))
 
 
 def _build(mesh: SurfaceMesh, threads: int = 1) -> None:

@@ -12,7 +12,6 @@ float32 resolves them to 1e-7 of the leaf's size, wherever it lies.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 from collision.errors import MeshError
 from collision.mesh import SurfaceMesh
 from collision.shape import triangles_needed
-from collision.tree import THREADS, build_trees, tree_of
+from collision.tree import build_trees, share_out, tree_of
 
 LANES: Final = 8
 """boxes or triangles a node"""
@@ -71,11 +70,7 @@ def build_wide_trees(meshes: Iterable[SurfaceMesh]) -> None:
     """Build what is missing of the meshes' wide trees, and of the trees they rest on, on `tree.THREADS` threads."""
     missing = list({id(mesh): mesh for mesh in meshes if "wide" not in mesh._cache}.values())
     build_trees(missing)
-    if len(missing) > 1:
-        with ThreadPoolExecutor(THREADS) as pool:
-            list(pool.map(_build, missing))
-    elif missing:
-        _build(missing[0])
+    share_out(_build, missing)
 
 
 def _build(mesh: SurfaceMesh) -> WideTree:
@@ -88,7 +83,7 @@ def _build(mesh: SurfaceMesh) -> WideTree:
     tree = tree_of(mesh)
     counts = np.diff(mesh.surface_start).tolist()
     leaves = [-(-m // LANES) for m in counts]
-    over = max(1, _over(len(counts))) + sum(_over(n) for n in leaves)
+    over = max(1, nodes_over(len(counts))) + sum(nodes_over(n) for n in leaves)
     size = TRIANGLES * sum(leaves) + BOXES * over
     nodes = np.empty(size, np.float32)
     info = np.empty(INFO * len(counts), np.int64)
@@ -103,7 +98,7 @@ def _build(mesh: SurfaceMesh) -> WideTree:
     return wide
 
 
-def _over(boxes: int) -> int:
+def nodes_over(boxes: int) -> int:
     """Nodes of all levels over so many boxes, up to one node; a box alone needs none."""
     total = 0
     while boxes > 1:

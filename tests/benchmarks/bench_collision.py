@@ -267,7 +267,8 @@ def _scene(quick: bool, ratios: dict[str, float]) -> list[dict[str, Any]]:
     import bench_collision_scene
 
     rows = [{**row, "error": None} for row in bench_collision_scene.rows(quick)]
-    ratios["scene: half as many again that do not move / without"] = rows[1]["seconds"] / rows[0]["seconds"]
+    for row, where in zip(rows[1:3], ("between them", "beside them"), strict=True):
+        ratios[f"scene: half as many again that do not move, {where} / without"] = row["seconds"] / rows[0]["seconds"]
     return rows
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CollisionManager, SurfaceMesh
-from collision.tree import build_trees, tree_of
-from collision.wide import wide_tree_of
+from collision.tree import tree_of
+from collision.wide import build_wide_trees, wide_tree_of
 
 FRAMES = 60
 
@@ -59,9 +60,9 @@ def paths(n: int, seed: int, tenth: float = 0.1) -> tuple[NDArray[np.float64], N
     return centres, speed
 
 
-def scene(n: int, fixed: int = 0, kinds: int = 10) -> tuple[CollisionManager, NDArray[np.float64], NDArray[np.float64]]:
-    """A manager with n moving bodies of `kinds` meshes, and `fixed` between them that do not move and touch none; the
-    poses (n, 4, 4) of those that move, and their steps."""
+def scene(n: int, fixed: int = 0, apart: bool = False, kinds: int = 10) -> Scene:
+    """n moving bodies of `kinds` meshes, and `fixed` that do not move and touch none: in the gaps between those that
+    move, where boxes overlap, or `apart`, beside them."""
     meshes = [bumpy_ball(k) for k in range(kinds)]
     centres, speed = paths(n, 1)
     manager = CollisionManager()
@@ -69,46 +70,76 @@ def scene(n: int, fixed: int = 0, kinds: int = 10) -> tuple[CollisionManager, ND
     poses[:, :3, 3] = centres
     for i in range(n):
         manager.add(meshes[i % kinds], poses[i])
-    between = paths(n, 3, 0.0)[0][:fixed] + 0.125
-    between = between[[np.linalg.norm(centres - c, axis=1).min() > 0.13 for c in between]]
-    for k, centre in enumerate(between):
-        manager.add(meshes[k % kinds], pin.SE3(np.eye(3), centre), movable=False)
-    return manager, poses, np.array([pin.exp6(v).homogeneous for v in speed])
+    others = paths(n, 3, 0.0)[0]
+    if apart:
+        others[:, 0] += 0.5 + np.ptp(centres[:, 0])
+    else:
+        others += 0.125
+        others = others[[np.linalg.norm(centres - c, axis=1).min() > 0.13 for c in others]]
+    for k in range(fixed):
+        manager.add(meshes[k % kinds], pin.SE3(np.eye(3), others[k]), movable=False)
+    return Scene(manager, poses, np.array([pin.exp6(v).homogeneous for v in speed]))
 
 
-def frames(manager: CollisionManager, poses: NDArray[np.float64], steps: NDArray[np.float64]) -> dict[str, Any]:
-    """Move all, ask all, `FRAMES` times; the median time a frame, poses set included."""
-    ids = np.arange(len(poses))
-    times, rows, pairs = [], 0, 0
-    for k in range(FRAMES + 5):
-        poses = poses @ steps if k % 20 < 10 else poses @ np.linalg.inv(steps)
+@dataclass
+class Scene:
+    """A manager, the poses (n, 4, 4) of what moves, and its steps (n, 4, 4)."""
+
+    manager: CollisionManager
+    poses: NDArray[np.float64]
+    steps: NDArray[np.float64]
+
+    def frame(self, k: int) -> tuple[float, NDArray[np.int32]]:
+        """Move all, ask all; the time, poses set included, and the answer."""
+        self.poses = self.poses @ (self.steps if k % 20 < 10 else np.linalg.inv(self.steps))
+        ids = np.arange(len(self.poses))
         begin = time.perf_counter()
-        manager.set_poses(ids, poses)
-        found = manager.colliding_surfaces()
-        times.append(time.perf_counter() - begin)
-        rows, pairs = len(found), len(np.unique(found[:, [0, 2]], axis=0))
-    return {"seconds": float(np.median(times[5:])), "surface_pairs": rows, "object_pairs": pairs}
+        self.manager.set_poses(ids, self.poses)
+        found = self.manager.colliding_surfaces()
+        return time.perf_counter() - begin, found
+
+
+def frames(scenes: list[Scene]) -> list[dict[str, Any]]:
+    """`FRAMES` frames of each scene by turns, so that other work on the machine slows all alike; the median times."""
+    times = np.empty((FRAMES + 5, len(scenes)))
+    last = []
+    for k in range(len(times)):
+        last = []
+        for s, each in enumerate(scenes):
+            times[k, s], found = each.frame(k)
+            last.append(found)
+    return [
+        {
+            "seconds": seconds,
+            "surface_pairs": len(found),
+            "object_pairs": len(np.unique(found[:, [0, 2]], axis=0)),
+            "boxes_near": len(each.manager.object_pairs()),
+        }
+        for seconds, found, each in zip(np.median(times[5:], axis=0).tolist(), last, scenes, strict=True)
+    ]
 
 
 def rows(quick: bool = False) -> list[dict[str, Any]]:
     """Frames with all bodies moving, the same with half as many fixed ones more, and what trees take."""
     n = 200 if quick else 2000
-    moving = frames(*scene(n))
-    both = frames(*scene(n, n // 2))
+    cases = {
+        f"{n} bodies, {n * 6400} triangles, all moving": scene(n),
+        f"the same and {n // 2} fixed between them": scene(n, n // 2),
+        f"the same and {n // 2} fixed beside them": scene(n, n // 2, apart=True),
+    }
     out = [
-        {"case": f"{n} bodies, {n * 6400} triangles, all moving", "method": "best", "unit": "s a frame", "n": n}
-        | moving,
-        {"case": f"the same and {n // 2} fixed", "method": "best", "unit": "s a frame", "n": n + n // 2} | both,
+        {"case": case, "method": "best", "unit": "s a frame", "n": len(each.manager.objects)} | measured
+        for (case, each), measured in zip(cases.items(), frames(list(cases.values())), strict=True)
     ]
     meshes = [bumpy_ball(1000 + k) for k in range(20 if quick else 200)]
     triangles = sum(mesh.n_triangles for mesh in meshes)
     begin = time.perf_counter()
-    build_trees(meshes)
+    build_wide_trees(meshes)
     seconds = time.perf_counter() - begin
     one = meshes[0]
     own = sum(a.nbytes for a in (one.vertices, one.triangles, one.surface_of_triangle, one.order, one.surface_start))
     held = own + tree_of(one).nbytes + wide_tree_of(one).nbytes
-    out.append({"case": "trees", "method": "best", "seconds": seconds, "unit": "s", "n": triangles,
+    out.append({"case": "trees, both kinds", "method": "best", "seconds": seconds, "unit": "s", "n": triangles,
                 "triangles_a_second": triangles / seconds, "bytes_a_triangle": held / one.n_triangles})  # fmt: skip
     return out
 
