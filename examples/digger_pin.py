@@ -1,9 +1,9 @@
 """A digger's pin goes through fork and arm until its plate sits: the paper's case, and its figure 3.
 
-While the pin stands in the fork, the boxes of many of its surfaces overlap those of surfaces that they do not touch:
-the eye's far lug, the dummy eye beside it of the same size, the inclined rib. A recogniser that looks at boxes offers
-constraints there; one that looks at colliding surfaces must not. The task counts the ones that boxes would have
-offered, and expects that none of them ever was.
+The fork has a second eye of the same size beside the first, and the machine leans, so its boxes are wide. Over the
+bridge between both eyes the box of the pin overlaps boxes of bores that the pin does not touch: a recogniser that looks
+at boxes offers constraints there; one that looks at surfaces must not. The task counts what boxes would have offered,
+and expects that nothing was offered there, and only the eye and the seat when the pin is in.
 """
 
 import numpy as np

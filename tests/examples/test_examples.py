@@ -33,6 +33,28 @@ def test_an_example_does_what_it_expects_of_itself(name: str, tmp_path: Path) ->
     assert done.stdout.splitlines()[-1].startswith("done: ")
 
 
+def test_each_example_has_its_section_and_its_picture() -> None:
+    page = (EXAMPLES / "README.md").read_text()
+    named = [*TASKS, *(p.stem for p in EXAMPLES.glob("physics_*.py"))]
+    assert len(named) == 14
+    for name in named:
+        assert f"examples/{name}.py`" in page
+        assert f"(pictures/{name}.png)" in page
+        data = (EXAMPLES / "pictures" / f"{name}.png").read_bytes()
+        assert data.startswith(b"\x89PNG")
+        assert 2_000 < len(data) < 30_000
+
+
+def test_a_picture_is_drawn_of_the_examples_own_frames(tmp_path: Path) -> None:
+    name = "digger_pin"
+    kept = (EXAMPLES / "pictures" / f"{name}.png").read_bytes()
+    done = run(str(EXAMPLES / "pictures.py"), name, "--to", str(tmp_path))
+    assert done.returncode == 0, done.stderr[-2000:]
+    drawn = (tmp_path / f"{name}.png").read_bytes()
+    assert drawn[:33] == kept[:33], "one size and format"
+    assert abs(len(drawn) - len(kept)) < 0.1 * len(kept), "the same frames (to the last bit only on one machine)"
+
+
 @pytest.mark.slow
 def test_an_example_runs_by_the_command_line_with_recording_and_report(tmp_path: Path) -> None:
     done = run(

@@ -130,7 +130,8 @@ def test_ctrl_c_ends_cleanly_with_recording_and_report_of_what_was_done(tmp_path
     process.send_signal(signal.SIGINT)
     out, error = process.communicate(timeout=200)
     assert process.returncode == 130
-    assert error == "interrupted; what was done so far is kept\n"
+    # a first run also says that kernels are being compiled
+    assert error.splitlines()[-1] == "interrupted; what was done so far is kept"
     assert "interrupted: " in out
     document = json.loads((tmp_path / "report" / "report.json").read_text())
     assert document["reason"] == "interrupted"
