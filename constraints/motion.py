@@ -42,6 +42,8 @@ FACING = 0.99
 """Cosine of the angle up to which two planes count as facing each other (8°)."""
 SHORT = 0.9
 """Of the way to an unforeseen contact that a pass goes."""
+FINE = 1e-2
+"""Of `Tolerance.linear`: a step ends where going on would move no point farther; a hand moves on before it matters."""
 FOLLOW = 1e-6
 """Weight of moving the other bodies as if they were of one piece with the held one, against 1 of obeying the hand."""
 
@@ -248,6 +250,29 @@ class _Layout:
 
 
 @dataclass(frozen=True, eq=False)
+class _Aim:
+    """What the hand wants of the motions x = origin + basis·y that the constraints allow: min ½ yᵀHy + gᵀy."""
+
+    origin: Array
+    basis: Array
+    hessian: Array
+    gradient: Array
+
+    def free(self) -> Array:
+        """(n,) the motion that it would be without contacts."""
+        return self.origin + self.basis @ np.linalg.solve(self.hessian, -self.gradient)
+
+    def along(self, pressed: Array) -> Array:
+        """(n,) the motion that neither closes nor opens the gaps that `pressed` (k, n) are the rows of."""
+        if not len(pressed):
+            return self.free()
+        _, s, vt = np.linalg.svd(pressed @ self.basis)
+        slide = vt[int((s > UNMOVED).sum()) :].T
+        hessian = slide.T @ self.hessian @ slide
+        return self.origin + self.basis @ (slide @ np.linalg.solve(hessian, -slide.T @ self.gradient))
+
+
+@dataclass(frozen=True, eq=False)
 class _Proposal:
     """What one pass is about to do."""
 
@@ -256,6 +281,8 @@ class _Proposal:
     """contacts it was planned with"""
     active: NDArray[np.int64]
     """which of them it presses on"""
+    pressed: Array
+    """(k, n) their rows of the program"""
     covered: bool
     """whether no other contact can be met on the way"""
     lifts: bool
@@ -279,8 +306,9 @@ class _Plan:
     def run(self) -> MotionResult:
         blocked = lifted = False
         best = self._error()
+        aim = self._aim()
         for _ in range(MAX_PASSES):
-            proposal = self._propose(may_lift=not lifted)
+            proposal = self._propose(aim, may_lift=not lifted)
             lifted = proposal.lifts
             target = dict(self.wanted) if proposal.whole else self._moved(proposal.x)
             if not proposal.covered or len(proposal.rows):
@@ -289,6 +317,7 @@ class _Plan:
                     self.acting.append(hit)
                     blocked = True
             travel = self._commit(target)
+            aim = self._aim()
             if lifted:
                 best = self._error()
                 continue
@@ -297,7 +326,9 @@ class _Plan:
                 blocked = True
             error = self._error()
             # a motion to the nearest allowed pose brings the squared error down by its own square, at least
-            if error <= self.tolerance.satisfied or best**2 - error**2 < 1e-3 * travel**2 or travel == 0.0:
+            if error <= self.tolerance.satisfied or travel == 0.0 or best**2 - error**2 < 1e-3 * travel**2:
+                break
+            if self._travel(aim.along(proposal.pressed)) <= FINE * self.tolerance.linear:
                 break
             best = error
         return MotionResult(
@@ -332,8 +363,7 @@ class _Plan:
 
     # -- the quadratic program
 
-    def _propose(self, may_lift: bool) -> _Proposal:
-        """The next motion towards the wanted poses; before it one off what is too near, if there `may` be one."""
+    def _aim(self) -> _Aim:
         goal, weight = np.zeros(self.n), np.full(self.n, FOLLOW)
         for body in self.wanted:
             k = self.column[body]
@@ -344,14 +374,16 @@ class _Plan:
         # minimise Σ w (F x - goal)² over x = origin + basis y
         follow = self._following()
         d = follow @ basis
-        hessian = d.T @ (weight[:, None] * d)
-        gradient = -d.T @ (weight * (goal - follow @ origin))
-        y = np.linalg.solve(hessian, -gradient) if len(gradient) else gradient
-        x = self._clipped(origin + basis @ y)
+        return _Aim(origin, basis, d.T @ (weight[:, None] * d), -d.T @ (weight * (goal - follow @ origin)))
+
+    def _propose(self, aim: _Aim, may_lift: bool) -> _Proposal:
+        """The next motion towards the wanted poses; before it one off what is too near, if there `may` be one."""
+        origin, basis = aim.origin, aim.basis
+        x = self._clipped(aim.free())
         rows, reach = self._near(x)
-        active = np.zeros(0, np.int64)
+        active, pressed = np.zeros(0, np.int64), np.zeros((0, self.n))
         lifts = False
-        if len(rows) and len(y):
+        if len(rows) and basis.shape[1]:
             c, gap = self._inequalities(rows)
             margin = MARGIN * self.tolerance.linear
             lift = self._lift(basis, c, gap, margin) if may_lift and self._travel(x) > margin else None
@@ -359,14 +391,15 @@ class _Plan:
             if lift is not None:
                 x, lifts = lift, True
             elif (c @ x < lower - 1e-15).any():
-                found = self._quadratic_program(hessian, gradient, c @ basis, lower - c @ origin)
+                found = self._quadratic_program(aim.hessian, aim.gradient, c @ basis, lower - c @ origin)
                 if found is not None:
                     y, active = found
+                    pressed = c[active]
                     # an arm that turns by this sinks half the margin below its tangent
                     longest = max(self.motion.shape(b)[1] for b in self.bodies)
                     x = self._clipped(origin + basis @ y, float(np.sqrt(margin / longest)))
         whole = not self.layout.constraints and not len(active) and not lifts and self._turn(x) < 0.99 * MAX_TURN
-        return _Proposal(x, rows, active, self._travel(x) < reach, lifts, whole)
+        return _Proposal(x, rows, active, pressed, self._travel(x) < reach, lifts, whole)
 
     def _lift(self, basis: Array, c: Array, gap: Array, margin: float) -> Array | None:
         """The least motion that brings pairs nearer than half the margin back to it; None where none is, or can be."""
@@ -463,44 +496,44 @@ class _Plan:
 
     def _inequalities(self, rows: NDArray[Any]) -> tuple[Array, Array]:
         """C (k, n) and gap (k,): the gap of each pair of surfaces grows by C x, to first order."""
-        c, gaps = np.zeros((len(rows), self.n)), np.full(len(rows), np.inf)
-        for i, row in enumerate(rows):
-            normal, gap = self._normal(row)
-            if normal is None:
-                if self.motion.beside_a_mate(row):
-                    self.flush.add(tuple(int(row[n]) for n in ("object_a", "surface_a", "object_b", "surface_b")))
+        c, gaps = np.zeros((len(rows), self.n)), rows["distance"].copy()
+        normals = np.zeros((len(rows), 3))
+        apart = gaps > TOUCHING * self.tolerance.linear
+        normals[apart] = (rows["point_b"] - rows["point_a"])[apart] / gaps[apart, None]
+        for i in np.flatnonzero(~apart).tolist():
+            normal = self._parting(rows[i])
+            if normal is not None:
+                normals[i] = normal
                 continue
-            gaps[i] = gap
-            for body, point, sign in (
-                (int(row["object_a"]), row["point_a"], -1.0),
-                (int(row["object_b"]), row["point_b"], 1.0),
-            ):
-                k = self.column.get(body)
-                if k is not None:
-                    center, radius = self.motion.shape(body)
-                    pose = self.poses[body]
-                    local = sign * (pose.rotation.T @ normal)
-                    c[i, k : k + 3] = local
-                    c[i, k + 3 : k + 6] = np.cross(pose.actInv(point) - center, local) / radius
+            gaps[i] = np.inf
+            if self.motion.beside_a_mate(rows[i]):
+                self.flush.add(tuple(int(rows[i][n]) for n in ("object_a", "surface_a", "object_b", "surface_b")))
+        for body, k in self.column.items():
+            center, radius = self.motion.shape(body)
+            pose = self.poses[body]
+            for side, sign in (("a", -1.0), ("b", 1.0)):
+                own = np.flatnonzero(rows["object_" + side] == body)
+                if len(own):
+                    local = sign * (normals[own] @ pose.rotation)
+                    arm = (rows["point_" + side][own] - pose.translation) @ pose.rotation - center
+                    c[own, k : k + 3] = local
+                    c[own, k + 3 : k + 6] = _cross(arm, local) / radius
         return c, gaps
 
-    def _normal(self, row: Any) -> tuple[Array | None, float]:
-        """(3,) unit, from a to b, and the gap.
+    def _parting(self, row: Any) -> Array | None:
+        """(3,) unit, from a to b, where two surfaces touch.
 
-        Where surfaces touch it is the outward normal of the triangle that parts the two best, of those that have the
-        other's material in front of them; None where neither has (edges side by side), which is left to the sweep.
+        It is the outward normal of the triangle that parts the two best, of those that have the other's material in
+        front of them; None where neither has (edges side by side), which is left to the sweep.
         """
-        gap = float(row["distance"])
-        if gap > TOUCHING * self.tolerance.linear:
-            return (row["point_b"] - row["point_a"]) / gap, gap
         a, b = int(row["object_a"]), int(row["object_b"])
         ta, na = self._triangle(a, int(row["triangle_a"]))
         tb, nb = self._triangle(b, int(row["triangle_b"]))
         if na @ nb > self.tolerance.angular:
-            return None, gap
+            return None
         beneath_a = -float(((tb - ta[0]) @ na).min())
         beneath_b = -float(((ta - tb[0]) @ nb).min())
-        return (na if beneath_a <= beneath_b else -nb), gap
+        return na if beneath_a <= beneath_b else -nb
 
     def _triangle(self, body: int, triangle: int) -> tuple[Array, Array]:
         mesh, pose = self.motion.collision.mesh(body), self.poses[body]
