@@ -66,7 +66,7 @@ class Candidate:
     constraint: Constraint
     """what accepting the candidate sets up"""
     contacts: int
-    """how many pairs of their faces touch"""
+    """how many pairs of their faces are within reach"""
     score: float
     """0 … 1: mean of closeness (1 - residual / limit) and `match.share`; ranks candidates"""
     why: str

@@ -242,8 +242,8 @@ class ConstraintManager:
     def _offer(self, poses: Sequence[pin.SE3], contacts: NDArray[Any], wanted: Mapping[int, pin.SE3]) -> None:
         t = self.tolerance
         offer, keep = Limits.offer(t), Limits.keep(t)
-        near = self.recogniser.touching(contacts, self.within)
-        touching = self.recogniser.touching(contacts, max(t.linear, t.clearance, t.reach))
+        near = self.recogniser.near(contacts, self.within)
+        offered = self.recogniser.near(contacts, max(t.linear, t.clearance, t.reach))
         together = {(k[0], k[2]) for k in near} | {e.candidate.bodies for e in self.accepted.values()}
         for id, candidate in list(self.candidates.items()):
             if candidate.key[:4] not in near or self.recogniser.match(candidate.key, poses, keep) is None:
@@ -254,17 +254,17 @@ class ConstraintManager:
         for id, candidate in list(self._pulled.items()):
             if candidate.bodies not in together or self.recogniser.match(candidate.key, at, offer) is not None:
                 del self._pulled[id]
-        for pair, count in sorted(touching.items()):
+        for pair, distances in sorted(offered.items()):
             for match in self.recogniser.matches(pair, poses, offer):
                 if match.kind in self.kinds:
-                    self._recognise(pair, match, count, poses)
+                    self._recognise(pair, match, distances, poses)
 
-    def _recognise(self, pair: Pair, match: Match, count: int, poses: Sequence[pin.SE3]) -> None:
+    def _recognise(self, pair: Pair, match: Match, distances: Sequence[float], poses: Sequence[pin.SE3]) -> None:
         """Offer a match that is not known yet, and ask the rules."""
         id = self._ids.setdefault((*pair, match.kind), len(self._ids))
         if any(id in known for known in (self.candidates, self.accepted, self.refused, self._pulled)):
             return
-        candidate = self.recogniser.candidate(pair, match, count, Limits.offer(self.tolerance), poses)
+        candidate = self.recogniser.candidate(pair, match, distances, Limits.offer(self.tolerance), poses)
         self.candidates[id] = candidate
         self._note("recognised", id, candidate, candidate.why)
         verdict = next((v for v in (rule(candidate) for rule in self.rules) if v is not None), None)

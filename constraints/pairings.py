@@ -56,7 +56,7 @@ class Limits:
     fit_class: str = ""
     """ISO 286 class of shafts in bores"""
     slack: float = 0.0
-    """m: how exactly radii are known"""
+    """m: how exactly radii are known, and within which faces touch"""
 
     @classmethod
     def offer(cls, tolerance: Tolerance) -> Limits:
@@ -144,7 +144,7 @@ class View:
         return np.asarray(points[self.feature.triangles])
 
 
-def _millimetres(x: float) -> str:
+def millimetres(x: float) -> str:
     """A length as a person reads it; below a picometre nothing is left to say."""
     if abs(x) < 1e-12:
         return "0 mm"
@@ -154,7 +154,7 @@ def _millimetres(x: float) -> str:
 def _fit_words(fit: float) -> str:
     if f"{abs(fit) * 1e6:.2f}" == "0.00":
         return "same radius"
-    return f"{_millimetres(abs(fit))} radial {'clearance' if fit > 0 else 'interference'}"
+    return f"{millimetres(abs(fit))} radial {'clearance' if fit > 0 else 'interference'}"
 
 
 def _angle(u: Vector, v: Vector) -> float:
@@ -181,7 +181,7 @@ def against(a: View, b: View, limits: Limits) -> Match | None:
         return None
     share = min(1.0, region.area / smaller)
     words = (
-        f"planes face each other, {_millimetres(abs(gap))} {'apart' if gap >= 0 else 'into each other'}, "
+        f"planes face each other, {millimetres(abs(gap))} {'apart' if gap >= 0 else 'into each other'}, "
         f"over {region.area * 1e6:.4g} mm² ({share:.0%} of the smaller)"
     )
     return Match(
@@ -249,8 +249,8 @@ def concentric(a: View, b: View, limits: Limits) -> Match | None:
         return None
     smaller = min(solid.extent.length, hollow.extent.length)
     words = (
-        f"Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm over {_millimetres(max(overlap, 0.0))}, "
-        f"axes {_millimetres(offset)} apart{', ' + limits.fit_class if limits.fit_class else ''}"
+        f"Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm over {millimetres(max(overlap, 0.0))}, "
+        f"axes {millimetres(offset)} apart{', ' + limits.fit_class if limits.fit_class else ''}"
     )
     shared = (overlap, smaller, hollow.extent.open)
     return _round("concentric", a, b, axis, offset, angle, fit, shared, on_hollow.mean(axis=0), h.radius, words)
@@ -277,7 +277,7 @@ def conical(a: View, b: View, limits: Limits) -> Match | None:
     if residual > limits.linear:
         return None
     smaller = min(solid.extent.length, hollow.extent.length)
-    words = f"cones of half angle {np.degrees(h.half_angle):.4g}° over {_millimetres(max(overlap, 0.0))}"
+    words = f"cones of half angle {np.degrees(h.half_angle):.4g}° over {millimetres(max(overlap, 0.0))}"
     shared = (overlap, smaller, hollow.extent.open)
     size = height * float(np.tan(h.half_angle))
     return _round("conical", a, b, h.axis, residual, max(angle, flare), fit, shared, middle, size, words)
@@ -295,7 +295,7 @@ def spherical(a: View, b: View, limits: Limits) -> Match | None:
     toward = b.center - a.center
     length = float(np.linalg.norm(toward))
     axis = toward / length if length > 0 else np.array([0.0, 0.0, 1.0])
-    words = f"ball Ø{2e3 * s.radius:.6g} in socket Ø{2e3 * h.radius:.6g} mm, centres {_millimetres(offset)} apart"
+    words = f"ball Ø{2e3 * s.radius:.6g} in socket Ø{2e3 * h.radius:.6g} mm, centres {millimetres(offset)} apart"
     depth = hollow.feature.area / (2 * np.pi * h.radius)  # Archimedes: height of the socket's zone
     shared = (min(depth, 2 * h.radius), min(depth, 2 * h.radius), 0.0 if depth > h.radius else 2 * np.pi)
     return _round("spherical", a, b, axis, offset, 0.0, fit, shared, h.center, h.radius, words)
@@ -313,7 +313,7 @@ def toroidal(a: View, b: View, limits: Limits) -> Match | None:
         return None
     if offset > limits.linear + max(fit, 0.0):
         return None
-    words = f"tori Ø{2e3 * h.major:.6g} × Ø{2e3 * h.minor:.6g} mm, centres {_millimetres(offset)} apart"
+    words = f"tori Ø{2e3 * h.major:.6g} × Ø{2e3 * h.minor:.6g} mm, centres {millimetres(offset)} apart"
     depth = hollow.extent.length
     shared = (depth, min(depth, solid.extent.length), hollow.extent.open)
     return _round("toroidal", a, b, h.axis, offset, angle, fit, shared, h.center, h.major, words)
@@ -356,7 +356,7 @@ def tangent(a: View, b: View, limits: Limits) -> Match | None:
         return None  # the end of a line touches: an edge contact, not a tangency
     length = float(np.linalg.norm(points[-1] - points[0]))
     share = float(both.mean())
-    where = f"along {_millimetres(length)}" if len(touch.points) > 1 else "in a point"
+    where = f"along {millimetres(length)}" if len(touch.points) > 1 else "in a point"
     side = 1.0 if first is b else -1.0
     return Match(
         kind="tangent",
@@ -373,7 +373,7 @@ def tangent(a: View, b: View, limits: Limits) -> Match | None:
         size=max(0.5 * length, limits.linear),
         words=(
             f"{first.geometry.kind} and {second.geometry.kind} touch {where}, {touch.mode}, "
-            f"{_millimetres(abs(touch.gap))} {'apart' if touch.gap >= 0 else 'into each other'}"
+            f"{millimetres(abs(touch.gap))} {'apart' if touch.gap >= 0 else 'into each other'}"
         ),
         parameters={"mode": touch.mode},
     )

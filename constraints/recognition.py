@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from collision import Tolerance
 from constraints.candidate import KINDS, Candidate, Key, Match, Pair
 from constraints.features import Feature
-from constraints.pairings import Extent, Limits, View, matches
+from constraints.pairings import Extent, Limits, View, matches, millimetres
 from constraints.threads import ALIKE
 
-Pairs = dict[Pair, int]
-"""how many pairs of faces touch, by pair of features"""
+Pairs = dict[Pair, list[float]]
+"""m: distances of the pairs of faces that are near each other, by pair of features"""
 
 
 FLANK = 0.25
@@ -52,17 +52,19 @@ class Recogniser:
         """Place of the feature a face belongs to; None for faces without analytic geometry."""
         return self._of_surface[body].get(surface)
 
-    def touching(self, contacts: NDArray[Any], within: float = np.inf) -> Pairs:
-        """How many pairs of faces touch, for every pair of features with a contact row at distance <= `within`."""
+    def near(self, contacts: NDArray[Any], within: float = np.inf) -> Pairs:
+        """The pairs of features with contact rows at a distance of at most `within`, and these distances."""
         pairs: Pairs = {}
         near = contacts[contacts["distance"] <= within]
-        rows = zip(*(near[c].tolist() for c in ("object_a", "surface_a", "object_b", "surface_b")), strict=True)
-        for a, sa, b, sb in rows:
+        rows = zip(
+            *(near[c].tolist() for c in ("object_a", "surface_a", "object_b", "surface_b", "distance")), strict=True
+        )
+        for a, sa, b, sb, distance in rows:
             if a >= len(self.features) or b >= len(self.features):
                 continue
             fa, fb = self._of_surface[a].get(sa), self._of_surface[b].get(sb)
             if fa is not None and fb is not None:
-                pairs[(a, fa, b, fb)] = pairs.get((a, fa, b, fb), 0) + 1
+                pairs.setdefault((a, fa, b, fb), []).append(distance)
         return pairs
 
     def view(self, body: int, feature: int, pose: pin.SE3) -> View:
@@ -103,13 +105,19 @@ class Recogniser:
             return second if first is None else first
         return first if abs(first - second) <= ALIKE * abs(first) else None
 
-    def candidate(self, pair: Pair, match: Match, contacts: int, limits: Limits, poses: Sequence[pin.SE3]) -> Candidate:
+    def candidate(
+        self, pair: Pair, match: Match, distances: Sequence[float], limits: Limits, poses: Sequence[pin.SE3]
+    ) -> Candidate:
         """The candidate that `match` amounts to, with its score and its reasons."""
         a, fa, b, fb = pair
         first, second = self.features[a][fa], self.features[b][fb]
         closeness = max(0.0, 1.0 - match.residual / (limits.linear + max(match.fit or 0.0, 0.0)))
         faces = len(first.surfaces) * len(second.surfaces)
-        touching = f"{contacts} of {faces} pairs of faces touch" if faces > 1 else "their faces touch"
+        touch = sum(distance <= limits.slack for distance in distances)
+        if not touch:
+            nearness = f"within reach, {millimetres(min(distances))} apart at the nearest"
+        else:
+            nearness = f"{touch} of {faces} pairs of faces touch" if faces > 1 else "their faces touch"
         pitch = self.pitch(pair) if match.kind in ("concentric", "screw") else None
         thread = f"; thread of pitch {1e3 * abs(pitch):.4g} mm" if pitch is not None else ""
         constraint = KINDS[match.kind](
@@ -119,9 +127,9 @@ class Recogniser:
             key=(*pair, match.kind),
             match=match,
             constraint=constraint,
-            contacts=contacts,
+            contacts=len(distances),
             score=0.5 * (closeness + match.share),
-            why=f"{match.words}; {touching}{thread}",
+            why=f"{match.words}; {nearness}{thread}",
             pitch=pitch,
         ).engaged(poses)
 
@@ -171,8 +179,8 @@ def recognise(
     limits = Limits.offer(tolerance)
     wanted = None if kinds is None else frozenset(kinds)
     found = []
-    for pair, count in sorted(recogniser.touching(contacts).items()):
+    for pair, distances in sorted(recogniser.near(contacts).items()):
         for match in recogniser.matches(pair, poses, limits):
             if wanted is None or match.kind in wanted:
-                found.append(recogniser.candidate(pair, match, count, limits, poses))
+                found.append(recogniser.candidate(pair, match, distances, limits, poses))
     return tuple(sorted(found, key=lambda c: (-c.score, c.key)))
