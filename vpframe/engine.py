@@ -24,6 +24,7 @@ from vpframe.errors import TaskError
 from vpframe.events import ConstraintView
 from vpframe.interaction.paths import between
 from vpframe.interaction.reach import half_size
+from vpframe.mates import threaded_features
 from vpframe.rules import Rule
 from vpframe.scene import Scene
 
@@ -134,9 +135,9 @@ class Engine:
             self.collision.add(part.mesh, part.pose, movable=not part.fixed)
         for a, b in self._authorised:
             self.collision.ignore(a, b)
-        features = [part.features for part in self.scene.parts]
+        features, threads = threaded_features(self.scene)
         fixed = [i for i, part in enumerate(self.scene.parts) if part.fixed]
-        self.mates = ConstraintManager(features, self.tolerance, rules=[self._judge], fixed=fixed)
+        self.mates = ConstraintManager(features, self.tolerance, threads=threads, rules=[self._judge], fixed=fixed)
         self.motion = Motion(self.collision, self.mates, self.tolerance)
         self._recognise_as_it_stands()
         self._colliding = self.collision.colliding_surfaces()
