@@ -10,34 +10,37 @@ from collision.wide import BOXES, INFO, LANES, TRIANGLES
 
 
 @njit(cache=True, nogil=True)
-def select(key, item, lo, hi, nth):
-    """Hoare's quickselect: permute `item[lo:hi]` so that the first `nth - lo` have the least (key, item)."""
+def select(keys, item, lo, hi, nth, key):
+    """Hoare's quickselect: permute `item[lo:hi]` so that the first `nth - lo` have the least (keys[item], item).
+
+    Partitions as Lomuto does, but without a branch that depends on a key; `key` is scratch, as long as `item`.
+    """
+    for i in range(lo, hi):
+        key[i] = keys[item[i]]
     hi -= 1
     while lo < hi:
         mid = (lo + hi) >> 1
-        a, b, c = item[lo], item[mid], item[hi]
-        ka, kb, kc = key[a], key[b], key[c]
-        if (ka < kb) != (ka < kc):
-            pivot = a
-        elif (kb < ka) != (kb < kc):
-            pivot = b
+        a, b, c = key[lo], key[mid], key[hi]
+        if (a < b) != (a < c):
+            pivot = lo
+        elif (b < a) != (b < c):
+            pivot = mid
         else:
-            pivot = c
-        kp = key[pivot]
-        i, j = lo, hi
-        while i <= j:
-            while key[item[i]] < kp or (key[item[i]] == kp and item[i] < pivot):
-                i += 1
-            while key[item[j]] > kp or (key[item[j]] == kp and item[j] > pivot):
-                j -= 1
-            if i <= j:
-                item[i], item[j] = item[j], item[i]
-                i += 1
-                j -= 1
-        if nth <= j:
-            hi = j
-        elif nth >= i:
-            lo = i
+            pivot = hi
+        kp, ip = key[pivot], item[pivot]
+        key[pivot], item[pivot] = key[hi], item[hi]
+        less = lo
+        for i in range(lo, hi):
+            k, it = key[i], item[i]
+            key[i], item[i] = key[less], item[less]
+            key[less], item[less] = k, it
+            less += np.int64((k < kp) | ((k == kp) & (it < ip)))
+        key[hi], item[hi] = key[less], item[less]
+        key[less], item[less] = kp, ip
+        if nth < less:
+            hi = less - 1
+        elif nth > less + 1:
+            lo = less + 1
         else:
             return
 
@@ -45,20 +48,19 @@ def select(key, item, lo, hi, nth):
 @njit(cache=True, nogil=True)
 def longest_axis(centre, item, lo, hi):
     """The axis along which the centres of `item[lo:hi]` spread most."""
-    axis = 0
-    spread = -1.0
-    for d in range(3):
-        low = np.inf
-        high = -np.inf
-        key = centre[d]
-        for i in range(lo, hi):
-            value = key[item[i]]
-            low = min(low, value)
-            high = max(high, value)
-        if high - low > spread:
-            spread = high - low
-            axis = d
-    return axis
+    i = item[lo]
+    x0 = x1 = centre[0, i]
+    y0 = y1 = centre[1, i]
+    z0 = z1 = centre[2, i]
+    for k in range(lo + 1, hi):
+        i = item[k]
+        x, y, z = centre[0, i], centre[1, i], centre[2, i]
+        x0, y0, z0 = min(x0, x), min(y0, y), min(z0, z)
+        x1, y1, z1 = max(x1, x), max(y1, y), max(z1, z)
+    dx, dy, dz = x1 - x0, y1 - y0, z1 - z0
+    if dx >= dy and dx >= dz:
+        return 0
+    return 1 if dy >= dz else 2
 
 
 @njit(cache=True, nogil=True)
@@ -76,22 +78,29 @@ def middle(n, leaf):
 
 
 @njit(cache=True, nogil=True)
+def _box_of(vertices, triangles, which):
+    """Least x, y, z, greatest x, y, z of the triangles `triangles[which]`."""
+    x0 = y0 = z0 = np.inf
+    x1 = y1 = z1 = -np.inf
+    for t in which:
+        for c in range(3):
+            v = triangles[t, c]
+            x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+            x0, y0, z0 = min(x0, x), min(y0, y), min(z0, z)
+            x1, y1, z1 = max(x1, x), max(y1, y), max(z1, z)
+    return x0, y0, z0, x1, y1, z1
+
+
+@njit(cache=True, nogil=True)
 def plan_top(vertices, triangles, by_surface, start, leaf, second, past, first, count, root, begin):
     """Lay out the nodes above the surfaces: `root`, and `begin`, where each surface's triangles begin in leaf order."""
     k = len(start) - 1
     centre = np.empty((3, k))
     for s in range(k):
+        box = _box_of(vertices, triangles, by_surface[start[s] : start[s + 1]])
         for d in range(3):
-            low = np.inf
-            high = -np.inf
-            for i in range(start[s], start[s + 1]):
-                t = by_surface[i]
-                for c in range(3):
-                    value = vertices[triangles[t, c], d]
-                    low = min(low, value)
-                    high = max(high, value)
-            centre[d, s] = 0.5 * low + 0.5 * high
-    item = np.empty(k, np.int64)
+            centre[d, s] = 0.5 * box[d] + 0.5 * box[d + 3]
+    item, key = np.empty(k, np.int64), np.empty(k)
     for s in range(k):
         item[s] = s
     # a stack of ranges of surfaces still to be laid out; the parent waits for its second child's place
@@ -114,7 +123,7 @@ def plan_top(vertices, triangles, by_surface, start, leaf, second, past, first, 
             triangle += m
             continue
         mid = lo + middle(hi - lo, 1)
-        select(centre[longest_axis(centre, item, lo, hi)], item, lo, hi, mid)
+        select(centre[longest_axis(centre, item, lo, hi)], item, lo, hi, mid, key)
         triangles_below = 0
         nodes_below = hi - lo - 1
         for i in range(lo, hi):
@@ -140,7 +149,7 @@ def build_surface(
     for s in range(surface_from, surface_to):
         m = start[s + 1] - start[s]
         centre = np.empty((3, m))
-        item = np.empty(m, np.int64)
+        item, key = np.empty(m, np.int64), np.empty(m)
         for i in range(m):
             item[i] = i
             t = by_surface[start[s] + i]
@@ -164,7 +173,7 @@ def build_surface(
             surface[node] = s
             if leaves > 1:
                 mid = lo + middle(hi - lo, leaf)
-                select(centre[longest_axis(centre, item, lo, hi)], item, lo, hi, mid)
+                select(centre[longest_axis(centre, item, lo, hi)], item, lo, hi, mid, key)
                 stack[top] = (mid, hi, node)
                 stack[top + 1] = (lo, mid, -1)
                 top += 2
@@ -178,16 +187,9 @@ def build_surface(
             if second[node] >= 0:
                 _join(box, node, second[node])
             else:
-                for d in range(3):
-                    low = np.inf
-                    high = -np.inf
-                    for i in range(first[node], first[node] + count[node]):
-                        for c in range(3):
-                            value = vertices[corner[i, c], d]
-                            low = min(low, value)
-                            high = max(high, value)
-                    box[node, d] = low
-                    box[node, d + 3] = high
+                leaf_box = _box_of(vertices, corner, range(first[node], first[node] + count[node]))
+                for d in range(6):
+                    box[node, d] = leaf_box[d]
 
 
 @njit(cache=True, nogil=True)
@@ -240,8 +242,11 @@ def add_levels(nodes, at, boxes):
 
 
 @njit(cache=True, nogil=True)
-def widen(vertices, corner, first, count, root, by_place, frame, nodes, info):
-    """Fill `nodes` and `info` of a `WideTree` from the binary tree's arrays; `by_place`: the surfaces by root."""
+def widen(vertices, corner, box, second, first, count, root, by_place, frame, nodes, info):
+    """Fill `nodes` and `info` of a `WideTree` from the binary tree's arrays; `by_place`: the surfaces by root.
+
+    Leaves of both trees are the same.
+    """
     k = len(root)
     level = (k + LANES - 1) // LANES
     at = BOXES * level
@@ -250,7 +255,6 @@ def widen(vertices, corner, first, count, root, by_place, frame, nodes, info):
         at += BOXES * level
     for i in range((k + LANES - 1) // LANES):
         empty_node(nodes, BOXES * i)
-    box = np.empty(6)
     for place in range(k):
         s = by_place[place]
         begin = first[root[s]]
@@ -263,19 +267,16 @@ def widen(vertices, corner, first, count, root, by_place, frame, nodes, info):
             for i in range((leaves + LANES - 1) // LANES):
                 empty_node(nodes, above + BOXES * i)
         top = BOXES * (place // LANES) + place % LANES
+        leaf = root[s] - 1
         for i in range(leaves):
             low, high = begin + LANES * i, begin + min(m, LANES * (i + 1))
-            for d in range(3):
-                box[d], box[d + 3] = np.inf, -np.inf
-                for t in range(low, high):
-                    for c in range(3):
-                        x = vertices[corner[t, c], d] - frame[d]
-                        box[d] = min(box[d], x)
-                        box[d + 3] = max(box[d + 3], x)
+            leaf += 1
+            while second[leaf] >= 0:
+                leaf += 1
             own = above + BOXES * (i // LANES) + i % LANES if leaves > 1 else top
             for d in range(3):
-                nodes[own + LANES * d] = _down(box[d])
-                nodes[own + LANES * (d + 3)] = _up(box[d + 3])
+                nodes[own + LANES * d] = _down(box[leaf, d] - frame[d])
+                nodes[own + LANES * (d + 3)] = _up(box[leaf, d + 3] - frame[d])
                 nodes[top + LANES * d] = min(nodes[top + LANES * d], nodes[own + LANES * d])
                 nodes[top + LANES * (d + 3)] = max(nodes[top + LANES * (d + 3)], nodes[own + LANES * (d + 3)])
                 # as the query computes it

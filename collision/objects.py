@@ -128,6 +128,7 @@ def _above(x):
 @njit(cache=True, nogil=True)
 def form_groups(ids, centre):
     """Order `ids` so that 8, 64, 512 … in a row lie close together, by their centres (3, n)."""
+    key = np.empty(len(ids))
     stack = np.empty((128, 2), np.int64)
     stack[0, 0], stack[0, 1] = 0, len(ids)
     top = 1
@@ -136,7 +137,7 @@ def form_groups(ids, centre):
         lo, hi = stack[top, 0], stack[top, 1]
         if hi - lo > LANES:
             mid = lo + middle(hi - lo, LANES)
-            select(centre[longest_axis(centre, ids, lo, hi)], ids, lo, hi, mid)
+            select(centre[longest_axis(centre, ids, lo, hi)], ids, lo, hi, mid, key)
             stack[top, 0], stack[top, 1] = mid, hi
             stack[top + 1, 0], stack[top + 1, 1] = lo, mid
             top += 2

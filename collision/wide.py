@@ -77,19 +77,21 @@ def _build(mesh: SurfaceMesh) -> WideTree:
     from collision.kernels_tree import widen
 
     triangles_needed(mesh)
-    largest = float(np.abs(mesh.vertices).max())
+    largest = max(float(mesh.vertices.max()), -float(mesh.vertices.min()))
     if largest > LARGEST:
         raise MeshError(f"{mesh.name}: a coordinate is {largest:g}; the largest allowed is {LARGEST:g}", mesh.name)
     tree = tree_of(mesh)
-    counts = np.diff(mesh.surface_start).tolist()
-    leaves = [-(-m // LANES) for m in counts]
-    over = max(1, nodes_over(len(counts))) + sum(nodes_over(n) for n in leaves)
-    size = TRIANGLES * sum(leaves) + BOXES * over
+    leaves = -(-np.diff(mesh.surface_start) // LANES)
+    over = max(1, nodes_over(len(leaves))) + nodes_over(leaves)
+    size = TRIANGLES * int(leaves.sum()) + BOXES * over
     nodes = np.empty(size, np.float32)
-    info = np.empty(INFO * len(counts), np.int64)
+    info = np.empty(INFO * len(leaves), np.int64)
     box = tree.box[0]
     frame = np.array([*(0.5 * (box[:3] + box[3:])), *(0.5 * (box[3:] - box[:3])), largest])
-    widen(mesh.vertices, tree.corner, tree.first, tree.count, tree.root, np.argsort(tree.root), frame, nodes, info)
+    widen(
+        mesh.vertices, tree.corner, tree.box, tree.second, tree.first, tree.count, tree.root, np.argsort(tree.root),
+        frame, nodes, info,
+    )  # fmt: skip
     arrays = (nodes, info, tree.corner.ravel(), mesh.vertices.ravel(), frame)
     for array in arrays:
         array.setflags(write=False)
@@ -98,10 +100,11 @@ def _build(mesh: SurfaceMesh) -> WideTree:
     return wide
 
 
-def nodes_over(boxes: int) -> int:
-    """Nodes of all levels over so many boxes, up to one node; a box alone needs none."""
+def nodes_over(boxes: int | NDArray[np.int32]) -> int:
+    """Nodes of all levels over so many boxes, up to one node (a box alone needs none); of several trees, together."""
     total = 0
-    while boxes > 1:
+    boxes = np.atleast_1d(boxes)
+    while len(boxes := boxes[boxes > 1]):
         boxes = -(-boxes // LANES)
-        total += boxes
+        total += int(boxes.sum())
     return total
