@@ -106,9 +106,9 @@ def _radial(points: ArrayLike, origin: Vector, axis: Vector) -> tuple[Vector, Ve
 def perpendicular(axis: ArrayLike) -> Vector:
     """A unit vector (3,) at right angles to `axis`, the same one each time."""
     a = np.asarray(axis, dtype=np.float64)
-    e = np.zeros(3)
-    e[int(np.argmin(np.abs(a)))] = 1.0
-    p = np.cross(a, e)
+    x, y, z = a.tolist()
+    least = int(np.argmin(np.abs(a)))
+    p = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))[least])  # a times that unit vector
     return p / np.linalg.norm(p)
 
 

@@ -24,6 +24,7 @@ from constraints.geometry import Plane
 from constraints.kinds import Constraint
 from constraints.manager import ConstraintManager
 from constraints.overlap import facing_area
+from constraints.quadratic_program import UNMOVED, quadratic_program
 from constraints.sleeve import sleeve
 from constraints.solver import solve
 from constraints.system import System, systems
@@ -50,12 +51,6 @@ FOLLOW = 1e-6
 
 Pairing = tuple[int, tuple[int, ...], int, tuple[int, ...]]
 """Body a, surfaces of it, body b, surfaces of it: each of the first with each of the second."""
-
-
-MOST_ITERATIONS = 100
-"""Iterations of the quadratic program, outer and inner; one without a solution would go on for minutes otherwise."""
-UNMOVED = 1e-9
-"""1: an inequality whose row is smaller, along the motions that are allowed, is left out of the program."""
 
 
 class Solids(Protocol):
@@ -391,7 +386,7 @@ class _Plan:
             if lift is not None:
                 x, lifts = lift, True
             elif (c @ x < lower - 1e-15).any():
-                found = self._quadratic_program(aim.hessian, aim.gradient, c @ basis, lower - c @ origin)
+                found = quadratic_program(aim.hessian, aim.gradient, c @ basis, lower - c @ origin)
                 if found is not None:
                     y, active = found
                     pressed = c[active]
@@ -406,7 +401,7 @@ class _Plan:
         if (gap >= 0.5 * margin).all():
             return None
         d = c @ basis
-        found = self._quadratic_program(
+        found = quadratic_program(
             np.eye(basis.shape[1]), np.zeros(basis.shape[1]), d, np.minimum(margin - gap, margin * (gap < margin))
         )
         return None if found is None else basis @ found[0]
@@ -542,32 +537,6 @@ class _Plan:
         length = float(np.linalg.norm(n))
         return t, n / length if length > 0 else np.array([0.0, 0.0, 1.0])
 
-    @staticmethod
-    def _quadratic_program(
-        hessian: Array, gradient: Array, c: Array, lower: Array
-    ) -> tuple[Array, NDArray[np.int64]] | None:
-        """min ½ yᵀHy + gᵀy, C y >= lower (ProxQP, Bambade et al. 2022): y and the rows it presses on.
-
-        None when no y keeps all rows: a constraint that snaps into place may have to wait for the sweep's verdict.
-        """
-        from proxsuite import proxqp
-
-        heard = np.flatnonzero(np.abs(c).max(axis=1) > UNMOVED)  # no motion that is allowed changes the others
-        c, lower = c[heard], lower[heard]
-        solver = proxqp.dense.QP(len(gradient), 0, len(lower))
-        solver.settings.eps_abs = 1e-11
-        solver.settings.eps_rel = 0.0
-        solver.settings.max_iter = MOST_ITERATIONS
-        solver.settings.max_iter_in = MOST_ITERATIONS
-        solver.settings.check_duality_gap = True  # without, rows off their bound keep a little force
-        solver.settings.eps_duality_gap_abs = 1e-12
-        solver.settings.eps_duality_gap_rel = 0.0
-        solver.init(hessian, gradient, None, None, c, lower, np.full(len(lower), 1e20))
-        solver.solve()
-        if solver.results.info.status != proxqp.QPSolverOutput.PROXQP_SOLVED:
-            return None
-        return np.array(solver.results.x), heard[np.abs(solver.results.z) > 1e-9]
-
     # -- along the way
 
     def _moved(self, x: Array) -> dict[int, pin.SE3]:
@@ -577,7 +546,7 @@ class _Plan:
             center, radius = self.motion.shape(body)
             pose = self.poses[body]
             turn = x[k + 3 : k + 6] / radius
-            twist = pin.Motion(x[k : k + 3] - np.cross(turn, center), turn)  # one screw for bodies that move as one
+            twist = pin.Motion(x[k : k + 3] - pin.skew(turn) @ center, turn)  # one screw for bodies that move as one
             moved = pose * pin.exp6(twist)
             target[body] = pin.SE3(pin.Quaternion(moved.rotation).normalized().matrix(), moved.translation)
         return self._projected(target)

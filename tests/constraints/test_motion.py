@@ -8,7 +8,8 @@ import pytest
 
 from collision import CollisionManager, Tolerance
 from constraints import ConstraintManager, ConstraintsError, Motion
-from constraints.motion import _Plan, adjacent_surfaces
+from constraints.motion import adjacent_surfaces
+from constraints.quadratic_program import quadratic_program
 from tests.constraints.shapes import Body, box, flanged_shaft, housing, shaft, turned
 
 
@@ -216,12 +217,19 @@ def test_no_drift_in_a_million_steps():
 
 
 def test_quadratic_program_against_every_active_set():
+    """Random rows, some of them twice or opposed, some of them without a solution."""
     rng = np.random.default_rng(2)
-    for _ in range(50):
+    solved = 0
+    for trial in range(120):
         n, m = int(rng.integers(1, 5)), int(rng.integers(1, 6))
         root = rng.normal(size=(n, n))
         h, g, c = root @ root.T + 0.1 * np.eye(n), rng.normal(size=n), rng.normal(size=(m, n))
-        lower = -rng.uniform(0.0, 1.0, m)
+        lower = -rng.uniform(0.0, 1.0, m) + (trial % 3 == 0)
+        if trial % 2:
+            twins = rng.integers(0, m, 3)
+            c = np.vstack([c, c[twins], -c[:1]])
+            lower = np.concatenate([lower, lower[twins] - [0.0, 0.0, 0.1], -lower[:1] - rng.choice([0.0, 0.5, -0.5])])
+        m = len(lower)
         best = np.inf
         for size in range(min(n, m) + 1):
             for active in map(list, combinations(range(m), size)):
@@ -232,15 +240,23 @@ def test_quadratic_program_against_every_active_set():
                     continue
                 if (c @ y >= lower - 1e-9).all():
                     best = min(best, 0.5 * y @ h @ y + g @ y)
-        y, pressed = _Plan._quadratic_program(h, g, c, lower)
+        found = quadratic_program(h, g, c, lower)
+        assert (found is None) == (best == np.inf)
+        if found is None:
+            continue
+        solved += 1
+        y, pressed = found
         assert (c @ y >= lower - 1e-9).all()
         assert 0.5 * y @ h @ y + g @ y == pytest.approx(best, abs=1e-8)
         assert all(abs(c[k] @ y - lower[k]) < 1e-8 for k in pressed)
+        force, *_ = np.linalg.lstsq(c[pressed].T, h @ y + g, rcond=None)
+        assert c[pressed].T @ force == pytest.approx(h @ y + g, abs=1e-8)
+    assert 60 < solved < 120
 
 
 def test_a_quadratic_program_without_solution_says_so():
     c = np.array([[1.0], [-1.0]])
-    assert _Plan._quadratic_program(np.eye(1), np.zeros(1), c, np.array([1.0, 1.0])) is None
+    assert quadratic_program(np.eye(1), np.zeros(1), c, np.array([1.0, 1.0])) is None
 
 
 def test_adjacent_surfaces_of_a_turned_part():
