@@ -126,6 +126,7 @@ class Motion:
         self._beside: dict[int, Pairing] = {}
         self._shape: dict[int, tuple[Array, float]] = {}
         self._layout: tuple[Any, _Layout] | None = None
+        self.linear: tuple[_Layout, bytes, tuple[Array, Array, Array]] | None = None
         # a projection finer than this does not pay where measured features contradict one another by rounding
         self.solving = replace(self.tolerance, solver=max(self.tolerance.solver, 0.1 * self.tolerance.satisfied))
 
@@ -296,7 +297,7 @@ class _Plan:
         self.poses: list[pin.SE3] = list(poses)
         self.acting: list[NDArray[Any]] = []
         self.flush: set[tuple[int, ...]] = set()
-        self.residual, self.jacobian = self._linearised()
+        self.residual, self.origin, self.basis = self._linear()
 
     def run(self) -> MotionResult:
         blocked = lifted = False
@@ -365,7 +366,7 @@ class _Plan:
             e = self._hand_error(body)
             e[3:] *= self.motion.shape(body)[1]
             goal[k : k + 6], weight[k : k + 6] = e, 1.0
-        origin, basis = self._allowed()
+        origin, basis = self.origin, self.basis
         # minimise Σ w (F x - goal)² over x = origin + basis y
         follow = self._following()
         d = follow @ basis
@@ -423,6 +424,19 @@ class _Plan:
             out[i + 3 : i + 6, k + 3 : k + 6] = -turn * (other_radius / radius)
         return out
 
+    def _linear(self) -> tuple[Array, Array, Array]:
+        """Residual (m,) of the constraints and, to first order, their solutions x = origin + basis·y: (n,), (n, k).
+
+        A step begins where the one before ended: what was found there is kept.
+        """
+        bodies = sorted({b for system in self.layout.systems for b in system.bodies})
+        key = b"".join(self.poses[b].homogeneous.tobytes() for b in bodies)
+        known = self.motion.linear
+        if known is None or known[0] is not self.layout or known[1] != key:
+            residual, jacobian = self._linearised()
+            known = self.motion.linear = (self.layout, key, (residual, *self._allowed(residual, jacobian)))
+        return known[2]
+
     def _linearised(self) -> tuple[Array, Array]:
         """Residual (m,) and Jacobian (m, n) of the constraints, in metres (radians at the size of the features)."""
         residuals, jacobians = [np.zeros(0)], [np.zeros((0, self.n))]
@@ -437,13 +451,13 @@ class _Plan:
             jacobians.append(out.reshape(system.rows, -1) * system.weight[:, None])
         return np.concatenate(residuals), np.vstack(jacobians)
 
-    def _allowed(self) -> tuple[Array, Array]:
+    def _allowed(self, residual: Array, jacobian: Array) -> tuple[Array, Array]:
         """The linearised constraints' solutions x = origin + basis·y: (n,) and (n, k)."""
-        if not len(self.residual):
+        if not len(residual):
             return np.zeros(self.n), np.eye(self.n)
-        u, s, vt = np.linalg.svd(self.jacobian)
+        u, s, vt = np.linalg.svd(jacobian)
         rank = int((s > 1e-7 * s[0]).sum())
-        return -vt[:rank].T @ ((u[:, :rank].T @ self.residual) / s[:rank]), vt[rank:].T
+        return -vt[:rank].T @ ((u[:, :rank].T @ residual) / s[:rank]), vt[rank:].T
 
     def _clipped(self, x: Array, most: float = MAX_TURN) -> Array:
         """A motion shortened until no body turns by more than `most` rad."""
@@ -596,7 +610,7 @@ class _Plan:
             travel = max(travel, shift + radius * float(np.linalg.norm(pin.log3(step.rotation))))
             self.poses[body] = pose
             self.motion.collision.set_pose(body, pose)
-        self.residual, self.jacobian = self._linearised()
+        self.residual, self.origin, self.basis = self._linear()
         return travel
 
 
@@ -609,11 +623,7 @@ def _latest(rows: Sequence[NDArray[Any]]) -> NDArray[Any]:
 
 def _cross(u: Array, v: Array) -> Array:
     """Row-wise cross product of (k, 3) arrays; numpy's own costs ten times as much on small ones."""
-    return np.stack(
-        [
-            u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1],
-            u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2],
-            u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0],
-        ],
-        axis=1,
-    )
+    out = np.empty_like(u)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[:, i] = u[:, j] * v[:, k] - u[:, k] * v[:, j]
+    return out
