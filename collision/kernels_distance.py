@@ -322,8 +322,8 @@ def closest(
     top = 1
     while top > 0:
         top -= 1
-        # below a box gap that rounding cannot explain nothing meets, and to rounding nothing there is nearer than what is
-        # known: faces flat on one another would otherwise be searched to the last triangle
+        # beyond a gap that rounding explains nothing meets, and to rounding nothing there is nearer than what is known:
+        # faces flat on one another would otherwise be searched to the last triangle
         reach = bound - rounding if hit[0] >= 0 and bound > 4.0 * rounding else bound + rounding
         if gap[top] > reach * reach:
             continue
