@@ -16,7 +16,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SpringHand:
-    """A hand that pulls the object's frame towards `target` with springs and dampers, up to a force and a torque."""
+    """A hand that pulls the object's frame towards `target` with springs and dampers, up to a force and a torque.
+
+    A step of h seconds follows no spring stiffer than m/h² and no damper stronger than m/h (m the object's mass, or its
+    least moment of inertia): greater gains act as those, so that no gain makes the object fly off. Joints only add to
+    the inertia that is felt, so the object's own is the safe one.
+    """
 
     target: pin.SE3
     stiffness: float = 2000.0
@@ -51,16 +56,16 @@ class Grip:
         self.before: Array = np.zeros(6)
         """velocity of the object a step ago"""
 
-    def pull(self, view: View) -> Array:
-        """(6,) force and torque about the centre of mass, world axes."""
+    def pull(self, view: View, dt: float) -> Array:
+        """(6,) force and torque about the centre of mass, world axes, in a step of `dt` seconds."""
         hand = self.hand
         assert hand is not None
         goal = self.target.act(view.body.center)
-        pull = hand.stiffness * (goal - view.center) - hand.damping * view.velocity
-        turn = (
-            hand.angular_stiffness * pin.log3(self.target.rotation @ view.pose.rotation.T)
-            - hand.angular_damping * view.angular_velocity
-        )
+        stiffness, damping = _followed(hand.stiffness, hand.damping, view.body.mass, dt)
+        pull = stiffness * (goal - view.center) - damping * view.velocity
+        least = float(np.linalg.eigvalsh(view.body.inertia)[0])
+        stiffness, damping = _followed(hand.angular_stiffness, hand.angular_damping, least, dt)
+        turn = stiffness * pin.log3(self.target.rotation @ view.pose.rotation.T) - damping * view.angular_velocity
         self.wrench = np.concatenate([_limited(pull, hand.force), _limited(turn, hand.torque)])
         return self.wrench
 
@@ -75,6 +80,11 @@ class Grip:
         grip = cls(hand if hand is not None else pin.SE3(target))
         grip.wrench = wrench
         return grip
+
+
+def _followed(stiffness: float, damping: float, inertia: float, dt: float) -> tuple[float, float]:
+    """The gains that a step can follow: two half kicks and a flight with them halve what is left of error and speed."""
+    return min(stiffness, inertia / dt**2), min(damping, inertia / dt)
 
 
 def _limited(vector: Array, limit: float) -> Array:

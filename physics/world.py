@@ -240,6 +240,7 @@ class World:
         return self._touches(self._member(object_id), self._last_step)
 
     _last_step = 0.0
+    _dt = 0.0  # s: of the step that is going on
 
     def state(self) -> Snapshot:
         """Everything that changes while the world runs (behaviours of a user keep their own state)."""
@@ -328,7 +329,7 @@ class World:
         """
         if not (np.isfinite(dt) and dt > 0.0):
             raise WorldError(f"dt is {dt!r} s; give a positive number")
-        dt = float(dt)
+        dt = self._dt = float(dt)
         b = self._bodies
         carried = self._carry(dt)
         free = self._free_awake()
@@ -583,7 +584,7 @@ class World:
                     w[k] += self._wrench(i, behaviour, self._view(i, time))
                 grip = self._grips.get(i)
                 if grip is not None and grip.hand is not None:
-                    w[k] += grip.pull(self._view(i, time))
+                    w[k] += grip.pull(self._view(i, time), self._dt)
         return w
 
     def _wrench(self, i: int, behaviour: Behaviour, view: View) -> Array:
