@@ -364,6 +364,8 @@ class _Plan:
         for body in self.wanted:
             k = self.column[body]
             e = self._hand_error(body)
+            if float(e[3:] @ e[3:]) < MAX_TURN**2:  # the screw that ends there, as `_moved` goes it
+                e = pin.log6(pin.SE3(pin.exp3(e[3:]), e[:3])).vector
             e[3:] *= self.motion.shape(body)[1]
             goal[k : k + 6], weight[k : k + 6] = e, 1.0
         origin, basis = self.origin, self.basis
