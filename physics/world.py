@@ -245,25 +245,29 @@ class World:
     def state(self) -> Snapshot:
         """Everything that changes while the world runs (behaviours of a user keep their own state)."""
         b = self._bodies
+        place = {id(joint): k for k, joint in enumerate(self._joints)}
         data = {name: getattr(b, name)[: b.n] for name in Bodies._PER_OBJECT}
         data.update(
             n=b.n, time=self.time, contacts=tuple(self._contacts), pairs=self._pairs,
             listed=(self._listed_center, self._listed_rotation),
             reach=self._reach, moving=self._moving, stale=self._stale, last_step=self._last_step,
             grips={i: g.data() for i, g in self._grips.items()}, members=tuple(sorted(self._behaviours)),
-            joints=tuple(map(id, self._joints)),
-            mechanisms={
-                key: {i: pose.homogeneous for i, pose in poses.items()} for key, (poses, _) in self._mechanisms.items()
-            },
+            joints=[joint.bodies for joint in self._joints],
+            mechanisms=[
+                (ids, [place[j] for j in joints], {i: pose.homogeneous for i, pose in poses.items()})
+                for (ids, joints), (poses, _) in self._mechanisms.items()
+            ],
         )  # fmt: skip
         return Snapshot(copy.deepcopy(data))
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a snapshot of this world (same objects, same joints)."""
+        """Go back to a snapshot of this world, or of one like it: same objects, same joints in the same order."""
         data = copy.deepcopy(dict(snapshot.data))
+        self._stale = True
+        self._refresh()
         if data["members"] != tuple(sorted(self._behaviours)) or data["n"] != self._bodies.n:
             raise WorldError("the snapshot is of other objects; add what it had, remove what it had not")
-        if data["joints"] != tuple(map(id, self._joints)):
+        if data["joints"] != [joint.bodies for joint in self._joints]:
             raise WorldError("the snapshot is of other joints; call set_joints with those it had")
         b = self._bodies
         for name in Bodies._PER_OBJECT:
@@ -276,11 +280,12 @@ class World:
         self._last_step = data["last_step"]
         self._grips = {i: Grip.of(d) for i, d in data["grips"].items()}
         self._mechanisms.clear()
-        by_id = {id(joint): joint for joint in self._joints}
-        for key, homogeneous in data["mechanisms"].items():
+        for ids, places, homogeneous in data["mechanisms"]:
             poses = {i: pin.SE3(m) for i, m in homogeneous.items()}
-            joints = [by_id[j] for j in key[1]]
-            self._mechanisms[key] = (poses, Mechanism.build(np.array(key[0]), joints, b, poses))
+            joints = [self._joints[k] for k in places]
+            self._mechanisms[ids, tuple(map(id, joints))] = (poses, Mechanism.build(np.array(ids), joints, b, poses))
+        for i in np.unique(self._pairs[:, [0, 2]]):
+            self._shape(int(i))
         for i in self._behaviours:
             self.collision.set_pose(i, b.pose(i))
 

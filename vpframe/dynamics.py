@@ -76,9 +76,7 @@ class Dynamics:
     def restore(self, state: Mapping[str, Any], constraints: Mapping[int, Constraint]) -> None:
         """Go back to what `state` returned, in this or another process; the same parts have behaviours."""
         self.join(constraints)
-        # joints are the same by what they say, though not the same objects when they come from a file
-        here = self.world.state().data["joints"]
-        self.world.restore(Snapshot({**state["world"], "joints": here}))
+        self.world.restore(Snapshot(state["world"]))
         self._held = set(state["held"])
 
 
