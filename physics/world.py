@@ -340,6 +340,11 @@ class World:
         free = self._free_awake()
         if len(free) or carried or self._grips:
             kept = self._list_near(free, carried, dt)
+            while self._rouse(
+                free
+            ):  # pairs among sleepers were not listed: a blow must reach the next one in this step
+                self._stale = True
+                kept = self._list_near(free, carried, dt)
             groups, lone = self._islands(free)
             kept = kept and tuple(free) == self._moving
             self._moving = tuple(free)
@@ -517,17 +522,17 @@ class World:
             b.kind[i] = STATIC
         b.set_pose(i, self.collision.pose(i))
 
-    def _islands(self, free: list[int]) -> tuple[list[Island], NDArray[np.int64]]:
-        """Islands of the awake bodies, and the lone ones (near to nothing, constant forces); wakes neighbours."""
+    def _rouse(self, free: list[int]) -> bool:
+        """Wake what an awake body is near to or joined with, and add it to `free`; whether there was any."""
         b = self._bodies
         is_free = b.kind == FREE
-        links = np.unique(self._pairs[:, [0, 2]], axis=0) if len(self._pairs) else np.zeros((0, 2), np.int64)
-        joined = [joint.bodies for joint in self._joints]
+        links = np.unique(self._pairs[:, [0, 2]], axis=0).tolist()
+        links += [joint.bodies for joint in self._joints]
         everything = {*free}
         grown = True
-        while grown:  # what an awake body is near to, or joined with, wakes
+        while grown:
             grown = False
-            for i, j in (*links.tolist(), *joined):
+            for i, j in links:
                 for one, other in ((i, j), (j, i)):
                     active = one in everything or (b.kind[one] == KINEMATIC and b.velocity[one].any())
                     if active and is_free[other] and other not in everything:
@@ -535,10 +540,18 @@ class World:
                         b.awake[other] = True
                         b.quiet[other] = 0.0
                         grown = True
+        woken = len(everything) > len(free)
         free[:] = sorted(everything)
+        return woken
+
+    def _islands(self, free: list[int]) -> tuple[list[Island], NDArray[np.int64]]:
+        """Islands of the awake bodies, and the lone ones (near to nothing, constant forces)."""
+        b = self._bodies
+        links = np.unique(self._pairs[:, [0, 2]], axis=0) if len(self._pairs) else np.zeros((0, 2), np.int64)
+        joined = [joint.bodies for joint in self._joints]
         bound = {*links.ravel().tolist(), *(i for pair in joined for i in pair), *self._varying, *self._grips}
         lone = np.array([i for i in free if i not in bound], dtype=np.int64)
-        groups = islands(everything & bound, (*map(tuple, links.tolist()), *joined))
+        groups = islands(bound.intersection(free), (*map(tuple, links.tolist()), *joined))
         out = []
         for ids in groups:
             members = set(ids.tolist())

@@ -182,6 +182,24 @@ def test_newtons_cradle_passes_the_blow_on():
     assert [world.velocity(i)[0] for i in ids] == pytest.approx([0, 0, 0, 0, 1], abs=1e-12)
 
 
+def test_a_blow_passes_through_sleepers_within_the_step():
+    manager = CollisionManager()
+    world = World(manager)
+    radius = 0.02
+    ids = []
+    for k in range(5):
+        i = manager.add(ball_mesh(radius, 4), at(x=2 * radius * k - (1.0 if k == 0 else 0.0)))
+        world.add(i, Body.sphere(radius, 0.1), [Elastic(1.0), Friction(0.0)], {0: Sphere(np.zeros(3), radius)},
+                  velocity=[1.0 if k == 0 else 0.0, 0, 0, 0, 0, 0])  # fmt: skip
+        ids.append(i)
+    while world.time < 0.9:
+        world.step(0.01)
+    assert world.awake == (ids[0],)
+    while world.time < 1.02:
+        world.step(0.01)
+    assert [world.velocity(i)[0] for i in ids] == pytest.approx([0, 0, 0, 0, 1], abs=1e-12)
+
+
 def test_resting_stack_does_not_creep_over_three_thousand_steps():
     manager, _ = room()
     mesh = box_mesh(0.1, 0.1, 0.1)

@@ -34,6 +34,15 @@ def test_the_cradle_passes_the_blow_to_the_last_ball():
     assert max(abs(x) for x in (*result["least"][:-1], *result["most"][1:])) < 1e-6
 
 
+def test_the_cradle_goes_on_when_its_inner_balls_have_slept():
+    """Five blows: the balls between rest longer than they need to fall asleep, and each blow wakes them in passing."""
+    result = run("physics_newtons_cradle", seconds=3.0)
+    assert (result["most"][0], result["least"][-1]) == pytest.approx((0.5, -0.5), abs=2e-3)
+    assert max(abs(x) for x in (*result["least"][:-1], *result["most"][1:])) < 1e-6
+    first, last = result["energy"]
+    assert 0.98 * first < last < first * (1 + 1e-9)
+
+
 def test_the_hinge_swings_and_holds():
     result = run("physics_hinge")
     assert result["weight"] > 1.0 and result["opened"] < 1e-12
