@@ -264,7 +264,3 @@ def _bench(arguments: argparse.Namespace) -> int:
                 module.plot(results[suite], arguments.plot)
         emit(results[arguments.suite] if arguments.suite else {"suites": list(results.values())})
     return OK
-
-
-if __name__ == "__main__":
-    sys.exit(main())

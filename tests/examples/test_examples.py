@@ -58,7 +58,7 @@ def test_a_picture_is_drawn_of_the_examples_own_frames(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_an_example_runs_by_the_command_line_with_recording_and_report(tmp_path: Path) -> None:
     done = run(
-        "-m", "vpframe.cli", "run", str(EXAMPLES / "shaft_and_housing.py"),
+        "-m", "vpframe", "run", str(EXAMPLES / "shaft_and_housing.py"),
         "--record", str(tmp_path / "run.rrd"), "--report", str(tmp_path / "report"),
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parent.parent.parent
 def vpframe():
     """Run the command line through its real entry point, the installed script if there is one."""
     script = Path(sys.executable).parent / "vpframe"
-    command = [str(script)] if script.exists() else [sys.executable, "-m", "vpframe.cli"]
+    command = [str(script)] if script.exists() else [sys.executable, "-m", "vpframe"]
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 
     def run(*arguments, **options):

@@ -49,7 +49,7 @@ def script(tmp_path: Path, body: str) -> Path:
 def start(*arguments: str) -> subprocess.Popen[str]:
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
     return subprocess.Popen(
-        [sys.executable, "-m", "vpframe.cli", "run", *arguments],
+        [sys.executable, "-m", "vpframe", "run", *arguments],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
     )  # fmt: skip
 
