@@ -119,7 +119,9 @@ class Recogniser:
         else:
             nearness = f"{touch} of {faces} pairs of faces touch" if faces > 1 else "their faces touch"
         pitch = self.pitch(pair) if match.kind in ("concentric", "screw") else None
-        thread = f"; thread of pitch {1e3 * abs(pitch):.4g} mm" if pitch is not None else ""
+        thread = ""
+        if pitch is not None:
+            thread = f"; {'left-hand ' if pitch < 0.0 else ''}thread of pitch {1e3 * abs(pitch):.4g} mm"
         constraint = KINDS[match.kind](
             (a, b), (first.geometry, second.geometry), (first.surfaces, second.surfaces), match.size, **match.parameters
         )

@@ -98,7 +98,7 @@ class Engine:
         self.rule = rule
         self.measure_clearance = measure_clearance
         self.threads: dict[int, float] = {}
-        """pitch (m a turn) of threaded parts, by object"""
+        """pitch (m a turn, negative for left-hand threads) that the script told of parts, by object"""
         self._authorised: list[tuple[int, int]] = []
         self._started = False
         self._active: set[int] = set()
@@ -470,12 +470,12 @@ class Engine:
         return self._freedom[key]
 
     def pitch_of(self, i: int) -> float | None:
-        """m a turn: what the script said of the part, else what a recognised thread says."""
+        """m a turn, negative for a left-hand thread: what the script said, else what a recognised thread says."""
         if i in self.threads:
             return self.threads[i]
         self.start()
         pitches = [e.candidate.pitch for e in self.mates.accepted.values() if i in e.candidate.bodies]
-        return next((abs(p) for p in pitches if p is not None), None)
+        return next((p for p in pitches if p is not None), None)
 
     def clearance(self, i: int, others: Sequence[int]) -> float:
         """Least distance (m) of an object to some others; inf if there are none."""

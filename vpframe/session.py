@@ -393,7 +393,8 @@ class Session:
         return self._sizes[part]
 
     def pitch_of(self, part: str) -> float | None:
-        """m a turn, of the thread that holds a part: from a screw constraint or `thread`; None if neither tells."""
+        """m a turn, of the thread that holds a part, negative for a left-hand one: from `thread`, else from a screw
+        constraint; None if neither tells."""
         return self.engine.pitch_of(self.scene.index(part))
 
     def trail(self, part: str) -> tuple[tuple[int, pin.SE3], ...]:
@@ -416,9 +417,9 @@ class Session:
         self._requests.append(Request("remove", constraint.id))
 
     def thread(self, part: str, pitch: float) -> None:
-        """Say that a part's shaft is threaded, right-handed, with that pitch (m a turn)."""
-        if not (np.isfinite(pitch) and pitch > 0.0):
-            raise TaskError(f"thread({part!r}, {pitch!r}): the pitch is a positive number of metres a turn")
+        """Say that a part is threaded with that pitch (m a turn): positive for a right-hand thread, else negative."""
+        if not np.isfinite(pitch) or pitch == 0.0:
+            raise TaskError(f"thread({part!r}, {pitch!r}): the pitch is metres a turn, negative for a left-hand thread")
         self.engine.threads[self.scene.index(part)] = float(pitch)
 
     def authorise(self, a: str, b: str) -> None:

@@ -9,6 +9,9 @@ import pytest
 from collision import SurfaceMesh
 from constraints.geometry import Freeform
 from tests.constraints.test_threads import helix
+from tests.vpframe.bench_scene import SEAT, scene
+from vpframe.errors import TaskError
+from vpframe.interaction import constraint
 from vpframe.scene import Part, Scene, Shape, Surface
 from vpframe.session import Session
 
@@ -21,34 +24,101 @@ def part(name: str, mesh: SurfaceMesh, height: float, fixed: bool) -> Part:
     return Part(name, Shape(mesh, surfaces, (), closed=False), pose, fixed=fixed)
 
 
-def bolt_and_nut() -> Scene:
+def bolt_and_nut(pitch: float = PITCH) -> Scene:
     here = pin.SE3.Identity()
-    bolt, nut = helix(PITCH, turns=8.0, pose=here), helix(PITCH, turns=3.0, inside=True, pose=here)
-    return Scene([part("bolt", bolt, 0.0, True), part("nut", nut, HEIGHT, False)])
+    bolt, nut = helix(pitch, turns=8.0, pose=here), helix(pitch, turns=3.0, inside=True, pose=here)
+    return Scene([part("bolt", bolt, 0.0, True), part("nut", nut, np.sign(pitch) * HEIGHT, False)])
 
 
 def turned(session: Session) -> tuple[float, float]:
     """How far the nut has gone along z, and about it."""
     pose = session.scene["nut"].pose
-    return float(pose.translation[2]) - HEIGHT, float(pin.log3(pose.rotation)[2])
+    start = session.trail("nut")[0][1].translation[2]
+    return float(pose.translation[2] - start), float(pin.log3(pose.rotation)[2])
 
 
-def test_a_nut_that_is_turned_goes_along_its_thread() -> None:
-    session = Session(bolt_and_nut())
+HANDS = pytest.mark.parametrize("pitch", [PITCH, -PITCH], ids=["right-hand", "left-hand"])
+
+
+@HANDS
+def test_a_nut_that_is_turned_goes_along_its_thread(pitch: float) -> None:
+    session = Session(bolt_and_nut(pitch))
     hand = session.hand(at=(0.0, 0.0, 0.05))
     hand.grab("nut")
     assert sorted(c.kind for c in session.constraints) == ["concentric", "screw"]
-    assert session.pitch_of("nut") == pytest.approx(PITCH, rel=2e-3)
+    assert session.pitch_of("nut") == pytest.approx(pitch, rel=2e-3)
     hand.turn(0.8 * np.pi, about=((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), required=False)
     along, about = turned(session)
     assert about == pytest.approx(0.8 * np.pi, abs=0.02)
-    assert along == pytest.approx(PITCH * about / (2.0 * np.pi), abs=2e-6)
+    assert along == pytest.approx(pitch * about / (2.0 * np.pi), abs=2e-6)
     session.expect_freedom("nut", 1)
     assert session.joint("nut") == "screw"
 
 
-def test_a_nut_unscrews_off_its_thread_by_itself() -> None:
-    session = Session(bolt_and_nut())
+@HANDS
+def test_unscrewing_by_a_turn_leads_out_by_the_pitch_and_screwing_back(pitch: float) -> None:
+    """Half a turn and a quarter: the sense of turning is the thread's, the advance pitch·angle/2π to 2e-6 m."""
+    session = Session(bolt_and_nut(pitch))
+    hand = session.hand(at=(0.0, 0.0, np.sign(pitch) * 0.05))
+    hand.grab("nut")
+    assert hand.unscrew(turns=0.4)
+    out, about = turned(session)
+    assert abs(about) == pytest.approx(0.8 * np.pi, abs=1e-3)
+    assert out == pytest.approx(pitch * about / (2.0 * np.pi), abs=2e-6)
+    assert out * np.sign(out_of(session)) > 0.0
+    assert hand.screw(turns=0.4)
+    assert turned(session) == pytest.approx((0.0, 0.0), abs=1e-5)
+
+
+def out_of(session: Session) -> float:
+    """Along z, from the bolt's middle to the nut's."""
+    middles = []
+    for name in ("bolt", "nut"):
+        p = session.scene[name]
+        z = p.mesh.vertices[:, 2] + p.pose.translation[2]
+        middles.append(0.5 * (z.min() + z.max()))
+    return float(middles[1] - middles[0])
+
+
+@HANDS
+def test_the_script_tells_the_hand_of_a_thread_that_is_no_geometry(pitch: float) -> None:
+    """A smooth peg in a smooth bore: `thread` says the pitch, or the verb does; closed-form advance either way."""
+    for told in (True, False):
+        with Session(scene()) as session:
+            peg = session.scene["peg"]
+            hand = session.hand(at=peg.pose.translation + np.array([0.0, 0.0, 0.03]))
+            hand.grab("peg")
+            hand.move_to(SEAT + np.array([0.0, 0.0, 0.014]))
+            hand.slide("down", until=constraint("concentric"))
+            begin = peg.pose.copy()
+            if told:
+                session.thread("peg", pitch)
+            assert hand.screw(turns=0.3, pitch=None if told else pitch)
+            angle = pin.log3(begin.rotation.T @ peg.pose.rotation)[2]
+            assert angle == pytest.approx(np.sign(-pitch) * 0.6 * np.pi, abs=1e-3)  # it goes down, against z
+            advance = peg.pose.translation[2] - begin.translation[2]
+            assert advance == pytest.approx(pitch * angle / (2.0 * np.pi), abs=1e-6) and advance < 0.0
+
+
+def test_what_is_no_thread_is_said_to_be_none() -> None:
+    with Session(scene()) as session:
+        hand = session.hand(at=session.scene["peg"].pose.translation + np.array([0.0, 0.0, 0.03]))
+        hand.grab("peg")
+        with pytest.raises(TaskError, match="has no axis to go by"):
+            hand.unscrew(pitch=PITCH)
+        with pytest.raises(TaskError, match="no thread holds peg"):
+            hand.unscrew()
+        for bad in ({"pitch": 0.0}, {"pitch": np.nan}, {"rate": 0.0}, {"turns": -1.0}, {"turns": np.inf}):
+            with pytest.raises(TaskError, match="give"):
+                hand.screw(**{"pitch": PITCH, **bad})
+        for pitch in (0.0, np.nan, np.inf):
+            with pytest.raises(TaskError, match="negative for a left-hand"):
+                session.thread("peg", pitch)
+
+
+@HANDS
+def test_a_nut_unscrews_off_its_thread_by_itself(pitch: float) -> None:
+    session = Session(bolt_and_nut(pitch))
     hand = session.hand(at=(0.0, 0.0, 0.05))
     hand.grab("nut")
     assert hand.unscrew(until="free")

@@ -203,7 +203,10 @@ class Hand:
         rate: float = 2.0,
         required: bool = True,
     ) -> Outcome:
-        """Screw in by `turns` (or until the condition; by default until it is against something), right-handed."""
+        """Screw in, `rate` turns a second, by `turns` or until the condition (by default until against something).
+
+        The thread is the one that holds the part, or `pitch` (m a turn): negative for a left-hand thread.
+        """
         return self._do(verbs.screw(self, turns, pitch, until, rate, required))
 
     def unscrew(
@@ -214,7 +217,7 @@ class Hand:
         rate: float = 2.0,
         required: bool = True,
     ) -> Outcome:
-        """Unscrew by `turns` (or until the condition; by default until free), right-handed, `rate` turns a second."""
+        """Unscrew by `turns` (or until the condition; by default until free): `screw`, the other way."""
         return self._do(verbs.unscrew(self, turns, pitch, until, rate, required))
 
     def place(self, on: str, at: ArrayLike | None = None, height: float = 0.05, release: bool = True) -> Outcome:

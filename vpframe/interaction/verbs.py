@@ -221,18 +221,39 @@ def _screw(
 ) -> Verb:
     from vpframe.interaction.hand import Stroke
 
+    lead = _lead(hand, pitch, verb)
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise TaskError(f"{_who(hand)}.{verb}: rate={rate!r}; give a positive number of turns a second")
+    if turns is not None and not (np.isfinite(turns) and turns > 0.0):
+        raise TaskError(f"{_who(hand)}.{verb}: turns={turns!r}; give a positive number, the other verb turns back")
     axis = direction(hand, "axis", outward=verb == "unscrew")
     origin, _ = line(hand, "axis")
-    lead = hand.session.pitch_of(_held(hand, verb).name) if pitch is None else float(pitch)
-    if lead is None or lead <= 0.0:
-        raise TaskError(f"{_who(hand)}.{verb}: the thread's pitch is not known; give pitch= in metres a turn")
-    n = _scene_size(hand) / lead if turns is None else float(turns)
-    # a right-handed thread: positive turns about a direction advance along it
+    n = _scene_size(hand) / abs(lead) if turns is None else float(turns)
+    # positive turns about a direction advance along it in a right-hand thread, against it in a left-hand one
+    angle = np.copysign(2.0 * np.pi * n, lead)
     path = paths.Turning(
-        hand.subject, origin, axis, 2.0 * np.pi * n, _seconds(hand, n / rate), pitch=lead, eased=turns is not None
+        hand.subject, origin, axis, angle, _seconds(hand, n / rate), pitch=lead, eased=turns is not None
     )
     how = f"{turns:g} turns" if turns is not None else f"until {end}"
     return (yield Stroke(f"{_who(hand)}.{verb}({how})", path, end, required))
+
+
+def _lead(hand: Hand, pitch: float | None, verb: str) -> float:
+    """m a turn, negative for a left-hand thread: as the script says, else as the thread is that holds the part."""
+    if pitch is not None:
+        if not np.isfinite(pitch) or pitch == 0.0:
+            raise TaskError(
+                f"{_who(hand)}.{verb}: pitch={pitch!r}; give metres a turn, negative for a left-hand thread"
+            )
+        return float(pitch)
+    part = _held(hand, verb).name
+    known = hand.session.pitch_of(part)
+    if known is None:
+        raise TaskError(
+            f"{_who(hand)}.{verb}: no thread holds {part} that is real geometry; "
+            f"give pitch= in metres a turn, or say so with session.thread({part!r}, pitch)"
+        )
+    return known
 
 
 def place(hand: Hand, on: str, at: ArrayLike | None, height: float, let_go: bool) -> Verb:
