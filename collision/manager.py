@@ -55,6 +55,7 @@ class CollisionManager:
         self._remembered: dict[tuple[int, int], Remembered] = {}
         self._ignored: set[tuple[int, int]] = set()
         self._ignored_surfaces: dict[tuple[int, int], set[tuple[int, int]]] = {}
+        self._heeded: dict[tuple[int, int], NDArray[np.uint8]] = {}  # the same as tables, as they are asked for
         self._statistics = Statistics()
         self._answers = 0
 
@@ -95,6 +96,7 @@ class CollisionManager:
         self._remembered = {pair: v for pair, v in self._remembered.items() if i not in pair}
         self._ignored = {pair for pair in self._ignored if i not in pair}
         self._ignored_surfaces = {pair: v for pair, v in self._ignored_surfaces.items() if i not in pair}
+        self._heeded = {pair: v for pair, v in self._heeded.items() if i not in pair}
 
     @property
     def objects(self) -> tuple[int, ...]:
@@ -155,6 +157,11 @@ class CollisionManager:
         """(n, 12) poses of objects that there are: rotation by rows, then translation."""
         return self._pose[list(objects)]
 
+    def world_boxes(self) -> NDArray[np.float64]:
+        """(n, 6) least and greatest corners of boxes that hold the objects, by id; none too small by rounding."""
+        self._current_trees()
+        return self._box[: len(self._meshes)]
+
     def relative_pose(self, i: int, j: int) -> pin.SE3:
         """The pose of object j in the frame of object i, by which its vertices are moved once."""
         self.mesh(i), self.mesh(j)
@@ -173,12 +180,14 @@ class CollisionManager:
     def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None:
         """Leave every pair of a surface of i among `surfaces_i` and one of j among `surfaces_j` out of every answer."""
         self._ignored_surfaces.setdefault(self._pair(i, j), set()).update(self._products(i, surfaces_i, j, surfaces_j))
+        self._heeded.pop(self._pair(i, j), None)
 
     def heed_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None:
         """Take those pairs of surfaces back in."""
         self._ignored_surfaces.get(self._pair(i, j), set()).difference_update(
             self._products(i, surfaces_i, j, surfaces_j)
         )
+        self._heeded.pop(self._pair(i, j), None)
 
     def ignored(self, i: int, j: int) -> bool:
         """Whether the pair of objects is left out as a whole."""
@@ -187,6 +196,19 @@ class CollisionManager:
     def ignored_surfaces(self, i: int, j: int) -> frozenset[tuple[int, int]]:
         """The pairs of surfaces left out, as (surface of the lower id, surface of the higher)."""
         return frozenset(self._ignored_surfaces.get(self._pair(i, j), ()))
+
+    def heeded_surfaces(self, i: int, j: int) -> NDArray[np.uint8] | None:
+        """(ka, kb) uint8, 0 for the pairs of surfaces of i < j that are left out; None if none is."""
+        left_out = self._ignored_surfaces.get((i, j))
+        if not left_out:
+            return None
+        heeded = self._heeded.get((i, j))
+        if heeded is None:
+            heeded = np.ones((self.mesh(i).n_surfaces, self.mesh(j).n_surfaces), np.uint8)
+            heeded[tuple(np.array(sorted(left_out)).T)] = 0
+            heeded.setflags(write=False)
+            self._heeded[i, j] = heeded
+        return heeded
 
     def _pair(self, i: int, j: int) -> tuple[int, int]:
         self.mesh(i), self.mesh(j)

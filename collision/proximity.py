@@ -148,19 +148,8 @@ def contacts(manager: CollisionManager, within: float = 0.0, objects: Iterable[i
 def pair_contacts(manager: CollisionManager, i: int, j: int, within: float) -> NDArray[Any]:
     """The rows of `contacts` for one pair of objects, i < j."""
     mesh_a, mesh_b = manager.mesh(i), manager.mesh(j)
-    heeded = heeded_surfaces(manager, i, j)
+    heeded = manager.heeded_surfaces(i, j)
     return _to_world(manager, i, j, surface_contacts(mesh_a, mesh_b, manager.relative_pose(i, j), within, heeded))
-
-
-def heeded_surfaces(manager: CollisionManager, i: int, j: int) -> NDArray[np.uint8] | None:
-    """(ka, kb) uint8, 0 for the surface pairs of i < j that the manager ignores; None if it ignores none."""
-    left_out = manager.ignored_surfaces(i, j)
-    if not left_out:
-        return None
-    heeded = np.ones((manager.mesh(i).n_surfaces, manager.mesh(j).n_surfaces), np.uint8)
-    for s, t in left_out:
-        heeded[s, t] = 0
-    return heeded
 
 
 def clearance(

@@ -19,6 +19,7 @@ Advancement by certificates, see `collision.kernels_sweep`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -30,7 +31,7 @@ from collision import poses
 from collision.contact import CONTACT_DTYPE
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
-from collision.proximity import heeded_surfaces, mesh_clearance, surface_contacts
+from collision.proximity import mesh_clearance, surface_contacts
 from collision.shape import ShapeMesh
 from collision.tree import MeshTree, tree_of
 
@@ -75,6 +76,8 @@ class _Mover:
     rotation: NDArray[np.float64]
     translation: NDArray[np.float64]
     twist: NDArray[np.float64]
+    end: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """rotation and translation at t = 1"""
 
     def at(self, t: float) -> pin.SE3:
         import pinocchio as pin
@@ -119,59 +122,47 @@ def _mover(manager: CollisionManager, i: int, target: Any) -> _Mover:
     import pinocchio as pin
 
     mesh, pose = manager.mesh(i), manager.pose(i)
-    twist = np.zeros(6)
+    rotation, translation = np.ascontiguousarray(pose.rotation), np.array(pose.translation)
+    twist, last = np.zeros(6), (rotation, translation)
     if target is not None:
-        who = f"target of object {i} ({mesh.name})"
-        end = poses.unpack(poses.pack(target, who, i, manager.tolerance.rigid))
-        twist = np.array(pin.log6(pose.actInv(end)))
-    return _Mover(mesh, tree_of(mesh), np.ascontiguousarray(pose.rotation), np.array(pose.translation), twist)
+        end = poses.pack(target, f"target of object {i} ({mesh.name})", i, manager.tolerance.rigid)
+        last = end[:9].reshape(3, 3), end[9:]
+        twist = np.array(pin.log6(pose.actInv(pin.SE3(*last))))
+    return _Mover(mesh, tree_of(mesh), rotation, translation, twist, last)
 
 
 def _pairs(manager: CollisionManager, moving: Mapping[int, _Mover]) -> list[tuple[int, int]]:
     """Pairs i < j of which one moves, that are heeded, and whose ways come near each other."""
-    ids = list(manager.objects)
-    place = {i: k for k, i in enumerate(ids)}
-    box = np.array([tree_of(manager.mesh(i)).box[0] for i in ids])
-    center, half = 0.5 * (box[:, :3] + box[:, 3:]), 0.5 * (box[:, 3:] - box[:, :3])
-    packed = manager.packed_poses(ids)
-    low, high = _boxes(packed, center, half)
+    box = manager.world_boxes().copy()
     for i, mover in moving.items():
-        k = place[i]
-        end = mover.at(1.0)
-        last = np.concatenate([end.rotation.ravel(), end.translation])
-        low_end, high_end = _boxes(last[None], center[[k]], half[[k]])
-        beyond = _sagitta(mover.twist, center[k], float(np.linalg.norm(half[k])))
-        low[k] = np.minimum(low[k], low_end[0]) - beyond
-        high[k] = np.maximum(high[k], high_end[0]) + beyond
+        own = mover.tree.box[0]
+        center, half = 0.5 * (own[:3] + own[3:]), 0.5 * (own[3:] - own[:3])
+        rotation, translation = mover.end
+        middle, reach = rotation @ center + translation, np.abs(rotation) @ half
+        reach += 1e-14 * float((np.abs(translation) + np.abs(center) + half).sum())  # for rounding
+        beyond = _sagitta(mover.twist, center, float(np.sqrt(half @ half)))
+        box[i, :3] = np.minimum(box[i, :3], middle - reach) - beyond
+        box[i, 3:] = np.maximum(box[i, 3:], middle + reach) + beyond
+    objects = manager.objects
     out = set()
     for i in moving:
-        k = place[i]
-        near = (low <= high[k] + manager.tolerance.linear).all(axis=1)
-        near &= (high >= low[k] - manager.tolerance.linear).all(axis=1)
-        out |= {(min(i, ids[j]), max(i, ids[j])) for j in np.flatnonzero(near).tolist() if ids[j] != i}
+        low, high = box[i, :3] - manager.tolerance.linear, box[i, 3:] + manager.tolerance.linear
+        near = ((box[:, :3] <= high) & (box[:, 3:] >= low)).all(axis=1)
+        out |= {(min(i, j), max(i, j)) for j in objects if near[j] and j != i}
     return sorted(pair for pair in out if not manager.ignored(*pair))
-
-
-def _boxes(
-    packed: NDArray[np.float64], center: NDArray[np.float64], half: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(n, 3) least and greatest corners, in the world, of boxes posed by (n, 12)."""
-    rotation, translation = packed[:, :9].reshape(-1, 3, 3), packed[:, 9:]
-    middle = np.einsum("nij,nj->ni", rotation, center) + translation
-    reach = np.einsum("nij,nj->ni", np.abs(rotation), half)
-    reach += 1e-14 * (np.abs(translation) + np.abs(center) + half).sum(axis=1, keepdims=True)  # for rounding
-    return middle - reach, middle + reach
 
 
 def _sagitta(twist: NDArray[np.float64], center: NDArray[np.float64], radius: float) -> float:
     """How far points of a ball stray from their chords on the screw: each turns about its axis by |w|."""
-    turn = float(np.linalg.norm(twist[3:]))
+    vx, vy, vz, wx, wy, wz = twist.tolist()
+    turn = math.sqrt(wx * wx + wy * wy + wz * wz)
     if turn == 0.0:
         return 0.0
-    axis = twist[3:] / turn
-    arm = np.cross(twist[3:], center) + twist[:3]
-    arm -= axis * (axis @ arm)
-    return float((np.linalg.norm(arm) / turn + radius) * (1.0 - np.cos(0.5 * min(turn, np.pi))))
+    cx, cy, cz = center.tolist()
+    x, y, z = wy * cz - wz * cy + vx, wz * cx - wx * cz + vy, wx * cy - wy * cx + vz
+    along = (x * wx + y * wy + z * wz) / (turn * turn)
+    arm = math.hypot(x - along * wx, y - along * wy, z - along * wz)
+    return (arm / turn + radius) * (1.0 - math.cos(0.5 * min(turn, math.pi)))
 
 
 def _pair_time(
@@ -186,7 +177,7 @@ def _pair_time(
             raise CollisionError(f"{mesh.name}: a shape without triangles is not swept; give it as a SurfaceMesh")
     tolerance = manager.tolerance.linear
     play = PLAY * tolerance
-    heeded = heeded_surfaces(manager, i, j)
+    heeded = manager.heeded_surfaces(i, j)
     start = manager.relative_pose(i, j)
     touching = surface_contacts(a.mesh, b.mesh, start, tolerance, heeded)
     pairs = {(int(row["surface_a"]), int(row["surface_b"])) for row in touching}
@@ -230,7 +221,7 @@ def _contacts(
     world = movers[i].at(t)
     relative = world.actInv(movers[j].at(t))
     rows = surface_contacts(
-        movers[i].mesh, movers[j].mesh, relative, manager.tolerance.linear, heeded_surfaces(manager, i, j)
+        movers[i].mesh, movers[j].mesh, relative, manager.tolerance.linear, manager.heeded_surfaces(i, j)
     )
     chosen = []
     for row in rows:

@@ -120,34 +120,65 @@ def facing_area(
     `other_origin`, `other_normal` the second one, whose height over the first is what `gap` means.
     """
     u = perpendicular(normal)
-    v = np.cross(normal, u)
-    frame = np.stack([u, v], axis=1)
-    a = _counter_clockwise((first - origin) @ frame)
-    b = _counter_clockwise((second - origin) @ frame)
+    v = np.array(_crossed(*normal.tolist(), *u.tolist()))
     down = float(other_normal @ normal)
     slope = -np.array([other_normal @ u, other_normal @ v, other_normal @ (origin - other_origin)]) / down
-    far = np.zeros((8, 2))
-    area, mx, my, low, high = _clip_area(a, b, slope, _OUTWARD, far)
+    far = np.empty((8, 2))
+    area, mx, my, low, high, count = _facing(first, second, origin, u, v, slope, _OUTWARD, far)
     if area <= 0.0:
         return FacingArea(0.0, origin, np.inf, np.inf, np.zeros((0, 3)), np.zeros(0))
-    far = np.array(sorted(set(map(tuple, far.tolist()))))  # np.unique(axis=0) takes as long as all the rest
+    far = far[:count]
     return FacingArea(
         area=area,
         centroid=origin + (mx / area) * u + (my / area) * v,
         gap_min=low,
         gap_max=high,
-        corners=origin + far @ frame.T,
+        corners=origin + far[:, :1] * u + far[:, 1:] * v,
         gaps=far @ slope[:2] + slope[2],
     )
 
 
-def _counter_clockwise(t: Array) -> Array:
-    """Triangles (n, 3, 2) all wound the same way."""
-    d1, d2 = t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]
-    turned = d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0] < 0.0
-    t = np.ascontiguousarray(t)
-    t[turned] = t[turned][:, ::-1]
-    return t
+def _crossed(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[float, float, float]:
+    return b * z - c * y, c * x - a * z, a * y - b * x
+
+
+@njit(cache=True, error_model="numpy")
+def _facing(
+    first: Array, second: Array, origin: Array, u: Array, v: Array, slope: Array, outward: Array, far: Array
+) -> Any:  # pragma: no cover - compiled
+    """`_clip_area` of triangles (n, 3, 3), (m, 3, 3) in the plane of u and v; the first `count` of far are sorted."""
+    area, mx, my, low, high = _clip_area(
+        _flattened(first, origin, u, v), _flattened(second, origin, u, v), slope, outward, far
+    )
+    count = 0
+    for k in range(len(far)):  # by x, then y, each once
+        x, y = far[k, 0], far[k, 1]
+        at = 0
+        while at < count and (far[at, 0] < x or (far[at, 0] == x and far[at, 1] < y)):
+            at += 1
+        if at < count and far[at, 0] == x and far[at, 1] == y:
+            continue
+        for i in range(count, at, -1):
+            far[i, 0], far[i, 1] = far[i - 1, 0], far[i - 1, 1]
+        far[at, 0], far[at, 1] = x, y
+        count += 1
+    return area, mx, my, low, high, count
+
+
+@njit(cache=True, error_model="numpy")
+def _flattened(triangles: Array, origin: Array, u: Array, v: Array) -> Array:  # pragma: no cover - compiled
+    """(n, 3, 2) triangles in the coordinates of a plane, all wound counter-clockwise."""
+    out = np.empty((len(triangles), 3, 2))
+    for i in range(len(triangles)):
+        for k in range(3):
+            x, y, z = triangles[i, k, 0] - origin[0], triangles[i, k, 1] - origin[1], triangles[i, k, 2] - origin[2]
+            out[i, k, 0] = x * u[0] + y * u[1] + z * u[2]
+            out[i, k, 1] = x * v[0] + y * v[1] + z * v[2]
+        turn = (out[i, 1, 0] - out[i, 0, 0]) * (out[i, 2, 1] - out[i, 0, 1])
+        if turn < (out[i, 1, 1] - out[i, 0, 1]) * (out[i, 2, 0] - out[i, 0, 0]):
+            for d in range(2):
+                out[i, 0, d], out[i, 2, d] = out[i, 2, d], out[i, 0, d]
+    return out
 
 
 def height_spans(samples: Array, triangles: NDArray[np.int32], origin: Vector, axis: Vector) -> Array:
