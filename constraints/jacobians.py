@@ -6,20 +6,21 @@ its differential is a pair of wrenches: with Ω the bodies' angular and V their 
 
     df = g·(V_b + Ω_b × arm_b) - g·(V_a + Ω_a × arm_a) + τ_a·Ω_a + τ_b·Ω_b,       arm = R p,
 
-where g = ∂f/∂u and τ = Σ X × ∂f/∂X over the directions X that the body carries. A kernel below states only f, g, τ_a
-and τ_b; `evaluate` turns them into rows on local twists (linear first), as Pinocchio has them:
+where g = ∂f/∂u and τ = Σ X × ∂f/∂X over the directions X that the body carries. A kernel below returns only f, g, τ_a
+and τ_b of a row; `evaluate` turns them into rows on local twists (linear first), as Pinocchio has them:
 
     J_a = [-R_aᵀ g, R_aᵀ (τ_a - arm_a × g)],      J_b = [R_bᵀ g, R_bᵀ (τ_b + arm_b × g)].
 
 Lengths are metres and angles radians; a row is one or the other. Equations of one row hold between limits
 `params[0] <= x <= params[1]`: inside them the row vanishes, equal limits make an equality.
+
+Vectors are tuples of three: unlike views of arrays these stay in registers, and the kernels take two thirds of time.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 COINCIDENT = 0
@@ -43,61 +44,86 @@ ROWS = (3, 2, 2, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1)
 ANGULAR = (False, False, True, True, False, True, False, False, False, False, False, False, False, True, False)
 """Whether an equation's rows are radians, by code."""
 TWO_PI = 2.0 * math.pi
+NONE = (0.0, 0.0, 0.0)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _dot(x, y):
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
 @njit(cache=True)
-def _cross(x, y, out):
-    a = x[1] * y[2] - x[2] * y[1]
-    b = x[2] * y[0] - x[0] * y[2]
-    out[2] = x[0] * y[1] - x[1] * y[0]
-    out[0] = a
-    out[1] = b
+def _cross(x, y):
+    return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
 
 
 @njit(cache=True)
-def _put(scale, x, out):
-    """out = scale · x. Loops and no array expressions in these kernels: they compile in a fraction of the time."""
-    for i in range(3):
-        out[i] = scale * x[i]
+def _scaled(s, x):
+    return s * x[0], s * x[1], s * x[2]
 
 
 @njit(cache=True)
-def _add(scale, x, out):
-    """out += scale · x."""
-    for i in range(3):
-        out[i] += scale * x[i]
+def _plus(x, s, y):
+    """x + s y."""
+    return x[0] + s * y[0], x[1] + s * y[1], x[2] + s * y[2]
 
 
 @njit(cache=True)
-def _add_torque(scale, x, y, out):
-    """out += scale · x × y."""
-    out[0] += scale * (x[1] * y[2] - x[2] * y[1])
-    out[1] += scale * (x[2] * y[0] - x[0] * y[2])
-    out[2] += scale * (x[0] * y[1] - x[1] * y[0])
+def _turned(R, x):
+    """R x, of a tuple of rows."""
+    return _dot(R[0], x), _dot(R[1], x), _dot(R[2], x)
 
 
 @njit(cache=True)
-def _along(k, axis, u, f, g, ta):
-    """Row k: u·X for a direction X that body a carries."""
-    f[k] = _dot(axis, u)
-    _put(1.0, axis, g[k])
-    _add_torque(1.0, axis, u, ta[k])
+def _turned_back(R, x):
+    """Rᵀ x."""
+    return (
+        R[0][0] * x[0] + R[1][0] * x[1] + R[2][0] * x[2],
+        R[0][1] * x[0] + R[1][1] * x[1] + R[2][1] * x[2],
+        R[0][2] * x[0] + R[1][2] * x[1] + R[2][2] * x[2],
+    )
 
 
 @njit(cache=True)
-def _aligned(A, B, sense, f, ta, tb):
+def _row3(x, i, o):
+    """Three numbers of x[i], from column o on."""
+    return x[i, o], x[i, o + 1], x[i, o + 2]
+
+
+@njit(cache=True)
+def _rows3(x, i):
+    """Three rows of x[i] (3, 3)."""
+    return (
+        (x[i, 0, 0], x[i, 0, 1], x[i, 0, 2]),
+        (x[i, 1, 0], x[i, 1, 1], x[i, 1, 2]),
+        (x[i, 2, 0], x[i, 2, 1], x[i, 2, 2]),
+    )
+
+
+@njit(cache=True)
+def _element(R, x, e, o):
+    """Arm and frame, world axes, of the element at column o of x[e]."""
+    arm = _turned(R, (x[e, o], x[e, o + 1], x[e, o + 2]))
+    first = _turned(R, (x[e, o + 3], x[e, o + 4], x[e, o + 5]))
+    second = _turned(R, (x[e, o + 6], x[e, o + 7], x[e, o + 8]))
+    return arm, (first, second, _turned(R, (x[e, o + 9], x[e, o + 10], x[e, o + 11])))
+
+
+@njit(cache=True)
+def _along(axis, u):
+    """u·X for a direction X that body a carries."""
+    return _dot(axis, u), axis, _cross(axis, u), NONE
+
+
+@njit(cache=True)
+def _aligned(A, B, sense):
     """D_b along sense·D_a: the rotation vector between them, on E1 and E2 (rad); sense 0 takes the nearer one."""
     c = _dot(A[2], B[2])
     s = sense if sense != 0.0 else (1.0 if c >= 0.0 else -1.0)
     c *= s
     x = -s * _dot(A[1], B[2])
     y = s * _dot(A[0], B[2])
-    sine = math.hypot(x, y)
+    sine = math.sqrt(x * x + y * y)
     theta = math.atan2(sine, c)
     if sine > 1e-4:
         k = theta / sine
@@ -108,27 +134,21 @@ def _aligned(A, B, sense, f, ta, tb):
     else:  # opposite, where the turn has no direction: take E1, at full length
         k, dk = 1.0, 0.0
         x = math.pi
-    f[0] = k * x
-    f[1] = k * y
-    for i in range(2):
-        axis, sign, value = (A[1], -s, x) if i == 0 else (A[0], s, y)
-        _add_torque(k * sign, B[2], axis, tb[i])
-        _add_torque(value * dk * s, B[2], A[2], tb[i])
-        _put(-1.0, tb[i], ta[i])
+    tilt = _scaled(dk * s, _cross(B[2], A[2]))
+    first = _plus(_scaled(-k * s, _cross(B[2], A[1])), x, tilt)
+    second = _plus(_scaled(k * s, _cross(B[2], A[0])), y, tilt)
+    return (k * x, NONE, _scaled(-1.0, first), first), (k * y, NONE, _scaled(-1.0, second), second)
 
 
 @njit(cache=True)
-def _oriented(A, B, f, ta, tb):
+def _oriented(A, B):
     """The frames coincide: f = log(F_aᵀ F_b) (rad), df = Jlog(f) F_bᵀ (Ω_b - Ω_a)."""
-    R = np.empty((3, 3))  # A Bᵀ: rows of A, B are the frames' axes
-    for i in range(3):
-        for j in range(3):
-            R[i, j] = _dot(A[i], B[j])
-    x = 0.5 * (R[2, 1] - R[1, 2])
-    y = 0.5 * (R[0, 2] - R[2, 0])
-    z = 0.5 * (R[1, 0] - R[0, 1])
+    R = (_turned(B, A[0]), _turned(B, A[1]), _turned(B, A[2]))  # A Bᵀ: rows of A, B are the frames' axes
+    x = 0.5 * (R[2][1] - R[1][2])
+    y = 0.5 * (R[0][2] - R[2][0])
+    z = 0.5 * (R[1][0] - R[0][1])
     sine = math.sqrt(x * x + y * y + z * z)
-    cosine = 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
+    cosine = 0.5 * (R[0][0] + R[1][1] + R[2][2] - 1.0)
     theta = math.atan2(sine, cosine)
     if sine > 1e-4:
         k = theta / sine
@@ -139,137 +159,100 @@ def _oriented(A, B, f, ta, tb):
     else:  # half a turn: the axis is the column of R + 1 that is longest
         j = 0
         for i in range(1, 3):
-            if R[i, i] > R[j, j]:
+            if R[i][i] > R[j][j]:
                 j = i
-        n = math.sqrt(2.0 * (1.0 + R[j, j]))
-        x, y, z = (R[0, j] + (j == 0)) / n, (R[1, j] + (j == 1)) / n, (R[2, j] + (j == 2)) / n
+        n = math.sqrt(2.0 * (1.0 + R[j][j]))
+        x, y, z = (R[0][j] + (j == 0)) / n, (R[1][j] + (j == 1)) / n, (R[2][j] + (j == 2)) / n
         k = math.pi / math.sqrt(x * x + y * y + z * z)
         q = 1.0 / (math.pi * math.pi)
-    f[0], f[1], f[2] = k * x, k * y, k * z
-    square = _dot(f, f)
-    for i in range(3):  # Jlog = 1 + [f]/2 + q [f]², and [f]² = f fᵀ - |f|²
-        for j in range(3):
-            w = q * f[i] * f[j]
-            if i == j:
-                w += 1.0 - q * square
-            else:
-                w += 0.5 * f[3 - i - j] * (-1.0 if (j - i) % 3 == 1 else 1.0)
-            _add(w, B[j], tb[i])
-        _put(-1.0, tb[i], ta[i])
+    f = (k * x, k * y, k * z)
+    # Jlog = 1 + [f]/2 + q [f]², and [f]² = f fᵀ - |f|²: row i applied to F_bᵀ
+    d = 1.0 - q * _dot(f, f)
+    along = _plus(_plus(_scaled(q * f[0], B[0]), q * f[1], B[1]), q * f[2], B[2])
+    first = _plus(_plus(_plus(_scaled(f[0], along), d, B[0]), -0.5 * f[2], B[1]), 0.5 * f[1], B[2])
+    second = _plus(_plus(_plus(_scaled(f[1], along), d, B[1]), -0.5 * f[0], B[2]), 0.5 * f[2], B[0])
+    third = _plus(_plus(_plus(_scaled(f[2], along), d, B[2]), -0.5 * f[1], B[0]), 0.5 * f[0], B[1])
+    return (
+        (f[0], NONE, _scaled(-1.0, first), first),
+        (f[1], NONE, _scaled(-1.0, second), second),
+        (f[2], NONE, _scaled(-1.0, third), third),
+    )
 
 
 @njit(cache=True)
-def _angle(A, B, f, ta, tb):
+def _angle(A, B):
     """Angle between D_a and D_b (rad, 0 … π)."""
-    n = np.empty(3)
-    _cross(A[2], B[2], n)
+    n = _cross(A[2], B[2])
     sine = math.sqrt(_dot(n, n))
-    f[0] = math.atan2(sine, _dot(A[2], B[2]))
-    if sine > 0.0:
-        _put(1.0 / sine, n, tb[0])
-    else:
-        _put(1.0, A[0], tb[0])
-    _put(-1.0, tb[0], ta[0])
+    turn = _scaled(1.0 / sine, n) if sine > 0.0 else A[0]
+    return math.atan2(sine, _dot(A[2], B[2])), NONE, _scaled(-1.0, turn), turn
 
 
 @njit(cache=True)
-def _foot(A, u, out):
-    """Vector from the axis of a to the point, at right angles to the axis, made unit length; and its length."""
-    h = _dot(A[2], u)
-    _put(1.0, u, out)
-    _add(-h, A[2], out)
+def _foot(A, u):
+    """Unit vector from the axis of a to the point, at right angles to the axis, and how far it is."""
+    out = _plus(u, -_dot(A[2], u), A[2])
     rho = math.sqrt(_dot(out, out))
-    if rho > 0.0:
-        _put(1.0 / rho, out, out)
-    else:
-        _put(1.0, A[0], out)
-    return rho
+    return (_scaled(1.0 / rho, out) if rho > 0.0 else A[0]), rho
 
 
 @njit(cache=True)
-def _point_distance(A, u, f, g):
+def _point_distance(A, u):
     """|u|."""
-    f[0] = math.sqrt(_dot(u, u))
-    if f[0] > 0.0:
-        _put(1.0 / f[0], u, g[0])
-    else:
-        _put(1.0, A[0], g[0])
+    f = math.sqrt(_dot(u, u))
+    return f, (_scaled(1.0 / f, u) if f > 0.0 else A[0]), NONE, NONE
 
 
 @njit(cache=True)
-def _line_distance(A, u, f, g, ta):
+def _line_distance(A, u):
     """Distance of P_b from the axis of a."""
-    f[0] = _foot(A, u, g[0])
-    _add_torque(-_dot(A[2], u), A[2], g[0], ta[0])
+    n, f = _foot(A, u)
+    return f, n, _scaled(-_dot(A[2], u), _cross(A[2], n)), NONE
 
 
 @njit(cache=True)
-def _lines_distance(A, B, u, side, f, g, ta, tb):
+def _lines_distance(A, B, u, side):
     """Distance between the axes of a and b along their common normal, positive on `side` (0: whichever it is on)."""
-    n = np.empty(3)
-    _cross(A[2], B[2], n)
+    n = _cross(A[2], B[2])
     sine = math.sqrt(_dot(n, n))
     if sine < 1e-12:  # parallel to rounding: any common normal through the offset serves
-        _line_distance(A, u, f, g, ta)
-        return
-    _put(1.0 / sine, n, n)
+        return _line_distance(A, u)
+    n = _scaled(1.0 / sine, n)
     x = _dot(u, n)
     s = side if side != 0.0 else (1.0 if x >= 0.0 else -1.0)
-    f[0] = s * x
-    _put(s, n, g[0])
-    h = np.empty(3)
-    _put(s / sine, u, h)
-    _add(-x * s / sine, n, h)
-    w = np.empty(3)
-    _cross(B[2], h, w)
-    _add_torque(1.0, A[2], w, ta[0])
-    _cross(h, A[2], w)
-    _add_torque(1.0, B[2], w, tb[0])
+    h = _plus(_scaled(s / sine, u), -x * s / sine, n)
+    return s * x, _scaled(s, n), _cross(A[2], _cross(B[2], h)), _cross(B[2], _cross(h, A[2]))
 
 
 @njit(cache=True)
-def _cone_distance(A, u, half_angle, f, g, ta):
+def _cone_distance(A, u, half_angle):
     """Signed distance of P_b from the cone of apex P_a, axis D_a: positive outside."""
-    n = np.empty(3)
-    rho = _foot(A, u, n)
+    n, rho = _foot(A, u)
     h = _dot(A[2], u)
     c, s = math.cos(half_angle), math.sin(half_angle)
-    f[0] = rho * c - h * s
-    _put(c, n, g[0])
-    _add(-s, A[2], g[0])
-    _add_torque(-h * c, A[2], n, ta[0])
-    _add_torque(-s, A[2], u, ta[0])
+    torque = _plus(_scaled(-h * c, _cross(A[2], n)), -s, _cross(A[2], u))
+    return rho * c - h * s, _plus(_scaled(c, n), -s, A[2]), torque, NONE
 
 
 @njit(cache=True)
-def _torus_distance(A, u, major, f, g, ta):
+def _torus_distance(A, u, major):
     """Distance of P_b from the circle of radius `major` about D_a through P_a."""
-    n = np.empty(3)
-    rho = _foot(A, u, n)
+    n, rho = _foot(A, u)
     h = _dot(A[2], u)
     q = math.hypot(rho - major, h)
-    f[0] = q
-    if q > 0.0:
-        _put((rho - major) / q, n, g[0])
-        _add(h / q, A[2], g[0])
-        _add_torque(-(rho - major) * h / q, A[2], n, ta[0])
-        _add_torque(h / q, A[2], u, ta[0])
-    else:
-        _put(1.0, n, g[0])
+    if q == 0.0:
+        return q, n, NONE, NONE
+    x, y = (rho - major) / q, h / q
+    return q, _plus(_scaled(x, n), y, A[2]), _plus(_scaled(-x * h, _cross(A[2], n)), y, _cross(A[2], u)), NONE
 
 
 @njit(cache=True)
-def _rim_height(A, B, u, radius, f, g, ta, tb):
+def _rim_height(A, B, u, radius):
     """Height over plane a of the lowest point of the circle of `radius` about D_b through P_b."""
-    n = np.empty(3)
-    _cross(A[2], B[2], n)
+    n = _cross(A[2], B[2])
     sine = math.sqrt(_dot(n, n))
-    _along(0, A[2], u, f, g, ta)
-    f[0] -= radius * sine
-    if sine > 0.0:
-        k = radius * _dot(A[2], B[2]) / sine
-        _add_torque(k, A[2], B[2], ta[0])
-        _add_torque(k, B[2], A[2], tb[0])
+    k = radius * _dot(A[2], B[2]) / sine if sine > 0.0 else 0.0
+    return _dot(A[2], u) - radius * sine, A[2], _plus(_cross(A[2], u), k, n), _scaled(-k, n)
 
 
 @njit(cache=True)
@@ -286,112 +269,121 @@ def _turning(x, y):
 
 
 @njit(cache=True)
-def _helix(A, B, u, pitch, offset, f, g, ta, tb):
+def _helix(A, B, u, pitch, offset):
     """Advance along D_a less pitch times the turn of b's E1 about it, modulo one pitch (m)."""
     x = _dot(A[0], B[0])
     y = _dot(A[1], B[0])
-    _along(0, A[2], u, f, g, ta)
-    f[0] = _wrapped(f[0] - offset - pitch * math.atan2(y, x) / TWO_PI, abs(pitch))
+    f = _wrapped(_dot(A[2], u) - offset - pitch * math.atan2(y, x) / TWO_PI, abs(pitch))
     k = -pitch / TWO_PI * _turning(x, y)
-    w = np.zeros(3)
-    _add_torque(k * x, B[0], A[1], w)
-    _add_torque(-k * y, B[0], A[0], w)
-    _add(1.0, w, tb[0])
-    _add(-1.0, w, ta[0])
+    w = _plus(_scaled(k * x, _cross(B[0], A[1])), -k * y, _cross(B[0], A[0]))
+    return f, A[2], _plus(_cross(A[2], u), -1.0, w), w
 
 
 @njit(cache=True)
-def _mesh(A, B, u, teeth_a, teeth_b, sense, offset, f, g, ta, tb):
+def _seen(F, u, k):
+    """Direction of u in the frame F, as an angle about its axis, and k times its slopes by u and by the turn of F."""
+    x, y = _dot(F[0], u), _dot(F[1], u)
+    slope = k * _turning(x, y)
+    by_u = _plus(_scaled(slope * x, F[1]), -slope * y, F[0])
+    by_turn = _plus(_scaled(slope * x, _cross(F[1], u)), -slope * y, _cross(F[0], u))
+    return math.atan2(y, x), by_u, by_turn
+
+
+@njit(cache=True)
+def _mesh(A, B, u, teeth_a, teeth_b, sense, offset):
     """Turn of a plus sense·teeth_b/teeth_a times that of b, both counted from the line of centres, modulo a tooth."""
-    f[0] = -offset
-    for body in range(2):
-        F, t, sign, k = (A, ta[0], 1.0, 1.0) if body == 0 else (B, tb[0], -1.0, sense * teeth_b / teeth_a)
-        x = sign * _dot(F[0], u)
-        y = sign * _dot(F[1], u)
-        f[0] -= k * math.atan2(y, x)
-        k *= sign * _turning(x, y)
-        _add(k * y, F[0], g[0])
-        _add(-k * x, F[1], g[0])
-        _add_torque(k * y, F[0], u, t)
-        _add_torque(-k * x, F[1], u, t)
-    f[0] = _wrapped(f[0], TWO_PI / teeth_a)
+    ratio = sense * teeth_b / teeth_a
+    turn_a, g_a, torque_a = _seen(A, u, -1.0)
+    turn_b, g_b, torque_b = _seen(B, _scaled(-1.0, u), -ratio)
+    f = _wrapped(-offset - turn_a - ratio * turn_b, TWO_PI / teeth_a)
+    return f, _plus(g_a, -1.0, g_b), torque_a, torque_b
 
 
 @njit(cache=True)
-def _rack(A, B, u, radius, teeth, sense, offset, f, g, ta, tb):
+def _rack(A, B, u, radius, teeth, sense, offset):
     """Travel of rack b along D_b less sense·radius times the turn of pinion a from the normal to the rack (m)."""
     s = _dot(B[2], u)
-    x = _dot(A[0], u) - s * _dot(A[0], B[2])
-    y = _dot(A[1], u) - s * _dot(A[1], B[2])
-    turn = -math.atan2(y, x)
-    f[0] = _wrapped(s - sense * radius * turn - offset, TWO_PI * radius / teeth)
-    k = sense * radius * _turning(x, y)
-    h, w = np.empty(3), np.empty(3)  # f = s + … and d(-turn) = h·dw with w = u - s D_b, seen from a
-    _put(k * x, A[1], h)
-    _add(-k * y, A[0], h)
-    _put(1.0, u, w)
-    _add(-s, B[2], w)
-    along = _dot(h, B[2])
-    _put(1.0 - along, B[2], g[0])
-    _add(1.0, h, g[0])
-    _add_torque(k * x, A[1], w, ta[0])
-    _add_torque(-k * y, A[0], w, ta[0])
-    _add_torque(1.0 - along, B[2], u, tb[0])
-    _add_torque(-s, B[2], h, tb[0])
+    turn, h, torque_a = _seen(A, _plus(u, -s, B[2]), sense * radius)
+    f = _wrapped(s + sense * radius * turn - offset, TWO_PI * radius / teeth)
+    along = 1.0 - _dot(h, B[2])
+    torque_b = _plus(_scaled(along, _cross(B[2], u)), -s, _cross(B[2], h))
+    return f, _plus(h, along, B[2]), torque_a, torque_b
 
 
 @njit(cache=True)
-def _rows(code, A, B, u, p, f, g, ta, tb):
-    """Fill the rows of one equation; g, ta, tb come in zeroed. Returns their number."""
+def _between(low, high, row):
+    """The row of a value that may lie between limits: inside them it says nothing."""
+    f, g, torque_a, torque_b = row
+    if f < low:
+        return f - low, g, torque_a, torque_b
+    if f > high:
+        return f - high, g, torque_a, torque_b
+    if low < high:
+        return 0.0, NONE, NONE, NONE
+    return 0.0, g, torque_a, torque_b
+
+
+@njit(cache=True)
+def _single(code, A, B, u, p, e):
+    """The row of an equation that has but one; p[e] are its parameters."""
+    if code == ON_PLANE:
+        row = _along(A[2], u)
+    elif code == ANGLE:
+        row = _angle(A, B)
+    elif code == POINT_DISTANCE:
+        row = _point_distance(A, u)
+    elif code == LINE_DISTANCE:
+        row = _line_distance(A, u)
+    elif code == LINES_DISTANCE:
+        row = _lines_distance(A, B, u, p[e, 2])
+    elif code == CONE_DISTANCE:
+        row = _cone_distance(A, u, p[e, 2])
+    elif code == TORUS_DISTANCE:
+        row = _torus_distance(A, u, p[e, 2])
+    elif code == RIM_HEIGHT:
+        row = _rim_height(A, B, u, p[e, 2])
+    elif code == HELIX:
+        return _helix(A, B, u, p[e, 0], p[e, 1])
+    elif code == MESH:
+        return _mesh(A, B, u, p[e, 0], p[e, 1], p[e, 2], p[e, 3])
+    else:
+        return _rack(A, B, u, p[e, 0], p[e, 1], p[e, 2], p[e, 3])
+    return _between(p[e, 0], p[e, 1], row)
+
+
+@njit(cache=True)
+def _state(k, row, r, Ja, Jb):
+    """Keep f in r[k], g and τ_b in Jb[k], τ_a in Ja[k]."""
+    r[k], g, torque_a, torque_b = row
+    Jb[k, 0], Jb[k, 1], Jb[k, 2] = g
+    Jb[k, 3], Jb[k, 4], Jb[k, 5] = torque_b
+    Ja[k, 3], Ja[k, 4], Ja[k, 5] = torque_a
+
+
+@njit(cache=True)
+def _rows(code, A, B, u, p, e, k, r, Ja, Jb):
+    """State the rows of one equation, from row k on. Returns their number."""
     if code == COINCIDENT:
-        for k in range(3):
-            _along(k, A[k], u, f, g, ta)
+        _state(k, _along(A[0], u), r, Ja, Jb)
+        _state(k + 1, _along(A[1], u), r, Ja, Jb)
+        _state(k + 2, _along(A[2], u), r, Ja, Jb)
         return 3
     if code == ON_LINE:
-        for k in range(2):
-            _along(k, A[k], u, f, g, ta)
+        _state(k, _along(A[0], u), r, Ja, Jb)
+        _state(k + 1, _along(A[1], u), r, Ja, Jb)
         return 2
     if code == ALIGNED:
-        _aligned(A, B, p[0], f, ta, tb)
+        first, second = _aligned(A, B, p[e, 0])
+        _state(k, first, r, Ja, Jb)
+        _state(k + 1, second, r, Ja, Jb)
         return 2
     if code == ORIENTED:
-        _oriented(A, B, f, ta, tb)
+        first, second, third = _oriented(A, B)
+        _state(k, first, r, Ja, Jb)
+        _state(k + 1, second, r, Ja, Jb)
+        _state(k + 2, third, r, Ja, Jb)
         return 3
-    if code == HELIX:
-        _helix(A, B, u, p[0], p[1], f, g, ta, tb)
-        return 1
-    if code == MESH:
-        _mesh(A, B, u, p[0], p[1], p[2], p[3], f, g, ta, tb)
-        return 1
-    if code == RACK:
-        _rack(A, B, u, p[0], p[1], p[2], p[3], f, g, ta, tb)
-        return 1
-    if code == ON_PLANE:
-        _along(0, A[2], u, f, g, ta)
-    elif code == ANGLE:
-        _angle(A, B, f, ta, tb)
-    elif code == POINT_DISTANCE:
-        _point_distance(A, u, f, g)
-    elif code == LINE_DISTANCE:
-        _line_distance(A, u, f, g, ta)
-    elif code == LINES_DISTANCE:
-        _lines_distance(A, B, u, p[2], f, g, ta, tb)
-    elif code == CONE_DISTANCE:
-        _cone_distance(A, u, p[2], f, g, ta)
-    elif code == TORUS_DISTANCE:
-        _torus_distance(A, u, p[2], f, g, ta)
-    else:
-        _rim_height(A, B, u, p[2], f, g, ta, tb)
-    if f[0] < p[0]:
-        f[0] -= p[0]
-    elif f[0] > p[1]:
-        f[0] -= p[1]
-    else:
-        f[0] = 0.0
-        if p[0] < p[1]:
-            _put(0.0, g[0], g[0])
-            _put(0.0, ta[0], ta[0])
-            _put(0.0, tb[0], tb[0])
+    _state(k, _single(code, A, B, u, p, e), r, Ja, Jb)
     return 1
 
 
@@ -402,40 +394,21 @@ def evaluate(code, body, element, param, start, rotation, translation, r, Ja, Jb
     code (e,), body (e, 2) rows of rotation (n, 3, 3) and translation (n, 3), element (e, 24) = point and frame of a,
     then of b (frames by rows E1, E2, D), param (e, 4), start (e,) first row of each equation.
     """
-    A = np.empty((3, 3))
-    B = np.empty((3, 3))
-    arm_a = np.empty(3)
-    arm_b = np.empty(3)
-    u = np.empty(3)
-    f = np.empty(3)
-    g = np.empty((3, 3))
-    ta = np.empty((3, 3))
-    tb = np.empty((3, 3))
     for e in range(len(code)):
         ia, ib = body[e, 0], body[e, 1]
-        Ra, Rb = rotation[ia], rotation[ib]
-        x = element[e]
-        for i in range(3):
-            arm_a[i] = Ra[i, 0] * x[0] + Ra[i, 1] * x[1] + Ra[i, 2] * x[2]
-            arm_b[i] = Rb[i, 0] * x[12] + Rb[i, 1] * x[13] + Rb[i, 2] * x[14]
-            u[i] = (translation[ib, i] - translation[ia, i]) + (arm_b[i] - arm_a[i])
-            for k in range(3):
-                o = 3 + 3 * k
-                A[k, i] = Ra[i, 0] * x[o] + Ra[i, 1] * x[o + 1] + Ra[i, 2] * x[o + 2]
-                o = 15 + 3 * k
-                B[k, i] = Rb[i, 0] * x[o] + Rb[i, 1] * x[o + 1] + Rb[i, 2] * x[o + 2]
-        for k in range(3):
-            for i in range(3):
-                g[k, i] = ta[k, i] = tb[k, i] = 0.0
-        n = _rows(code[e], A, B, u, param[e], f, g, ta, tb)
-        for k in range(n):
-            row = start[e] + k
-            r[row] = f[k]
-            gk = g[k]
-            _add_torque(-1.0, arm_a, gk, ta[k])
-            _add_torque(1.0, arm_b, gk, tb[k])
-            for i in range(3):
-                Ja[row, i] = -(Ra[0, i] * gk[0] + Ra[1, i] * gk[1] + Ra[2, i] * gk[2])
-                Jb[row, i] = Rb[0, i] * gk[0] + Rb[1, i] * gk[1] + Rb[2, i] * gk[2]
-                Ja[row, 3 + i] = Ra[0, i] * ta[k, 0] + Ra[1, i] * ta[k, 1] + Ra[2, i] * ta[k, 2]
-                Jb[row, 3 + i] = Rb[0, i] * tb[k, 0] + Rb[1, i] * tb[k, 1] + Rb[2, i] * tb[k, 2]
+        Ra, Rb = _rows3(rotation, ia), _rows3(rotation, ib)
+        arm_a, A = _element(Ra, element, e, 0)
+        arm_b, B = _element(Rb, element, e, 12)
+        # centres first: bodies far from the world's origin lie near one another
+        between = _plus(_row3(translation, ib, 0), -1.0, _row3(translation, ia, 0))
+        u = _plus(between, 1.0, _plus(arm_b, -1.0, arm_a))
+        first = start[e]
+        for k in range(first, first + _rows(code[e], A, B, u, param, e, first, r, Ja, Jb)):
+            g = _row3(Jb, k, 0)
+            va, vb = _turned_back(Ra, g), _turned_back(Rb, g)
+            wa = _turned_back(Ra, _plus(_row3(Ja, k, 3), -1.0, _cross(arm_a, g)))
+            wb = _turned_back(Rb, _plus(_row3(Jb, k, 3), 1.0, _cross(arm_b, g)))
+            Ja[k, 0], Ja[k, 1], Ja[k, 2] = -va[0], -va[1], -va[2]
+            Jb[k, 0], Jb[k, 1], Jb[k, 2] = vb
+            Ja[k, 3], Ja[k, 4], Ja[k, 5] = wa
+            Jb[k, 3], Jb[k, 4], Jb[k, 5] = wb

@@ -12,7 +12,7 @@ import pinocchio as pin
 from collision import Tolerance
 from constraints import system_kernels as kernels
 from constraints.kinds.base import Constraint
-from constraints.system import Array, Poses, System, plan
+from constraints.system import Array, Poses, System, plan, scatter
 from constraints.system_ranks import least_norm
 
 MAX_ITERATIONS = 200
@@ -68,21 +68,20 @@ def solve(
     given: tuple[Any, ...] = (*work.packed, work.offset, work.length, rotation, translation, tol.solver, MAX_ITERATIONS)
     given += (status, iterations, worst)
     kernels.solve_all(*given)
-    out: dict[int, pin.SE3] = {}
-    conflicting: list[int] = []
-    for k, system in enumerate(work.systems):
-        if iterations[k] == 0:
-            out.update((b, poses[b]) for b in system.movable)
-            continue
+    for k in np.flatnonzero(status != kernels.SOLVED):
         own = slice(work.offset[k, 2], work.offset[k + 1, 2])
-        if status[k] != kernels.SOLVED:
-            state = status[k], iterations[k], worst[k]
-            status[k], iterations[k], worst[k] = _finish(system, rotation[own], translation[own], tol, state)
-        out.update(system.scatter(rotation[own], translation[own]))
-        if status[k] != kernels.SOLVED:
-            limit = kernels.resolution(system.element, translation[own], tol.solver)
-            r = system.evaluate(rotation[own], translation[own])[0]
-            conflicting += sorted({system.members[i] for i in system.owner[np.abs(r) > limit]})
+        state = status[k], iterations[k], worst[k]
+        status[k], iterations[k], worst[k] = _finish(work.systems[k], rotation[own], translation[own], tol, state)
+    matrix = scatter(rotation, translation, work.center)
+    moved = (iterations > 0)[work.system]
+    found = map(pin.SE3, matrix[work.moving[moved]])
+    out = {b: next(found) if m else poses[b] for b, m in zip(work.movable, moved.tolist(), strict=True)}
+    conflicting: list[int] = []
+    for k in np.flatnonzero(status != kernels.SOLVED):
+        system, own = work.systems[k], slice(work.offset[k, 2], work.offset[k + 1, 2])
+        limit = kernels.resolution(system.element, translation[own], tol.solver)
+        r = system.evaluate(rotation[own], translation[own])[0]
+        conflicting += sorted({system.members[i] for i in system.owner[np.abs(r) > limit]})
     return Solution(out, float(worst.max()), not conflicting, int(iterations.sum()), tuple(sorted(conflicting)))
 
 

@@ -17,6 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from constraints import jacobians
+from constraints import system_kernels as kernels
 from constraints.errors import ConstraintsError
 from constraints.kinds.base import Constraint
 
@@ -97,14 +98,17 @@ class System:
 
     def gather(self, poses: Poses) -> tuple[Array, Array]:
         """Rotations (n, 3, 3) and positions of the centres (n, 3) of the bodies."""
-        rotation, translation = _read(poses, self.bodies)
-        translation += (rotation @ self.center[:, :, None])[:, :, 0]
-        return rotation, translation
+        return _gather(poses, self.bodies, np.arange(len(self.bodies)), self.center)
 
     def scatter(self, rotation: Array, translation: Array) -> dict[int, pin.SE3]:
         """Poses of the movable bodies."""
-        origin = translation - (rotation @ self.center[:, :, None])[:, :, 0]
-        return {b: pin.SE3(rotation[i], origin[i]) for i, b in enumerate(self.bodies) if self.slot[i] >= 0}
+        matrix = scatter(rotation, translation, self.center)
+        return {b: pin.SE3(matrix[i]) for b, i in zip(self.movable, self.moving, strict=True)}
+
+    @cached_property
+    def moving(self) -> tuple[int, ...]:
+        """Places in `bodies` of the movable ones."""
+        return tuple(np.flatnonzero(self.slot >= 0).tolist())
 
     def evaluate(self, rotation: Array, translation: Array) -> tuple[Array, Array, Array]:
         """Residual (m,) and both Jacobians (m, 6) on local twists about the centres; unweighed."""
@@ -174,15 +178,18 @@ class Plan:
     length: Array
     """(k,) m"""
     center: Array
+    movable: tuple[int, ...]
+    """ids of the movable bodies, system by system"""
+    moving: Ints
+    """where they are among the bodies of all systems"""
+    system: Ints
+    """which system each belongs to"""
     packed: tuple[NDArray[Any], ...]
     """what `system_kernels.solve_all` takes before `offset`"""
 
     def gather(self, poses: Poses) -> tuple[Array, Array]:
         """Rotations and positions of the centres, of each system's bodies in order."""
-        rotation, translation = _read(poses, self.bodies)
-        rotation, translation = rotation[self.place], translation[self.place]
-        translation += (rotation @ self.center[:, :, None])[:, :, 0]
-        return rotation, translation
+        return _gather(poses, self.bodies, self.place, self.center)
 
 
 @lru_cache(maxsize=128)
@@ -203,6 +210,8 @@ def plan(constraints: tuple[Constraint, ...], movable: frozenset[int]) -> Plan:
         for s in each
     ]
 
+    offset = np.concatenate([np.zeros((1, 6)), np.cumsum(np.reshape(sizes, (-1, 6)), axis=0)]).astype(np.int64)
+
     def pack(arrays: Sequence[NDArray[Any]], *shape: int) -> NDArray[Any]:
         return np.concatenate(arrays) if arrays else np.zeros((0, *shape))
 
@@ -211,9 +220,12 @@ def plan(constraints: tuple[Constraint, ...], movable: frozenset[int]) -> Plan:
         each,
         tuple(bodies),
         np.array([where[b] for s in each for b in s.bodies], dtype=np.int64),
-        np.concatenate([np.zeros((1, 6)), np.cumsum(np.reshape(sizes, (-1, 6)), axis=0)]).astype(np.int64),
+        offset,
         np.array([s.length for s in each]),
         pack([s.center for s in each], 3),
+        tuple(b for s in each for b in s.movable),
+        np.array([first + i for s, first in zip(each, offset[:, 2], strict=False) for i in s.moving], dtype=np.int64),
+        np.repeat(np.arange(len(each)), [len(s.movable) for s in each]),
         (
             pack([s.code for s in each]),
             pack([s.body for s in each]),
@@ -232,21 +244,37 @@ def plan(constraints: tuple[Constraint, ...], movable: frozenset[int]) -> Plan:
     )
 
 
-def _read(poses: Poses, bodies: Sequence[int]) -> tuple[Array, Array]:
-    """Rotations (n, 3, 3) and translations (n, 3) of the bodies, checked."""
-    rotation = np.empty((len(bodies), 3, 3))
-    translation = np.empty((len(bodies), 3))
-    for i, b in enumerate(bodies):
-        try:
-            pose = poses[b]
-        except (KeyError, IndexError):
-            raise ConstraintsError(f"a constraint refers to body {b}, which has no pose; pass one") from None
-        rotation[i] = pose.rotation
-        translation[i] = pose.translation
-    if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
-        bad = ~np.isfinite(rotation).all(axis=(1, 2)) | ~np.isfinite(translation).all(axis=1)
-        raise ConstraintsError(f"the pose of body {bodies[int(np.argmax(bad))]} is not finite; pass a finite one")
+def _gather(poses: Poses, bodies: Sequence[int], place: Ints, center: Array) -> tuple[Array, Array]:
+    """Rotations (n, 3, 3) and positions of the centres (n, 3) of `bodies[place]`; their poses are checked."""
+    try:
+        matrix = np.array([poses[b].homogeneous for b in bodies]).reshape(-1, 4, 4)
+    except (KeyError, IndexError):
+        raise ConstraintsError(
+            f"a constraint refers to body {_without(poses, bodies)}, which has no pose; pass one"
+        ) from None
+    if not np.isfinite(matrix).all():
+        bad = bodies[int(np.argmax(~np.isfinite(matrix).all(axis=(1, 2))))]
+        raise ConstraintsError(f"the pose of body {bad} is not finite; pass a finite one")
+    rotation, translation = np.empty((len(place), 3, 3)), np.empty((len(place), 3))
+    kernels.to_centres(matrix, place, center, rotation, translation)
     return rotation, translation
+
+
+def _without(poses: Poses, bodies: Sequence[int]) -> int:
+    """The first body that has no pose."""
+    for b in bodies:
+        try:
+            poses[b]
+        except (KeyError, IndexError):
+            return b
+    return bodies[0]
+
+
+def scatter(rotation: Array, translation: Array, center: Array) -> Array:
+    """Poses (n, 4, 4) of bodies whose centres are at `translation`."""
+    matrix = np.empty((len(center), 4, 4))
+    kernels.from_centres(rotation, translation, center, matrix)
+    return matrix
 
 
 def build(

@@ -27,6 +27,31 @@ DAMPING_FLOOR = 1e-13
 
 
 @njit(cache=True)
+def to_centres(pose, place, center, rotation, translation):
+    """Rotations (n, 3, 3) of the bodies and positions (n, 3) of their centres, from poses (u, 4, 4)[place]."""
+    for i in range(len(place)):
+        k = place[i]
+        c = center[i, 0], center[i, 1], center[i, 2]
+        for j in range(3):
+            x, y, z = pose[k, j, 0], pose[k, j, 1], pose[k, j, 2]
+            rotation[i, j, 0], rotation[i, j, 1], rotation[i, j, 2] = x, y, z
+            translation[i, j] = pose[k, j, 3] + (x * c[0] + y * c[1] + z * c[2])
+
+
+@njit(cache=True)
+def from_centres(rotation, translation, center, pose):
+    """Poses (n, 4, 4) of the bodies from where their centres are: the inverse of `to_centres`."""
+    for i in range(len(center)):
+        c = center[i, 0], center[i, 1], center[i, 2]
+        for j in range(3):
+            x, y, z = rotation[i, j, 0], rotation[i, j, 1], rotation[i, j, 2]
+            pose[i, j, 0], pose[i, j, 1], pose[i, j, 2] = x, y, z
+            pose[i, j, 3] = translation[i, j] - (x * c[0] + y * c[1] + z * c[2])
+            pose[i, 3, j] = 0.0
+        pose[i, 3, 3] = 1.0
+
+
+@njit(cache=True)
 def _copy2(x, out):
     """out = x, both of two dimensions (an array assignment compiles for seconds)."""
     for i in range(x.shape[0]):
@@ -127,8 +152,22 @@ def substitute(blocks, column, row, x):
 
 
 @njit(cache=True)
+def _scaled_row(J, k, v, w):
+    """Row k of J as a tuple (see `constraints.jacobians` for why), linear part times v, angular times w."""
+    return v * J[k, 0], v * J[k, 1], v * J[k, 2], w * J[k, 3], w * J[k, 4], w * J[k, 5]
+
+
+@njit(cache=True)
+def _add_outer(blocks, b, x, y):
+    """blocks[b] += x yᵀ."""
+    for i in range(6):
+        for j in range(6):
+            blocks[b, i, j] += x[i] * y[j]
+
+
+@njit(cache=True)
 def assemble(body, start, weight, extent, column_of, target, r, Ja, Jb, blocks, gradient):
-    """JᵀJ (lower blocks) and Jᵀr of the weighed, scaled rows; column_of (n,) body -> column or -1. Scales Ja, Jb."""
+    """JᵀJ (blocks) and Jᵀr of the weighed, scaled rows; column_of (n,) body -> column or -1."""
     for b in range(len(blocks)):
         for i in range(6):
             for j in range(6):
@@ -138,39 +177,25 @@ def assemble(body, start, weight, extent, column_of, target, r, Ja, Jb, blocks, 
             gradient[k, i] = 0.0
     for e in range(len(body)):
         last = start[e + 1] if e + 1 < len(start) else len(r)
-        a, b = column_of[body[e, 0]], column_of[body[e, 1]]
+        ia, ib = body[e, 0], body[e, 1]
+        a, b, c = column_of[ia], column_of[ib], target[e]
         for k in range(start[e], last):
             w = weight[k]
-            x, y = Ja[k], Jb[k]
-            sa, sb = w / extent[body[e, 0]], w / extent[body[e, 1]]
-            for i in range(3):
-                x[i] *= w
-                y[i] *= w
-                x[3 + i] *= sa
-                y[3 + i] *= sb
             f = w * r[k]
+            x, y = _scaled_row(Ja, k, w, w / extent[ia]), _scaled_row(Jb, k, w, w / extent[ib])
             if a >= 0:
-                D = blocks[a]
                 for i in range(6):
                     gradient[a, i] += x[i] * f
-                    for j in range(i + 1):
-                        D[i, j] += x[i] * x[j]
+                _add_outer(blocks, a, x, x)
             if b >= 0:
-                D = blocks[b]
                 for i in range(6):
                     gradient[b, i] += y[i] * f
-                    for j in range(i + 1):
-                        D[i, j] += y[i] * y[j]
-            if target[e] >= 0:
-                T = blocks[target[e]]
+                _add_outer(blocks, b, y, y)
+            if c >= 0:
                 if a > b:
-                    for i in range(6):
-                        for j in range(6):
-                            T[i, j] += x[i] * y[j]
+                    _add_outer(blocks, c, x, y)
                 else:
-                    for i in range(6):
-                        for j in range(6):
-                            T[i, j] += y[i] * x[j]
+                    _add_outer(blocks, c, y, x)
 
 
 @njit(cache=True)
@@ -325,36 +350,44 @@ def solve_system(
     valley with no solution in it, and one beside it does not.
     """
     R, t = rotation.copy(), translation.copy()
-    n = len(column) - 1
-    push = np.empty((n, 6))
-    status, iterations, worst = EXHAUSTED, 0, math.inf
-    for attempt in range(1 + len(CAUTION) + BESIDE):
+    status, iterations, worst = levenberg_marquardt(
+        code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
+        rotation, translation, length, tolerance, max_iterations, 1.0,
+    )  # fmt: skip
+    for attempt in range(1, 1 + len(CAUTION) + BESIDE):
+        if status == SOLVED or worst <= ASTRAY * min(1.0, length):
+            break
         R_new, t_new = R.copy(), t.copy()
         caution = 1.0
-        if 0 < attempt <= len(CAUTION):
+        if attempt <= len(CAUTION):
             caution = CAUTION[attempt - 1]
-        elif attempt > 0:
-            for k in range(n):
-                for i in range(6):
-                    x = (attempt * 6 * n + 6 * k + i) * GOLDEN
-                    push[k, i] = PUSH * (2.0 * (x - math.floor(x)) - 1.0)
-            for i in range(len(column_of)):
-                for j in range(6):
-                    if column_of[i] >= 0:
-                        push[column_of[i], j] *= extent[i]
-            move(R, t, extent, column_of, push, R_new, t_new)
+        else:
+            _push_aside(R, t, extent, column_of, len(column) - 1, attempt, R_new, t_new)
         status_new, more, worst_new = levenberg_marquardt(
             code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
             R_new, t_new, length, tolerance, max_iterations, caution,
         )  # fmt: skip
         iterations += more
-        if attempt == 0 or status_new == SOLVED:
+        if status_new == SOLVED:
             status, worst = status_new, worst_new
             _copy3(R_new, rotation)
             _copy2(t_new, translation)
-        if status == SOLVED or worst <= ASTRAY * min(1.0, length):
-            break
     return status, iterations, worst
+
+
+@njit(cache=True)
+def _push_aside(rotation, translation, extent, column_of, n, attempt, new_rotation, new_translation):
+    """Poses a little way off, by multiples of the golden ratio: each attempt others, each run the same."""
+    push = np.empty((n, 6))
+    for k in range(n):
+        for i in range(6):
+            x = (attempt * 6 * n + 6 * k + i) * GOLDEN
+            push[k, i] = PUSH * (2.0 * (x - math.floor(x)) - 1.0)
+    for i in range(len(column_of)):
+        for j in range(6):
+            if column_of[i] >= 0:
+                push[column_of[i], j] *= extent[i]
+    move(rotation, translation, extent, column_of, push, new_rotation, new_translation)
 
 
 @njit(cache=True)

@@ -2,6 +2,8 @@
 
 Peers run in a process of their own, in the interpreter that VPFRAME_PEERS names (this one otherwise); their seconds are
 those of the solving call alone, ours of the whole `solve` call from poses to poses, with the arrays of the call before.
+All solvers take turns, round by round, so that what else the machine does meets them alike; the median counts for each.
+In each turn ours is called several times: the first call, after the others have had the caches, is told apart.
 """
 
 from __future__ import annotations
@@ -25,9 +27,15 @@ from constraints.mobility import mobility
 from constraints.solver import solve
 
 HERE = Path(__file__).parent
-STARTS = {"1 % and 3° off": (0.01, np.deg2rad(3.0)), "10 % and 30° off": (0.1, np.deg2rad(30.0))}
-PLOTTED = {"chain of 100": "1 % and 3° off", "four-bar": "10 % and 30° off"}
+FAR = "10 % and 30° off"
+STARTS = {"1 % and 3° off": (0.01, np.deg2rad(3.0)), FAR: (0.1, np.deg2rad(30.0))}
+PLOTTED = {"chain of 100": "1 % and 3° off", "four-bar": FAR}
 """problems drawn as residual against time, and the start they are drawn from"""
+PEERS = ("cadquery", "py_slvs", "python-solvespace")
+CALLS = 6
+"""of ours, a turn"""
+PATIENCE = 2.0
+"""s: a peer slower than this gets no second turn"""
 SOLVED = 1e-6
 """m, rad: a peer whose residual is above this did not solve the problem"""
 
@@ -64,16 +72,68 @@ def _hinges(problem: Any, start: list[Any]) -> dict[str, Any]:
     return {"poses": [p.homogeneous.ravel().tolist() for p in start], "joints": joints}
 
 
-def _peers(given: dict[str, Any], repeats: int) -> dict[str, Any]:
-    interpreter = os.environ.get("VPFRAME_PEERS", sys.executable)
-    command = [interpreter, str(HERE / "constraint_peers.py"), str(repeats)]
-    done = subprocess.run(command, input=json.dumps(given), capture_output=True, text=True, check=True)
-    # CadQuery's optimiser prints a banner of its own; the answer is the last line
-    return json.loads(done.stdout.strip().splitlines()[-1])
+class Peers:
+    """The other solvers, in a process of their own that answers line by line; also a context that ends it."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[str] | None = None
+
+    def __enter__(self) -> Peers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process is not None:
+            self._process.communicate()
+
+    def ask(self, solver: str, given: dict[str, Any]) -> dict[str, Any]:
+        """{"seconds", "residual", "said"} of one attempt, or {"missing": why}."""
+        if self._process is None:
+            command = [os.environ.get("VPFRAME_PEERS", sys.executable), str(HERE / "constraint_peers.py")]
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+            )
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._process.stdin.write(json.dumps({"solver": solver, **given}) + "\n")
+        self._process.stdin.flush()
+        line = self._process.stdout.readline()
+        if line:
+            return json.loads(line)
+        self._process.wait()
+        self._process = None  # the next question gets a new one
+        return {"missing": "its process died"}
+
+
+def compete(peers: Peers, problem: Any, start: list[Any], rounds: int) -> dict[str, dict[str, Any]]:
+    """Every solver's median seconds, residual and words on one problem, each round one turn of each."""
+    given = _hinges(problem, start)
+    found = solve(problem.constraints, start, problem.movable)
+    seconds: dict[str, list[float]] = {solver: [] for solver in ("vpframe", *PEERS)}
+    first: list[float] = []
+    answer: dict[str, dict[str, Any]] = {
+        "vpframe": {
+            "residual": problem.residual({0: start[0], **found.poses}),
+            "said": f"{found.iterations} iterations",
+        }
+    }
+    for turn in range(1 + rounds):  # the first warms caches up
+        for call in range(CALLS):
+            begin = time.perf_counter()
+            solve(problem.constraints, start, problem.movable)
+            (first if call == 0 else seconds["vpframe"]).append(time.perf_counter() - begin)
+        for solver in PEERS:
+            if "missing" in answer.get(solver, {}) or (turn and max(seconds[solver]) > PATIENCE):
+                continue
+            answer[solver] = peers.ask(solver, given)
+            if "seconds" in answer[solver]:
+                seconds[solver].append(answer[solver]["seconds"])
+    answer["vpframe"]["said"] += f", {1e3 * float(np.median(first[1:])):.2f} ms after a pause"
+    for solver, each in seconds.items():
+        answer[solver]["seconds"] = float(np.median(each[1:] or each)) if each else None
+    return answer
 
 
 def run(quick: bool = False) -> dict[str, Any]:
-    """All rows of the solver's part; `quick` spares the peers the long chain and repeats less."""
+    """All rows of the solver's part; `quick` spares the peers the long chains and repeats less."""
     repeats = 7 if quick else 31
     rows: list[dict[str, Any]] = []
     ratios: dict[str, float] = {}
@@ -96,31 +156,31 @@ def run(quick: bool = False) -> dict[str, Any]:
         "chain of 100": problems.chain(100),
         "four-bar": problems.four_bar(),
     }
-    given, own = {}, {}
-    for start_name, (linear, angular) in STARTS.items():
-        for name, problem in shared.items():
-            case = f"{name}, {start_name}"
-            start = problem.shaken(linear * problem.size, angular)
-            own[case] = ours(case, problem, start)
-            if not name.startswith("chain") or (linear < 0.05 and not quick):  # it takes the peers many seconds
-                given[case] = _hinges(problem, start)
-    peers = _peers(given, 1 if quick else 3)
-    for case in own:
-        fastest: dict[bool, float] = {}
-        for solver, answers in peers.items():
-            if not isinstance(answers, dict):
-                row(case, solver, None, None, 0, str(answers))
-            elif case in answers:
-                a = answers[case]
-                row(case, solver, a["seconds"], a["residual"], len(given[case]["joints"]), f"said {a['said']}")
-                solved = a["residual"] < SOLVED
-                fastest[solved] = min(fastest.get(solved, np.inf), a["seconds"])
-        if True in fastest:
-            ratios[f"{case}: fastest peer that solves it / vpframe"] = fastest[True] / own[case]
-        if False in fastest:
-            ratios[f"{case}: fastest peer that gives up / vpframe"] = fastest[False] / own[case]
+    with Peers() as peers:
+        for start_name, (linear, angular) in STARTS.items():
+            for name, problem in shared.items():
+                case = f"{name}, {start_name}"
+                start = problem.shaken(linear * problem.size, angular)
+                if quick and name.startswith("chain"):  # it takes the peers many seconds
+                    ours(case, problem, start)
+                    continue
+                answers = compete(peers, problem, start, 3 if quick else 15)
+                fastest: dict[bool, float] = {}
+                for solver, a in answers.items():
+                    if "missing" in a:
+                        row(case, solver, None, None, 0, a["missing"])
+                        continue
+                    solved = a["residual"] < SOLVED
+                    note = a["said"] if solver == "vpframe" else f"said {a['said']}"
+                    row(case, solver, a["seconds"], a["residual"], len(problem.constraints), note)
+                    if solver != "vpframe":
+                        fastest[solved] = min(fastest.get(solved, np.inf), a["seconds"])
+                for solved, words in ((True, "solves it"), (False, "gives up")):
+                    if solved in fastest:
+                        name_of = f"{case}: fastest peer that {words} / vpframe"
+                        ratios[name_of] = fastest[solved] / answers["vpframe"]["seconds"]
     pair = problems.bolted_plate(1)
-    ours("one bolt in its hole, 10 % and 30° off", pair, pair.shaken(0.1 * pair.size, np.deg2rad(30.0)))
+    ours(f"one bolt in its hole, {FAR}", pair, pair.shaken(0.1 * pair.size, np.deg2rad(30.0)))
     ours("one bolt in its hole, already there", pair, list(pair.poses))
     large = {
         "machine of 251 parts, 1,000 constraints": problems.machine(),
@@ -129,6 +189,14 @@ def run(quick: bool = False) -> dict[str, Any]:
     }
     for name, problem in large.items():
         ours(f"{name}, warm (1 mm and 0.1° off)", problem, problem.shaken(1e-3, np.deg2rad(0.1)))
+    loops = {
+        "Bennett's loop": problems.bennett(),
+        "slider crank": problems.slider_crank(),
+        "parallelogram, flat": problems.parallelogram(0.0),
+        "Sarrus' linkage": problems.sarrus(),
+    }
+    for name, problem in {**loops, **large}.items():
+        ours(f"{name}, {FAR}", problem, problem.shaken(0.1 * problem.size, np.deg2rad(30.0)))
     for tolerance in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
         for name, start_name in PLOTTED.items():
             problem = shared[name]

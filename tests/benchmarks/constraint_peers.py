@@ -1,13 +1,14 @@
 """The same hinges through other people's solvers: runs in an interpreter that has them, JSON in, JSON out.
 
-Input: {"name": {"poses": [[16 numbers, row-major] ...], "joints": [[a, b, point_a, axis_a, point_b, axis_b] ...]}} in
-metres, body 0 fixed. Output: {"solver": {"name": {"seconds", "residual", "said"}}}, the seconds of the call that
-solves alone, best of the repeats, or {"solver": "not installed"}.
+A line in: {"solver", "poses": [[16 numbers, row-major] ...], "joints": [[a, b, point_a, axis_a, point_b, axis_b] ...]}
+in metres, body 0 fixed. A line out: {"seconds", "residual", "said"}, the seconds of the call that solves alone, or
+{"missing": why}.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -179,28 +180,20 @@ SOLVERS: dict[str, Callable[..., tuple[float, list[np.ndarray], str]]] = {
 
 
 def main() -> None:
-    """Solve all problems on standard input with every solver there is."""
-    problems = json.load(sys.stdin)
-    repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 3
-    out: dict[str, Any] = {}
-    for solver, call in SOLVERS.items():
-        out[solver] = {}
-        for name, problem in problems.items():
-            poses = [np.array(p).reshape(4, 4) for p in problem["poses"]]
-            joints = [[x if isinstance(x, int) else np.array(x) for x in j] for j in problem["joints"]]
-            best = None
-            try:
-                for _ in range(repeats):
-                    seconds, found, said = call(poses, joints)
-                    row = {"seconds": seconds, "residual": residual(joints, found), "said": said}
-                    best = row if best is None or seconds < best["seconds"] else best
-                    if seconds > 5.0:
-                        break
-            except ImportError:
-                out[solver] = "not installed"
-                break
-            out[solver][name] = best
-    json.dump(out, sys.stdout)
+    """Answer one request a line until there are no more; what the solvers themselves print goes to standard error."""
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    for line in sys.stdin:
+        asked = json.loads(line)
+        poses = [np.array(p).reshape(4, 4) for p in asked["poses"]]
+        joints = [[x if isinstance(x, int) else np.array(x) for x in j] for j in asked["joints"]]
+        try:
+            seconds, found, said = SOLVERS[asked["solver"]](poses, joints)
+            answer = {"seconds": seconds, "residual": residual(joints, found), "said": said}
+        except ImportError:
+            answer = {"missing": "not installed"}
+        answers.write(json.dumps(answer) + "\n")
+        answers.flush()
 
 
 if __name__ == "__main__":
