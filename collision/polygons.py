@@ -14,6 +14,7 @@ from typing import Final
 
 from numba import njit, types
 
+from collision.filtered import IN_DOUBT, MEET, verdict
 from collision.predicates import KERNEL, orient2d, orient3d
 
 POINT: Final = types.UniTuple(types.float64, 3)
@@ -112,7 +113,7 @@ def _touching(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr, w):
 
 
 @njit(_BOOL(POINT, POINT, POINT, POINT, POINT, POINT, SPACE), **KERNEL)
-def triangles_meet(p1, q1, r1, p2, q2, r2, w):
+def _meet(p1, q1, r1, p2, q2, r2, w):
     """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common."""
     sp = _side(p2, q2, r2, p1, w)
     sq = _side(p2, q2, r2, q1, w)
@@ -141,3 +142,10 @@ def triangles_meet(p1, q1, r1, p2, q2, r2, w):
     if tp < 0:
         q1, r1 = r1, q1
     return _side(p1, q1, p2, q2, w) <= 0 and _side(p1, r1, r2, p2, w) <= 0
+
+
+@njit(_BOOL(POINT, POINT, POINT, POINT, POINT, POINT, SPACE), **KERNEL)
+def triangles_meet(p1, q1, r1, p2, q2, r2, w):
+    """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common: by float64, and if that cannot tell, exactly."""
+    known = verdict(p1, q1, r1, p2, q2, r2)
+    return _meet(p1, q1, r1, p2, q2, r2, w) if known == IN_DOUBT else known == MEET
