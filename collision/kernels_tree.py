@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 import collision.compiling  # noqa: F401, says so on standard error
-from collision.wide import BOXES, INFO, LANES, TRIANGLES
+from collision.wide import BOXES, COUNT, FIRST, INFO, LANES, NUMBER, STARTS, TOP, TRIANGLES
 
 
 @njit(cache=True, nogil=True)
@@ -262,11 +262,13 @@ def widen(vertices, corner, box, second, first, count, root, by_place, frame, no
         leaves = (m + LANES - 1) // LANES
         above = at + TRIANGLES * leaves
         o = INFO * place
-        info[o], info[o + 1], info[o + 2], info[o + 3], info[o + 4] = s, at, above, begin, m
+        info[o + NUMBER], info[o + FIRST], info[o + COUNT] = s, begin, m
         if leaves > 1:
             for i in range((leaves + LANES - 1) // LANES):
                 empty_node(nodes, above + BOXES * i)
         top = BOXES * (place // LANES) + place % LANES
+        level = _levels(info, o, at, above, leaves)
+        info[o + STARTS + level] = top
         leaf = root[s] - 1
         for i in range(leaves):
             low, high = begin + LANES * i, begin + min(m, LANES * (i + 1))
@@ -292,6 +294,23 @@ def widen(vertices, corner, box, second, first, count, root, by_place, frame, no
         if leaves > 1:
             at = add_levels(nodes, above, (leaves + LANES - 1) // LANES)
     add_levels(nodes, 0, (k + LANES - 1) // LANES)
+    o = INFO * k
+    info[o + NUMBER], info[o + FIRST], info[o + COUNT] = -1, 0, k
+    _levels(info, o, 0, BOXES * ((k + LANES - 1) // LANES), (k + LANES - 1) // LANES)
+
+
+@njit(cache=True, nogil=True)
+def _levels(info, o, at, above, boxes):
+    """Note in the row at `info[o]` where levels over `boxes` nodes at `at` begin, from 2 on at `above`; how many."""
+    info[o + STARTS] = at
+    level = 1
+    while boxes > 1:
+        info[o + STARTS + level] = above
+        level += 1
+        boxes = (boxes + LANES - 1) // LANES
+        above += BOXES * boxes
+    info[o + TOP] = level
+    return level
 
 
 @njit(cache=True, nogil=True)

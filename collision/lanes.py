@@ -81,11 +81,15 @@ class _Lanes:
 
 
 class _Memory:
-    """A place in a float32 array."""
+    """A place in an array of float32, or in one at an address."""
 
     def __init__(self, context, builder, kind, array, at):
         self.builder = builder
-        self.base = builder.gep(context.make_array(kind)(context, builder, array).data, [at])
+        if isinstance(kind, types.Integer):
+            data = builder.inttoptr(array, _FLOAT.as_pointer())
+        else:
+            data = context.make_array(kind)(context, builder, array).data
+        self.base = builder.gep(data, [at])
 
     def _row(self, i):
         place = self.builder.gep(self.base, [ir.Constant(_INT, LANES * i)])
@@ -113,6 +117,13 @@ def _minus(a, b):
     return [x - y for x, y in zip(a, b, strict=True)]
 
 
+def _near(low, high, other_low, other_high):
+    """Bit k is set if boxes k overlap; by one comparison, not six that wait for each other. NaN and inf are apart."""
+    gaps = [(low[d] - other_high[d]).max(other_low[d] - high[d]) for d in range(3)]
+    gap = gaps[0].max(gaps[1]).max(gaps[2])
+    return gap <= _constant(gap.builder, 0.0, _VECTOR)
+
+
 @intrinsic
 def overlapping(typingctx, nodes, at, x0, y0, z0, x1, y1, z1):
     """Bit k is set if box k of the inner node at `nodes[at]` overlaps the closed box x0 … z1 (float32)."""
@@ -121,9 +132,23 @@ def overlapping(typingctx, nodes, at, x0, y0, z0, x1, y1, z1):
     def generate(context, builder, signature, args):
         node = _Memory(context, builder, signature.args[0], args[0], args[1])
         x = [_Lanes(builder, a).splat() for a in args[2:]]
-        near = (node.row(0) <= x[3]) & (x[0] <= node.row(3))
-        near = near & (node.row(1) <= x[4]) & (x[1] <= node.row(4))
-        return (near & (node.row(2) <= x[5]) & (x[2] <= node.row(5))).bits()
+        row = [node.row(i) for i in range(6)]
+        return _near(row[:3], row[3:], x[:3], x[3:]).bits()
+
+    return signature, generate
+
+
+@intrinsic
+def overlapping_lane(typingctx, nodes, at, others, lane):
+    """The same for the box in one lane of another node, that at `others[lane]`."""
+    signature = types.int64(nodes, types.int64, others, types.int64)
+
+    def generate(context, builder, signature, args):
+        node = _Memory(context, builder, signature.args[0], args[0], args[1])
+        other = _Memory(context, builder, signature.args[2], args[2], args[3])
+        row = [node.row(i) for i in range(6)]
+        x = [other.number(LANES * i).splat() for i in range(6)]
+        return _near(row[:3], row[3:], x[:3], x[3:]).bits()
 
     return signature, generate
 
@@ -207,11 +232,8 @@ def reaching(typingctx, leaf, at, x0, y0, z0, x1, y1, z1):
 
     def generate(context, builder, signature, args):
         node = _Memory(context, builder, signature.args[0], args[0], args[1])
-        near = _Lanes(builder, ir.Constant(ir.VectorType(ir.IntType(1), LANES), [1] * LANES))
-        for d in range(3):
-            near = near & (node.row(9 + d) <= _Lanes(builder, args[5 + d]).splat())
-            near = near & (_Lanes(builder, args[2 + d]).splat() <= node.row(12 + d))
-        return near.bits()
+        x = [_Lanes(builder, a).splat() for a in args[2:]]
+        return _near([node.row(9 + d) for d in range(3)], [node.row(12 + d) for d in range(3)], x[:3], x[3:]).bits()
 
     return signature, generate
 
@@ -231,11 +253,9 @@ def perhaps_meeting(typingctx, leaf, at, other, to, sx, sy, sz, off, kf, kp, k):
         single = _Memory(context, builder, signature.args[2], args[2], args[3])
         shift = [_Lanes(builder, x) for x in args[4:7]]
         off, kf, kp, k = (_Lanes(builder, x) for x in args[7:])
-        near = _Lanes(builder, ir.Constant(ir.VectorType(ir.IntType(1), LANES), [1] * LANES))
-        for d in range(3):
-            low, high = single.number(LANES * (9 + d)), single.number(LANES * (12 + d))
-            near = near & (node.row(9 + d) <= (high + shift[d] + off).splat())
-            near = near & ((low + shift[d] - off).splat() <= node.row(12 + d))
+        low = [(single.number(LANES * (9 + d)) + shift[d] - off).splat() for d in range(3)]
+        high = [(single.number(LANES * (12 + d)) + shift[d] + off).splat() for d in range(3)]
+        near = _near([node.row(9 + d) for d in range(3)], [node.row(12 + d) for d in range(3)], low, high)
         # corners of all eight against the plane of the one
         normal = [single.number(LANES * (15 + d)) for d in range(3)]
         plane = single.number(LANES * 18) + _dot(normal, shift)
@@ -254,16 +274,5 @@ def perhaps_meeting(typingctx, leaf, at, other, to, sx, sy, sz, off, kf, kp, k):
         apart = apart | (side[0].min(side[1]).min(side[2]) > plane + bound)
         apart = apart | (plane - bound > side[0].max(side[1]).max(side[2]))
         return (near & ~apart).bits()
-
-    return signature, generate
-
-
-@intrinsic
-def lowest(typingctx, bits):
-    """The place of the lowest set bit."""
-    signature = types.int64(types.int64)
-
-    def generate(context, builder, signature, args):
-        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
 
     return signature, generate

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from collision.boxes import take_pose
 from collision.kernels_tree import add_levels, empty_node, longest_axis, middle, select
-from collision.lanes import lowest, overlapping
+from collision.lanes import overlapping
+from collision.memory import lowest
 from collision.wide import BOXES, LANES, nodes_over
 
 OFFSET: Final = 64.0 * 2.0**-53

@@ -146,6 +146,6 @@ def _meet(p1, q1, r1, p2, q2, r2, w):
 
 @njit(_BOOL(POINT, POINT, POINT, POINT, POINT, POINT, SPACE), **KERNEL)
 def triangles_meet(p1, q1, r1, p2, q2, r2, w):
-    """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common: by float64, and if that cannot tell, exactly."""
+    """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common, exactly, though mostly by float64."""
     known = verdict(p1, q1, r1, p2, q2, r2)
     return _meet(p1, q1, r1, p2, q2, r2, w) if known == IN_DOUBT else known == MEET

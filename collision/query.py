@@ -17,7 +17,7 @@ from collision.poses import pack
 from collision.shape import triangles_needed
 from collision.statistics import Statistics
 from collision.tolerance import Tolerance
-from collision.wide import INFO, build_wide_trees, wide_tree_of
+from collision.wide import WideTree, build_wide_trees, wide_tree_of
 
 Method = Literal["best", "oaabb", "brute", "coal"]
 METHODS = ("best", "oaabb", "brute", "coal")
@@ -56,9 +56,9 @@ def examine(
     """`colliding_surfaces`, and what it cost."""
     if method == "best":
         scratch = _local.scratch
-        before = Statistics.of(scratch.counts[:5])
+        before = scratch.statistics
         pairs = scratch.ask(mesh_a, mesh_b, pose_ab)
-        return pairs, Statistics.of(scratch.counts[:5]) - before
+        return pairs, scratch.statistics - before
     pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}")
     if method in ("oaabb", "brute"):
         return _plain(mesh_a, mesh_b, pose, method == "oaabb")
@@ -73,16 +73,17 @@ class Scratch:
     """What the fast query works in: one a thread, grown to the largest meshes seen, never part of an answer."""
 
     def __init__(self) -> None:
-        from collision.best import COUNTS, LEVELS, SLOT, SPREAD, STACK
+        from collision.best import COUNTS, SPREAD, STACK, TABLE
         from collision.lanes import MOTION
-        from collision.predicates import workspace
+        from collision.predicates import FALLBACKS, workspace
 
-        self._slot, self._spread = SLOT, SPREAD
+        self._spread, self._fallbacks = SPREAD, FALLBACKS
         self.pose, self.motion = np.empty(15), np.empty(MOTION, np.float32)
-        self.stack = np.empty(STACK, np.int32)
-        self.levels = np.empty((3, LEVELS), np.int64)
+        self.stack = np.empty(STACK, np.int64)
         self.workspace = workspace()
         self.counts = np.zeros(COUNTS, np.int64)
+        self.table = np.zeros(TABLE, np.int64)
+        self.address = self.table.ctypes.data
         self.size_a = self.size_b = self.size_pairs = 0
         self.fit(1, 1, 1)
 
@@ -91,31 +92,40 @@ class Scratch:
         if size_a > self.size_a:
             self.size_a = size_a
             self.prepared = np.empty(self._spread * size_a, np.float32)
-            self.stamp_a = np.zeros(size_a // self._slot + 1, np.int64)
+            self.stamp_a = np.zeros(size_a // 8 + 1, np.int64)
         if size_b > self.size_b:
             self.size_b = size_b
             self.moved = np.empty(size_b, np.float32)
             self.turned = np.empty(self._spread * size_b, np.float32)
-            self.stamp = np.zeros(size_b // self._slot + 1, np.int64)
+            self.stamp = np.zeros(size_b // 8 + 1, np.int64)
         if pairs > self.size_pairs:
             self.size_pairs = pairs
             self.keys = np.empty(pairs, np.int64)
             self.pairs = np.empty((pairs, 2), np.int32)
-        self.arguments = (
+        arrays = (
             self.pose, self.motion, self.moved, self.stamp, self.turned, self.prepared, self.stamp_a,
-            self.stack, self.levels, self.keys, self.pairs, self.counts, self.workspace,
+            self.stack, self.keys, self.pairs, self.counts, self.workspace,
         )  # fmt: skip
+        self.table[: len(arrays)] = [array.ctypes.data for array in arrays]
+
+    def fit_trees(self, a: WideTree, b: WideTree) -> None:
+        """Grow to two trees."""
+        pairs = a.n_surfaces * b.n_surfaces
+        if len(a.nodes) > self.size_a or len(b.nodes) > self.size_b or pairs > self.size_pairs:
+            self.fit(len(a.nodes), len(b.nodes), pairs)
+
+    @property
+    def statistics(self) -> Statistics:
+        """Counts of all questions so far."""
+        return Statistics.of([*self.counts[:4], self.workspace[self._fallbacks]])
 
     def ask(self, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose: Any) -> NDArray[np.int32]:
         """The colliding pairs of surfaces, nothing remembered."""
         from collision.best import ask
 
         a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
-        pairs = mesh_a.n_surfaces * mesh_b.n_surfaces
-        if len(a.nodes) > self.size_a or len(b.nodes) > self.size_b or pairs > self.size_pairs:
-            self.fit(len(a.nodes), len(b.nodes), pairs)
-        matrix = _matrix(pose, mesh_a, mesh_b)
-        n = ask(*a.arrays, *b.arrays, matrix, Tolerance.rigid, NOTHING, *self.arguments)
+        self.fit_trees(a, b)
+        n = ask(a.address, b.address, _matrix(pose, mesh_a, mesh_b), Tolerance.rigid, self.address)
         if n < 0:
             pack(pose, _who(mesh_a, mesh_b))  # raises
         return self.pairs[:n].copy()
@@ -129,41 +139,42 @@ class PairQuery:
     """
 
     def __init__(self, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> None:
-        from collision.best import PREPARED_FOR, ask
+        from collision.best import LAST, PREPARED_FOR, ask
 
-        a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
-        pairs = mesh_a.n_surfaces * mesh_b.n_surfaces
         self._meshes = mesh_a, mesh_b
-        self._ask = ask
+        self._trees = a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
+        self._last = np.full(a.n_surfaces * b.n_surfaces, -1, np.int64)
         self._scratch = Scratch()
-        self._scratch.fit(len(a.nodes), len(b.nodes), pairs)
+        self._scratch.fit_trees(a, b)
         self._scratch.counts[PREPARED_FOR] = 1
-        self._head = (*a.arrays, *b.arrays)
-        self._tail = (np.full(pairs, -1, np.int64), *self._scratch.arguments)
+        self._scratch.table[LAST] = self._last.ctypes.data
+        self._ask, self._addresses, self._address = ask, (a.address, b.address), self._scratch.address
+        self._pairs = self._scratch.pairs
 
     def colliding_surfaces(self, pose_ab: Any) -> NDArray[np.int32]:
         """(k, 2) int32: surface of a, surface of b, sorted; for b at `pose_ab` in a's frame."""
         matrix = _matrix(pose_ab, *self._meshes)
-        n = self._ask(*self._head, matrix, Tolerance.rigid, *self._tail)
+        n = self._ask(*self._addresses, matrix, Tolerance.rigid, self._address)
         if n < 0:
             pack(pose_ab, _who(*self._meshes))  # raises
-        return self._scratch.pairs[:n].copy()
+        return self._pairs[:n].copy()
 
     @property
     def statistics(self) -> Statistics:
         """Counts of all questions so far."""
-        return Statistics.of(self._scratch.counts[:5])
+        return self._scratch.statistics
 
 
 class Remembered:
     """A pair of objects in a `CollisionManager`: what was answered, for which poses, and what met."""
 
-    __slots__ = ("asked", "last", "meshes", "pairs", "versions")
+    __slots__ = ("address", "asked", "last", "meshes", "pairs", "versions")
 
     def __init__(self, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> None:
         surfaces = mesh_a.n_surfaces * mesh_b.n_surfaces
         self.meshes = mesh_a, mesh_b
         self.last = np.full(surfaces, -1, np.int64) if surfaces <= REMEMBERED else NOTHING
+        self.address = self.last.ctypes.data if len(self.last) else 0
         self.pairs: NDArray[np.int32]
         self.versions = self.asked = (-1, -1)
 
@@ -178,20 +189,20 @@ def ask_many(asked: Sequence[tuple[Remembered, NDArray[np.float64]]]) -> Statist
 
 
 def _ask_some(asked: Sequence[tuple[Remembered, NDArray[np.float64]]]) -> Statistics:
-    from collision.best import best_pairs
+    from collision.best import LAST, best_pairs
 
     scratch = _local.scratch
-    before = Statistics.of(scratch.counts[:5])
+    before = scratch.statistics
     for known, pose in asked:
         a, b = (wide_tree_of(mesh) for mesh in known.meshes)
-        surfaces = len(a.info) // INFO * (len(b.info) // INFO)
-        if len(a.nodes) > scratch.size_a or len(b.nodes) > scratch.size_b or surfaces > scratch.size_pairs:
-            scratch.fit(len(a.nodes), len(b.nodes), surfaces)
+        scratch.fit_trees(a, b)
         scratch.pose[:12] = pose
-        n = best_pairs(*a.arrays, *b.arrays, known.last, *scratch.arguments)
+        scratch.table[LAST] = known.address
+        n = best_pairs(a.address, b.address, scratch.address)
         known.pairs = scratch.pairs[:n].copy()
         known.versions = known.asked
-    return Statistics.of(scratch.counts[:5]) - before
+    scratch.table[LAST] = 0
+    return scratch.statistics - before
 
 
 @cache

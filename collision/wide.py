@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +31,12 @@ TRIANGLES: Final = 9 * LANES
 """float32 a leaf takes: rows of x, y, z of the corners p, q, r; an empty lane is all inf"""
 LARGEST: Final = 1e30
 """m: the boxes are float32"""
-INFO: Final = 5
-"""numbers a surface in `WideTree.info`"""
+INFO: Final = 16
+"""numbers a surface in `WideTree.info`: see there"""
+NUMBER, FIRST, COUNT, TOP, STARTS = range(5)
+"""their places; the level l begins at `STARTS + l - 1`"""
+NODES, ROWS, CORNERS, VERTICES, FRAME, SURFACES = range(6)
+"""places in `WideTree.table`"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +46,9 @@ class WideTree:
     nodes: NDArray[np.float32]
     """nodes of `collision.lanes`: the levels over the surfaces, then the leaves and levels of each surface"""
     info: NDArray[np.int64]
-    """(5 k,) for each surface in the tree's order: its number, where in `nodes` its leaves and its levels above begin,
-    its first triangle in leaf order, its number of triangles"""
+    """(16 (k + 1),) for each surface in the tree's order: its number, its first triangle in leaf order, its number of
+    triangles, its top level, and where in `nodes` its levels 1, 2, … begin, after the top one the place of its box (an
+    entry each, up to 11 levels); at last such a row for the levels over the surfaces"""
     corner: NDArray[np.int32]
     """(3 m,) vertices of the triangles in leaf order"""
     vertices: NDArray[np.float64]
@@ -51,8 +56,11 @@ class WideTree:
     frame: NDArray[np.float64]
     """(7,) centre of the mesh's box, half its size, greatest magnitude of a coordinate"""
 
-    arrays: tuple[NDArray[Any], ...]
-    """the five of them, in this order"""
+    table: NDArray[np.int64]
+    """(6,) their addresses, in this order, and the number of surfaces: what the kernels are given"""
+    address: int
+    """that of the table"""
+    n_surfaces: int
 
     @property
     def nbytes(self) -> int:
@@ -85,7 +93,7 @@ def _build(mesh: SurfaceMesh) -> WideTree:
     over = max(1, nodes_over(len(leaves))) + nodes_over(leaves)
     size = TRIANGLES * int(leaves.sum()) + BOXES * over
     nodes = np.empty(size, np.float32)
-    info = np.empty(INFO * len(leaves), np.int64)
+    info = np.empty(INFO * (len(leaves) + 1), np.int64)
     box = tree.box[0]
     frame = np.array([*(0.5 * (box[:3] + box[3:])), *(0.5 * (box[3:] - box[:3])), largest])
     widen(
@@ -95,7 +103,8 @@ def _build(mesh: SurfaceMesh) -> WideTree:
     arrays = (nodes, info, tree.corner.ravel(), mesh.vertices.ravel(), frame)
     for array in arrays:
         array.setflags(write=False)
-    wide = WideTree(*arrays, arrays)
+    table = np.array([*(array.ctypes.data for array in arrays), len(leaves)], np.int64)
+    wide = WideTree(*arrays, table, table.ctypes.data, len(leaves))
     mesh._cache["wide"] = wide
     return wide
 

@@ -67,8 +67,9 @@ def test_wide_nodes_hold_what_is_below_them(triangles: int, surfaces: int) -> No
     wide, tree = wide_tree_of(mesh), tree_of(mesh)
     centre = wide.frame[:3]
     seen: list[int] = []
-    for place, (surface, leaves, _above, first, count) in enumerate(wide.info.reshape(-1, INFO).tolist()):
+    for place, (surface, first, count, top, leaves, *above) in enumerate(wide.info.reshape(-1, INFO)[:-1].tolist()):
         points = mesh.vertices[mesh.triangles[mesh.triangles_of(surface)]].reshape(-1, 3) - centre
+        assert [leaves, *above][top] == BOXES * (place // 8) + place % 8
         box = wide.nodes[BOXES * (place // 8) :][:BOXES].reshape(6, 8)[:, place % 8]
         assert (box[:3] <= points.min(0)).all() and (points.max(0) <= box[3:]).all()
         assert np.allclose(box, [*points.min(0), *points.max(0)], atol=1e-5)
