@@ -165,7 +165,11 @@ class CollisionManager:
     def relative_pose(self, i: int, j: int) -> pin.SE3:
         """The pose of object j in the frame of object i, by which its vertices are moved once."""
         self.mesh(i), self.mesh(j)
-        return _poses.unpack(_poses.between(self._pose[i], self._pose[j]))
+        from collision.objects import relative_poses
+
+        out = np.empty((1, 12))
+        relative_poses(self._pose, np.array([[i, j]], np.int32), out)
+        return _poses.unpack(out[0])
 
     # --- what is left out --------------------------------------------------------------------------------------------
 

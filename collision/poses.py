@@ -55,12 +55,3 @@ def unpack(packed: NDArray[np.float64]) -> Any:
     import pinocchio as pin
 
     return pin.SE3(packed[:9].reshape(3, 3), packed[9:].copy())
-
-
-def between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The (12,) pose of b in a's frame, for the (12,) poses of both in the world."""
-    ra, rb = a[:9].reshape(3, 3), b[:9].reshape(3, 3)
-    shift = b[9:] - a[9:]
-    # term by term, as `objects.relative_poses` does it: a library's product may round otherwise
-    rotation = ra[0][:, None] * rb[0] + ra[1][:, None] * rb[1] + ra[2][:, None] * rb[2]
-    return np.concatenate([rotation.ravel(), ra[0] * shift[0] + ra[1] * shift[1] + ra[2] * shift[2]])

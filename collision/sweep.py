@@ -147,7 +147,7 @@ def _pairs(manager: CollisionManager, moving: Mapping[int, _Mover]) -> list[tupl
     out = set()
     for i in moving:
         low, high = box[i, :3] - manager.tolerance.linear, box[i, 3:] + manager.tolerance.linear
-        near = ((box[:, :3] <= high) & (box[:, 3:] >= low)).all(axis=1)
+        near = np.all((box[:, :3] <= high) & (box[:, 3:] >= low), axis=1).tolist()
         out |= {(min(i, j), max(i, j)) for j in objects if near[j] and j != i}
     return sorted(pair for pair in out if not manager.ignored(*pair))
 

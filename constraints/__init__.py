@@ -2,6 +2,7 @@
 
 from constraints.candidate import Candidate
 from constraints.errors import ConstraintsError, GeometryError
+from constraints.god_object import MotionResult
 from constraints.kinds import (
     Against,
     Angle,
@@ -28,7 +29,7 @@ from constraints.kinds import (
 )
 from constraints.manager import Accepted, Change, ConstraintManager, UnknownConstraintError
 from constraints.mobility import Freedom, Mobility, mobility
-from constraints.motion import Motion, MotionResult
+from constraints.motion import Motion
 from constraints.recognition import recognise
 from constraints.solver import Solution, solve
 

@@ -8,7 +8,7 @@ import pytest
 
 from collision import CollisionManager, Tolerance
 from constraints import ConstraintManager, ConstraintsError, Motion
-from constraints.motion import adjacent_surfaces
+from constraints.mated import adjacent_surfaces
 from constraints.quadratic_program import quadratic_program
 from tests.constraints.shapes import Body, box, flanged_shaft, housing, shaft, turned
 

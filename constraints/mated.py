@@ -1,0 +1,92 @@
+"""Which surfaces a constraint in force keeps out of collision: the two it mates, and the faces beside each of them.
+
+The faces next to a mated one meet the other part only along the rim, where facets would overlap. Everything else of
+both parts stays solid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision import SurfaceMesh, Tolerance
+from constraints.candidate import Candidate
+from constraints.manager import ConstraintManager
+from constraints.sleeve import sleeve
+
+Pairing = tuple[int, tuple[int, ...], int, tuple[int, ...]]
+"""Body a, surfaces of it, body b, surfaces of it: each of the first with each of the second."""
+
+
+class Ignoring(Protocol):
+    """What is asked of `collision.CollisionManager`."""
+
+    def mesh(self, i: int) -> SurfaceMesh: ...
+    def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
+    def heed_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
+
+
+class MatedSurfaces:
+    """Tells collision which surfaces to leave out, as constraints come and go."""
+
+    def __init__(self, collision: Ignoring, constraints: ConstraintManager, tolerance: Tolerance) -> None:
+        self.collision = collision
+        self.constraints = constraints
+        self.tolerance = tolerance
+        self._mated: dict[int, tuple[Pairing, ...]] = {}
+        self._beside: dict[int, Pairing] = {}
+
+    def sync(self) -> None:
+        """Bring collision up to date with the constraints in force."""
+        accepted = self.constraints.accepted
+        if self._mated.keys() == accepted.keys():
+            return
+        for id in [i for i in self._mated if i not in accepted]:
+            del self._beside[id]
+            for a, sa, b, sb in self._mated.pop(id):
+                self.collision.heed_surfaces(a, sa, b, sb)
+        for id, entry in accepted.items():
+            a, b = entry.candidate.bodies
+            sa, sb = entry.candidate.surfaces
+            beside_a = adjacent_surfaces(self.collision.mesh(a), sa)
+            beside_b = adjacent_surfaces(self.collision.mesh(b), sb)
+            self._beside[id] = (a, beside_a, b, beside_b)
+            self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb), *self._sleeve(entry.candidate))
+            for row in self._mated[id]:  # again for the old ones too: pairs may share surfaces with one just heeded
+                self.collision.ignore_surfaces(*row)
+
+    def _sleeve(self, candidate: Candidate) -> tuple[Pairing, ...]:
+        """The faces that cannot meet while a shaft shares its bore's axis, or planes are face to face."""
+        a, _, b, _, _ = candidate.key
+        meshes = self.collision.mesh(a), self.collision.mesh(b)
+        faces = sleeve(candidate, self.constraints.recogniser.features, meshes, self.tolerance.fit)
+        return () if faces is None else ((a, faces[0], b, faces[1]),)
+
+    def beside(self, a: int, sa: int, b: int, sb: int) -> bool:
+        """Whether surface sa of body a and sb of b both lie next to the surfaces of one mate."""
+        return any((i, j) == (a, b) and sa in si and sb in sj for i, si, j, sj in self._beside.values())
+
+
+def adjacent_surfaces(mesh: SurfaceMesh, surfaces: Iterable[int]) -> tuple[int, ...]:
+    """Surfaces that share a vertex position with one of `surfaces`, these left out; ascending."""
+    table = mesh._cache.get("surface_adjacency")
+    if table is None:
+        table = mesh._cache["surface_adjacency"] = _adjacency(mesh)
+    mine = set(surfaces)
+    return tuple(sorted({int(t) for s in mine for t in table[s]} - mine))
+
+
+def _adjacency(mesh: SurfaceMesh) -> list[NDArray[Any]]:
+    corners = mesh.vertices[mesh.triangles].reshape(-1, 3)
+    scale = float(np.abs(corners).max()) or 1.0
+    _, point = np.unique(np.round(corners / (1e-9 * scale)), axis=0, return_inverse=True)
+    pairs = np.unique(np.stack([point.reshape(-1), np.repeat(mesh.surface_of_triangle, 3)], axis=1), axis=0)
+    groups = np.split(pairs[:, 1], np.flatnonzero(np.diff(pairs[:, 0])) + 1)
+    table: list[set[int]] = [set() for _ in range(mesh.n_surfaces)]
+    for group in groups:
+        for s in group:
+            table[s].update(group.tolist())
+    return [np.array(sorted(t - {s}), dtype=np.int64) for s, t in enumerate(table)]
