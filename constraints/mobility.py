@@ -20,10 +20,10 @@ from constraints import system_kernels as kernels
 from constraints.blocks import GROUND, Block, blocks
 from constraints.kinds.base import Constraint
 from constraints.lower_pairs import SUBGROUPS, name_joint, orthonormal
+from constraints.null_space import null_space
 from constraints.redundancy import Conflict, Names, Redundancy, conflicts, labels, redundancies
 from constraints.solver import run, solve
 from constraints.system import Array, Poses, System, build
-from constraints.system_ranks import null_basis, pivoted_qr
 
 STEP = 0.02
 """rad (or of a part's size): the finite step; small enough to stay on a branch, large enough that a contact of fourth
@@ -56,13 +56,20 @@ class Mobility:
     """the same, of true motions"""
     parts: Mapping[int, Freedom]
     """by body id: each body that a constraint or `poses` names and that is not fixed"""
-    pairs: Mapping[tuple[int, int], Freedom]
-    """of the second body in the first one's eyes, by (a, b) with a < b, for each pair that a constraint joins"""
     residual: float
     """m or rad: greatest row at the pose looked at"""
     margin: float
     """least pivot that counts, over the largest: near `tolerance.rank` the count hangs on that tolerance"""
     _study: _Study = field(repr=False)
+
+    @cached_property
+    def pairs(self) -> Mapping[tuple[int, int], Freedom]:
+        """Of the second body in the first one's eyes, by (a, b) with a < b, for each pair that a constraint joins."""
+        out: dict[tuple[int, int], Freedom] = {}
+        for m in self._study.moves:
+            for a, b in sorted({(min(c.bodies), max(c.bodies)) for c in m.system.constraints}):
+                out[a, b] = _freedom(_Carried().between(m, a, b), self._study.at[b])
+        return out
 
     @cached_property
     def conflicting(self) -> tuple[Conflict, ...]:
@@ -151,27 +158,24 @@ def mobility(
     solution = solve(constraints, poses, known - held, tol)
     at = {b: solution.poses[b] if b in solution.poses else poses[b] for b in known}
     moves = [_moves(block, _system(constraints, block), at, tol) for block in _blocks(constraints, held)]
-    above = {b: m for m in moves for b in m.block.bodies}
-    bases = {m.block.root for m in moves} - set(above) - {GROUND}  # lowest bodies of components without a fixed one
     carried: dict[int, _Carried] = {GROUND: _Carried()}
+    grounded = {GROUND}
+    bases: set[int] = set()  # lowest bodies of components without a fixed one
     for m in moves:  # roots come before what hangs from them
+        root = m.block.root
+        if root not in carried:
+            carried[root] = _Carried()
+            bases.add(root)
         for b in m.block.bodies:
-            carried[b] = carried.get(m.block.root, carried[GROUND]).then(m, b)
-    parts: dict[int, Freedom] = {}
-    for b in sorted(known - held):
-        grounded = b in above and _root(b, above) not in bases
-        parts[b] = _freedom(carried[b], at[b]) if grounded else Freedom(6, 6, np.eye(6), "free")
-    pairs: dict[tuple[int, int], Freedom] = {}
-    for m in moves:
-        for c in m.system.constraints:
-            a, b = min(c.bodies), max(c.bodies)
-            if (a, b) not in pairs:
-                pairs[a, b] = _freedom(_Carried().between(m, a, b), at[b])
+            carried[b] = carried[root].then(m, b)
+        if root in grounded:
+            grounded |= set(m.block.bodies)
+    unbound = Freedom(6, 6, np.eye(6), "free")
+    parts = {b: _freedom(carried[b], at[b]) if b in grounded else unbound for b in sorted(known - held)}
     return Mobility(
         sum(m.freedom for m in moves) + 6 * len(bases),
         sum(m.finite for m in moves) + 6 * len(bases),
         parts,
-        pairs,
         solution.residual,
         min((m.margin for m in moves), default=1.0),
         _Study(constraints, tuple(moves), at, held, tol, names),
@@ -186,24 +190,6 @@ def _blocks(constraints: tuple[Constraint, ...], fixed: frozenset[int]) -> tuple
 @lru_cache(maxsize=256)
 def _system(constraints: tuple[Constraint, ...], block: Block) -> System:
     return build(constraints, block.constraints, block.bodies, bounds=False)
-
-
-def rank_threshold(system: System, worst: float, tolerance: Tolerance) -> float:
-    """Pivots below this times the largest count as zero.
-
-    `tolerance.rank`; where the constraints are inconsistent (by `worst`, m) their directions are uncertain by as much
-    over a length, up to `tolerance.angular`.
-    """
-    return max(tolerance.rank, min(8.0 * worst / system.length, tolerance.angular))
-
-
-def null_space(system: System, rotation: Array, translation: Array, tolerance: Tolerance) -> tuple[Array, float, float]:
-    """Orthonormal scaled null space (movable, 6, k) of the Jacobian, the threshold used, and the least pivot kept."""
-    r, jacobian = system.dense(rotation, translation)
-    threshold = rank_threshold(system, float(np.abs(r).max()), tolerance)
-    order, upper, rank, margin = pivoted_qr(np.ascontiguousarray(jacobian.T), threshold)
-    null = np.linalg.qr(null_basis(order, upper, rank).T)[0]
-    return null.reshape(len(system.movable), 6, -1), threshold, float(margin)
 
 
 def _moves(block: Block, system: System, at: Mapping[int, pin.SE3], tolerance: Tolerance) -> _Moves:
@@ -262,12 +248,6 @@ def _sample(
         nullity = max(nullity, null_space(system, turned, moved, tolerance)[0].shape[2])
     span = orthonormal(np.array(spanned).reshape(-1, 6 * len(slots)).T, 0.1).shape[1]
     return {b: tuple(s) for b, s in samples.items()}, min(span, nullity)
-
-
-def _root(b: int, above: Mapping[int, _Moves]) -> int:
-    while b in above:
-        b = above[b].block.root
-    return b
 
 
 @dataclass(frozen=True, eq=False)
