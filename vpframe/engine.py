@@ -309,7 +309,8 @@ class Engine:
             self._blocked = {}
             return ()
         began = clock.perf_counter()
-        result = self.motion.step(wanted, self.poses, wanted)
+        carried = {self.scene.index(w.part): [self.scene.index(name) for name in w.carried] for w in wishes}
+        result = self.motion.step({i: wanted[i] for i in carried}, self.poses, wanted, carried)
         for i, pose in result.poses.items():
             if pose != self.poses[i]:
                 self.poses[i] = pose
@@ -526,6 +527,7 @@ class Engine:
             "blocked": self._blocked,
             "joined": sorted(self.joined),
             "last_wanted": self._last_wanted,
+            "carried": self.motion.carried,
             "dynamics": None if self.dynamics is None else self.dynamics.state(),
         }
 
@@ -539,6 +541,7 @@ class Engine:
         self._active, self._moved, self._blocked = set(state["active"]), set(state["moved"]), dict(state["blocked"])
         self.joined = set(state["joined"])
         self._last_wanted = dict(state["last_wanted"])
+        self.motion.carried = dict(state["carried"])
         if self.dynamics is not None:
             self.dynamics.restore(state["dynamics"], self._constraints_in_force())
         self._told_at_start, self._remated, self._shown = [], set(), {}

@@ -30,8 +30,9 @@ class Room:
         self.poses = list(poses)
         self.movable = range(1, len(bodies))
 
-    def move(self, pose, held=1, movable=None):
-        result = self.motion.step({held: pose}, self.poses, self.movable if movable is None else movable)
+    def move(self, pose, held=1, movable=None, carried=()):
+        movable = self.movable if movable is None else movable
+        result = self.motion.step({held: pose}, self.poses, movable, {held: carried})
         for i, p in result.poses.items():
             self.poses[i] = p
         return result
@@ -159,6 +160,35 @@ def test_a_subassembly_is_stopped_by_what_its_other_end_hits():
     assert result.blocked
     assert 0.0 < room.poses[1].translation[2] + 0.09 < 1e-4  # the shaft's end, on the wall
     assert room.poses[2].translation[2] == pytest.approx(room.poses[1].translation[2] + 0.04, abs=1e-9)
+
+
+@pytest.mark.parametrize("accept", [False, True])
+def test_what_is_carried_does_not_drift_when_it_is_blocked(accept):
+    """Two boxes side by side, held by one: the other runs into a wall, is pressed on it and slides, as one piece."""
+    bodies = [box(1.0, 1.0, 0.02), box(0.04, 0.04, 0.04), box(0.04, 0.04, 0.06), box(0.03, 0.03, 0.03)]
+    room = Room(bodies, [at(), at(z=0.06), at(x=0.04, z=0.06), at(x=0.3, z=0.2)], accept=accept)
+    room.update()
+    start = [room.poses[1].actInv(room.poses[i]) for i in (2, 3)]
+    rng = np.random.default_rng(3)
+    blocked = 0
+    for k in range(200):
+        wish = at(x=0.002 * k, y=0.01 * np.sin(k), z=0.02, rpy=rng.uniform(-0.4, 0.4, 3))
+        result = room.move(wish, carried=(2, 3))
+        blocked += result.blocked
+        assert set(result.poses) == {1, 2, 3}
+        for i, relative in zip((2, 3), start, strict=True):
+            off = relative.actInv(room.poses[1].actInv(room.poses[i]))
+            assert np.abs(pin.log6(off).vector).max() < 1e-9
+    assert blocked > 150 and len(room.world.colliding_surfaces([2, 3])) == 0
+    room.move(at(z=0.3))
+    assert (room.poses[2].translation[2] < 0.2) != accept  # let go of, it comes only if its constraints bring it
+
+
+def test_a_body_is_carried_once_and_by_a_held_one():
+    room = Room([box(1, 1, 0.01), box(0.1, 0.1, 0.1), box(0.1, 0.1, 0.1)], [at(), at(z=0.2), at(z=0.4)], accept=False)
+    for wanted, carried in (({1: at()}, {1: (1,)}), ({1: at()}, {1: (2, 2)}), ({1: at()}, {2: (1,)})):
+        with pytest.raises(ConstraintsError, match="carried"):
+            room.motion.step(wanted, room.poses, [1, 2], carried)
 
 
 def test_parts_that_may_not_move_hold_the_others():

@@ -9,7 +9,7 @@ import pytest
 from physics import Gravity, SpringHand
 from tests.vpframe.bench_scene import SEAT, at, scene
 from vpframe import rules
-from vpframe.errors import TaskError
+from vpframe.errors import TaskError, VpframeError
 from vpframe.interaction import Assist, Spline, candidate, clearance, constraint, contact
 from vpframe.session import Session
 
@@ -127,3 +127,20 @@ def test_a_spring_hand_feels_the_weight() -> None:
         hand.wait(1.5)
         weight = 7850.0 * 0.02**3 * 9.80665
         assert 0.02 - session.scene["cube"].pose.translation[2] == pytest.approx(weight / 100.0, rel=0.02)
+
+
+def test_what_a_hand_carries_stays_in_place_on_it_when_the_hand_is_stopped() -> None:
+    """Peg and cube in one hand, the cube pressed askew on the table: the peg beside it keeps its place to 1e-9."""
+    with Session(scene(), rule=rules.leave_all) as session:
+        hand = session.hand(at=session.scene["peg"].pose.translation + np.array([0.0, 0.0, 0.01]))
+        for wrong in (["peg"], ["cube", "cube"], ["cone"], ["table"]):
+            with pytest.raises(VpframeError, match=r"once|no part|fixed"):
+                hand.grab("peg", carry=wrong)
+        hand.grab("peg", carry=["cube"])
+        start = session.scene["peg"].pose.actInv(session.scene["cube"].pose)
+        down = pin.SE3(pin.rpy.rpyToMatrix(0.05, 0.08, 0.3), np.array([0.06, 0.0, -0.02]))
+        assert not hand.move_to(down, duration=0.5, required=False)
+        assert any(e.kind == "blocked" for e in session.events)
+        off = start.actInv(session.scene["peg"].pose.actInv(session.scene["cube"].pose))
+        assert np.abs(pin.log6(off).vector).max() < 1e-9
+        session.expect_no_clash()

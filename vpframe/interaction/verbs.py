@@ -60,6 +60,8 @@ def grab(hand: Hand, part: str, surface: int | None, carried: tuple[str, ...]) -
     session = hand.session
     if hand.held is not None:
         raise TaskError(f"{hand.name} already holds {hand.held}; release it before grabbing {part}")
+    if len({part, *carried}) != 1 + len(carried):
+        raise TaskError(f"{hand.name}.grab({part!r}, carry={list(carried)}): name each part that comes along once")
     for name in (part, *carried):
         if session.scene[name].fixed:
             raise TaskError(f"{name} is fixed in the scene; set part.fixed = False before grabbing it")
