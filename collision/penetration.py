@@ -9,7 +9,8 @@ translation into the material as long as the nearest surface stays the same; it 
 thickness, for beyond the middle the other side is nearer. Surfaces that only touch have depth 0. Behind means inside
 for closed meshes; an open mesh counts as the boundary of what lies behind it.
 
-Depths are found by branch and bound, from below, to within 1 % and a hundredth of `Tolerance.linear`.
+Depths are found by branch and bound, from below: none is deeper than what is returned by more than `Tolerance.depth`
+(1 %) of it and of `Tolerance.linear`, unless `BUDGET` ended the search. See `collision.kernels_depth`.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ PENETRATION_DTYPE = np.dtype(
 """One row a pair of surfaces that meet, `object_a < object_b`, rows sorted by the four ids."""
 
 BUDGET: Final = 20000
-"""Triangles, halved ones too, looked at for one surface in another; beyond it the deepest point seen counts."""
+"""Pieces opened for one surface in another; beyond it the deepest point seen counts."""
 
 
 def penetration(manager: CollisionManager, i: int, j: int) -> NDArray[Any]:
@@ -57,30 +58,28 @@ def penetration(manager: CollisionManager, i: int, j: int) -> NDArray[Any]:
     """
     i, j = min(i, j), max(i, j)
     contacts = pair_contacts(manager, i, j, 0.0)
-    mesh_a, mesh_b = manager.mesh(i), manager.mesh(j)
-    world, a_to_b = manager.pose(i), manager.relative_pose(i, j).inverse()
-    precision = 0.01 * manager.tolerance.linear
     rows = np.zeros(len(contacts), PENETRATION_DTYPE)
-    for row, contact in zip(rows, contacts, strict=True):
-        for name in ("object_a", "surface_a", "object_b", "surface_b"):
-            row[name] = contact[name]
-        s, t = int(contact["surface_a"]), int(contact["surface_b"])
-        b_in_a = _deepest(mesh_a, s, mesh_b, t, a_to_b.inverse(), precision)
-        a_in_b = _deepest(mesh_b, t, mesh_a, s, a_to_b, precision)
-        if b_in_a[0] >= a_in_b[0]:
-            depth, point, nearest = b_in_a[0], b_in_a[1:4], b_in_a[4:7]
-            out = nearest - point
-        else:
-            back = a_to_b.inverse()
-            depth, point, nearest = a_in_b[0], back.act(a_in_b[1:4]), back.act(a_in_b[4:7])
-            out = point - nearest
-        row["depth"] = depth
-        length = np.linalg.norm(out)
-        if length > manager.tolerance.solver:
-            row["direction"], row["point"] = world.rotation @ (out / length), world.act(point)
-        else:
-            row["direction"] = world.rotation @ _normal(mesh_a, int(contact["triangle_a"]))
-            row["point"] = contact["point_a"]
+    for name in ("object_a", "surface_a", "object_b", "surface_b"):
+        rows[name] = contacts[name]
+    if not len(rows):
+        return rows
+    mesh_a, mesh_b = manager.mesh(i), manager.mesh(j)
+    world, pose = manager.pose(i), manager.relative_pose(i, j)
+    surfaces = np.stack([rows["surface_a"], rows["surface_b"]], axis=1)
+    b_in_a = _deepest(manager, mesh_a, mesh_b, pose, surfaces, np.zeros(len(rows)))
+    a_in_b = _deepest(manager, mesh_b, mesh_a, pose.inverse(), surfaces[:, ::-1], b_in_a[:, 0])
+    deeper = a_in_b[:, 0] > b_in_a[:, 0]
+    back = a_in_b[:, 1:].reshape(-1, 2, 3) @ pose.rotation.T + pose.translation
+    ends = np.where(deeper[:, None, None], back, b_in_a[:, 1:].reshape(-1, 2, 3))
+    out = (ends[:, 1] - ends[:, 0]) * np.where(deeper, -1.0, 1.0)[:, None]
+    length = np.linalg.norm(out, axis=1)
+    behind = length > manager.tolerance.solver
+    for k in np.flatnonzero(~behind).tolist():
+        out[k], length[k] = _normal(mesh_a, int(contacts["triangle_a"][k])), 1.0
+    rows["depth"] = np.maximum(a_in_b[:, 0], b_in_a[:, 0])
+    rows["direction"] = out / length[:, None] @ world.rotation.T
+    deepest = ends[:, 0] @ world.rotation.T + world.translation
+    rows["point"] = np.where(behind[:, None], deepest, contacts["point_a"])
     return rows
 
 
@@ -92,25 +91,34 @@ def _normal(mesh: SurfaceMesh, triangle: int) -> NDArray[np.float64]:
 
 
 def _deepest(
-    solid: SurfaceMesh, surface: int, other: SurfaceMesh, other_surface: int, pose: pin.SE3, precision: float
-) -> NDArray[np.float64]:
-    """(7,) depth, point and nearest boundary point of a surface of `other`, posed in the frame of `solid`."""
-    from collision import kernels_solid as kernels
+    manager: CollisionManager, solid: SurfaceMesh, other: SurfaceMesh, pose: pin.SE3,
+    pairs: NDArray[np.int32], known: NDArray[np.float64],
+) -> NDArray[np.float64]:  # fmt: skip
+    """(n, 7) depth, point and nearest boundary point, in the frame of `solid`, in which `other` is at `pose`.
+
+    pairs: (n, 2) surface of the solid, surface of the other. known: (n,) depths above which is looked; else depth 0.
+    """
+    from collision import kernels_depth as kernels
     from collision.kernels_distance import STACK
     from collision.predicates import workspace
 
-    tree, boundary = tree_of(solid), solid_of(solid)
-    out = np.zeros(7)
-    corners = (other.vertices @ pose.rotation.T + pose.translation)[other.triangles[other.triangles_of(other_surface)]]
-    box = tree.box[0]
-    near = (corners.min(axis=1) <= box[3:]).all(axis=1) & (corners.max(axis=1) >= box[:3]).all(axis=1)
-    n = int(np.count_nonzero(near))
-    todo = np.empty((4 * n + 256, 9))  # halving a triangle again and again leaves one sibling a step
-    todo[:n] = corners[near].reshape(-1, 9)
+    tree, boundary, moving = tree_of(solid), solid_of(solid), tree_of(other)
+    out = np.zeros((len(pairs), 7))
+    out[:, 0] = known
+    rotation = np.ascontiguousarray(pose.rotation)
+    vertices = other.vertices @ rotation.T + pose.translation
+    relative = manager.tolerance.depth
     kernels.deepest(
-        solid.vertices, tree.box, tree.second, tree.first, tree.count, tree.corner,
-        boundary.face, boundary.edge, boundary.vertex, solid.surface_of_triangle[tree.order],
-        todo, n, surface, tree.root[surface], precision, BUDGET, out, workspace(),
-        np.empty(STACK, np.int64), np.empty(STACK),
+        np.ascontiguousarray(pairs, np.int32),
+        kernels.Boundary(
+            solid.vertices, tree.box, tree.second, tree.first, tree.count, tree.corner, tree.root,
+            solid.surface_of_triangle[tree.order], boundary.face, boundary.edge, boundary.vertex, boundary.closed,
+        ),
+        kernels.Other(
+            vertices, moving.box, moving.second, moving.first, moving.count, moving.corner, moving.root,
+            rotation, np.array(pose.translation), np.empty(len(vertices)), np.full(len(vertices), -1, np.int32),
+        ),
+        relative, relative * manager.tolerance.linear, BUDGET, out,
+        kernels.room_for(4 * BUDGET), kernels.Room(np.empty(STACK, np.int64), np.empty(STACK), workspace()),
     )  # fmt: skip
     return out

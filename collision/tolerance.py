@@ -34,6 +34,8 @@ class Tolerance:
     """ISO 286 class, such as H7/g6, that a shaft and its bore have to make; empty for `clearance` alone"""
     rigid: float = 1e-6
     """1: greatest |RᵀR - I| entry of a rotation that counts as rigid."""
+    depth: float = 1e-2
+    """1: depths of penetration are found to within this part of themselves and of `linear`"""
     solver: float = 1e-12
     """m, rad: residual at which a constraint counts as satisfied by the solver."""
     satisfied: float = 1e-9

@@ -115,6 +115,12 @@ def _crosses(p: Array, q: Array, t: Array) -> NDArray[np.bool_]:
     return (span != 0) & (hp * hq <= 0) & inside & ((n * n).sum(-1) > 0)
 
 
+def point_distances(points: Array, triangles: Array) -> Array:
+    """(n, m) distances of points (n, 3) and triangles (m, 3, 3)."""
+    shape = (len(points), len(triangles), 3)
+    return _point_triangle(np.broadcast_to(points[:, None], shape), np.broadcast_to(triangles[None], (*shape, 3)))
+
+
 def triangle_distances(a: Array, b: Array, crossing: bool = True) -> Array:
     """(n, m) distances of triangles a (n, 3, 3) and b (m, 3, 3); `crossing`: 0 where an edge pierces the other.
 
