@@ -12,7 +12,7 @@ if they touch and have material in common nevertheless, as two identical parts i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -62,6 +62,7 @@ def classify(
     deflection: float | Sequence[ArrayLike] = 0.0,
     authorised: Iterable[Sequence[int]] = (),
     objects: Iterable[int] | None = None,
+    tell: Callable[[float], None] = lambda fraction: None,
 ) -> list[PairClass]:
     """Every pair of surfaces, and of parts, that clashes, touches or comes within the clearance.
 
@@ -73,6 +74,7 @@ def classify(
     authorised: pairs of objects (i, j), or of surfaces (i, surface of i, j, surface of j), whose clash is meant, such
         as a press fit: they are listed as "authorised".
     objects: only pairs with at least one of these; None for all.
+    tell: hears the fraction done, before each pair of objects.
 
     Returns
     -------
@@ -83,7 +85,9 @@ def classify(
     slack, tolerance = _deflections(manager, deflection), manager.tolerance.linear
     meant = _authorised(authorised)
     found: list[PairClass] = []
-    for i, j in manager.object_pairs(objects, max(clearance, tolerance)).tolist():
+    neighbours = manager.object_pairs(objects, max(clearance, tolerance)).tolist()
+    for number, (i, j) in enumerate(neighbours):
+        tell(number / len(neighbours))
         nearness = tolerance + slack[i][:, None] + slack[j][None, :]
         rows = pair_contacts(manager, i, j, max(clearance, tolerance))
         depths = {}

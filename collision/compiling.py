@@ -21,4 +21,6 @@ class _Announcer(event.Listener):
         """Nothing to say."""
 
 
-event.register("numba:compile", _Announcer())
+announcer = _Announcer()
+"""set its `said` where something else tells of it"""
+event.register("numba:compile", announcer)

@@ -7,7 +7,7 @@ geometry, so faceting neither hides a clearance nor invents one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -158,6 +158,7 @@ def recognise(
     *,
     threads: Mapping[tuple[int, int], float] | None = None,
     kinds: Iterable[str] | None = None,
+    tell: Callable[[float], None] = lambda fraction: None,
 ) -> tuple[Candidate, ...]:
     """Candidates for constraints between bodies that touch, best score first.
 
@@ -171,6 +172,7 @@ def recognise(
         reach_angular=0.0)` judges an assembly as it stands.
     threads: pitch in m a turn of threaded features, by (body, feature).
     kinds: only these kinds; None for all.
+    tell: hears the fraction done, before each pair of features.
 
     Returns
     -------
@@ -181,7 +183,9 @@ def recognise(
     limits = Limits.offer(tolerance)
     wanted = None if kinds is None else frozenset(kinds)
     found = []
-    for pair, distances in sorted(recogniser.near(contacts).items()):
+    near = sorted(recogniser.near(contacts).items())
+    for number, (pair, distances) in enumerate(near):
+        tell(number / len(near))
         for match in recogniser.matches(pair, poses, limits):
             if wanted is None or match.kind in wanted:
                 found.append(recogniser.candidate(pair, match, distances, limits, poses))

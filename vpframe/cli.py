@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
 from vpframe import __version__
+from vpframe.interrupts import handled
+from vpframe.progress import warn
 from vpframe.units import length
 
 OK, NO, BAD = 0, 1, 2
@@ -32,7 +34,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         arguments = _parser().parse_args(argv)
         command: Callable[[argparse.Namespace], int] = arguments.command
-        return command(arguments)
+        with handled():
+            return command(arguments)
     except KeyboardInterrupt:
         return _complain("interrupted", 130)
     except BrokenPipeError:
@@ -46,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _complain(text: str, code: int) -> int:
-    print(f"vpframe: {text}", file=sys.stderr)
+    warn(f"vpframe: {text}")
     return code
 
 
@@ -146,7 +149,7 @@ def _load(path: str, arguments: argparse.Namespace) -> Any:
     from vpframe.progress import Progress
 
     given = {name: getattr(arguments, name) for name in ("deflection", "angular", "unit")}
-    with Progress("loading " + os.path.basename(path)) as progress:
+    with Progress("loading " + os.path.basename(path), uses=["load"]) as progress:
         return vp.load(path, progress=progress, **{name: value for name, value in given.items() if value is not None})
 
 
@@ -207,9 +210,9 @@ def _clash(arguments: argparse.Namespace) -> int:
 
     with _document(arguments.json) as emit:
         scene = clash.merged([_load(path, arguments) for path in arguments.files])
-        with Progress("looking for clashes"):
-            authorised = clash.authorised_pairs(arguments.authorise)
-            document = clash.clash(scene, arguments.clearance, authorised=authorised)
+        authorised = clash.authorised_pairs(arguments.authorise)
+        with Progress("looking for clashes", uses=["clash"]) as progress:
+            document = clash.clash(scene, arguments.clearance, authorised=authorised, progress=progress)
         emit(document)
         if not arguments.json:
             print(clash.table(document))
@@ -224,8 +227,8 @@ def _mates(arguments: argparse.Namespace) -> int:
 
     with _document(arguments.json) as emit:
         scene = _load(arguments.file, arguments)
-        with Progress("recognising constraints"):
-            document = mates.mates(scene)
+        with Progress("recognising constraints", uses=["mates"]) as progress:
+            document = mates.mates(scene, progress=progress)
         emit(document)
         if not arguments.json:
             print(mates.table(document))
@@ -252,12 +255,14 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def _bench(arguments: argparse.Namespace) -> int:
     from vpframe import bench
+    from vpframe.progress import Progress
 
     with _document(arguments.json) as emit:
         results = {}
         for suite in [arguments.suite] if arguments.suite else SUITES:
             module = bench.suite(suite)
-            results[suite] = module.run(quick=arguments.quick)
+            with Progress(f"benchmark {suite}"):
+                results[suite] = module.run(quick=arguments.quick)
             if not arguments.json:
                 print(module.table(results[suite]), end="\n\n")
             if arguments.plot:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 
@@ -11,9 +10,12 @@ import pinocchio as pin
 
 from vpframe.errors import TaskError, VpframeError
 from vpframe.interaction.conditions import constraint
+from vpframe.interrupts import between_steps
+from vpframe.progress import say, warn
 from vpframe.rules import accept_kinds
 from vpframe.scene import Scene
 from vpframe.session import Session
+from vpframe.study import FAILED, INTERRUPTED, OK, loaded
 
 MODEL, RECORDING, REPORT = "shaft_and_housing.step", "demo.rrd", "report"
 _EXPECTED = (6, 2, 1, 2, 6)
@@ -97,15 +99,13 @@ class _Freedom:
 
 def load(directory: Path) -> Scene:
     """Build the model and read it back through the STEP reader."""
-    import vpframe as vp
-
-    scene = vp.load(str(build(directory / MODEL)))
+    scene = loaded(build(directory / MODEL))
     scene["housing"].fixed = True
     return scene
 
 
 def run(out_dir: str | Path, view: bool = False) -> int:
-    """Run the demo into a folder; 0 when all went as expected, 1 when not."""
+    """Run the demo into a folder; 0 when all went as expected, 1 when not, 130 when interrupted."""
     out = Path(out_dir)
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -124,20 +124,18 @@ def run(out_dir: str | Path, view: bool = False) -> int:
         clearance=True,
         observers=[watch],
     )
-    session.on_event(
-        lambda e: print(f"{e.time:6.2f} s   {e.kind:<11} {e.text}", flush=True) if e.kind in _SHOWN else None
-    )
-    failure = ""
+    session.on_event(lambda e: say(f"{e.time:6.2f} s   {e.kind:<11} {e.text}") if e.kind in _SHOWN else None)
+    failure, code = "", OK
     try:
-        with session:
+        with session, between_steps(session):
             task(session)
             if freedoms(watch.values) != _EXPECTED:
                 raise TaskError(f"expected freedom {_EXPECTED}, found {freedoms(watch.values)}")
     except TaskError as error:
-        failure = str(error)
+        failure, code = str(error), FAILED
         session.fail(failure)
     except KeyboardInterrupt:
-        failure = "interrupted"
+        failure, code = "interrupted", INTERRUPTED
         session.fail(failure)
     session.report(out / REPORT)
     spent = time.perf_counter() - began
@@ -146,6 +144,6 @@ def run(out_dir: str | Path, view: bool = False) -> int:
     print(f"recording  {out / RECORDING}   look at it: vpframe replay {out / RECORDING}")
     print(f"report     {out / REPORT / 'index.html'}   open it in a browser; numbers in report.json")
     if failure:
-        print(f"failed: {failure}", file=sys.stderr)
-        return 1
-    return 0
+        told = "interrupted; what was done so far is kept" if code == INTERRUPTED else f"failed: {failure}"
+        warn(told)
+    return code

@@ -127,7 +127,6 @@ class Engine:
         """Build the managers; the first step does it by itself."""
         if self._started:
             return
-        self._started = True
         self.names = self.scene.names
         self.poses = [pin.SE3(part.pose) for part in self.scene.parts]
         self.collision = CollisionManager(self.tolerance)
@@ -141,6 +140,7 @@ class Engine:
         self.motion = Motion(self.collision, self.mates, self.tolerance)
         self._recognise_as_it_stands()
         self._colliding = self.collision.colliding_surfaces()
+        self._started = True  # not before: a start that was interrupted is made again
 
     def _recognise_as_it_stands(self) -> None:
         """What the parts are to each other before anything moves: exact fits only, nothing is pulled into place."""

@@ -8,7 +8,7 @@ largest volume.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,9 @@ from constraints.threads import threaded
 from constraints.urdf import to_urdf
 from vpframe.scene import Part, Scene
 
+Progress = Callable[[float, str], None]
+"""hears the fraction done and what is being done"""
+
 WATER = 1000.0
 """kg/m³, of parts whose file gives no density"""
 
@@ -37,15 +40,22 @@ def base_parts(scene: Scene) -> tuple[int, ...]:
     return (max(range(len(scene)), key=lambda i: (scene.parts[i].shape.volume, -i)),)
 
 
-def find(scene: Scene, tolerance: Tolerance | None = None) -> tuple[Candidate, ...]:
+def find(
+    scene: Scene, tolerance: Tolerance | None = None, progress: Progress = lambda fraction, text: None
+) -> tuple[Candidate, ...]:
     """The constraints of a scene as it stands, sorted by kind, then by their parts' places."""
+    progress(0.0, "trees")
     t = replace(tolerance or Tolerance(), reach=0.0, reach_angular=0.0)
     collision = CollisionManager(t)
     for part in scene.parts:
         collision.add(part.mesh, part.pose)
+    progress(0.05, "contacts")
     contacts = collision.contacts(within=max(t.linear, t.clearance))
     features, threads = threaded_features(scene)
-    found = recognise(features, [p.pose for p in scene.parts], contacts, t, threads=threads)
+    poses = [p.pose for p in scene.parts]
+    found = recognise(
+        features, poses, contacts, t, threads=threads, tell=lambda done: progress(0.3 + 0.7 * done, "pairs of features")
+    )
     return tuple(sorted(found, key=lambda c: (c.kind, c.key)))
 
 
@@ -62,7 +72,9 @@ def threaded_features(scene: Scene) -> tuple[list[tuple[Feature, ...]], dict[tup
     return features, threads
 
 
-def mates(scene: Scene, tolerance: Tolerance | None = None) -> dict[str, Any]:
+def mates(
+    scene: Scene, tolerance: Tolerance | None = None, progress: Progress = lambda fraction, text: None
+) -> dict[str, Any]:
     """Every constraint of a scene as it stands, each part's joint and freedom; lengths in metres.
 
     Returns
@@ -71,7 +83,8 @@ def mates(scene: Scene, tolerance: Tolerance | None = None) -> dict[str, Any]:
     "residual"}]}; constraints also carry "fit" (m, radial clearance, negative for interference) where there is one, and
     "why" in words.
     """
-    found = find(scene, tolerance)
+    found = find(scene, tolerance, lambda fraction, text: progress(0.6 * fraction, text))
+    progress(0.6, "freedom of the parts")
     base = base_parts(scene)
     parts = scene.parts
     freedom = mobility([c.constraint for c in found], [p.pose for p in parts], base, tolerance).parts

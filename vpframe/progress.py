@@ -1,9 +1,11 @@
-"""Progress bars on standard error for whatever takes over two seconds, with the time that is left.
+"""One line on a terminal's standard error for whatever takes over two seconds: what is done, and the time that is left.
 
     with Progress("loading gearbox.step") as progress:
         scene = vp.load(path, progress=progress)        # calls progress(fraction, "meshing shaft")
 
-Nothing is written when standard error is not a terminal, or when the work is done before the delay is over.
+While kernels are compiled the line says how far that is; their time does not count in the estimate of the work itself.
+Nothing is written when standard error is not a terminal, or when the work is done before the delay is over. Whoever
+prints while a line may be drawn does so by `say`.
 """
 
 from __future__ import annotations
@@ -12,15 +14,88 @@ import shutil
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sized
-from typing import TextIO, TypeVar
+from collections.abc import Callable, Iterable, Iterator, Sized
+from typing import TYPE_CHECKING, TextIO, TypeVar
+
+if TYPE_CHECKING:
+    from vpframe.compiling import Compiling
 
 Item = TypeVar("Item")
 
 DELAY = 2.0
-"""s before a bar appears"""
+"""s before a line appears"""
 INTERVAL = 0.1
 """s between two drawings"""
+WIPE = "\r\x1b[K"
+
+_drawing = threading.RLock()
+_drawn: dict[int, TextIO] = {}
+_current: list[Progress] = []
+
+
+def say(text: str) -> None:
+    """Print a line on standard output; a line of progress on the same terminal makes room for it."""
+    with _drawing:
+        for stream in list(_drawn.values()):
+            _wipe(stream)
+        print(text, flush=True)
+
+
+def warn(text: str) -> None:
+    """Print a line on standard error, from the beginning of a line of the terminal (that `^C` is echoed to)."""
+    with _drawing:
+        for stream in list(_drawn.values()):
+            _wipe(stream)
+        print(WIPE + text if sys.stderr.isatty() else text, file=sys.stderr, flush=True)
+
+
+def report(fraction: float | None, text: str = "") -> None:
+    """Tell the innermost `Progress` that runs how far its work is; nothing when there is none."""
+    if _current:
+        _current[-1](fraction, text)
+
+
+class _Line:
+    """A line that is drawn from a thread of its own, and wiped."""
+
+    def __init__(self, stream: TextIO | None, uses: Iterable[str], quiet: bool = False) -> None:
+        self.stream = stream if stream is not None else sys.stderr
+        self.uses = tuple(uses)
+        self.quiet = quiet or not self.stream.isatty()
+        self.compiling: Compiling | None = None
+
+    def listen(self) -> None:
+        """Hear of what is compiled from now on."""
+        if self.compiling is None:
+            import collision.compiling
+            from vpframe.compiling import listening
+
+            self.compiling = listening()
+            if not self.quiet:
+                collision.compiling.announcer.said = True  # the line says it
+
+    @property
+    def compiled(self) -> float:
+        """s of compiling so far in this process."""
+        return 0.0 if self.compiling is None else self.compiling.spent
+
+    def draw(self, text: str) -> None:
+        columns = shutil.get_terminal_size().columns - 1
+        with _drawing:
+            self.stream.write(WIPE + fitted(text, columns))
+            self.stream.flush()
+            _drawn[id(self.stream)] = self.stream
+
+    def wipe(self) -> None:
+        with _drawing:
+            if id(self.stream) in _drawn:
+                _wipe(self.stream)
+
+
+def _wipe(stream: TextIO) -> None:
+    stream.write(WIPE)
+    stream.flush()
+    del _drawn[id(stream)]
 
 
 class Progress:
@@ -32,34 +107,41 @@ class Progress:
     stream: where to draw, standard error by default.
     delay: s before anything is drawn.
     quiet: never draw.
+    uses: which of `vpframe.compiling.USES` it is, for the time left while kernels are compiled.
     """
 
-    def __init__(self, title: str, stream: TextIO | None = None, delay: float = DELAY, quiet: bool = False) -> None:
+    def __init__(
+        self,
+        title: str,
+        stream: TextIO | None = None,
+        delay: float = DELAY,
+        quiet: bool = False,
+        uses: Iterable[str] = (),
+    ) -> None:
         self.title = title
-        self._stream = stream if stream is not None else sys.stderr
+        self._line = _Line(stream, uses, quiet)
         self._delay = delay
-        self._quiet = quiet or not self._stream.isatty()
         self._fraction: float | None = None
         self._text = ""
-        self._began = 0.0
-        self._drawn = False
+        self._began = self._compiled = 0.0
         self._done = threading.Event()
         self._thread: threading.Thread | None = None
 
     def __enter__(self) -> Progress:
-        self._began = time.monotonic()
-        if not self._quiet:
+        self._line.listen()
+        self._began, self._compiled = time.monotonic(), self._line.compiled
+        _current.append(self)
+        if not self._line.quiet:
             self._thread = threading.Thread(target=self._draw_on, name="vpframe progress", daemon=True)
             self._thread.start()
         return self
 
     def __exit__(self, *exc: object) -> None:
+        _current.remove(self)
         self._done.set()
         if self._thread is not None:
             self._thread.join()
-        if self._drawn:
-            self._stream.write("\r\x1b[K")
-            self._stream.flush()
+        self._line.wipe()
 
     def __call__(self, fraction: float | None, text: str = "") -> None:
         """Say how far the work is; cheap, call it as often as there is news."""
@@ -73,76 +155,114 @@ class Progress:
             self(number / total if total else None, text)
             yield item
 
-    def line(self, elapsed: float, columns: int) -> str:
-        """What is drawn `elapsed` seconds after the start, at most `columns` characters."""
-        fraction = self._fraction
-        if fraction is None:
-            shown = f"{self.title}  {duration(elapsed)}"
-        else:
-            filled = round(24 * fraction)
-            left = f"  {duration(elapsed * (1.0 - fraction) / fraction)} left" if 0.02 <= fraction < 1.0 else ""
-            shown = f"{self.title}  [{'#' * filled}{'.' * (24 - filled)}] {100 * fraction:3.0f} %{left}"
-        if self._text:
-            shown += f"  {self._text}"
-        return shown if len(shown) <= columns else shown[: max(columns - 1, 0)] + "…"
+    def line(self, elapsed: float) -> str:
+        """What is drawn `elapsed` seconds after the start."""
+        compiling = self._line.compiling
+        if compiling is not None and compiling.active:
+            return f"{self.title}  {compiling.text(self._line.uses)}"
+        return f"{self.title}  {bar(self._fraction, elapsed, elapsed - (self._line.compiled - self._compiled))}" + (
+            f"  {self._text}" if self._text else ""
+        )
 
     def _draw_on(self) -> None:
         if self._done.wait(self._delay):
             return
         while True:
-            columns = shutil.get_terminal_size().columns - 1
-            self._stream.write("\r\x1b[K" + self.line(time.monotonic() - self._began, columns))
-            self._stream.flush()
-            self._drawn = True
+            self._line.draw(self.line(time.monotonic() - self._began))
             if self._done.wait(INTERVAL):
                 return
 
 
 class Watch:
-    """A line on standard error while one of many short pieces of work takes long, such as a step that compiles kernels.
+    """A line on standard error while one of many short pieces of work takes long, such as a step of a session.
 
-    Use it as a context manager around each piece; a piece costs two assignments. `text` is shown with the seconds.
+    Use it as a context manager around each piece; a piece costs two assignments. `text()` is asked for when the line is
+    drawn: where the work as a whole stands. With `always` it is drawn from `delay` seconds after the first piece on.
     """
 
-    def __init__(self, text: str, stream: TextIO | None = None, delay: float = DELAY) -> None:
+    def __init__(
+        self,
+        text: Callable[[], str],
+        stream: TextIO | None = None,
+        delay: float = DELAY,
+        uses: Iterable[str] = (),
+        always: bool = False,
+    ) -> None:
         self.text = text
-        self._stream = stream if stream is not None else sys.stderr
+        self._line = _Line(stream, uses)
         self._delay = delay
+        self._always = always
+        self._first: float | None = None
         self._began: float | None = None
         self._thread: threading.Thread | None = None
-        self._drawing = threading.Lock()
-        self._drawn = False
         self._closed = threading.Event()
 
     def __enter__(self) -> Watch:
         self._began = time.monotonic()
-        if self._thread is None and self._stream.isatty():
-            self._thread = threading.Thread(target=self._look, name="vpframe watch", daemon=True)
-            self._thread.start()
+        if self._first is None:
+            self._line.listen()
+            self._first = self._began
+            if not self._line.quiet:
+                self._thread = threading.Thread(target=self._look, name="vpframe watch", daemon=True)
+                self._thread.start()
         return self
 
     def __exit__(self, *exc: object) -> None:
         self._began = None
-        if self._drawn:
-            with self._drawing:
-                self._stream.write("\r\x1b[K")
-                self._stream.flush()
-                self._drawn = False
+        if not self._always and _drawn:
+            self._line.wipe()
+
+    @property
+    def compiling(self) -> bool:
+        """Whether a kernel is being compiled, as far as it is known here."""
+        return self._line.compiling is not None and self._line.compiling.active
+
+    def use(self, *uses: str) -> None:
+        """The work needs these of `vpframe.compiling.USES` too."""
+        self._line.uses = tuple(dict.fromkeys((*self._line.uses, *uses)))
 
     def close(self) -> None:
-        """Stop to look."""
+        """Stop to look, and wipe the line."""
         self._closed.set()
+        if self._thread is not None:
+            self._thread.join()
+        self._line.wipe()
 
     def _look(self) -> None:
-        while not self._closed.wait(min(self._delay, 0.5)):
-            with self._drawing:
-                began = self._began
-                if began is None or time.monotonic() - began < self._delay:
+        while not self._closed.wait(min(self._delay, 2.0 * INTERVAL)):
+            began, now = self._began, time.monotonic()
+            since = self._first if self._always else began
+            if since is None or now - since < self._delay:
+                continue
+            compiling = self._line.compiling
+            if compiling is not None and compiling.active:
+                text = compiling.text(self._line.uses)
+            else:
+                text = self.text()
+                if began is not None and now - began > self._delay:
+                    text += f"  (this step: {duration(now - began)})"
+            with _drawing:
+                if not self._always and self._began is None:  # the piece ended meanwhile
                     continue
-                line = f"{self.text}  {duration(time.monotonic() - began)}"
-                self._stream.write("\r\x1b[K" + line[: shutil.get_terminal_size().columns - 1])
-                self._stream.flush()
-                self._drawn = True
+                self._line.draw(text)
+
+
+def bar(fraction: float | None, elapsed: float, worked: float | None = None) -> str:
+    """`[######..................]  25 %  15 s left`; the seconds so far where the fraction is not known.
+
+    The estimate is in proportion to `worked`, the seconds that went into the work itself (`elapsed` by default).
+    """
+    if fraction is None:
+        return duration(elapsed)
+    filled = round(24 * fraction)
+    worked = elapsed if worked is None else worked
+    left = f"  {duration(worked * (1.0 - fraction) / fraction)} left" if 0.02 <= fraction < 1.0 else ""
+    return f"[{'#' * filled}{'.' * (24 - filled)}] {100 * fraction:3.0f} %{left}"
+
+
+def fitted(text: str, columns: int) -> str:
+    """The text in at most `columns` characters."""
+    return text if len(text) <= columns else text[: max(columns - 1, 0)] + "…"
 
 
 def duration(seconds: float) -> str:

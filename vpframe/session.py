@@ -26,15 +26,19 @@ from vpframe.events import EVENT_KINDS, ConstraintView, Event, Frame, Observer
 from vpframe.interaction.conditions import Condition
 from vpframe.interaction.hand import Hand, Outcome, as_pose
 from vpframe.interaction.reach import half_size
-from vpframe.progress import Watch
+from vpframe.progress import Watch, bar, duration
 from vpframe.report.log import SessionLog
 from vpframe.rules import Rule, accept_all
 from vpframe.scene import Part, Scene
+from vpframe.visualization.controls import Request as Ask
 
 if TYPE_CHECKING:
     from physics import Behaviour
     from vpframe.interaction.verbs import Verb
     from vpframe.report.swept import SweptVolume
+
+PACE_STEPS = 61
+"""steps over which the pace of a run is taken"""
 
 
 class Session:
@@ -93,7 +97,7 @@ class Session:
         self._requests: list[Request] = []
         self._hands: dict[str, Hand] = {}
         self._queues: dict[str, deque[Verb]] | None = None
-        self._watch = Watch("a long step: kernels are compiled at their first use, and kept for the next run")
+        self._watch = Watch(self._standing, uses=["run"], always=True)
         self._frame: Frame | None = None
         self._result: Result | None = None
         self._sizes: dict[str, float] = {}
@@ -101,6 +105,7 @@ class Session:
         self._trails: dict[str, list[tuple[int, pin.SE3]]] = {}
         self._observing = 0.0
         self._begun = self._closed = self._stop = False
+        self._beats: deque[float] = deque(maxlen=PACE_STEPS)
         self._journal = self._open_journal(checkpoint, resume, run or {}) if checkpoint is not None else None
 
     # ---- the loop
@@ -131,7 +136,8 @@ class Session:
             raise VpframeError("the session is closed; open a new one")
         if self._stop:
             raise KeyboardInterrupt
-        self._begin()
+        with self._watch:
+            self._begin()
         room = None if self._frame is None else self._frame.clearance
         wishes = []
         for hand in self._hands.values():
@@ -144,6 +150,7 @@ class Session:
         with self._watch:
             result = self._advance(wishes, requests)
         self.step_count += 1
+        self._beats.append(clock.monotonic())
         self._take_in(result)
         return self._publish(result)
 
@@ -161,8 +168,20 @@ class Session:
         return condition(self)
 
     def interrupt(self) -> None:
-        """End the run at the next step, with `KeyboardInterrupt` raised from it. Safe in a signal handler."""
+        """End the run at the next step, with `KeyboardInterrupt` raised from it. Safe in a signal handler.
+
+        A person's pause ends too.
+        """
         self._stop = True
+        for observer in self.observers:
+            controls = getattr(observer, "controls", None)
+            if controls is not None:
+                controls.put(Ask("play"))
+
+    @property
+    def compiling(self) -> bool:
+        """Whether kernels are being compiled in the present step."""
+        return self._watch.compiling
 
     def perform(self, hand: Hand, verb: Verb) -> Outcome:
         """Run a verb to its end (inside `together`: queue it, and say so in the outcome)."""
@@ -222,6 +241,7 @@ class Session:
         if self._begun:
             return
         self._begun = True
+        self._beats.append(clock.monotonic())
         for name, part in self.scene.items():
             self._trails[name] = [(0, pin.SE3(part.pose))]
         for observer in list(self.observers):
@@ -439,6 +459,7 @@ class Session:
             raise TaskError(f"{part} is fixed in the scene; set part.fixed = False before giving it behaviours")
         from vpframe.dynamics import body_of
 
+        self._watch.use("physics")
         self.engine.behave(i, body_of(self.scene[part], material, mass), behaviours)
 
     # ---- what the task expects
@@ -554,6 +575,30 @@ class Session:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
+
+    def _standing(self) -> str:
+        """Where the run stands, in one line: time, stroke, and how long that will take at the pace so far."""
+        journal = self._journal
+        if journal is not None and journal.replaying:
+            left = len(journal.past)
+            done = self.step_count / max(self.step_count + left, 1)
+            return f"going over the steps of the earlier run  {bar(done, self._pace() * self.step_count)}"
+        parts = [f"{self.time:.2f} s of the task"]
+        for hand in list(self._hands.values()):
+            stroke = hand.stroke
+            if stroke is not None and stroke.path.duration > 0.0:
+                done = min(hand.clock / stroke.path.duration, 1.0)
+                ahead = stroke.path.duration * (1.0 - done) / self.dt * self._pace()
+                at_most = "at most " if stroke.until is not None else ""
+                parts.append(f"{hand.doing} {100 * done:.0f} %, {at_most}{duration(ahead)} left")
+        if self._stop:
+            parts.append("ending after this step (Ctrl-C again: at once)")
+        return "  ".join(parts)
+
+    def _pace(self) -> float:
+        """s of the clock that a step took lately."""
+        beats = list(self._beats)
+        return (beats[-1] - beats[0]) / (len(beats) - 1) if len(beats) > 1 else 0.0
 
     def _happened(
         self,

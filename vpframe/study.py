@@ -20,16 +20,20 @@ import contextlib
 import hashlib
 import importlib.util
 import os
-import signal
 import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from types import FrameType, ModuleType
-from typing import Any, NoReturn
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from vpframe.errors import TaskError, VpframeError
+from vpframe.interrupts import between_steps, handled
+from vpframe.progress import say, warn
+
+if TYPE_CHECKING:
+    from vpframe.scene import Scene
 
 OK, FAILED, BAD, INTERRUPTED = 0, 1, 2, 130
 
@@ -91,14 +95,14 @@ def run_task(
     session.on_event(_print_event)
     code = OK
     try:
-        with session, _interruptible(session), _located(script):
+        with session, between_steps(session), _located(script):
             module.task(session)
     except TaskError as error:
-        print(f"failed: {error}", file=sys.stderr)
+        warn(f"failed: {error}")
         session.fail(str(error))
         code = FAILED
     except KeyboardInterrupt:
-        print("interrupted; what was done so far is kept", file=sys.stderr)
+        warn("interrupted; what was done so far is kept")
         session.fail("interrupted")
         code = INTERRUPTED
     finally:
@@ -124,7 +128,11 @@ def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint of a run that was cut off")
     given = parser.parse_args(argv)
     try:
-        code = run_task(script, given.view, given.record, given.report, given.checkpoint, given.resume)
+        with handled():
+            code = run_task(script, given.view, given.record, given.report, given.checkpoint, given.resume)
+    except KeyboardInterrupt:
+        warn("interrupted")
+        code = INTERRUPTED
     except VpframeError as error:
         print(error, file=sys.stderr)
         code = BAD
@@ -138,12 +146,10 @@ def new_task(path: str | Path, from_file: str | Path) -> None:
     ------
     VpframeError: the script exists already, or cannot be written; LoadError: the model cannot be read.
     """
-    import vpframe as vp
-
     script, model = Path(path), Path(from_file)
     if script.exists():
         raise VpframeError(f"{script}: exists already; give another name or remove it")
-    scene = vp.load(str(model))
+    scene = loaded(model)
     with contextlib.suppress(ValueError):  # another drive
         model = Path(os.path.relpath(str(model), str(script.parent)))
     small = min(scene.parts, key=lambda p: (p.shape.volume or float("inf"), p.name))
@@ -182,6 +188,15 @@ if __name__ == "__main__":
 '''
 
 
+def loaded(path: str | Path) -> Scene:
+    """`vpframe.load`, with a line of progress on the terminal."""
+    from vpframe.importers import load
+    from vpframe.progress import Progress
+
+    with Progress(f"loading {Path(path).name}", uses=["load"]) as progress:
+        return load(path, progress=progress)
+
+
 def _imported(script: Path) -> ModuleType:
     if not script.is_file():
         raise VpframeError(f"{script}: no such task script")
@@ -201,14 +216,12 @@ def _imported(script: Path) -> ModuleType:
 
 
 def _scene(module: ModuleType, script: Path) -> Any:
-    import vpframe as vp
-
     make: Callable[[], Any] | None = getattr(module, "scene", None)
     file = getattr(module, "FILE", None)
     if callable(make):
         return make()
     if isinstance(file, str | Path):
-        return vp.load(str(script.parent / file))
+        return loaded(script.parent / file)
     raise VpframeError(f"{script}: says not what to work on; write FILE = 'model.step' or `def scene(): …`")
 
 
@@ -235,28 +248,9 @@ def _place(script: Path, error: BaseException) -> str:
     return f"{script}:{same[-1].lineno}: " if same else ""
 
 
-@contextlib.contextmanager
-def _interruptible(session: Any) -> Iterator[None]:
-    """The first Ctrl-C ends the run between two steps; a second one at once."""
-
-    def stop(signum: int, frame: FrameType | None) -> None:
-        session.interrupt()
-        signal.signal(signal.SIGINT, before)
-
-    try:
-        before = signal.signal(signal.SIGINT, stop)
-    except ValueError:  # not the main thread: whoever runs it handles signals
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
 def _print_event(event: Any) -> None:
     if event.kind in _SHOWN:
-        print(f"{event.time:8.3f} s  {event.kind:<11} {event.text}", flush=True)
+        say(f"{event.time:8.3f} s  {event.kind:<11} {event.text}")
 
 
 def _digest(script: Path) -> str:

@@ -25,6 +25,7 @@ import pinocchio as pin
 
 from collision import PairQuery, Statistics, SurfaceMesh, colliding_surfaces
 from collision.query import examine
+from vpframe.progress import report
 
 PAPER = {
     "box tests, without OAABB / with": 40.0,
@@ -165,7 +166,8 @@ def run(quick: bool = False) -> dict[str, Any]:
         "shaft": (digger.shaft(), digger.housing(), digger.shaft_trajectory(n)),
     }
     ratios: dict[str, float] = {}
-    for name, (a, b, poses) in pairs.items():
+    for number, (name, (a, b, poses)) in enumerate(pairs.items()):
+        report(0.2 * number, name)
         order = np.random.default_rng(0).permutation(n)
         coherent, shuffled = f"{name}: along the trajectory", f"{name}: its poses in random order"
         methods = ["best", KEPT, "oaabb", "brute", COAL_ALL, COAL_FIRST]
@@ -184,8 +186,11 @@ def run(quick: bool = False) -> dict[str, Any]:
     ratios["box tests, without OAABB / with"] = counts["brute"]["box_tests"] / counts["oaabb"]["box_tests"]
     ratios["time, without OAABB / with"] = bench.seconds(case, "brute") / bench.seconds(case, "oaabb")
     ratios["time, coal OBB trees / with OAABB"] = bench.seconds(case, COAL_OBB) / bench.seconds(case, "oaabb")
+    report(0.4, "error of the facets")
     _against_error(bench, digger, quick)
+    report(0.7, "second workload")
     _second_workload(bench, quick, ratios)
+    report(0.8, "a large scene")
     scene = _scene(quick, ratios)
     a, b, _ = pairs["digger"]
     return {

@@ -8,6 +8,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from vpframe.progress import report
+
 HERE = Path(__file__).parent
 
 
@@ -26,7 +28,10 @@ def _parts() -> list[ModuleType]:
 
 def run(quick: bool = False) -> dict[str, Any]:
     """Rows and ratios of all parts; each part's own result is under "parts" by its suite's name."""
-    results = [part.run(quick=quick) for part in _parts()]
+    parts, results = _parts(), []
+    for number, part in enumerate(parts):
+        report(number / len(parts), part.__name__)
+        results.append(part.run(quick=quick))
     return {
         "suite": "constraints",
         "machine": platform.platform(),

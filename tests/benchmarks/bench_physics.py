@@ -27,6 +27,7 @@ from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
 from physics import Body, Buoyancy, Drag, Elastic, Friction, Gravity, Sleeping, World
 from physics.behaviours import STANDARD_GRAVITY
+from vpframe.progress import report
 
 assert STANDARD_GRAVITY == pc.G
 
@@ -273,7 +274,8 @@ def run(quick: bool = False) -> dict[str, Any]:
     if quick:
         pc.STACK["time"] = 2.0
     ours, mujoco, drake = [], [], []
-    for row, (own, theirs) in STEPS.items():
+    for number, (row, (own, theirs)) in enumerate(STEPS.items()):
+        report(0.7 * number / len(STEPS), row)
         if quick:
             own, theirs = own[:2], theirs[:2]
         globals()[pc.ROWS[row][0]](row, own[0], truth)  # kernels compiled and caches filled outside the timing
@@ -290,6 +292,7 @@ def run(quick: bool = False) -> dict[str, Any]:
     found = list(ours)
     missing = {}
     for engine, runs in (("mujoco", mujoco), ("drake", drake)):
+        report(0.7 if engine == "mujoco" else 0.85, engine)
         answer = _peers(engine, runs, truth)
         if "missing" in answer:
             missing[engine] = answer["missing"]

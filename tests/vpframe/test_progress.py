@@ -3,7 +3,8 @@ import time
 
 import pytest
 
-from vpframe.progress import Progress, Watch, duration
+from vpframe.compiling import Compiling
+from vpframe.progress import Progress, Watch, duration, fitted, report, say
 
 
 class Terminal(io.StringIO):
@@ -41,15 +42,15 @@ def test_silent_without_a_terminal_or_when_told(quiet):
 def test_time_left_is_in_proportion():
     progress = Progress("work", Terminal())
     progress(0.25)
-    assert "15 s left" in progress.line(5.0, 80)
+    assert "15 s left" in progress.line(5.0)
     progress(None, "compiling kernels")
-    assert progress.line(5.0, 80) == "work  5 s  compiling kernels"
-    assert len(progress.line(5.0, 12)) <= 12
+    assert progress.line(5.0) == "work  5 s  compiling kernels"
+    assert len(fitted(progress.line(5.0), 12)) == 12
 
 
 def test_over_counts_items():
     progress = Progress("work", Terminal())
-    seen = [(item, progress.line(1.0, 200)) for item in progress.over([10, 20, 30, 40], "files")]
+    seen = [(item, progress.line(1.0)) for item in progress.over([10, 20, 30, 40], "files")]
     assert [item for item, _ in seen] == [10, 20, 30, 40]
     assert [line.split("]")[1].split("%")[0].strip() for _, line in seen] == ["0", "25", "50", "75"]
 
@@ -61,7 +62,7 @@ def test_durations_as_people_say_them(seconds, text):
 
 def test_a_watch_speaks_only_of_a_piece_of_work_that_takes_long():
     stream = Terminal()
-    watch = Watch("a long step", stream, delay=0.05)
+    watch = Watch(lambda: "a long step", stream, delay=0.05)
     for _ in range(1000):
         with watch:
             pass
@@ -77,7 +78,7 @@ def test_a_watch_speaks_only_of_a_piece_of_work_that_takes_long():
 
 def test_a_watch_is_silent_without_a_terminal():
     stream = io.StringIO()
-    with Watch("a long step", stream, delay=0.0):
+    with Watch(lambda: "a long step", stream, delay=0.0):
         time.sleep(0.05)
     assert stream.getvalue() == ""
 
@@ -85,3 +86,77 @@ def test_a_watch_is_silent_without_a_terminal():
 def test_an_error_inside_passes_through():
     with pytest.raises(ZeroDivisionError), Progress("work", Terminal(), delay=0.0):
         raise ZeroDivisionError
+
+
+def test_a_watch_that_is_always_seen_makes_room_for_what_is_printed(capsys):
+    stream = Terminal()
+    watch = Watch(lambda: "step 7", stream, delay=0.01, always=True)
+    with watch:
+        pass
+    until = time.monotonic() + 5.0
+    while "step 7" not in stream.getvalue() and time.monotonic() < until:
+        time.sleep(0.01)
+    assert stream.getvalue().endswith("step 7")
+    say("an event")
+    assert capsys.readouterr().out == "an event\n"
+    watch.close()
+    assert "step 7\r\x1b[K" in stream.getvalue()
+    assert stream.getvalue().endswith("\r\x1b[K")
+
+
+def test_what_runs_inside_tells_the_innermost():
+    report(0.5, "nobody hears")
+    with Progress("outer", Terminal()) as outer, Progress("inner", Terminal()) as inner:
+        report(0.25, "cases")
+        assert inner.line(1.0).endswith("25 %  3 s left  cases")
+        assert outer.line(1.0) == "outer  1 s"
+
+
+class Kernel:
+    """What numba says of a kernel."""
+
+    def __init__(self, name):
+        def function():
+            pass
+
+        function.__module__, _, function.__name__ = name.rpartition(".")
+        self.data = {"dispatcher": type("Dispatcher", (), {"py_func": staticmethod(function)})}
+
+
+def test_compiling_counts_what_is_known_to_be_needed():
+    both = frozenset({"clash", "mates"})
+    known = {f"collision.trees.k{n}": (10.0, both) for n in range(4)} | {"physics.q": (50.0, frozenset({"physics"}))}
+    compiling = Compiling(known)
+    assert not compiling.active
+    compiling.on_start(Kernel("collision.trees.k0"))
+    compiling.on_start(Kernel("numba.np.impl"))
+    assert compiling.active
+    compiling.on_end(None)
+    assert compiling.text(["clash"]).startswith("compiling kernels, once: 0 of about 4, ")
+    compiling.on_end(None)
+    compiling._spent = 5.0  # half of what was measured: this machine is twice as fast
+    assert not compiling.active
+    assert compiling.text(["clash"]) == "compiling kernels, once: 1 of about 4, 15 s left"
+    assert compiling.text(["physics", "mates"]) == "compiling kernels, once: 1 of about 5, 40 s left"
+
+
+def test_what_lies_in_the_cache_is_not_waited_for(tmp_path, monkeypatch):
+    from numba.core import config
+
+    (tmp_path / "trees_abc").mkdir()
+    (tmp_path / "trees_abc" / "trees.k1-12.py311.nbi").touch()
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    compiling = Compiling({f"collision.trees.k{n}": (1.0, frozenset({"clash"})) for n in range(3)})
+    compiling.on_start(Kernel("collision.trees.k0"))
+    assert "0 of about 2" in compiling.text(["clash"])
+
+
+@pytest.mark.slow
+def test_the_measured_kernels_are_those_that_are_compiled():
+    from tests.vpframe.kernel_times import measured
+    from vpframe.compiling import kernel_times
+
+    found = measured("clash")["clash"]
+    known = {name for name, (_, uses) in kernel_times().items() if "clash" in uses}
+    missing = {name: seconds for name, seconds in found.items() if name not in known}
+    assert sum(missing.values()) < 0.3 * sum(found.values()), f"run tests/vpframe/kernel_times.py: {missing}"

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 """metres a unit"""
+READING = 0.9
+"""share of the time of a load that reading and meshing take; the rest goes into surfaces and features"""
 
 
 def load(
@@ -60,13 +62,21 @@ def load(
         raise LoadError(f"{path}: {form.upper()} files name their unit themselves; leave unit= out", str(path))
     from vpframe.importers import build
 
+    def part(begin: float, end: float) -> Callable[[float, str], None] | None:
+        if progress is None:
+            return None
+        return lambda fraction, text: progress(begin + (end - begin) * fraction, text)
+
     if form in ("step", "iges"):
         from vpframe.importers import cad
 
-        raw = cad.read(file, form, deflection, angular, timeout, progress)
+        raw = cad.read(file, form, deflection, angular, timeout, part(0.0, READING))
     else:
         from collision import Tolerance
         from vpframe.importers import meshes
 
-        raw = meshes.read(file, form, unit, Tolerance(), progress)
-    return build.scene(raw, str(path))
+        raw = meshes.read(file, form, unit, Tolerance(), part(0.0, READING))
+    scene = build.scene(raw, str(path), part(READING, 1.0))
+    if progress is not None:
+        progress(1.0, "loaded")
+    return scene

@@ -44,17 +44,22 @@ _TYPES = {
 }
 
 
+MESHED, TYPED = 0.45, 0.6
+"""shares of the time of a shape after which it is meshed, and its faces are read; its edges follow"""
+
+
 def tessellate(
     shape: TopoDS_Shape,
     deflection: float,
     angular: float,
     color: Callable[[TopoDS_Shape], Color | None] = lambda face: None,
+    tell: Callable[[float], None] = lambda fraction: None,
 ) -> RawShape:
     """Mesh `shape` (a solid, shell or face) and read everything a scene wants to know of it.
 
     `deflection` (m) bounds the distance between a triangle and its surface, `angular` (rad) the angle between
     neighbouring segments of a curve. Faces that mesh to nothing are tried again alone, finer and repaired; those that
-    still give nothing are named in `notes`. `color` gives a face's own colour.
+    still give nothing are named in `notes`. `color` gives a face's own colour. `tell` hears the fraction done.
     """
     BRepMesh_IncrementalMesh(shape, deflection / MM, False, angular, True)
     faces = ShapeMap()
@@ -66,6 +71,7 @@ def tessellate(
     count = 0
     for number in range(1, faces.Extent() + 1):
         face = TopoDS.Face(faces.FindKey(number))
+        tell(MESHED + (TYPED - MESHED) * (number - 1) / faces.Extent())
         points, corners = _triangles(face)
         if len(corners) == 0:
             points, corners = _retry(face, deflection / MM, angular)
@@ -86,7 +92,7 @@ def tessellate(
         raw.face_of_triangle = np.repeat(np.arange(len(triangles), dtype=np.int32), [len(t) for t in triangles])
         raw.vertices, inverse = np.unique(np.concatenate(vertices) + 0.0, axis=0, return_inverse=True)
         raw.triangles = inverse.reshape(-1)[np.concatenate(triangles)].astype(np.int32)
-    raw.edges = _edges(shape, faces, place)
+    raw.edges = _edges(shape, faces, place, tell)
     _volume(shape, raw)
     return raw
 
@@ -184,12 +190,13 @@ def _samples(face: TopoDS_Face, surface: BRepAdaptor_Surface) -> Array:
     return np.array([(p.X(), p.Y(), p.Z()) for p in (surface.Value(u, v) for u, v in middles)]) * MM
 
 
-def _edges(shape: TopoDS_Shape, faces: ShapeMap, place: dict[int, int]) -> list[RawEdge]:
+def _edges(shape: TopoDS_Shape, faces: ShapeMap, place: dict[int, int], tell: Callable[[float], None]) -> list[RawEdge]:
     """Each edge once: its polyline, the faces it bounds, and its circle if it is one."""
     ancestors = AncestorMap()
     TopExp.MapShapesAndAncestors_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, ancestors)
     edges = []
     for i in range(1, ancestors.Extent() + 1):
+        tell(TYPED + (1.0 - TYPED) * (i - 1) / ancestors.Extent())
         edge = TopoDS.Edge(ancestors.FindKey(i))
         if BRep_Tool.Degenerated_s(edge):
             continue

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -16,9 +18,14 @@ from vpframe.scene import Edge, Part, Scene, Shape, Surface
 Array = NDArray[np.float64]
 
 
-def scene(raw: RawScene, source: str | None = None) -> Scene:
-    """The scene of a raw scene; parts that share a shape share the object."""
-    shapes = [shape(s, name) for s, name in zip(raw.shapes, _shape_names(raw), strict=True)]
+def scene(raw: RawScene, source: str | None = None, progress: Callable[[float, str], None] | None = None) -> Scene:
+    """The scene of a raw scene; parts that share a shape share the object. `progress` hears how far it is."""
+    shapes, done, total = [], 0, max(sum(len(s.faces) for s in raw.shapes), 1)
+    for s, name in zip(raw.shapes, _shape_names(raw), strict=True):
+        if progress is not None:
+            progress(done / total, f"surfaces of {name}")
+        shapes.append(shape(s, name))
+        done += len(s.faces)
     parts = (
         Part(p.name, shapes[p.shape], pin.SE3(p.rotation, p.translation), density=p.density)
         if p.color is None

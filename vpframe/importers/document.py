@@ -66,7 +66,7 @@ def read_document(
 ) -> RawScene:
     """Read a CAD file; shapes whose number is in `skip` (they crashed the kernel before) are left out and named."""
     Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
-    progress(0.02, "reading the file")
+    progress(0.15, "reading the file")
     document = _transfer(path, form)
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     colors = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
@@ -243,12 +243,14 @@ class _Solids:
         for part in self.raw.parts:
             names.setdefault(part.shape, part.name)
         kept: dict[int, int] = {}
+        faces = [sum(1 for _ in _of(shape, TopAbs_ShapeEnum.TopAbs_FACE)) for shape in self.shapes]
         for number, shape in enumerate(self.shapes):
             if number in skip:
                 continue
-            fraction = 0.2 + 0.8 * number / len(self.shapes)
-            progress(fraction, f"meshing {names[number]}", number)
-            raw = tessellate(shape, deflection, angular, self._color_of)
+            begin, share = (0.65 * n / max(sum(faces), 1) for n in (sum(faces[:number]), faces[number]))
+            tell = _Teller(progress, f"meshing {names[number]}", number, 0.35 + begin, share)
+            tell(0.0)
+            raw = tessellate(shape, deflection, angular, self._color_of, tell)
             if raw.faces:
                 kept[number] = len(self.raw.shapes)
                 self.raw.shapes.append(raw)
@@ -262,6 +264,20 @@ class _Solids:
         if not self.raw.parts:
             raise UnreadableError("no part of it can be meshed; check it in a CAD program and export it again")
         return self.raw
+
+
+class _Teller:
+    """Passes on how far one shape is as what that is of the whole, once a hundredth."""
+
+    def __init__(self, progress: Progress, text: str, number: int, begin: float, share: float) -> None:
+        self._say = lambda fraction: progress(begin + share * fraction, text, number)
+        self._share = share
+        self._last = -1.0
+
+    def __call__(self, fraction: float) -> None:
+        if self._last < 0.0 or (fraction - self._last) * self._share >= 0.01:
+            self._last = fraction
+            self._say(fraction)
 
 
 def _explore(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
