@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision import Tolerance
-from physics import contact, pressing
+from physics import contact, crossing, pressing
 from physics.bodies import FREE, Bodies, coast, drift, place
 from physics.integrators import METHODS
 from physics.joints import Joint, assemble
@@ -151,6 +151,7 @@ class Stepper:
             now = Contacts(before.ints[mine], before.reals[mine], before.force[mine])
         else:
             now = self._inherit(self.find(island, self._reach(island, dt)), before)
+            now = self._sift(now, self._touched(before, now), None, None, 0.0, 0.0)[0]
         while dt - t > 1e-12 * dt:
             h = dt - t
             limit = self._limit(island)
@@ -162,7 +163,7 @@ class Stepper:
             else:
                 free = len(island.moved) == 0 and _least(now, slice(None)) > self.tolerance.touch
                 if free and island.mechanism is not None:
-                    after = self._smooth(island, island.mechanism, time + t, h, wrench)
+                    after = self._smooth(island, island.mechanism, rest, time, t, h, wrench)
                     if after is not None:
                         t, now = t + h, after
                         continue
@@ -170,13 +171,14 @@ class Stepper:
                 t += taken
         return now
 
-    def _smooth(self, island: Island, mechanism: Mechanism, time: float, h: float, wrench) -> Contacts | None:
+    def _smooth(self, island, mechanism: Mechanism, rest, time, t, h, wrench) -> Contacts | None:
         """h seconds without contact, at high order; None (and nothing moved) if it would touch something."""
         b = self.bodies
         start = Saved(b, island.ids)
         reach = self._reach(island, h)
-        mechanism.advance(b, time, h, wrench, island.constant)
+        mechanism.advance(b, time + t, h, wrench, island.constant)
         after = self.find(island, reach)
+        after, _ = self._sift(after, np.zeros(len(after.ints), bool), start, rest, t, h)
         if _least(after, slice(None)) > self.tolerance.touch and self._limit(island) >= 0.5 * h:
             return after
         start.restore(b)
@@ -208,6 +210,37 @@ class Stepper:
             known = row >= 0
             now.force[known] = before.force[row[known]]
         return now
+
+    def _touched(self, before: Contacts, now: Contacts) -> NDArray[np.bool_]:
+        """Which contacts of `now` touched in `before`."""
+        touched = np.zeros(len(now.ints), bool)
+        if len(before.ints) and len(now.ints):
+            row = pressing.match(before.ints, now.ints)
+            known = row >= 0
+            touched[known] = before.reals[row[known], 6] <= self.tolerance.touch
+        return touched
+
+    def _sift(self, contacts, touched, start, rest, t, h):
+        """Without the rows that only lie behind a face; and which of the others touched, or have been inside all along.
+
+        start: the island h seconds ago, rest: what carries it, at the step's start (t before that); None: just begun.
+        """
+        deep = ~touched & (contacts.reals[:, 6] < -self.tolerance.touch)
+        if not deep.any():
+            return contacts, touched
+        b = self.bodies
+        rotation, origin = b.rotation.copy(), b.origin.copy()
+        if start is not None:
+            rotation[start.ids], origin[start.ids] = start.rotation, start.origin
+            rest.carry(b, t)
+            rotation[rest.ids], origin[rest.ids] = b.rotation[rest.ids], b.origin[rest.ids]
+            rest.carry(b, t + h)
+        verdict = crossing.sift(
+            contacts.ints, contacts.reals, touched, b.rotation, b.origin, rotation, origin, self.shape_of, self.shapes,
+            self.tolerance.touch,
+        )  # fmt: skip
+        real = verdict != crossing.NOTHING
+        return Contacts(*(column[real] for column in contacts)), (touched | (verdict == crossing.SUNK))[real]
 
     def _substep(self, island, now, rest, time, t, h, wrench):
         """One sub-step of at most h, cut short at the first impact; the time taken and the contacts at its end."""
@@ -278,18 +311,13 @@ class Stepper:
             before = b.velocity[island.ids]
             self._kick(island, now, pressed, time + t, 0.5 * h, wrench)
             island.first_rate = (b.velocity[island.ids] - before) / (0.5 * h)
-        loaded = now.force[:, 0] > 0.0
+        start = Saved(b, island.ids)
         self._drift(island, rest, t + h, h)
         reach = self._reach(island, h)
         for _ in range(6):
-            after = self.find(island, reach)
-            row = pressing.match(now.ints, after.ints) if len(now.ints) else np.full(len(after.ints), -1)
-            known = row >= 0
-            touched = np.zeros(len(after.ints), bool)
-            touched[known] = now.reals[row[known], 6] <= touch
-            carried = np.zeros(len(after.ints), bool)
-            carried[known] = loaded[row[known]]
-            after.force[known] = now.force[row[known]]
+            after = self._inherit(self.find(island, reach), now)
+            after, touched = self._sift(after, self._touched(now, after), start, rest, t, h)
+            carried = after.force[:, 0] > 0.0
             gaps = after.reals[:, 6]
             off = touched & ((carried & (gaps != 0.0)) | (gaps < 0.0))
             jb, jj, jr = assemble(island.joints, b, island.ids)
@@ -410,7 +438,9 @@ class Stepper:
 
     def _blunt(self, island, now, rest, time, t, h, wrench):
         """A step without rebound and without looking for impacts: nothing closes more than its gap allows."""
-        now = self._inherit(self.find(island, self._reach(island, h)), now)
+        found = self._inherit(self.find(island, self._reach(island, h)), now)
+        now, _ = self._sift(found, self._touched(now, found), None, None, 0.0, 0.0)
+        start = Saved(self.bodies, island.ids)
         gaps = now.reals[:, 6]
         target = -np.maximum(gaps, 0.0) / h
         near = np.arange(len(gaps))
@@ -418,11 +448,13 @@ class Stepper:
         self._drift(island, rest, t + h, h)
         reach = self._reach(island, h)
         after = self.find(island, reach)
+        after, _ = self._sift(after, self._touched(now, after), start, rest, t, h)
         jb, jj, jr = assemble(island.joints, self.bodies, island.ids)
         sunk = np.flatnonzero(after.reals[:, 6] < 0.0)
         if len(sunk) or len(jr):
             self._correct(island, after, sunk, jb, jj, jr)
             after = self.find(island, reach)
+            after, _ = self._sift(after, self._touched(now, after), start, rest, t, h)
         return self._inherit(after, now)
 
 

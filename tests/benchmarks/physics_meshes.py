@@ -92,3 +92,20 @@ def room(size: float = 4.0, thickness: float = 0.2) -> tuple[CollisionManager, i
     manager = CollisionManager()
     floor = manager.add(box_mesh(size, size, thickness, "floor"), at(z=-thickness / 2), movable=False)
     return manager, floor
+
+
+def tube_mesh(inner: float, outer: float, height: float, n: int = 48, phase: float = 0.0) -> SurfaceMesh:
+    """A tube along z about the origin: surface 0 the bore, 1 the outside, 2 the top, 3 the bottom."""
+    a = 2 * np.pi * np.arange(n) / n + phase
+    ring = np.stack([np.cos(a), np.sin(a)], axis=1)
+    corners = [(r, z * height / 2) for r in (inner, outer) for z in (1, -1)]
+    vertices = np.vstack([np.column_stack([r * ring, np.full(n, z)]) for r, z in corners])
+    triangles, surfaces = [], []
+    for k in range(n):
+        m = (k + 1) % n
+        it, ib, ot, ob = k, n + k, 2 * n + k, 3 * n + k
+        jt, jb, pt, pb = m, n + m, 2 * n + m, 3 * n + m
+        triangles += [(it, jt, ib), (jt, jb, ib), (ot, ob, pt), (pt, ob, pb)]
+        triangles += [(it, ot, jt), (jt, ot, pt), (ib, jb, ob), (jb, pb, ob)]
+        surfaces += [0, 0, 1, 1, 2, 2, 3, 3]
+    return SurfaceMesh(vertices, triangles, surfaces, "tube")

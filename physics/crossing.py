@@ -1,0 +1,123 @@
+"""Which contact points with a negative gap are penetrations, and which only lie behind a face.
+
+A point that lies behind a face need not have come through it: the end of a ring's outer wall, flush with the end of
+a bore, lies deep behind the bore's wall and touches nothing of it. `contact.find` cannot tell, it sees one instant.
+A row is a penetration if its two features have crossed since a known earlier pose, or if no other surface of the
+solid is nearer to the point than those of the row's own feature.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from physics.contact import (
+    BODY_A,
+    BODY_B,
+    EDGE,
+    FACE,
+    FEATURE_A,
+    FEATURE_B,
+    SURFACE_A,
+    SURFACE_B,
+    _dot,
+    _from,
+    _nearest,
+)
+
+NOTHING, CROSSED, SUNK = range(3)
+"""verdicts: no penetration; one since the earlier pose (or a gap that is not negative); one that is older"""
+
+
+@njit(cache=True)
+def _carried(r0, o0, r1, o1, p):
+    """Where the point of a body that is now at `p` (world) was when the body was at (r0, o0)."""
+    x, y, z = p[0] - o1[0], p[1] - o1[1], p[2] - o1[2]
+    out = np.empty(3)
+    a = r1[0, 0] * x + r1[1, 0] * y + r1[2, 0] * z
+    b = r1[0, 1] * x + r1[1, 1] * y + r1[2, 1] * z
+    c = r1[0, 2] * x + r1[1, 2] * y + r1[2, 2] * z
+    for i in range(3):
+        out[i] = r0[i, 0] * a + r0[i, 1] * b + r0[i, 2] * c + o0[i]
+    return out
+
+
+@njit(cache=True)
+def _shallow(shapes, shape, p, one, two):
+    """Whether of all surfaces of a shape `one` or `two` is nearest to the point `p` (the shape's frame)."""
+    first = shapes.first_surface[shape]
+    last = shapes.first_surface[shape + 1] if shape + 1 < len(shapes.first_surface) else len(shapes.kinds)
+    q = np.empty(3)
+    own = np.inf
+    for turn in range(2):  # its own surfaces first: they say how near another must be
+        for s in range(last - first):
+            if (s in (one, two)) != (turn == 0):
+                continue
+            box = shapes.boxes[first + s]
+            if turn == 1:
+                far = 0.0
+                for k in range(3):
+                    d = max(box[k] - p[k], p[k] - box[3 + k], 0.0)
+                    far += d * d
+                if far >= own:
+                    continue
+            row = first + s + shape
+            for t in range(shapes.triangle_start[row], shapes.triangle_start[row + 1]):
+                v = shapes.triangles[t]
+                _nearest(p, shapes.vertices[v[0]], shapes.vertices[v[1]], shapes.vertices[v[2]], q)
+                x, y, z = p[0] - q[0], p[1] - q[1], p[2] - q[2]
+                d = _dot(x, y, z, x, y, z)
+                if turn == 0:
+                    own = min(own, d)
+                elif d < own * (1.0 - 1e-9):
+                    return False
+    return True
+
+
+@njit(cache=True)
+def sift(ints, reals, known, rotations, origins, before_r, before_o, shape_of, shapes, tolerance):
+    """(c,) verdict on each row that `contact.find` gave.
+
+    known (c,): rows that touched before; they are taken as they are. before_r (n, 3, 3), before_o (n, 3): the mesh
+    frames at an earlier instant, not long ago. tolerance: m, gaps above -tolerance are none.
+    """
+    out = np.full(len(ints), CROSSED)
+    p = np.empty(3)
+    for i in range(len(ints)):
+        gap = reals[i, 6]
+        if known[i] or gap >= -tolerance:
+            continue
+        a, b = ints[i, BODY_A], ints[i, BODY_B]
+        kind_a, kind_b = ints[i, FEATURE_A] % 4, ints[i, FEATURE_B] % 4
+        n = reals[i, 3:6]
+        on_a = reals[i, :3].copy()
+        on_b = on_a - gap * n
+        face = b
+        if kind_a == FACE:
+            on_b = reals[i, :3].copy()
+            on_a = on_b + gap * n
+            face = a
+        was_a = _carried(before_r[a], before_o[a], rotations[a], origins[a], on_a)
+        was_b = _carried(before_r[b], before_o[b], rotations[b], origins[b], on_b)
+        turned = _carried(before_r[face], np.zeros(3), rotations[face], np.zeros(3), n)
+        was = np.sum(turned * (was_a - was_b))
+        if was >= 0.5 * gap:
+            continue
+        out[i] = SUNK
+        if kind_a != FACE:
+            one = two = ints[i, SURFACE_B]
+            if kind_b == EDGE:
+                edge = ints[i, FEATURE_B] // 4
+                one, two = shapes.edge_surfaces[edge, 0], shapes.edge_surfaces[edge, 1]
+            _from(rotations[b], origins[b], on_a, p)
+            if not _shallow(shapes, shape_of[b], p, one, two):
+                out[i] = NOTHING
+        if kind_a in (FACE, EDGE):
+            one = two = ints[i, SURFACE_A]
+            if kind_a == EDGE:
+                edge = ints[i, FEATURE_A] // 4
+                one, two = shapes.edge_surfaces[edge, 0], shapes.edge_surfaces[edge, 1]
+            _from(rotations[a], origins[a], on_b, p)
+            if not _shallow(shapes, shape_of[a], p, one, two):
+                out[i] = NOTHING
+    return out
