@@ -9,7 +9,19 @@ from typing import Any
 import pinocchio as pin
 
 from constraints.geometry import Geometry, Vector
-from constraints.kinds import Against, Concentric, Conical, Constraint, Screw, Spherical, Tangent, Toroidal
+from constraints.kinds import (
+    Against,
+    Concentric,
+    Conical,
+    Constraint,
+    Contact,
+    Coplanar,
+    Groove,
+    Screw,
+    Spherical,
+    Tangent,
+    Toroidal,
+)
 
 Pair = tuple[int, int, int, int]
 """body a, feature of a, body b, feature of b; a < b"""
@@ -49,10 +61,13 @@ class Match:
     """what was found, in a few words"""
     parameters: dict[str, Any] = field(default_factory=dict)
     """what the constraint kind needs to know besides the two features"""
+    features: tuple[Geometry, Geometry] | None = None
+    """what the constraint is between, in the bodies' frames, where it is not the two features but edges of theirs"""
 
 
 KINDS: dict[str, type[Constraint]] = {
-    kind.kind: kind for kind in (Against, Concentric, Conical, Screw, Spherical, Tangent, Toroidal)
+    kind.kind: kind
+    for kind in (Against, Concentric, Conical, Contact, Coplanar, Groove, Screw, Spherical, Tangent, Toroidal)
 }
 """The constraint class of each kind that recognition offers."""
 

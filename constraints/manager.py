@@ -20,9 +20,10 @@ from constraints.errors import ConstraintsError
 from constraints.features import Feature
 from constraints.geometry import Plane
 from constraints.kinds import Constraint
-from constraints.pairings import FITS, Limits
+from constraints.pairings import FITS
 from constraints.recognition import Recogniser
 from constraints.solver import solve
+from constraints.views import Limits
 
 Rule = Callable[[Candidate], bool | None]
 """Decides on a new candidate: True accepts, False refuses, None leaves it open."""

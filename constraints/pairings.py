@@ -12,6 +12,7 @@ cylinder             hollow cylinder        concentric      offset of the axes o
 cone                 hollow cone            conical         offset of the apexes across the surface, half angles
 sphere               hollow sphere          spherical       offset of the centres, radial fit
 torus                hollow torus           toroidal        offset of the centres, axes, radial fit
+sphere               hollow cylinder, torus groove          offset of the centre from the groove's, radial fit
 cylinder, cone,      plane                  tangent         gap at the line or point where they come nearest
 sphere, torus
 cylinder             cylinder               tangent         gap: outside or inside where parallel, else crossed
@@ -24,131 +25,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
 
-from collision import Tolerance
 from constraints.candidate import Match
-from constraints.features import Feature
 from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector
-from constraints.iso286 import fit_class
-from constraints.overlap import facing_area, height_spans, open_angle, shared_height
+from constraints.overlap import facing_area, shared_height
 from constraints.tangencies import TANGENCIES, reached, sag
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What a rule may let pass."""
-
-    linear: float
-    """m, on offsets and gaps"""
-    angular: float
-    """rad, on directions"""
-    clearance: float
-    """m, on the difference of radii, either way"""
-    overlap: float
-    """m: the least shared length; negative while a part approaches"""
-    strip: float
-    """m: the least width of a shared area"""
-    fit_class: str = ""
-    """ISO 286 class of shafts in bores"""
-    slack: float = 0.0
-    """m: how exactly radii are known, and within which faces touch"""
-
-    @classmethod
-    def offer(cls, tolerance: Tolerance) -> Limits:
-        """What is needed for a candidate to be offered."""
-        return cls._at(tolerance, tolerance.reach, tolerance.reach_angular, max(tolerance.linear, tolerance.reach))
-
-    @classmethod
-    def keep(cls, tolerance: Tolerance) -> Limits:
-        """What is needed for it to stay: wider, so that a shaking hand makes nothing come and go."""
-        r = tolerance.release
-        return cls._at(tolerance, r * tolerance.reach, r * tolerance.reach_angular, tolerance.linear)
-
-    @classmethod
-    def _at(cls, tolerance: Tolerance, reach: float, angular: float, strip: float) -> Limits:
-        return cls(
-            linear=max(tolerance.linear, reach),
-            angular=max(tolerance.angular, angular),
-            clearance=tolerance.clearance,
-            overlap=tolerance.linear - reach,
-            strip=strip,
-            fit_class=tolerance.fit_class,
-            slack=tolerance.linear,
-        )
-
-    def fit(self, radius: float, clearance: float) -> bool:
-        """Whether a shaft of `radius` fits a bore with this radial clearance (m)."""
-        if self.fit_class and not fit_class(self.fit_class, 2.0 * radius).allows(2.0 * clearance, self.slack):
-            return False
-        return abs(clearance) <= self.clearance
-
-
-@dataclass(frozen=True, eq=False)
-class Extent:
-    """What is known of a feature once and for all, in its body's frame."""
-
-    feature: Feature
-    spans: NDArray[np.float64]
-    """(k, 2) m: heights along its axis, from origin, apex or centre, that its faces cover; one (0, 0) without axis"""
-    open: float
-    """rad: the greatest angle about the axis that it does not cover"""
-    center: Vector
-    """(3,) mean of its samples"""
-
-    @classmethod
-    def of(cls, feature: Feature) -> Extent:
-        g = feature.geometry
-        center = feature.samples.mean(axis=0)
-        if isinstance(g, Cylinder | Cone | Torus):
-            origin = g.apex if isinstance(g, Cone) else g.origin if isinstance(g, Cylinder) else g.center
-            spans = height_spans(feature.samples, feature.triangles, origin, g.axis)
-            return cls(feature, spans, open_angle(feature.samples, origin, g.axis), center)
-        return cls(feature, np.zeros((1, 2)), 0.0, center)
-
-    @property
-    def length(self) -> float:
-        """m: how much of its axis its faces cover."""
-        return float((self.spans[:, 1] - self.spans[:, 0]).sum())
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """A feature where it is now."""
-
-    extent: Extent
-    pose: pin.SE3
-
-    @property
-    def feature(self) -> Feature:
-        return self.extent.feature
-
-    @cached_property
-    def geometry(self) -> Geometry:
-        """In world coordinates."""
-        return self.feature.geometry.transformed(self.pose)
-
-    @cached_property
-    def center(self) -> Vector:
-        """(3,) world."""
-        return np.asarray(self.pose.act(self.extent.center))
-
-    @property
-    def triangles(self) -> NDArray[np.float64]:
-        """(t, 3, 3) world."""
-        points = self.feature.samples @ self.pose.rotation.T + self.pose.translation
-        return np.asarray(points[self.feature.triangles])
-
-
-def millimetres(x: float) -> str:
-    """A length as a person reads it; below a picometre nothing is left to say."""
-    if abs(x) < 1e-12:
-        return "0 mm"
-    return f"{x * 1e3:.4g} mm" if abs(x) >= 1e-4 else f"{x * 1e6:.3g} µm"
+from constraints.views import Limits, View, millimetres
 
 
 def _fit_words(fit: float) -> str:
@@ -319,6 +203,29 @@ def toroidal(a: View, b: View, limits: Limits) -> Match | None:
     return _round("toroidal", a, b, h.axis, offset, angle, fit, shared, h.center, h.major, words)
 
 
+def groove(a: View, b: View, limits: Limits) -> Match | None:
+    """A ball in a groove of its own radius, straight or around an axis."""
+    ball, hollow = (a, b) if a.feature.sense > 0 else (b, a)
+    s, h = ball.geometry, hollow.geometry
+    assert isinstance(s, Sphere) and isinstance(h, Cylinder | Torus)
+    fit = _radius(h) - s.radius
+    way = np.asarray(h.normals(s.center)[0])
+    offset = float(h.distance(s.center)[0]) + _radius(h)  # of the centre from the groove's centre line
+    middle = s.center - offset * way
+    if abs(fit) > limits.clearance or offset > limits.linear + max(fit, 0.0):
+        return None
+    triangles = hollow.triangles
+    if not reached(middle[None], triangles, _radius(h) + 2.0 * sag(h, triangles) + limits.linear)[0]:
+        return None  # the groove ends before
+    axis = h.axis if isinstance(h, Cylinder) else np.cross(h.axis, middle - h.center) / h.major
+    what = "straight" if isinstance(h, Cylinder) else f"ring Ø{2e3 * h.major:.6g} mm"
+    words = (
+        f"ball Ø{2e3 * s.radius:.6g} in groove Ø{2e3 * _radius(h):.6g} mm, {what}, centres {millimetres(offset)} apart"
+    )
+    shared = (1.0, 1.0, hollow.extent.open if isinstance(h, Cylinder) else 2.0 * np.pi)
+    return _round("groove", a, b, axis, offset, 0.0, fit, shared, middle, s.radius, words)
+
+
 def _radius(geometry: Geometry) -> float:
     """m: radius of curvature where a ball lies in it; infinite where it widens (a cone)."""
     match geometry:
@@ -337,9 +244,7 @@ def tangent(a: View, b: View, limits: Limits) -> Match | None:
     rule = TANGENCIES[type(first.geometry), type(second.geometry)]
     spans = second.extent.spans
     hollow = first.feature.sense < 0
-    if hollow and _radius(first.geometry) - _radius(second.geometry) <= (
-        limits.clearance if type(first.geometry) is type(second.geometry) else limits.linear
-    ):
+    if hollow and _radius(first.geometry) - _radius(second.geometry) <= limits.clearance:
         return None  # that near it is a fit, good or bad
     touch = rule(first.geometry, second.geometry, (float(spans[0, 0]), float(spans[-1, 1])), hollow)
     if touch is None or abs(touch.gap) > limits.linear or touch.angle > limits.angular:
@@ -400,6 +305,8 @@ PAIRINGS: tuple[Pairing, ...] = (
     Pairing("conical", Cone, Cone, (-1,), conical),
     Pairing("spherical", Sphere, Sphere, (-1,), spherical),
     Pairing("toroidal", Torus, Torus, (-1,), toroidal),
+    Pairing("groove", Cylinder, Sphere, (-1,), groove),
+    Pairing("groove", Torus, Sphere, (-1,), groove),
     Pairing("tangent", Plane, Cylinder, (1,), tangent),
     Pairing("tangent", Plane, Cone, (1,), tangent),
     Pairing("tangent", Plane, Sphere, (1,), tangent),
@@ -410,8 +317,14 @@ PAIRINGS: tuple[Pairing, ...] = (
     Pairing("tangent", Torus, Sphere, (1, -1), tangent),
     Pairing("tangent", Sphere, Sphere, (1, -1), tangent),
 )
-FITS = ("against", "concentric", "conical", "screw", "spherical", "toroidal")
+FITS = ("against", "concentric", "conical", "groove", "screw", "spherical", "toroidal")
 """Kinds whose surfaces coincide: what is offered to a hand, which would not want every tangency on its way."""
+
+
+STANDING = (*FITS, "tangent")
+"""Kinds of an assembly as it stands: what `recognise` offers if not told otherwise."""
+SLIGHT = ("contact", "coplanar")
+"""Kinds that two bodies often make without being meant to: edges and vertices that touch, faces that lie flush."""
 
 
 def matches(a: View, b: View, limits: Limits) -> Match | None:

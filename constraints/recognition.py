@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from collision import Tolerance
 from constraints.candidate import KINDS, Candidate, Key, Match, Pair
+from constraints.edges import as_match, not_said_yet, touching
 from constraints.features import Feature
-from constraints.pairings import Extent, Limits, View, matches, millimetres
+from constraints.pairings import SLIGHT, STANDING, matches
 from constraints.threads import ALIKE
+from constraints.views import Extent, Limits, View, millimetres
 
 Pairs = dict[Pair, list[float]]
 """m: distances of the pairs of faces that are near each other, by pair of features"""
@@ -123,7 +125,11 @@ class Recogniser:
         if pitch is not None:
             thread = f"; {'left-hand ' if pitch < 0.0 else ''}thread of pitch {1e3 * abs(pitch):.4g} mm"
         constraint = KINDS[match.kind](
-            (a, b), (first.geometry, second.geometry), (first.surfaces, second.surfaces), match.size, **match.parameters
+            (a, b),
+            match.features or (first.geometry, second.geometry),
+            (first.surfaces, second.surfaces),
+            match.size,
+            **match.parameters,
         )
         return Candidate(
             key=(*pair, match.kind),
@@ -171,7 +177,9 @@ def recognise(
     tolerance: `reach` and `reach_angular` say how far from exact a mate may be; `replace(t, reach=0.0,
         reach_angular=0.0)` judges an assembly as it stands.
     threads: pitch in m a turn of threaded features, by (body, feature).
-    kinds: only these kinds; None for all.
+    kinds: only these kinds; None for all of `pairings.STANDING`. With "contact" or "coplanar" among them (`pairings.
+        SLIGHT`) edges and vertices that touch within `tolerance.linear` are looked at too, and faces that lie flush:
+        ranked below what fits, and left out where a fit of the same two bodies says as much.
     tell: hears the fraction done, before each pair of features.
 
     Returns
@@ -181,12 +189,19 @@ def recognise(
     tolerance = tolerance or Tolerance()
     recogniser = Recogniser(features, threads)
     limits = Limits.offer(tolerance)
-    wanted = None if kinds is None else frozenset(kinds)
-    found = []
-    near = sorted(recogniser.near(contacts).items())
-    for number, (pair, distances) in enumerate(near):
+    wanted = frozenset(STANDING if kinds is None else kinds)
+    near = recogniser.near(contacts)
+    found, slight = [], []
+    for number, (pair, distances) in enumerate(sorted(near.items())):
         tell(number / len(near))
-        for match in recogniser.matches(pair, poses, limits):
-            if wanted is None or match.kind in wanted:
-                found.append(recogniser.candidate(pair, match, distances, limits, poses))
-    return tuple(sorted(found, key=lambda c: (-c.score, c.key)))
+        offered = recogniser.matches(pair, poses, limits)
+        found += [recogniser.candidate(pair, match, distances, limits, poses) for match in offered]
+        if not offered and not wanted.isdisjoint(SLIGHT) and min(distances) <= limits.slack:
+            a, fa, b, fb = pair
+            touch = touching(recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b]), limits)
+            slight += [] if touch is None else [(pair, touch)]
+    for pair, touch in not_said_yet(slight, found, lambda body, f: recogniser.view(body, f, poses[body])):
+        a, fa, b, fb = pair
+        match = as_match(touch, recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b]), limits)
+        found.append(recogniser.candidate(pair, match, near[pair], limits, poses))
+    return tuple(sorted((c for c in found if c.kind in wanted), key=lambda c: (-c.score, c.key)))

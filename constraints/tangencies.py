@@ -7,10 +7,11 @@ material: their triangles reach one of these points.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector, perpendicular
@@ -143,29 +144,52 @@ TANGENCIES: dict[tuple[type[Geometry], type[Geometry]], Rule] = {
 def reached(points: Array, triangles: Array, slack: float) -> NDArray[np.bool_]:
     """(k,) whether each point is within `slack` (m) of one of `triangles` (t, 3, 3)."""
     out = np.zeros(len(points), bool)
-    low, high = triangles.min(axis=1) - slack, triangles.max(axis=1) + slack
-    for i, point in enumerate(points):
-        near = triangles[((point >= low) & (point <= high)).all(axis=1)]
-        out[i] = len(near) > 0 and bool((_distance(point, near) <= slack).any())
+    _reach(np.ascontiguousarray(points), np.ascontiguousarray(triangles), slack, out)
     return out
 
 
-def _distance(point: Vector, t: Array) -> Array:
-    """(n,) distance of a point from triangles (n, 3, 3): to the plane over the inside, to the edges elsewhere."""
-    best = np.full(len(t), np.inf)
-    edges: Sequence[tuple[int, int]] = ((0, 1), (1, 2), (2, 0))
-    for i, j in edges:
-        e, q = t[:, j] - t[:, i], point - t[:, i]
-        length = np.einsum("ij,ij->i", e, e)
-        s = np.clip(np.divide(np.einsum("ij,ij->i", q, e), length, out=np.zeros(len(t)), where=length > 0), 0.0, 1.0)
-        best = np.minimum(best, np.linalg.norm(q - s[:, None] * e, axis=1))
-    n = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    size = np.linalg.norm(n, axis=1)
-    inside = size > 0
-    for i, j in edges:
-        inside &= np.einsum("ij,ij->i", np.cross(t[:, j] - t[:, i], point - t[:, i]), n) >= 0
-    height = np.abs(np.einsum("ij,ij->i", point - t[:, 0], n)) / np.where(size > 0, size, 1.0)
-    return np.where(inside, height, best)
+@njit(cache=True, error_model="numpy")
+def _reach(
+    points: Array, triangles: Array, slack: float, out: NDArray[np.bool_]
+) -> None:  # pragma: no cover - compiled
+    for k in range(len(points)):
+        for t in range(len(triangles)):
+            far = False
+            for i in range(3):
+                x, y, z = triangles[t, 0, i], triangles[t, 1, i], triangles[t, 2, i]
+                far |= points[k, i] < min(x, y, z) - slack or points[k, i] > max(x, y, z) + slack
+            if not far and _squared_distance(points[k], triangles[t]) <= slack * slack:
+                out[k] = True
+                break
+
+
+@njit(cache=True, error_model="numpy")
+def _squared_distance(p: Array, t: Array) -> float:  # pragma: no cover - compiled
+    """Of a point from a triangle, m²: to its plane over the inside, to the sides elsewhere (degenerate ones too)."""
+    u, v = t[1] - t[0], t[2] - t[0]
+    n = np.array([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+    size = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
+    inside, best = size > 0.0, np.inf
+    for i in range(3):
+        a, b = t[i], t[(i + 1) % 3]
+        length = along = 0.0
+        for j in range(3):
+            length += (b[j] - a[j]) ** 2
+            along += (p[j] - a[j]) * (b[j] - a[j])
+        s = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
+        off = 0.0
+        for j in range(3):
+            off += (p[j] - a[j] - s * (b[j] - a[j])) ** 2
+        best = min(best, off)
+        side = 0.0  # of the side's own plane, upright on the triangle
+        for j in range(3):
+            x, y = (j + 1) % 3, (j + 2) % 3
+            side += ((b[x] - a[x]) * (p[y] - a[y]) - (b[y] - a[y]) * (p[x] - a[x])) * n[j]
+        inside &= side >= 0.0
+    if inside:
+        height = (p[0] - t[0, 0]) * n[0] + (p[1] - t[0, 1]) * n[1] + (p[2] - t[0, 2]) * n[2]
+        return height * height / size
+    return best
 
 
 def sag(geometry: Geometry, triangles: Array) -> float:

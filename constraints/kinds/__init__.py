@@ -13,6 +13,7 @@ from constraints.kinds.elements import Circle, Line, Point
 from constraints.kinds.equations import Equation
 from constraints.kinds.fixed import Fixed
 from constraints.kinds.gear import Gear
+from constraints.kinds.groove import Groove
 from constraints.kinds.offset import Offset
 from constraints.kinds.parallel import Parallel
 from constraints.kinds.perpendicular import Perpendicular
@@ -36,6 +37,7 @@ __all__ = [
     "Equation",
     "Fixed",
     "Gear",
+    "Groove",
     "Line",
     "Offset",
     "Parallel",

@@ -7,7 +7,8 @@ import pinocchio as pin
 import pytest
 
 from collision import Tolerance
-from constraints.pairings import Extent, Limits, View, matches
+from constraints.pairings import matches
+from constraints.views import Extent, Limits, View
 from tests.constraints.shapes import box, flanged_shaft, housing, shaft, turned
 
 EXACT = Limits.offer(replace(Tolerance(), reach=0.0, reach_angular=0.0))
@@ -133,3 +134,35 @@ def test_flanged_shaft_has_the_faces_the_docstring_says():
     kinds = [(f.geometry.kind, f.sense) for f in flanged_shaft().features]
     assert kinds == [("plane", 1), ("cylinder", 1), ("plane", 1), ("cylinder", 1), ("plane", 1)]
     assert flanged_shaft().features[2].geometry.normal == pytest.approx([0, 0, -1])
+
+
+def test_ball_in_a_groove_of_its_radius():
+    ball = turned([(0, -0.002, ("ball", 0.0)), (0, 0.002)])
+    race = turned(
+        [
+            (0.03, -0.004),
+            (0.03, 0.004),
+            (0.02, 0.004),
+            (0.02, 0.002, ("ring", 0.02, 0.0)),
+            (0.02, -0.002),
+            (0.02, -0.004),
+        ]
+    )
+    place = next(i for i, f in enumerate(race.features) if f.geometry.kind == "torus")
+    assert race.features[place].sense == -1
+    match = matches(view(ball, 0, (0.02, 5e-6, 2e-6)), view(race, place), EXACT)
+    assert match.kind == "groove" and match.fit == pytest.approx(0.0, abs=1e-12) and not match.closed
+    assert match.residual == pytest.approx(2e-6, rel=1e-3)  # along the ring it may be anywhere
+    np.testing.assert_allclose(np.abs(match.direction), [0, 1, 0], atol=1e-3)
+    assert matches(view(ball, 0, (0.0202, 0, 0)), view(race, place), EXACT) is None
+    bore = turned([(0.002, 0), (0.01, 0), (0.01, 0.02), (0.002, 0.02)])
+    match = matches(view(ball, 0, (0, 0, 0.015)), view(bore, 3), EXACT)
+    assert match.kind == "groove" and match.closed
+    assert matches(view(ball, 0, (0, 0, 0.03)), view(bore, 3), EXACT) is None  # out of the bore
+
+
+def test_a_ball_smaller_than_its_groove_is_tangent():
+    ball = turned([(0, -0.0015, ("ball", 0.0)), (0, 0.0015)])
+    bore = turned([(0.002, 0), (0.01, 0), (0.01, 0.02), (0.002, 0.02)])
+    match = matches(view(ball, 0, (0.0005, 0, 0.01)), view(bore, 3), EXACT)
+    assert match.kind == "tangent" and match.parameters == {"mode": "inside"}
