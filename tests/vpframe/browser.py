@@ -90,6 +90,23 @@ class Browser:
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
+    def click(self, selector: str) -> None:
+        """Press the mouse on the middle of an element, as a person does; it must be there to be pressed."""
+        place = self.run(
+            f"""(() => {{
+                const e = document.querySelector({json.dumps(selector)});
+                e.scrollIntoView({{block: "nearest"}});
+                const r = e.getBoundingClientRect();
+                const x = r.left + r.width / 2, y = r.top + r.height / 2;
+                return [x, y, e.contains(document.elementFromPoint(x, y)), !e.disabled];
+            }})()"""
+        )
+        x, y, seen, enabled = place
+        assert seen, f"{selector} is covered by something else"
+        assert enabled, f"{selector} is disabled"
+        for kind in ("mousePressed", "mouseReleased"):
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
     def wait(self, expression: str, seconds: float = 30.0) -> None:
         """Wait until an expression is true."""
         until = time.monotonic() + seconds

@@ -68,11 +68,13 @@ def test_what_cannot_move_has_no_arrows():
     assert freedom_symbol("part", "free", pin.SE3.Identity(), 1.0) is None
 
 
-def test_frame_symbols_leave_refused_ones_out_unless_asked_for():
+def test_refused_ones_are_drawn_too_but_dim():
     frame = pressing_frames()[32]
     refused = frame.__class__(**{**frame.__dict__, "constraints": (view(state="refused"),), "held": ()})
-    assert frame_symbols(refused) == ()
-    assert len(frame_symbols(refused, refused=True)) == 1
+    (symbol,) = frame_symbols(refused)
+    active = constraint_symbol(view(state="active"))
+    assert symbol.width < active.width and symbol.hidden < active.hidden
+    assert symbol.color == palette.REFUSED
     names = [s.name for s in frame_symbols(frame)]
     assert names == ["constraint/0", "freedom/rod"]
 

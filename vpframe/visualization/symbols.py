@@ -26,6 +26,8 @@ TURNING = ("concentric", "conical", "toroidal", "screw", "gear", "belt")
 """constraint kinds about an axis"""
 FLAT = ("against", "coplanar")
 """constraint kinds whose direction is a plane's normal"""
+WIDTH = {"active": 3.0, "candidate": 2.0, "refused": 1.0}
+"""of the lines of a constraint by its state, pixels"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,7 @@ class Symbol:
 
 
 def constraint_symbol(view: ConstraintView) -> Symbol:
-    """The symbol of a constraint or candidate, coloured by its state.
+    """The symbol of a constraint or candidate, coloured by its state; of a refused one thin, grey and faint.
 
     An axis with a ring for what turns about an axis (concentric, conical, screw, …), a ball for what turns about a
     point, a line for what touches along one, a framed square with its normal for what lies on a plane.
@@ -64,8 +66,9 @@ def constraint_symbol(view: ConstraintView) -> Symbol:
         strips=_constraint_strips(view.kind, size),
         pose=frame_at(view.origin, view.direction),
         color=palette.STATE.get(view.state, palette.CANDIDATE),
-        width=3.0 if view.state == "active" else 2.0,
+        width=WIDTH.get(view.state, WIDTH["candidate"]),
         label=f"{view.kind}: {view.parts[0]} – {view.parts[1]}",
+        hidden=0.15 if view.state == "refused" else 0.4,
     )
 
 
@@ -120,9 +123,9 @@ def _rounded(size: float) -> float:
     return float(f"{max(float(size), 1e-9):.3g}")
 
 
-def frame_symbols(frame: Frame, refused: bool = False) -> tuple[Symbol, ...]:
-    """Symbols of a frame: constraints, candidates (refused ones on request), and the freedom left of what is held."""
-    symbols = [constraint_symbol(view) for view in frame.constraints if refused or view.state != "refused"]
+def frame_symbols(frame: Frame) -> tuple[Symbol, ...]:
+    """Symbols of a frame: constraints, candidates, those refused, and the freedom left of what is held."""
+    symbols = [constraint_symbol(view) for view in frame.constraints]
     for name in frame.held:
         mine = [view for view in frame.constraints if view.state == "active" and name in view.parts]
         if not mine or name not in frame.joint:

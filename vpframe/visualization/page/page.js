@@ -276,12 +276,14 @@ function showConstraints(list) {
   $("constraints").dataset.signature = signature;
   $("constraints").replaceChildren(...list.map((c) => {
     const row = element("div", "row");
+    row.dataset.id = c.id;
     const dot = element("span", "dot");
     dot.style.background = world.info.colors.state[c.state];
     const what = element("span", "what", `${c.kind}: ${c.parts[0]} – ${c.parts[1]}`);
-    what.title = `${c.state}, off by ${c.residual.toExponential(2)} m. ${c.why}`;
+    what.title = `${c.state}, off by ${(1e3 * c.residual).toPrecision(2)} mm. ${c.why}`;
     row.append(dot, what);
     if (socket) {
+      if (c.state === "refused") row.append(element("span", "dim", "refused"));
       if (c.state !== "active") row.append(button("Accept", { action: "accept", id: c.id }));
       if (c.state === "candidate") row.append(button("Refuse", { action: "refuse", id: c.id }));
       if (c.state === "active") row.append(button("Remove", { action: "remove", id: c.id }));
@@ -338,9 +340,8 @@ function applySection() {
   viewer.set_dirty();
 }
 
-$("play").onclick = () => send({ action: "play" });
-$("pause").onclick = () => send({ action: "pause" });
-$("one").onclick = () => send({ action: "step" });
+for (const [name, action, status] of [["play", "play", ""], ["pause", "pause", "paused"], ["one", "step", "paused"]])
+  $(name).onclick = () => { send({ action }); $("status").textContent = status; };
 $("home").onclick = () => { frameCamera(); viewer.set_dirty(); };
 $("opacity").oninput = () => {
   const choice = $("opacity-part").value;
