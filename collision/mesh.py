@@ -70,6 +70,10 @@ class SurfaceMesh:
         """(j,) indices of the triangles of one surface, ascending."""
         return self.order[self.surface_start[surface] : self.surface_start[surface + 1]]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # the cache holds addresses of its own arrays: a copy, or another process, builds its own
+        return SurfaceMesh, (self.vertices, self.triangles, self.surface_of_triangle, self.name)
+
     def __repr__(self) -> str:
         return f"SurfaceMesh({self.name!r}, surfaces={self.n_surfaces}, triangles={self.n_triangles})"
 

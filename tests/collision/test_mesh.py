@@ -1,0 +1,28 @@
+"""A mesh and its copies."""
+
+from __future__ import annotations
+
+import copy
+import gc
+import pickle
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from collision import SurfaceMesh, colliding_surfaces
+from tests.collision import shapes
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda mesh: pickle.loads(pickle.dumps(mesh))])
+def test_a_copy_shares_nothing_that_lies_in_the_memory_of_the_first(copied: Callable[[SurfaceMesh], SurfaceMesh]):
+    mesh, other = shapes.box((1.0, 1.0, 1.0)), shapes.box((1.0, 1.0, 1.0))
+    pose = pin.SE3(np.eye(3), np.array([0.4, 0.3, 0.2]))
+    expected = colliding_surfaces(mesh, other, pose)
+    twin = copied(mesh)
+    assert twin._cache == {} and twin.name == mesh.name
+    assert not any(array.flags.writeable for array in (twin.vertices, twin.triangles, twin.surface_of_triangle))
+    del mesh
+    gc.collect()
+    assert np.array_equal(colliding_surfaces(twin, other, pose), expected)
