@@ -25,7 +25,7 @@ class UnknownPartError(VpframeError, KeyError):
 
         self.name = name
         self.known = tuple(known)
-        near = difflib.get_close_matches(name, self.known, n=3, cutoff=0.4)
+        near = difflib.get_close_matches(str(name), self.known, n=3, cutoff=0.4)
         hint = f"did you mean {' or '.join(map(repr, near))}?" if near else f"there are: {', '.join(self.known[:12])}"
         super().__init__(f"no part {name!r} in the scene; {hint}")
 

@@ -23,8 +23,9 @@ from collision import Tolerance
 from vpframe.engine import Engine, Request, Result, Wish
 from vpframe.errors import TaskError, VpframeError
 from vpframe.events import EVENT_KINDS, ConstraintView, Event, Frame, Observer
+from vpframe.interaction.arguments import as_pose
 from vpframe.interaction.conditions import Condition
-from vpframe.interaction.hand import Hand, Outcome, as_pose
+from vpframe.interaction.hand import Hand, Outcome
 from vpframe.interaction.reach import half_size
 from vpframe.progress import Watch, bar, duration
 from vpframe.report.log import SessionLog

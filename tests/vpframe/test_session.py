@@ -216,7 +216,7 @@ def test_mistakes_are_one_line_that_says_what_to_do() -> None:
             hand.slide("up", until="maybe")
         with pytest.raises(TaskError, match="expected peg has 2 degrees"):
             session.expect_freedom("peg", 2)
-        with pytest.raises(TaskError, match="seven finite numbers"):
+        with pytest.raises(TaskError, match="three finite numbers"):
             hand.move_to((0.0, np.nan, 0.0))
     with pytest.raises(VpframeError, match="closed"):
         session.step()

@@ -1,5 +1,6 @@
 """Hands, their verbs and paths, and the conditions that end a motion."""
 
+from vpframe.interaction.arguments import pose_from
 from vpframe.interaction.assist import Assist
 from vpframe.interaction.conditions import (
     Condition,
@@ -12,7 +13,7 @@ from vpframe.interaction.conditions import (
     freedom,
 )
 from vpframe.interaction.hand import Hand, Outcome
-from vpframe.interaction.paths import Path, Resting, Reversed, Spline, Straight, Track, Turning, pose_from, read_track
+from vpframe.interaction.paths import Path, Resting, Reversed, Spline, Straight, Track, Turning, read_track
 
 __all__ = [
     "Assist",

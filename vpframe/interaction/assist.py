@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from vpframe.errors import TaskError
+from vpframe.interaction.arguments import number
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,11 @@ class Assist:
     """world axes along which the part does not move: any of "x", "y", "z" """
 
     def __post_init__(self) -> None:
-        if self.snap < 0.0 or self.snap_angle < 0.0 or self.slow_within < 0.0 or not 0.0 < self.slow_to <= 1.0:
-            raise TaskError(f"{self}: lengths and angles are 0 or more, slow_to is in (0, 1]")
-        if set(self.lock) - set("xyz"):
+        for name in ("snap", "snap_angle", "slow_within"):
+            number(getattr(self, name), f"Assist: {name}", least=0.0)
+        if number(self.slow_to, "Assist: slow_to", above=0.0) > 1.0:
+            raise TaskError(f"Assist: slow_to={self.slow_to!r}; the hand slows to a part of its speed, at most 1")
+        if not isinstance(self.lock, str) or set(self.lock) - set("xyz"):
             raise TaskError(f"lock={self.lock!r}: name world axes by the letters x, y, z")
 
     def shape(self, begin: pin.SE3, wanted: pin.SE3) -> pin.SE3:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vpframe.errors import TaskError
 from vpframe.interaction import verbs
+from vpframe.interaction.arguments import rigid
 from vpframe.interaction.assist import Assist
 from vpframe.interaction.conditions import Condition
 from vpframe.interaction.paths import Path
@@ -110,14 +111,14 @@ class Hand:
         """Go to the nearest point of a part (of one of its surfaces)."""
         return self._do(verbs.approach(self, part, surface, duration))
 
-    def grab(self, part: str, surface: int | None = None, carry: Sequence[str] = ()) -> Outcome:
+    def grab(self, part: str, surface: int | None = None, carry: str | Sequence[str] = ()) -> Outcome:
         """Take a part that the hand touches; go there first if it does not. `carry` names parts that come along.
 
         Raises
         ------
         UnknownPartError: with near matches. TaskError: it is fixed, another hand holds it, or this hand is not empty.
         """
-        return self._do(verbs.grab(self, part, surface, tuple(carry)))
+        return self._do(verbs.grab(self, part, surface, (carry,) if isinstance(carry, str) else tuple(carry)))
 
     def release(self) -> Outcome:
         """Let go of what is held."""
@@ -144,9 +145,13 @@ class Hand:
         return self._do(verbs.move_by(self, shift, duration, until, required))
 
     def follow(
-        self, path: Path | str | FilePath, until: Condition | str | None = None, required: bool = True
+        self,
+        path: Path | str | FilePath | Sequence[pin.SE3 | ArrayLike],
+        until: Condition | str | None = None,
+        required: bool = True,
     ) -> Outcome:
-        """Follow a path: any `Path` value, or a track file (`.csv`, `.json`) of world poses."""
+        """Follow a path: any `Path` value, a track file (`.csv`, `.json`) of world poses, or poses in a list, through
+        which it goes smoothly at the hand's own speeds. It goes to where the path begins first."""
         return self._do(verbs.follow(self, path, until, required))
 
     def slide(
@@ -271,7 +276,8 @@ class Hand:
             self.wanted = pin.SE3(self.subject)
         else:
             self.clock += dt * rate
-            self.wanted = self.assist.shape(self.stroke.path.pose(0.0), self.stroke.path.pose(self.clock))
+            aim = rigid(self.stroke.path.pose(self.clock), f"{self.doing}: the path at {self.clock:.3f} s")
+            self.wanted = self.assist.shape(self.stroke.path.pose(0.0), aim)
         if self.held is None:
             self.pose = self.wanted
         else:
@@ -323,17 +329,3 @@ class Hand:
 
 def _other(parts: Sequence[str], name: str) -> str:
     return parts[1] if parts[0] == name else parts[0]
-
-
-def as_pose(value: pin.SE3 | ArrayLike, like: pin.SE3) -> pin.SE3:
-    """An SE3; a position (3,) keeps the rotation of `like`; seven numbers are a position and a quaternion x y z w."""
-    from vpframe.interaction.paths import pose_from
-
-    if isinstance(value, pin.SE3):
-        if not np.isfinite(value.homogeneous).all():
-            raise TaskError("a pose must be finite; the one given holds NaN or infinity")
-        return pin.SE3(value)
-    numbers: NDArray[np.float64] = np.asarray(value, dtype=np.float64)
-    if numbers.shape == (3,) and np.isfinite(numbers).all():
-        return pin.SE3(like.rotation, numbers)
-    return pose_from(numbers)

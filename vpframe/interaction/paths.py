@@ -16,6 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from vpframe.errors import TaskError
+from vpframe.interaction.arguments import number, pose_from, rigid, vector
 
 
 class Path(Protocol):
@@ -43,6 +44,14 @@ def between(start: pin.SE3, end: pin.SE3, s: float) -> pin.SE3:
     return pin.SE3(turned, (1.0 - s) * start.translation + s * end.translation)
 
 
+def _check(path: Any, *poses: str) -> None:
+    """A path's duration and its poses by name; TaskError names the field."""
+    kind = type(path).__name__
+    number(path.duration, f"{kind}: duration", least=0.0)
+    for name in poses:
+        rigid(getattr(path, name), f"{kind}: {name}")
+
+
 @dataclass(frozen=True, eq=False)
 class Straight:
     """From one pose to another on a straight line, rest to rest (`eased`) or at constant speed."""
@@ -52,6 +61,9 @@ class Straight:
     duration: float
     """s"""
     eased: bool = True
+
+    def __post_init__(self) -> None:
+        _check(self, "start", "end")
 
     def pose(self, t: float) -> pin.SE3:
         x = 1.0 if self.duration <= 0.0 else min(t / self.duration, 1.0)
@@ -72,13 +84,23 @@ class Turning:
     duration: float
     """s"""
     pitch: float = 0.0
-    """m a turn"""
+    """m a turn, negative to go back along the axis as it turns"""
     eased: bool = True
+
+    def __post_init__(self) -> None:
+        _check(self, "start")
+        number(self.angle, "Turning: angle"), number(self.pitch, "Turning: pitch")
+        axis = vector(self.axis, "Turning: axis")
+        length = float(np.linalg.norm(axis))
+        if length == 0.0:
+            raise TaskError("Turning: axis is the zero vector; give a direction")
+        object.__setattr__(self, "origin", vector(self.origin, "Turning: origin"))
+        object.__setattr__(self, "axis", axis / length)
 
     def pose(self, t: float) -> pin.SE3:
         x = 1.0 if self.duration <= 0.0 else min(t / self.duration, 1.0)
         angle = self.angle * (smooth(x) if self.eased else x)
-        turn = pin.exp3(np.asarray(self.axis) * angle)
+        turn = pin.exp3(self.axis * angle)
         shift = self.origin - turn @ self.origin + self.axis * (self.pitch * angle / (2.0 * np.pi))
         return pin.SE3(turn, shift) * self.start
 
@@ -89,6 +111,9 @@ class Resting:
 
     start: pin.SE3
     duration: float
+
+    def __post_init__(self) -> None:
+        _check(self, "start")
 
     def pose(self, t: float) -> pin.SE3:
         return pin.SE3(self.start)
@@ -108,6 +133,8 @@ class Track:
             raise TaskError(
                 f"a track needs as many times as poses and at least two; {len(times)} and {len(self.poses)}"
             )
+        for n, pose in enumerate(self.poses):
+            rigid(pose, f"pose {n} of a track")
         if not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
             raise TaskError(f"a track's times must ascend; row {int(np.argmax(np.diff(times) <= 0.0)) + 1} does not")
         object.__setattr__(self, "times", times - times[0])
@@ -139,8 +166,9 @@ class Spline:
     def __post_init__(self) -> None:
         if len(self.poses) < 2:
             raise TaskError(f"a spline needs two poses or more; {len(self.poses)} given")
-        if not (self.speed > 0.0 and self.turn_speed > 0.0):
-            raise TaskError(f"speed limits must be positive; got {self.speed} m/s and {self.turn_speed} rad/s")
+        for n, pose in enumerate(self.poses):
+            rigid(pose, f"pose {n} of a spline")
+        number(self.speed, "Spline: speed", above=0.0), number(self.turn_speed, "Spline: turn_speed", above=0.0)
 
     @cached_property
     def _curves(self) -> tuple[Any, Any]:
@@ -192,17 +220,6 @@ class Reversed:
 
     def pose(self, t: float) -> pin.SE3:
         return self.path.pose(max(self.path.duration - t, 0.0))
-
-
-def pose_from(row: ArrayLike) -> pin.SE3:
-    """`x y z qx qy qz qw` (7 numbers, metres and a quaternion of any length but 0) as a pose."""
-    r = np.asarray(row, dtype=np.float64)
-    if r.shape != (7,) or not np.isfinite(r).all() or not np.linalg.norm(r[3:]) > 0.0:
-        raise TaskError(
-            f"a pose is seven finite numbers, x y z qx qy qz qw with a non-zero quaternion; got {r.tolist()}"
-        )
-    q = r[3:] / np.linalg.norm(r[3:])
-    return pin.SE3(pin.Quaternion(q[3], q[0], q[1], q[2]).toRotationMatrix(), r[:3])
 
 
 def read_track(path: str | FilePath) -> Track:
