@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from physics.body import Body
 from physics.integrators import fly
-from physics.rotations import matrix
+from physics.rotations import exponential, matrix, multiply
 
 Array = NDArray[np.float64]
 
@@ -97,6 +97,14 @@ class Bodies:
         """Pose of the mesh frame in the world."""
         return pin.SE3(self.rotation[i].copy(), self.origin[i].copy())
 
+    def homogeneous(self, ids: NDArray[np.int64]) -> Array:
+        """(n, 4, 4) poses of the mesh frames in the world."""
+        out = np.zeros((len(ids), 4, 4))
+        out[:, :3, :3] = self.rotation[ids]
+        out[:, :3, 3] = self.origin[ids]
+        out[:, 3, 3] = 1.0
+        return out
+
 
 @njit(cache=True)
 def place(ids, center, attitude, offset, rotation, origin):
@@ -111,10 +119,11 @@ def place(ids, center, attitude, offset, rotation, origin):
 
 @njit(cache=True)
 def drift(ids, center, attitude, velocity, momentum, inertia, inverse, offset, rotation, origin, h, method):
-    """Free flight of the bodies `ids` over h seconds, in place: straight for the centre, free rotation about it."""
-    for i in ids:
+    """Free flight of the bodies `ids` over h (n,) seconds: straight for the centre, free rotation about it."""
+    for row in range(len(ids)):
+        i = ids[row]
         for k in range(3):
-            center[i, k] += h * velocity[i, k]
+            center[i, k] += h[row] * velocity[i, k]
         w = velocity[i, 3:6]
         if w[0] == 0.0 and w[1] == 0.0 and w[2] == 0.0:
             continue
@@ -122,7 +131,7 @@ def drift(ids, center, attitude, velocity, momentum, inertia, inverse, offset, r
         kept = momentum[i]
         if kept[3] != w[0] or kept[4] != w[1] or kept[5] != w[2]:
             kept[:3] = r @ (inertia[i] @ (r.T @ w))
-        fly(attitude[i], kept[:3], inverse[i], h, method)
+        fly(attitude[i], kept[:3], inverse[i], h[row], method)
         matrix(attitude[i], r)
         velocity[i, 3:6] = r @ (inverse[i] @ (r.T @ kept[:3]))
         kept[3:] = velocity[i, 3:6]
@@ -134,6 +143,7 @@ def coast(
     ids, center, attitude, velocity, momentum, mass, inertia, inverse, offset, rotation, origin, wrench, h, method
 ):  # fmt: skip
     """A step of bodies that meet nothing, under constant wrenches (n, 6): half a kick, free flight, half a kick."""
+    each = np.full(len(ids), h)
     for turn in range(2):
         for k in range(len(ids)):
             i = ids[k]
@@ -143,4 +153,41 @@ def coast(
                 r = rotation[i]
                 velocity[i, 3:6] += 0.5 * h * (r @ (inverse[i] @ (r.T @ wrench[k, 3:6])))
         if turn == 0:
-            drift(ids, center, attitude, velocity, momentum, inertia, inverse, offset, rotation, origin, h, method)
+            drift(ids, center, attitude, velocity, momentum, inertia, inverse, offset, rotation, origin, each, method)
+
+
+class Saved:
+    """State of some bodies at the start of a step, to go back to, or (kinematic ones) to carry on from at any time."""
+
+    def __init__(self, bodies: Bodies, ids: NDArray[np.int64]) -> None:
+        self.ids = ids
+        self.center = bodies.center[ids]
+        self.attitude = bodies.attitude[ids]
+        self.velocity = bodies.velocity[ids]
+        self.rotation = bodies.rotation[ids]
+        self.origin = bodies.origin[ids]
+
+    def restore(self, bodies: Bodies, chosen: NDArray[np.bool_] | slice = slice(None)) -> None:
+        """Put the bodies back, or those of a mask over `ids`."""
+        ids = self.ids[chosen]
+        bodies.center[ids] = self.center[chosen]
+        bodies.attitude[ids] = self.attitude[chosen]
+        bodies.velocity[ids] = self.velocity[chosen]
+        bodies.rotation[ids] = self.rotation[chosen]
+        bodies.origin[ids] = self.origin[chosen]
+
+    def of(self, chosen: NDArray[np.bool_]) -> Saved:
+        """What was saved of the bodies of a mask over `ids`."""
+        part = object.__new__(Saved)
+        for name in ("ids", "center", "attitude", "velocity", "rotation", "origin"):
+            setattr(part, name, getattr(self, name)[chosen])
+        return part
+
+    def carry(self, bodies: Bodies, ids: NDArray[np.int64], times: Array) -> None:
+        """Put `ids` of them where, at constant velocity and angular velocity, they are `times` (s) after the start."""
+        for i, time in zip(ids, times, strict=True):
+            k = int(np.searchsorted(self.ids, i))
+            v = self.velocity[k]
+            bodies.center[i] = self.center[k] + time * v[:3]
+            bodies.attitude[i] = multiply(exponential(*(time * v[3:])), self.attitude[k])
+        place(ids, bodies.center, bodies.attitude, bodies.offset, bodies.rotation, bodies.origin)

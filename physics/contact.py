@@ -484,12 +484,12 @@ def _edges_on_edges(
 
 
 @njit(cache=True)
-def find(pairs, rotations, origins, shape_of, shapes, margin, depth, ints, reals, stamps_v, stamps_e, stamps_s):
+def find(pairs, rotations, origins, shape_of, shapes, margins, depths, ints, reals, stamps_v, stamps_e, stamps_s):
     """Contact points of near surface pairs; returns how many (more than fit: call again with larger arrays).
 
     pairs: (k, 4) int64 rows (body a, its surface, body b, its surface), a < b, sorted.
     rotations (n, 3, 3), origins (n, 3): mesh frames in the world. shape_of (n,): each body's shape in `shapes`.
-    margin, depth: m; gaps from -depth to margin are listed.
+    margins, depths: (k,) m, alike for all rows of an object pair; gaps from -depth to margin are listed.
     ints (c, 6): bodies, surfaces, features of a and b. reals (c, 7): point (3) m, normal (3) from b to a, gap m.
     stamps: scratch, one more than there are vertices, edges and surfaces; kept from call to call, zero at first.
     A feature that several surface pairs see is listed once.
@@ -501,6 +501,7 @@ def find(pairs, rotations, origins, shape_of, shapes, margin, depth, ints, reals
         last = first + 1
         while last < pairs.shape[0] and pairs[last, 0] == a and pairs[last, 2] == b:
             last += 1
+        margin, depth = margins[first], depths[first]
         fa, fb = shape_of[a], shape_of[b]
         ga, gb = shapes.first_surface[fa], shapes.first_surface[fb]
         ra, pa, rb, pb = rotations[a], origins[a], rotations[b], origins[b]

@@ -1,32 +1,38 @@
-"""Islands: free bodies that may push one another within a step, found by union over pairs that are near or joined."""
+"""Islands: bodies that may push one another, found by union over pairs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
-from numpy.typing import NDArray
+from numba import njit
 
 
-def islands(free: Iterable[int], pairs: Iterable[tuple[int, int]]) -> list[NDArray[np.int64]]:
-    """Groups of the ids `free` joined by `pairs`, each ascending, by least id.
+@njit(cache=True)
+def components(n, pairs):
+    """Labels (n,) of the groups of 0 … n-1 that the rows of `pairs` (c, 2) join, and how many; -1 joins nothing.
 
-    A pair with an id that is not in `free` joins nothing: pushes do not pass through what does not move.
+    Groups are numbered by their least member.
     """
-    root = {int(i): int(i) for i in free}
-
-    def find(i: int) -> int:
+    root = np.arange(n)
+    for c in range(pairs.shape[0]):
+        i, j = pairs[c, 0], pairs[c, 1]
+        if i < 0 or j < 0:
+            continue
         while root[i] != i:
             root[i] = root[root[i]]
             i = root[i]
-        return i
-
-    for i, j in pairs:
-        if i in root and j in root:
-            a, b = find(i), find(j)
-            if a != b:
-                root[max(a, b)] = min(a, b)
-    groups: dict[int, list[int]] = {}
-    for i in sorted(root):
-        groups.setdefault(find(i), []).append(i)
-    return [np.array(group, dtype=np.int64) for _, group in sorted(groups.items())]
+        while root[j] != j:
+            root[j] = root[root[j]]
+            j = root[j]
+        root[max(i, j)] = min(i, j)
+    count = 0
+    label = np.empty(n, np.int64)
+    for i in range(n):  # a root is the least of its group, so it has its label before the others ask for it
+        j = i
+        while root[j] != j:
+            j = root[j]
+        if j == i:
+            label[i] = count
+            count += 1
+        else:
+            label[i] = label[j]
+    return label, count

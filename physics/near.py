@@ -35,7 +35,7 @@ def near_objects(movers, others, center, radius, reach, out):
 
 
 @njit(cache=True)
-def _apart(box_a, ra, pa, box_b, rb, pb, reach):
+def apart(box_a, ra, pa, box_b, rb, pb, reach):
     """Whether two boxes in their own frames are farther apart than `reach` along one of their six axes."""
     for turn in range(2):
         if turn == 1:
@@ -69,14 +69,14 @@ def near_surfaces(objects, rotations, origins, shape_of, boxes, first_surface, c
         fa, fb = shape_of[a], shape_of[b]
         within = reach[a] + reach[b]
         ra, pa, rb, pb = rotations[a], origins[a], rotations[b], origins[b]
-        if _apart(whole[fa], ra, pa, whole[fb], rb, pb, within):
+        if apart(whole[fa], ra, pa, whole[fb], rb, pb, within):
             continue
         for sa in range(count[fa]):
             box = boxes[first_surface[fa] + sa]
-            if _apart(box, ra, pa, whole[fb], rb, pb, within):
+            if apart(box, ra, pa, whole[fb], rb, pb, within):
                 continue
             for sb in range(count[fb]):
-                if _apart(box, ra, pa, boxes[first_surface[fb] + sb], rb, pb, within):
+                if apart(box, ra, pa, boxes[first_surface[fb] + sb], rb, pb, within):
                     continue
                 if n < out.shape[0]:
                     out[n, 0], out[n, 1], out[n, 2], out[n, 3] = a, sa, b, sb

@@ -31,22 +31,31 @@ NO_CONTACTS = Contacts(np.zeros((0, 6), np.int64), np.zeros((0, 7)), np.zeros((0
 
 @njit(cache=True)
 def match(old, new):
-    """(n,) row of `old` (m, 6) with the same bodies and features as each row of `new` (n, 6), or -1."""
+    """(n,) row of `old` (m, 6) with the same bodies and features as each row of `new` (n, 6), or -1.
+
+    An object pair's rows lie together in both.
+    """
     out = np.full(len(new), -1, np.int64)
-    guess = 0
+    first = {}  # row of `old` where an object pair begins
+    for j in range(len(old)):
+        if j == 0 or old[j, 0] != old[j - 1, 0] or old[j, 1] != old[j - 1, 1]:
+            first[(old[j, 0], old[j, 1])] = j
     for i in range(len(new)):
-        for k in range(len(old)):
-            j = (guess + k) % len(old)
-            if old[j, 5] == new[i, 5] and old[j, 4] == new[i, 4] and old[j, 0] == new[i, 0] and old[j, 1] == new[i, 1]:
+        a, b = new[i, 0], new[i, 1]
+        if (a, b) not in first:
+            continue
+        j = first[(a, b)]
+        while j < len(old) and old[j, 0] == a and old[j, 1] == b:
+            if old[j, 5] == new[i, 5] and old[j, 4] == new[i, 4]:
                 out[i] = j
-                guess = j + 1
                 break
+            j += 1
     return out
 
 
 @njit(cache=True)
 def spanning(ints, reals, chosen):
-    """Of the rows `chosen` (indices, sorted) those that span each patch: a mask over them.
+    """Of the rows `chosen` (sorted indices, an object pair's together) those that span each patch: a mask over them.
 
     Rows of one object pair with one normal (to 1e-6) are a patch; the farthest point in each of eight directions within
     it is kept. The others lie within the hull of those, or are added when they turn out to sink in.
@@ -62,7 +71,9 @@ def spanning(ints, reals, chosen):
         done[i] = True
         for j in range(i + 1, len(chosen)):
             d = chosen[j]
-            if done[j] or ints[d, 0] != ints[c, 0] or ints[d, 1] != ints[c, 1]:
+            if ints[d, 0] != ints[c, 0] or ints[d, 1] != ints[c, 1]:
+                break
+            if done[j]:
                 continue
             x, y, z = reals[d, 3] - n[0], reals[d, 4] - n[1], reals[d, 5] - n[2]
             if x * x + y * y + z * z < 1e-12:
@@ -130,16 +141,8 @@ def gather(ids, rotation, mass, inertia, inverse):
 
 
 @njit(cache=True)
-def press(
-    ids, local, free, center, velocity, rotation, mass, inertia, inverse, is_free,
-    chosen, ints, reals, mu, target, impulse, jb, jj, jbias, jl, tolerance,
-):  # fmt: skip
-    """Solve contacts `chosen` and joints for the velocities `free` (n, 6) of the bodies `ids`; writes `velocity`.
-
-    mu (c,), target (c,) m/s: the normal speed at which a contact parts at least (0: it does not close). Returns the
-    solver's residual, m/s. `impulse` (len(chosen), 3) and `jl` are guess and answer.
-    """
-    m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
+def contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, is_free):
+    """Bodies (c, 2), Jacobian (c, 3, 12), bias (c, 3), friction (c,) of the contacts `chosen`, for `solver.solve`."""
     n = len(chosen)
     cb = np.empty((n, 2), np.int64)
     rows = np.empty((n, 7))
@@ -167,12 +170,25 @@ def press(
                 d = cj[k, i, 6 * side : 6 * side + 3]
                 bias[k, i] = sign * (d[0] * x + d[1] * y + d[2] * z)
         bias[k, 0] -= target[chosen[k]]
+    return cb, cj, bias, friction
+
+
+def press(
+    ids, local, free, center, velocity, rotation, mass, inertia, inverse, is_free,
+    chosen, ints, reals, mu, target, impulse, jb, jj, jbias, jl, tolerance,
+):  # fmt: skip
+    """Solve contacts `chosen` and joints for the velocities `free` (n, 6) of the bodies `ids`; writes `velocity`.
+
+    mu (c,), target (c,) m/s: the normal speed at which a contact parts at least (0: it does not close). Returns the
+    solver's residual, m/s. `impulse` (len(chosen), 3) and `jl` are guess and answer.
+    """
+    m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
+    cb, cj, bias, friction = contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, is_free)
     v = np.empty((len(ids), 6))
     residual = solver.solve(
         free, v, m, world, im, inverse_world, cb, cj, bias, friction, impulse, jb, jj, jbias, jl, tolerance
     )
-    for k in range(len(ids)):
-        velocity[ids[k]] = v[k]
+    velocity[ids] = v
     return residual
 
 
@@ -201,40 +217,26 @@ def shift(ids, center, attitude, move):
         turn(attitude[i], move[k, 3], move[k, 4], move[k, 5])
 
 
-@njit(cache=True)
 def correct(
-    ids, local, center, attitude, rotation, mass, inertia, inverse, is_free, chosen, ints, reals, jb, jj, jresidual
+    ids, local, center, attitude, velocity, rotation, mass, inertia, inverse, is_free, chosen, ints, reals,
+    jb, jj, jresidual,
 ):  # fmt: skip
     """Least move (mass metric) of the bodies `ids` that closes the gaps of `chosen` and the joints' residuals."""
     m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
-    n = len(chosen)
-    g = jj.shape[0]
-    cb = np.empty((n, 2), np.int64)
-    rows = np.empty((n, 7))
-    for k in range(n):
-        c = chosen[k]
-        cb[k, 0] = local[ints[c, 0]] if is_free[ints[c, 0]] else -1
-        cb[k, 1] = local[ints[c, 1]] if is_free[ints[c, 1]] else -1
-        rows[k] = reals[c]
-    middles = np.empty((len(ids), 3))
-    for k in range(len(ids)):
-        middles[k] = center[ids[k]]
-    cj = np.empty((n, 3, 12))
-    solver.rows_of_contacts(cb, rows, middles, cj)
-    blocks = np.empty((n + g, 2), np.int64)
-    blocks[:n] = cb
-    blocks[n:] = jb
-    jacobian = np.empty((n + g, 1, 12))
-    jacobian[:n, 0] = cj[:, 0]
-    jacobian[n:] = jj
-    bias = np.empty((n + g, 1))
-    for k in range(n):
-        bias[k, 0] = rows[k, 6]
-    bias[n:] = jresidual
-    none = np.zeros((0, 2), np.int64)
+    none = np.zeros(len(ints))
+    cb, cj, _, _ = contact_rows(chosen, ints, reals, none, none, local, ids, center, velocity, is_free)
+    blocks = np.concatenate([cb, jb])
+    jacobian = np.ascontiguousarray(np.concatenate([cj[:, :1], jj]))
+    bias = np.concatenate([reals[chosen, 6:], jresidual])
     move = np.empty((len(ids), 6))
     solver.solve(
-        np.zeros((len(ids), 6)), move, m, world, im, inverse_world, none, np.zeros((0, 3, 12)), np.zeros((0, 3)),
-        np.zeros(0), np.zeros((0, 3)), blocks, jacobian, bias, np.zeros((n + g, 1)), 1e-13,
+        np.zeros((len(ids), 6)), move, m, world, im, inverse_world, _NO_PAIRS, _NO_JACOBIAN, _NO_BIAS,
+        _NO_FRICTION, _NO_BIAS.copy(), blocks, jacobian, bias, np.zeros((len(blocks), 1)), 1e-13,
     )  # fmt: skip
     shift(ids, center, attitude, move)
+
+
+_NO_PAIRS = np.zeros((0, 2), np.int64)
+_NO_JACOBIAN = np.zeros((0, 3, 12))
+_NO_BIAS = np.zeros((0, 3))
+_NO_FRICTION = np.zeros(0)

@@ -20,13 +20,16 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from physics.blocks import solve_blocks, structure
+from physics.islands import components
+
 STIFFNESS = 1e5
 """1: the proximal step ρ, in units of the inverse of each row's own 1/(J M⁻¹ Jᵀ)"""
 STIFFEST = 1e12
 """1: the same where progress stalls (a heavy body on a light one)"""
-DENSE = 600
-"""velocities: islands with more are left to Gauss-Seidel"""
-SWEEPS = 400
+MANY = 64
+"""bodies: groups of more begin with Gauss-Seidel, whose first sweeps cost less than Newton's"""
+SWEEPS = 50
 OUTER = 60
 
 
@@ -154,8 +157,8 @@ def _project(y, mu, impulse, slope, rho):
 
 
 @njit(cache=True)
-def _add_block(a, bodies, jacobian, slope):
-    """A += Jᵀ H J for one block of rows."""
+def _add_block(values, slot, bodies, jacobian, slope):
+    """A += Jᵀ H J for one block of rows; A by 6x6 blocks as `blocks.structure` lays them out."""
     r = jacobian.shape[0]
     for side in range(2):
         i = bodies[side]
@@ -172,8 +175,9 @@ def _add_block(a, bodies, jacobian, slope):
                     j = bodies[other]
                     if j < 0:
                         continue
+                    at = slot[i, j]
                     for m in range(6):
-                        a[6 * i + k, 6 * j + m] += left * jacobian[q, 6 * other + m]
+                        values[at, k, m] += left * jacobian[q, 6 * other + m]
 
 
 @njit(cache=True)
@@ -248,9 +252,13 @@ def _kick(v, bodies, row, d, inverse_mass, inverse_inertia):
 
 
 @njit(cache=True)
-def _newton(free, v, mass, inertia, cb, cj, bias, mu, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl, limit):
+def _newton(
+    free, v, mass, inertia, cb, cj, bias, mu, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl,
+    order, start, later, slot, blocks, limit,
+):  # fmt: skip
     """Newton's iterations on v of one proximal step about (center, jcenter); returns the last change of v, relative."""
     n = v.shape[0]
+    values = np.empty((blocks, 6, 6))
     speeds = np.empty((cj.shape[0], 3))
     jspeeds = np.empty((jj.shape[0], jj.shape[1]))
     slope = np.empty((3, 3))
@@ -260,14 +268,15 @@ def _newton(free, v, mass, inertia, cb, cj, bias, mu, rho, center, impulse, jb, 
     last = np.inf
     largest = 0.0
     for iteration in range(limit):
-        a = np.zeros((6 * n, 6 * n))
+        values[:] = 0.0
         for b in range(n):
+            at = slot[b, b]
             for i in range(3):
-                a[6 * b + i, 6 * b + i] = mass[b]
+                values[at, i, i] = mass[b]
                 f[b, i] = mass[b] * (free[b, i] - v[b, i])
                 total = 0.0
                 for k in range(3):
-                    a[6 * b + 3 + i, 6 * b + 3 + k] = inertia[b, i, k]
+                    values[at, 3 + i, 3 + k] = inertia[b, i, k]
                     total += inertia[b, i, k] * (free[b, 3 + k] - v[b, 3 + k])
                 f[b, 3 + i] = total
         _speeds(cb, cj, v, bias, speeds)
@@ -275,16 +284,16 @@ def _newton(free, v, mass, inertia, cb, cj, bias, mu, rho, center, impulse, jb, 
             for i in range(3):
                 y[i] = center[c, i] - rho[c] * speeds[c, i]
             _project(y, mu[c], impulse[c], slope, rho[c])
-            _add_block(a, cb[c], cj[c], slope)
+            _add_block(values, slot, cb[c], cj[c], slope)
         _speeds(jb, jj, v, jbias, jspeeds)
         for c in range(jj.shape[0]):
             for i in range(jj.shape[1]):
                 jl[c, i] = jcenter[c, i] - jrho[c] * jspeeds[c, i]
                 jslope[i, i] = jrho[c]
-            _add_block(a, jb[c], jj[c], jslope)
+            _add_block(values, slot, jb[c], jj[c], jslope)
         _push(cb, cj, impulse, f)
         _push(jb, jj, jl, f)
-        step = np.linalg.solve(a, f.reshape(6 * n)).reshape(n, 6)
+        step = solve_blocks(values, order, start, later, slot, f)
         size = 0.0
         largest = 0.0
         for b in range(n):
@@ -327,7 +336,90 @@ def solve(
     free: (n, 6) velocities without constraints (linear, angular; world axes). mass (n,), inertia (n, 3, 3) and their
     inverses. cb (c, 2), cj (c, 3, 12), bias (c, 3), mu (c,): contacts. jb (g, 2), jj (g, r, 12), jbias (g, r): joints.
     `impulse` and `jl` come in as the guess (those of the step before). tolerance: m/s, relative to the largest speed.
+    Bodies that nothing joins are solved apart: each group costs by its own size.
     """
+    n = free.shape[0]
+    label, count = components(n, np.concatenate((cb, jb)))
+    of_contact = _label_of(label, cb)
+    of_joint = _label_of(label, jb)
+    bodies, first_body = _sorted(label, count)
+    contacts, first_contact = _sorted(of_contact, count)
+    joints, first_joint = _sorted(of_joint, count)
+    place = np.empty(n, np.int64)
+    worst = 0.0
+    for group in range(count):
+        mine = bodies[first_body[group] : first_body[group + 1]]
+        rows = contacts[first_contact[group] : first_contact[group + 1]]
+        jrows = joints[first_joint[group] : first_joint[group + 1]]
+        if len(rows) == 0 and len(jrows) == 0:
+            for b in mine:
+                v[b] = free[b]
+            continue
+        for k in range(len(mine)):
+            place[mine[k]] = k
+        own_v = np.empty((len(mine), 6))
+        own_impulse = impulse[rows]
+        own_jl = jl[jrows]
+        left = _solve_joined(
+            free[mine], own_v, mass[mine], inertia[mine], inverse_mass[mine], inverse_inertia[mine],
+            _renumbered(cb, rows, place), cj[rows], bias[rows], mu[rows], own_impulse,
+            _renumbered(jb, jrows, place), jj[jrows], jbias[jrows], own_jl, tolerance,
+        )  # fmt: skip
+        worst = max(worst, left)
+        for k in range(len(mine)):
+            v[mine[k]] = own_v[k]
+        for k in range(len(rows)):
+            impulse[rows[k]] = own_impulse[k]
+        for k in range(len(jrows)):
+            jl[jrows[k]] = own_jl[k]
+    return worst
+
+
+@njit(cache=True)
+def _label_of(label, bodies):
+    """(c,) group of each block of rows, -1 for one that moves no body."""
+    out = np.empty(bodies.shape[0], np.int64)
+    for c in range(bodies.shape[0]):
+        b = max(bodies[c, 0], bodies[c, 1])
+        out[c] = label[b] if b >= 0 else -1
+    return out
+
+
+@njit(cache=True)
+def _sorted(label, count):
+    """Rows by label (those of -1 left out), each label's in their order, and where each label begins (count + 1,)."""
+    start = np.zeros(count + 1, np.int64)
+    for i in label:
+        if i >= 0:
+            start[i + 1] += 1
+    for i in range(count):
+        start[i + 1] += start[i]
+    at = start.copy()
+    out = np.empty(start[count], np.int64)
+    for row in range(len(label)):
+        i = label[row]
+        if i >= 0:
+            out[at[i]] = row
+            at[i] += 1
+    return out, start
+
+
+@njit(cache=True)
+def _renumbered(bodies, rows, place):
+    """(r, 2) bodies of the rows, as `place` numbers them."""
+    out = np.empty((len(rows), 2), np.int64)
+    for k in range(len(rows)):
+        for side in range(2):
+            b = bodies[rows[k], side]
+            out[k, side] = place[b] if b >= 0 else -1
+    return out
+
+
+@njit(cache=True)
+def _solve_joined(
+    free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, impulse, jb, jj, jbias, jl, tolerance
+):
+    """`solve` for bodies that all hang together."""
     n = free.shape[0]
     v[:] = free
     if cj.shape[0] == 0 and jj.shape[0] == 0:
@@ -353,14 +445,12 @@ def solve(
     best_v = v.copy()
     best_impulse = impulse.copy()
     best_jl = jl.copy()
-    dense = 6 * n <= DENSE
-    if not dense:
-        change = np.inf
+    if n > MANY:
         for _ in range(SWEEPS):
             change = _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, weight, impulse, jb, jj, jbias, jw, jl)
             if change <= tolerance * scale:
                 break
-        return change
+    order, start, later, slot, blocks = structure(n, np.concatenate((cb, jb)))
     stiffness = STIFFNESS
     center = impulse.copy()
     jcenter = jl.copy()
@@ -371,8 +461,9 @@ def solve(
         for c in range(len(jrho)):
             jrho[c] = stiffness / jw[c] if jw[c] > 0.0 else 0.0
         left = _newton(
-            free, v, mass, inertia, cb, cj, bias, mu, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl, 12
-        )
+            free, v, mass, inertia, cb, cj, bias, mu, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl,
+            order, start, later, slot, blocks, 12,
+        )  # fmt: skip
         _speeds(cb, cj, v, bias, speeds)
         _speeds(jb, jj, v, jbias, jspeeds)
         worst = residual(speeds, mu, rho, impulse)

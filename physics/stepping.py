@@ -1,69 +1,52 @@
-"""One island over one step: kicks and free flight, contacts that press, impacts at their time.
+"""Islands over one step: kicks and free flight, contacts that press, impacts at their time.
 
 A sub-step of length h is half a kick, free flight, half a kick. Each kick solves for the impulses of joints and of the
 contacts that touch, so that a constant force, resting and sliding with friction are exact. Flight ends early at the
 first new contact: its time is found to rounding, the impact happens there, and the rest of the step goes on from it.
+
+Islands are advanced side by side, each by its own clock: what is done once a sub-step is done for all of them at once,
+and an impact stops the bodies that it can reach within the step and no others.
 
 Where bodies roll or turn in contact without sliding, the first half kick of a step is the mirror image of the last
 half kick of the step before, so that it is the velocity between the two that obeys the contacts (the reversible
 nonholonomic leapfrog of McLachlan & Perlmutter, J. Nonlinear Sci. 16, 2006): no energy is lost to the turning of the
 contact frame.
 
-Impacts follow Newton's law, each contact with its own coefficient. Several at once are resolved in rounds: only the
-contacts that close are reflected, those that this makes close are reflected next (generalised reflections, Smith,
-Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 2012), so a row of touching balls passes a blow on.
+Impacts in one step are as many as an island's size affords (`_affords`). What is left of the step when they are spent
+is taken in one piece, after Moreau: everything moves as far as gaps allow, then whatever touches rebounds at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from collision import Tolerance
-from physics import contact, crossing, pressing
-from physics.bodies import FREE, Bodies, coast, drift, place
+from physics.batch import Batch, Ways, same_objects, split
+from physics.bodies import Bodies, Saved, coast, drift
 from physics.integrators import METHODS
-from physics.joints import Joint, assemble
+from physics.joints import assemble
 from physics.mechanism import Mechanism
-from physics.pressing import NO_CONTACTS, Contacts
-from physics.rotations import exponential, multiply
-from physics.shapes import Shapes
+from physics.pressing import NO_CONTACTS, Contacts, match
+from physics.touching import Touching, Wrench, merged, rows
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
-IMPACTS = 64
-"""impacts an island may have in one step; after that the rest of the step is taken without rebound"""
+IMPACTS = 8
+"""impacts that an island of a few bodies may have in one step, each at its time"""
+FEW = 8
+"""bodies: above it the cost of an impact counts, and their number falls with the square of the island's"""
+TRIALS = 24
+"""flights with which the time of an impact is looked for; the last one counts, however deep"""
 MOVING = 1e-6
 """m/s, rad/s: islands slower than this are at rest, and solved anew in each half kick"""
 ROUNDING = 1e-13
 """m: to which impacts are located and pressed contacts are kept closed (plus the rounding of the coordinates)"""
-
-
-@dataclass(eq=False)
-class Island:
-    """What one step moves together."""
-
-    ids: Ints
-    """free bodies, ascending"""
-    pairs: Ints
-    """(k, 4) near surface pairs with at least one of them"""
-    moved: Ints
-    """kinematic bodies among the pairs and joints"""
-    joints: Sequence[Joint] = ()
-    mechanism: Mechanism | None = None
-    """the same bodies in joint coordinates, where that is possible"""
-    constant: bool = True
-    """whether no force on it depends on anything that changes"""
-    first_rate: Array | None = None
-    """(n, 6) of the half kick that the present sub-step began with"""
-    impacts: int = 0
-    """counted in the present step"""
-    residual: float = 0.0
-    """m/s, largest of the solver in the present step"""
+COARSE = 1e-6
+"""1: residual, relative to the largest speed, with which steps in one piece are solved"""
 
 
 class Stepper:
@@ -72,51 +55,13 @@ class Stepper:
     def __init__(self, bodies: Bodies, tolerance: Tolerance, integrator: str) -> None:
         self.bodies = bodies
         self.tolerance = tolerance
+        self.touching = Touching(bodies, tolerance)
         self.method = METHODS[integrator]
-        self.shapes: Shapes | None = None
-        self.shape_of = np.zeros(0, np.int64)
-        self.friction = np.zeros(0)
-        self.restitution = np.zeros(0)
-        self._ints = np.empty((256, 6), np.int64)
-        self._reals = np.empty((256, 7))
-        self._stamps: tuple[Ints, ...] = ()
-
-    def use(self, shapes: Shapes) -> None:
-        """Take the shapes that bodies may have from now on."""
-        self.shapes = shapes
-        sizes = len(shapes.vertices), len(shapes.edges), len(shapes.kinds)
-        self._stamps = tuple(np.zeros(n + 1, np.int64) for n in sizes)
-
-    # --- contacts ---------------------------------------------------------------------------------------------------
-
-    def find(self, island: Island, reach: float) -> Contacts:
-        """Contact points of the island as it stands, with gaps up to `reach` (m); forces are zero.
-
-        Penetration is looked for to 3/10 of the thinnest part: deeper, the nearest face may be that of the other side.
-        """
-        if len(island.pairs) == 0 or self.shapes is None:
-            return NO_CONTACTS
-        b = self.bodies
-        thickness = float(b.thickness[island.pairs[:, [0, 2]]].min())
-        margin, depth = reach, max(0.1 * thickness, min(reach, 0.3 * thickness))
-        while True:
-            n = contact.find(
-                island.pairs, b.rotation, b.origin, self.shape_of, self.shapes, margin, depth, self._ints, self._reals,
-                *self._stamps,
-            )  # fmt: skip
-            if n <= len(self._ints):
-                return Contacts(self._ints[:n].copy(), self._reals[:n].copy(), np.zeros((n, 3)))
-            self._ints = np.empty((2 * n, 6), np.int64)
-            self._reals = np.empty((2 * n, 7))
-
-    def _pair_values(self, ints: Ints) -> tuple[Array, Array]:
-        """Friction and restitution (c,) of contacts, see `behaviours.Reaction`."""
-        a, b = ints[:, 0], ints[:, 1]
-        fa, fb = self.friction[a], self.friction[b]
-        friction = np.where(np.isnan(fa), fb, np.where(np.isnan(fb), fa, np.sqrt(fa * fb)))
-        ea, eb = self.restitution[a], self.restitution[b]
-        restitution = np.where(np.isnan(ea), eb, np.where(np.isnan(eb), ea, np.fmin(ea, eb)))
-        return np.where(np.isnan(friction), 0.5, friction), np.where(np.isnan(restitution), 0.0, restitution)
+        self._impacts = np.zeros(0, np.int64)
+        self._first_rate = np.zeros((0, 6))
+        self._left = np.zeros(0)  # m by which bodies have left their free flight in this step, and now do a second
+        self._off = np.zeros(0)
+        self._flight = np.zeros((0, 6))
 
     def coast(self, ids: Ints, wrench: Array, dt: float) -> None:
         """A step of bodies that are near to nothing and under constant wrenches (n, 6)."""
@@ -128,365 +73,400 @@ class Stepper:
 
     # --- one step ---------------------------------------------------------------------------------------------------
 
-    def advance(
-        self,
-        island: Island,
-        before: Contacts,
-        kept: bool,
-        time: float,
-        dt: float,
-        wrench: Callable[[Ints, float], Array],
-    ) -> Contacts:
-        """Move an island from `time` over `dt` seconds; the contacts at the end. `wrench(ids, t)`: (n, 6) N, N·m.
+    def advance_apart(
+        self, ids: Ints, pairs: Ints, moved: Ints, before: Contacts, kept: bool, time: float, dt: float, wrench: Wrench,
+        gain: Array,
+    ) -> Contacts:  # fmt: skip
+        """`advance` bodies under constant forces and without joints, as the islands that they make in this step.
 
-        before: contacts at the end of the last step; `kept` says that they still are what `find` would find.
+        gain: (n,) m, the most that forces alone move the bodies `ids` off their free flight.
         """
         b = self.bodies
-        island.impacts = 0
-        island.residual = 0.0
-        rest = Saved(b, island.moved)
-        t = 0.0
-        if kept and len(island.moved) == 0:
-            mine = np.isin(before.ints[:, 0], island.ids) | np.isin(before.ints[:, 1], island.ids)
-            now = Contacts(before.ints[mine], before.reals[mine], before.force[mine])
+        spread = np.zeros(b.n)
+        spread[ids] = gain + self.tolerance.linear
+        shapes = self.touching.shapes
+        assert shapes is not None
+        way = Ways(b, self.touching.shape_of, shapes, dt)
+        start, steady, rate = Saved(b, ids), b.steady[ids], b.rate[ids]
+        near = way.meeting(pairs, spread)
+        batch = split(ids, pairs[near], moved, b)
+        out = self.advance(batch, before, kept, time, dt, wrench)
+        while True:
+            spread[batch.ids] = np.maximum(spread[batch.ids], self._left[batch.ids])
+            unseen = np.flatnonzero(~same_objects(pairs, pairs[near]))
+            unseen = unseen[way.meeting(pairs[unseen], spread)]
+            if len(unseen) == 0:
+                return out
+            near[unseen] = True
+            batch = split(ids, pairs[near], moved, b)
+            again = np.zeros(batch.count, bool)
+            again[batch.of_rows(pairs[unseen][:, [0, 2]])] = True
+            out = rows(out, ~again[batch.of_rows(out.ints)])
+            batch = batch.part(again)
+            redone = np.isin(ids, batch.ids)
+            start.restore(b, redone)
+            b.steady[batch.ids], b.rate[batch.ids] = steady[redone], rate[redone]
+            ended = self.advance(batch, before, kept, time, dt, wrench)
+            out = Contacts(*(np.concatenate(c) for c in zip(out, ended, strict=True)))
+
+    def advance(self, batch: Batch, before: Contacts, kept: bool, time: float, dt: float, wrench: Wrench) -> Contacts:
+        """Move islands from `time` over `dt` seconds; the contacts at the end.
+
+        before: contacts at the end of the last step; `kept` says that they still are what would be found.
+        """
+        b = self.bodies
+        self._begin(batch)
+        rest = Saved(b, batch.moved)
+        mine = rows(before, batch.of_rows(before.ints) >= 0)
+        if kept and len(batch.moved) == 0:
+            now = merged(batch, [mine, NO_CONTACTS])
         else:
-            now = self._inherit(self.find(island, self._reach(island, dt)), before)
-            now = self._sift(now, self._touched(before, now), None, None, 0.0, 0.0)[0]
-        while dt - t > 1e-12 * dt:
-            h = dt - t
-            limit = self._limit(island)
-            if h > limit:
-                h /= np.ceil(h / limit)
-            if island.impacts >= IMPACTS:
-                now = self._blunt(island, now, rest, time, t, dt - t, wrench)
-                t = dt
-            else:
-                free = len(island.moved) == 0 and _least(now, slice(None)) > self.tolerance.touch
-                if free and island.mechanism is not None:
-                    after = self._smooth(island, island.mechanism, rest, time, t, h, wrench)
-                    if after is not None:
-                        t, now = t + h, after
-                        continue
-                taken, now = self._substep(island, now, rest, time, t, h, wrench)
-                t += taken
+            now = self.touching.inherit(self.touching.find(batch, self._way(batch, np.full(batch.count, dt))), mine)
+            now, _ = self.touching.sift(now, self.touching.touched(mine, now))
+        t = np.zeros(batch.count)
+        while (active := dt - t > 1e-12 * dt).any():
+            part = batch.part(active)
+            own = now if part is batch else rows(now, part.of_rows(now.ints) >= 0)
+            h = dt - t[active]
+            limit = self._limit(part)
+            shorter = h > limit
+            h[shorter] /= np.ceil(h[shorter] / limit[shorter])
+            taken, after = self._take(part, own, rest, time, t[active], h, wrench)
+            t[active] += taken
+            self._left[part.ids] += taken[part.island] * self._off[part.ids]
+            now = after if part is batch else merged(batch, [rows(now, ~active[batch.of_rows(now.ints)]), after])
         return now
 
-    def _smooth(self, island, mechanism: Mechanism, rest, time, t, h, wrench) -> Contacts | None:
+    def _begin(self, batch: Batch) -> None:
+        b = self.bodies
+        n = b.n
+        self._impacts = np.zeros(n, np.int64)  # by an island's first body
+        self._first_rate = np.zeros((n, 6))
+        self._left = np.zeros(n)
+        self._off = np.zeros(n)
+        self._flight = np.zeros((n, 6))
+        self._flight[batch.ids] = b.velocity[batch.ids]
+
+    def _take(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench):
+        """One sub-step: how long (count,) it was, and the contacts after it."""
+        b = self.bodies
+        if batch.mechanism is not None and len(batch.moved) == 0 and self._least(batch, now)[0] > self.tolerance.touch:
+            smooth = self._smooth(batch, batch.mechanism, time + float(t[0]), float(h[0]), wrench)
+            if smooth is not None:
+                return h, smooth
+        start = Saved(b, batch.ids)
+        after, fresh = self._fly(batch, now, rest, time, t, h, wrench)
+        hit = self._least(batch, after, fresh) < -self._rounding(batch)
+        if not hit.any():
+            return h, self._arrive(batch, now, after, fresh, start, rest, time, t, h, wrench)
+        spent = hit & (self._impacts[batch.ids[batch.start]] >= _affords(batch))
+        ended = []
+        for chosen, how in ((~hit, "whole"), (hit & ~spent, "impact"), (spent, "blunt")):
+            if not chosen.any():
+                continue
+            part = batch.part(chosen)
+            own = now if part is batch else rows(now, part.of_rows(now.ints) >= 0)
+            of = chosen[batch.island]
+            if how == "blunt":
+                start.restore(b, of)
+                ended.append(self._blunt(part, own, rest, time, t[chosen], h[chosen], wrench))
+                continue
+            mine = slice(None) if part is batch else part.of_rows(after.ints) >= 0
+            own_after, own_fresh = rows(after, mine), fresh[mine]
+            begin = start.of(of)
+            if how == "impact":
+                self._impacts[part.ids[part.start]] += 1
+                h[chosen], own_after, own_fresh = self._first_impact(
+                    part, own, own_after, own_fresh, begin, rest, time, t[chosen], h[chosen], wrench
+                )
+            ended.append(self._arrive(part, own, own_after, own_fresh, begin, rest, time, t[chosen], h[chosen], wrench))
+        return h, merged(batch, ended)
+
+    def _smooth(self, batch: Batch, mechanism: Mechanism, time: float, h: float, wrench: Wrench) -> Contacts | None:
         """h seconds without contact, at high order; None (and nothing moved) if it would touch something."""
         b = self.bodies
-        start = Saved(b, island.ids)
-        reach = self._reach(island, h)
-        mechanism.advance(b, time + t, h, wrench, island.constant)
-        after = self.find(island, reach)
-        after, _ = self._sift(after, np.zeros(len(after.ints), bool), start, rest, t, h)
-        if _least(after, slice(None)) > self.tolerance.touch and self._limit(island) >= 0.5 * h:
+        start = Saved(b, batch.ids)
+        way = self._way(batch, np.array([h]))
+        mechanism.advance(b, time, h, wrench, batch.constant)
+        after = self.touching.find(batch, way)
+        after, _ = self.touching.sift(after, np.zeros(len(after.ints), bool), start)
+        if self._least(batch, after)[0] > self.tolerance.touch and self._limit(batch)[0] >= 0.5 * h:
             return after
         start.restore(b)
         return None
 
-    def _reach(self, island: Island, h: float) -> float:
-        """m: how far any point of the island, or what meets it, may move in h seconds."""
+    def _way(self, batch: Batch, h: Array) -> Array:
+        """(count,) m: how far any point of an island, or what meets it, may move in h (count,) seconds."""
         b = self.bodies
-        ids = np.concatenate([island.ids, island.moved])
-        v = b.velocity[ids]
-        speed = np.sqrt((v[:, :3] ** 2).sum(axis=1)) + np.sqrt((v[:, 3:] ** 2).sum(axis=1)) * b.radius[ids]
-        return 2.0 * h * float(speed.max()) + 10.0 * h * h + 1e-6
+        speed = batch.largest(_point_speeds(b.velocity[batch.ids], b.radius[batch.ids]))
+        moved = _point_speeds(b.velocity[batch.moved], b.radius[batch.moved])
+        np.maximum.at(speed, batch.moved_island, moved)
+        return 2.0 * h * speed + 10.0 * h * h + 1e-6
 
-    def _limit(self, island: Island) -> float:
-        """s: the longest sub-step in which nothing near passes through anything unseen."""
-        if len(island.pairs) == 0:
-            return np.inf
+    def _limit(self, batch: Batch) -> Array:
+        """(count,) s: the longest sub-step in which nothing near passes through anything unseen."""
         b = self.bodies
-        ids = np.unique(island.pairs[:, [0, 2]])
-        v = b.velocity[ids]
-        speed = np.sqrt((v[:, :3] ** 2).sum(axis=1)) + np.sqrt((v[:, 3:] ** 2).sum(axis=1)) * b.radius[ids]
-        fastest = float(speed.max())
-        return 0.25 * float(b.thickness[ids].min()) / fastest if fastest > 0.0 else np.inf
+        out = np.full(batch.count, np.inf)
+        _limits(batch.pairs, batch.of, b.velocity, b.radius, b.thickness, out)
+        return out
 
-    def _inherit(self, now: Contacts, before: Contacts) -> Contacts:
-        """Forces of contacts that were there before: the solver's first guess."""
-        if len(now.ints) and len(before.ints):
-            row = pressing.match(before.ints, now.ints)
-            known = row >= 0
-            now.force[known] = before.force[row[known]]
-        return now
+    def _rounding(self, batch: Batch) -> Array:
+        return ROUNDING + 1e-15 * batch.largest(np.abs(self.bodies.center[batch.ids]).max(axis=1))
 
-    def _touched(self, before: Contacts, now: Contacts) -> NDArray[np.bool_]:
-        """Which contacts of `now` touched in `before`."""
-        touched = np.zeros(len(now.ints), bool)
-        if len(before.ints) and len(now.ints):
-            row = pressing.match(before.ints, now.ints)
-            known = row >= 0
-            touched[known] = before.reals[row[known], 6] <= self.tolerance.touch
-        return touched
+    def _least(self, batch: Batch, contacts: Contacts, mask: Mask | slice = slice(None)) -> Array:
+        """(count,) least gap of the contacts of a mask."""
+        out = np.full(batch.count, np.inf)
+        np.minimum.at(out, batch.of_rows(contacts.ints[mask]), contacts.reals[mask, 6])
+        return out
 
-    def _sift(self, contacts, touched, start, rest, t, h):
-        """Without the rows that only lie behind a face; and which of the others touched, or have been inside all along.
+    # --- flight -----------------------------------------------------------------------------------------------------
 
-        start: the island h seconds ago, rest: what carries it, at the step's start (t before that); None: just begun.
-        """
-        deep = ~touched & (contacts.reals[:, 6] < -self.tolerance.touch)
-        if not deep.any():
-            return contacts, touched
-        b = self.bodies
-        rotation, origin = b.rotation.copy(), b.origin.copy()
-        if start is not None:
-            rotation[start.ids], origin[start.ids] = start.rotation, start.origin
-            rest.carry(b, t)
-            rotation[rest.ids], origin[rest.ids] = b.rotation[rest.ids], b.origin[rest.ids]
-            rest.carry(b, t + h)
-        verdict = crossing.sift(
-            contacts.ints, contacts.reals, touched, b.rotation, b.origin, rotation, origin, self.shape_of, self.shapes,
-            self.tolerance.touch,
-        )  # fmt: skip
-        real = verdict != crossing.NOTHING
-        return Contacts(*(column[real] for column in contacts)), (touched | (verdict == crossing.SUNK))[real]
-
-    def _substep(self, island, now, rest, time, t, h, wrench):
-        """One sub-step of at most h, cut short at the first impact; the time taken and the contacts at its end."""
-        b = self.bodies
-        start = Saved(b, island.ids)
-        after, fresh = self._fly(island, now, rest, time, t, h, wrench)
-        tolerance = self._rounding(island)
-        gap = _least(after, fresh)
-        if gap < -tolerance:
-            island.impacts += 1
-            low, high = 0.0, h
-            low_gap = np.inf
-            for k in range(60):
-                speed = self._closing(after, fresh, gap)
-                cut = high + gap / speed if speed > 0.0 else low
-                if k % 3 == 2 and low_gap < np.inf and high > low:
-                    cut = low + (high - low) * low_gap / (low_gap - gap)
-                if not low < cut < high:
-                    cut = 0.5 * (low + high)
-                if not low < cut < high:
-                    break
-                start.restore(b)
-                trial, trial_fresh = self._fly(island, now, rest, time, t, cut, wrench)
-                g = _least(trial, trial_fresh)
-                if g < -tolerance:
-                    high, after, fresh, gap = cut, trial, trial_fresh, g
-                elif g <= tolerance:
-                    high, after, fresh = cut, trial, trial_fresh
-                    break
-                else:
-                    low, low_gap = cut, g
-            else:
-                start.restore(b)
-                after, fresh = self._fly(island, now, rest, time, t, high, wrench)
-            h = high
-        mirrored = b.steady[island.ids].all()
-        self._arrive(island, after, fresh, time + t + h, 0.5 * h, wrench)
-        if (
-            not mirrored
-            and b.steady[island.ids].all()
-            and not (fresh & (after.reals[:, 6] <= self.tolerance.touch)).any()
-        ):
-            # the first of mirrored half kicks has none to mirror: the mean of both halves serves, to second order
-            rate = 0.5 * (b.rate[island.ids] + island.first_rate)
-            start.restore(b)
-            b.rate[island.ids] = rate
-            after, fresh = self._fly(island, now, rest, time, t, h, wrench)
-            self._arrive(island, after, fresh, time + t + h, 0.5 * h, wrench)
-        return h, after
-
-    def _rounding(self, island: Island) -> float:
-        return ROUNDING + 1e-15 * float(np.abs(self.bodies.center[island.ids]).max())
-
-    def _closing(self, contacts: Contacts, fresh, gap: float) -> float:
-        """m/s at which the deepest fresh contact closes."""
-        which = np.flatnonzero(fresh & (contacts.reals[:, 6] == gap))[:1]
-        b = self.bodies
-        return -float(pressing.normal_speeds(which, contacts.ints, contacts.reals, b.center, b.velocity)[0])
-
-    def _fly(self, island, now, rest, time, t, h, wrench):
+    def _fly(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench: Wrench):
         """Half a kick and free flight over h; contacts there, and which of them did not touch before."""
         b = self.bodies
         touch = self.tolerance.touch
-        pressed = np.flatnonzero(now.reals[:, 6] <= touch)
-        if b.steady[island.ids].all():
-            b.velocity[island.ids] += 0.5 * h * b.rate[island.ids]
-        else:
-            before = b.velocity[island.ids]
-            self._kick(island, now, pressed, time + t, 0.5 * h, wrench)
-            island.first_rate = (b.velocity[island.ids] - before) / (0.5 * h)
-        start = Saved(b, island.ids)
-        self._drift(island, rest, t + h, h)
-        reach = self._reach(island, h)
-        for _ in range(6):
-            after = self._inherit(self.find(island, reach), now)
-            after, touched = self._sift(after, self._touched(now, after), start, rest, t, h)
-            carried = after.force[:, 0] > 0.0
-            gaps = after.reals[:, 6]
-            off = touched & ((carried & (gaps != 0.0)) | (gaps < 0.0))
-            jb, jj, jr = assemble(island.joints, b, island.ids)
-            worst = max(np.abs(gaps[off]).max(initial=0.0), np.abs(jr).max(initial=0.0))
-            if worst <= self._rounding(island):
+        ids = batch.ids
+        mirrored = batch.all(b.steady[ids])
+        if mirrored.any():
+            of = mirrored[batch.island]
+            b.velocity[ids[of]] += 0.5 * h[batch.island][of, None] * b.rate[ids[of]]
+        if not mirrored.all():
+            part = batch.part(~mirrored)
+            half = 0.5 * h[~mirrored]
+            before = b.velocity[part.ids]
+            pressed = np.flatnonzero((now.reals[:, 6] <= touch) & ~mirrored[batch.of_rows(now.ints)])
+            self.touching.kick(part, now, pressed, time + float(t[0]), half, wrench)
+            self._first_rate[part.ids] = (b.velocity[part.ids] - before) / half[part.island][:, None]
+        begin = Saved(b, np.concatenate([ids, batch.moved]))
+        self._drift(batch, rest, t + h, h)
+        way = self._way(batch, h)
+        rounding = self._rounding(batch)
+        to_find = batch
+        after, touched, off = self._matched(batch, now, begin, way)
+        for _ in range(5):
+            # what an impact has ended too deep is flown again: its pressed contacts need no closing
+            deep = self._least(batch, after, ~touched) < -1e-6
+            worst = np.zeros(batch.count)
+            np.maximum.at(worst, batch.of_rows(after.ints[off]), np.abs(after.reals[off, 6]))
+            jb, jj, jr = assemble(batch.joints, b, ids)
+            worst = np.maximum(worst, np.abs(jr).max(initial=0.0))
+            open_ = (worst > rounding) & ~deep
+            if not open_.any():
                 break
-            self._correct(island, after, np.flatnonzero(off), jb, jj, jr)
+            to_find = batch.part(open_)
+            own = open_[batch.of_rows(after.ints)]
+            self.touching.correct(to_find, after, np.flatnonzero(off & own), jb, jj, jr)
+            if to_find is batch:
+                after, touched, off = self._matched(batch, now, begin, way)
+            else:
+                again, again_touched, again_off = self._matched(to_find, now, begin, way[open_])
+                flags = np.concatenate(
+                    [np.stack([touched, off], axis=1)[~own], np.stack([again_touched, again_off], 1)]
+                )
+                ints, reals, force = (np.concatenate(c) for c in zip(rows(after, ~own), again, strict=True))
+                order = np.argsort(batch.of_rows(ints), kind="stable")
+                after = Contacts(ints[order], reals[order], force[order])
+                touched, off = flags[order].T
         return after, ~touched
 
-    def _drift(self, island, rest, time, h):
+    def _matched(self, batch: Batch, now: Contacts, begin: Saved, way: Array):
+        """Contacts as the bodies stand, those that touched in `now`, and those of them that are to be closed.
+
+        begin: the bodies when the flight began.
+        """
+        touching = self.touching
+        after = touching.inherit(touching.find(batch, way), now)
+        after, touched = touching.sift(after, touching.touched(now, after), begin)
+        gaps = after.reals[:, 6]
+        return after, touched, touched & (((after.force[:, 0] > 0.0) & (gaps != 0.0)) | (gaps < 0.0))
+
+    def _drift(self, batch: Batch, rest: Saved, time: Array, h: Array) -> None:
+        """Free flight of h (count,) seconds, to `time` (count,) in the step."""
         b = self.bodies
+        ids = batch.ids
+        each = h[batch.island]
+        off = b.velocity[ids] - self._flight[ids]
+        self._off[ids] = _point_speeds(off, b.radius[ids])
         drift(
-            island.ids, b.center, b.attitude, b.velocity, b.momentum, b.inertia, b.inverse, b.offset, b.rotation,
-            b.origin, h, self.method,
+            ids, b.center, b.attitude, b.velocity, b.momentum, b.inertia, b.inverse, b.offset, b.rotation, b.origin,
+            each, self.method,
         )  # fmt: skip
-        rest.carry(b, time)
+        if len(batch.moved):
+            rest.carry(b, batch.moved, time[batch.moved_island])
 
-    def _correct(self, island, contacts, chosen, jb, jj, jr):
-        b = self.bodies
-        pressing.correct(
-            island.ids, self._local(island), b.center, b.attitude, b.rotation, b.mass, b.inertia, b.inverse,
-            b.kind == FREE, chosen, contacts.ints, contacts.reals, jb, jj, jr,
-        )  # fmt: skip
-        place(island.ids, b.center, b.attitude, b.offset, b.rotation, b.origin)
+    def _first_impact(
+        self, batch: Batch, now: Contacts, after: Contacts, fresh: Mask, start: Saved, rest: Saved, time: float,
+        t: Array, h: Array, wrench: Wrench,
+    ):  # fmt: skip
+        """When (count,) each island first touches something new, and the contacts then; it was flown over h and does.
 
-    def _local(self, island):
-        local = np.full(self.bodies.n, -1)
-        local[island.ids] = np.arange(len(island.ids))
-        return local
-
-    def _free(self, island, t, h, wrench):
-        """Velocities (n, 6) after a kick of h seconds without constraints."""
-        b = self.bodies
-        ids = island.ids
-        w = wrench(ids, t)
-        free = b.velocity[ids].copy()
-        free[:, :3] += h / b.mass[ids][:, None] * w[:, :3]
-        if w[:, 3:].any():
-            r = b.rotation[ids]
-            free[:, 3:] += h * np.einsum("nij,njk,nlk,nl->ni", r, b.inverse[ids], r, w[:, 3:])
-        return free
-
-    def _kick(self, island, contacts, pressed, t, h, wrench):
-        """Forces over h seconds, and what joints and the touching contacts make of them."""
-        self._press(island, contacts, pressed, self._free(island, t, h, wrench), h, np.zeros(len(contacts.ints)))
-
-    def _press(self, island, contacts, pressed, free, h, target):
-        """Solve; contact forces (impulse over h) are kept on `contacts`. Rows left out that would sink in are added."""
-        b = self.bodies
-        if len(pressed) == 0 and not island.joints:
-            b.velocity[island.ids] = free
-            return
-        mu, _ = self._pair_values(contacts.ints)
-        jb, jj, _ = assemble(island.joints, b, island.ids)
-        chosen = pressed[pressing.spanning(contacts.ints, contacts.reals, pressed)]
-        for _ in range(8):
-            impulse = contacts.force[chosen] * h
-            jl = np.zeros((len(jj), 1))
-            residual = pressing.press(
-                island.ids, self._local(island), free, b.center, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
-                b.kind == FREE, chosen, contacts.ints, contacts.reals, mu, target, impulse, jb, jj,
-                np.zeros((len(jj), 1)), jl, 1e-14,
-            )  # fmt: skip
-            island.residual = max(island.residual, residual)
-            contacts.force[pressed] = 0.0
-            contacts.force[chosen] = impulse / h
-            if len(chosen) == len(pressed):
+        Newton's method from above on the gap of the deepest contact, with false position and bisection to hold it.
+        """
+        low, high = np.zeros(batch.count), h.copy()
+        low_gap = np.full(batch.count, np.inf)
+        gap = self._least(batch, after, fresh)
+        found: list[tuple[Contacts, Mask]] = []
+        part, names = batch, np.arange(batch.count)  # islands that are still searched
+        for k in range(TRIALS):
+            cut = high + gap / np.maximum(self._closing(part, after, fresh, gap), 1e-300)
+            if k % 3 == 2:
+                with np.errstate(invalid="ignore"):
+                    cut = np.where(low_gap < np.inf, low + (high - low) * low_gap / (low_gap - gap), cut)
+            # what sinks in from the very start (a feature that comes into view) is not worth halving for
+            cut = np.where((low < cut) & (cut < high), cut, np.where((low == 0.0) & (k > 1), 1e-3, 0.5) * (low + high))
+            last = ~((low < cut) & (cut < high)) | (high < 1e-9 * h[names]) | (k == TRIALS - 1)
+            cut = np.where(last, high, cut)
+            of = np.isin(batch.island, names)
+            start.restore(self.bodies, of)
+            own = rows(now, part.of_rows(now.ints) >= 0)
+            trial, trial_fresh = self._fly(part, own, rest, time, t[names], cut, wrench)
+            g = self._least(part, trial, trial_fresh)
+            tolerance = self._rounding(part)
+            over, done = g < -tolerance, last | (np.abs(g) <= tolerance)
+            h[names[done]] = cut[done]
+            of_done = done[part.of_rows(trial.ints)]
+            found.append((rows(trial, of_done), trial_fresh[of_done]))
+            if done.all():
                 break
-            speed = pressing.normal_speeds(pressed, contacts.ints, contacts.reals, b.center, b.velocity)
-            sinking = speed < target[pressed] - 1e-10 * (1.0 + np.abs(target[pressed]))
-            sinking[np.isin(pressed, chosen)] = False
-            if not sinking.any():
-                break
-            chosen = np.union1d(chosen, pressed[sinking])
+            early = ~over & ~done
+            low, low_gap = np.where(early, cut, low), np.where(early, g, low_gap)
+            # an island that stopped early keeps the contacts of its last flight too far
+            high, gap = np.where(over, cut, high), np.where(over, g, gap)
+            keep_old = early[part.of_rows(after.ints)]
+            take_new = over[part.of_rows(trial.ints)] & ~of_done
+            ints, reals, force = (
+                np.concatenate(c) for c in zip(rows(after, keep_old), rows(trial, take_new), strict=True)
+            )
+            fresh = np.concatenate([fresh[keep_old], trial_fresh[take_new]])
+            after = Contacts(ints, reals, force)
+            going = ~done
+            part, names = part.part(going), names[going]
+            low, high, low_gap, gap = low[going], high[going], low_gap[going], gap[going]
+        ints, reals, force = (np.concatenate(c) for c in zip(*(c for c, _ in found), strict=True))
+        fresh = np.concatenate([f for _, f in found])
+        order = np.argsort(batch.of_rows(ints), kind="stable")
+        return h, Contacts(ints[order], reals[order], force[order]), fresh[order]
 
-    def _arrive(self, island, contacts, fresh, t, h, wrench):
-        """The second half of the kick, then impacts of what has just come to touch."""
+    def _closing(self, batch: Batch, contacts: Contacts, fresh: Mask, gap: Array) -> Array:
+        """(count,) m/s at which the deepest fresh contact of each island closes."""
+        island = batch.of_rows(contacts.ints)
+        which = np.flatnonzero(fresh & (contacts.reals[:, 6] == gap[island]))
+        _, first = np.unique(island[which], return_index=True)
+        out = np.zeros(batch.count)
+        out[island[which[first]]] = -self.touching.speeds(which[first], contacts)
+        return out
+
+    # --- arrival ----------------------------------------------------------------------------------------------------
+
+    def _arrive(self, batch, now, after, fresh, start, rest, time, t, h, wrench) -> Contacts:
+        """What is to be done at the end of a flight of h seconds; the contacts there."""
         b = self.bodies
+        mirrored = batch.all(b.steady[batch.ids])
+        self._land(batch, after, fresh, time + float(t[0]), 0.5 * h, wrench)
+        new = np.zeros(batch.count, bool)
+        new[batch.of_rows(after.ints[fresh & (after.reals[:, 6] <= self.tolerance.touch)])] = True
+        again = ~mirrored & batch.all(b.steady[batch.ids]) & ~new
+        if not again.any():
+            return after
+        # the first of mirrored half kicks has none to mirror: the mean of both halves serves, to second order
+        part = batch.part(again)
+        rate = 0.5 * (b.rate[part.ids] + self._first_rate[part.ids])
+        start.restore(b, again[batch.island])
+        b.rate[part.ids] = rate
+        own = rows(now, part.of_rows(now.ints) >= 0)
+        flown, fresh = self._fly(part, own, rest, time, t[again], h[again], wrench)
+        self._land(part, flown, fresh, time + float(t[again][0]), 0.5 * h[again], wrench)
+        return merged(batch, [rows(after, part.of_rows(after.ints) < 0), flown])
+
+    def _land(self, batch: Batch, contacts: Contacts, fresh: Mask, t: float, h: Array, wrench: Wrench) -> None:
+        """The second half of the kick, h (count,) seconds, then impacts of what has just come to touch."""
+        b = self.bodies
+        ids = batch.ids
         touching = contacts.reals[:, 6] <= self.tolerance.touch
         closing = np.zeros(len(touching), bool)
         new = np.flatnonzero(touching & fresh)
         if len(new):
-            speed = pressing.normal_speeds(new, contacts.ints, contacts.reals, b.center, b.velocity)
-            closing[new] = speed < -self.tolerance.rest_speed
-        before = b.velocity[island.ids]
-        self._kick(island, contacts, np.flatnonzero(touching & ~closing), t, h, wrench)
-        now = b.velocity[island.ids]
-        b.rate[island.ids] = (now - before) / h
-        b.steady[island.ids] = not closing.any() and np.abs(now).max() > MOVING and self._sticks(contacts)
-        if closing.any():
-            self._impact(island, contacts, np.flatnonzero(touching))
+            closing[new] = self.touching.speeds(new, contacts) < -self.tolerance.rest_speed
+        before = b.velocity[ids]
+        self.touching.kick(batch, contacts, np.flatnonzero(touching & ~closing), t, h, wrench)
+        now = b.velocity[ids]
+        b.rate[ids] = (now - before) / h[batch.island][:, None]
+        struck = np.zeros(batch.count, bool)
+        struck[batch.of_rows(contacts.ints[closing])] = True
+        steady = ~struck & (batch.largest(np.abs(now).max(axis=1)) > MOVING) & self.touching.sticks(batch, contacts)
+        b.steady[ids] = steady[batch.island]
+        if struck.any():
+            part = batch.part(struck)
+            self.touching.impact(part, contacts, np.flatnonzero(touching & struck[batch.of_rows(contacts.ints)]))
 
-    def _sticks(self, contacts: Contacts) -> bool:
-        """Whether contacts carry, and none of those that do slides with friction."""
-        loaded = contacts.force[:, 0] > 0.0
-        mu, _ = self._pair_values(contacts.ints[loaded])
-        f = contacts.force[loaded]
-        grip = mu * f[:, 0]
-        return bool(loaded.any() and ((f[:, 1] ** 2 + f[:, 2] ** 2 < (0.999 * grip) ** 2) | (grip == 0.0)).all())
-
-    def _impact(self, island, contacts, touching):
-        """Newton's law for all contacts that close, in rounds, then none closes any more."""
+    def _blunt(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench) -> Contacts:
+        """A step of h (count,) seconds in one piece: as far as gaps allow, then the rebound of what touches."""
         b = self.bodies
-        kept = contacts.force.copy()
-        _, restitution = self._pair_values(contacts.ints)
-        target = np.zeros(len(contacts.ints))
-        for _ in range(20 + 4 * len(touching)):
-            speed = pressing.normal_speeds(touching, contacts.ints, contacts.reals, b.center, b.velocity)
-            hit = touching[(speed < -self.tolerance.rest_speed) & (restitution[touching] > 0.0)]
-            if len(hit) == 0:
-                break
-            target[touching] = -restitution[touching] * speed
-            contacts.force[:] = 0.0
-            self._press(island, contacts, hit, b.velocity[island.ids].copy(), 1.0, target)
-        contacts.force[:] = 0.0
-        self._press(island, contacts, touching, b.velocity[island.ids].copy(), 1.0, np.zeros(len(contacts.ints)))
-        contacts.force[:] = kept
-
-    def _blunt(self, island, now, rest, time, t, h, wrench):
-        """A step without rebound and without looking for impacts: nothing closes more than its gap allows."""
-        found = self._inherit(self.find(island, self._reach(island, h)), now)
-        now, _ = self._sift(found, self._touched(now, found), None, None, 0.0, 0.0)
-        start = Saved(self.bodies, island.ids)
-        gaps = now.reals[:, 6]
-        target = -np.maximum(gaps, 0.0) / h
-        near = np.arange(len(gaps))
-        self._press(island, now, near, self._free(island, time + t, h, wrench), h, target)
-        self._drift(island, rest, t + h, h)
-        reach = self._reach(island, h)
-        after = self.find(island, reach)
-        after, _ = self._sift(after, self._touched(now, after), start, rest, t, h)
-        jb, jj, jr = assemble(island.joints, self.bodies, island.ids)
-        sunk = np.flatnonzero(after.reals[:, 6] < 0.0)
+        touching = self.touching
+        way = self._way(batch, h)
+        found = touching.inherit(touching.find(batch, way, 1.0), now)
+        now, _ = touching.sift(found, touching.touched(now, found))
+        begin = Saved(b, np.concatenate([batch.ids, batch.moved]))
+        free = touching.free(batch, time + float(t[0]), h, wrench)
+        before = b.velocity[batch.ids]
+        b.velocity[batch.ids] = free
+        near = np.arange(len(now.ints))
+        came = touching.speeds(near, now)
+        each = h[batch.of_rows(now.ints)]
+        target = -np.maximum(now.reals[:, 6], 0.0) / each
+        near = np.flatnonzero(target > came - 0.5 * way[batch.of_rows(now.ints)] / each)
+        touching.press(batch, now, near, free, h, target, COARSE)
+        reached = now.force[:, 0] > 0.0
+        self._drift(batch, rest, t + h, h)
+        after = touching.inherit(touching.find(batch, way), now)
+        after, _ = touching.sift(after, touching.touched(now, after), begin)
+        jb, jj, jr = assemble(batch.joints, b, batch.ids)
+        sunk = np.flatnonzero(after.reals[:, 6] < -self._rounding(batch)[batch.of_rows(after.ints)])
         if len(sunk) or len(jr):
-            self._correct(island, after, sunk, jb, jj, jr)
-            after = self.find(island, reach)
-            after, _ = self._sift(after, self._touched(now, after), start, rest, t, h)
-        return self._inherit(after, now)
+            touching.correct(batch, after, sunk, jb, jj, jr)
+            after = touching.inherit(touching.find(batch, way), now)
+            after, _ = touching.sift(after, touching.touched(now, after), begin)
+        row = match(now.ints, after.ints)
+        known = row >= 0
+        met = after.reals[:, 6] <= self.tolerance.touch
+        met[known] |= reached[row[known]]
+        _, restitution = touching.pair_values(after.ints)
+        b.velocity[batch.ids] = free
+        came = touching.speeds(np.arange(len(after.ints)), after)
+        back = np.where(came < -self.tolerance.rest_speed, -restitution * came, 0.0)
+        touching.press(batch, after, np.flatnonzero(met), free, h, back, COARSE)
+        b.rate[batch.ids] = (b.velocity[batch.ids] - before) / h[batch.island][:, None]
+        b.steady[batch.ids] = False
+        return after
 
 
-def _least(contacts: Contacts, fresh) -> float:
-    gaps = contacts.reals[fresh, 6]
-    return float(gaps.min()) if len(gaps) else np.inf
+def _affords(batch: Batch) -> Ints:
+    """(count,) impacts that each island may have in a step."""
+    size = np.bincount(batch.island)
+    return np.where(size <= FEW, IMPACTS, IMPACTS * FEW * FEW // (size * size))
 
 
-class Saved:
-    """State of some bodies at the start of a step, to go back to, or (kinematic ones) to carry on from at any time."""
+def _point_speeds(v: Array, radius: Array) -> Array:
+    """(n,) m/s that no point of bodies of these velocities (n, 6) and radii (n,) exceeds."""
+    return np.sqrt((v[:, :3] ** 2).sum(axis=1)) + np.sqrt((v[:, 3:] ** 2).sum(axis=1)) * radius
 
-    def __init__(self, bodies: Bodies, ids: Ints) -> None:
-        self.ids = ids
-        self.center = bodies.center[ids]
-        self.attitude = bodies.attitude[ids]
-        self.velocity = bodies.velocity[ids]
-        self.rotation = bodies.rotation[ids]
-        self.origin = bodies.origin[ids]
 
-    def restore(self, bodies: Bodies) -> None:
-        bodies.center[self.ids] = self.center
-        bodies.attitude[self.ids] = self.attitude
-        bodies.velocity[self.ids] = self.velocity
-        bodies.rotation[self.ids] = self.rotation
-        bodies.origin[self.ids] = self.origin
-
-    def carry(self, bodies: Bodies, time: float) -> None:
-        """Where bodies of constant velocity and angular velocity are `time` seconds after they were saved."""
-        if len(self.ids) == 0:
-            return
-        for k, i in enumerate(self.ids):
-            v = self.velocity[k]
-            bodies.center[i] = self.center[k] + time * v[:3]
-            bodies.attitude[i] = multiply(exponential(*(time * v[3:])), self.attitude[k])
-        place(self.ids, bodies.center, bodies.attitude, bodies.offset, bodies.rotation, bodies.origin)
+@njit(cache=True)
+def _limits(pairs, of, velocity, radius, thickness, out):
+    """Least of a quarter of the thinner thickness over the speed towards one another, by island, into `out`."""
+    before_a, before_b = -1, -1
+    for i in range(len(pairs)):
+        a, b = pairs[i, 0], pairs[i, 2]
+        if a == before_a and b == before_b:
+            continue
+        before_a, before_b = a, b
+        total = 0.0
+        for k in range(3):
+            total += (velocity[a, k] - velocity[b, k]) ** 2
+        speed = np.sqrt(total)
+        for side in (a, b):
+            w = velocity[side]
+            speed += radius[side] * np.sqrt(w[3] * w[3] + w[4] * w[4] + w[5] * w[5])
+        if speed > 0.0:
+            island = max(of[a], of[b])
+            out[island] = min(out[island], 0.25 * min(thickness[a], thickness[b]) / speed)

@@ -13,21 +13,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from collision import CollisionManager, Tolerance
 from constraints.geometry import Geometry
+from physics.batch import whole
 from physics.behaviours import Behaviour, Reaction, Sleeping, Touch, View
-from physics.bodies import FREE, KINEMATIC, STATIC, Bodies
+from physics.bodies import FREE, KINEMATIC, STATIC, Bodies, Saved
 from physics.body import Body
 from physics.errors import BehaviourError, WorldError
 from physics.hands import Grip, SpringHand
 from physics.integrators import METHODS
-from physics.islands import islands
+from physics.islands import components
 from physics.joints import Joint
 from physics.mechanism import Mechanism
 from physics.near import near_objects, near_surfaces
 from physics.pressing import NO_CONTACTS, Contacts
 from physics.shapes import Shape, make_shape, pack
-from physics.stepping import Island, Saved, Stepper
+from physics.stepping import Stepper
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 SLACK = 2e-3
 """m: least slack of the list of near surfaces; more where things are fast, so that it lasts some steps"""
@@ -66,6 +68,7 @@ class World:
         """m/s: largest violation of joints and contact laws that the last step's solver left"""
         self._bodies = Bodies()
         self._stepper = Stepper(self._bodies, self.tolerance, integrator)
+        self._touching = self._stepper.touching
         self._body: dict[int, Body] = {}
         self._behaviours: dict[int, tuple[Behaviour, ...]] = {}
         self._varying: dict[int, tuple[Behaviour, ...]] = {}
@@ -118,10 +121,10 @@ class World:
         b.set_pose(i, self.collision.pose(i))
         self._geometries[i] = dict(geometries or {})
         self._behaviours[i] = tuple(behaviours)
-        self._stepper.friction[i] = np.nan if reaction.friction is None else reaction.friction
-        self._stepper.restitution[i] = np.nan if reaction.restitution is None else reaction.restitution
+        self._touching.friction[i] = np.nan if reaction.friction is None else reaction.friction
+        self._touching.restitution[i] = np.nan if reaction.restitution is None else reaction.restitution
         self._solid[i] = reaction.solid
-        self._stepper.shape_of[i] = -1
+        self._touching.shape_of[i] = -1
         self._path.pop(i, None)
         self._varying.pop(i, None)
         self._constant[i] = 0.0
@@ -160,7 +163,7 @@ class World:
             table.pop(i, None)
         self._bodies.kind[i] = 0
         self._bodies.awake[i] = False
-        self._stepper.friction[i] = self._stepper.restitution[i] = np.nan
+        self._touching.friction[i] = self._touching.restitution[i] = np.nan
         self._solid.pop(i, None)
         self._stale = True
 
@@ -345,26 +348,23 @@ class World:
             ):  # pairs among sleepers were not listed: a blow must reach the next one in this step
                 self._stale = True
                 kept = self._list_near(free, carried, dt)
-            groups, lone = self._islands(free)
+            ids = np.array(free, dtype=np.int64)
+            label, count = self._near_islands(ids)
             kept = kept and tuple(free) == self._moving
             self._moving = tuple(free)
-            ended = []
-            self.residual = 0.0
-            start = Saved(b, np.array(sorted({*free, *carried}), dtype=np.int64))
+            self._touching.residual = 0.0
+            moved = np.array(sorted({*free, *carried}), dtype=np.int64)
+            start = Saved(b, moved)
             try:
-                for island in groups:
-                    ended.append(self._stepper.advance(island, self._contacts, kept, self.time, dt, self._wrenches))
-                    self.residual = max(self.residual, island.residual)
+                ended = self._advance(ids, label, count, kept, dt)
             except BehaviourError:
                 start.restore(b)
                 raise
-            if len(lone):
-                self._stepper.coast(lone, self._constant[lone], dt)
+            self.residual = self._touching.residual
             self._contacts = _joined(ended)
             self._finish_carried(carried, dt)
-            self._settle(groups, dt)
-            for i in (*free, *carried):
-                self.collision.set_pose(i, b.pose(i))
+            self._settle(ids, label, count, dt)
+            self.collision.set_poses(moved, b.homogeneous(moved))
         self.time += dt
         self._last_step = dt
 
@@ -463,13 +463,13 @@ class World:
 
     def _surface_pairs(self, objects: NDArray[np.int64]) -> NDArray[np.int64]:
         b = self._bodies
-        shapes = self._stepper.shapes
+        shapes = self._touching.shapes
         if shapes is None or len(objects) == 0:
             return np.zeros((0, 4), np.int64)
         out = np.empty((256, 4), np.int64)
         while True:
             found = near_surfaces(
-                objects, b.rotation, b.origin, self._stepper.shape_of, shapes.boxes, shapes.first_surface,
+                objects, b.rotation, b.origin, self._touching.shape_of, shapes.boxes, shapes.first_surface,
                 self._surface_count, self._whole, self._reach, out,
             )  # fmt: skip
             if found <= len(out):
@@ -486,7 +486,7 @@ class World:
 
     def _shape(self, i: int) -> None:
         """Make sure object i's shape is packed."""
-        if self._stepper.shape_of[i] >= 0:
+        if self._touching.shape_of[i] >= 0:
             return
         mesh = self.collision.mesh(i)
         geometries = self._geometries.get(i, {})
@@ -495,10 +495,10 @@ class World:
             self._shape_key[key] = len(self._shapes)
             self._shapes.append(make_shape(mesh, geometries))
             self._kept_alive.append((mesh, geometries))
-            self._stepper.use(pack(self._shapes))
+            self._touching.use(pack(self._shapes))
             self._surface_count = np.array([len(s.kinds) for s in self._shapes], np.int64)
             self._whole = np.array([[*s.boxes[:, :3].min(axis=0), *s.boxes[:, 3:].max(axis=0)] for s in self._shapes])
-        self._stepper.shape_of[i] = self._shape_key[key]
+        self._touching.shape_of[i] = self._shape_key[key]
 
     _surface_count = np.zeros(0, np.int64)
     _whole = np.zeros((0, 6))
@@ -544,29 +544,58 @@ class World:
         free[:] = sorted(everything)
         return woken
 
-    def _islands(self, free: list[int]) -> tuple[list[Island], NDArray[np.int64]]:
-        """Islands of the awake bodies, and the lone ones (near to nothing, constant forces)."""
+    def _near_islands(self, ids: Ints) -> tuple[Ints, int]:
+        """Labels (n,) of the awake bodies by who is near to or joined with whom, and how many there are."""
+        place = np.full(self._bodies.n, -1, np.int64)
+        place[ids] = np.arange(len(ids))
+        joined = np.array([joint.bodies for joint in self._joints], np.int64).reshape(-1, 2)
+        links = np.concatenate([self._pairs[:, [0, 2]], joined])
+        return components(len(ids), place[links])
+
+    def _advance(self, ids: Ints, label: Ints, count: int, kept: bool, dt: float) -> list[Contacts]:
+        """Move the awake bodies; contacts at the end. Those under constant forces without joints go all together."""
         b = self._bodies
-        links = np.unique(self._pairs[:, [0, 2]], axis=0) if len(self._pairs) else np.zeros((0, 2), np.int64)
-        joined = [joint.bodies for joint in self._joints]
-        bound = {*links.ravel().tolist(), *(i for pair in joined for i in pair), *self._varying, *self._grips}
-        lone = np.array([i for i in free if i not in bound], dtype=np.int64)
-        groups = islands(bound.intersection(free), (*map(tuple, links.tolist()), *joined))
-        out = []
-        for ids in groups:
-            members = set(ids.tolist())
-            if len(self._pairs):
-                mine = np.isin(self._pairs[:, 0], ids) | np.isin(self._pairs[:, 2], ids)
-                pairs = np.ascontiguousarray(self._pairs[mine])
-            else:
-                pairs = self._pairs
-            joints = [j for j in self._joints if members & set(j.bodies)]
-            touched = {*pairs[:, 0].tolist(), *pairs[:, 2].tolist(), *(i for j in joints for i in j.bodies)}
-            moved = np.array(sorted(i for i in touched if b.kind[i] == KINEMATIC), dtype=np.int64)
-            constant = not any(i in self._varying or i in self._grips for i in members)
-            mechanism = self._mechanism(ids, joints) if joints or not constant else None
-            out.append(Island(ids, pairs, moved, joints, mechanism, constant))
-        return out, lone
+        bound = np.zeros(b.n, bool)
+        bound[self._pairs[:, [0, 2]]] = True
+        special = np.zeros(b.n, bool)
+        special[[*self._varying, *self._grips, *(i for joint in self._joints for i in joint.bodies)]] = True
+        alone = ~(bound | special)[ids]
+        own = np.zeros(count, bool)
+        own[label[special[ids]]] = True
+        ended = []
+        plain = ids[~own[label] & ~alone]
+        if len(plain):
+            pairs = self._pairs_of(plain)
+            moved = self._kinematic(pairs[:, [0, 2]])
+            gain = self._gain(plain, dt)
+            ended.append(
+                self._stepper.advance_apart(
+                    plain, pairs, moved, self._contacts, kept, self.time, dt, self._wrenches, gain
+                )
+            )
+        for island in np.flatnonzero(own):
+            members = ids[label == island]
+            pairs = self._pairs_of(members)
+            among = set(members.tolist())
+            joints = [j for j in self._joints if among.intersection(j.bodies)]
+            moved = self._kinematic([*pairs[:, [0, 2]].ravel(), *(i for j in joints for i in j.bodies)])
+            constant = not any(i in self._varying or i in self._grips for i in among)
+            batch = whole(members, pairs, moved, b.n, joints, self._mechanism(members, joints), constant)
+            ended.append(self._stepper.advance(batch, self._contacts, kept, self.time, dt, self._wrenches))
+        if alone.any():
+            self._stepper.coast(ids[alone], self._constant[ids[alone]], dt)
+        return ended
+
+    def _pairs_of(self, ids: Ints) -> Ints:
+        """Near surface pairs with one of the bodies."""
+        mine = np.zeros(self._bodies.n, bool)
+        mine[ids] = True
+        return self._pairs[mine[self._pairs[:, 0]] | mine[self._pairs[:, 2]]]
+
+    def _kinematic(self, ids: ArrayLike) -> Ints:
+        """The kinematic ones of some objects, ascending."""
+        unique = np.unique(np.asarray(ids, np.int64))
+        return unique[self._bodies.kind[unique] == KINEMATIC]
 
     def _mechanism(self, ids: NDArray[np.int64], joints: Sequence[Joint]) -> Mechanism | None:
         """The island's model, made once for these bodies and joints."""
@@ -577,19 +606,27 @@ class World:
             self._mechanisms[key] = (poses, Mechanism.build(ids, joints, self._bodies, poses))
         return self._mechanisms[key][1]
 
-    def _settle(self, groups: list[Island], dt: float) -> None:
-        """Put islands to sleep that have been at rest for long enough."""
+    def _settle(self, ids: Ints, label: Ints, count: int, dt: float) -> None:
+        """Put islands to sleep that have been at rest for long enough; bodies that are near to nothing stay awake."""
         b = self._bodies
-        for island in groups:
-            ids = island.ids
-            v = b.velocity[ids]
-            speed = np.sqrt((v[:, :3] ** 2).sum(axis=1)) + np.sqrt((v[:, 3:] ** 2).sum(axis=1)) * b.radius[ids]
-            b.quiet[ids] = np.where(speed < self.tolerance.sleep_speed, b.quiet[ids] + dt, 0.0)
-            held = any(int(i) in self._grips or not self._may_sleep[int(i)] for i in ids)
-            pushed = len(island.moved) and b.velocity[island.moved].any()
-            if not held and not pushed and (b.quiet[ids] >= self.tolerance.sleep_time).all():
-                b.awake[ids] = False
-                b.velocity[ids] = 0.0
+        v = b.velocity[ids]
+        speed = np.sqrt((v[:, :3] ** 2).sum(axis=1)) + np.sqrt((v[:, 3:] ** 2).sum(axis=1)) * b.radius[ids]
+        b.quiet[ids] = np.where(speed < self.tolerance.sleep_speed, b.quiet[ids] + dt, 0.0)
+        restless = b.quiet[ids] < self.tolerance.sleep_time
+        restless |= np.array([i in self._grips or not self._may_sleep[i] for i in ids.tolist()], bool)
+        place = np.full(b.n, -1, np.int64)
+        place[ids] = label
+        near = np.concatenate([self._pairs[:, [0, 2]], np.array([j.bodies for j in self._joints], int).reshape(-1, 2)])
+        met = np.zeros(count, bool)
+        met[place[near[(place[near] >= 0).any(axis=1)]].max(axis=1)] = True
+        carried = (b.kind[near] == KINEMATIC) & b.velocity[near].any(axis=2)
+        pushed = place[near[carried.any(axis=1)]].max(axis=1)
+        awake = ~met
+        awake[label[restless]] = True
+        awake[pushed[pushed >= 0]] = True
+        asleep = ids[~awake[label]]
+        b.awake[asleep] = False
+        b.velocity[asleep] = 0.0
 
     # --- behaviours ---------------------------------------------------------------------------------------------------
 
@@ -680,7 +717,7 @@ class World:
         b = self._bodies
         b.reserve(i + 1)
         n = len(b.kind)
-        s = self._stepper
+        s = self._touching
         if len(s.friction) < n:
             old = len(s.friction)
             s.friction = np.concatenate([s.friction, np.full(n - old, np.nan)])

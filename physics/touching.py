@@ -1,0 +1,252 @@
+"""Contacts at one instant: finding them, pressing on them, and Newton's law where they close.
+
+Impacts follow Newton's law, each contact with its own coefficient. Several at once are resolved in rounds: only the
+contacts that close are reflected, those that this makes close are reflected next (generalised reflections, Smith,
+Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 2012), so a row of touching balls passes a blow on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision import Tolerance
+from physics import contact, crossing, pressing
+from physics.batch import Batch
+from physics.bodies import FREE, Bodies, Saved, place
+from physics.joints import assemble
+from physics.pressing import NO_CONTACTS, Contacts
+from physics.shapes import Shapes
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Wrench = Callable[[Ints, float], Array]
+"""(n, 6) N, N·m of the bodies (n,) at a time, world axes, about their centres of mass"""
+
+EXACT = 1e-14
+"""1: residual of the contact laws, relative to the largest speed, at which the solver ends"""
+MARGIN = 0.05
+"""1: contacts with a gap of up to this part of the thinner part's thickness are listed"""
+
+
+class Touching:
+    """What contacts do at one instant. It holds scratch arrays and the largest residual since it was last set to 0."""
+
+    def __init__(self, bodies: Bodies, tolerance: Tolerance) -> None:
+        self.bodies = bodies
+        self.tolerance = tolerance
+        self.residual = 0.0
+        """m/s, largest that the solver left"""
+        self.shapes: Shapes | None = None
+        self.shape_of = np.zeros(0, np.int64)
+        self.friction = np.zeros(0)
+        self.restitution = np.zeros(0)
+        self._ints = np.empty((256, 6), np.int64)
+        self._reals = np.empty((256, 7))
+        self._stamps: tuple[Ints, ...] = ()
+
+    def use(self, shapes: Shapes) -> None:
+        """Take the shapes that bodies may have from now on."""
+        self.shapes = shapes
+        sizes = len(shapes.vertices), len(shapes.edges), len(shapes.kinds)
+        self._stamps = tuple(np.zeros(n + 1, np.int64) for n in sizes)
+
+    def find(self, batch: Batch, way: Array, margin: float = MARGIN) -> Contacts:
+        """Contact points as the bodies stand; forces are zero. way: (count,) m that things move in what is looked at.
+
+        margin: gaps up to this part of the thinner part's thickness, and no farther than the way, are listed.
+        Penetration is looked for to 3/10 of that thickness: deeper, the nearest face may be that of the other side.
+        """
+        if len(batch.pairs) == 0 or self.shapes is None:
+            return NO_CONTACTS
+        b = self.bodies
+        thickness = b.thickness[batch.pairs[:, [0, 2]]].min(axis=1)
+        far = way[batch.of_rows(batch.pairs[:, [0, 2]])]
+        margins = np.maximum(np.minimum(far, margin * thickness), 1e-6)
+        depths = np.maximum(0.1 * thickness, np.minimum(far, 0.3 * thickness))
+        while True:
+            n = contact.find(
+                batch.pairs, b.rotation, b.origin, self.shape_of, self.shapes, margins, depths, self._ints, self._reals,
+                *self._stamps,
+            )  # fmt: skip
+            if n <= len(self._ints):
+                return Contacts(self._ints[:n].copy(), self._reals[:n].copy(), np.zeros((n, 3)))
+            self._ints = np.empty((2 * n, 6), np.int64)
+            self._reals = np.empty((2 * n, 7))
+
+    def inherit(self, now: Contacts, before: Contacts) -> Contacts:
+        """Forces of contacts that were there before: the solver's first guess."""
+        if len(now.ints) and len(before.ints):
+            row = pressing.match(before.ints, now.ints)
+            known = row >= 0
+            now.force[known] = before.force[row[known]]
+        return now
+
+    def touched(self, before: Contacts, now: Contacts) -> NDArray[np.bool_]:
+        """(c,) which contacts of `now` touched in `before`."""
+        touched = np.zeros(len(now.ints), bool)
+        if len(before.ints) and len(now.ints):
+            row = pressing.match(before.ints, now.ints)
+            known = row >= 0
+            touched[known] = before.reals[row[known], 6] <= self.tolerance.touch
+        return touched
+
+    def sift(
+        self, contacts: Contacts, touched: NDArray[np.bool_], begin: Saved | None = None
+    ) -> tuple[Contacts, NDArray[np.bool_]]:
+        """Without the rows that only lie behind a face; and which of the others touched, or were inside all along.
+
+        begin: the bodies, and what carries them, a little earlier; None: nothing has moved yet.
+        """
+        deep = ~touched & (contacts.reals[:, 6] < -self.tolerance.touch)
+        if not deep.any():
+            return contacts, touched
+        b = self.bodies
+        rotation, origin = b.rotation, b.origin
+        if begin is not None:
+            rotation, origin = rotation.copy(), origin.copy()
+            rotation[begin.ids], origin[begin.ids] = begin.rotation, begin.origin
+        verdict = crossing.sift(
+            contacts.ints, contacts.reals, touched, b.rotation, b.origin, rotation, origin, self.shape_of, self.shapes,
+            self.tolerance.touch,
+        )  # fmt: skip
+        real = verdict != crossing.NOTHING
+        return rows(contacts, real), (touched | (verdict == crossing.SUNK))[real]
+
+    def pair_values(self, ints: Ints) -> tuple[Array, Array]:
+        """Friction and restitution (c,) of contacts, see `behaviours.Reaction`."""
+        a, b = ints[:, 0], ints[:, 1]
+        fa, fb = self.friction[a], self.friction[b]
+        friction = np.where(np.isnan(fa), fb, np.where(np.isnan(fb), fa, np.sqrt(fa * fb)))
+        ea, eb = self.restitution[a], self.restitution[b]
+        restitution = np.where(np.isnan(ea), eb, np.where(np.isnan(eb), ea, np.fmin(ea, eb)))
+        return np.where(np.isnan(friction), 0.5, friction), np.where(np.isnan(restitution), 0.0, restitution)
+
+    def speeds(self, rows: Ints, contacts: Contacts) -> Array:
+        """(r,) m/s at which contacts part along their normals."""
+        b = self.bodies
+        return pressing.normal_speeds(rows, contacts.ints, contacts.reals, b.center, b.velocity)
+
+    # --- forces ---------------------------------------------------------------------------------------------------
+
+    def free(self, batch: Batch, t: float, h: Array, wrench: Wrench) -> Array:
+        """Velocities (n, 6) after a kick of h (count,) seconds without constraints."""
+        b = self.bodies
+        ids = batch.ids
+        w = wrench(ids, t)
+        each = h[batch.island]
+        free = b.velocity[ids].copy()
+        free[:, :3] += (each / b.mass[ids])[:, None] * w[:, :3]
+        if w[:, 3:].any():
+            r = b.rotation[ids]
+            free[:, 3:] += each[:, None] * np.einsum("nij,njk,nlk,nl->ni", r, b.inverse[ids], r, w[:, 3:])
+        return free
+
+    def kick(self, batch: Batch, contacts: Contacts, pressed: Ints, t: float, h: Array, wrench: Wrench) -> None:
+        """Forces over h (count,) seconds, and what joints and the contacts `pressed` (rows) make of them."""
+        target = np.zeros(len(contacts.ints))
+        self.press(batch, contacts, pressed, self.free(batch, t, h, wrench), h, target)
+
+    def press(
+        self, batch: Batch, contacts: Contacts, pressed: Ints, free: Array, h: Array, target: Array,
+        tolerance: float = EXACT,
+    ) -> None:  # fmt: skip
+        """Solve for the velocities that contacts and joints make of `free` (n, 6).
+
+        target: (c,) m/s at which contacts part at least. Contact forces (impulse over h) are kept on `contacts`. Of
+        each patch only the rows that span it are solved at first; others that would sink in are added.
+        """
+        b = self.bodies
+        if len(pressed) == 0 and not batch.joints:
+            b.velocity[batch.ids] = free
+            return
+        mu, _ = self.pair_values(contacts.ints)
+        each = h[batch.of_rows(contacts.ints)][:, None]
+        jb, jj, _ = assemble(batch.joints, b, batch.ids)
+        local = self._local(batch)
+        chosen = pressed[pressing.spanning(contacts.ints, contacts.reals, pressed)]
+        for _ in range(8):
+            impulse = contacts.force[chosen] * each[chosen]
+            jl = np.zeros((len(jj), 1))
+            residual = pressing.press(
+                batch.ids, local, free, b.center, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
+                b.kind == FREE, chosen, contacts.ints, contacts.reals, mu, target, impulse, jb, jj,
+                np.zeros((len(jj), 1)), jl, tolerance,
+            )  # fmt: skip
+            contacts.force[pressed] = 0.0
+            contacts.force[chosen] = impulse / each[chosen]
+            if len(chosen) == len(pressed):
+                break
+            sinking = self.speeds(pressed, contacts) < target[pressed] - 1e-10 * (1.0 + np.abs(target[pressed]))
+            sinking[np.searchsorted(pressed, chosen)] = False
+            if not sinking.any():
+                break
+            chosen = np.union1d(chosen, pressed[sinking])
+        self.residual = max(self.residual, residual)
+
+    def correct(self, batch: Batch, contacts: Contacts, chosen: Ints, jb, jj, jr) -> None:
+        """The least move that closes the gaps of the rows `chosen` and the joints' residuals."""
+        b = self.bodies
+        pressing.correct(
+            batch.ids, self._local(batch), b.center, b.attitude, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
+            b.kind == FREE, chosen, contacts.ints, contacts.reals, jb, jj, jr,
+        )  # fmt: skip
+        place(batch.ids, b.center, b.attitude, b.offset, b.rotation, b.origin)
+
+    def _local(self, batch: Batch) -> Ints:
+        local = np.full(self.bodies.n, -1)
+        local[batch.ids] = np.arange(len(batch.ids))
+        return local
+
+    def sticks(self, batch: Batch, contacts: Contacts) -> NDArray[np.bool_]:
+        """(count,) whether contacts of an island carry, and none of those that do slides with friction."""
+        loaded = contacts.force[:, 0] > 0.0
+        mu, _ = self.pair_values(contacts.ints[loaded])
+        f = contacts.force[loaded]
+        grip = mu * f[:, 0]
+        slides = (f[:, 1] ** 2 + f[:, 2] ** 2 >= (0.999 * grip) ** 2) & (grip != 0.0)
+        island = batch.of_rows(contacts.ints[loaded])
+        carries = np.zeros(batch.count, bool)
+        carries[island] = True
+        carries[island[slides]] = False
+        return carries
+
+    def impact(self, batch: Batch, contacts: Contacts, touching: Ints) -> None:
+        """Newton's law for all of the rows `touching` that close, in rounds, then none closes any more."""
+        b = self.bodies
+        kept = contacts.force.copy()
+        _, restitution = self.pair_values(contacts.ints)
+        target = np.zeros(len(contacts.ints))
+        island = batch.of_rows(contacts.ints)
+        one = np.ones(batch.count)
+        most = int(np.bincount(island[touching], minlength=1).max())
+        for _ in range(20 + 4 * most):
+            speed = self.speeds(touching, contacts)
+            hit = touching[(speed < -self.tolerance.rest_speed) & (restitution[touching] > 0.0)]
+            if len(hit) == 0:
+                break
+            target[touching] = -restitution[touching] * speed
+            contacts.force[:] = 0.0
+            struck = np.zeros(batch.count, bool)
+            struck[island[hit]] = True
+            part = batch.part(struck)
+            self.press(part, contacts, hit, b.velocity[part.ids].copy(), one, target)
+        contacts.force[:] = 0.0
+        self.press(batch, contacts, touching, b.velocity[batch.ids].copy(), one, np.zeros(len(contacts.ints)))
+        contacts.force[:] = kept
+
+
+def rows(contacts: Contacts, mask: NDArray[np.bool_]) -> Contacts:
+    """The contacts of a mask, by value."""
+    return Contacts(contacts.ints[mask], contacts.reals[mask], contacts.force[mask])
+
+
+def merged(batch: Batch, parts: list[Contacts]) -> Contacts:
+    """Contacts of several parts of a batch, in the order of its islands."""
+    if len(parts) == 1:
+        return parts[0]
+    ints, reals, force = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    order = np.argsort(batch.of_rows(ints), kind="stable")
+    return Contacts(ints[order], reals[order], force[order])
