@@ -238,7 +238,7 @@ class Touching:
         contacts.force[:] = kept
 
 
-def rows(contacts: Contacts, mask: NDArray[np.bool_]) -> Contacts:
+def rows(contacts: Contacts, mask: NDArray[np.bool_] | slice) -> Contacts:
     """The contacts of a mask, by value."""
     return Contacts(contacts.ints[mask], contacts.reals[mask], contacts.force[mask])
 
