@@ -16,6 +16,8 @@ from collision import CollisionManager, Tolerance
 from collision.classify import KINDS, classify
 from constraints import recognise
 from constraints.sleeve import sleeve
+from vpframe import clash_status
+from vpframe.clash_status import ClashKey
 from vpframe.deflection import deflections
 from vpframe.errors import VpframeError
 from vpframe.scene import Scene
@@ -132,6 +134,39 @@ def _fits(scene: Scene, manager: CollisionManager, tell: Callable[[float], None]
         )
 
 
+def with_status(document: dict[str, Any], path: str | Path, accept: Iterable[str] = (), remark: str = "") -> None:
+    """Keep the status of each clash over runs in a file: clashes in `document` get "status" and "remark".
+
+    Parameters
+    ----------
+    path: the status file, as `vpframe.clash_status` has it; made if there is none.
+    accept: clashes to mark as accepted, as `A:B` or with surfaces as `A:3:B:12`.
+    remark: kept with them.
+
+    Raises
+    ------
+    VpframeError: it is not a status file, or a clash that is to be accepted is not there.
+    """
+    keys = {_key(pair): pair for pair in document["pairs"] if pair["kind"] in BAD_KINDS}
+    records = clash_status.updated(clash_status.read(path), keys)
+    for text in accept:
+        records = clash_status.accept(records, clash_status.named(records, text), remark)
+    clash_status.write(path, records, clash_status.read_authorised(path))
+    for record in records:
+        if record.key in keys:
+            keys[record.key].update(status=record.status, remark=record.remark)
+
+
+def _key(pair: dict[str, Any]) -> ClashKey:
+    (a, b), (i, j) = pair["parts"], pair["surfaces"] or (clash_status.WHOLE, clash_status.WHOLE)
+    return ClashKey.of(a, i, b, j)
+
+
+def is_open(pair: dict[str, Any]) -> bool:
+    """Whether a row of `clash` is a clash that nobody has accepted."""
+    return pair["kind"] in BAD_KINDS and pair.get("status") != "accepted"
+
+
 def table(document: dict[str, Any]) -> str:
     """What `clash` found, for a person: a line a pair of surfaces, the gravest first."""
     pairs = document["pairs"]
@@ -145,7 +180,8 @@ def table(document: dict[str, Any]) -> str:
             size = f"{pair['depth'] * 1e3:.3f} mm deep"
         else:
             size = f"{pair['distance'] * 1e3:.3f} mm apart" if pair["distance"] > 0.0 else "touching"
-        lines.append(f"  {pair['kind']:11}  {pair['parts'][0]} – {pair['parts'][1]}: {where}, {size}")
+        told = "".join(f", {pair[name]}" for name in ("status", "remark") if pair.get(name))
+        lines.append(f"  {pair['kind']:11}  {pair['parts'][0]} – {pair['parts'][1]}: {where}, {size}{told}")
     return "\n".join(lines)
 
 

@@ -1,8 +1,8 @@
 """What became of each clash between two runs of a task: new, accepted, persistent, resolved, as DMU users keep it.
 
 The status lives in a JSON file beside the report, `clashes.json`, and clashes are known by name: the two parts and
-their surfaces. A person marks one as accepted there (or by `accept`), with a remark; the mark stays while the clash
-does.
+their surfaces. A person marks them as accepted (`vpframe accept`), with a remark; the mark stays while the clash does.
+Pairs of parts that are meant to overlap, a press fit, stand in the same file and hold for the runs that follow.
 """
 
 from __future__ import annotations
@@ -16,6 +16,10 @@ from typing import Any
 from vpframe.errors import VpframeError
 
 STATUSES = ("new", "persistent", "accepted", "resolved")
+FILE = "clashes.json"
+"""in a report folder"""
+WHOLE = -1
+"""in place of a surface where the parts as a whole are meant: containment"""
 
 
 @dataclass(frozen=True, order=True)
@@ -84,6 +88,85 @@ def accept(records: Iterable[ClashRecord], keys: Iterable[ClashKey], remark: str
     return tuple(known[key] for key in sorted(known))
 
 
+def parse(text: str) -> tuple[str, str, tuple[int, int] | None]:
+    """Two parts, and a surface of each if they are named, of `A:B` or `A:3:B:12`.
+
+    Raises
+    ------
+    VpframeError: it is neither.
+    """
+    words = text.split(":")
+    if len(words) == 2 and all(words):
+        return words[0], words[1], None
+    if len(words) == 4 and words[0] and words[2] and words[1].isdecimal() and words[3].isdecimal():
+        return words[0], words[2], (int(words[1]), int(words[3]))
+    raise VpframeError(f"{text!r}: write two part names as A:B, or with a surface of each as A:3:B:12")
+
+
+def named(records: Iterable[ClashRecord], text: str) -> tuple[ClashKey, ...]:
+    """The clashes that are there and that `text`, as `parse` reads it, names.
+
+    Raises
+    ------
+    VpframeError: there is none; the message names the pairs that there are.
+    """
+    a, b, surfaces = parse(text)
+    there = [record.key for record in records if record.status != "resolved"]
+    found = [key for key in there if {key.part_a, key.part_b} == {a, b}]
+    if surfaces is not None:
+        found = [key for key in found if key == ClashKey.of(a, surfaces[0], b, surfaces[1])]
+    if not found:
+        pairs = ", ".join(dict.fromkeys(f"{key.part_a}:{key.part_b}" for key in there)) or "none at all"
+        raise VpframeError(f"no clash {text} is known; there is {pairs}")
+    return tuple(found)
+
+
+def accept_named(
+    report: str | Path, texts: Iterable[str], remark: str = "", authorise: bool = False
+) -> tuple[ClashKey, ...]:
+    """Mark clashes of a report folder (or of a status file) as accepted, by name; returns which these are.
+
+    Parameters
+    ----------
+    texts: as `parse` reads them; of two parts without surfaces all clashes are meant.
+    remark: why, kept with the mark.
+    authorise: the parts are meant to overlap: from the next run on they neither clash nor block each other.
+
+    Raises
+    ------
+    VpframeError: there is no such report, or no such clash.
+    """
+    path = Path(report)
+    file = path / FILE if path.is_dir() else path
+    if not file.exists():
+        raise VpframeError(f"{file}: no such file; name a folder that --report wrote")
+    records, pairs = read(file), read_authorised(file)
+    keys: list[ClashKey] = []
+    for text in texts:
+        found = named(records, text)
+        keys += found
+        if authorise:
+            pairs = (*pairs, (found[0].part_a, found[0].part_b))
+    write(file, accept(records, keys, remark), pairs)
+    return tuple(keys)
+
+
+def read_authorised(path: str | Path) -> tuple[tuple[str, str], ...]:
+    """The pairs of parts that are authorised to overlap, by a status file; none if there is no such file.
+
+    Raises
+    ------
+    VpframeError: naming the file, if it is not a clash status file.
+    """
+    file = Path(path)
+    if not file.exists():
+        return ()
+    try:
+        return tuple((str(a), str(b)) for a, b in json.loads(file.read_text()).get("authorised", ()))
+    except (OSError, ValueError, AttributeError, TypeError) as error:
+        raise VpframeError(f"{file}: not a clash status file ({error}); delete it to start anew") from None
+
+
 def read(path: str | Path) -> tuple[ClashRecord, ...]:
     """The records in a file; none if there is no such file.
 
@@ -101,11 +184,20 @@ def read(path: str | Path) -> tuple[ClashRecord, ...]:
     return tuple(_record(file, n, row) for n, row in enumerate(rows))
 
 
-def write(path: str | Path, records: Iterable[ClashRecord]) -> None:
-    """Write the records, sorted by key, one clash an entry."""
+def write(path: str | Path, records: Iterable[ClashRecord], authorised: Iterable[tuple[str, str]] = ()) -> None:
+    """Write the records, sorted by key, one clash an entry, and the authorised pairs.
+
+    Raises
+    ------
+    VpframeError: it cannot be written.
+    """
     rows = [{**asdict(r.key), "status": r.status, "remark": r.remark, "runs": r.runs} for r in records]
     rows.sort(key=lambda row: (row["part_a"], row["part_b"], row["surface_a"], row["surface_b"]))
-    Path(path).write_text(json.dumps({"clashes": rows}, indent=2) + "\n")
+    pairs = sorted({(min(pair), max(pair)) for pair in authorised})
+    try:
+        Path(path).write_text(json.dumps({"clashes": rows, "authorised": pairs}, indent=2) + "\n")
+    except OSError as error:
+        raise VpframeError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def _record(file: Path, n: int, row: Mapping[str, Any]) -> ClashRecord:

@@ -101,8 +101,19 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("files", metavar="FILE", nargs="+", help="models; several are put into one scene as they stand")
     sub.add_argument("--clearance", metavar="LENGTH", type=_length, default=0.0, help="also list pairs nearer than it")
     sub.add_argument("--authorise", metavar="A:B", action="append", default=[], help="a pair of parts meant to clash")
+    sub.add_argument("--status", metavar="FILE", help="keep what is new, accepted and resolved in this file, over runs")
+    sub.add_argument("--accept", metavar="A:B", action="append", default=[], help="accept the clashes of two parts")
+    sub.add_argument("--remark", metavar="TEXT", default="", help="why they are accepted")
     _add_loading(sub)
     sub.add_argument("--json", action="store_true")
+
+    sub = add("accept", _accept, "accept clashes of a report by name: the next runs of its task no longer count them")
+    sub.add_argument("report", metavar="DIR", help="the folder that --report wrote")
+    sub.add_argument("names", metavar="A:B", nargs="+", help="two parts, or with a surface of each: A:3:B:12")
+    sub.add_argument("--remark", metavar="TEXT", default="", help="why they are accepted")
+    sub.add_argument(
+        "--authorise", action="store_true", help="the parts are meant to overlap: from now on they do not block either"
+    )
 
     sub = add("mates", _mates, "every constraint of an assembly as it stands, each part's joint and freedom")
     sub.add_argument("file", metavar="FILE")
@@ -199,8 +210,10 @@ def _run(arguments: argparse.Namespace) -> int:
 def _new(arguments: argparse.Namespace) -> int:
     from vpframe import study
 
-    study.new_task(arguments.task, arguments.file)
+    stops = study.new_task(arguments.task, arguments.file)
     print(f"wrote {arguments.task}; run it with: vpframe run {arguments.task} --view")
+    if stops:
+        print(f"no part came out by itself; as written it stops: {stops}")
     return OK
 
 
@@ -208,17 +221,31 @@ def _clash(arguments: argparse.Namespace) -> int:
     from vpframe import clash
     from vpframe.progress import Progress
 
+    if arguments.accept and arguments.status is None:
+        raise UsageError("--accept needs --status FILE, where it is kept")
     with _document(arguments.json) as emit:
         scene = clash.merged([_load(path, arguments) for path in arguments.files])
         authorised = clash.authorised_pairs(arguments.authorise)
         with Progress("looking for clashes", uses=["clash"]) as progress:
             document = clash.clash(scene, arguments.clearance, authorised=authorised, progress=progress)
+        if arguments.status is not None:
+            clash.with_status(document, arguments.status, arguments.accept, arguments.remark)
         emit(document)
         if not arguments.json:
             print(clash.table(document))
         for note in scene.notes:
             print(f"note: {note}", file=sys.stderr)
-    return NO if any(pair["kind"] in clash.BAD_KINDS for pair in document["pairs"]) else OK
+    return NO if any(map(clash.is_open, document["pairs"])) else OK
+
+
+def _accept(arguments: argparse.Namespace) -> int:
+    from vpframe import clash_status
+
+    keys = clash_status.accept_named(arguments.report, arguments.names, arguments.remark, arguments.authorise)
+    for key in keys:
+        print(f"accepted: {key.part_a} surface {key.surface_a} with {key.part_b} surface {key.surface_b}")
+    print("the next run with this report folder counts them as accepted")
+    return OK
 
 
 def _mates(arguments: argparse.Namespace) -> int:

@@ -28,6 +28,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from vpframe import clash_status
 from vpframe.errors import TaskError, VpframeError
 from vpframe.interrupts import between_steps, handled
 from vpframe.progress import say, warn
@@ -93,6 +94,10 @@ def run_task(
             **{"name": script.stem, **options},
         )
     session.on_event(_print_event)
+    if report is not None:  # what a person authorised after an earlier run
+        for a, b in clash_status.read_authorised(Path(report) / clash_status.FILE):
+            if a in scene and b in scene:
+                session.authorise(a, b)
     code = OK
     try:
         with session, between_steps(session), _located(script):
@@ -139,53 +144,18 @@ def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
     sys.exit(code)
 
 
-def new_task(path: str | Path, from_file: str | Path) -> None:
-    """Write a first task script for the parts of a model.
+def new_task(path: str | Path, from_file: str | Path) -> str:
+    """Write a first task script for the parts of a model; returns why it stops, empty when it runs to its end.
 
     Raises
     ------
     VpframeError: the script exists already, or cannot be written; LoadError: the model cannot be read.
     """
-    script, model = Path(path), Path(from_file)
-    if script.exists():
-        raise VpframeError(f"{script}: exists already; give another name or remove it")
-    scene = loaded(model)
-    with contextlib.suppress(ValueError):  # another drive
-        model = Path(os.path.relpath(str(model), str(script.parent)))
-    small = min(scene.parts, key=lambda p: (p.shape.volume or float("inf"), p.name))
-    text = _TEMPLATE.format(
-        model=model.name,
-        file=str(model.as_posix()),
-        parts="\n".join(f"#   {p.name!r}: {len(p.surfaces)} surfaces" for p in scene.parts),
-        part=small.name,
-    )
-    try:
-        script.write_text(text)
-    except OSError as error:
-        raise VpframeError(f"{script}: cannot be written: {error.strerror}") from None
+    if Path(path).exists():
+        raise VpframeError(f"{path}: exists already; give another name or remove it")
+    from vpframe.first_task import new_task as write
 
-
-_TEMPLATE = '''"""A first task on {model}: take one part out."""
-
-import vpframe.study
-
-FILE = {file!r}
-
-# The parts of the model:
-{parts}
-
-
-def task(session):
-    hand = session.hand()
-    hand.grab({part!r})
-    hand.move_by((0.0, 0.0, 0.1))
-    hand.release()
-    session.expect_free({part!r})
-
-
-if __name__ == "__main__":
-    vpframe.study.main(__file__)
-'''
+    return write(path, loaded(from_file), Path(from_file))
 
 
 def loaded(path: str | Path) -> Scene:

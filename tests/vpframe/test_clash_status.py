@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
 import pytest
 
-from vpframe.clash_status import ClashKey, accept, read, updated, write
+from vpframe import modelling, study
+from vpframe.clash_status import ClashKey, accept, accept_named, read, read_authorised, updated, write
+from vpframe.cli import main
 from vpframe.errors import VpframeError
 
 A, B, C = ClashKey("bolt", "plate", 1, 2), ClashKey("bolt", "plate", 3, 2), ClashKey("nut", "plate", 0, 0)
@@ -52,3 +59,86 @@ def test_what_cannot_be_is_one_line(tmp_path) -> None:
     file.write_text("[]")
     with pytest.raises(VpframeError, match="not a clash status file"):
         read(file)
+
+
+def test_clashes_are_accepted_by_name(tmp_path) -> None:
+    file = tmp_path / "clashes.json"
+    write(file, updated((), [A, B, C]))
+    keys = accept_named(tmp_path, ["plate:bolt"], "press fit", authorise=True)
+    assert keys == (A, B)
+    assert statuses(read(file)) == {A: "accepted", B: "accepted", C: "new"}
+    assert {r.remark for r in read(file) if r.status == "accepted"} == {"press fit"}
+    assert read_authorised(file) == (("bolt", "plate"),)
+    assert accept_named(file, ["nut:0:plate:0"]) == (C,)
+    assert read_authorised(file) == (("bolt", "plate"),), "kept"
+    for text, message in (
+        ("bolt", "write two part names"),
+        ("bolt:x:plate:1", "write two part names"),
+        ("nut:bolt", "no clash nut:bolt is known; there is bolt:plate, nut:plate"),
+        ("nut:1:plate:0", "no clash nut:1:plate:0 is known"),
+    ):
+        with pytest.raises(VpframeError, match=message):
+            accept_named(file, [text])
+    with pytest.raises(VpframeError, match="no such file"):
+        accept_named(tmp_path / "nowhere", ["nut:plate"])
+
+
+def test_the_command_line_keeps_the_status_over_runs(tmp_path, vpframe) -> None:
+    size, apart = (0.01, 0.01, 0.01), {"a": 0.0, "b": 0.008, "c": 0.016}
+    parts = {
+        n: (modelling.box(*size), pin.SE3(np.eye(3), np.array([x, 0.0, 0.0])), (0.5,) * 3) for n, x in apart.items()
+    }
+    model, status = modelling.write_step(tmp_path / "m.step", parts, name="m"), tmp_path / "status.json"
+
+    def clash(*arguments: str) -> tuple[int, dict[tuple[str, ...], set[str]]]:
+        done = vpframe("clash", model, "--json", "--status", status, *arguments, cwd=tmp_path)
+        found: dict[tuple[str, ...], set[str]] = {}
+        for pair in json.loads(done.stdout)["pairs"]:
+            if pair["kind"] == "clash":
+                found.setdefault(tuple(pair["parts"]), set()).add(pair["status"])
+        return done.returncode, found
+
+    assert clash("--accept", "b:a", "--remark", "glued") == (1, {("a", "b"): {"accepted"}, ("b", "c"): {"new"}})
+    assert clash("--accept", "b:c") == (0, {("a", "b"): {"accepted"}, ("b", "c"): {"accepted"}})
+    assert {r.remark for r in read(status)} == {"glued", ""}
+    table = vpframe("clash", model, "--status", status, cwd=tmp_path)
+    assert "accepted, glued" in table.stdout
+    bad = vpframe("clash", model, "--status", status, "--accept", "a:c", cwd=tmp_path)
+    assert bad.returncode == 2 and bad.stderr.count("\n") == 1 and "no clash a:c is known" in bad.stderr
+    assert vpframe("clash", model, "--accept", "a:b", cwd=tmp_path).returncode == 2
+
+
+TASK = """
+import numpy as np, pinocchio as pin
+from vpframe import modelling, study
+from vpframe.cli import main
+from vpframe.scene import Part, Scene
+
+def scene():
+    cube = modelling.shape(modelling.box(0.02, 0.02, 0.02), name="cube")
+    at = lambda x: pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
+    return Scene([Part("floor", cube, at(-0.018), fixed=True), Part("cube", cube, at(0.0))])
+
+def task(session):
+    session.run(0.05)
+"""
+
+
+def test_what_a_person_accepts_or_authorises_holds_for_the_next_run(tmp_path) -> None:
+    (tmp_path / "task.py").write_text(TASK)
+    report = tmp_path / "report"
+
+    def run() -> dict[str, Any]:
+        assert study.run_task(tmp_path / "task.py", report=report) == 0
+        return json.loads((report / "report.json").read_text())
+
+    assert {c["status"] for c in run()["clashes"]} == {"new"}
+    accept_named(report, ["cube:floor"], "as built")
+    after = run()
+    assert {(c["status"], c["remark"]) for c in after["clashes"]} == {("accepted", "as built")}
+    assert after["authorised"] == []
+    assert main(["accept", str(report), "floor:cube", "--authorise"]) == 0
+    last = run()
+    assert {c["status"] for c in last["clashes"]} == {"resolved"}
+    assert last["authorised"] == [["cube", "floor"]]
+    assert run()["authorised"] == [["cube", "floor"]], "kept"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from vpframe import study
+from vpframe import first_task, study
 from vpframe.errors import VpframeError
 
 ROOT = Path(__file__).parents[2]
@@ -111,13 +111,39 @@ def test_a_new_task_runs_and_is_not_overwritten(tmp_path) -> None:
         tmp_path / "two.step",
         {"base": m.box(0.1, 0.1, 0.01), "knob": m.cylinder(0.01, 0.02).translated(0.05, 0.05, 0.05)},
     )
-    study.new_task(tmp_path / "first.py", tmp_path / "two.step")
+    assert study.new_task(tmp_path / "first.py", tmp_path / "two.step") == ""
     text = (tmp_path / "first.py").read_text()
-    assert "FILE = 'two.step'" in text
-    assert "'knob': 3 surfaces" in text
+    assert 'FILE = "two.step"' in text
+    assert '"knob": 3 surfaces' in text
     assert study.run_task(tmp_path / "first.py") == 0
     with pytest.raises(VpframeError, match="exists already"):
         study.new_task(tmp_path / "first.py", tmp_path / "two.step")
+
+
+def test_a_new_task_takes_a_part_out_by_the_axis_that_holds_it(tmp_path) -> None:
+    from vpframe import modelling as m
+
+    block = m.box(0.04, 0.04, 0.02).translated(-0.02, -0.02, 0.0) - m.cylinder(0.005, 0.02)
+    peg = m.revolve([(0.0, 0.0), (0.005, 0.0), (0.005, 0.02), (0.008, 0.02), (0.008, 0.025), (0.0, 0.025)])
+    m.write_step(tmp_path / "pegged.step", {"block": block, "peg": peg})
+    assert study.new_task(tmp_path / "first.py", tmp_path / "pegged.step") == ""
+    assert 'hand.pull("axis", until="free")' in (tmp_path / "first.py").read_text()
+    assert study.run_task(tmp_path / "first.py") == 0
+
+
+def test_a_new_task_of_which_nothing_comes_out_says_what_to_change(tmp_path) -> None:
+    from vpframe import modelling as m
+
+    shell = m.box(0.04, 0.04, 0.04) - m.box(0.02, 0.02, 0.02).translated(0.01, 0.01, 0.01)
+    m.write_step(
+        tmp_path / "shut.step", {"shell": shell, "cube": m.box(0.018, 0.018, 0.018).translated(0.011, 0.011, 0.011)}
+    )
+    scene = study.loaded(tmp_path / "shut.step")
+    scene["shell"].fixed = True
+    stops = first_task.new_task(tmp_path / "first.py", scene, tmp_path / "shut.step")
+    assert "cube" in stops
+    text = (tmp_path / "first.py").read_text()
+    assert "# as it stands this stops: " in text and "# give another direction" in text
 
 
 def test_ctrl_c_ends_cleanly_with_recording_and_report_of_what_was_done(tmp_path) -> None:

@@ -134,7 +134,8 @@ def _clearance(document: dict[str, Any], log: SessionLog, pictures: dict[Any, by
 
 def _clashes(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) -> str:
     authorised = "".join(
-        f"<li>{escape(a)} – {escape(b)}: may overlap, as the script says</li>" for a, b in document["authorised"]
+        f"<li>{escape(a)} – {escape(b)}: may overlap, as the script or a person says</li>"
+        for a, b in document["authorised"]
     )
     content = f"<ul>{authorised}</ul>" if authorised else ""
     if not document["clashes"]:

@@ -60,7 +60,8 @@ def write(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise VpframeError(f"{folder}: cannot be made a folder: {error.strerror}") from None
-    status = folder / "clashes.json"
+    status = folder / clash_status.FILE
+    known = clash_status.read_authorised(status)
     records = clash_status.updated(clash_status.read(status), log.clashes)
     with Progress("measuring clashes and clearance") as progress:
         found = depths(log, progress)
@@ -70,7 +71,7 @@ def write(
         pictures = _pictures(log, gap, progress)
     for volume in swept:
         write_stl(folder / _stl_name(volume), volume.vertices, volume.triangles)
-    clash_status.write(status, records)
+    clash_status.write(status, records, known)
     _write_csv(folder / "clashes.csv", document["clashes"])
     (folder / "report.json").write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     write_page(log.scene, log.history, folder / "scene.html", log.start)
