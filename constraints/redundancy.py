@@ -20,9 +20,11 @@ from constraints import system_kernels as kernels
 from constraints.kinds.base import Constraint
 from constraints.solver import run
 from constraints.system import System, build
-from constraints.system_ranks import row_space
+from constraints.system_ranks import least_norm, null_basis, pivoted_qr, row_space
 
 Names = Mapping[int, str] | Sequence[str] | None
+STEPS = 30
+"""at most, to how near the last constraint of a conflict can come"""
 WEIGHT = 1e-6
 """1: a row with less weight than this in another has no part in it"""
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
@@ -147,9 +149,16 @@ def conflicts(
         worst = float(np.abs(system.evaluate(rotation, translation)[0]).max())
         holds = worst <= kernels.resolution(system.element, translation, tolerance.conflict)
         poses = dict(at)
+        stuck: set[tuple[int, ...]] = set()
         while not holds:
             core = _irreducible(constraints, members, system, poses, tolerance)
-            off, unit = _miss(constraints, core, system, poses, tolerance)
+            off, unit, nearest = _miss(constraints, core, system, poses, tolerance)
+            if off <= tolerance.conflict:  # no contradiction, but a start from which the solver gets stuck
+                if tuple(core) in stuck:  # leave it aside, and look at the others
+                    members.remove(core[-1])
+                stuck.add(tuple(core))
+                poses, holds = _holds(constraints, members, system, nearest, tolerance)
+                continue
             count = _NUMBERS[len(core)] if len(core) < len(_NUMBERS) else str(len(core))
             head = f"these {count} cannot hold together" if len(core) > 1 else "this cannot hold"
             text = f"{head}: off by {_amount(off, unit)}: {_listed([texts[i] for i in core])}"
@@ -165,15 +174,44 @@ def _miss(
     system: System,
     at: Mapping[int, pin.SE3],
     tolerance: Tolerance,
-) -> tuple[float, str]:
-    """How near the last of the core can come to true while the others hold."""
+) -> tuple[float, str, dict[int, pin.SE3]]:
+    """How near the last of the core can come to true while the others hold, and the poses where it does.
+
+    Gauss-Newton in the null space of the others, which are solved again after each step; from where all together with
+    the last one at little weight have come to.
+    """
     part = build(constraints, tuple(core), system.movable, bounds=False)
-    rotation, translation = part.gather(at)
-    run(part, rotation, translation, tolerance)
     last = part.owner == len(core) - 1
     firm = replace(part, weight=np.where(last, part.weight, 1e3 * part.weight))
+    rotation, translation = part.gather(at)
+    run(part, rotation, translation, tolerance)
     run(firm, rotation, translation, tolerance)
-    return _worst(constraints[core[-1]], {**at, **part.scatter(rotation, translation)})
+    poses = _holds(constraints, core[:-1], system, {**at, **part.scatter(rotation, translation)}, tolerance)[0]
+    columns = np.argsort(part.elimination.position)
+    scale = 1.0
+    for _ in range(STEPS):
+        rotation, translation = part.gather(poses)
+        r, jacobian = part.dense(rotation, translation)
+        order, upper, rank, _ = pivoted_qr(np.ascontiguousarray(jacobian[~last].T), tolerance.rank)
+        free = null_basis(order, upper, rank).T
+        slope = jacobian[last] @ free
+        most, steepest = float(np.linalg.norm(jacobian[last])), float(np.linalg.norm(slope))
+        if steepest <= WEIGHT * most:
+            break  # the others leave it no motion
+        wanted = free @ least_norm(np.ascontiguousarray(slope.T), -r[last], WEIGHT * most / steepest)
+        wanted /= max(1.0, float(np.linalg.norm(wanted)) / part.length)
+        step = scale * wanted.reshape(-1, 6)[columns]
+        turned, moved = rotation.copy(), translation.copy()
+        kernels.move(rotation, translation, part.extent, part.columns, step, turned, moved)
+        there = _holds(constraints, core[:-1], system, {**poses, **part.scatter(turned, moved)}, tolerance)[0]
+        now = part.dense(*part.gather(there))[0]
+        if np.linalg.norm(now[last]) < 0.999 * np.linalg.norm(r[last]):
+            poses = there
+        elif scale < 0.1:
+            break
+        else:
+            scale *= 0.5
+    return *_worst(constraints[core[-1]], poses), poses
 
 
 def _irreducible(
@@ -226,5 +264,5 @@ def _worst(constraint: Constraint, at: Mapping[int, pin.SE3]) -> tuple[float, st
 
 def _amount(value: float, unit: str) -> str:
     if unit == "rad":
-        return f"{value:.3g} rad"
+        return f"{np.degrees(value):.3g}°"
     return f"{1e3 * value:.3g} mm"

@@ -20,6 +20,9 @@ CAUTION = (1e2, 1e4)
 """damping of the second and third attempt, over that of the first"""
 BESIDE = 6
 """attempts after these, from starts pushed by up to PUSH rad (or of a part's size)"""
+STUCK = 4
+"""attempts after these, each from the end of the one before, pushed alike: a bolt upside down in its hole gets stuck
+athwart it, where the nearer sense of its axis changes"""
 PUSH = 0.15
 GOLDEN = 0.6180339887498949
 DAMPING_FLOOR = 1e-13
@@ -347,22 +350,24 @@ def solve_system(
     """`levenberg_marquardt`, begun again where it ends far from a solution; the first end that holds is kept.
 
     First with more caution, then from poses pushed a little way off (a fixed sequence): a start 30° off may lead into a
-    valley with no solution in it, and one beside it does not.
+    valley with no solution in it, and one beside it does not. Last from beside where it got stuck.
     """
     R, t = rotation.copy(), translation.copy()
     status, iterations, worst = levenberg_marquardt(
         code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
         rotation, translation, length, tolerance, max_iterations, 1.0,
     )  # fmt: skip
-    for attempt in range(1, 1 + len(CAUTION) + BESIDE):
+    R_new, t_new = R, t
+    for attempt in range(1, 1 + len(CAUTION) + BESIDE + STUCK):
         if status == SOLVED or worst <= ASTRAY * min(1.0, length):
             break
-        R_new, t_new = R.copy(), t.copy()
+        R_old, t_old = (R, t) if attempt <= len(CAUTION) + BESIDE else (R_new, t_new)
+        R_new, t_new = R_old.copy(), t_old.copy()
         caution = 1.0
         if attempt <= len(CAUTION):
             caution = CAUTION[attempt - 1]
         else:
-            _push_aside(R, t, extent, column_of, len(column) - 1, attempt, R_new, t_new)
+            _push_aside(R_old, t_old, extent, column_of, len(column) - 1, attempt, R_new, t_new)
         status_new, more, worst_new = levenberg_marquardt(
             code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
             R_new, t_new, length, tolerance, max_iterations, caution,
