@@ -131,6 +131,36 @@ class Proposal:
     """whether it is all the way to the wanted pose"""
 
 
+class Met:
+    """Facets of hollow surfaces that were met in this step, fixed to their bodies: what is inside stays before each.
+
+    This is so wherever it goes, since the room in a bore is convex; of other surfaces the last witness says enough.
+    """
+
+    def __init__(self) -> None:
+        self.rows = np.empty(0, CONTACT_DTYPE)
+        self.local = np.empty((0, 3, 3))
+        """(k, 3, 3) the normal and the point of a in a's frame, the point of b in b's"""
+
+    def add(self, rows: NDArray[Any], normals: Array, poses: Sequence[pin.SE3]) -> None:
+        """Keep contact rows with their directions (k, 3) from a to b, world, at `poses`."""
+        local = np.empty((len(rows), 3, 3))
+        for k, (a, b) in enumerate(zip(rows["object_a"].tolist(), rows["object_b"].tolist(), strict=True)):
+            local[k, 0] = poses[a].rotation.T @ normals[k]
+            local[k, 1], local[k, 2] = poses[a].actInv(rows["point_a"][k]), poses[b].actInv(rows["point_b"][k])
+        self.rows, self.local = np.concatenate([self.rows, rows]), np.concatenate([self.local, local])
+
+    def now(self, poses: Sequence[pin.SE3]) -> tuple[NDArray[Any], Array, Array]:
+        """The rows where their bodies are at `poses`, their directions (k, 3) and their gaps (k,) along these."""
+        rows, normals = self.rows.copy(), np.empty((len(self.rows), 3))
+        for k, (a, b) in enumerate(zip(rows["object_a"].tolist(), rows["object_b"].tolist(), strict=True)):
+            normals[k] = poses[a].rotation @ self.local[k, 0]
+            rows["point_a"][k], rows["point_b"][k] = poses[a].act(self.local[k, 1]), poses[b].act(self.local[k, 2])
+        gaps = ((rows["point_b"] - rows["point_a"]) * normals).sum(axis=1)
+        rows["distance"] = np.maximum(gaps, 0.0)
+        return rows, normals, gaps
+
+
 class Step:
     """Brings held bodies towards the poses wanted of them, in passes of plan, project and sweep."""
 
@@ -145,6 +175,7 @@ class Step:
         self.poses: list[pin.SE3] = list(poses)
         self.acting: list[NDArray[Any]] = []
         self.flush: set[tuple[int, ...]] = set()
+        self.met = Met()
         self.linear = Linear.at(unknowns, self.poses, known)
         self.left = self._left()
 
@@ -158,7 +189,7 @@ class Step:
             lifted = proposal.lifts
             target = dict(self.wanted) if proposal.whole else self._moved(proposal.x)
             if not proposal.covered or len(proposal.rows):
-                target, hit = self._sweep(target)
+                target, hit = self._sweep(target, proposal.rows)
                 if hit is not None:
                     self.acting.append(hit)
                     blocked = True
@@ -256,6 +287,11 @@ class Step:
         if len(rows) and basis.shape[1]:
             c, gap = self._inequalities(rows)
             lift = _lift(basis, c, gap, margin) if may_lift and unknowns.travel(x) > margin else None
+            if len(self.met.rows):
+                again, normals, further = self.met.now(self.poses)
+                rows = np.concatenate([rows, again])
+                c = np.vstack([c, unknowns.gap_rows(again, normals, self.poses)])
+                gap = np.concatenate([gap, further])
             lower = np.minimum(margin - gap, 0.0)
             if lift is not None:
                 x, lifts = lift, True
@@ -278,6 +314,17 @@ class Step:
                 self.flush.add(names)
         return self.unknowns.gap_rows(rows, normals, self.poses), gaps
 
+    def _remember(self, rows: NDArray[Any], hit: NDArray[Any], there: Mapping[int, pin.SE3]) -> None:
+        """Keep where hollow surfaces stop this pass, foreseen (`rows`) and met (`hit`, bodies `there`), for those to
+        come: a pair has one witness at a time, and a shaft pressed into a trough would go from facet to facet.
+        """
+        pairs = set(zip(*(hit[name].tolist() for name in NAMES), strict=True))
+        again = [pair in pairs for pair in zip(*(rows[name].tolist() for name in NAMES), strict=True)]
+        at = [there.get(i, pose) for i, pose in enumerate(self.poses)]
+        for block, poses in ((rows[np.array(again, bool)], self.poses), (hit, at)):
+            hollow, normals = self.walls.hollow(block, poses)
+            self.met.add(block[hollow], normals, poses)
+
     # -- along the way
 
     def _moved(self, x: Array) -> dict[int, pin.SE3]:
@@ -290,8 +337,8 @@ class Step:
             target = target | dict(solve(self.unknowns.constraints, at, self.bodies, self.solving).poses)
         return target
 
-    def _sweep(self, target: dict[int, pin.SE3]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
-        """How far along the screws to `target` the bodies get, and the rows of what stopped them.
+    def _sweep(self, target: dict[int, pin.SE3], rows: NDArray[Any]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
+        """How far along the screws to `target` the bodies get, and what stopped them; `rows` were foreseen.
 
         Faces that run on flush from one part to the other across a mate (the rims of two flanges) meet all along its
         edge, and cannot go deeper while it holds; bodies that move apart on two screws would jam there by rounding.
@@ -301,18 +348,21 @@ class Step:
         for a, s, b, t in flush:
             collision.ignore_surfaces(a, (s,), b, (t,))
         try:
-            return self._advance(target)
+            return self._advance(target, rows)
         finally:
             for a, s, b, t in flush:
                 collision.heed_surfaces(a, (s,), b, (t,))
 
-    def _advance(self, target: dict[int, pin.SE3]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
+    def _advance(
+        self, target: dict[int, pin.SE3], rows: NDArray[Any]
+    ) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
         hit = None
         for _ in range(3):
             found = self.collision.time_of_contact(target)
             if found.t >= 1.0:
                 return target, hit
             hit = found.contacts
+            self._remember(rows, hit, found.poses)
             # stop short of what the linear rows did not foresee: with it among them the next pass goes on from afar
             target = self._projected(
                 {b: pin.SE3.Interpolate(self.poses[b], pose, SHORT * found.t) for b, pose in target.items()}

@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh, Tolerance
-from constraints.geometry import Plane
+from constraints.geometry import Cone, Cylinder, Plane, Sphere
 from constraints.overlap import FacingArea, facing_area
 from constraints.recognition import Recogniser
 
@@ -103,6 +103,21 @@ class Walls:
             else:
                 normals[i] = normal
         return normals, gaps
+
+    def hollow(self, rows: NDArray[Any], poses: Sequence[pin.SE3]) -> tuple[NDArray[np.bool_], Array]:
+        """Which contact rows are with a bore, or another hollow surface around a convex room, and the directions
+        (k, 3), from a to b, of the facets of these that are met."""
+        keep, normals = np.zeros(len(rows), bool), []
+        for i, row in enumerate(rows):
+            for side, sign in (("a", 1.0), ("b", -1.0)):
+                body = int(row["object_" + side])
+                place = self.recogniser.feature_of(body, int(row["surface_" + side]))
+                feature = None if place is None else self.recogniser.features[body][place]
+                if feature is not None and feature.sense < 0 and isinstance(feature.geometry, Cylinder | Cone | Sphere):
+                    keep[i] = True
+                    normals.append(sign * self._triangle(body, int(row["triangle_" + side]), poses[body])[1])
+                    break
+        return keep, np.reshape(normals, (-1, 3))
 
     def _parting(self, row: Any, poses: Sequence[pin.SE3]) -> Array | None:
         """(3,) unit, from a to b, where two surfaces touch.

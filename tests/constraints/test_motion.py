@@ -171,15 +171,15 @@ def test_what_is_carried_does_not_drift_when_it_is_blocked(accept):
     start = [room.poses[1].actInv(room.poses[i]) for i in (2, 3)]
     rng = np.random.default_rng(3)
     blocked = 0
-    for k in range(200):
-        wish = at(x=0.002 * k, y=0.01 * np.sin(k), z=0.02, rpy=rng.uniform(-0.4, 0.4, 3))
+    for k in range(60):
+        wish = at(x=0.006 * k, y=0.01 * np.sin(k), z=0.02, rpy=rng.uniform(-0.4, 0.4, 3))
         result = room.move(wish, carried=(2, 3))
         blocked += result.blocked
         assert set(result.poses) == {1, 2, 3}
         for i, relative in zip((2, 3), start, strict=True):
             off = relative.actInv(room.poses[1].actInv(room.poses[i]))
             assert np.abs(pin.log6(off).vector).max() < 1e-9
-    assert blocked > 150 and len(room.world.colliding_surfaces([2, 3])) == 0
+    assert blocked > 45 and len(room.world.colliding_surfaces([2, 3])) == 0
     room.move(at(z=0.3))
     assert (room.poses[2].translation[2] < 0.2) != accept  # let go of, it comes only if its constraints bring it
 
