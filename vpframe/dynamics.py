@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from collision import CollisionManager, Tolerance
@@ -24,6 +25,7 @@ class Dynamics:
         self.bodies: set[int] = set()
         """parts that move under forces when no hand holds them"""
         self._held: set[int] = set()
+        self._springs: set[int] = set()
         self._joined: tuple[int, ...] | None = None
 
     def add(self, i: int, body: Body, behaviours: Sequence[Behaviour]) -> None:
@@ -50,6 +52,7 @@ class Dynamics:
                 self.world.hold(i, pose)
             else:
                 self.world.set_pose(i, pose)
+        self._springs = set(springs)
         for i, spring in sorted(springs.items()):
             self.world.hold(i, spring)
 
@@ -65,19 +68,24 @@ class Dynamics:
         moved |= {i: self.world.pose(i) for i in sorted(self._held)}
         return moved, before - after - self._held
 
+    def pull(self) -> dict[int, float]:
+        """How hard (N) springs pulled in the last step on what they hold; other hands are as strong as need be."""
+        return {i: float(np.linalg.norm(self.world.wrench(i)[:3])) for i in sorted(self._springs & self._held)}
+
     def resting_on(self, i: int) -> tuple[int, ...]:
         """Parts that press on a part."""
         return tuple(sorted({touch.other for touch in self.world.touches(i)}))
 
     def state(self) -> dict[str, Any]:
         """All that the next step depends on, as values that pickle."""
-        return {"world": dict(self.world.state().data), "held": self._held}
+        return {"world": dict(self.world.state().data), "held": self._held, "springs": self._springs}
 
     def restore(self, state: Mapping[str, Any], constraints: Mapping[int, Constraint]) -> None:
         """Go back to what `state` returned, in this or another process; the same parts have behaviours."""
         self.join(constraints)
         self.world.restore(Snapshot(state["world"]))
         self._held = set(state["held"])
+        self._springs = set(state["springs"])
 
 
 def body_of(part: Part, material: str | float | None, mass: float | None) -> Body:

@@ -62,6 +62,8 @@ class Request:
 
     verb: str
     id: int
+    limits: tuple[tuple[str, float], ...] = ()
+    """of what is accepted: "break_distance" (m), "break_force" (N)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +158,9 @@ class Engine:
         self._rows = rows[np.array([pair in open_pairs for pair in pairs], dtype=bool)]
 
     def _judge(self, candidate: Candidate) -> bool | None:
+        """The rule's word on mates that a hand makes or that the assembly has; what fell into place is offered."""
+        if self._started and self._active.isdisjoint(candidate.bodies):
+            return None
         verdict = self.rule(self._view(-1, candidate, "candidate"))
         return None if verdict is None else verdict == "accept"
 
@@ -267,6 +272,8 @@ class Engine:
         if gone:  # what was near to them is so no longer
             keep = ~np.isin(self._rows["object_a"], gone) & ~np.isin(self._rows["object_b"], gone)
             self._rows = self._rows[keep]
+        if rested:  # what they fit is offered, from the next step on
+            self._renew(rested)
         happenings: list[Happening] = []
         for i in sorted(rested):
             on = [self.names[j] for j in self.dynamics.resting_on(i)]
@@ -298,7 +305,7 @@ class Engine:
     def _decide(self, requests: Sequence[Request]) -> None:
         for request in requests:
             try:
-                getattr(self.mates, request.verb)(request.id)
+                getattr(self.mates, request.verb)(request.id, **dict(request.limits))
             except UnknownConstraintError as error:
                 raise TaskError(f"{request.verb}: {error}") from None
 
@@ -346,17 +353,19 @@ class Engine:
         began = clock.perf_counter()
         stale = {i for i, pose in enumerate(self.poses) if pose is not before[i]} | (self._active - self._moved)
         if stale:
-            kept = self._rows[
-                ~np.isin(self._rows["object_a"], list(stale)) & ~np.isin(self._rows["object_b"], list(stale))
-            ]
-            fresh = self.collision.contacts(self.mates.within, sorted(stale))
-            rows = np.concatenate([kept, fresh])
-            self._rows = rows[np.lexsort([rows[c] for c in ("surface_b", "object_b", "surface_a", "object_a")])]
+            self._renew(stale)
         clocks["collision"] += clock.perf_counter() - began
+
+    def _renew(self, about: set[int]) -> None:
+        """Ask anew for the contact rows of some parts."""
+        kept = self._rows[~np.isin(self._rows["object_a"], list(about)) & ~np.isin(self._rows["object_b"], list(about))]
+        rows = np.concatenate([kept, self.collision.contacts(self.mates.within, sorted(about))])
+        self._rows = rows[np.lexsort([rows[c] for c in ("surface_b", "object_b", "surface_a", "object_a")])]
 
     def _mate(self, wanted: dict[int, pin.SE3], clocks: dict[str, float]) -> list[Happening]:
         began = clock.perf_counter()
-        changes = self.mates.update(self.poses, self._rows, wanted)
+        force = {} if self.dynamics is None else self.dynamics.pull()
+        changes = self.mates.update(self.poses, self._rows, wanted, force)
         if changes:
             self.motion.sync()
             self._remated |= {i for change in changes for i in change.candidate.bodies}

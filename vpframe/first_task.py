@@ -26,8 +26,8 @@ from vpframe.session import Session
 
 PARTS = 6
 """how many parts are tried at most"""
-SECONDS = 60.0
-"""after so many seconds no further part is tried"""
+SECONDS = 30.0
+"""after so many seconds no further way is tried"""
 LISTED = 60
 """how many parts the script names"""
 
@@ -100,9 +100,10 @@ def _found(scene: Scene, progress: Progress) -> tuple[Part, Way, str]:
             reason = _tried(scene, part, way)
             if not reason:
                 return part, way, ""
-            first = first or (part, way, reason)
-        if time.monotonic() - began > SECONDS:
-            break
+            if first is None or first[1].verb == "pull":  # that there is no axis says less than what stands in the way
+                first = (part, way, reason)
+            if time.monotonic() - began > SECONDS:
+                return first
     assert first is not None
     return first
 

@@ -425,9 +425,19 @@ class Session:
 
     # ---- what the script decides
 
-    def accept(self, candidate: ConstraintView) -> None:
-        """Accept a candidate, from the next step on."""
-        self._requests.append(Request("accept", candidate.id))
+    def accept(
+        self, candidate: ConstraintView, break_distance: float | None = None, break_force: float | None = None
+    ) -> None:
+        """Accept a candidate, from the next step on.
+
+        break_distance: m; a pull farther than this ends it, `Tolerance.break_distance` if not given.
+        break_force: N; a spring (`hand.spring`) that pulls harder ends it; other hands have no measure of force.
+        """
+        given = (("break_distance", break_distance), ("break_force", break_force))
+        for name, value in given:
+            if value is not None and not value > 0.0:
+                raise TaskError(f"accept: {name} is {value!r}; give a positive number")
+        self._requests.append(Request("accept", candidate.id, tuple((n, v) for n, v in given if v is not None)))
 
     def refuse(self, candidate: ConstraintView) -> None:
         """Refuse a candidate; it is not offered again until the parts have parted."""
