@@ -12,53 +12,31 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
 from numba import njit
 
 from collision.boxes import take_pose
-from collision.lanes import (
-    move_boxes,
-    overlapping_lane,
-    perhaps_meeting,
-    prepare_triangles,
-    reaching,
-    turn_triangles,
+from collision.lanes import move_boxes, overlapping_lane
+from collision.leaves import add, lane_of, leaves_meet, pair_meets
+from collision.memory import doubles, f64, i64, lowest, put_f32, put_f64, put_i32, put_i64
+from collision.predicates import KERNEL
+from collision.tables import (
+    COUNTS_AT,
+    FRONT,
+    KEYS,
+    LAST,
+    MET,
+    MOTION_AT,
+    MOVED,
+    PAIRS,
+    POSE,
+    QUESTION,
+    SEEN,
+    STACK_AT,
+    STAMP,
 )
-from collision.memory import doubles, f32, f64, i32, i64, lowest, put_f32, put_f64, put_i32, put_i64
-from collision.polygons import triangles_meet
-from collision.predicates import KERNEL, WORKSPACE
-from collision.wide import (
-    BOXES,
-    CORNERS,
-    FIRST,
-    FRAME,
-    INFO,
-    NODES,
-    NUMBER,
-    ROWS,
-    STARTS,
-    SURFACES,
-    TOP,
-    TRIANGLES,
-    VERTICES,
-)
+from collision.wide import BOXES, COUNT, FRAME, INFO, NODES, NUMBER, ROWS, STARTS, SURFACES, TOP
 
-STACK: Final = 64 * 24
-"""pairs of nodes on the stack: up to eight at each step down either tree"""
-QUESTION: Final = 4
-"""where, after the first four of `Statistics`, the questions are numbered"""
-PREPARED_FOR: Final = 5
-"""not 0: leaves of a stay prepared for good, since always the same mesh is a"""
-COUNTS: Final = 6
-SPREAD: Final = 3
-"""a prepared leaf takes up to three times what the leaf takes, and lies at three times its place"""
-
-POSE, MOTION_AT, MOVED, STAMP, TURNED, PREPARED, STAMP_A, STACK_AT, KEYS, PAIRS, COUNTS_AT, WORK, LAST = range(13)
-"""places in the table of scratch; LAST is 0 if nothing is remembered"""
-TABLE: Final = 13
-"""its length"""
-
-_NODE: Final = (1 << 28) - 1
+_NODE: Final = (1 << 24) - 1
 _INLINE: Final = KERNEL | {"forceinline": True}
 
 
@@ -87,20 +65,36 @@ def set_motion(pose, frame_a, frame_b, motion):
 
 
 @njit(**_INLINE)
-def _add(counts, i, n):
-    put_i64(counts, i, i64(counts, i) + n)
+def task_of(la, qa, lb, qb):
+    """A pair of nodes, of levels la and lb, in one number, with a mask of eight lanes, all set.
+
+    Of children of the node of the higher level, of those of b if both are as high, of b's triangles if both are leaves.
+    """
+    return (lb << 60) | (la << 56) | (qb << 32) | (qa << 8) | 255
 
 
 @njit(**_INLINE)
-def _task(la, qa, lb, qb):
-    """A pair of nodes, of levels la and lb, in one number."""
-    return (lb << 60) | (la << 56) | (qb << 28) | qa
+def nodes_of(task):
+    """la, lb, qa, qb and the mask of a task."""
+    return (task >> 56) & 15, (task >> 60) & 15, (task >> 8) & _NODE, (task >> 32) & _NODE, task & 255
 
 
 @njit(**_INLINE)
-def _lane(starts, level, q):
-    """Where the box of node q of a level is: lane q % 8 of node q // 8 of the level above; that of a top is noted."""
-    return i64(starts, level) + BOXES * (q >> 3) + (q & 7)
+def filled(row, level, q):
+    """The lanes of node q of a level that are not empty, as bits."""
+    boxes = (i64(row, COUNT) + (1 << (3 * level - 3)) - 1) >> (3 * level - 3)
+    return 255 >> (8 - min(8, boxes - 8 * q))
+
+
+@njit(**KERNEL)
+def start(a, b, scratch):
+    """Begin a question: the motion, and the boxes of b's surfaces moved."""
+    counts, motion = i64(scratch, COUNTS_AT), i64(scratch, MOTION_AT)
+    add(counts, QUESTION, 1)
+    add(counts, 0, 1)
+    set_motion(i64(scratch, POSE), i64(a, FRAME), i64(b, FRAME), motion)
+    for node_b in range((i64(b, SURFACES) + 7) >> 3):
+        move_boxes(i64(b, NODES), BOXES * node_b, motion, i64(scratch, MOVED), BOXES * node_b)
 
 
 @njit(**KERNEL)
@@ -111,56 +105,83 @@ def best_pairs(a, b, scratch):
     pair of surfaces the two triangles that met when last asked, -1 if none did; they are tried first. STAMP and STAMP_A
     tell which nodes of b are moved, and which leaves of a prepared, since which question.
     """
-    counts, stack, last, keys = i64(scratch, COUNTS_AT), i64(scratch, STACK_AT), i64(scratch, LAST), i64(scratch, KEYS)
-    motion, moved = i64(scratch, MOTION_AT), i64(scratch, MOVED)
-    _add(counts, QUESTION, 1)
-    _add(counts, 0, 1)
-    nodes_a, nodes_b, rows_a, rows_b = i64(a, NODES), i64(b, NODES), i64(a, ROWS), i64(b, ROWS)
-    ka, kb = i64(a, SURFACES), i64(b, SURFACES)
-    set_motion(i64(scratch, POSE), i64(a, FRAME), i64(b, FRAME), motion)
-    starts_a = rows_a + 8 * (INFO * ka + STARTS - 1)
-    top_a = i64(rows_a, INFO * ka + TOP)
+    start(a, b, scratch)
+    top = task_of(i64(i64(a, ROWS), INFO * i64(a, SURFACES) + TOP), 0, 0, 0)
     found = 0
-    for node_b in range((kb + 7) >> 3):
-        move_boxes(nodes_b, BOXES * node_b, motion, moved, BOXES * node_b)
-        for place_b in range(8 * node_b, min(8 * node_b + 8, kb)):
-            lane_b = BOXES * node_b + (place_b & 7)
-            # the surfaces of a whose boxes overlap that of this one of b
-            depth = 1
-            put_i64(stack, 0, _task(top_a, 0, 0, 0))
-            while depth > 0:
-                depth -= 1
-                task = i64(stack, depth)
-                level, q = task >> 56, task & _NODE
-                _add(counts, 1, 8)
-                bits = overlapping_lane(nodes_a, i64(starts_a, level) + BOXES * q, moved, lane_b)
-                while bits != 0:
-                    i = lowest(bits)
-                    bits &= bits - 1
-                    if level > 1:
-                        put_i64(stack, depth, _task(level - 1, 8 * q + i, 0, 0))
-                        depth += 1
-                        continue
-                    row_a, row_b = rows_a + 8 * INFO * (8 * q + i), rows_b + 8 * INFO * place_b
-                    key = i64(row_a, NUMBER) * kb + i64(row_b, NUMBER)
-                    if last != 0:
-                        met = i64(last, key)
-                        if met >= 0 and _pair_meets(a, met >> 32, b, met & 0xFFFFFFFF, scratch):
-                            put_i64(keys, found, key)
-                            found += 1
-                            continue
-                    met = _surfaces_meet(a, row_a, b, row_b, scratch, depth)
-                    if last != 0:
-                        put_i64(last, key, met)
-                    if met >= 0:
-                        put_i64(keys, found, key)
-                        found += 1
-    _answer(found, kb, scratch)
+    for place_b in range(i64(b, SURFACES)):
+        found = below(a, b, scratch, place_b, top, found)
+    answer(found, i64(b, SURFACES), scratch)
     return found
 
 
 @njit(**KERNEL)
-def _answer(found, kb, scratch):
+def below(a, b, scratch, place_b, task, found):
+    """Add the surfaces below a node (and mask) over the surfaces of a that collide with one of b; how many are found.
+
+    Only those whose boxes overlap are looked at.
+    """
+    counts, stack = i64(scratch, COUNTS_AT), i64(scratch, STACK_AT)
+    nodes_a, moved, lane_b = i64(a, NODES), i64(scratch, MOVED), BOXES * (place_b >> 3) + (place_b & 7)
+    starts_a = i64(a, ROWS) + 8 * (INFO * i64(a, SURFACES) + STARTS - 1)
+    put_i64(stack, 0, task)
+    depth = 1
+    while depth > 0:
+        depth -= 1
+        level, _, q, _, mask = nodes_of(i64(stack, depth))
+        add(counts, 1, 8)
+        bits = overlapping_lane(nodes_a, i64(starts_a, level) + BOXES * q, moved, lane_b) & mask
+        while bits != 0:
+            i = lowest(bits)
+            bits &= bits - 1
+            if level > 1:
+                put_i64(stack, depth, task_of(level - 1, 8 * q + i, 0, 0))
+                depth += 1
+            else:
+                found = _add_pair(a, 8 * q + i, b, place_b, scratch, depth, found)
+    return found
+
+
+@njit(**KERNEL)
+def _add_pair(a, place_a, b, place_b, scratch, bottom, found):
+    """Add a pair of surfaces if it collides; what met last is tried first. How many are found."""
+    last, front = i64(scratch, LAST), i64(scratch, FRONT)
+    key = key_of(a, place_a, b, place_b)
+    if front != 0 and i64(i64(front, SEEN), key) == i64(i64(scratch, COUNTS_AT), QUESTION):
+        return found
+    met = i64(last, key) if last != 0 else -1
+    if met < 0 or not pair_meets(a, met >> 32, b, met & 0xFFFFFFFF, scratch):
+        met = search(a, place_a, b, place_b, root_of(a, place_a, b, place_b), scratch, bottom)
+        if last != 0:
+            put_i64(last, key, met)
+    return add_found(key, (place_a << 32) | place_b, scratch, found) if met >= 0 else found
+
+
+@njit(**_INLINE)
+def key_of(a, place_a, b, place_b):
+    """A number for a pair of surfaces, in the order of the answer."""
+    number_a, number_b = INFO * place_a + NUMBER, INFO * place_b + NUMBER
+    return i64(i64(a, ROWS), number_a) * i64(b, SURFACES) + i64(i64(b, ROWS), number_b)
+
+
+@njit(**_INLINE)
+def root_of(a, place_a, b, place_b):
+    """The pair of top nodes of two surfaces."""
+    return task_of(i64(i64(a, ROWS), INFO * place_a + TOP), 0, i64(i64(b, ROWS), INFO * place_b + TOP), 0)
+
+
+@njit(**KERNEL)
+def add_found(key, pair, scratch, found):
+    """Add a pair of surfaces that collides; how many are found."""
+    put_i64(i64(scratch, KEYS), found, key)
+    front = i64(scratch, FRONT)
+    if front != 0:
+        put_i64(i64(front, MET), found, pair)
+        put_i64(i64(front, SEEN), key, i64(i64(scratch, COUNTS_AT), QUESTION))
+    return found + 1
+
+
+@njit(**KERNEL)
+def answer(found, kb, scratch):
     """Sort the keys (Shell's sort: numba's own takes seconds to compile) and write them out as pairs."""
     keys, pairs = i64(scratch, KEYS), i64(scratch, PAIRS)
     gap = found // 2
@@ -188,154 +209,49 @@ def ask(a, b, matrix, rigid, scratch):
 
 
 @njit(**KERNEL)
-def _surfaces_meet(a, row_a, b, row_b, scratch, bottom):
+def search(a, place_a, b, place_b, task, scratch, bottom):
     """Two triangles in which a surface of a and one of b meet (2^32·(that of a) + that of b, in leaf order), or -1.
 
-    bottom: where on the stack there is room.
+    task: the nodes below which is searched. bottom: where on the stack there is room.
     """
     stack, counts, moved = i64(scratch, STACK_AT), i64(scratch, COUNTS_AT), i64(scratch, MOVED)
-    motion, stamp, question = i64(scratch, MOTION_AT), i64(scratch, STAMP), i64(counts, QUESTION)
-    nodes_a, nodes_b = i64(a, NODES), i64(b, NODES)
+    nodes_a = i64(a, NODES)
+    row_a, row_b = i64(a, ROWS) + 8 * INFO * place_a, i64(b, ROWS) + 8 * INFO * place_b
     starts_a, starts_b = row_a + 8 * (STARTS - 1), row_b + 8 * (STARTS - 1)
-    put_i64(stack, bottom, _task(i64(row_a, TOP), 0, i64(row_b, TOP), 0))
+    put_i64(stack, bottom, task)
     depth = bottom + 1
     boxes = 0
     met = -1
     while depth > bottom:
         depth -= 1
-        task = i64(stack, depth)
-        la, lb, qa, qb = (task >> 56) & 15, task >> 60, task & _NODE, (task >> 28) & _NODE
-        lane_a, lane_b = _lane(starts_a, la + 1, qa), _lane(starts_b, lb + 1, qb)
-        at_a, at_b = i64(starts_a, la), i64(starts_b, lb)
+        la, lb, qa, qb, mask = nodes_of(i64(stack, depth))
         if la == 1 and lb == 1:
-            met = _leaves_meet(
-                a, at_a + TRIANGLES * qa, lane_a, i64(row_a, FIRST) + 8 * qa,
-                b, at_b + TRIANGLES * qb, lane_b, i64(row_b, FIRST) + 8 * qb, scratch,
-            )  # fmt: skip
+            met = leaves_meet(a, row_a, qa, b, row_b, qb, mask, scratch)
             if met >= 0:
                 break
             continue
         boxes += 8
         if la > lb:
-            bits = overlapping_lane(nodes_a, at_a + BOXES * qa, moved, lane_b)
-            child, step = _task(la - 1, 8 * qa, lb, qb), 1
+            at_a = i64(starts_a, la) + BOXES * qa
+            bits = overlapping_lane(nodes_a, at_a, moved, lane_of(starts_b, lb + 1, qb)) & mask
+            child, step = task_of(la - 1, 8 * qa, lb, qb), 1 << 8
         else:
-            at_b += BOXES * qb
-            if i64(stamp, at_b >> 3) != question:
-                put_i64(stamp, at_b >> 3, question)
-                move_boxes(nodes_b, at_b, motion, moved, at_b)
-            bits = overlapping_lane(moved, at_b, nodes_a, lane_a)
-            child, step = _task(la, qa, lb - 1, 8 * qb), 1 << 28
+            at_b = i64(starts_b, lb) + BOXES * qb
+            move_node(b, at_b, scratch)
+            bits = overlapping_lane(moved, at_b, nodes_a, lane_of(starts_a, la + 1, qa)) & mask
+            child, step = task_of(la, qa, lb - 1, 8 * qb), 1 << 32
         while bits != 0:
             put_i64(stack, depth, child + step * lowest(bits))
             depth += 1
             bits &= bits - 1
-    _add(counts, 2, boxes)
+    add(counts, 2, boxes)
     return met
 
 
 @njit(**_INLINE)
-def _leaves_meet(a, leaf_a, lane_a, first_a, b, leaf_b, lane_b, first_b, scratch):
-    """The same for two leaves, whose boxes are at `lane_a` and `lane_b`.
-
-    Both leaves are about the centre of a's leaf. Coordinates there are off by at most 10 roundings of float32 of the
-    leaves' size (those of b turned and shifted) and by what the float64 vertices are off; differences by `off`.
-
-    With e, f, w off by `off` an entry, their determinant is off by no more than off·(|e||f| + |f||w| + |w||e|) in sum
-    norms, each enlarged by 2·off; its rounding adds less than 2·off·|e||f|, and 1% is for the rounding of the bound.
-    """
-    nodes_a, nodes_b, counts = i64(a, NODES), i64(b, NODES), i64(scratch, COUNTS_AT)
-    stamp, stamp_a, question = i64(scratch, STAMP), i64(scratch, STAMP_A), i64(counts, QUESTION)
-    turned, prepared, pose, motion = (
-        i64(scratch, TURNED),
-        i64(scratch, PREPARED),
-        i64(scratch, POSE),
-        i64(scratch, MOTION_AT),
-    )
-    question_a = i64(counts, PREPARED_FOR)
-    if question_a == 0:
-        question_a = question
-    if i64(stamp_a, leaf_a >> 3) != question_a:
-        put_i64(stamp_a, leaf_a >> 3, question_a)
-        prepare_triangles(nodes_a, leaf_a, prepared, SPREAD * leaf_a)
-    if i64(stamp, leaf_b >> 3) != question:
-        put_i64(stamp, leaf_b >> 3, question)
-        turn_triangles(nodes_b, leaf_b, motion, turned, SPREAD * leaf_b)
-    half = np.float32(0.5)
-    bx, by, bz = _middle(nodes_b, lane_b), _middle(nodes_b, lane_b + 8), _middle(nodes_b, lane_b + 16)
-    ax, ay, az = _middle(nodes_a, lane_a), _middle(nodes_a, lane_a + 8), _middle(nodes_a, lane_a + 16)
-    sx = np.float32(f64(pose, 0) * bx + f64(pose, 1) * by + f64(pose, 2) * bz + (f64(pose, 12) - ax))
-    sy = np.float32(f64(pose, 3) * bx + f64(pose, 4) * by + f64(pose, 5) * bz + (f64(pose, 13) - ay))
-    sz = np.float32(f64(pose, 6) * bx + f64(pose, 7) * by + f64(pose, 8) * bz + (f64(pose, 14) - az))
-    hx = half * (f32(nodes_a, lane_a + 24) - f32(nodes_a, lane_a))
-    hy = half * (f32(nodes_a, lane_a + 32) - f32(nodes_a, lane_a + 8))
-    hz = half * (f32(nodes_a, lane_a + 40) - f32(nodes_a, lane_a + 16))
-    size_a = np.float32(2.0) * (hx + hy + hz)
-    size_b = (
-        f32(nodes_b, lane_b + 24) - f32(nodes_b, lane_b)
-        + (f32(nodes_b, lane_b + 32) - f32(nodes_b, lane_b + 8))
-        + (f32(nodes_b, lane_b + 40) - f32(nodes_b, lane_b + 16))
-    )  # fmt: skip
-    off = np.float32(20.0 * 2.0**-24) * (size_a + size_b) + f32(motion, 22)
-    _add(counts, 2, 8)
-    bits_b = reaching(
-        turned, SPREAD * leaf_b,
-        -hx - sx - off, -hy - sy - off, -hz - sz - off, hx - sx + off, hy - sy + off, hz - sz + off,
-    )  # fmt: skip
-    if bits_b == 0:
-        return -1
-    reach = size_a + np.float32(1.8) * size_b + np.float32(2.0) * off  # of any difference, where boxes overlap
-    kf = np.float32(1.01) * off * (reach + np.float32(6.0) * off)
-    kp = np.float32(3.03) * off
-    k = np.float32(1.01) * off * off * (np.float32(4.0) * reach + np.float32(12.0) * off)
-    while bits_b != 0:
-        j = lowest(bits_b)
-        bits_b &= bits_b - 1
-        _add(counts, 2, 8)
-        bits = perhaps_meeting(prepared, SPREAD * leaf_a, turned, SPREAD * leaf_b + j, sx, sy, sz, off, kf, kp, k)
-        while bits != 0:
-            t = first_a + lowest(bits)
-            bits &= bits - 1
-            if _pair_meets(a, t, b, first_b + j, scratch):
-                return (t << 32) + first_b + j
-    return -1
-
-
-@njit(**KERNEL)
-def _pair_meets(a, ta, b, tb, scratch):
-    """Whether triangle `ta` of a meets triangle `tb` of b, moved; both in leaf order."""
-    _add(i64(scratch, COUNTS_AT), 3, 1)
-    pose = i64(scratch, POSE)
-    corner_a, corner_b = i64(a, CORNERS) + 12 * ta, i64(b, CORNERS) + 12 * tb
-    w = doubles(i64(scratch, WORK), WORKSPACE)
-    return triangles_meet(
-        _corner(a, i32(corner_a, 0)),
-        _corner(a, i32(corner_a, 1)),
-        _corner(a, i32(corner_a, 2)),
-        _moved(b, i32(corner_b, 0), pose),
-        _moved(b, i32(corner_b, 1), pose),
-        _moved(b, i32(corner_b, 2), pose),
-        w,
-    )
-
-
-@njit(**_INLINE)
-def _middle(nodes, lane):
-    return 0.5 * (np.float64(f32(nodes, lane)) + np.float64(f32(nodes, lane + 24)))
-
-
-@njit(**_INLINE)
-def _corner(tree, i):
-    at = i64(tree, VERTICES) + 24 * i
-    return f64(at, 0), f64(at, 1), f64(at, 2)
-
-
-@njit(**_INLINE)
-def _moved(tree, i, pose):
-    """The same arithmetic as `boxes.transform`."""
-    x, y, z = _corner(tree, i)
-    return (
-        f64(pose, 0) * x + f64(pose, 1) * y + f64(pose, 2) * z + f64(pose, 9),
-        f64(pose, 3) * x + f64(pose, 4) * y + f64(pose, 5) * z + f64(pose, 10),
-        f64(pose, 6) * x + f64(pose, 7) * y + f64(pose, 8) * z + f64(pose, 11),
-    )
+def move_node(b, at_b, scratch):
+    """Move the inner node at `at_b` of b, if this question has not done so."""
+    stamp, question = i64(scratch, STAMP), i64(i64(scratch, COUNTS_AT), QUESTION)
+    if i64(stamp, at_b >> 3) != question:
+        put_i64(stamp, at_b >> 3, question)
+        move_boxes(i64(b, NODES), at_b, i64(scratch, MOTION_AT), i64(scratch, MOVED), at_b)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
@@ -20,6 +21,9 @@ inflated by, and what differences of vertices are off by at least"""
 PREPARED: Final = 21 * LANES
 """float32 of a leaf prepared for the triangle filter: the 9 rows of its corners, least x, y, z, greatest x, y, z,
 normals e × f where e = q - p, f = r - p, their products with p, |e| + |f| and |e||f| in sum norms"""
+
+ROOM: Final = 4 * LANES
+"""float32 that `clearances` works in"""
 
 _INT = ir.IntType(64)
 _FLOAT = ir.FloatType()
@@ -274,5 +278,81 @@ def perhaps_meeting(typingctx, leaf, at, other, to, sx, sy, sz, off, kf, kp, k):
         apart = apart | (side[0].min(side[1]).min(side[2]) > plane + bound)
         apart = apart | (plane - bound > side[0].max(side[1]).max(side[2]))
         return (near & ~apart).bits()
+
+    return signature, generate
+
+
+@intrinsic
+def failing(typingctx, planes, at, motion):
+    """Bit i is set unless certificate i of the eight at `planes[at]` holds for `motion`, beyond doubt."""
+    signature = types.int64(types.int64, types.int64, types.int64)
+
+    def generate(context, builder, signature, args):
+        row = _Memory(context, builder, types.int64, args[0], args[1])
+        m = _Memory(context, builder, types.int64, args[2], ir.Constant(_INT, 0))
+        n, seen, c = ([row.row(i + d) for d in range(3)] for i in (0, 3, 6))
+        u = [_dot(n, [m.number(3 * d + e).splat() for d in range(3)]) for e in range(3)]
+        margin = row.row(10) + (_dot(u, c) + _dot(n, [m.number(18 + d).splat() for d in range(3)]))
+        turned = _minus(u, seen)
+        lost = row.row(9) * row.row(9) * _dot(turned, turned)
+        margin = margin - (m.number(21) + m.number(21)).splat()
+        holds = (margin > _constant(builder, 0.0, lost.value.type)) & (margin * margin > lost)
+        return (~holds).bits()
+
+    return signature, generate
+
+
+def _across(lanes, pick):
+    """The greatest or least (`pick`) of all lanes, in all lanes."""
+    for step in (4, 2, 1):
+        order = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [(i + step) % LANES for i in range(LANES)])
+        other = _Lanes(lanes.builder, lanes.builder.shuffle_vector(lanes.value, lanes.value, order))
+        lanes = pick(lanes, other)
+    return lanes
+
+
+@intrinsic
+def clearances(typingctx, leaf, at, n_a, other, to, lanes, nx, ny, nz, along, which, room):
+    """How far the triangles of the prepared leaf at `other[to]` are from all n_a of that at `leaf[at]`, along n and -n.
+
+    along: n times the shift of the other leaf. In `room` rows are kept of the greatest so far for each triangle and of
+    its direction, `which` for n, `which` + 1 for -n; then come the least over the `lanes` (bits), for n and for -n.
+    """
+    signature = types.void(*(types.int64,) * 6, *(types.float32,) * 5, types.int64)
+
+    def generate(context, builder, signature, args):
+        zero = ir.Constant(_INT, 0)
+        a, b, kept = (_Memory(context, builder, types.int64, *pair) for pair in (args[:2], args[3:5], (args[11], zero)))
+        n = [_Lanes(builder, x).splat() for x in args[6:9]]
+        along, which = (_Lanes(builder, x).splat() for x in args[9:11])
+        kind = along.value.type
+
+        def least_and_greatest(row, filled):
+            p, q, r = (_dot(n, [row.row(3 * i + d) for d in range(3)]) for i in range(3))
+            low, high = p.min(q).min(r), p.max(q).max(r)
+            infinite = _constant(builder, np.inf, kind)
+            minus = _constant(builder, -np.inf, kind)
+            return (
+                _Lanes(builder, builder.select(filled, low.value, infinite.value)),
+                _Lanes(builder, builder.select(filled, high.value, minus.value)),
+            )
+
+        numbers = ir.Constant(ir.VectorType(_INT, LANES), list(range(LANES)))
+        count = builder.insert_element(ir.Constant(numbers.type, ir.Undefined), args[2], ir.Constant(ir.IntType(32), 0))
+        count = builder.shuffle_vector(count, count, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES))
+        low_a, high_a = least_and_greatest(a, builder.icmp_signed("<", numbers, count))
+        chosen = builder.bitcast(builder.trunc(args[5], ir.IntType(8)), ir.VectorType(ir.IntType(1), LANES))
+        low_b, high_b = least_and_greatest(b, chosen)
+        low_a, high_a = _across(low_a, _Lanes.min), _across(high_a, _Lanes.max)
+        best, by = kept.row(0), kept.row(1)
+        one = _constant(builder, 1.0, kind)
+        for i, gap in enumerate((low_b + (along - high_a), low_a - along - high_b)):
+            better = (gap > best).value
+            best = _Lanes(builder, builder.select(better, gap.value, best.value))
+            by = _Lanes(builder, builder.select(better, (which + one if i else which).value, by.value))
+            kept.store(2 + i, _across(gap, _Lanes.min))
+        kept.store(0, best)
+        kept.store(1, by)
+        return context.get_dummy_value()
 
     return signature, generate

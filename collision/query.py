@@ -16,6 +16,7 @@ from collision.mesh import SurfaceMesh
 from collision.poses import pack
 from collision.shape import triangles_needed
 from collision.statistics import Statistics
+from collision.tables import CAPACITY, COUNTS, FRONT_TABLE, LAST, PREPARED_FOR, SCRATCH, SPREAD, STACK
 from collision.tolerance import Tolerance
 from collision.wide import WideTree, build_wide_trees, wide_tree_of
 
@@ -73,16 +74,15 @@ class Scratch:
     """What the fast query works in: one a thread, grown to the largest meshes seen, never part of an answer."""
 
     def __init__(self) -> None:
-        from collision.best import COUNTS, SPREAD, STACK, TABLE
         from collision.lanes import MOTION
         from collision.predicates import FALLBACKS, workspace
 
-        self._spread, self._fallbacks = SPREAD, FALLBACKS
+        self._fallbacks = FALLBACKS
         self.pose, self.motion = np.empty(15), np.empty(MOTION, np.float32)
         self.stack = np.empty(STACK, np.int64)
         self.workspace = workspace()
         self.counts = np.zeros(COUNTS, np.int64)
-        self.table = np.zeros(TABLE, np.int64)
+        self.table = np.zeros(SCRATCH, np.int64)
         self.address = self.table.ctypes.data
         self.size_a = self.size_b = self.size_pairs = 0
         self.fit(1, 1, 1)
@@ -91,12 +91,12 @@ class Scratch:
         """Grow to so many float32 of nodes, and pairs of surfaces."""
         if size_a > self.size_a:
             self.size_a = size_a
-            self.prepared = np.empty(self._spread * size_a, np.float32)
+            self.prepared = np.empty(SPREAD * size_a, np.float32)
             self.stamp_a = np.zeros(size_a // 8 + 1, np.int64)
         if size_b > self.size_b:
             self.size_b = size_b
             self.moved = np.empty(size_b, np.float32)
-            self.turned = np.empty(self._spread * size_b, np.float32)
+            self.turned = np.empty(SPREAD * size_b, np.float32)
             self.stamp = np.zeros(size_b // 8 + 1, np.int64)
         if pairs > self.size_pairs:
             self.size_pairs = pairs
@@ -131,15 +131,38 @@ class Scratch:
         return self.pairs[:n].copy()
 
 
+class Front:
+    """Room for what `collision.certificates` keeps of two meshes."""
+
+    def __init__(self, a: WideTree, b: WideTree) -> None:
+        from collision.certificates import ROW
+        from collision.lanes import ROOM
+
+        leaves = (len(a.nodes) + len(b.nodes)) // 72
+        capacity = min(1 << 16, 512 + 4 * leaves)
+        pairs = a.n_surfaces * b.n_surfaces
+        self.table = np.zeros(FRONT_TABLE, np.int64)
+        self.address = self.table.ctypes.data
+        self.planes = np.empty(ROW * (capacity // 8 + 1), np.float32)
+        self.pieces = np.empty(2 * capacity, np.int64)
+        self.lists = np.empty((2, capacity), np.int64)
+        self.met, self.seen = np.empty(pairs, np.int64), np.zeros(pairs, np.int64)
+        self.room, self.before = np.empty(ROOM, np.float32), np.full(12, np.nan)
+        arrays = (self.planes, self.pieces, *self.lists, self.met, self.seen, self.room, self.before)
+        self.table[: len(arrays)] = [array.ctypes.data for array in arrays]
+        self.table[CAPACITY] = capacity
+
+
 class PairQuery:
     """Two meshes asked again and again along a motion: `colliding_surfaces`, faster, with the very same answers.
 
-    Remembered between questions: for each pair of surfaces the triangles that met last, tried first next time. Not for
+    Remembered between questions: for each pair of surfaces the triangles that met last, tried first next time; and as
+    long as steps are small, a front of separating planes between what did not meet (see `certificates`). Not for
     two threads at once.
     """
 
     def __init__(self, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> None:
-        from collision.best import LAST, PREPARED_FOR, ask
+        from collision.front import ask_along
 
         self._meshes = mesh_a, mesh_b
         self._trees = a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
@@ -148,13 +171,15 @@ class PairQuery:
         self._scratch.fit_trees(a, b)
         self._scratch.counts[PREPARED_FOR] = 1
         self._scratch.table[LAST] = self._last.ctypes.data
-        self._ask, self._addresses, self._address = ask, (a.address, b.address), self._scratch.address
+        self._front = Front(a, b)
+        self._ask, self._addresses = ask_along, (a.address, b.address)
+        self._rest = Tolerance.rigid, self._scratch.address, self._front.address
         self._pairs = self._scratch.pairs
 
     def colliding_surfaces(self, pose_ab: Any) -> NDArray[np.int32]:
         """(k, 2) int32: surface of a, surface of b, sorted; for b at `pose_ab` in a's frame."""
         matrix = _matrix(pose_ab, *self._meshes)
-        n = self._ask(*self._addresses, matrix, Tolerance.rigid, self._address)
+        n = self._ask(*self._addresses, matrix, *self._rest)
         if n < 0:
             pack(pose_ab, _who(*self._meshes))  # raises
         return self._pairs[:n].copy()
@@ -189,7 +214,7 @@ def ask_many(asked: Sequence[tuple[Remembered, NDArray[np.float64]]]) -> Statist
 
 
 def _ask_some(asked: Sequence[tuple[Remembered, NDArray[np.float64]]]) -> Statistics:
-    from collision.best import LAST, best_pairs
+    from collision.best import best_pairs
 
     scratch = _local.scratch
     before = scratch.statistics
