@@ -37,7 +37,7 @@ class Bodies:
         self.radius = np.zeros(0)
         """of the ball about the centre of mass that holds the mesh, m"""
         self.thickness = np.zeros(0)
-        """least extent of the mesh's box, m"""
+        """least extent of the mesh's box, or its thinnest wall (once its shape is made), m"""
         self.rotation = np.zeros((0, 3, 3))
         """derived from `attitude`"""
         self.origin = np.zeros((0, 3))

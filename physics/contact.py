@@ -25,6 +25,10 @@ VERTEX, EDGE, FACE, RIM = 0, 1, 2, 3
 
 TILT = 1e-6
 """1: sine of the angle below which a rim lies flat on a face, and its vertices stand for it"""
+PARALLEL = 1e-9
+"""1: sine of the angle below which two edges do not cross; the vertices at their ends count as over the faces then"""
+FLUSH = 1e-2
+"""1: sine of the angle between edges below which faces that lie flat on one another give a better normal"""
 FRONT = 1e-2
 """1: sine of the angle by which material may reach behind a face and still count as in front of it"""
 
@@ -380,6 +384,34 @@ def _ball_on_surface(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin,
 
 
 @njit(cache=True)
+def _outward(ux, uy, uz, wings, k):
+    """Outward unit normal of the face along wing k of a convex edge in the direction u."""
+    w, other = wings[k], wings[1 - k]
+    x, y, z = uy * w[2] - uz * w[1], uz * w[0] - ux * w[2], ux * w[1] - uy * w[0]
+    size = np.sqrt(x * x + y * y + z * z)
+    if x * other[0] + y * other[1] + z * other[2] > 0.0:
+        size = -size
+    return x / size, y / size, z / size
+
+
+@njit(cache=True)
+def _flush(ux, uy, uz, wings_a, vx, vy, vz, wings_b, normal):
+    """Whether a face at the edge u of a lies flat on one at the edge v of b; then that face's normal, into `normal`.
+
+    The cross product of two edges that are nearly parallel says little about it.
+    """
+    for k in range(2):
+        ax, ay, az = _outward(ux, uy, uz, wings_a, k)
+        for m in range(2):
+            bx, by, bz = _outward(vx, vy, vz, wings_b, m)
+            x, y, z = ax + bx, ay + by, az + bz
+            if x * x + y * y + z * z < TILT * TILT:
+                normal[0], normal[1], normal[2] = bx, by, bz
+                return True
+    return False
+
+
+@njit(cache=True)
 def _edges_on_edges(
     shapes, pairs, first, last, fa, fb, ra, pa, rb, pb, margin, depth, n, ints, reals, stamps_e
 ):  # fmt: skip
@@ -408,7 +440,7 @@ def _edges_on_edges(
     p1 = np.empty(3)
     at = np.empty(3)
     normal = np.empty(3)
-    wing = np.empty(3)
+    wings = np.empty((2, 3))
     zero = np.zeros(3)
     for i in range(len(mine)):
         ea = mine[i]
@@ -439,8 +471,8 @@ def _edges_on_edges(
             nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
             nn = nx * nx + ny * ny + nz * nz
             vv = vx * vx + vy * vy + vz * vz
-            if nn < 1e-6 * uu * vv:
-                continue  # near parallel: the ends are vertices on faces
+            if nn < PARALLEL * PARALLEL * uu * vv:
+                continue  # the ends are vertices on faces
             wx, wy, wz = q0[0] - p0[0], q0[1] - p0[1], q0[2] - p0[2]
             size = np.sqrt(nn)
             gap = -(wx * nx + wy * ny + wz * nz) / size
@@ -451,10 +483,15 @@ def _edges_on_edges(
             if s < -1e-9 or s > 1.0 + 1e-9 or t < -1e-9 or t > 1.0 + 1e-9:
                 continue
             normal[0], normal[1], normal[2] = nx / size, ny / size, nz / size
-            up, down = True, True
             for k in range(2):
                 _to(ra, zero, shapes.wings[ea, k], world)
-                _from(rb, zero, world, wing)
+                _from(rb, zero, world, wings[k])
+            if nn < FLUSH * FLUSH * uu * vv and _flush(ux, uy, uz, wings, vx, vy, vz, shapes.wings[eb], normal):
+                at[0], at[1], at[2] = s * ux - t * vx, s * uy - t * vy, s * uz - t * vz
+                gap = (at[0] - wx) * normal[0] + (at[1] - wy) * normal[1] + (at[2] - wz) * normal[2]
+            up, down = True, True
+            for k in range(2):
+                wing = wings[k]
                 h = normal[0] * wing[0] + normal[1] * wing[1] + normal[2] * wing[2]
                 up = up and h > -FRONT
                 down = down and h < FRONT

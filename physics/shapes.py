@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh
@@ -58,6 +59,8 @@ class Shape(NamedTuple):
     also its least and greatest height along the axis, and 1"""
     boxes: Array
     """(k, 6) lower and upper corner of each surface"""
+    wall: float
+    """m: how thick the material is where it is thinnest between faces that look away from one another"""
 
 
 def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = None) -> Shape:
@@ -111,7 +114,44 @@ def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = No
         kinds=kinds,
         analytic=analytic,
         boxes=boxes,
+        wall=_wall(vertices, triangles, normals, double_area),
     )
+
+
+SAMPLES = 256
+"""triangles, the largest first, behind which `_wall` looks for the other side"""
+
+
+@njit(cache=True)
+def _behind(points, directions, vertices, triangles, normals):
+    """Least distance along a ray to a triangle that looks the same way (within 25°); the rays' origins are left out."""
+    least = np.inf
+    for i in range(len(points)):
+        p, d = points[i], directions[i]
+        for t in range(len(triangles)):
+            n = normals[t]
+            along = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
+            if along < 0.9:
+                continue
+            a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+            way = (n[0] * (a[0] - p[0]) + n[1] * (a[1] - p[1]) + n[2] * (a[2] - p[2])) / along
+            if way <= 0.0 or way >= least:
+                continue
+            q = p + way * d
+            inside = True
+            for e in range(3):
+                u, v = (a, b) if e == 0 else ((b, c) if e == 1 else (c, a))
+                inside = inside and np.sum(n * np.cross(v - u, q - u)) >= 0.0
+            if inside:
+                least = way
+    return least
+
+
+def _wall(vertices: Array, triangles: Ints, normals: Array, double_area: Array) -> float:
+    largest = np.sort(np.argsort(-double_area, kind="stable")[:SAMPLES])
+    largest = largest[double_area[largest] > 0.0]
+    middles = vertices[triangles[largest]].mean(axis=1)
+    return float(_behind(middles, -normals[largest], vertices, triangles, normals))
 
 
 def _vertex_rim(vertices: Array, rims: Array) -> Ints:

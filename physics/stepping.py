@@ -156,6 +156,10 @@ class Stepper:
                 return h, smooth
         start = Saved(b, batch.ids)
         after, fresh = self._fly(batch, now, rest, time, t, h, wrench)
+        while (strayed := self._strayed(batch, start)).any():  # forces were greater than the first speed could tell
+            h[strayed] *= 0.5
+            start.restore(b)
+            after, fresh = self._fly(batch, now, rest, time, t, h, wrench)
         hit = self._least(batch, after, fresh) < -self._rounding(batch)
         if not hit.any():
             return h, self._arrive(batch, now, after, fresh, start, rest, time, t, h, wrench)
@@ -209,6 +213,17 @@ class Stepper:
         out = np.full(batch.count, np.inf)
         _limits(batch.pairs, batch.of, b.velocity, b.radius, b.thickness, out)
         return out
+
+    def _strayed(self, batch: Batch, start: Saved) -> Mask:
+        """(count,) islands whose bodies have moved so far since `start` that they may have passed something unseen."""
+        b = self.bodies
+        moved = np.sqrt(((b.center[batch.ids] - start.center) ** 2).sum(axis=1))
+        moved += np.abs(b.rotation[batch.ids] - start.rotation).max(axis=(1, 2)) * b.radius[batch.ids]
+        thinnest = np.full(batch.count, np.inf)
+        island = np.maximum(batch.of[batch.pairs[:, 0]], batch.of[batch.pairs[:, 2]])
+        for side in (0, 2):
+            np.minimum.at(thinnest, island, b.thickness[batch.pairs[:, side]])
+        return batch.largest(moved) > 0.5 * thinnest
 
     def _rounding(self, batch: Batch) -> Array:
         return ROUNDING + 1e-15 * batch.largest(np.abs(self.bodies.center[batch.ids]).max(axis=1))

@@ -499,6 +499,7 @@ class World:
             self._surface_count = np.array([len(s.kinds) for s in self._shapes], np.int64)
             self._whole = np.array([[*s.boxes[:, :3].min(axis=0), *s.boxes[:, 3:].max(axis=0)] for s in self._shapes])
         self._touching.shape_of[i] = self._shape_key[key]
+        self._bodies.thickness[i] = min(self._bodies.thickness[i], self._shapes[self._shape_key[key]].wall)
 
     _surface_count = np.zeros(0, np.int64)
     _whole = np.zeros((0, 6))
