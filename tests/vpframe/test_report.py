@@ -2,6 +2,7 @@ import csv
 import itertools
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from tests.vpframe.watching import box, fake_session, place, pressing_frames, pressing_scene
 from vpframe.clash_status import ClashKey
 from vpframe.errors import VpframeError
-from vpframe.events import Frame
+from vpframe.events import Event, Frame
 from vpframe.report import SessionLog, SweptVolume, plots, write
 from vpframe.report.where import least_gap
 from vpframe.scene import Part, Scene
@@ -299,3 +300,32 @@ def test_pose_values_in_the_log_do_not_follow_the_scene():
     log = log_of([], scene)
     scene["rod"].pose = pin.SE3(np.eye(3), np.ones(3))
     np.testing.assert_array_equal(log.start["rod"].translation, [0, 0, 0.05])
+
+
+def test_what_lasts_from_beginning_to_end_is_counted_and_what_changed_comes_first(tmp_path):
+    frame = pressing_frames()[30]
+    (view,) = frame.constraints
+    lasting = [replace(view, id=k, parts=(f"assembly/plate_{k}", "rod"), state="active") for k in range(15)]
+    late = replace(view, id=99, parts=("assembly/deep/lid", "rod"), state="active")
+    log = SessionLog()
+    log.begin(fake_session())
+    start = Event(1, 1 / 60, "accepted", ("plate", "rod"), (), "as it stands")
+    for step in range(1, 11):
+        views = (*lasting, late) if step > 5 else tuple(lasting)
+        events = (start,) if step == 1 else ()
+        log.frame(replace(frame, step=step, time=step / 60, constraints=views, held=(), events=events))
+    page = (write(tmp_path, log) / "index.html").read_text()
+    assert "15 constraints hold from beginning to end" in page
+    assert "against: lid – rod (99)" in page and "plate_3 – rod (3)" not in page
+    assert page.index("assembly/deep/lid [") < page.index("assembly/plate_0 [")
+    assert log.moments == [], "what the assembly was before anything happened is no moment of the task"
+
+
+def test_long_names_and_many_lines_stay_within_a_plot():
+    name = "gearbox/housing/cover/" + 40 * "x"
+    drawn = plots.lines({f"{name}_{k}": [(0.0, 6.0), (1.0, 2.0)] for k in range(30)}, "degrees of freedom", 1.0)
+    assert drawn.count("<polyline") == 8
+    assert "and 22 more" in drawn
+    shown = re.sub(r"<title>.*?</title>", "", drawn)
+    assert all(len(text) <= 19 for text in re.findall(r">([^<]*x_\d+)</text>", shown))
+    assert f"<title>{name}_0</title>" in drawn

@@ -113,6 +113,11 @@ class SessionLog:
         return self.history.last.time if self.history.last else 0.0
 
     @property
+    def first(self) -> float:
+        """s, the time of the first step that was seen."""
+        return next((frame.time for frame, _ in self.history), 0.0)
+
+    @property
     def steps(self) -> int:
         """The number of the last step."""
         return self.history.last.step if self.history.last else 0
@@ -147,7 +152,12 @@ class SessionLog:
                 self.least = frame
         for name, seconds in frame.timings.items():
             self.timings.setdefault(name, []).append(seconds)
-        self.moments.extend((event, frame) for event in frame.events if event.kind in PICTURED)
+        first = frame.step <= 1 and not frame.held  # what the assembly is before anything happens is no moment
+        self.moments.extend(
+            (event, frame)
+            for event in frame.events
+            if event.kind in PICTURED and not (first and event.kind == "accepted")
+        )
 
     def end(self) -> None:
         """Nothing to close."""

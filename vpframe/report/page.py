@@ -18,6 +18,10 @@ from vpframe.visualization import palette
 HERE = Path(__file__).parent
 OPEN_EVENTS = 40
 """a longer list of events is folded"""
+OPEN_LANES = 12
+"""of more constraints than this those that last from beginning to end are not drawn"""
+CAPTIONED = 3
+"""events that the caption of a picture names"""
 
 
 def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) -> str:
@@ -90,28 +94,56 @@ def _moments(log: SessionLog, pictures: dict[Any, bytes]) -> str:
     for number, (event, frame) in enumerate(log.moments):
         if number in pictures:
             captions.setdefault(frame.step, (pictures[number], []))[1].append(event.text or event.kind)
-    figures = [
-        _figure(picture, f"{escape(' · '.join(texts))} (step {step})") for step, (picture, texts) in captions.items()
-    ]
+    figures = [_figure(picture, f"{escape(_few(texts))} (step {step})") for step, (picture, texts) in captions.items()]
     return f"<div class='pictures' style='margin-top:16px'>{''.join(figures)}</div>" if figures else ""
+
+
+def _off(residual: float) -> str:
+    """A residual (m) in mm; below a picometre it is rounding."""
+    return f"{1e3 * residual:.2g}" if residual > 1e-12 else "0"
+
+
+def _short(part: str) -> str:
+    """A part's own name, without the path of the assemblies that it is in."""
+    return part.rpartition("/")[2]
+
+
+def _few(texts: Sequence[str]) -> str:
+    more = f" · and {len(texts) - CAPTIONED} more" if len(texts) > CAPTIONED else ""
+    return " · ".join(texts[:CAPTIONED]) + more
 
 
 def _constraints(document: dict[str, Any], log: SessionLog) -> str:
     if not log.mates:
         return ""
-    lanes = {f"{m.kind}: {m.parts[0]} – {m.parts[1]} ({m.id})": m.spans for m in log.mates.values()}
+    last = log.duration
+    lasting = {
+        m.id for m in log.mates.values() if len(m.spans) == 1 and m.spans[0][1] <= log.first and m.spans[0][2] >= last
+    }
+    folded = len(log.mates) > OPEN_LANES and len(lasting) > 1
+    lanes = {
+        f"{m.kind}: {_short(m.parts[0])} – {_short(m.parts[1])} ({m.id})": m.spans
+        for m in log.mates.values()
+        if not (folded and m.id in lasting)
+    }
+    note = (
+        f"<p class='dim'>{len(lasting)} constraints hold from beginning to end; they are not drawn.</p>"
+        if folded
+        else ""
+    )
     rows = [
         (
             escape(c["kind"]),
             escape(f"{c['parts'][0]} {c['surfaces'][0]} – {c['parts'][1]} {c['surfaces'][1]}"),
-            f"{c['residual']:.1e}",
+            _off(c["residual"]),
             ", ".join(f"{s['state']} {s['from']:.2f}–{s['to']:.2f} s" for s in c["states"]),
             escape(c["why"]),
         )
-        for c in document["constraints"]
+        for c in sorted(document["constraints"], key=lambda c: c["id"] in lasting)  # what changed comes first
     ]
-    table = _table(("kind", "parts and surfaces", "off by (m)", "when", "why"), rows)
-    return plots.spans(lanes, document["duration"]) + _folded(table, "constraints", len(rows))
+    table = _table(("kind", "parts and surfaces", "off by (mm)", "when", "why"), rows)
+    drawn = plots.spans(lanes, document["duration"]) if lanes else ""
+    return drawn + note + _folded(table, "constraints", len(rows))
 
 
 def _freedom(log: SessionLog) -> str:

@@ -10,6 +10,10 @@ from math import ceil, floor, isfinite, log10
 from vpframe.visualization import palette
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 860, 48, 150, 22, 26
+LANE_LABEL, LEGEND_LABEL = 44, 19
+"""characters that there is room for"""
+LINES = 8
+"""that one plot has room for; of more the first are drawn"""
 SERIES = ("#2a6bd6", "#d9822b", "#1a9e57", "#9b4dca", "#c0392b", "#16838f", "#7f6a00", "#56606e")
 
 Line = Sequence[tuple[float, float]]
@@ -17,7 +21,8 @@ Line = Sequence[tuple[float, float]]
 
 def lines(series: Mapping[str, Line], unit: str, duration: float, steps: bool = False, height: int = 180) -> str:
     """Lines over time (s), broken where a value is NaN. `steps`: a value stays until the next one."""
-    drawn = {name: line for name, line in series.items() if len(line)}
+    there = [(name, line) for name, line in series.items() if len(line)]
+    drawn = dict(there[:LINES])
     if not drawn:
         return ""
     values = [v for line in drawn.values() for _, v in line if isfinite(v)]
@@ -30,6 +35,8 @@ def lines(series: Mapping[str, Line], unit: str, duration: float, steps: bool = 
         for points in [plot.stepped(line)] if steps else [plot.thinned(piece) for piece in unbroken(line)]:
             body.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="1.6"/>')
         body.append(plot.legend(place, name, color))
+    if len(there) > LINES:
+        body.append(plot.legend(LINES, f"and {len(there) - LINES} more", "none"))
     return plot.svg(body)
 
 
@@ -49,7 +56,7 @@ def spans(lanes: Mapping[str, Sequence[tuple[str, float, float]]], duration: flo
             body.append(f'<text x="{x:.1f}" y="{height - 8}" text-anchor="middle">{tick:g} s</text>')
     for place, (name, parts) in enumerate(lanes.items()):
         y = TOP + row * place
-        body.append(f'<text x="{left - 8}" y="{y + 14}" text-anchor="end">{escape(name)}</text>')
+        body.append(f'<text x="{left - 8}" y="{y + 14}" text-anchor="end">{_label(name, LANE_LABEL)}</text>')
         for state, start, end in parts:
             color = palette.hex_color(palette.STATE.get(state, palette.REFUSED))
             width = max((end - start) * scale, 2.0)
@@ -58,6 +65,13 @@ def spans(lanes: Mapping[str, Sequence[tuple[str, float, float]]], duration: flo
                 f'fill="{color}"><title>{escape(state)} {start:.3f} – {end:.3f} s</title></rect>'
             )
     return f'<svg viewBox="0 0 {WIDTH} {height}" role="img">{"".join(body)}</svg>'
+
+
+def _label(name: str, length: int) -> str:
+    """The name in at most `length` characters, its end kept, whole in the tooltip."""
+    if len(name) <= length:
+        return escape(name)
+    return f"<title>{escape(name)}</title>…{escape(name[1 - length :])}"
 
 
 def nice_ticks(low: float, high: float, count: int = 5) -> list[float]:
@@ -127,7 +141,7 @@ class _Plot:
         x = WIDTH - RIGHT + 10
         return (
             f'<line x1="{x}" y1="{y - 4}" x2="{x + 14}" y2="{y - 4}" stroke="{color}" stroke-width="2.5"/>'
-            f'<text x="{x + 19}" y="{y}">{escape(name)}</text>'
+            f'<text x="{x + 19}" y="{y}">{_label(name, LEGEND_LABEL)}</text>'
         )
 
     def svg(self, body: Sequence[str]) -> str:
