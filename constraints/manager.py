@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from collision import Tolerance
 from constraints.candidate import Candidate, Key, Match, Pair
@@ -20,6 +20,7 @@ from constraints.errors import ConstraintsError
 from constraints.features import Feature
 from constraints.geometry import Plane
 from constraints.kinds import Constraint
+from constraints.lower_pairs import orthonormal
 from constraints.pairings import FITS
 from constraints.recognition import Recogniser
 from constraints.solver import solve
@@ -60,6 +61,23 @@ class Accepted:
     """m; None: `Tolerance.break_distance`, and a closed fit is never pulled apart across its axis"""
     break_force: float = np.inf
     """N: greatest force of a hand that it bears"""
+
+
+def _borne(candidate: Candidate, body: int, poses: Sequence[pin.SE3], force: ArrayLike) -> float:
+    """N: how much of a force on one of its two bodies the constraint bears; of faces against each other, what parts them."""
+    f = np.asarray(force, dtype=np.float64)
+    if f.shape not in ((), (3,)) or not np.isfinite(f).all():
+        raise ConstraintsError(f"the force on body {body} is {force!r}; give newtons, or three of them along the axes")
+    if f.ndim == 0:
+        return abs(float(f))
+    a, b = candidate.bodies
+    constraint, first = candidate.constraint, candidate.geometries[0]
+    if candidate.kind == "against" and isinstance(first, Plane):
+        outward = poses[a].rotation @ first.normal
+        return max(0.0, float(f @ outward) * (-1.0 if body == a else 1.0))
+    rows = constraint.jacobian(poses[a], poses[b])[body == b][~constraint.angular, :3]
+    held = orthonormal(poses[body].rotation @ rows.T, 1e-9)
+    return float(np.linalg.norm(held.T @ f))
 
 
 class ConstraintManager:
@@ -157,12 +175,14 @@ class ConstraintManager:
         poses: Sequence[pin.SE3],
         contacts: NDArray[Any],
         wanted: Mapping[int, pin.SE3] | None = None,
-        force: Mapping[int, float] | None = None,
+        force: Mapping[int, ArrayLike] | None = None,
     ) -> tuple[Change, ...]:
         """Bring candidates and constraints up to date with where the parts are now.
 
         poses: one a body, after the motion. contacts: rows within `self.within`. wanted: the poses hands ask for,
-        by body: what pulls constraints apart. force: N, how hard they pull, by body.
+        by body: what pulls constraints apart. force: N, with which hands pull, by body: a (3,) vector in the world's
+        frame, of which the part that a constraint bears counts against its `break_force` (faces bear what parts them,
+        an axis what is across it); or a number, which counts in full.
 
         Returns the changes since the last call, decisions of `accept`, `refuse` and `remove` first.
         """
@@ -175,7 +195,7 @@ class ConstraintManager:
         return changes
 
     def _remove_broken(
-        self, poses: Sequence[pin.SE3], wanted: Mapping[int, pin.SE3], force: Mapping[int, float]
+        self, poses: Sequence[pin.SE3], wanted: Mapping[int, pin.SE3], force: Mapping[int, ArrayLike]
     ) -> None:
         keep = Limits.keep(self.tolerance)
         for id, entry in list(self.accepted.items()):
@@ -184,7 +204,7 @@ class ConstraintManager:
             if match is None:
                 self.remove(id, "the surfaces no longer overlap")
                 continue
-            hardest = max(force.get(a, 0.0), force.get(b, 0.0))
+            hardest = max((_borne(entry.candidate, x, poses, force[x]) for x in (a, b) if x in force), default=0.0)
             if hardest > entry.break_force:
                 self._break(id, f"pulled with {hardest:.4g} N, more than {entry.break_force:.4g} N")
         at = {i: wanted.get(i, pose) for i, pose in enumerate(poses)}

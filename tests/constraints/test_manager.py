@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from collision import CollisionManager, Tolerance
-from constraints import ConstraintManager, UnknownConstraintError
+from constraints import ConstraintManager, ConstraintsError, UnknownConstraintError
 from tests.constraints.shapes import Builder, arc_face, box, flanged_shaft, housing, rectangles, shaft
 
 
@@ -260,3 +260,29 @@ def test_tolerance_sets_what_is_offered():
     bench = shaft_bench(tolerance=replace(Tolerance(), reach=0.0, reach_angular=0.0))
     assert bench.go(at(x=2e-4, z=0.03)) == []
     assert bench.go(at(x=5e-5, z=0.03)) == [("recognised", "concentric")]
+
+
+def test_a_force_breaks_what_bears_it():
+    """Of a force only the part that parts the faces, or that is across the axis, counts."""
+
+    def broken(kind, force, body=1):
+        bench = shaft_bench()
+        bench.go(at(z=0.01))
+        bench.manager.accept(bench.id(kind), break_force=50.0)
+        bench.go()
+        return ("removed", kind) in bench.go(force={body: force})
+
+    assert broken("against", 60.0) and not broken("against", 40.0)
+    assert broken("against", [0.0, 0.0, 60.0])  # the flange off its seat
+    assert not broken("against", [0.0, 0.0, -60.0])  # pressed home
+    assert not broken("against", [60.0, 0.0, 0.0]) and not broken("against", [60.0, 0.0, 40.0])
+    assert broken("against", [0.0, 0.0, -60.0], body=0)  # the seat off the flange
+    assert broken("concentric", [40.0, 40.0, 0.0]) and not broken("concentric", [30.0, 30.0, 500.0])
+
+
+@pytest.mark.parametrize("force", [np.nan, [np.inf, 0.0, 0.0], [1.0, 2.0]])
+def test_a_force_that_is_none_is_refused_by_name(force):
+    bench = shaft_bench(rules=[lambda c: True])
+    bench.go(at(z=0.01))
+    with pytest.raises(ConstraintsError, match="force on body 1"):
+        bench.go(force={1: force})
