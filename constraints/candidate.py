@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pinocchio as pin
 
+from constraints.errors import ConstraintsError
 from constraints.geometry import Geometry, Vector
 from constraints.kinds import (
     Against,
@@ -70,6 +71,16 @@ KINDS: dict[str, type[Constraint]] = {
     for kind in (Against, Concentric, Conical, Contact, Coplanar, Groove, Screw, Spherical, Tangent, Toroidal)
 }
 """The constraint class of each kind that recognition offers."""
+
+
+def known_kinds(kinds: Iterable[str]) -> frozenset[str]:
+    """The names as a set; ConstraintsError for one that recognition does not offer."""
+    asked = frozenset(kinds)
+    if not asked <= KINDS.keys():
+        raise ConstraintsError(
+            f"recognition offers no kind {min(asked - KINDS.keys())!r}; give some of {', '.join(sorted(KINDS))}"
+        )
+    return asked
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,10 @@ Vector = NDArray[np.float64]
 
 
 def _vector(value: ArrayLike, field: str) -> Vector:
-    v = np.array(value, dtype=np.float64)
+    try:
+        v = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise GeometryError(f"{field} is {value!r}; give three finite numbers", field) from None
     if v.shape != (3,) or not np.isfinite(v).all():
         raise GeometryError(f"{field} is {value!r}; give three finite numbers", field)
     v.setflags(write=False)
@@ -28,16 +31,20 @@ def _vector(value: ArrayLike, field: str) -> Vector:
 
 def _direction(value: ArrayLike, field: str) -> Vector:
     v = _vector(value, field)
-    length = float(np.linalg.norm(v))
-    if length == 0.0:
+    largest = float(np.abs(v).max())
+    if largest == 0.0:
         raise GeometryError(f"{field} is the zero vector; give a direction", field)
-    v = v / length
+    v = v / largest  # before its square overflows or vanishes
+    v = v / np.linalg.norm(v)
     v.setflags(write=False)
     return v
 
 
 def _positive(value: float, field: str) -> float:
-    x = float(value)
+    try:
+        x = float(value)
+    except (TypeError, ValueError):
+        raise GeometryError(f"{field} is {value!r}; give a positive number", field) from None
     if not (np.isfinite(x) and x > 0.0):
         raise GeometryError(f"{field} is {value!r}; give a positive number", field)
     return x

@@ -318,9 +318,9 @@ def _between(low, high, row):
         return f - low, g, torque_a, torque_b
     if f > high:
         return f - high, g, torque_a, torque_b
-    if low < high:
+    if low < high and f == f:
         return 0.0, NONE, NONE, NONE
-    return 0.0, g, torque_a, torque_b
+    return f - low, g, torque_a, torque_b  # 0, or what is not a number and has to be seen
 
 
 @njit(cache=True)

@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from collision import Tolerance
-from constraints.candidate import Candidate, Key, Match, Pair
+from constraints.candidate import Candidate, Key, Match, Pair, known_kinds
 from constraints.errors import ConstraintsError
 from constraints.features import Feature
 from constraints.geometry import Plane
@@ -64,7 +64,7 @@ class Accepted:
 
 
 def _borne(candidate: Candidate, body: int, poses: Sequence[pin.SE3], force: ArrayLike) -> float:
-    """N: how much of a force on one of its two bodies the constraint bears; of faces against each other, what parts them."""
+    """N: how much of a force on one of its bodies the constraint bears; of faces against each other what parts them."""
     f = np.asarray(force, dtype=np.float64)
     if f.shape not in ((), (3,)) or not np.isfinite(f).all():
         raise ConstraintsError(f"the force on body {body} is {force!r}; give newtons, or three of them along the axes")
@@ -109,7 +109,7 @@ class ConstraintManager:
         self.recogniser = Recogniser(features, threads)
         self.rules: list[Rule] = list(rules)
         self.fixed = frozenset(fixed)
-        self.kinds = frozenset(kinds)
+        self.kinds = known_kinds(kinds)
         self.candidates: dict[int, Candidate] = {}
         """offered, by id"""
         self.accepted: dict[int, Accepted] = {}
@@ -186,6 +186,9 @@ class ConstraintManager:
 
         Returns the changes since the last call, decisions of `accept`, `refuse` and `remove` first.
         """
+        if len(poses) < len(self.recogniser.features):
+            count = len(self.recogniser.features)
+            raise ConstraintsError(f"{len(poses)} poses for {count} bodies; give one a body, by id")
         self._poses = tuple(poses)
         self._remove_broken(poses, wanted or {}, force or {})
         self._offer(poses, contacts, wanted or {})

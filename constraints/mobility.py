@@ -18,6 +18,7 @@ import pinocchio as pin
 from collision import Tolerance
 from constraints import system_kernels as kernels
 from constraints.blocks import GROUND, Block, blocks
+from constraints.errors import ConstraintsError
 from constraints.kinds.base import Constraint
 from constraints.lower_pairs import SUBGROUPS, name_joint, orthonormal
 from constraints.null_space import null_space
@@ -154,6 +155,8 @@ def mobility(
     constraints = tuple(constraints)
     held = frozenset(fixed)
     known = set(poses) if isinstance(poses, Mapping) else set(range(len(poses)))
+    if not held <= known:
+        raise ConstraintsError(f"body {min(held - known)} is said to be fixed and has no pose; pass one")
     known |= {b for c in constraints for b in c.bodies}
     solution = solve(constraints, poses, known - held, tol)
     at = {b: solution.poses[b] if b in solution.poses else poses[b] for b in known}

@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
-from constraints.candidate import KINDS, Candidate, Key, Match, Pair
+from constraints.candidate import KINDS, Candidate, Key, Match, Pair, known_kinds
 from constraints.edges import as_match, not_said_yet, touching
 from constraints.features import Feature
 from constraints.pairings import SLIGHT, STANDING, matches
@@ -189,7 +189,7 @@ def recognise(
     tolerance = tolerance or Tolerance()
     recogniser = Recogniser(features, threads)
     limits = Limits.offer(tolerance)
-    wanted = frozenset(STANDING if kinds is None else kinds)
+    wanted = known_kinds(STANDING if kinds is None else kinds)
     near = recogniser.near(contacts)
     found, slight = [], []
     for number, (pair, distances) in enumerate(sorted(near.items())):

@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from collision import Tolerance
 from constraints import jacobians
 from constraints import system_kernels as kernels
 from constraints.errors import ConstraintsError
@@ -24,6 +25,7 @@ from constraints.kinds.base import Constraint
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Poses = Sequence[pin.SE3] | Mapping[int, pin.SE3]
+RIGID = Tolerance().rigid
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,9 +254,16 @@ def _gather(poses: Poses, bodies: Sequence[int], place: Ints, center: Array) -> 
         raise ConstraintsError(
             f"a constraint refers to body {_without(poses, bodies)}, which has no pose; pass one"
         ) from None
-    if not np.isfinite(matrix).all():
-        bad = bodies[int(np.argmax(~np.isfinite(matrix).all(axis=(1, 2))))]
-        raise ConstraintsError(f"the pose of body {bad} is not finite; pass a finite one")
+    except AttributeError:
+        bad = next(b for b in bodies if not isinstance(poses[b], pin.SE3))
+        raise ConstraintsError(
+            f"the pose of body {bad} is a {type(poses[bad]).__name__}; pass a pinocchio.SE3"
+        ) from None
+    wrong = kernels.first_not_rigid(matrix, RIGID)
+    if wrong >= 0:
+        finite = np.isfinite(matrix[wrong]).all()
+        words = "is no rigid motion; pass one" if finite else "is not finite; pass a finite one"
+        raise ConstraintsError(f"the pose of body {bodies[wrong]} {words}")
     rotation, translation = np.empty((len(place), 3, 3)), np.empty((len(place), 3))
     kernels.to_centres(matrix, place, center, rotation, translation)
     return rotation, translation

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from operator import index
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from constraints import jacobians
 from constraints.errors import GeometryError
-from constraints.geometry import Geometry
+from constraints.geometry import Geometry, _positive
 from constraints.kinds.equations import Array, Equation
 
 
@@ -52,13 +53,31 @@ class Constraint(ABC):
     """m, half width of the smaller feature: to draw it, and to weigh radians against metres"""
 
     def __post_init__(self) -> None:
-        a, b = self.bodies
+        try:
+            a, b = map(index, self.bodies)
+        except (TypeError, ValueError):
+            a = b = -1
+        if min(a, b) < 0:
+            raise GeometryError(
+                f"{self.kind}: bodies are {self.bodies!r}; give two ids, whole numbers from 0", "bodies"
+            )
         if a == b:
             raise GeometryError(f"{self.kind} of body {a} with itself; a constraint needs two bodies", "bodies")
-        if not (np.isfinite(self.size) and self.size > 0.0):
-            raise GeometryError(f"size is {self.size!r}; give a positive number of metres", "size")
-        if np.isnan(self.compiled.param).any():  # compiled here, so that wrong features are an error now, not later
-            raise GeometryError(f"{self.kind}: a parameter is not a number; give finite ones", "parameters")
+        object.__setattr__(self, "bodies", (a, b))
+        if not (isinstance(self.features, tuple | list) and len(self.features) == 2):
+            raise GeometryError(f"{self.kind}: features are {self.features!r}; give one of each body", "features")
+        object.__setattr__(self, "size", _positive(self.size, "size"))
+        try:  # compiled here, so that what is wrong is an error now, not later
+            param, code = self.compiled.param.astype(np.float64), self.compiled.code
+        except GeometryError:
+            raise
+        except (TypeError, ValueError, OverflowError) as error:
+            raise GeometryError(
+                f"{self.kind}: a parameter is not a number ({error}); give finite ones", "parameters"
+            ) from None
+        unbounded = np.isinf(param) & ~((code < jacobians.HELIX)[:, None] & (param[:, :1] < param[:, 1:2]))
+        if (np.isnan(param) | unbounded).any():
+            raise GeometryError(f"{self.kind}: a parameter is not a finite number; give one", "parameters")
 
     @abstractmethod
     def equations(self) -> tuple[Equation, ...]:
@@ -69,10 +88,8 @@ class Constraint(ABC):
         feature = self.features[body]
         if not isinstance(feature, types):
             wanted = " or ".join(t.__name__.lower() for t in types)
-            side = "ab"[body]
-            raise GeometryError(
-                f"{self.kind}: feature {side} is a {feature.kind}; give a {wanted}", f"features[{body}]"
-            )
+            given = f"a {feature.kind}" if isinstance(feature, Geometry) else repr(feature)
+            raise GeometryError(f"{self.kind}: feature {'ab'[body]} is {given}; give a {wanted}", f"features[{body}]")
         return feature
 
     @cached_property

@@ -56,10 +56,13 @@ class Equation:
 
 
 def _bounded(code: int, a: Array, b: Array, at: Limits, *extra: float) -> Equation:
-    low, high = at if isinstance(at, tuple) else (at, at)
+    try:
+        low, high = map(float, at) if isinstance(at, tuple) else (float(at), float(at))
+    except (TypeError, ValueError):
+        raise GeometryError(f"limits are {at!r}; give a number, or a pair (low, high)", "limits") from None
     if not low <= high:
         raise GeometryError(f"limits are ({low}, {high}); give the lower one first", "limits")
-    return Equation(code, a, b, (float(low), float(high), *extra), holds=low == high)
+    return Equation(code, a, b, (low, high, *extra), holds=low == high)
 
 
 def coincident(a: Array, b: Array) -> Equation:

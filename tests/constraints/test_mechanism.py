@@ -36,6 +36,12 @@ CASES = {
     "planar": [against(0, 1)],
     "spherical": [Spherical((0, 1), (Sphere([0.1, 0, 0], 0.02), Sphere([0, 0, 0], 0.02)))],
     "screw": [Screw((0, 1), (Cylinder([0.1, 0, 0], Z, 0.01), Cylinder([0, 0, 0], Z, 0.01)), pitch=2e-3)],
+    "screw left-hand": [Screw((0, 1), (Cylinder([0.1, 0, 0], Z, 0.01), Cylinder([0, 0, 0], Z, 0.01)), pitch=-1.5e-3)],
+    "screw left-hand, axes opposed": [
+        Screw((0, 1), (Cylinder([0.1, 0, 0], -Z, 0.01), Cylinder([0, 0, 0], Z, 0.01)), pitch=-1.5e-3).engaged(
+            at(), at(x=0.1)
+        )
+    ],
     "prismatic": [
         against(0, 1),
         Coplanar((0, 1), (Plane([0.1, 0, 0], [1.0, 0, 0]), Plane([0, 0, 0], [1.0, 0, 0]))),
@@ -59,7 +65,7 @@ def both(made, path, **options):
 def test_each_lower_pair_moves_alike_in_model_urdf_and_constraints(name, tmp_path):
     poses = [at(rpy=(0.3, -0.2, 0.5)), at(rpy=(0.3, -0.2, 0.5)) * at(x=0.1)]
     made = mechanism(AssemblyGraph.of(CASES[name], poses, [0], ["base", "part"]))
-    assert [j.lower_pair for j in made.joints] == [name] and made.loops == () and made.notes == ()
+    assert [j.lower_pair for j in made.joints] == [name.split(" ")[0]] and made.loops == () and made.notes == ()
     assert len(made.joints[0].axes) == made.freedom
     (model, _), (loaded, _) = both(made, tmp_path / "m.urdf")
     assert model.nq == made.freedom == loaded.nq
@@ -73,6 +79,21 @@ def test_each_lower_pair_moves_alike_in_model_urdf_and_constraints(name, tmp_pat
             assert np.abs(mine[part].homogeneous - theirs[part].homogeneous).max() < 1e-12
         for c in CASES[name]:
             assert np.abs(c.residual(mine["base"], mine["part"])).max() < 1e-12
+
+
+@pytest.mark.parametrize("pitch", [2e-3, -2e-3])
+@pytest.mark.parametrize("down", [False, True])
+def test_a_turn_of_an_exported_screw_advances_it_by_its_pitch_to_its_own_hand(pitch, down, tmp_path):
+    """Positive is right-hand, and the axis may point either way."""
+    axis = -Z if down else Z
+    thread = Cylinder([0, 0, 0], axis, 0.01)
+    made = mechanism(
+        AssemblyGraph.of([Screw((0, 1), (thread, thread), pitch=pitch)], [at(), at()], [0], ["nut", "bolt"])
+    )
+    for model, _ in both(made, tmp_path / "screw.urdf"):
+        bolt = frames(model, np.array([1.0]))["bolt"]
+        turn = pin.log3(bolt.rotation)[2]
+        assert abs(turn) == pytest.approx(1.0) and bolt.translation[2] == pytest.approx(pitch * turn / (2 * np.pi))
 
 
 def four_bar():

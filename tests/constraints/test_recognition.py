@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from collision import CollisionManager, SurfaceMesh, Tolerance
-from constraints import recognise
+from constraints import mobility, recognise, solve
 from constraints.features import group_features
 from tests.constraints.shapes import (
     Body,
@@ -104,6 +104,56 @@ def test_half_bore_holds_its_shaft_on_one_side_only():
     arc_face(builder, 0.01, 0.0, np.pi, 0.0, 0.05, -1, n=16)
     (candidate,) = found([builder.body(), shaft(0.01, 0.05, phase=0.1)], [at(), at()])
     assert candidate.kind == "concentric" and not candidate.match.closed
+
+
+def interrupted(split=False, radius=0.01, gap=0.015, n=16):
+    """A bore of three lands along its axis, grooves between them; `split`: each land as two half cylinders."""
+    builder = Builder()
+    for k in range(3):
+        z = k * (0.01 + gap)
+        halves = (0.0, np.pi) if split else (0.0,)
+        for start in halves:
+            arc_face(builder, radius, start, start + 2 * np.pi / len(halves), z, z + 0.01, -1, n=n if split else 2 * n)
+    raw = builder.body()
+    features = group_features(raw.mesh, [f.geometry for f in raw.features], [-1] * len(raw.features))
+    return Body(raw.mesh, features)
+
+
+@pytest.mark.parametrize("split", [False, True])
+def test_an_interrupted_bore_is_one_mate_over_all_its_lands(split):
+    body = interrupted(split)
+    assert len(body.features) == 1
+    (candidate,) = found([body, shaft(0.01, 0.07, phase=0.1)], [at(), at(z=-0.005)])
+    assert candidate.kind == "concentric" and candidate.match.closed
+    assert candidate.surfaces[0] == tuple(range(6 if split else 3))
+    assert candidate.match.overlap == pytest.approx(0.03)  # the grooves bear nothing
+    assert candidate.match.share == pytest.approx(1.0)
+
+
+def test_a_shaft_in_one_land_of_three_shares_that_one_alone():
+    (candidate,) = found([interrupted(), shaft(0.01, 0.01, phase=0.1)], [at(), at(z=0.0255)])
+    assert candidate.kind == "concentric" and candidate.match.overlap == pytest.approx(0.0095)
+
+
+def test_a_shaft_between_two_lands_touches_neither():
+    assert found([interrupted(), shaft(0.01, 0.01, phase=0.1)], [at(), at(z=0.0125)]) == ()
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_interrupted_and_half_bores_center_their_shaft_as_a_whole_one_does(half):
+    """Solved from 10 % and 30° off: one axis, two freedoms, the length along it untouched by where the lands are."""
+    builder = Builder()
+    arc_face(builder, 0.01, 0.0, np.pi, 0.0, 0.05, -1, n=16)
+    body = builder.body() if half else interrupted(split=True)
+    pin_at = at(z=-0.005)
+    (candidate,) = found([body, shaft(0.01, 0.06, phase=0.1)], [at(), pin_at])
+    start = pin_at * at(x=0.004, y=-0.004, rpy=(np.pi / 6, 0.2, 0.1))
+    solution = solve([candidate.constraint], [at(), start], [1])
+    assert solution.converged and solution.residual < 1e-12
+    pose = solution.poses[1]
+    assert np.abs(pose.rotation[:2, 2]).max() < 1e-12 and np.abs(pose.translation[:2]).max() < 1e-12
+    left = mobility([candidate.constraint], [at(), pose], [0]).parts[1]
+    assert (left.freedom, left.joint) == (2, "cylindrical")
 
 
 def test_plane_split_in_ten_is_one_mate():
