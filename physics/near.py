@@ -82,3 +82,15 @@ def near_surfaces(objects, rotations, origins, shape_of, boxes, first_surface, c
                     out[n, 0], out[n, 1], out[n, 2], out[n, 3] = a, sa, b, sb
                 n += 1
     return n
+
+
+@njit(cache=True)
+def within(pairs, rotations, origins, shape_of, boxes, first_surface, reach):
+    """Mask (k,) of the surface pairs (k, 4) whose boxes are within `reach` (k,) m."""
+    out = np.empty(len(pairs), np.bool_)
+    for i in range(len(pairs)):
+        a, b = pairs[i, 0], pairs[i, 2]
+        box_a = boxes[first_surface[shape_of[a]] + pairs[i, 1]]
+        box_b = boxes[first_surface[shape_of[b]] + pairs[i, 3]]
+        out[i] = not apart(box_a, rotations[a], origins[a], box_b, rotations[b], origins[b], reach[i])
+    return out

@@ -35,10 +35,12 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-IMPACTS = 8
-"""impacts that an island of a few bodies may have in one step, each at its time"""
+IMPACTS = 32
+"""impacts that a few bodies may have in one step, each at its time"""
 FEW = 8
-"""bodies: above it the cost of an impact counts, and their number falls with the square of the island's"""
+"""bodies: above it the cost of an impact counts: the more bodies there are and the more it stops, the fewer"""
+PASSES = 5
+"""corrections of what has sunk in while a step was taken in one piece"""
 TRIALS = 24
 """flights with which the time of an impact is looked for; the last one counts, however deep"""
 MOVING = 1e-6
@@ -58,6 +60,7 @@ class Stepper:
         self.touching = Touching(bodies, tolerance)
         self.method = METHODS[integrator]
         self._impacts = np.zeros(0, np.int64)
+        self._total = 0
         self._first_rate = np.zeros((0, 6))
         self._left = np.zeros(0)  # m by which bodies have left their free flight in this step, and now do a second
         self._off = np.zeros(0)
@@ -89,6 +92,7 @@ class Stepper:
         way = Ways(b, self.touching.shape_of, shapes, dt)
         start, steady, rate = Saved(b, ids), b.steady[ids], b.rate[ids]
         near = way.meeting(pairs, spread)
+        self._total = len(ids)
         batch = split(ids, pairs[near], moved, b)
         out = self.advance(batch, before, kept, time, dt, wrench)
         while True:
@@ -163,7 +167,7 @@ class Stepper:
         hit = self._least(batch, after, fresh) < -self._rounding(batch)
         if not hit.any():
             return h, self._arrive(batch, now, after, fresh, start, rest, time, t, h, wrench)
-        spent = hit & (self._impacts[batch.ids[batch.start]] >= _affords(batch))
+        spent = hit & (self._impacts[batch.ids[batch.start]] >= _affords(batch, self._total))
         ended = []
         for chosen, how in ((~hit, "whole"), (hit & ~spent, "impact"), (spent, "blunt")):
             if not chosen.any():
@@ -428,19 +432,12 @@ class Stepper:
         near = np.arange(len(now.ints))
         came = touching.speeds(near, now)
         each = h[batch.of_rows(now.ints)]
-        target = -np.maximum(now.reals[:, 6], 0.0) / each
+        target = -now.reals[:, 6] / each
         near = np.flatnonzero(target > came - 0.5 * way[batch.of_rows(now.ints)] / each)
         touching.press(batch, now, near, free, h, target, COARSE)
         reached = now.force[:, 0] > 0.0
         self._drift(batch, rest, t + h, h)
-        after = touching.inherit(touching.find(batch, way), now)
-        after, _ = touching.sift(after, touching.touched(now, after), begin)
-        jb, jj, jr = assemble(batch.joints, b, batch.ids)
-        sunk = np.flatnonzero(after.reals[:, 6] < -self._rounding(batch)[batch.of_rows(after.ints)])
-        if len(sunk) or len(jr):
-            touching.correct(batch, after, sunk, jb, jj, jr)
-            after = touching.inherit(touching.find(batch, way), now)
-            after, _ = touching.sift(after, touching.touched(now, after), begin)
+        after = self._lifted(batch, now, begin, way)
         row = match(now.ints, after.ints)
         known = row >= 0
         met = after.reals[:, 6] <= self.tolerance.touch
@@ -454,11 +451,31 @@ class Stepper:
         b.steady[batch.ids] = False
         return after
 
+    def _lifted(self, batch: Batch, now: Contacts, begin: Saved, way: Array) -> Contacts:
+        """Move the bodies until nothing is sunk in and joints hold, as far as a few passes can; the contacts then."""
+        touching = self.touching
+        done: list[Contacts] = []
+        part = batch
+        for k in range(PASSES + 1):
+            after = touching.inherit(touching.find(part, way), now)
+            after, _ = touching.sift(after, touching.touched(now, after), begin)
+            jb, jj, jr = assemble(part.joints, self.bodies, part.ids)
+            off = after.reals[:, 6] < -self._rounding(part)[part.of_rows(after.ints)]
+            sunk = np.full(part.count, len(jr) > 0 and np.abs(jr).max() > ROUNDING)
+            sunk[part.of_rows(after.ints[off])] = True
+            if k == PASSES or not sunk.any():
+                break
+            own = part.of_rows(after.ints)
+            done.append(rows(after, ~sunk[own]))
+            after, off = rows(after, sunk[own]), off[sunk[own]]
+            part, way = part.part(sunk), way[sunk]
+            touching.correct(part, after, np.flatnonzero(off), jb, jj, jr)
+        return merged(batch, [*done, after])
 
-def _affords(batch: Batch) -> Ints:
-    """(count,) impacts that each island may have in a step."""
-    size = np.bincount(batch.island)
-    return np.where(size <= FEW, IMPACTS, IMPACTS * FEW * FEW // (size * size))
+
+def _affords(batch: Batch, total: int) -> Ints:
+    """(count,) impacts that each island may have in a step in which `total` bodies are near to something."""
+    return IMPACTS * FEW // (np.bincount(batch.island) * max(total, FEW))
 
 
 def _point_speeds(v: Array, radius: Array) -> Array:

@@ -17,6 +17,7 @@ from physics import contact, crossing, pressing
 from physics.batch import Batch
 from physics.bodies import FREE, Bodies, Saved, place
 from physics.joints import assemble
+from physics.near import within
 from physics.pressing import NO_CONTACTS, Contacts
 from physics.shapes import Shapes
 
@@ -66,9 +67,14 @@ class Touching:
         far = way[batch.of_rows(batch.pairs[:, [0, 2]])]
         margins = np.maximum(np.minimum(far, margin * thickness), 1e-6)
         depths = np.maximum(0.1 * thickness, np.minimum(far, 0.3 * thickness))
+        near = within(
+            batch.pairs, b.rotation, b.origin, self.shape_of, self.shapes.boxes, self.shapes.first_surface,
+            np.maximum(margins, depths),
+        )  # fmt: skip
+        pairs, margins, depths = batch.pairs[near], margins[near], depths[near]
         while True:
             n = contact.find(
-                batch.pairs, b.rotation, b.origin, self.shape_of, self.shapes, margins, depths, self._ints, self._reals,
+                pairs, b.rotation, b.origin, self.shape_of, self.shapes, margins, depths, self._ints, self._reals,
                 *self._stamps,
             )  # fmt: skip
             if n <= len(self._ints):
