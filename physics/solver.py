@@ -29,7 +29,9 @@ STIFFEST = 1e12
 """1: the same where progress stalls (a heavy body on a light one)"""
 MANY = 64
 """bodies: groups of more begin with Gauss-Seidel, whose first sweeps cost less than Newton's"""
-SWEEPS = 50
+SWEEPS = 60
+ROUGH = 1e-5
+"""1: a tolerance from which on the sweeps alone are the answer for such groups"""
 OUTER = 60
 
 
@@ -446,10 +448,16 @@ def _solve_joined(
     best_impulse = impulse.copy()
     best_jl = jl.copy()
     if n > MANY:
+        change = np.inf
         for _ in range(SWEEPS):
             change = _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, weight, impulse, jb, jj, jbias, jw, jl)
             if change <= tolerance * scale:
                 break
+        if tolerance >= ROUGH and jj.shape[0] == 0:
+            _speeds(cb, cj, v, bias, speeds)
+            for c in range(len(rho)):
+                rho[c] = 1.0 / weight[c] if weight[c] > 0.0 else 0.0
+            return residual(speeds, mu, rho, impulse)
     order, start, later, slot, blocks = structure(n, np.concatenate((cb, jb)))
     stiffness = STIFFNESS
     center = impulse.copy()

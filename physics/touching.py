@@ -68,8 +68,8 @@ class Touching:
         margins = np.maximum(np.minimum(far, margin * thickness), 1e-6)
         depths = np.maximum(0.1 * thickness, np.minimum(far, 0.3 * thickness))
         near = within(
-            batch.pairs, b.rotation, b.origin, self.shape_of, self.shapes.boxes, self.shapes.first_surface,
-            np.maximum(margins, depths),
+            batch.pairs, b.center, b.radius, b.rotation, b.origin, self.shape_of, self.shapes.boxes,
+            self.shapes.first_surface, np.maximum(margins, depths),
         )  # fmt: skip
         pairs, margins, depths = batch.pairs[near], margins[near], depths[near]
         while True:

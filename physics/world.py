@@ -33,6 +33,8 @@ Ints = NDArray[np.int64]
 
 SLACK = 2e-3
 """m: least slack of the list of near surfaces; more where things are fast, so that it lasts some steps"""
+CROWD = 64
+"""bodies: among more, a long list costs more than making it anew"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -437,7 +439,7 @@ class World:
         self._listed_center = b.center[:n].copy()
         self._listed_rotation = b.rotation[:n].copy()
         self._reach = np.zeros(n)
-        self._reach[movers] = SLACK + 4.0 * step
+        self._reach[movers] = SLACK + (4.0 if len(movers) <= CROWD else 1.5) * step
         others = np.array([i for i in range(n) if b.kind[i] != 0 and self._solid.get(i, True)], dtype=np.int64)
         solid = np.array([i for i in movers if self._solid.get(int(i), True)], dtype=np.int64)
         objects = np.empty((max(64, 8 * len(solid)), 2), np.int64)
