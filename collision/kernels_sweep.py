@@ -93,11 +93,9 @@ def _safe(g, s, k):
 
 
 @njit(error_model="numpy", **KERNEL)
-def _node_step(box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, level):
-    """(safe dt, fastest, ever, pace) of two nodes that are to stay `level` (m) apart.
-
-    Speeds of b's fastest point: against a now, against a at any time up to 1, and by b's own motion.
-    """
+def _node_speeds(box_b, j, rotation, translation, dv, dw, vb, wb):
+    """(middle of a node of b in a's frame, its half extents, velocity of the middle, speed of the fastest point against
+    a now, against a at any time up to 1, and by b's own motion)."""
     bc = (0.5 * (box_b[j, 0] + box_b[j, 3]), 0.5 * (box_b[j, 1] + box_b[j, 4]), 0.5 * (box_b[j, 2] + box_b[j, 5]))
     bh = (box_b[j, 3] - bc[0], box_b[j, 4] - bc[1], box_b[j, 5] - bc[2])
     c = _turned(rotation, bc)
@@ -107,29 +105,51 @@ def _node_step(box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, le
     u = (u[0] + dv[0], u[1] + dv[1], u[2] + dv[2])
     own = cross(wb, bc)
     own = (own[0] + vb[0], own[1] + vb[1], own[2] + vb[2])
-    turn, bend = norm(dw), norm(cross(wa, dw))
+    turn = norm(dw)
     fastest = norm(u) + turn * radius
     pace = norm(own) + norm(wb) * radius
-    ever = fastest + turn * pace
+    return c, bh, u, fastest, fastest + turn * pace, pace
+
+
+@njit(error_model="numpy", **KERNEL)
+def _node_step(box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, level, aim):
+    """How long two nodes that are more than `level` (m) apart, or overlap by less, surely stay `aim` apart; else 0.
+
+    The gap of the boxes along an axis is never more than the signed distance of triangles in them.
+    """
+    if level == -np.inf:
+        return np.inf
+    c, bh, u, fastest, ever, pace = _node_speeds(box_b, j, rotation, translation, dv, dw, vb, wb)
+    turn, bend = norm(dw), norm(cross(wa, dw))
     step = 0.0
     square = 0.0
     for d in range(3):
+        e, f = (d + 1) % 3, (d + 2) % 3
         half = abs(rotation[d, 0]) * bh[0] + abs(rotation[d, 1]) * bh[1] + abs(rotation[d, 2]) * bh[2]
         middle = 0.5 * (box_a[i, d] + box_a[i, d + 3])
         offset = c[d] - middle
         gap = abs(offset) - half - (box_a[i, d + 3] - middle)
         if gap > level:
-            e, f = (d + 1) % 3, (d + 2) % 3
+            closing = -u[d] if offset > 0.0 else u[d]
+            for k in range(3):
+                closing += abs(dw[e] * rotation[f, k] - dw[f] * rotation[e, k]) * bh[k]
             spin = np.sqrt(dw[e] * dw[e] + dw[f] * dw[f])
-            closing = (-u[d] if offset > 0.0 else u[d]) + spin * radius
             growth = np.sqrt(wa[e] * wa[e] + wa[f] * wa[f]) * ever + (spin + bend) * pace
-            step = max(step, _safe(gap - level, closing, growth))
+            step = max(step, _safe(gap - aim, closing, growth))
         if gap > 0.0:
             square += gap * gap
     distance = np.sqrt(square)
-    if distance > level:
-        step = max(step, _safe(distance - level, fastest, norm(wa) * ever + (turn + bend) * pace))
-    return step, fastest, ever, pace
+    if distance > max(level, 0.0):
+        step = max(step, _safe(distance - aim, fastest, norm(wa) * ever + (turn + bend) * pace))
+    return step
+
+
+@njit(error_model="numpy", **KERNEL)
+def _stops(level, s, u, tolerance, play):
+    """(signed distance at which a pair of nodes, of surfaces s and u or of several (-1), stops; what steps aim at)."""
+    if level.shape[0] > 0 and s >= 0 and u >= 0 and level[s, u] < tolerance:
+        return level[s, u], level[s, u] - play
+    return tolerance, 0.5 * tolerance
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -139,11 +159,20 @@ def _range(n, a, b, c):
 
 
 @njit(error_model="numpy", **KERNEL)
-def _hold(n, gap, p, q, r, dv, dw, wa, ever, pace, aim):
-    """How long the gap along n surely stays above `aim`, where p, q, r move against it."""
-    closing = -dot(n, dv) - min(dot(n, cross(dw, p)), dot(n, cross(dw, q)), dot(n, cross(dw, r)))
+def _hold(n, front, p, q, r, dv, dw, wa, ever, pace, aim):
+    """How long p, q, r, which move, surely stay more than `aim` beyond the plane n·x = `front`: each by its own speed.
+
+    What is far beyond may come fast: a large triangle beside a small one that turns.
+    """
     growth = norm(cross(n, wa)) * ever + (norm(cross(n, dw)) + norm(cross(wa, dw))) * pace
-    return _safe(gap - aim, closing, growth)
+    hold = np.inf
+    for k in range(3):
+        x = p if k == 0 else (q if k == 1 else r)
+        gap = dot(n, x) - front - aim
+        if gap <= 0.0:
+            return 0.0
+        hold = min(hold, _safe(gap, -dot(n, dv) - dot(n, cross(dw, x)), growth))
+    return hold
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -175,10 +204,10 @@ def separation(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough):
         ahead, behind = low_b - high_a, low_a - high_b
         best = max(best, ahead, behind)
         if ahead > aim:
-            hold = max(hold, _hold(n, ahead, p, q, r, dv, dw, wa, ever, pace, aim))
+            hold = max(hold, _hold(n, high_a, p, q, r, dv, dw, wa, ever, pace, aim))
         if behind > aim:
             n = (-n[0], -n[1], -n[2])
-            hold = max(hold, _hold(n, behind, p, q, r, dv, dw, wa, ever, pace, aim))
+            hold = max(hold, _hold(n, -low_a, p, q, r, dv, dw, wa, ever, pace, aim))
         if best > level and hold >= enough:
             break
     if best == -np.inf:
@@ -202,7 +231,9 @@ def _pair_step(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough, tou
         return s, hold
     if d > aim:
         n = sub(y, x)
-        hold = max(hold, _hold((n[0] / d, n[1] / d, n[2] / d), d, p, q, r, dv, dw, wa, ever, pace, aim))
+        n = (n[0] / d, n[1] / d, n[2] / d)
+        _, front = _range(n, a, b, c)
+        hold = max(hold, _hold(n, front, p, q, r, dv, dw, wa, ever, pace, aim))
     return d, hold
 
 
@@ -259,7 +290,6 @@ def sweep(
 
     Returns (time, time of the advancement before it).
     """
-    own = level.shape[0] > 0
     ra, rb, rotation = rotations[0], rotations[1], rotations[2]
     ta, tb, translation = translations[0], translations[1], translations[2]
     wa = (twist_a[3], twist_a[4], twist_a[5])
@@ -268,6 +298,7 @@ def sweep(
     t = 0.0
     before = 0.0
     hit[0], hit[1] = -1, -1
+    last_a, last_b = -1, -1
     for _ in range(steps):
         pose_at(rotation_a, translation_a, twist_a, t, ra, ta)
         pose_at(rotation_b, translation_b, twist_b, t, rb, tb)
@@ -278,34 +309,32 @@ def sweep(
         dv = sub(_turned(rotation, vb), cross(turned, (translation[0], translation[1], translation[2])))
         dv = (dv[0] - twist_a[0], dv[1] - twist_a[1], dv[2] - twist_a[2])
         step = until - t
-        aim = 0.5 * tolerance
         stack[0, 0], stack[0, 1] = 0, 0
         safe[0] = 0.0
         top = 1
+        if last_a >= 0:  # what held the last step back is likely to hold this one back: asked first, it rules out much
+            stack[1, 0], stack[1, 1] = last_a, last_b
+            safe[1] = 0.0
+            top = 2
         while top > 0:
             top -= 1
             if safe[top] >= step:
                 continue
             i, j = stack[top, 0], stack[top, 1]
             s, u = surface_a[i], surface_b[j]
-            stop, target = tolerance, aim
-            if own and s >= 0 and u >= 0:
-                stop = level[s, u]
-                if stop == -np.inf:
-                    continue
-                if stop < tolerance:
-                    target = stop - play
             leaf_a, leaf_b = second_a[i] < 0, second_b[j] < 0
             if leaf_a and leaf_b:
-                _, fastest, ever, pace = _node_step(
-                    box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, target
-                )
+                stop, aim = _stops(level, s, u, tolerance, play)
+                if stop == -np.inf:
+                    continue
+                _, _, _, fastest, ever, pace = _node_speeds(box_b, j, rotation, translation, dv, dw, vb, wb)
                 shorter, least = _leaf_step(
                     i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
-                    rotation, translation, dv, dw, wa, fastest, ever, pace, stop, target, step, rounding, work,
+                    rotation, translation, dv, dw, wa, fastest, ever, pace, stop, aim, step, rounding, work,
                 )  # fmt: skip
                 if least <= 0.0 or shorter < step:
                     hit[0], hit[1] = s, u
+                    last_a, last_b = i, j
                 if least <= 0.0:
                     return t, before
                 step = shorter
@@ -314,9 +343,15 @@ def sweep(
                 i0, j0, i1, j1 = i + 1, j, second_a[i], j
             else:
                 i0, j0, i1, j1 = i, j + 1, i, second_b[j]
-            margin = aim + rounding  # no level lies above the tolerance, so this is safe for every pair below
-            s0, _, _, _ = _node_step(box_a, i0, box_b, j0, rotation, translation, dv, dw, wa, vb, wb, margin)
-            s1, _, _, _ = _node_step(box_a, i1, box_b, j1, rotation, translation, dv, dw, wa, vb, wb, margin)
+            # no level lies above the tolerance, which is safe for nodes of several surfaces
+            stop, aim = _stops(level, surface_a[i0], surface_b[j0], tolerance, play)
+            s0 = _node_step(
+                box_a, i0, box_b, j0, rotation, translation, dv, dw, wa, vb, wb, stop + rounding, aim + rounding
+            )
+            stop, aim = _stops(level, surface_a[i1], surface_b[j1], tolerance, play)
+            s1 = _node_step(
+                box_a, i1, box_b, j1, rotation, translation, dv, dw, wa, vb, wb, stop + rounding, aim + rounding
+            )
             if s0 < s1:
                 i0, j0, s0, i1, j1, s1 = i1, j1, s1, i0, j0, s0
             stack[top, 0], stack[top, 1], safe[top] = i0, j0, s0
@@ -327,6 +362,23 @@ def sweep(
         before = t
         t += step
     return t, before
+
+
+@njit(error_model="numpy", **KERNEL)
+def _signed_gap(box_a, i, box_b, j, rotation, translation):
+    """Lower bound of the signed distance of triangles in two nodes: the boxes' distance, or minus what parts them."""
+    gap = box_gap(box_a, i, box_b, j, rotation, translation)
+    if gap > 0.0:
+        return np.sqrt(gap)
+    most = -np.inf
+    bx, by, bz = 0.5 * (box_b[j, 0] + box_b[j, 3]), 0.5 * (box_b[j, 1] + box_b[j, 4]), 0.5 * (box_b[j, 2] + box_b[j, 5])
+    hx, hy, hz = box_b[j, 3] - bx, box_b[j, 4] - by, box_b[j, 5] - bz
+    for d in range(3):
+        half = abs(rotation[d, 0]) * hx + abs(rotation[d, 1]) * hy + abs(rotation[d, 2]) * hz
+        offset = rotation[d, 0] * bx + rotation[d, 1] * by + rotation[d, 2] * bz + translation[d]
+        middle = 0.5 * (box_a[i, d] + box_a[i, d + 3])
+        most = max(most, abs(offset - middle) - half - (box_a[i, d + 3] - middle))
+    return most
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -361,7 +413,7 @@ def depths_of(
     pairs, root_a, root_b,
     vertices_a, box_a, second_a, first_a, count_a, corner_a,
     vertices_b, box_b, second_b, first_b, count_b, corner_b,
-    rotation, translation, within, rounding, depths, work, stack,
+    rotation, translation, within, rounding, depths, work, stack, safe,
 ):  # fmt: skip
     """The least signed distance (m) of each pair of surfaces, or `within` (>= 0) if it is more, into `depths`."""
     for k in range(len(pairs)):
@@ -369,7 +421,7 @@ def depths_of(
             root_a[pairs[k, 0]], root_b[pairs[k, 1]],
             vertices_a, box_a, second_a, first_a, count_a, corner_a,
             vertices_b, box_b, second_b, first_b, count_b, corner_b,
-            rotation, translation, within, rounding, work, stack,
+            rotation, translation, within, rounding, work, stack, safe,
         )  # fmt: skip
 
 
@@ -378,17 +430,17 @@ def _depth(
     root_a, root_b,
     vertices_a, box_a, second_a, first_a, count_a, corner_a,
     vertices_b, box_b, second_b, first_b, count_b, corner_b,
-    rotation, translation, within, rounding, work, stack,
+    rotation, translation, within, rounding, work, stack, safe,
 ):  # fmt: skip
     least = within
     stack[0, 0], stack[0, 1] = root_a, root_b
+    safe[0] = -np.inf
     top = 1
     while top > 0:
         top -= 1
-        i, j = stack[top, 0], stack[top, 1]
-        reach = max(0.0, least) + rounding
-        if box_gap(box_a, i, box_b, j, rotation, translation) > reach * reach:
+        if safe[top] > least + rounding:
             continue
+        i, j = stack[top, 0], stack[top, 1]
         leaf_a, leaf_b = second_a[i] < 0, second_b[j] < 0
         if leaf_a and leaf_b:
             least = _leaf_depth(
@@ -397,10 +449,14 @@ def _depth(
             )  # fmt: skip
             continue
         if leaf_b or (not leaf_a and size_of(box_a, i) >= size_of(box_b, j)):
-            stack[top, 0], stack[top, 1] = i + 1, j
-            stack[top + 1, 0], stack[top + 1, 1] = second_a[i], j
+            i0, j0, i1, j1 = i + 1, j, second_a[i], j
         else:
-            stack[top, 0], stack[top, 1] = i, j + 1
-            stack[top + 1, 0], stack[top + 1, 1] = i, second_b[j]
+            i0, j0, i1, j1 = i, j + 1, i, second_b[j]
+        g0 = _signed_gap(box_a, i0, box_b, j0, rotation, translation)
+        g1 = _signed_gap(box_a, i1, box_b, j1, rotation, translation)
+        if g0 < g1:
+            i0, j0, g0, i1, j1, g1 = i1, j1, g1, i0, j0, g0
+        stack[top, 0], stack[top, 1], safe[top] = i0, j0, g0
+        stack[top + 1, 0], stack[top + 1, 1], safe[top + 1] = i1, j1, g1
         top += 2
     return least

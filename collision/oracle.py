@@ -152,7 +152,7 @@ def _in_doubt(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, pair: tupl
         mesh_b.vertices, b.box, b.second, b.first, b.count, b.corner,
         rotation, translation, 2.0 * DOUBT * size,
         kernels_distance.rounding_of(a.box, b.box, rotation, translation), signed, workspace(),
-        np.empty((kernels_distance.STACK, 2), np.int64),
+        np.empty((kernels_distance.STACK, 2), np.int64), np.empty(kernels_distance.STACK),
     )  # fmt: skip
     return bool(abs(signed[0]) <= DOUBT * size)
 

@@ -16,7 +16,7 @@ from collision.contact import CONTACT_DTYPE
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
 from collision.shape import ShapeMesh
-from collision.tree import tree_of
+from collision.tree import MeshTree, tree_of
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -56,20 +56,11 @@ def surface_contacts(
     a, b = tree_of(mesh_a), tree_of(mesh_b)
     rotation, translation = np.ascontiguousarray(pose_ab.rotation), pose_ab.translation
     rounding = kernels.rounding_of(a.box, b.box, rotation, translation)
-    mask = _ALL if heeded is None else heeded
-    pairs = np.empty((64, 2), np.int32)
     stack = np.empty((kernels.STACK, 2), np.int64)
-    while True:
-        n = kernels.near_surfaces(
-            a.box, a.second, a.surface, b.box, b.second, b.surface,
-            rotation, translation, within + rounding, mask, pairs, stack,
-        )  # fmt: skip
-        if n <= len(pairs):
-            break
-        pairs = np.empty((n, 2), np.int32)
+    pairs = near_surfaces(a, b, rotation, translation, within + rounding, heeded)
+    n = len(pairs)
     if n == 0:
         return np.empty(0, CONTACT_DTYPE)
-    pairs = pairs[:n]
     best = np.empty((n, 7))
     hit = np.empty((n, 2), np.int32)
     kernels.surface_contacts(
@@ -87,6 +78,22 @@ def surface_contacts(
     rows["point_a"], rows["point_b"] = best[found, 1:4], best[found, 4:7]
     rows["triangle_a"], rows["triangle_b"] = a.order[hit[found, 0]], b.order[hit[found, 1]]
     return rows
+
+
+def near_surfaces(
+    a: MeshTree, b: MeshTree, rotation: NDArray[np.float64], translation: NDArray[np.float64],
+    reach: float, heeded: NDArray[np.uint8] | None,
+) -> NDArray[np.int32]:  # fmt: skip
+    """(n, 2) pairs of surfaces, in the order of the trees, whose boxes come within `reach` (m)."""
+    from collision import kernels_distance as kernels
+
+    mask = _ALL if heeded is None else heeded
+    pairs = np.empty((64, 2), np.int32)
+    stack = np.empty((kernels.STACK, 2), np.int64)
+    arguments = (a.box, a.second, a.surface, b.box, b.second, b.surface, rotation, translation, reach, mask)
+    while (n := kernels.near_surfaces(*arguments, pairs, stack)) > len(pairs):
+        pairs = np.empty((n, 2), np.int32)
+    return pairs[:n]
 
 
 def mesh_clearance(

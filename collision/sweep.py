@@ -31,7 +31,7 @@ from collision import poses
 from collision.contact import CONTACT_DTYPE
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
-from collision.proximity import mesh_clearance, surface_contacts
+from collision.proximity import mesh_clearance, near_surfaces, surface_contacts
 from collision.shape import ShapeMesh
 from collision.tree import MeshTree, tree_of
 
@@ -106,9 +106,8 @@ def time_of_contact(manager: CollisionManager, moves: Mapping[int, Any], deflect
         for k in (i, j):
             if k not in movers:
                 movers[k] = _mover(manager, k, None)
-        t, before, pair, touching = _pair_time(manager, movers[i], movers[j], i, j, first, deflection)
+        t, pair, touching = _pair_time(manager, movers[i], movers[j], i, j, first, deflection)
         if t <= first and pair[0] >= 0:
-            t = before if pair in touching else t
             if t < first:
                 stops.clear()
             first = min(first, t)
@@ -167,8 +166,8 @@ def _sagitta(twist: NDArray[np.float64], center: NDArray[np.float64], radius: fl
 
 def _pair_time(
     manager: CollisionManager, a: _Mover, b: _Mover, i: int, j: int, until: float, deflection: float
-) -> tuple[float, float, tuple[int, int], set[tuple[int, int]]]:
-    """(time or infinity, the advancement before it, the pair of surfaces, the pairs in contact at the start)."""
+) -> tuple[float, tuple[int, int], set[tuple[int, int]]]:
+    """(time or infinity, the pair of surfaces, the pairs in contact at the start)."""
     from collision import kernels_distance, kernels_sweep
     from collision.predicates import workspace
 
@@ -179,38 +178,78 @@ def _pair_time(
     play = PLAY * tolerance
     heeded = manager.heeded_surfaces(i, j)
     start = manager.relative_pose(i, j)
-    touching = surface_contacts(a.mesh, b.mesh, start, tolerance, heeded)
-    pairs = {(int(row["surface_a"]), int(row["surface_b"])) for row in touching}
+    rotation, translation = np.ascontiguousarray(start.rotation), start.translation
+    rounding = kernels_distance.rounding_of(a.tree.box, b.tree.box, rotation, translation)
+    work = workspace()
+    stack, safe = np.empty((kernels_distance.STACK, 2), np.int64), np.empty(kernels_distance.STACK)
+    near = near_surfaces(a.tree, b.tree, rotation, translation, tolerance + rounding, heeded)
+    depths = np.empty(len(near))
+    kernels_sweep.depths_of(
+        near, a.tree.root, b.tree.root,
+        a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner,
+        b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner,
+        rotation, translation, np.nextafter(tolerance, np.inf), rounding, depths, work, stack, safe,
+    )  # fmt: skip
+    touching = depths <= tolerance
+    surfaces, depths = near[touching], depths[touching]
     level = np.empty((0, 0))
-    if heeded is not None or pairs:
+    if heeded is not None or len(surfaces):
         level = np.full((a.mesh.n_surfaces, b.mesh.n_surfaces), tolerance)
         if heeded is not None:
             level[heeded == 0] = -np.inf
-    work, stack = workspace(), np.empty((kernels_distance.STACK, 2), np.int64)
-    rotation, translation = np.ascontiguousarray(start.rotation), start.translation
-    rounding = kernels_distance.rounding_of(a.tree.box, b.tree.box, rotation, translation)
-    if pairs:
-        surfaces = np.array(sorted(pairs), np.int32)
-        depths = np.empty(len(surfaces))
-        kernels_sweep.depths_of(
-            surfaces, a.tree.root, b.tree.root,
-            a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner,
-            b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner,
-            rotation, translation, tolerance, rounding, depths, work, stack,
-        )  # fmt: skip
         lowest = np.where(depths > play - tolerance, np.maximum(depths - play, -tolerance), depths - 0.01 * play)
-        if deflection > 0.0:
-            lowest = np.minimum(lowest, -deflection)
-        level[surfaces[:, 0], surfaces[:, 1]] = lowest
+        level[surfaces[:, 0], surfaces[:, 1]] = np.minimum(lowest, -deflection) if deflection > 0.0 else lowest
     hit = np.empty(2, np.int64)
     time, before = kernels_sweep.sweep(
         a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner, a.tree.surface,
         b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner, b.tree.surface,
         a.rotation, a.translation, a.twist, b.rotation, b.translation, b.twist,
-        until, tolerance, 0.5 * play, kernels_sweep.STEPS, level, hit, work, stack, np.empty(kernels_distance.STACK),
+        until, tolerance, 0.5 * play, kernels_sweep.STEPS, level, hit, work, stack, safe,
         np.empty((3, 3, 3)), np.empty((3, 3)),
     )  # fmt: skip
-    return float(time), float(before), (int(hit[0]), int(hit[1])), pairs
+    pair, pairs = (int(hit[0]), int(hit[1])), set(map(tuple, surfaces.tolist()))
+    if pair in pairs and time <= until:
+        time = _last_above(a, b, pair, before, time, float(level[pair]), play)
+    return float(time), pair, pairs
+
+
+def _last_above(
+    a: _Mover, b: _Mover, pair: tuple[int, int], before: float, time: float, level: float, play: float
+) -> float:
+    """A time from `before` on at which the signed distance of a pair of surfaces is above `level` by `play` at most.
+
+    It is above at `before`, and at or below at `time`; in between nothing gets below what the advancement held to.
+    """
+    from collision import kernels_distance, kernels_sweep
+    from collision.predicates import workspace
+
+    surfaces, depth = np.array([pair], np.int32), np.empty(1)
+    work = workspace()
+    stack, safe = np.empty((kernels_distance.STACK, 2), np.int64), np.empty(kernels_distance.STACK)
+
+    def signed_distance(t: float) -> float:
+        pose = a.at(t).actInv(b.at(t))
+        rotation, translation = np.ascontiguousarray(pose.rotation), pose.translation
+        kernels_sweep.depths_of(
+            surfaces, a.tree.root, b.tree.root,
+            a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner,
+            b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner,
+            rotation, translation, max(0.0, level + 2.0 * play),
+            kernels_distance.rounding_of(a.tree.box, b.tree.box, rotation, translation), depth, work, stack, safe,
+        )  # fmt: skip
+        return float(depth[0])
+
+    apart = signed_distance(before)
+    while apart > level + 1.5 * play:
+        middle = 0.5 * (before + time)
+        if not before < middle < time:
+            break
+        there = signed_distance(middle)
+        if there > level:
+            before, apart = middle, there
+        else:
+            time = middle
+    return before
 
 
 def _contacts(

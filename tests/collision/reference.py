@@ -141,3 +141,24 @@ def triangle_distances(a: Array, b: Array, crossing: bool = True) -> Array:
             out[_crosses(ta[:, :, i], ta[:, :, (i + 1) % 3], tb)] = 0.0
             out[_crosses(tb[:, :, i], tb[:, :, (i + 1) % 3], ta)] = 0.0
     return out.astype(np.float64)
+
+
+def signed_distances(a: Array, b: Array) -> Array:
+    """(n, m) distances of triangles a (n, 3, 3) and b (m, 3, 3); where they meet, minus the shortest way to part them.
+
+    That is the least overlap over the normals of both and the products of their edges.
+    """
+    distance = triangle_distances(a, b)
+    shape = (*distance.shape, 3, 3)
+    ta, tb = np.broadcast_to(a[:, None], shape), np.broadcast_to(b[None], shape)
+    edges_a, edges_b = np.roll(ta, -1, axis=2) - ta, np.roll(tb, -1, axis=2) - tb
+    axes = [np.cross(edges[:, :, 0], edges[:, :, 1]) for edges in (edges_a, edges_b)]
+    axes += [np.cross(edges_a[:, :, i], edges_b[:, :, j]) for i in range(3) for j in range(3)]
+    parted = np.full(distance.shape, -np.inf)
+    for axis in axes:
+        length = np.linalg.norm(axis, axis=-1)
+        n = axis / np.where(length > 0.0, length, 1.0)[..., None]
+        along_a, along_b = np.einsum("nmd,nmkd->nmk", n, ta), np.einsum("nmd,nmkd->nmk", n, tb)
+        gap = np.maximum(along_b.min(-1) - along_a.max(-1), along_a.min(-1) - along_b.max(-1))
+        parted = np.where(length > 0.0, np.maximum(parted, gap), parted)
+    return np.where(distance > 0.0, distance, np.where(np.isfinite(parted), np.minimum(parted, 0.0), 0.0))

@@ -10,7 +10,7 @@ from collision import CollisionError, CollisionManager, PoseError, SurfaceMesh, 
 from collision.kernels_sweep import pose_at
 from collision.query import colliding_surfaces
 from collision.sweep import time_of_contact
-from tests.collision.reference import box, random_soup, sphere, turned
+from tests.collision.reference import box, random_soup, signed_distances, sphere, turned
 
 TOLERANCE = 1e-5
 
@@ -218,3 +218,85 @@ def test_bad_moves_are_named() -> None:
         time_of_contact(world, {1: np.full((4, 4), np.nan)})
     with pytest.raises(CollisionError, match="deflection"):
         time_of_contact(world, {1: at(0.0)}, deflection=-1.0)
+
+
+PLAY = 0.1 * TOLERANCE
+
+
+def signed_by_surfaces(world: CollisionManager, i: int, j: int, poses: dict[int, pin.SE3]) -> np.ndarray:
+    """(ka, kb) least signed distance of every pair of surfaces, all triangles against all."""
+    a, b = world.mesh(i), world.mesh(j)
+    pose = poses[i].actInv(poses[j])
+    corners_b = (b.vertices @ pose.rotation.T + pose.translation)[b.triangles]
+    every = signed_distances(a.vertices[a.triangles], corners_b)
+    out = np.full((a.n_surfaces, b.n_surfaces), np.inf)
+    np.minimum.at(out, (a.surface_of_triangle[:, None], b.surface_of_triangle[None]), every)
+    return out
+
+
+def shaft_in_bore(sectors: int) -> CollisionManager:
+    world = CollisionManager()
+    world.add(turned([(0, 0.005), (0, 0.012), (0.01, 0.012), (0.01, 0.005), (0, 0.005)], sectors), at(0.0))
+    world.add(turned([(-0.002, 0), (-0.002, 0.005), (0.015, 0.005), (0.015, 0)], sectors), at(0, 0, 0, (0, 0, 0.1)))
+    return world
+
+
+def sphere_in_a_corner() -> CollisionManager:
+    world = CollisionManager()
+    world.add(box(2.0, 2.0, 0.1), at(0.0, 0.0, -0.05))
+    world.add(box(0.1, 2.0, 1.0), at(0.3, 0.0, 0.5))
+    world.add(sphere(0.25, 8), at(0.0, 0.0, 0.25))
+    return world
+
+
+STARTS = {
+    "on a floor": (lambda: resting(), 1, 0.02, 0.0),
+    "just above a floor": (lambda: resting(0.4e-5), 1, 0.02, 0.0),
+    "in a bore": (lambda: shaft_in_bore(6), 1, 4e-4, 5e-4),
+    "in a bore without leave": (lambda: shaft_in_bore(6), 1, 4e-4, 0.0),
+    "in a corner": (sphere_in_a_corner, 2, 0.02, 0.0),
+}
+
+
+@pytest.mark.parametrize("start", STARTS)
+def test_from_contact_nothing_goes_deeper_than_allowed_and_nothing_stops_early(start: str) -> None:
+    make, moved, size, deflection = STARTS[start]
+    rng = np.random.default_rng(11)
+    stopped = 0
+    for _ in range(3):
+        world = make()
+        here = world.pose(moved)
+        target = here * at(*size * rng.normal(size=3), turn=tuple(rng.choice([0.0, 0.1]) * rng.normal(size=3)))
+        found = time_of_contact(world, {moved: target}, deflection)
+        for i in world.objects:
+            if i == moved:
+                continue
+            first = signed_by_surfaces(world, *sorted((i, moved)), {k: world.pose(k) for k in world.objects})
+            lowest = np.where(first > PLAY - TOLERANCE, np.maximum(first - PLAY, -TOLERANCE), first - 0.01 * PLAY)
+            lowest = np.minimum(lowest, -deflection) if deflection else lowest
+            level = np.where(first <= TOLERANCE, lowest, TOLERANCE)
+            for t in np.linspace(0.0, found.t, 5):
+                poses = {k: world.pose(k) for k in world.objects} | {moved: along(here, target, t)}
+                now = signed_by_surfaces(world, *sorted((i, moved)), poses)
+                assert (now >= np.where(first <= TOLERANCE, level - 0.5 * PLAY, 0.0) - 1e-12).all()
+            stopping = [row for row in found.rows.tolist() if i in row[::2]]
+            if stopping:
+                stopped += 1
+                at_rest = [now[s, u] - level[s, u] for _, s, _, u in stopping]
+                assert min(at_rest) <= 1.5 * PLAY + 1e-12
+    assert stopped > 0
+
+
+def test_a_pair_that_parts_and_comes_back_is_not_stopped_far_away() -> None:
+    world = CollisionManager()
+    world.add(box(4.0, 4.0, 0.1), at(0.0, 0.0, -0.05), movable=False)
+    world.add(sphere(0.1, 24), at(-0.5, 0.0, 0.1))
+    axis = at(0.0, 0.0, 0.03)
+    over = axis * at(0.0, turn=(0.0, 3.1, 0.0)) * axis.inverse() * world.pose(1)
+    found = time_of_contact(world, {1: over})
+    assert found.hit and 0.5 < found.t < 1.0
+    assert lowest_point(world, found.poses[1]) == pytest.approx(0.0, abs=TOLERANCE)
+
+
+def lowest_point(world: CollisionManager, pose: pin.SE3) -> float:
+    return float((world.mesh(1).vertices @ pose.rotation.T)[:, 2].min() + pose.translation[2])

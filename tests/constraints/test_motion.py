@@ -179,7 +179,8 @@ def test_what_is_carried_does_not_drift_when_it_is_blocked(accept):
         for i, relative in zip((2, 3), start, strict=True):
             off = relative.actInv(room.poses[1].actInv(room.poses[i]))
             assert np.abs(pin.log6(off).vector).max() < 1e-9
-    assert blocked > 45 and len(room.world.colliding_surfaces([2, 3])) == 0
+    # 1 and 2 touch all along, to the last bit or not; what counts is that neither gets into the wall
+    assert blocked > 45 and not (room.world.colliding_surfaces([2, 3])[:, 0] == 0).any()
     room.move(at(z=0.3))
     assert (room.poses[2].translation[2] < 0.2) != accept  # let go of, it comes only if its constraints bring it
 
