@@ -148,8 +148,8 @@ def _node_step(box_a, i, box_b, j, rotation, translation, dv, dw, wa, vb, wb, le
 def _stops(level, s, u, tolerance, play):
     """(signed distance at which a pair of nodes, of surfaces s and u or of several (-1), stops; what steps aim at)."""
     if level.shape[0] > 0 and s >= 0 and u >= 0 and level[s, u] < tolerance:
-        return level[s, u], level[s, u] - play
-    return tolerance, 0.5 * tolerance
+        return level[s, u], level[s, u] - 0.5 * play
+    return tolerance, tolerance - play
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -283,7 +283,7 @@ def sweep(
     """The first time in [0, until] at which a pair of surfaces comes to its level, or infinity.
 
     level: (ka, kb) m, the signed distance at which a surface pair stops the motion, -inf where it never does; (0, 0)
-    where all stop at `tolerance`. Steps aim `play` (m) below a pair's own level, half the tolerance below the others':
+    where all stop at `tolerance`. Steps aim half of `play` (m) below a pair's own level, `play` below the others':
     the level is crossed, never by more than that.
     hit: (2,) the surface pair, also where `steps` advancements do not suffice and it counts as met where they end.
     rotations, translations: room for three.

@@ -343,7 +343,7 @@ class CollisionManager:
         for (i, j), pose, answer in zip(pairs.tolist(), poses, answers, strict=True):
             self._answers += 1
             if self._answers % self.cross_check_every == 0 and not self._has_shape(i, j):
-                cross_check(self.mesh(i), self.mesh(j), _poses.unpack(pose), answer)
+                cross_check(self.mesh(i), self.mesh(j), _poses.unpack(pose), answer, doubt=self.tolerance.doubt)
 
     def contacts(self, within: float = 0.0, objects: Iterable[int] | None = None) -> NDArray[Any]:
         """All pairs of surfaces at a distance of at most `within` metres: `CONTACT_DTYPE` rows with witness points."""

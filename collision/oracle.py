@@ -20,12 +20,11 @@ from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
 from collision.poses import pack
 from collision.shape import ShapeMesh
+from collision.tolerance import Tolerance
 from collision.tree import tree_of
 
-GJK_TOLERANCE: Final = 1e-10
-"""what coal's own arithmetic is asked for"""
-DOUBT: Final = 1e-8
-"""1: share of the parts' size within which coal cannot tell touching from not touching"""
+ROUNDING: Final = 64.0 * 2.0**-53
+"""of a box moved by a pose: a few sums and products a coordinate, and the pose's own error, generously"""
 
 
 class OracleError(CollisionError):
@@ -44,7 +43,7 @@ def colliding_surfaces(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any) -
 
     pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}")
     request = coal.CollisionRequest()
-    request.gjk_tolerance = GJK_TOLERANCE
+    request.gjk_tolerance = Tolerance.gjk
     still, moved = coal.Transform3s.Identity(), coal.Transform3s(pose[:9].reshape(3, 3), pose[9:])
     found = []
     for s, t in _near(mesh_a, mesh_b, pose, 0.0):
@@ -62,7 +61,7 @@ def surface_contacts(
 
     pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}")
     request = coal.DistanceRequest()
-    request.gjk_tolerance = GJK_TOLERANCE
+    request.gjk_tolerance = Tolerance.gjk
     request.enable_signed_distance = False
     still, moved = coal.Transform3s.Identity(), coal.Transform3s(pose[:9].reshape(3, 3), pose[9:])
     colliding = {(int(s), int(t)) for s, t in colliding_surfaces(mesh_a, mesh_b, pose_ab)}
@@ -93,11 +92,12 @@ def surface_contacts(
 
 
 def cross_check(
-    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, ours: NDArray[np.int32], directory: str | Path | None = None
-) -> None:
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, ours: NDArray[np.int32],
+    directory: str | Path | None = None, doubt: float = Tolerance.doubt,
+) -> None:  # fmt: skip
     """Hold an answer against coal's.
 
-    Pairs of surfaces that touch or miss each other by less than coal can tell (`DOUBT` of the parts' size) may differ.
+    Pairs of surfaces that touch or miss each other by less than coal can tell (`doubt` of the parts' size) may differ.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def cross_check(
     """
     theirs = colliding_surfaces(mesh_a, mesh_b, pose_ab)
     one, other = ({(int(s), int(t)) for s, t in pairs} for pairs in (ours, theirs))
-    differ = sorted(pair for pair in one ^ other if not _in_doubt(mesh_a, mesh_b, pose_ab, pair))
+    differ = sorted(pair for pair in one ^ other if not _in_doubt(mesh_a, mesh_b, pose_ab, pair, doubt))
     if not differ:
         return
     matrix = np.asarray(getattr(pose_ab, "homogeneous", pose_ab))
@@ -135,7 +135,9 @@ def reproduce(path: str | Path) -> tuple[SurfaceMesh, SurfaceMesh, NDArray[np.fl
         return meshes[0], meshes[1], np.array(data["pose"])
 
 
-def _in_doubt(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, pair: tuple[int, int]) -> bool:
+def _in_doubt(
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, pair: tuple[int, int], doubt: float
+) -> bool:  # fmt: skip
     from collision import kernels_distance, kernels_sweep
     from collision.predicates import workspace
 
@@ -150,11 +152,11 @@ def _in_doubt(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, pair: tupl
         np.array([pair], np.int32), a.root, b.root,
         mesh_a.vertices, a.box, a.second, a.first, a.count, a.corner,
         mesh_b.vertices, b.box, b.second, b.first, b.count, b.corner,
-        rotation, translation, 2.0 * DOUBT * size,
+        rotation, translation, 2.0 * doubt * size,
         kernels_distance.rounding_of(a.box, b.box, rotation, translation), signed, workspace(),
         np.empty((kernels_distance.STACK, 2), np.int64), np.empty(kernels_distance.STACK),
     )  # fmt: skip
-    return bool(abs(signed[0]) <= DOUBT * size)
+    return bool(abs(signed[0]) <= doubt * size)
 
 
 def _surface(mesh: SurfaceMesh, surface: int) -> Any:
@@ -186,6 +188,6 @@ def _near(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose: NDArray[np.float64], w
     rotation = pose[:9].reshape(3, 3)
     center = 0.5 * (b.box[b.root, :3] + b.box[b.root, 3:]) @ rotation.T + pose[9:]
     half = 0.5 * (b.box[b.root, 3:] - b.box[b.root, :3]) @ np.abs(rotation).T
-    half += within + 1e-12 * (np.abs(center) + half)
+    half += within + ROUNDING * (np.abs(center) + half)
     apart = (low_a[:, None] > (center + half)[None]) | (high_a[:, None] < (center - half)[None])
     return [(int(s), int(t)) for s, t in np.argwhere(~apart.any(axis=2))]

@@ -8,11 +8,12 @@ at T0·exp(t·log(T0⁻¹·T1)); all move at once. Contact is when the distance 
 
 Surfaces in contact at the start, at most the tolerance apart, could not part if that alone stopped them. Such a pair
 stops the motion only if it approaches. Its signed distance (that of the triangles, and where they meet minus the
-shortest translation that parts the two triangles) may shrink by a tenth of the tolerance below what it is at the start,
-so that surfaces slide; a pair that is pressed further stops the motion before it has begun to. However often that is
-asked, a pair that is not deeper already is let no deeper than the tolerance, or than the deflection if that is given:
-the tessellations of a shaft and its bore reach into each other by as much while the surfaces fit. Triangles smaller
-than that depth are the one thing that may be passed, by the very pair of surfaces that is in contact already.
+shortest translation that parts the two triangles) may shrink by `Tolerance.play`, a tenth of the tolerance, below what
+it is at the start, so that surfaces slide; a pair that is pressed further stops the motion before it has begun to. The
+time is the last at which it had not got there, to within one and a half times that tenth. However often that is asked,
+a pair that is not deeper already is let no deeper than the tolerance, or than the deflection if that is given: the
+tessellations of a shaft and its bore reach into each other by as much while the surfaces fit. Triangles smaller than
+that depth are the one thing that may be passed, by the very pair of surfaces that is in contact already.
 
 Advancement by certificates, see `collision.kernels_sweep`.
 """
@@ -40,8 +41,8 @@ if TYPE_CHECKING:
 
     from collision.manager import CollisionManager
 
-PLAY = 0.1
-"""of the tolerance: how much nearer a pair in contact may come while it slides"""
+ROUNDING = 64.0 * 2.0**-53
+"""of a box moved by a pose: three products and three sums a coordinate, and the pose's own error, generously"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,7 +139,7 @@ def _pairs(manager: CollisionManager, moving: Mapping[int, _Mover]) -> list[tupl
         center, half = 0.5 * (own[:3] + own[3:]), 0.5 * (own[3:] - own[:3])
         rotation, translation = mover.end
         middle, reach = rotation @ center + translation, np.abs(rotation) @ half
-        reach += 1e-14 * float((np.abs(translation) + np.abs(center) + half).sum())  # for rounding
+        reach += ROUNDING * float((np.abs(translation) + np.abs(center) + half).sum())  # for rounding
         beyond = _sagitta(mover.twist, center, float(np.sqrt(half @ half)))
         box[i, :3] = np.minimum(box[i, :3], middle - reach) - beyond
         box[i, 3:] = np.maximum(box[i, 3:], middle + reach) + beyond
@@ -175,7 +176,7 @@ def _pair_time(
         if isinstance(mesh, ShapeMesh):
             raise CollisionError(f"{mesh.name}: a shape without triangles is not swept; give it as a SurfaceMesh")
     tolerance = manager.tolerance.linear
-    play = PLAY * tolerance
+    play = manager.tolerance.play * tolerance
     heeded = manager.heeded_surfaces(i, j)
     start = manager.relative_pose(i, j)
     rotation, translation = np.ascontiguousarray(start.rotation), start.translation
@@ -204,7 +205,7 @@ def _pair_time(
         a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner, a.tree.surface,
         b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner, b.tree.surface,
         a.rotation, a.translation, a.twist, b.rotation, b.translation, b.twist,
-        until, tolerance, 0.5 * play, kernels_sweep.STEPS, level, hit, work, stack, safe,
+        until, tolerance, play, kernels_sweep.STEPS, level, hit, work, stack, safe,
         np.empty((3, 3, 3)), np.empty((3, 3)),
     )  # fmt: skip
     pair, pairs = (int(hit[0]), int(hit[1])), set(map(tuple, surfaces.tolist()))

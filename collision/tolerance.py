@@ -34,6 +34,12 @@ class Tolerance:
     """ISO 286 class, such as H7/g6, that a shaft and its bore have to make; empty for `clearance` alone"""
     rigid: float = 1e-6
     """1: greatest |RᵀR - I| entry of a rotation that counts as rigid."""
+    play: float = 0.1
+    """1: share of `linear` by which surfaces in contact may come nearer as they slide, and a sweep's stop may be off"""
+    gjk: float = 1e-10
+    """m: what coal's own arithmetic is asked for (at its default of 1e-6 it reports contacts that there are not)"""
+    doubt: float = 1e-8
+    """1: share of the parts' size within which coal cannot tell touching from not touching"""
     depth: float = 1e-2
     """1: depths of penetration are found to within this part of themselves and of `linear`"""
     solver: float = 1e-12
