@@ -135,6 +135,7 @@ def contains(manager: CollisionManager, i: int, j: int) -> bool:
     """
     from collision.query import colliding_surfaces
 
+    manager.ignored(i, j)  # raises, unless there are both, and two
     mesh_i, mesh_j = manager.mesh(i), manager.mesh(j)
     pose = manager.relative_pose(i, j)
     if not solid_of(mesh_i).closed:

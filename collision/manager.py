@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from collision import poses as _poses
 from collision.errors import CollisionError, PoseError, UnknownObjectError
 from collision.mesh import SurfaceMesh
-from collision.query import Method, Remembered, ask_many, examine
+from collision.query import METHODS, Method, Remembered, ask_many, examine
 from collision.shape import ShapeMesh, mesh_of_shape
 from collision.statistics import Statistics
 from collision.tolerance import Tolerance
@@ -42,6 +42,10 @@ class CollisionManager:
     def __init__(
         self, tolerance: Tolerance | None = None, method: Method = "best", cross_check: bool | int = False
     ) -> None:
+        if method not in METHODS:
+            raise CollisionError(f"method {method!r}; known are {', '.join(METHODS)}")
+        if int(cross_check) < 0:
+            raise CollisionError(f"cross_check is {cross_check!r}; give True, False, or n to check every n-th answer")
         self.tolerance = tolerance if tolerance is not None else Tolerance()
         self.method: Method = method
         self.cross_check_every = 64 if cross_check is True else int(cross_check)
@@ -64,6 +68,10 @@ class CollisionManager:
     def add(self, mesh: SurfaceMesh, pose: pin.SE3 | ArrayLike, movable: bool = True) -> int:
         """Add an object; its id. Objects that are not `movable` are not tested against one another."""
         i = len(self._meshes)
+        if not isinstance(mesh, SurfaceMesh):
+            raise CollisionError(
+                f"object {i} is a {type(mesh).__name__}; give a SurfaceMesh, or a shape to `add_shape`"
+            )
         packed = _poses.pack(pose, f"object {i} ({mesh.name})", i, self.tolerance.rigid)
         self._meshes.append(mesh)
         self._movable.append(movable)
@@ -105,11 +113,14 @@ class CollisionManager:
 
     def mesh(self, i: int) -> SurfaceMesh:
         """The mesh of an object."""
-        mesh = self._meshes[i] if 0 <= i < len(self._meshes) else None
+        try:
+            mesh = self._meshes[i] if 0 <= i < len(self._meshes) else None
+        except TypeError:  # no number, or no whole one
+            mesh = None
         if mesh is None:
             known = self.objects
             hint = f"ids are {known[0]} … {known[-1]}" if known else "there are none; add one first"
-            raise UnknownObjectError(f"no object {i}; {hint}", i)
+            raise UnknownObjectError(f"no object {i!r}; {hint}", i)
         return mesh
 
     def movable(self, i: int) -> bool:
@@ -133,6 +144,8 @@ class CollisionManager:
         """Move many objects at once; poses: as many `pinocchio.SE3`, or (n, 4, 4). All are moved, or none."""
         from collision.objects import take_poses
 
+        for k in ids.tolist() if isinstance(ids, np.ndarray) else ids:
+            self.mesh(k)
         where = np.asarray(ids, np.int64)
         try:
             if not isinstance(poses, np.ndarray):
@@ -142,8 +155,6 @@ class CollisionManager:
             matrices = np.empty(0)
         if where.ndim != 1 or matrices.shape != (len(where), 4, 4):
             raise PoseError(f"{where.shape} ids take as many poses, (n, 4, 4), not {matrices.shape}")
-        for i in where.tolist():
-            self.mesh(i)
         packed = np.empty((len(where), 12))
         bad = take_poses(matrices, self.tolerance.rigid, packed)
         if bad >= 0:
@@ -244,6 +255,8 @@ class CollisionManager:
         """
         from collision.objects import near_pairs
 
+        if not within >= 0.0:
+            raise CollisionError(f"within is {within!r}; give a distance of at least 0 m")
         n = len(self._meshes)
         chosen = np.full(n, objects is None)
         for i in objects if objects is not None else ():

@@ -56,6 +56,7 @@ def penetration(manager: CollisionManager, i: int, j: int) -> NDArray[Any]:
 
     Ignored pairs of surfaces are left out.
     """
+    manager.ignored(i, j)  # raises, unless there are both, and two
     i, j = min(i, j), max(i, j)
     contacts = pair_contacts(manager, i, j, 0.0)
     rows = np.zeros(len(contacts), PENETRATION_DTYPE)

@@ -144,8 +144,6 @@ def contacts(manager: CollisionManager, within: float = 0.0, objects: Iterable[i
     Pairs of objects neither of which is movable, ignored pairs and ignored pairs of surfaces are left out, and, with
     `objects`, pairs without one of them. CONTACT_DTYPE rows, sorted by the four ids.
     """
-    if not within >= 0.0:
-        raise CollisionError(f"within is {within!r}; give a distance of at least 0 m")
     rows = [np.empty(0, CONTACT_DTYPE)]
     for i, j in manager.object_pairs(objects, within).tolist():
         rows.append(pair_contacts(manager, i, j, within))
@@ -167,6 +165,7 @@ def clearance(
     `object_a` is the lower of the two ids, as in all rows. Nothing is left out: ignored pairs have a clearance too. The
     distance is that of the surfaces: 0 where they meet, positive for an object wholly inside another (see `contains`).
     """
+    manager.ignored(i, j)  # raises, unless there are both, and two
     if i > j:
         i, j, surface_i, surface_j = j, i, surface_j, surface_i
     for k, surface in ((i, surface_i), (j, surface_j)):

@@ -99,7 +99,7 @@ def time_of_contact(manager: CollisionManager, moves: Mapping[int, Any], deflect
 
     if not 0.0 <= deflection < np.inf:
         raise CollisionError(f"deflection is {deflection!r}; give a finite length of at least 0 m")
-    moving = {int(i): _mover(manager, int(i), target) for i, target in moves.items()}
+    moving = {i: _mover(manager, i, _target(manager, i, target)) for i, target in moves.items()}
     movers = dict(moving)
     first = 1.0
     stops: list[tuple[int, int, tuple[int, int], set[tuple[int, int]]]] = []
@@ -118,14 +118,18 @@ def time_of_contact(manager: CollisionManager, moves: Mapping[int, Any], deflect
     return TimeOfContact(first, rows, {i: moving[i].at(first) for i in sorted(moving)})
 
 
-def _mover(manager: CollisionManager, i: int, target: Any) -> _Mover:
+def _target(manager: CollisionManager, i: int, target: Any) -> NDArray[np.float64]:
+    return poses.pack(target, f"target of object {i} ({manager.mesh(i).name})", i, manager.tolerance.rigid)
+
+
+def _mover(manager: CollisionManager, i: int, end: NDArray[np.float64] | None) -> _Mover:
+    """An object on its way to the (12,) pose `end`, or standing."""
     import pinocchio as pin
 
     mesh, pose = manager.mesh(i), manager.pose(i)
     rotation, translation = np.ascontiguousarray(pose.rotation), np.array(pose.translation)
     twist, last = np.zeros(6), (rotation, translation)
-    if target is not None:
-        end = poses.pack(target, f"target of object {i} ({mesh.name})", i, manager.tolerance.rigid)
+    if end is not None:
         last = end[:9].reshape(3, 3), end[9:]
         twist = np.array(pin.log6(pose.actInv(pin.SE3(*last))))
     return _Mover(mesh, tree_of(mesh), rotation, translation, twist, last)

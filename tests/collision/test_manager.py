@@ -273,3 +273,32 @@ def test_statistics_add_up() -> None:
     assert once.object_pairs > 0 and once.triangle_tests > 0 and once.box_tests > once.triangle_tests
     manager.reset_statistics()
     assert manager.statistics.box_tests == 0
+
+
+def test_what_makes_no_sense_is_named() -> None:
+    world = CollisionManager()
+    for _ in range(2):
+        world.add(shapes.box(), pin.SE3.Identity())
+    for wrong in (7, -1, "a", 0.5, None):
+        with pytest.raises(UnknownObjectError, match="no object"):
+            world.mesh(wrong)  # type: ignore[arg-type]
+        with pytest.raises(UnknownObjectError, match="no object"):
+            world.set_poses([wrong], [pin.SE3.Identity()])  # type: ignore[list-item]
+        with pytest.raises(UnknownObjectError, match="no object"):
+            world.time_of_contact({wrong: pin.SE3.Identity()})  # type: ignore[dict-item]
+    for question in (world.clearance, world.contains, world.penetration, world.ignore):
+        with pytest.raises(CollisionError, match="twice"):
+            question(1, 1)
+    with pytest.raises(PoseError, match="target of object 1"):
+        world.time_of_contact({1: None})  # type: ignore[dict-item]
+    with pytest.raises(CollisionError, match="within"):
+        world.object_pairs(within=-1.0)
+    with pytest.raises(CollisionError, match="within"):
+        world.contacts(within=float("nan"))
+    with pytest.raises(CollisionError, match="object 2 is a ndarray"):
+        world.add(np.eye(3), pin.SE3.Identity())  # type: ignore[arg-type]
+    with pytest.raises(CollisionError, match="method 'quick'"):
+        CollisionManager(method="quick")  # type: ignore[arg-type]
+    with pytest.raises(CollisionError, match="cross_check"):
+        CollisionManager(cross_check=-3)
+    assert world.objects == (0, 1)
