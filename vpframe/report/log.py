@@ -6,7 +6,9 @@ from dataclasses import dataclass, field
 from math import nan
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from vpframe.clash_status import ClashKey
 from vpframe.events import Event, Frame
@@ -100,6 +102,9 @@ class SessionLog:
         """events that get a picture"""
         self.history = History()
         self._names: tuple[str, ...] = ()
+        self._rows: NDArray[np.int32] | None = None
+        self._keys: list[ClashKey] = []
+        """of `_rows`: what collides is often the same as in the step before"""
         self._last_time = 0.0
 
     @property
@@ -163,11 +168,14 @@ class SessionLog:
         """Nothing to close."""
 
     def _collect_clashes(self, frame: Frame) -> None:
-        rows = {(int(a), int(s), int(b), int(t)) for a, s, b, t in frame.colliding}
+        if frame.colliding is not self._rows:
+            self._rows = frame.colliding
+            met = sorted({(a, s, b, t) for a, s, b, t in frame.colliding.tolist()})
+            self._keys = [ClashKey.of(self._names[a], s, self._names[b], t) for a, s, b, t in met]
+        rows = self._keys
         if not self.colliding or self.colliding[-1][1] != len(rows):
             self.colliding.append((frame.time, len(rows)))
-        for a, s, b, t in sorted(rows):
-            key = ClashKey.of(self._names[a], s, self._names[b], t)
+        for key in rows:
             clash = self.clashes.get(key)
             if clash is None:
                 self.clashes[key] = Clash(key, frame, frame.time, samples=[frame])
