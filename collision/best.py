@@ -18,7 +18,7 @@ from collision.boxes import take_pose
 from collision.lanes import move_boxes, overlapping_lane
 from collision.leaves import add, lane_of, leaves_meet, pair_meets
 from collision.memory import doubles, f64, i64, lowest, put_f32, put_f64, put_i32, put_i64
-from collision.predicates import KERNEL
+from collision.predicates import INNER, KERNEL
 from collision.tables import (
     COUNTS_AT,
     FRONT,
@@ -37,10 +37,10 @@ from collision.tables import (
 from collision.wide import BOXES, COUNT, FRAME, INFO, NODES, NUMBER, ROWS, STARTS, SURFACES, TOP
 
 _NODE: Final = (1 << 24) - 1
-_INLINE: Final = KERNEL | {"forceinline": True}
+_INLINE: Final = INNER | {"forceinline": True}
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def set_motion(pose, frame_a, frame_b, motion):
     """Fill `motion` (see `lanes.MOTION`) for boxes about b's centre into boxes about a's centre.
 
@@ -86,7 +86,7 @@ def filled(row, level, q):
     return 255 >> (8 - min(8, boxes - 8 * q))
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def start(a, b, scratch):
     """Begin a question: the motion, and the boxes of b's surfaces moved."""
     counts, motion = i64(scratch, COUNTS_AT), i64(scratch, MOTION_AT)
@@ -114,7 +114,7 @@ def best_pairs(a, b, scratch):
     return found
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def below(a, b, scratch, place_b, task, found):
     """Add the surfaces below a node (and mask) over the surfaces of a that collide with one of b; how many are found.
 
@@ -141,7 +141,7 @@ def below(a, b, scratch, place_b, task, found):
     return found
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def _add_pair(a, place_a, b, place_b, scratch, bottom, found):
     """Add a pair of surfaces if it collides; what met last is tried first. How many are found."""
     last, front = i64(scratch, LAST), i64(scratch, FRONT)
@@ -169,7 +169,7 @@ def root_of(a, place_a, b, place_b):
     return task_of(i64(i64(a, ROWS), INFO * place_a + TOP), 0, i64(i64(b, ROWS), INFO * place_b + TOP), 0)
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def add_found(key, pair, scratch, found):
     """Add a pair of surfaces that collides; how many are found."""
     put_i64(i64(scratch, KEYS), found, key)
@@ -180,7 +180,7 @@ def add_found(key, pair, scratch, found):
     return found + 1
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def answer(found, kb, scratch):
     """Sort the keys (Shell's sort: numba's own takes seconds to compile) and write them out as pairs."""
     keys, pairs = i64(scratch, KEYS), i64(scratch, PAIRS)
@@ -208,7 +208,7 @@ def ask(a, b, matrix, rigid, scratch):
     return best_pairs(a, b, scratch)
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def search(a, place_a, b, place_b, task, scratch, bottom):
     """Two triangles in which a surface of a and one of b meet (2^32·(that of a) + that of b, in leaf order), or -1.
 

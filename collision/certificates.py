@@ -29,7 +29,7 @@ from numba import njit
 
 from collision.lanes import clearances
 from collision.memory import f32, f64, i64, lowest, put_f32, put_i64
-from collision.predicates import KERNEL
+from collision.predicates import INNER
 from collision.tables import CAPACITY, FREE, N_FREE, OVERFLOW, PIECES, PLANES, ROOM, SIZE
 from collision.wide import LANES
 
@@ -37,7 +37,7 @@ ROW: Final = 11 * LANES
 """float32 that eight certificates take: rows of n, u, c, r and k"""
 
 
-@njit("void(int64, int64, " + "float64, " * 8 + "int64, int64)", **KERNEL)
+@njit("void(int64, int64, " + "float64, " * 8 + "int64, int64)", **INNER)
 def record(front, pose, nx, ny, nz, gap, cx, cy, cz, r, pair, task):
     """Keep that pieces are `gap` apart along n at `pose`; a gap of -inf: nothing is known of them."""
     if i64(front, N_FREE) > 0:
@@ -69,14 +69,14 @@ def record(front, pose, nx, ny, nz, gap, cx, cy, cz, r, pair, task):
     put_f32(planes, at + 80, k)
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def hopeless(front, slot):
     """Whether this stands for triangles between which no plane was found."""
     planes, at = i64(front, PLANES), ROW * (slot >> 3) + (slot & 7)
     return f32(planes, at + 80) == -np.inf and f32(planes, at + 72) > 0.0
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def drop(front, slot):
     """Forget a certificate: its place passes every check until it is taken again."""
     planes, at = i64(front, PLANES), ROW * (slot >> 3) + (slot & 7)
@@ -87,7 +87,7 @@ def drop(front, slot):
     put_i64(front, N_FREE, i64(front, N_FREE) + 1)
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def record_boxes(front, pose, boxes_a, lane_a, step_a, moved, boxes_b, lane_b, step_b, lanes, pair, task):
     """Certificates for boxes that do not overlap: in each of `lanes` (bits) that at lane_a + step_a·i of a and that at
     lane_b + step_b·i of b, one step being 0 and the other 1. `task` is that of the pair of nodes, its mask empty.
@@ -139,7 +139,7 @@ def record_boxes(front, pose, boxes_a, lane_a, step_a, moved, boxes_b, lane_b, s
             )  # fmt: skip
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def record_leaves(front, pose, leaf_a, at_a, n_a, leaf_b, at_b, n_b, sx, sy, sz, off, cx, cy, cz, r, lanes, pair, task):
     """Certificates for the triangles `lanes` of a leaf of b, all apart from the n_a of a leaf of a.
 
@@ -185,7 +185,7 @@ def record_leaves(front, pose, leaf_a, at_a, n_a, leaf_b, at_b, n_b, sx, sy, sz,
         record(front, pose, sign * nx, sign * ny, sign * nz, gap - doubt, cx, cy, cz, r, pair, task | mask)
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def _direction(leaf_a, at_a, normals_a, leaf_b, at_b, candidate):
     """A direction of unit length, or 0 where a triangle has none."""
     if candidate < 3:

@@ -11,13 +11,13 @@ from typing import Final
 
 from numba import njit
 
-from collision.predicates import KERNEL, ORIENT3D, TINY
+from collision.predicates import INNER, ORIENT3D, TINY
 
 APART: Final = 0
 MEET: Final = 1
 IN_DOUBT: Final = -1
 
-_INLINE: Final = KERNEL | {"forceinline": True}
+_INLINE: Final = INNER | {"forceinline": True}
 
 
 @njit(**_INLINE)
@@ -43,7 +43,7 @@ def _above(d, plane):
     return int(det > bound) - int(det < -bound)
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def verdict(p1, q1, r1, p2, q2, r2):
     """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common: `MEET`, `APART` or `IN_DOUBT`.
 

@@ -35,7 +35,7 @@ from collision.certificates import ROW, drop, hopeless, record, record_boxes, re
 from collision.lanes import failing, overlapping_lane
 from collision.leaves import lane_of, meeting_leaves, middle, pair_meets
 from collision.memory import doubles, f32, f64, i64, lowest, put_f64, put_i64
-from collision.predicates import KERNEL
+from collision.predicates import INNER, KERNEL
 from collision.tables import (
     BEFORE,
     COOLING,
@@ -98,7 +98,7 @@ def ask_along(a, b, matrix, rigid, scratch, front):
     return best_pairs(a, b, scratch)
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def _near_the_last(pose, before, frame_b):
     """Whether no point of b has moved far since the last question; notes the pose."""
     size = f64(frame_b, 3) + f64(frame_b, 4) + f64(frame_b, 5)
@@ -115,13 +115,13 @@ def _near_the_last(pose, before, frame_b):
     return moved < STEP * size
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def _unknown(front, pose, pair, task):
     """Note that nothing is known of two nodes: they are searched at every question until they are split."""
     record(front, pose, 0.0, 0.0, 0.0, -np.inf, 0.0, 0.0, 0.0, 0.0, pair, task)
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def _begin(a, b, scratch, front):
     """Answer as `best_pairs` does, with a front of which nothing is known."""
     put_i64(front, SIZE, 0)
@@ -138,7 +138,7 @@ def _begin(a, b, scratch, front):
     return found
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def _mend(a, b, scratch, front):
     """Answer from the front, and mend it."""
     counts, size, met = i64(scratch, COUNTS_AT), i64(front, SIZE), i64(front, MET)
@@ -202,7 +202,7 @@ def _mend(a, b, scratch, front):
     return found
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def _again(a, place_a, b, place_b, task, scratch, front, found):
     """Add a pair of surfaces if it meets where it met last, or below the nodes of a task; how many are found."""
     key, last = key_of(a, place_a, b, place_b), i64(scratch, LAST)
@@ -218,7 +218,7 @@ def _again(a, place_a, b, place_b, task, scratch, front, found):
     return add_found(key, (place_a << 32) | place_b, scratch, found) if met >= 0 else found
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def _split_over(a, b, scratch, front, place_b, task):
     """Certificates for a surface of b and the children of a node over the surfaces of a; pairs that meet need none."""
     level, _, q, _, mask = nodes_of(task)
@@ -240,7 +240,7 @@ def _split_over(a, b, scratch, front, place_b, task):
             _unknown(front, pose, ((8 * q + i) << 32) | place_b, root_of(a, 8 * q + i, b, place_b))
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def _split(a, place_a, b, place_b, scratch, front, task):
     """Certificates for the children of two nodes below which nothing meets."""
     la, lb, qa, qb, mask = nodes_of(task)

@@ -11,7 +11,7 @@ from numba import njit
 from collision.lanes import perhaps_meeting, prepare_triangles, reaching, turn_triangles
 from collision.memory import doubles, f32, f64, i32, i64, lowest, put_i64
 from collision.polygons import triangles_meet
-from collision.predicates import KERNEL, WORKSPACE
+from collision.predicates import INNER, WORKSPACE
 from collision.tables import (
     COUNTS_AT,
     MOTION_AT,
@@ -27,7 +27,7 @@ from collision.tables import (
 )
 from collision.wide import BOXES, CORNERS, FIRST, NODES, STARTS, TRIANGLES, VERTICES
 
-_INLINE = KERNEL | {"forceinline": True}
+_INLINE = INNER | {"forceinline": True}
 
 
 @njit(**_INLINE)
@@ -112,7 +112,7 @@ def leaves_meet(a, row_a, qa, b, row_b, qb, mask, scratch):
     return -1
 
 
-@njit(**KERNEL)
+@njit(**INNER)
 def pair_meets(a, ta, b, tb, scratch):
     """Whether triangle `ta` of a meets triangle `tb` of b, moved; both in leaf order."""
     add(i64(scratch, COUNTS_AT), 3, 1)

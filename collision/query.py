@@ -162,8 +162,6 @@ class PairQuery:
     """
 
     def __init__(self, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> None:
-        from collision.front import ask_along
-
         self._meshes = mesh_a, mesh_b
         self._trees = a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
         self._last = np.full(a.n_surfaces * b.n_surfaces, -1, np.int64)
@@ -172,17 +170,29 @@ class PairQuery:
         self._scratch.counts[PREPARED_FOR] = 1
         self._scratch.table[LAST] = self._last.ctypes.data
         self._front = Front(a, b)
-        self._ask, self._addresses = ask_along, (a.address, b.address)
+        self._ask: Any = None
+        self._addresses = a.address, b.address
         self._rest = Tolerance.rigid, self._scratch.address, self._front.address
         self._pairs = self._scratch.pairs
 
     def colliding_surfaces(self, pose_ab: Any) -> NDArray[np.int32]:
         """(k, 2) int32: surface of a, surface of b, sorted; for b at `pose_ab` in a's frame."""
         matrix = _matrix(pose_ab, *self._meshes)
-        n = self._ask(*self._addresses, matrix, *self._rest)
+        n = (self._ask or self._first)(*self._addresses, matrix, *self._rest)
         if n < 0:
             pack(pose_ab, _who(*self._meshes))  # raises
         return self._pairs[:n].copy()
+
+    def _first(self, a: int, b: int, matrix: NDArray[np.float64], rigid: float, scratch: int, _front: int) -> int:
+        """The first question: answered before the kernels of the front are there (compiling them takes seconds)."""
+        from collision.best import ask
+
+        n: int = ask(a, b, matrix, rigid, scratch)
+        if n >= 0:
+            from collision.front import ask_along
+
+            self._ask = ask_along
+        return n
 
     @property
     def statistics(self) -> Statistics:
