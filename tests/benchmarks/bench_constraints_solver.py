@@ -2,7 +2,8 @@
 
 Peers run in a process of their own, in the interpreter that VPFRAME_PEERS names (this one otherwise); their seconds are
 those of the solving call alone, ours of the whole `solve` call from poses to poses, with the arrays of the call before.
-All solvers take turns, round by round, so that what else the machine does meets them alike; the median counts for each.
+All solvers take turns, round by round, so that what else the machine does meets them alike; the least time counts for
+each, since on a busy machine a long call is interrupted more often than a short one, and a median would favour ours.
 In each turn ours is called several times: the first call, after the others have had the caches, is told apart.
 """
 
@@ -104,7 +105,7 @@ class Peers:
 
 
 def compete(peers: Peers, problem: Any, start: list[Any], rounds: int) -> dict[str, dict[str, Any]]:
-    """Every solver's median seconds, residual and words on one problem, each round one turn of each."""
+    """Every solver's least seconds, residual and words on one problem, each round one turn of each."""
     given = _hinges(problem, start)
     found = solve(problem.constraints, start, problem.movable)
     seconds: dict[str, list[float]] = {solver: [] for solver in ("vpframe", *PEERS)}
@@ -128,7 +129,7 @@ def compete(peers: Peers, problem: Any, start: list[Any], rounds: int) -> dict[s
                 seconds[solver].append(answer[solver]["seconds"])
     answer["vpframe"]["said"] += f", {1e3 * float(np.median(first[1:])):.2f} ms after a pause"
     for solver, each in seconds.items():
-        answer[solver]["seconds"] = float(np.median(each[1:] or each)) if each else None
+        answer[solver]["seconds"] = min(each[1:] or each) if each else None
     return answer
 
 
