@@ -47,6 +47,8 @@ PASSES = 2
 """corrections of what has sunk in while a step was taken in one piece"""
 TRIALS = 24
 """flights with which the time of an impact is looked for; the last one counts, however deep"""
+STRAY = 0.025
+"""1: part of the thinnest wall by which forces may take a body off its way within a sub-step"""
 MOVING = 1e-6
 """m/s, rad/s: islands slower than this are at rest, and solved anew in each half kick"""
 ROUNDING = 1e-13
@@ -179,7 +181,7 @@ class Stepper:
             return h, merged(batch, ended)
         start = Saved(b, batch.ids)
         after, fresh = self._fly(batch, now, rest, time, t, h, wrench)
-        while (strayed := self._strayed(batch, start)).any():  # forces were greater than the first speed could tell
+        while (strayed := self._strayed(batch, start, h)).any():  # forces were greater than the first speed could tell
             h[strayed] *= 0.5
             start.restore(b)
             after, fresh = self._fly(batch, now, rest, time, t, h, wrench)
@@ -238,16 +240,15 @@ class Stepper:
         _limits(batch.pairs, batch.of, b.velocity, b.radius, b.thickness, out)
         return out
 
-    def _strayed(self, batch: Batch, start: Saved) -> Mask:
-        """(count,) islands whose bodies have moved so far since `start` that they may have passed something unseen."""
+    def _strayed(self, batch: Batch, start: Saved, h: Array) -> Mask:
+        """(count,) islands whose bodies have left the way on which `_limit` counted, and may pass something unseen."""
         b = self.bodies
-        moved = np.sqrt(((b.center[batch.ids] - start.center) ** 2).sum(axis=1))
-        moved += np.abs(b.rotation[batch.ids] - start.rotation).max(axis=(1, 2)) * b.radius[batch.ids]
+        off = h[batch.island] * _point_speeds(b.velocity[batch.ids] - start.velocity, b.radius[batch.ids])
         thinnest = np.full(batch.count, np.inf)
         island = np.maximum(batch.of[batch.pairs[:, 0]], batch.of[batch.pairs[:, 2]])
         for side in (0, 2):
             np.minimum.at(thinnest, island, b.thickness[batch.pairs[:, side]])
-        return batch.largest(moved) > 0.5 * thinnest
+        return batch.largest(off) > STRAY * thinnest
 
     def _rounding(self, batch: Batch) -> Array:
         return ROUNDING + 1e-15 * batch.largest(np.abs(self.bodies.center[batch.ids]).max(axis=1))
@@ -283,12 +284,13 @@ class Stepper:
         to_find = batch
         after, touched, off = self._matched(batch, now, begin, way)
         for _ in range(5):
-            # what an impact has ended too deep is flown again: its pressed contacts need no closing
-            deep = self._least(batch, after, ~touched) < -1e-6
             worst = np.zeros(batch.count)
             np.maximum.at(worst, batch.of_rows(after.ints[off]), np.abs(after.reals[off, 6]))
             jb, jj, jr = assemble(batch.joints, b, ids)
             worst = np.maximum(worst, np.abs(jr).max(initial=0.0))
+            # what an impact has ended too deep is flown again: its pressed contacts need no closing, if that is too
+            # little to undo the depth (else the time of impact is looked for where the gap jumps)
+            deep = self._least(batch, after, ~touched) < -np.maximum(1e-6, 20.0 * worst)
             open_ = (worst > rounding) & ~deep
             if not open_.any():
                 break
