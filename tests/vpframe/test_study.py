@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from vpframe import first_task, study
+from vpframe.checkpoint import Journal
 from vpframe.errors import VpframeError
 
 ROOT = Path(__file__).parents[2]
@@ -47,7 +48,7 @@ def script(tmp_path: Path, body: str) -> Path:
 
 
 def start(*arguments: str) -> subprocess.Popen[str]:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "DISPLAY": ""}
     return subprocess.Popen(
         [sys.executable, "-m", "vpframe", "run", *arguments],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
@@ -165,10 +166,15 @@ def test_ctrl_c_ends_cleanly_with_recording_and_report_of_what_was_done(tmp_path
     assert (tmp_path / "run.rrd").stat().st_size > 1000
 
 
-def test_a_killed_run_resumes_to_the_same_end(tmp_path) -> None:
+def last_saved(journal: Path) -> list[bytes]:
+    """Poses of all parts at the last save of a run."""
+    return [pose.homogeneous.tobytes() for pose in Journal(journal, {}, resume=True).restore()["poses"]]
+
+
+def test_a_killed_run_with_a_live_view_resumes_to_the_same_end(tmp_path) -> None:
     path = script(tmp_path, LONG.format(times=6))
     journal = tmp_path / "run.journal"
-    process = start(str(path), "--checkpoint", str(journal))
+    process = start(str(path), "--checkpoint", str(journal), "--view")
     until = time.monotonic() + 200
     while time.monotonic() < until and process.poll() is None:
         if journal.exists() and journal.read_bytes().count(b"SAVE") >= 3:
@@ -176,13 +182,16 @@ def test_a_killed_run_resumes_to_the_same_end(tmp_path) -> None:
         time.sleep(0.01)
     process.communicate()
     assert process.returncode == -signal.SIGKILL, "it was to be killed in the middle"
-    resumed = start(str(path), "--checkpoint", str(journal), "--resume", "--report", str(tmp_path / "a"))
+    resumed = start(str(path), "--checkpoint", str(journal), "--resume", "--view", "--report", str(tmp_path / "a"))
     out, error = resumed.communicate(timeout=200)
     assert resumed.returncode == 0, out + error
-    whole = start(str(path), "--report", str(tmp_path / "b"))
+    assert "look at it at http://127.0.0.1:" in error
+    other = tmp_path / "other.journal"
+    whole = start(str(path), "--checkpoint", str(other), "--report", str(tmp_path / "b"))
     out, error = whole.communicate(timeout=200)
     assert whole.returncode == 0, out + error
     a, b = (json.loads((tmp_path / name / "report.json").read_text()) for name in "ab")
     for document in (a, b):
         document.pop("timings", None)
     assert a == b
+    assert last_saved(journal) == last_saved(other), "bit for bit"
