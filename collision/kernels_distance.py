@@ -273,15 +273,15 @@ def _leaves(
             b = (vertices_a[ib, 0], vertices_a[ib, 1], vertices_a[ib, 2])
             c = (vertices_a[ic, 0], vertices_a[ic, 1], vertices_a[ic, 2])
             reach = bound + rounding
-            if (
-                min(a[0], b[0], c[0]) > high[0] + reach or low[0] > max(a[0], b[0], c[0]) + reach
-                or min(a[1], b[1], c[1]) > high[1] + reach or low[1] > max(a[1], b[1], c[1]) + reach
-                or min(a[2], b[2], c[2]) > high[2] + reach or low[2] > max(a[2], b[2], c[2]) + reach
-            ):  # fmt: skip
+            square = 0.0
+            for d in range(3):
+                between = max(min(a[d], b[d], c[d]) - high[d], low[d] - max(a[d], b[d], c[d]))
+                if between > 0.0:
+                    square += between * between
+            if square > reach * reach or planes_part(a, b, c, p, q, r, bound):
                 continue
-            if planes_part(a, b, c, p, q, r, bound):
-                continue
-            if triangles_meet(a, b, c, p, q, r, work):
+            # boxes that rounding cannot bring together hold no triangles that meet
+            if square <= rounding * rounding and triangles_meet(a, b, c, p, q, r, work):
                 x = common_point(a, b, c, p, q, r)
                 best[0] = 0.0
                 for d in range(3):
