@@ -46,8 +46,7 @@ def colliding_surfaces(
     PoseError, CollisionError: a pose that is not a finite rigid motion, an unknown method.
     """
     if method == "best":
-        scratch = _local.scratch
-        return scratch.ask(mesh_a, mesh_b, pose_ab)
+        return _ask_once(mesh_a, mesh_b, pose_ab)[0]
     return examine(mesh_a, mesh_b, pose_ab, method)[0]
 
 
@@ -56,9 +55,8 @@ def examine(
 ) -> tuple[NDArray[np.int32], Statistics]:
     """`colliding_surfaces`, and what it cost."""
     if method == "best":
-        scratch = _local.scratch
-        before = scratch.statistics
-        pairs = scratch.ask(mesh_a, mesh_b, pose_ab)
+        before = _scratch(*_sizes(wide_tree_of(mesh_a), wide_tree_of(mesh_b))).statistics
+        pairs, scratch = _ask_once(mesh_a, mesh_b, pose_ab)
         return pairs, scratch.statistics - before
     pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}")
     if method in ("oaabb", "brute"):
@@ -71,64 +69,38 @@ def examine(
 
 
 class Scratch:
-    """What the fast query works in: one a thread, grown to the largest meshes seen, never part of an answer."""
+    """What the fast query works in, for trees of so many float32 of nodes and so many pairs of surfaces.
 
-    def __init__(self) -> None:
+    One a thread, replaced by a larger one when it is too small (never grown in place: an interruption in between would
+    leave addresses of what is gone); never part of an answer.
+    """
+
+    def __init__(self, size_a: int = 1, size_b: int = 1, pairs: int = 1) -> None:
         from collision.lanes import MOTION
         from collision.predicates import FALLBACKS, workspace
 
         self._fallbacks = FALLBACKS
+        self.sizes = size_a, size_b, pairs
         self.pose, self.motion = np.empty(15), np.empty(MOTION, np.float32)
+        self.moved, self.stamp = np.empty(size_b, np.float32), np.zeros(size_b // 8 + 1, np.int64)
+        self.turned = np.empty(SPREAD * size_b, np.float32)
+        self.prepared, self.stamp_a = np.empty(SPREAD * size_a, np.float32), np.zeros(size_a // 8 + 1, np.int64)
         self.stack = np.empty(STACK, np.int64)
-        self.workspace = workspace()
+        self.keys, self.pairs = np.empty(pairs, np.int64), np.empty((pairs, 2), np.int32)
         self.counts = np.zeros(COUNTS, np.int64)
-        self.table = np.zeros(SCRATCH, np.int64)
-        self.address = self.table.ctypes.data
-        self.size_a = self.size_b = self.size_pairs = 0
-        self.fit(1, 1, 1)
-
-    def fit(self, size_a: int, size_b: int, pairs: int) -> None:
-        """Grow to so many float32 of nodes, and pairs of surfaces."""
-        if size_a > self.size_a:
-            self.size_a = size_a
-            self.prepared = np.empty(SPREAD * size_a, np.float32)
-            self.stamp_a = np.zeros(size_a // 8 + 1, np.int64)
-        if size_b > self.size_b:
-            self.size_b = size_b
-            self.moved = np.empty(size_b, np.float32)
-            self.turned = np.empty(SPREAD * size_b, np.float32)
-            self.stamp = np.zeros(size_b // 8 + 1, np.int64)
-        if pairs > self.size_pairs:
-            self.size_pairs = pairs
-            self.keys = np.empty(pairs, np.int64)
-            self.pairs = np.empty((pairs, 2), np.int32)
+        self.workspace = workspace()
         arrays = (
             self.pose, self.motion, self.moved, self.stamp, self.turned, self.prepared, self.stamp_a,
             self.stack, self.keys, self.pairs, self.counts, self.workspace,
         )  # fmt: skip
+        self.table = np.zeros(SCRATCH, np.int64)
         self.table[: len(arrays)] = [array.ctypes.data for array in arrays]
-
-    def fit_trees(self, a: WideTree, b: WideTree) -> None:
-        """Grow to two trees."""
-        pairs = a.n_surfaces * b.n_surfaces
-        if len(a.nodes) > self.size_a or len(b.nodes) > self.size_b or pairs > self.size_pairs:
-            self.fit(len(a.nodes), len(b.nodes), pairs)
+        self.address = self.table.ctypes.data
 
     @property
     def statistics(self) -> Statistics:
         """Counts of all questions so far."""
         return Statistics.of([*self.counts[:4], self.workspace[self._fallbacks]])
-
-    def ask(self, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose: Any) -> NDArray[np.int32]:
-        """The colliding pairs of surfaces, nothing remembered."""
-        from collision.best import ask
-
-        a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
-        self.fit_trees(a, b)
-        n = ask(a.address, b.address, _matrix(pose, mesh_a, mesh_b), Tolerance.rigid, self.address)
-        if n < 0:
-            pack(pose, _who(mesh_a, mesh_b))  # raises
-        return self.pairs[:n].copy()
 
 
 class Front:
@@ -165,8 +137,7 @@ class PairQuery:
         self._meshes = mesh_a, mesh_b
         self._trees = a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
         self._last = np.full(a.n_surfaces * b.n_surfaces, -1, np.int64)
-        self._scratch = Scratch()
-        self._scratch.fit_trees(a, b)
+        self._scratch = Scratch(*_sizes(a, b))
         self._scratch.counts[PREPARED_FOR] = 1
         self._scratch.table[LAST] = self._last.ctypes.data
         self._front = Front(a, b)
@@ -183,11 +154,11 @@ class PairQuery:
             pack(pose_ab, _who(*self._meshes))  # raises
         return self._pairs[:n].copy()
 
-    def _first(self, a: int, b: int, matrix: NDArray[np.float64], rigid: float, scratch: int, _front: int) -> int:
+    def _first(self, *arguments: Any) -> int:
         """The first question: answered before the kernels of the front are there (compiling them takes seconds)."""
         from collision.best import ask
 
-        n: int = ask(a, b, matrix, rigid, scratch)
+        n: int = ask(*arguments[:-1])
         if n >= 0:
             from collision.front import ask_along
 
@@ -198,6 +169,9 @@ class PairQuery:
     def statistics(self) -> Statistics:
         """Counts of all questions so far."""
         return self._scratch.statistics
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return PairQuery, self._meshes  # a copy remembers nothing: addresses are of this one's memory
 
 
 class Remembered:
@@ -213,6 +187,9 @@ class Remembered:
         self.pairs: NDArray[np.int32]
         self.versions = self.asked = (-1, -1)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Remembered, self.meshes  # as above
+
 
 def ask_many(asked: Sequence[tuple[Remembered, NDArray[np.float64]]]) -> Statistics:
     """Answer pairs of objects at (12,) poses, on two threads where it is worth one; what it cost."""
@@ -226,18 +203,33 @@ def ask_many(asked: Sequence[tuple[Remembered, NDArray[np.float64]]]) -> Statist
 def _ask_some(asked: Sequence[tuple[Remembered, NDArray[np.float64]]]) -> Statistics:
     from collision.best import best_pairs
 
-    scratch = _local.scratch
+    if not asked:
+        return Statistics()
+    trees = [(wide_tree_of(known.meshes[0]), wide_tree_of(known.meshes[1])) for known, _ in asked]
+    scratch = _scratch(*(max(sizes) for sizes in zip(*(_sizes(a, b) for a, b in trees), strict=True)))
     before = scratch.statistics
-    for known, pose in asked:
-        a, b = (wide_tree_of(mesh) for mesh in known.meshes)
-        scratch.fit_trees(a, b)
-        scratch.pose[:12] = pose
-        scratch.table[LAST] = known.address
-        n = best_pairs(a.address, b.address, scratch.address)
-        known.pairs = scratch.pairs[:n].copy()
-        known.versions = known.asked
-    scratch.table[LAST] = 0
+    try:
+        for (known, pose), (a, b) in zip(asked, trees, strict=True):
+            scratch.pose[:12] = pose
+            scratch.table[LAST] = known.address
+            n = best_pairs(a.address, b.address, scratch.address)
+            known.pairs = scratch.pairs[:n].copy()
+            known.versions = known.asked
+    finally:
+        scratch.table[LAST] = 0
     return scratch.statistics - before
+
+
+def _ask_once(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose: Any) -> tuple[NDArray[np.int32], Scratch]:
+    """The colliding pairs of surfaces, nothing remembered; and in what they were found."""
+    from collision.best import ask
+
+    a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
+    scratch = _scratch(*_sizes(a, b))
+    n = ask(a.address, b.address, _matrix(pose, mesh_a, mesh_b), Tolerance.rigid, scratch.address)
+    if n < 0:
+        pack(pose, _who(mesh_a, mesh_b))  # raises
+    return scratch.pairs[:n].copy(), scratch
 
 
 @cache
@@ -274,6 +266,20 @@ class _Local(threading.local):
 
 
 _local = _Local()
+
+
+def _sizes(a: WideTree, b: WideTree) -> tuple[int, int, int]:
+    return len(a.nodes), len(b.nodes), a.n_surfaces * b.n_surfaces
+
+
+def _scratch(size_a: int, size_b: int, pairs: int) -> Scratch:
+    """This thread's, large enough."""
+    scratch = _local.scratch
+    has_a, has_b, has_pairs = scratch.sizes
+    if size_a > has_a or size_b > has_b or pairs > has_pairs:
+        scratch = Scratch(max(size_a, has_a), max(size_b, has_b), max(pairs, has_pairs))
+        _local.scratch = scratch
+    return scratch
 
 
 def _plain(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+from collision.errors import CollisionError
 
 
 @dataclass(frozen=True)
@@ -10,6 +12,10 @@ class Tolerance:
     """What counts as equal. Every package takes its epsilons from here; a user may set any of them.
 
     Collision verdicts do not depend on it (they are exact); nearness, recognition and solving do.
+
+    Raises
+    ------
+    CollisionError: a field that is negative or no number. Infinity is one (`break_distance`: never).
     """
 
     linear: float = 1e-5
@@ -70,3 +76,11 @@ class Tolerance:
     """m/s: a body whose every point has stayed slower than this for `sleep_time` may sleep"""
     sleep_time: float = 0.5
     """s"""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name == "fit_class":
+                continue
+            if not isinstance(value, (int, float)) or not value >= 0.0:
+                raise CollisionError(f"Tolerance: {field.name} is {value!r}; give a number that is not negative")
