@@ -174,8 +174,9 @@ def build_surface(
             if leaves > 1:
                 mid = lo + middle(hi - lo, leaf)
                 select(centre[longest_axis(centre, item, lo, hi)], item, lo, hi, mid, key)
-                stack[top] = (mid, hi, node)
-                stack[top + 1] = (lo, mid, -1)
+                # number by number: numba takes two seconds to compile the error of a row of another length
+                stack[top, 0], stack[top, 1], stack[top, 2] = mid, hi, node
+                stack[top + 1, 0], stack[top + 1, 1], stack[top + 1, 2] = lo, mid, -1
                 top += 2
             node += 1
         for i in range(m):
