@@ -93,10 +93,13 @@ class Ways:
     """What objects might meet within a step, told from their state when it begins."""
 
     def __init__(self, bodies: Bodies, shape_of: Ints, shapes: Shapes, dt: float) -> None:
-        n = bodies.n
-        self._state = (bodies.rotation[:n].copy(), bodies.origin[:n].copy(), bodies.velocity[:n].copy())
+        self._state: tuple[Array, ...] = (bodies.rotation, bodies.origin, bodies.velocity)
         self._shapes = (bodies.radius, shape_of, shapes.first_surface, shapes.boxes)
         self._dt = dt
+
+    def keep(self) -> None:
+        """To be called before anything moves, if the question will be asked again."""
+        self._state = tuple(array.copy() for array in self._state)
 
     def meeting(self, pairs: Ints, spread: Array) -> NDArray[np.bool_]:
         """Mask (k,) of the surface pairs (k, 4), sorted, of objects that may meet; spread: (N,) m by id, by which an

@@ -101,16 +101,20 @@ class Stepper:
         way = Ways(b, self.touching.shape_of, shapes, dt)
         start, steady, rate = Saved(b, ids), b.steady[ids], b.rate[ids]
         near = way.meeting(pairs, spread)
+        left_out = ~same_objects(pairs, pairs[near])
+        if left_out.any():
+            way.keep()
         self._total = len(ids)
         batch = split(ids, pairs[near], moved, b)
         out = self.advance(batch, before, kept, time, dt, wrench)
         while True:
             spread[batch.ids] = np.maximum(spread[batch.ids], self._left[batch.ids])
-            unseen = np.flatnonzero(~same_objects(pairs, pairs[near]))
+            unseen = np.flatnonzero(left_out)
             unseen = unseen[way.meeting(pairs[unseen], spread)]
             if len(unseen) == 0:
                 return out
             near[unseen] = True
+            left_out[same_objects(pairs, pairs[unseen])] = False
             batch = split(ids, pairs[near], moved, b)
             again = np.zeros(batch.count, bool)
             again[batch.of_rows(pairs[unseen][:, [0, 2]])] = True

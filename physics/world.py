@@ -529,7 +529,7 @@ class World:
         """Wake what an awake body is near to or joined with, and add it to `free`; whether there was any."""
         b = self._bodies
         is_free = b.kind == FREE
-        links = np.unique(self._pairs[:, [0, 2]], axis=0).tolist()
+        links = self._near().tolist()
         links += [joint.bodies for joint in self._joints]
         everything = {*free}
         grown = True
@@ -552,7 +552,7 @@ class World:
         place = np.full(self._bodies.n, -1, np.int64)
         place[ids] = np.arange(len(ids))
         joined = np.array([joint.bodies for joint in self._joints], np.int64).reshape(-1, 2)
-        links = np.concatenate([self._pairs[:, [0, 2]], joined])
+        links = np.concatenate([self._near(), joined])
         return components(len(ids), place[links])
 
     def _advance(self, ids: Ints, label: Ints, count: int, kept: bool, dt: float) -> list[Contacts]:
@@ -589,6 +589,11 @@ class World:
             self._stepper.coast(ids[alone], self._constant[ids[alone]], dt)
         return ended
 
+    def _near(self) -> Ints:
+        """(k, 2) near objects, each pair once; the list of surface pairs is sorted by them."""
+        near = self._pairs[:, [0, 2]]
+        return near[np.append(True, (near[1:] != near[:-1]).any(axis=1))] if len(near) else near
+
     def _pairs_of(self, ids: Ints) -> Ints:
         """Near surface pairs with one of the bodies."""
         mine = np.zeros(self._bodies.n, bool)
@@ -619,7 +624,7 @@ class World:
         restless |= np.array([i in self._grips or not self._may_sleep[i] for i in ids.tolist()], bool)
         place = np.full(b.n, -1, np.int64)
         place[ids] = label
-        near = np.concatenate([self._pairs[:, [0, 2]], np.array([j.bodies for j in self._joints], int).reshape(-1, 2)])
+        near = np.concatenate([self._near(), np.array([j.bodies for j in self._joints], np.int64).reshape(-1, 2)])
         met = np.zeros(count, bool)
         met[place[near[(place[near] >= 0).any(axis=1)]].max(axis=1)] = True
         carried = (b.kind[near] == KINEMATIC) & b.velocity[near].any(axis=2)
@@ -630,6 +635,7 @@ class World:
         asleep = ids[~awake[label]]
         b.awake[asleep] = False
         b.velocity[asleep] = 0.0
+        self._stale |= len(asleep) > 0  # the list is of those that are awake
 
     # --- behaviours ---------------------------------------------------------------------------------------------------
 
