@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
 from numba import njit
 
 from collision.boxes import take_pose
@@ -107,7 +108,7 @@ def best_pairs(a, b, scratch):
     """
     start(a, b, scratch)
     top = task_of(i64(i64(a, ROWS), INFO * i64(a, SURFACES) + TOP), 0, 0, 0)
-    found = 0
+    found = np.int64(0)  # of no literal type, for which numba compiles all below twice
     for place_b in range(i64(b, SURFACES)):
         found = below(a, b, scratch, place_b, top, found)
     answer(found, i64(b, SURFACES), scratch)

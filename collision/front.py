@@ -162,7 +162,7 @@ def _mend(a, b, scratch, front):
         return best_pairs(a, b, scratch)
     if n == 0:
         put_i64(front, REST, PATIENCE)
-    found = 0
+    found = np.int64(0)  # see `best.best_pairs`
     for i in range(i64(front, N_MET)):
         pair = i64(met, i)
         place_a, place_b = pair >> 32, pair & 0xFFFFFFFF

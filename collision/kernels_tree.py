@@ -294,10 +294,10 @@ def widen(vertices, corner, box, second, first, count, root, by_place, frame, no
         at = above
         if leaves > 1:
             at = add_levels(nodes, above, (leaves + LANES - 1) // LANES)
-    add_levels(nodes, 0, (k + LANES - 1) // LANES)
+    add_levels(nodes, np.int64(0), (k + LANES - 1) // LANES)
     o = INFO * k
     info[o + NUMBER], info[o + FIRST], info[o + COUNT] = -1, 0, k
-    _levels(info, o, 0, BOXES * ((k + LANES - 1) // LANES), (k + LANES - 1) // LANES)
+    _levels(info, o, np.int64(0), BOXES * ((k + LANES - 1) // LANES), (k + LANES - 1) // LANES)
 
 
 @njit(cache=True, nogil=True)
