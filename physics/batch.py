@@ -93,13 +93,14 @@ class Ways:
     """What objects might meet within a step, told from their state when it begins."""
 
     def __init__(self, bodies: Bodies, shape_of: Ints, shapes: Shapes, dt: float) -> None:
-        self._state: tuple[Array, ...] = (bodies.rotation, bodies.origin, bodies.velocity)
+        self._state = (bodies.rotation, bodies.origin, bodies.velocity)
         self._shapes = (bodies.radius, shape_of, shapes.first_surface, shapes.boxes)
         self._dt = dt
 
     def keep(self) -> None:
         """To be called before anything moves, if the question will be asked again."""
-        self._state = tuple(array.copy() for array in self._state)
+        rotation, origin, velocity = self._state
+        self._state = (rotation.copy(), origin.copy(), velocity.copy())
 
     def meeting(self, pairs: Ints, spread: Array) -> NDArray[np.bool_]:
         """Mask (k,) of the surface pairs (k, 4), sorted, of objects that may meet; spread: (N,) m by id, by which an
