@@ -25,7 +25,7 @@ from constraints.kinds import (
 )
 
 Pair = tuple[int, int, int, int]
-"""body a, feature of a, body b, feature of b; a < b"""
+"""body a, feature of a, body b, feature of b; a < b (of what is stated, as the caller has it)"""
 Key = tuple[int, int, int, int, str]
 """the same, and the kind: what a candidate is known by"""
 
@@ -99,6 +99,8 @@ class Candidate:
     """one line: what touches, what fits, how exactly"""
     pitch: float | None = None
     """m a turn, where the pair is a thread"""
+    stated: bool = False
+    """whether the caller stated it (see `constraints.stated`), rather than contact"""
 
     @property
     def kind(self) -> str:
@@ -107,7 +109,7 @@ class Candidate:
 
     @property
     def bodies(self) -> tuple[int, int]:
-        """The two object ids, ascending."""
+        """The two object ids, in the order of the key."""
         return self.key[0], self.key[2]
 
     @property

@@ -146,6 +146,32 @@ class ConstraintManager:
         self.accepted[id] = Accepted(candidate, break_distance=break_distance, break_force=break_force)
         return self._note("accepted", id, candidate, candidate.why)
 
+    def impose(self, candidate: Candidate, *, break_distance: float | None = None, break_force: float = np.inf) -> int:
+        """Put what the caller states (see `constraints.stated`) in force, and tell its id.
+
+        Of a pair of features that is on offer already, or was refused, it takes the place. It holds whatever a hand
+        pulls, unless `break_distance` (m) or `break_force` (N) is given.
+        """
+        id = self.id_of(candidate)
+        if id in self.accepted:
+            raise ConstraintsError(f"{candidate.kind} of these two features is in force already, as constraint {id}")
+        self._ids[candidate.key] = id
+        for known in (self.candidates, self.refused, self._pulled):
+            known.pop(id, None)
+        self._unproven.append(id)
+        self.accepted[id] = Accepted(candidate, break_distance=break_distance, break_force=break_force)
+        self._note("accepted", id, candidate, candidate.why)
+        return id
+
+    @property
+    def known(self) -> int:
+        """How many candidates and constraints there have been: the next new one's id."""
+        return len(self._ids)
+
+    def id_of(self, candidate: Candidate, unknown: int = 0) -> int:
+        """The id that a candidate has, or will have when `unknown` others come to be known before it."""
+        return self._ids.get(candidate.key, len(self._ids) + unknown)
+
     def refuse(self, id: int) -> Change:
         """Turn a candidate down: it is not offered again before its two parts have parted."""
         if id not in self.candidates:
@@ -203,10 +229,11 @@ class ConstraintManager:
         keep = Limits.keep(self.tolerance)
         for id, entry in list(self.accepted.items()):
             a, b = entry.candidate.bodies
-            match = self.recogniser.match(entry.candidate.key, poses, replace(keep, linear=np.inf, angular=np.pi / 2))
-            if match is None:
-                self.remove(id, "the surfaces no longer overlap")
-                continue
+            if not entry.candidate.stated:
+                loose = replace(keep, linear=np.inf, angular=np.pi / 2)
+                if self.recogniser.match(entry.candidate.key, poses, loose) is None:
+                    self.remove(id, "the surfaces no longer overlap")
+                    continue
             hardest = max((_borne(entry.candidate, x, poses, force[x]) for x in (a, b) if x in force), default=0.0)
             if hardest > entry.break_force:
                 self._break(id, f"pulled with {hardest:.4g} N, more than {entry.break_force:.4g} N")
@@ -226,7 +253,8 @@ class ConstraintManager:
                 self._break(id, reason)
 
     def _break(self, id: int, reason: str) -> None:
-        self._pulled[id] = self.accepted[id].candidate
+        if not self.accepted[id].candidate.stated:
+            self._pulled[id] = self.accepted[id].candidate
         self.remove(id, reason)
 
     def _pulled_apart(self, entry: Accepted, at: Mapping[int, pin.SE3]) -> str | None:
@@ -296,7 +324,10 @@ class ConstraintManager:
             (self.accept if verdict else self.refuse)(id)
 
     def _remove_contradicted(self, poses: Sequence[pin.SE3]) -> None:
-        """Where a newly accepted constraint cannot hold with the older ones, these give way, the newest first."""
+        """Where a newly accepted constraint cannot hold with the older ones, these give way, the newest first.
+
+        What is stated never does: it was found to hold when it was stated.
+        """
         fresh, self._unproven = [i for i in self._unproven if i in self.accepted], []
         if not fresh or self._holds(list(self.accepted), poses):
             return
@@ -304,8 +335,12 @@ class ConstraintManager:
             proven = [i for i in self.accepted if i not in fresh[k + 1 :]]
             if id not in self.accepted or self._holds(proven, poses):
                 continue
-            older = [i for i in reversed(proven) if i != id]
             mine = self.accepted[id].candidate
+            stated = [i for i in proven if self.accepted[i].candidate.stated]
+            if stated and not mine.stated and not self._holds([*stated, id], poses):
+                self.remove(id, "cannot hold together with what is stated")
+                continue
+            older = [i for i in reversed(proven) if i != id and i not in stated]
             culprit = next((i for i in older if self._holds([k for k in proven if k != i], poses)), None)
             same_pair = [i for i in older if self.accepted[i].candidate.bodies == mine.bodies]
             for i in same_pair if culprit is None else [culprit]:

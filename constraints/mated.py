@@ -16,6 +16,7 @@ from collision import SurfaceMesh, Tolerance
 from constraints.candidate import Candidate
 from constraints.manager import ConstraintManager
 from constraints.sleeve import sleeve
+from constraints.stated import mates_surfaces
 
 Pairing = tuple[int, tuple[int, ...], int, tuple[int, ...]]
 """Body a, surfaces of it, body b, surfaces of it: each of the first with each of the second."""
@@ -49,6 +50,9 @@ class MatedSurfaces:
             for a, sa, b, sb in self._mated.pop(id):
                 self.collision.heed_surfaces(a, sa, b, sb)
         for id, entry in accepted.items():
+            if not mates_surfaces(entry.candidate, self.constraints.recogniser.features):
+                self._mated[id], self._beside[id] = (), (0, (), 0, ())
+                continue
             a, b = entry.candidate.bodies
             sa, sb = entry.candidate.surfaces
             beside_a = adjacent_surfaces(self.collision.mesh(a), sa)

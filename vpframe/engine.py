@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
@@ -18,6 +18,7 @@ from constraints.candidate import Candidate
 from constraints.kinds import Constraint
 from constraints.manager import Change, UnknownConstraintError
 from constraints.motion import Motion
+from constraints.stated import taken_along
 from physics import Behaviour, Body, SpringHand
 from vpframe.dynamics import Dynamics, spring
 from vpframe.errors import TaskError
@@ -58,12 +59,14 @@ class Wish:
 
 @dataclass(frozen=True)
 class Request:
-    """What a script decides about a candidate or constraint: "accept", "refuse" or "remove"."""
+    """What a script decides about a candidate or constraint: "accept", "refuse", "remove" or "impose"."""
 
     verb: str
     id: int
     limits: tuple[tuple[str, float], ...] = ()
     """of what is accepted: "break_distance" (m), "break_force" (N)"""
+    stated: Candidate | None = None
+    """of the verb "impose": what the script states"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +167,7 @@ class Engine:
         """The rule's word on mates that a hand makes or that the assembly has; what fell into place is offered."""
         if self._started and self._active.isdisjoint(candidate.bodies):
             return None
-        verdict = self.rule(self._view(-1, candidate, "candidate"))
+        verdict = self.rule(self.view(-1, candidate, "candidate"))
         return None if verdict is None else verdict == "accept"
 
     @property
@@ -194,8 +197,10 @@ class Engine:
         wanted = self._wanted(firm)
         self._reach_for(wishes)
         self._active = set(wanted) | {self.scene.index(wish.part) for wish in wishes}
-        self._decide(requests)
         happenings, self._told_at_start = self._told_at_start, []
+        for candidate in self._decide(requests):
+            if self._active.isdisjoint(candidate.bodies):
+                self._settle(candidate, clocks)
         for part_way in self._part_ways(wanted):
             happenings += self._follow(part_way, firm, clocks)
         self._last_wanted = wanted
@@ -305,13 +310,34 @@ class Engine:
                 wanted[i] = wish.pose * self.poses[held].actInv(self.poses[i])
         return wanted
 
-    def _decide(self, requests: Sequence[Request]) -> None:
+    def _decide(self, requests: Sequence[Request]) -> list[Candidate]:
+        """Do what the script and people decide; what was stated among it."""
         self._decided |= bool(requests)
         for request in requests:
+            if request.stated is not None:
+                self.mates.impose(request.stated, **dict(request.limits))
+                continue
             try:
                 getattr(self.mates, request.verb)(request.id, **dict(request.limits))
             except UnknownConstraintError as error:
                 raise TaskError(f"{request.verb}: {error}") from None
+        return [request.stated for request in requests if request.stated is not None]
+
+    def _settle(self, candidate: Candidate, clocks: dict[str, float]) -> None:
+        """Bring what no hand holds to where a stated constraint holds: b goes to a, unless it is fixed."""
+        a, b = candidate.bodies
+        mover = a if self.scene.parts[b].fixed else b
+        before = list(self.poses)
+        result = self.motion.step({mover: self.poses[mover]}, self.poses, self._along({mover}))
+        for i, pose in result.poses.items():
+            if pose != self.poses[i]:
+                self.poses[i] = pose
+        self._touch(before, clocks)
+
+    def _along(self, bodies: Iterable[int]) -> frozenset[int]:
+        """Bodies that move with some that do: what the script states takes along what it joins."""
+        fixed = [i for i, part in enumerate(self.scene.parts) if part.fixed]
+        return taken_along((e.candidate for e in self.mates.accepted.values()), bodies, fixed)
 
     def _follow_hands(
         self, wanted: dict[int, pin.SE3], wishes: Sequence[Wish], clocks: dict[str, float]
@@ -321,7 +347,7 @@ class Engine:
             return ()
         began = clock.perf_counter()
         carried = {self.scene.index(w.part): [self.scene.index(name) for name in w.carried] for w in wishes}
-        result = self.motion.step({i: wanted[i] for i in carried}, self.poses, wanted, carried)
+        result = self.motion.step({i: wanted[i] for i in carried}, self.poses, self._along(wanted), carried)
         for i, pose in result.poses.items():
             if pose != self.poses[i]:
                 self.poses[i] = pose
@@ -448,7 +474,7 @@ class Engine:
             a, b = entry.candidate.bodies
             still = self.poses[a] is before[a] and self.poses[b] is before[b]
             view = self._shown.get(id) if still else None
-            shown[id] = view or self._view(id, entry.candidate, "active")
+            shown[id] = view or self.view(id, entry.candidate, "active")
         self._shown = shown
         offers = sorted(self.mates.candidates.items(), key=lambda item: (-item[1].score, item[0]))
         known, self._offered = self._offered, {}
@@ -456,10 +482,11 @@ class Engine:
             for id, candidate in candidates:
                 old = known.get(id)
                 same = old is not None and old[0] is candidate and old[1].state == state
-                self._offered[id] = old if same and old else (candidate, self._view(id, candidate, state))
+                self._offered[id] = old if same and old else (candidate, self.view(id, candidate, state))
         return (*shown.values(), *(view for _, view in self._offered.values()))
 
-    def _view(self, id: int, candidate: Candidate, state: str) -> ConstraintView:
+    def view(self, id: int, candidate: Candidate, state: str) -> ConstraintView:
+        """A candidate or constraint in the user's terms."""
         a, b = candidate.bodies
         match, residual = candidate.match, candidate.residual
         origin, direction = match.origin, match.direction
@@ -483,15 +510,16 @@ class Engine:
         )
 
     def freedom(self, i: int) -> tuple[int, str]:
-        """Degrees of freedom left to a part while all others stay, and the lower pair's name."""
+        """Degrees of freedom left to a part, and the lower pair's name: others stay, but for what statements join to it."""
         if self.scene.parts[i].fixed:
             return 0, "rigid"
         if not self._started:
             self.start()
-        on_it = {id: e.candidate for id, e in self.mates.accepted.items() if i in e.candidate.bodies}
+        group = self._along({i})
+        on_it = {id: e.candidate for id, e in self.mates.accepted.items() if not group.isdisjoint(e.candidate.bodies)}
         key = (i, tuple(sorted(on_it)))
         if key not in self._freedom:
-            others = [j for j in range(len(self.poses)) if j != i]
+            others = [j for j in range(len(self.poses)) if j not in group]
             found = mobility([c.constraint for c in on_it.values()], self.poses, others, self.tolerance).parts[i]
             self._freedom[key] = (found.freedom, found.joint)
         return self._freedom[key]

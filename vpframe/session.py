@@ -31,6 +31,7 @@ from vpframe.progress import Watch, bar, duration
 from vpframe.report.log import SessionLog
 from vpframe.rules import Rule, accept_all
 from vpframe.scene import Part, Scene
+from vpframe.statements import ContradictionError, Place, state
 from vpframe.visualization.controls import Request as Ask
 
 if TYPE_CHECKING:
@@ -433,11 +434,7 @@ class Session:
         break_distance: m; a pull farther than this ends it, `Tolerance.break_distance` if not given.
         break_force: N; a spring (`hand.spring`) that pulls harder ends it; other hands have no measure of force.
         """
-        given = (("break_distance", break_distance), ("break_force", break_force))
-        for name, value in given:
-            if value is not None and not value > 0.0:
-                raise TaskError(f"accept: {name} is {value!r}; give a positive number")
-        self._requests.append(Request("accept", candidate.id, tuple((n, v) for n, v in given if v is not None)))
+        self._requests.append(Request("accept", candidate.id, _limits("accept", break_distance, break_force)))
 
     def refuse(self, candidate: ConstraintView) -> None:
         """Refuse a candidate; it is not offered again until the parts have parted."""
@@ -446,6 +443,35 @@ class Session:
     def remove(self, constraint: ConstraintView) -> None:
         """Drop an active constraint."""
         self._requests.append(Request("remove", constraint.id))
+
+    def constrain(
+        self,
+        kind: str,
+        a: Place,
+        b: Place,
+        *,
+        break_distance: float | None = None,
+        break_force: float | None = None,
+        **parameters: Any,
+    ) -> ConstraintView:
+        """State a constraint that contact does not tell (see `vpframe.statements`), from the next step on.
+
+        kind: "gear", "belt", "rack-and-pinion", "screw", "angle", "distance", "parallel", "fixed", or any other of
+        `docs/constraints.md`. a, b: a part, or (part, surface). parameters: of the kind, e.g. `teeth=(20, 41)`.
+        break_distance, break_force: as of `accept`; if not given, no pull ends it.
+
+        Raises
+        ------
+        ContradictionError: it cannot hold with those in force, and by how much. UnknownPartError, TaskError: bad words.
+        """
+        limits = _limits("constrain", break_distance, break_force)
+        try:
+            request, view = state(self.engine, self._requests, kind, a, b, parameters, limits)
+        except ContradictionError as error:
+            self._happened("refused", error.parts, (), str(error), {"constraint": kind, "off": error.off})
+            raise
+        self._requests.append(request)
+        return view
 
     def thread(self, part: str, pitch: float) -> None:
         """Say that a part is threaded with that pitch (m a turn): positive for a right-hand thread, else negative."""
@@ -645,6 +671,15 @@ class Session:
                 model.update(np.ascontiguousarray(array).tobytes())
         depends = {**run, "model": model.hexdigest(), "dt": repr(self.dt), "tolerance": repr(self.tolerance)}
         return Journal(path, depends, resume)
+
+
+def _limits(verb: str, break_distance: float | None, break_force: float | None) -> tuple[tuple[str, float], ...]:
+    """What a constraint bears, as far as it is given."""
+    given = (("break_distance", break_distance), ("break_force", break_force))
+    for name, value in given:
+        if value is not None and not value > 0.0:
+            raise TaskError(f"{verb}: {name} is {value!r}; give a positive number")
+    return tuple((n, v) for n, v in given if v is not None)
 
 
 def _digest(wishes: Iterable[Wish], requests: Iterable[Request]) -> bytes:
