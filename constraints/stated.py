@@ -22,6 +22,8 @@ from constraints.pairings import FITS
 from constraints.redundancy import Conflict, Names
 from constraints.solver import solve
 
+FAR = 1e3
+"""of the size of what hangs together: a solution that throws a body farther is none (parallels "meet" far out)"""
 UNKNOWN = -1
 """place of a feature that its body does not list, of which the next lower ones are used too"""
 
@@ -102,15 +104,21 @@ def contradiction(
         new = [c for c in rest if not bodies.isdisjoint(c.bodies)]
         near, rest, grown = [*near, *new], [c for c in rest if c not in new], bool(new)
     near = [*near[1:], constraint]
-    free = [i for i in range(len(poses)) if i not in still]
-    off = solve(near, poses, free, replace(tolerance, solver=0.1 * tolerance.linear)).residual
-    if all(still.issuperset(c.bodies) for c in near):  # nothing for the solver to move
-        off = float(np.abs(constraint.residual(*(poses[i] for i in constraint.bodies))).max())
-    if off <= tolerance.linear:
+    now = constraint.residual(*(poses[i] for i in constraint.bodies))
+    free = [i for i in sorted({i for c in near for i in c.bodies}) if i not in still]
+    found = solve(near, poses, free, replace(tolerance, solver=0.1 * tolerance.linear))
+    moved = [float(np.linalg.norm(pose.translation - poses[i].translation)) for i, pose in found.poses.items()]
+    places = np.array([poses[i].translation for c in near for i in c.bodies])
+    spread = float(np.ptp(places, axis=0).max()) + max(c.reach for c in near) + float(np.abs(now).max())
+    if found.residual <= tolerance.linear and max(moved, default=0.0) <= FAR * spread:
         return None
-    found = mobility(near, poses, still, tolerance, names).conflicting
-    mine = [conflict for conflict in found if len(near) - 1 in conflict.constraints]
-    return mine[0] if mine else Conflict((len(near) - 1,), off, "m", f"no pose was found that holds: off by {off:.3g}")
+    conflicts = mobility(near, poses, still, tolerance, names).conflicting
+    mine = [conflict for conflict in conflicts if len(near) - 1 in conflict.constraints]
+    if mine:
+        return mine[0]
+    unit, rows = ("rad", now) if constraint.angular.all() else ("m", now[~constraint.angular])
+    off = float(np.abs(rows).max())
+    return Conflict((len(near) - 1,), off, unit, f"it cannot hold together with the others: off by {off:.3g} {unit}")
 
 
 def parameter_names(kind: type[Constraint]) -> tuple[str, ...]:

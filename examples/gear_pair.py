@@ -5,6 +5,8 @@ the hand turns one gear, the other follows at the ratio of their teeth, and no t
 the turn ends at the first flank.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 from parts import BRASS, STEEL, at
@@ -51,7 +53,7 @@ def scene():
 def turned(session, part, since):
     """rad that a part has turned about its shaft since a step."""
     poses = [pose for step, pose in session.trail(part) if step >= since]
-    return sum(pin.log3(a.rotation.T @ b.rotation)[2] for a, b in zip(poses, poses[1:], strict=False))
+    return sum(pin.log3(a.rotation.T @ b.rotation)[2] for a, b in pairwise(poses))
 
 
 def task(session):

@@ -510,7 +510,7 @@ class Engine:
         )
 
     def freedom(self, i: int) -> tuple[int, str]:
-        """Degrees of freedom left to a part, and the lower pair's name: others stay, but for what statements join to it."""
+        """Degrees of freedom left to a part, and the lower pair's name; others stay, but what statements join to it."""
         if self.scene.parts[i].fixed:
             return 0, "rigid"
         if not self._started:

@@ -98,7 +98,7 @@ def state(
     candidate = stated(constraint, poses, features, mates.known + imposed, words(constraint))
     id = mates.id_of(candidate, imposed)
     names = tuple(scene.names[i] for i in constraint.bodies)
-    if id in held:
+    if any(c.key == candidate.key for c in held.values()):
         raise TaskError(f"constrain {constraint.kind}: these surfaces of {' and '.join(names)} have it already")
     fixed = [i for i, part in enumerate(scene.parts) if part.fixed]
     others = [c.constraint for c in held.values()]
@@ -151,13 +151,13 @@ def statement(
         if name in KINDS and bodies[0] > bodies[1]:  # as recognition has them, so that it knows them again
             bodies, ends = (bodies[1], bodies[0]), ends[::-1]
         here = (poses[bodies[0]], poses[bodies[1]])
-        geometries, surfaces = tuple(e[0] for e in ends), tuple(e[1] for e in ends)
+        (first, surfaces_a, size_a), (second, surfaces_b, size_b) = ends
+        geometries = (first, second)
         if name in WHEELS:
             geometries = _same_way(geometries, here)
         elif name == "rack-and-pinion" and "sense" not in given:
             given["sense"] = _rack_side(geometries, here, scene.parts[bodies[1]])
-        size = min(e[2] for e in ends)
-        made = STATED[name](bodies, geometries, surfaces, size, **given)
+        made = STATED[name](bodies, geometries, (surfaces_a, surfaces_b), min(size_a, size_b), **given)
         return made.engaged(*here) if isinstance(made, kinds.Screw | kinds.Gear | kinds.RackAndPinion) else made
     except ConstraintsError as error:
         raise TaskError(f"constrain {name} of {parts[0].name} and {parts[1].name}: {error}") from None
@@ -289,7 +289,7 @@ def _axis(feature: Feature) -> Line:
     return Line(origin + 0.5 * (along.min() + along.max()) * g.axis, g.axis)
 
 
-def _same_way(geometries: tuple[Geometry, ...], poses: tuple[pin.SE3, pin.SE3]) -> tuple[Geometry, ...]:
+def _same_way(geometries: tuple[Geometry, Geometry], poses: tuple[pin.SE3, pin.SE3]) -> tuple[Geometry, Geometry]:
     """Axes in one half space of the world, so that `sense` +1 is an external mesh however files direct them."""
     a, b = geometries
     if not (isinstance(a, Line) and isinstance(b, Line)):
@@ -298,7 +298,7 @@ def _same_way(geometries: tuple[Geometry, ...], poses: tuple[pin.SE3, pin.SE3]) 
     return (a, Line(b.origin, -b.axis)) if facing < 0.0 else geometries
 
 
-def _rack_side(geometries: tuple[Geometry, ...], poses: tuple[pin.SE3, pin.SE3], rack: Part) -> int:
+def _rack_side(geometries: tuple[Geometry, Geometry], poses: tuple[pin.SE3, pin.SE3], rack: Part) -> int:
     """+1 where a rack on that side of the pinion goes along its direction as the pinion turns."""
     a, b = geometries
     axis, direction = _directed(a, poses[0]), _directed(b, poses[1])
