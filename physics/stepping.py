@@ -472,7 +472,7 @@ class Stepper:
         b.velocity[batch.ids] = free
         came = touching.speeds(np.arange(len(after.ints)), after)
         back = np.where(came < -self.tolerance.rest_speed, -restitution * came, 0.0)
-        touching.press(batch, after, np.flatnonzero(met), free, h, back, COARSE)
+        touching.rebound(batch, after, np.flatnonzero(met), free, h, back, COARSE)
         b.rate[batch.ids] = (b.velocity[batch.ids] - before) / h[batch.island][:, None]
         b.steady[batch.ids] = False
         return after

@@ -1,8 +1,9 @@
 """Contacts at one instant: finding them, pressing on them, and Newton's law where they close.
 
-Impacts follow Newton's law, each contact with its own coefficient. Several at once are resolved in rounds: only the
-contacts that close are reflected, those that this makes close are reflected next (generalised reflections, Smith,
-Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 2012), so a row of touching balls passes a blow on.
+Impacts follow Newton's law, each contact with its own coefficient, as far as that makes no energy (`rebound`). Several
+at once are resolved in rounds: only the contacts that close are reflected, those that this makes close are reflected
+next (generalised reflections, Smith, Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 2012), so a row of
+touching balls passes a blow on.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision import Tolerance
-from physics import contact, crossing, pressing
+from physics import contact, crossing, pressing, rebound
 from physics.batch import Batch
 from physics.bodies import FREE, Bodies, Saved, place
 from physics.joints import assemble
@@ -192,6 +193,38 @@ class Touching:
             chosen = np.union1d(chosen, pressed[sinking])
         self.residual = max(self.residual, residual)
 
+    def rebound(
+        self, batch: Batch, contacts: Contacts, pressed: Ints, free: Array, h: Array, target: Array,
+        tolerance: float = EXACT,
+    ) -> None:  # fmt: skip
+        """`press` with target speeds of restitution, each connected group only as far as that makes no energy."""
+        b = self.bodies
+        self.press(batch, contacts, pressed, free, h, target, tolerance)
+        if not target[pressed].any():
+            return
+        mu, _ = self.pair_values(contacts.ints)
+        cb, cj, bias, _ = pressing.contact_rows(
+            pressed, contacts.ints, contacts.reals, mu, np.zeros(len(mu)), self._local(batch), batch.ids, b.center,
+            b.velocity, b.kind == FREE,
+        )  # fmt: skip
+        jb, _, _ = assemble(batch.joints, b, batch.ids)
+        of_body, group, count = rebound.groups(len(batch.ids), cb, jb)
+        velocity, force = b.velocity[batch.ids], contacts.force[pressed]
+        before, after = (rebound.relative(cb, cj, bias, v) for v in (free, velocity))
+        each = h[batch.of_rows(contacts.ints[pressed])][:, None]
+        wrong = rebound.gained(force * each, before, after, group, count)
+        if not wrong.any():
+            return
+        self.press(batch, contacts, pressed, free, h, np.zeros(len(mu)), tolerance)
+        least, least_force = b.velocity[batch.ids], contacts.force[pressed]
+        least_after = rebound.relative(cb, cj, bias, least)
+        sigma = rebound.share(force * each, least_force * each, before, after, least_after, group, count)
+        sigma[~wrong] = 1.0
+        part = sigma[of_body, None]
+        b.velocity[batch.ids] = np.where(part < 1.0, least + part * (velocity - least), velocity)
+        part = sigma[group, None]
+        contacts.force[pressed] = np.where(part < 1.0, least_force + part * (force - least_force), force)
+
     def correct(self, batch: Batch, contacts: Contacts, chosen: Ints, jb, jj, jr) -> None:
         """The least move that closes the gaps of the rows `chosen` and the joints' residuals."""
         b = self.bodies
@@ -238,7 +271,7 @@ class Touching:
             struck = np.zeros(batch.count, bool)
             struck[island[hit]] = True
             part = batch.part(struck)
-            self.press(part, contacts, hit, b.velocity[part.ids].copy(), one, target)
+            self.rebound(part, contacts, hit, b.velocity[part.ids].copy(), one, target)
         contacts.force[:] = 0.0
         self.press(batch, contacts, touching, b.velocity[batch.ids].copy(), one, np.zeros(len(contacts.ints)))
         contacts.force[:] = kept

@@ -122,7 +122,7 @@ def drop(upper: SurfaceMesh, lower: SurfaceMesh, seed: int, steps: int):
     velocity[3:] = rng.normal(size=3) * rng.choice([0.0, 5.0, 30.0])
     world = World(manager)
     body = Body.from_mesh(upper, 1000.0)
-    friction, bounce = (0.0, rng.choice([0.0, 0.3, 0.8])) if rng.random() < 0.5 else (rng.choice([0.3, 0.8]), 0.0)
+    friction, bounce = rng.choice([0.0, 0.3, 0.8]), rng.choice([0.0, 0.3, 0.8])
     behaviours = [Gravity(), Friction(friction), Elastic(bounce), Sleeping(False)]
     world.add(part, body, behaviours, velocity=velocity)
 
