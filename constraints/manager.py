@@ -6,7 +6,7 @@ within `manager.within`, then `update(poses, contacts, wanted)` tells what chang
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from collision import Tolerance
+from constraints.attention import Attention, rows_about
 from constraints.candidate import Candidate, Key, Match, Pair, known_kinds
 from constraints.errors import ConstraintsError
 from constraints.features import Feature
@@ -121,6 +122,7 @@ class ConstraintManager:
         self._pending: list[Change] = []
         self._poses: tuple[pin.SE3, ...] = ()
         self._unproven: list[int] = []  # accepted since the last update
+        self._attention = Attention()
 
     @property
     def within(self) -> float:
@@ -192,6 +194,7 @@ class ConstraintManager:
     def _note(self, kind: str, id: int, candidate: Candidate, text: str) -> Change:
         change = Change(kind, id, candidate, text)
         self._pending.append(change)
+        self._attention.note(candidate.bodies)
         return change
 
     # -- the step
@@ -210,34 +213,40 @@ class ConstraintManager:
         frame, of which the part that a constraint bears counts against its `break_force` (faces bear what parts them,
         an axis what is across it); or a number, which counts in full.
 
-        Returns the changes since the last call, decisions of `accept`, `refuse` and `remove` first.
+        Returns the changes since the last call, decisions of `accept`, `refuse` and `remove` first. Only bodies that
+        moved, whose rows are other ones, or about which something was decided are looked at: the rest is as it was.
         """
         if len(poses) < len(self.recogniser.features):
             count = len(self.recogniser.features)
             raise ConstraintsError(f"{len(poses)} poses for {count} bodies; give one a body, by id")
         self._poses = tuple(poses)
-        self._remove_broken(poses, wanted or {}, force or {})
-        self._offer(poses, contacts, wanted or {})
+        about = self._attention.begin((self.tolerance, self.kinds), poses, contacts)
+        self._remove_broken(about | (force or {}).keys(), poses, wanted or {}, force or {})
+        about |= self._attention.noted().union(*(candidate.bodies for candidate in self._pulled.values()))
+        self._offer(about, poses, contacts, wanted or {})
         self._remove_contradicted(poses)
-        self._note_satisfied(poses)
+        self._note_satisfied(about | self._attention.noted(), poses)
+        self._attention.end()
         changes, self._pending = tuple(self._pending), []
         return changes
 
     def _remove_broken(
-        self, poses: Sequence[pin.SE3], wanted: Mapping[int, pin.SE3], force: Mapping[int, ArrayLike]
+        self,
+        about: Set[int],
+        poses: Sequence[pin.SE3],
+        wanted: Mapping[int, pin.SE3],
+        force: Mapping[int, ArrayLike],
     ) -> None:
-        keep = Limits.keep(self.tolerance)
-        for id, entry in list(self.accepted.items()):
+        overlapping = replace(Limits.keep(self.tolerance), linear=np.inf, angular=np.pi / 2)
+        for id, entry in [(i, e) for i, e in self.accepted.items() if not about.isdisjoint(e.candidate.bodies)]:
             a, b = entry.candidate.bodies
-            if not entry.candidate.stated:
-                loose = replace(keep, linear=np.inf, angular=np.pi / 2)
-                if self.recogniser.match(entry.candidate.key, poses, loose) is None:
-                    self.remove(id, "the surfaces no longer overlap")
-                    continue
+            if not entry.candidate.stated and self.recogniser.match(entry.candidate.key, poses, overlapping) is None:
+                self.remove(id, "the surfaces no longer overlap")
+                continue
             hardest = max((_borne(entry.candidate, x, poses, force[x]) for x in (a, b) if x in force), default=0.0)
             if hardest > entry.break_force:
                 self._break(id, f"pulled with {hardest:.4g} N, more than {entry.break_force:.4g} N")
-        at = {i: wanted.get(i, pose) for i, pose in enumerate(poses)}
+        at = dict(enumerate(poses)) | dict(wanted)
         strained = [
             id
             for id, entry in self.accepted.items()
@@ -281,9 +290,9 @@ class ConstraintManager:
             return f"turned {np.degrees(turn):.3g}° apart, more than {np.degrees(t.break_angular):.3g}°"
         return None
 
-    def _note_satisfied(self, poses: Sequence[pin.SE3]) -> None:
+    def _note_satisfied(self, about: Set[int], poses: Sequence[pin.SE3]) -> None:
         for id, entry in self.accepted.items():
-            if entry.satisfied:
+            if entry.satisfied or about.isdisjoint(entry.candidate.bodies):
                 continue
             a, b = entry.candidate.bodies
             residual = float(np.abs(entry.candidate.constraint.residual(poses[a], poses[b])).max())
@@ -291,18 +300,21 @@ class ConstraintManager:
                 self.accepted[id] = replace(entry, satisfied=True)
                 self._note("satisfied", id, entry.candidate, f"holds to {residual:.1e}")
 
-    def _offer(self, poses: Sequence[pin.SE3], contacts: NDArray[Any], wanted: Mapping[int, pin.SE3]) -> None:
+    def _offer(
+        self, about: Set[int], poses: Sequence[pin.SE3], contacts: NDArray[Any], wanted: Mapping[int, pin.SE3]
+    ) -> None:
         t = self.tolerance
         offer, keep = Limits.offer(t), Limits.keep(t)
+        contacts = rows_about(contacts, about)
         near = self.recogniser.near(contacts, self.within)
         offered = self.recogniser.near(contacts, max(t.linear, t.clearance, t.reach))
         together = {(k[0], k[2]) for k in near} | {e.candidate.bodies for e in self.accepted.values()}
-        for id, candidate in list(self.candidates.items()):
+        for id, candidate in [(i, c) for i, c in self.candidates.items() if not about.isdisjoint(c.bodies)]:
             if candidate.key[:4] not in near or self.recogniser.match(candidate.key, poses, keep) is None:
                 del self.candidates[id]
                 self._note("withdrawn", id, candidate, "the surfaces no longer fit each other")
-        self.refused = {i: c for i, c in self.refused.items() if c.bodies in together}
-        at = [wanted.get(i, pose) for i, pose in enumerate(poses)]
+        self.refused = {i: c for i, c in self.refused.items() if c.bodies in together or about.isdisjoint(c.bodies)}
+        at = [wanted.get(i, pose) for i, pose in enumerate(poses)] if self._pulled else poses
         for id, candidate in list(self._pulled.items()):
             if candidate.bodies not in together or self.recogniser.match(candidate.key, at, offer) is not None:
                 del self._pulled[id]
@@ -380,3 +392,4 @@ class ConstraintManager:
         self._pending = list(state["pending"])
         self._poses = state["poses"]
         self._unproven = list(state["unproven"])
+        self._attention.forget()

@@ -37,29 +37,34 @@ class MatedSurfaces:
         self.collision = collision
         self.constraints = constraints
         self.tolerance = tolerance
+        self._of: dict[int, Candidate] = {}
         self._mated: dict[int, tuple[Pairing, ...]] = {}
         self._beside: dict[int, Pairing] = {}
 
     def sync(self) -> None:
         """Bring collision up to date with the constraints in force."""
-        accepted = self.constraints.accepted
-        if self._mated.keys() == accepted.keys():
-            return
-        for id in [i for i in self._mated if i not in accepted]:
-            del self._beside[id]
-            for a, sa, b, sb in self._mated.pop(id):
-                self.collision.heed_surfaces(a, sa, b, sb)
-        for id, entry in accepted.items():
-            if not mates_surfaces(entry.candidate, self.constraints.recogniser.features):
+        now = {id: entry.candidate for id, entry in self.constraints.accepted.items()}
+        gone = [id for id, candidate in self._of.items() if now.get(id) is not candidate]
+        fresh = [id for id, candidate in now.items() if self._of.get(id) is not candidate]
+        heeded = {self._of[id].bodies for id in gone}
+        for id in gone:
+            del self._of[id], self._beside[id]
+            for row in self._mated.pop(id):
+                self.collision.heed_surfaces(*row)
+        for id in fresh:
+            candidate = self._of[id] = now[id]
+            if not mates_surfaces(candidate, self.constraints.recogniser.features):
                 self._mated[id], self._beside[id] = (), (0, (), 0, ())
                 continue
-            a, b = entry.candidate.bodies
-            sa, sb = entry.candidate.surfaces
+            a, b = candidate.bodies
+            sa, sb = candidate.surfaces
             beside_a = adjacent_surfaces(self.collision.mesh(a), sa)
             beside_b = adjacent_surfaces(self.collision.mesh(b), sb)
             self._beside[id] = (a, beside_a, b, beside_b)
-            self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb), *self._sleeve(entry.candidate))
-            for row in self._mated[id]:  # again for the old ones too: pairs may share surfaces with one just heeded
+            self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb), *self._sleeve(candidate))
+        # what was left out by a constraint still in force is so again: its pair may share surfaces with one just heeded
+        for id in [*fresh, *(i for i, c in self._of.items() if heeded and c.bodies in heeded)]:
+            for row in self._mated[id]:
                 self.collision.ignore_surfaces(*row)
 
     def _sleeve(self, candidate: Candidate) -> tuple[Pairing, ...]:

@@ -433,11 +433,12 @@ class Engine:
         if not about:
             return []
         old = self._colliding
-        kept = old[~(np.isin(old[:, 0], about) | np.isin(old[:, 2], about))]
-        rows = np.concatenate([kept, self.collision.colliding_surfaces(about)])
+        theirs = np.isin(old[:, 0], about) | np.isin(old[:, 2], about)
+        new = self.collision.colliding_surfaces(about)
+        rows = np.concatenate([old[~theirs], new])
         self._colliding = rows[np.lexsort(rows.T[::-1])]
         clocks["collision"] += clock.perf_counter() - began
-        return self._compare(old, self._colliding)
+        return self._compare(old[theirs], new)
 
     def _compare(self, old: NDArray[np.int32], new: NDArray[np.int32]) -> list[Happening]:
         """ "collided" and "parted" by pair of parts: all surfaces that meet now, or met until now."""
