@@ -350,7 +350,9 @@ class ConstraintManager:
             mine = self.accepted[id].candidate
             stated = [i for i in proven if self.accepted[i].candidate.stated]
             if stated and not mine.stated and not self._holds([*stated, id], poses):
-                self.remove(id, "cannot hold together with what is stated")
+                del self.accepted[id]
+                self.refused[id] = mine  # else it would be offered again in the next step
+                self._note("refused", id, mine, "cannot hold together with what is stated; until the parts part")
                 continue
             older = [i for i in reversed(proven) if i != id and i not in stated]
             culprit = next((i for i in older if self._holds([k for k in proven if k != i], poses)), None)

@@ -221,10 +221,11 @@ STRIPS: dict[str, Strip] = {
         (0.35, -0.9, 0.7),
     ),
     "gear_pair": Strip(
-        [Shot("accepted", "concentric of base and driven", 5), Shot("blocked", "driven"), Shot(after=100)],
-        (-0.03, -0.03, -0.012),
-        (0.07, 0.03, 0.04),
-        (0.35, -0.6, 0.7),
+        [Shot("blocked", "driven", 0), Shot("satisfied", "gear of driver and driven"), Shot(after=50)],
+        (-0.022, -0.033, -0.012),
+        (0.084, 0.033, 0.03),
+        (0.35, -0.6, 0.8),
+        symbols=True,
     ),
     "battery_module": Strip(
         [Shot("grabbed", "holds old"), Shot("removed", "tray and old", 130), Shot("accepted", "tray and spare")],

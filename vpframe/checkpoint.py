@@ -11,16 +11,23 @@ A journal is read with `pickle`: open only journals that you (or this program on
 
 from __future__ import annotations
 
+import hashlib
 import pickle
 import struct
 import zlib
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
 
 from vpframe.errors import VpframeError
+
+if TYPE_CHECKING:
+    from vpframe.engine import Request, Wish
+    from vpframe.scene import Scene
 
 _MAGIC = b"vpframe journal 1\n"
 _HEADER = struct.Struct("<4sII")  # tag, length, crc32 of the payload
@@ -153,3 +160,23 @@ class Journal:
                 f"{self.path}: written by another run ({', '.join(changed)} differ); run it without --resume",
                 str(self.path),
             )
+
+
+def journal_of(path: str | Path, scene: Scene, run: Mapping[str, str], resume: bool) -> Journal:
+    """The journal of a run on a scene, which it depends on as on what `run` names."""
+    model = hashlib.sha256()
+    for part in scene.parts:
+        model.update(part.name.encode())
+        for array in (part.mesh.vertices, part.mesh.triangles, part.pose.homogeneous):
+            model.update(np.ascontiguousarray(array).tobytes())
+    return Journal(path, {**run, "model": model.hexdigest()}, resume)
+
+
+def digest_of(wishes: Iterable[Wish], requests: Iterable[Request]) -> bytes:
+    """What is asked of a step, in 16 bytes."""
+    digest = hashlib.blake2b(digest_size=16)
+    for wish in wishes:
+        digest.update(wish.key())
+    for request in requests:
+        digest.update(repr(request).encode())
+    return digest.digest()

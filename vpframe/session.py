@@ -6,7 +6,6 @@ under its forces -> new poses -> observers. The numerics are in `vpframe.engine`
 
 from __future__ import annotations
 
-import hashlib
 import time as clock
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
@@ -20,6 +19,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from collision import Tolerance
+from vpframe.checkpoint import Journal, digest_of, journal_of
 from vpframe.engine import Engine, Request, Result, Wish
 from vpframe.errors import TaskError, VpframeError
 from vpframe.events import EVENT_KINDS, ConstraintView, Event, Frame, Observer
@@ -31,7 +31,7 @@ from vpframe.progress import Watch, bar, duration
 from vpframe.report.log import SessionLog
 from vpframe.rules import Rule, accept_all
 from vpframe.scene import Part, Scene
-from vpframe.statements import ContradictionError, Place, state
+from vpframe.statements import ContradictionError, Place, limits, state
 from vpframe.visualization.controls import Request as Ask
 
 if TYPE_CHECKING:
@@ -108,7 +108,10 @@ class Session:
         self._observing = 0.0
         self._begun = self._closed = self._stop = False
         self._beats: deque[float] = deque(maxlen=PACE_STEPS)
-        self._journal = self._open_journal(checkpoint, resume, run or {}) if checkpoint is not None else None
+        self._journal: Journal | None = None
+        if checkpoint is not None:
+            depends = {**(run or {}), "dt": repr(self.dt), "tolerance": repr(self.tolerance)}
+            self._journal = journal_of(checkpoint, scene, depends, resume)
 
     # ---- the loop
 
@@ -265,7 +268,7 @@ class Session:
         journal = self._journal
         if journal is None:
             return self.engine.advance(wishes, [*requests, *self._asked()])
-        digest = _digest(wishes, requests)  # what people ask at a viewer is theirs: its consequences are in the result
+        digest = digest_of(wishes, requests)  # what people ask at a viewer is theirs: the result holds what came of it
         if journal.replaying:
             result = journal.replay(digest)
             self.engine.follow(result)
@@ -434,7 +437,7 @@ class Session:
         break_distance: m; a pull farther than this ends it, `Tolerance.break_distance` if not given.
         break_force: N; a spring (`hand.spring`) that pulls harder ends it; other hands have no measure of force.
         """
-        self._requests.append(Request("accept", candidate.id, _limits("accept", break_distance, break_force)))
+        self._requests.append(Request("accept", candidate.id, limits("accept", break_distance, break_force)))
 
     def refuse(self, candidate: ConstraintView) -> None:
         """Refuse a candidate; it is not offered again until the parts have parted."""
@@ -464,9 +467,9 @@ class Session:
         ------
         ContradictionError: it cannot hold with those in force, and by how much. UnknownPartError, TaskError: bad words.
         """
-        limits = _limits("constrain", break_distance, break_force)
+        bears = limits("constrain", break_distance, break_force)
         try:
-            request, view = state(self.engine, self._requests, kind, a, b, parameters, limits)
+            request, view = state(self.engine, self._requests, kind, a, b, parameters, bears)
         except ContradictionError as error:
             self._happened("refused", error.parts, (), str(error), {"constraint": kind, "off": error.off})
             raise
@@ -660,35 +663,6 @@ class Session:
         low, high = np.min(tops, axis=0)[:3], np.max(tops, axis=0)[3:]
         middle = 0.5 * (low + high)
         return np.array([middle[0], middle[1], high[2] + 0.2 * float(np.linalg.norm(high - low))])
-
-    def _open_journal(self, path: str | Path, resume: bool, run: Mapping[str, str]) -> Any:
-        from vpframe.checkpoint import Journal
-
-        model = hashlib.sha256()
-        for part in self.scene.parts:
-            model.update(part.name.encode())
-            for array in (part.mesh.vertices, part.mesh.triangles, part.pose.homogeneous):
-                model.update(np.ascontiguousarray(array).tobytes())
-        depends = {**run, "model": model.hexdigest(), "dt": repr(self.dt), "tolerance": repr(self.tolerance)}
-        return Journal(path, depends, resume)
-
-
-def _limits(verb: str, break_distance: float | None, break_force: float | None) -> tuple[tuple[str, float], ...]:
-    """What a constraint bears, as far as it is given."""
-    given = (("break_distance", break_distance), ("break_force", break_force))
-    for name, value in given:
-        if value is not None and not value > 0.0:
-            raise TaskError(f"{verb}: {name} is {value!r}; give a positive number")
-    return tuple((n, v) for n, v in given if v is not None)
-
-
-def _digest(wishes: Iterable[Wish], requests: Iterable[Request]) -> bytes:
-    digest = hashlib.blake2b(digest_size=16)
-    for wish in wishes:
-        digest.update(wish.key())
-    for request in requests:
-        digest.update(repr(request).encode())
-    return digest.digest()
 
 
 def _viewers(viewer: str | Observer | None) -> list[Observer]:

@@ -72,11 +72,11 @@ def state(
     a: Place,
     b: Place,
     parameters: Mapping[str, Any],
-    limits: tuple[tuple[str, float], ...],
+    bears: tuple[tuple[str, float], ...],
 ) -> tuple[Request, ConstraintView]:
     """The request that stating a constraint amounts to, and the constraint as observers will see it.
 
-    pending: what else was decided since the last step.
+    pending: what else was decided since the last step. bears: what ends it, see `limits`.
 
     Raises
     ------
@@ -106,7 +106,16 @@ def state(
     if off is not None:
         said = f"constrain {constraint.kind} of {' and '.join(names)}: refused, {off.text}"
         raise ContradictionError(said, names, off.off, off.unit)
-    return Request("impose", id, limits, candidate), engine.view(id, candidate, "active")
+    return Request("impose", id, bears, candidate), engine.view(id, candidate, "active")
+
+
+def limits(verb: str, break_distance: float | None, break_force: float | None) -> tuple[tuple[str, float], ...]:
+    """What a constraint bears, as far as it is given."""
+    given = (("break_distance", break_distance), ("break_force", break_force))
+    for name, value in given:
+        if value is not None and not value > 0.0:
+            raise TaskError(f"{verb}: {name} is {value!r}; give a positive number")
+    return tuple((n, v) for n, v in given if v is not None)
 
 
 def statement(

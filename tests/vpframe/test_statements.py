@@ -202,6 +202,20 @@ def test_a_contradiction_is_refused_with_its_amount() -> None:
         assert plate.pose.translation[2] - 0.003 == pytest.approx(0.1 - 0.01, abs=1e-3)
 
 
+def test_what_is_recognised_gives_way_to_what_is_stated_and_is_not_offered_anew() -> None:
+    with opened() as session:
+        base, small = session.scene["base"], session.scene["small"]
+        ends = ("base", face(base, (0.0, 0.0, 1.0))), ("small", face(small, (0.0, 0.0, -1.0)))
+        view = session.constrain("offset", *ends, at=0.0003)  # so near that it could be against
+        session.step()
+        session.accept(next(c for c in session.candidates if c.kind == "against" and "small" in c.parts))
+        turn(session, "small", 1.0)
+        against = [e.kind for e in session.events if e.data.get("constraint") == "against" and "small" in e.parts]
+        assert against == ["recognised", "accepted", "refused"]
+        assert view.id in [c.id for c in session.constraints]
+        assert small.pose.translation[2] - (-0.01) == pytest.approx(0.0003, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

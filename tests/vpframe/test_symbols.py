@@ -9,7 +9,7 @@ from vpframe.visualization.symbols import constraint_symbol, frame_at, frame_sym
 
 KINDS = (
     "against", "coplanar", "concentric", "conical", "spherical", "toroidal", "tangent", "line", "point", "parallel",
-    "perpendicular", "angle", "distance", "fixed", "screw", "gear", "rack", "belt",
+    "perpendicular", "angle", "distance", "fixed", "screw", "gear", "rack-and-pinion", "belt",
 )  # fmt: skip
 
 

@@ -79,7 +79,7 @@ def _constraint_strips(kind: str, size: float) -> tuple[Points, ...]:
         return _segment(-2.2 * size, 2.2 * size), ring
     if kind in ("spherical", "point"):
         return tuple(circle(axis, 0.6 * size) for axis in (Z, X, Y))
-    if kind in ("line", "tangent", "parallel", "rack"):
+    if kind in ("line", "tangent", "parallel", "rack-and-pinion"):
         return (_segment(-1.5 * size, 1.5 * size),)
     return _square(size), *arrow(Z, 0.8 * size)
 
