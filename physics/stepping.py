@@ -7,10 +7,10 @@ first new contact: its time is found to rounding, the impact happens there, and 
 Islands are advanced side by side, each by its own clock: what is done once a sub-step is done for all of them at once,
 and an impact stops the bodies that it can reach within the step and no others.
 
-Where bodies roll or turn in contact without sliding, the first half kick of a step is the mirror image of the last
-half kick of the step before, so that it is the velocity between the two that obeys the contacts (the reversible
-nonholonomic leapfrog of McLachlan & Perlmutter, J. Nonlinear Sci. 16, 2006): no energy is lost to the turning of the
-contact frame.
+Where bodies hang on joints, or roll or turn in contact, and none slides with friction, the first half kick of a step is
+the mirror image of the last half kick of the step before, so that it is the velocity between the two that obeys joints
+and contacts (the reversible nonholonomic leapfrog of McLachlan & Perlmutter, J. Nonlinear Sci. 16, 2006): no energy is
+lost to their turning.
 
 Impacts in one step are as many as an island's size affords (`_affords`). What is left of the step when they are spent
 is taken in one piece, after Moreau: everything moves as far as gaps allow, then whatever touches rebounds at once.
@@ -80,6 +80,7 @@ class Stepper:
             ids, b.center, b.attitude, b.velocity, b.momentum, b.mass, b.inertia, b.inverse, b.offset, b.rotation,
             b.origin, wrench, dt, self.method,
         )  # fmt: skip
+        b.steady[ids] = False
 
     # --- one step ---------------------------------------------------------------------------------------------------
 
@@ -225,6 +226,7 @@ class Stepper:
         after = self.touching.find(batch, way)
         after, _ = self.touching.sift(after, np.zeros(len(after.ints), bool), start)
         if self._least(batch, after)[0] > self.tolerance.touch and self._limit(batch)[0] >= 0.5 * h:
+            b.steady[batch.ids] = False
             return after
         start.restore(b)
         return None
@@ -417,6 +419,12 @@ class Stepper:
         part = batch.part(again)
         rate = 0.5 * (b.rate[part.ids] + self._first_rate[part.ids])
         start.restore(b, again[batch.island])
+        if part.joints:  # what they add pulls along the joints as they stand at the start (as in RATTLE)
+            added = rate - self._first_rate[part.ids]
+            velocity = b.velocity[part.ids]
+            self.touching.press(part, NO_CONTACTS, np.zeros(0, np.int64), added, h, np.zeros(0))
+            rate -= b.velocity[part.ids]
+            b.velocity[part.ids] = velocity
         b.rate[part.ids] = rate
         own = rows(now, part.of_rows(now.ints) >= 0)
         flown, fresh = self._fly(part, own, rest, time, t[again], h[again], wrench)

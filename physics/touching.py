@@ -240,14 +240,16 @@ class Touching:
         return local
 
     def sticks(self, batch: Batch, contacts: Contacts) -> NDArray[np.bool_]:
-        """(count,) whether contacts of an island carry, and none of those that do slides with friction."""
+        """(count,) whether joints or contacts of an island carry, and none of those that do slides with friction."""
         loaded = contacts.force[:, 0] > 0.0
         mu, _ = self.pair_values(contacts.ints[loaded])
         f = contacts.force[loaded]
         grip = mu * f[:, 0]
         slides = (f[:, 1] ** 2 + f[:, 2] ** 2 >= (0.999 * grip) ** 2) & (grip != 0.0)
         island = batch.of_rows(contacts.ints[loaded])
-        carries = np.zeros(batch.count, bool)
+        # what moves by itself, and forces that change, may pull at a joint otherwise in the next step
+        lasting = len(batch.joints) > 0 and batch.constant and len(batch.moved) == 0
+        carries = np.full(batch.count, lasting)
         carries[island] = True
         carries[island[slides]] = False
         return carries

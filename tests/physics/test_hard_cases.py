@@ -63,13 +63,15 @@ def test_one_radian_a_step_keeps_energy_and_momentum():
     assert r @ body.inertia @ r.T @ world.velocity(part)[3:] == pytest.approx(momentum, rel=1e-12)
 
 
+@pytest.mark.parametrize(("restitution", "friction", "slack"), [(0.3, 0.5, 1e-12), (0.3, 0.0, 1e-4), (0.0, 0.5, 1e-4)])
 @pytest.mark.parametrize("turn", [(0, np.pi / 4, 0), (np.arctan(np.sqrt(2.0)), np.pi / 4, 0)])
-def test_landing_on_an_edge_or_a_vertex_never_gains_energy(turn):
+def test_landing_on_an_edge_or_a_vertex_never_gains_energy(turn, restitution, friction, slack):
+    """But for what turning about a corner that slides costs in steps of 10 ms (`slack`, 1)."""
     manager, _ = room()
     mesh = box_mesh(0.1, 0.1, 0.1)
     box = manager.add(mesh, at(z=0.3, turn=turn))
     world = World(manager)
-    world.add(box, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.5), Elastic(0.3), Sleeping(False)])
+    world.add(box, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(friction), Elastic(restitution), Sleeping(False)])
     last = energy(world, [box])
     worst = 0.0
     for _ in range(200):
@@ -80,7 +82,7 @@ def test_landing_on_an_edge_or_a_vertex_never_gains_energy(turn):
         rotation = world.pose(box).rotation
         lowest = (world.pose(box).translation + mesh.vertices @ rotation.T)[:, 2].min()
         assert lowest > -1e-9
-    assert worst < 2e-3 * G * 0.3
+    assert worst < slack * G * 0.3
 
 
 def test_edge_on_edge():

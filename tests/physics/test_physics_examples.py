@@ -40,7 +40,7 @@ def test_the_cradle_goes_on_when_its_inner_balls_have_slept():
     assert (result["most"][0], result["least"][-1]) == pytest.approx((0.5, -0.5), abs=2e-3)
     assert max(abs(x) for x in (*result["least"][:-1], *result["most"][1:])) < 1e-6
     first, last = result["energy"]
-    assert 0.98 * first < last < first * (1 + 1e-9)
+    assert last == pytest.approx(first, rel=2e-4)  # contacts with joints are integrated at second order
 
 
 def test_the_hinge_swings_and_holds():

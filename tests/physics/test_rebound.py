@@ -197,9 +197,10 @@ def test_a_double_pendulum_that_strikes_a_floor_makes_no_energy(e, mu):
     first = last = sum(map(world.energy, ids))
     struck = False
     for _ in range(100):
+        rate = world.velocity(ids[1])[4]
         world.step(0.002)
         now = sum(map(world.energy, ids))
         assert now - last <= 1e-7 * first
-        struck |= bool(world.touches(ids[1])) or abs(now - first) > 1e-6 * first
+        struck |= abs(world.velocity(ids[1])[4] - rate) > 1.0
         last = now
-    assert struck or (e, mu) == (1.0, 0.0)
+    assert struck
