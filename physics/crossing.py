@@ -3,7 +3,8 @@
 A point that lies behind a face need not have come through it: the end of a ring's outer wall, flush with the end of
 a bore, lies deep behind the bore's wall and touches nothing of it. `contact.find` cannot tell, it sees one instant.
 A row is a penetration if its two features have crossed since a known earlier pose, or if no other surface of the
-solid is nearer to the point than those of the row's own feature.
+solid is nearer to the point than those of the row's own feature. Only surfaces count that the point's own material lies
+in front of, as for `contact.find`: a corner sunk straight down along a wall has not come through the wall.
 """
 
 from __future__ import annotations
@@ -18,8 +19,10 @@ from physics.contact import (
     FACE,
     FEATURE_A,
     FEATURE_B,
+    FRONT,
     SURFACE_A,
     SURFACE_B,
+    VERTEX,
     _dot,
     _from,
     _nearest,
@@ -43,8 +46,37 @@ def _carried(r0, o0, r1, o1, p):
 
 
 @njit(cache=True)
-def _shallow(shapes, shape, p, one, two):
-    """Whether of all surfaces of a shape `one` or `two` is nearest to the point `p` (the shape's frame)."""
+def _material(shapes, shape, feature, r, other):
+    """(k, 3) unit, the ways from a vertex or an edge into its own solid, in the frame `other`; none for other features.
+
+    r, other: rotations of the feature's body and of the one it meets.
+    """
+    item = feature // 4
+    if feature % 4 == VERTEX:
+        first, last = shapes.neighbour_start[item + shape], shapes.neighbour_start[item + shape + 1]
+        local = np.empty((last - first, 3))
+        for j in range(first, last):
+            way = shapes.vertices[shapes.neighbours[j]] - shapes.vertices[item]
+            local[j - first] = way / np.sqrt(np.sum(way * way))
+    elif feature % 4 == EDGE:
+        local = shapes.wings[item].copy()
+    else:
+        local = np.empty((0, 3))
+    return np.dot(np.dot(local, np.ascontiguousarray(r.T)), other)
+
+
+@njit(cache=True)
+def _before(material, n):
+    """Whether all of the material's ways lead to the front of a face with the normal `n`."""
+    for k in range(len(material)):
+        if _dot(material[k, 0], material[k, 1], material[k, 2], n[0], n[1], n[2]) < -FRONT:
+            return False
+    return True
+
+
+@njit(cache=True)
+def _shallow(shapes, shape, p, one, two, material):
+    """Whether `one` or `two` is nearest to `p` (shape's frame) of all surfaces that its material is before."""
     first = shapes.first_surface[shape]
     last = shapes.first_surface[shape + 1] if shape + 1 < len(shapes.first_surface) else len(shapes.kinds)
     q = np.empty(3)
@@ -63,6 +95,8 @@ def _shallow(shapes, shape, p, one, two):
                     continue
             row = first + s + shape
             for t in range(shapes.triangle_start[row], shapes.triangle_start[row + 1]):
+                if turn == 1 and not _before(material, shapes.normals[t]):
+                    continue
                 v = shapes.triangles[t]
                 _nearest(p, shapes.vertices[v[0]], shapes.vertices[v[1]], shapes.vertices[v[2]], q)
                 x, y, z = p[0] - q[0], p[1] - q[1], p[2] - q[2]
@@ -110,7 +144,8 @@ def sift(ints, reals, known, rotations, origins, before_r, before_o, shape_of, s
                 edge = ints[i, FEATURE_B] // 4
                 one, two = shapes.edge_surfaces[edge, 0], shapes.edge_surfaces[edge, 1]
             _from(rotations[b], origins[b], on_a, p)
-            if not _shallow(shapes, shape_of[b], p, one, two):
+            material = _material(shapes, shape_of[a], ints[i, FEATURE_A], rotations[a], rotations[b])
+            if not _shallow(shapes, shape_of[b], p, one, two, material):
                 out[i] = NOTHING
         if kind_a in (FACE, EDGE):
             one = two = ints[i, SURFACE_A]
@@ -118,6 +153,7 @@ def sift(ints, reals, known, rotations, origins, before_r, before_o, shape_of, s
                 edge = ints[i, FEATURE_A] // 4
                 one, two = shapes.edge_surfaces[edge, 0], shapes.edge_surfaces[edge, 1]
             _from(rotations[a], origins[a], on_b, p)
-            if not _shallow(shapes, shape_of[a], p, one, two):
+            material = _material(shapes, shape_of[b], ints[i, FEATURE_B], rotations[b], rotations[a])
+            if not _shallow(shapes, shape_of[a], p, one, two, material):
                 out[i] = NOTHING
     return out

@@ -31,6 +31,8 @@ EXACT = 1e-14
 """1: residual of the contact laws, relative to the largest speed, at which the solver ends"""
 MARGIN = 0.05
 """1: contacts with a gap of up to this part of the thinner part's thickness are listed"""
+DEEPEST = 0.3
+"""1: penetration is looked for to this part of that thickness; deeper, the nearest face may be the other side's"""
 
 
 class Touching:
@@ -59,7 +61,7 @@ class Touching:
         """Contact points as the bodies stand; forces are zero. way: (count,) m that things move in what is looked at.
 
         margin: gaps up to this part of the thinner part's thickness, and no farther than the way, are listed.
-        Penetration is looked for to 3/10 of that thickness: deeper, the nearest face may be that of the other side.
+        Penetration is looked for to `DEEPEST` of that thickness.
         """
         if len(batch.pairs) == 0 or self.shapes is None:
             return NO_CONTACTS
@@ -67,7 +69,7 @@ class Touching:
         thickness = b.thickness[batch.pairs[:, [0, 2]]].min(axis=1)
         far = way[batch.of_rows(batch.pairs[:, [0, 2]])]
         margins = np.maximum(np.minimum(far, margin * thickness), 1e-6)
-        depths = np.maximum(0.1 * thickness, np.minimum(far, 0.3 * thickness))
+        depths = DEEPEST * thickness
         near = within(
             batch.pairs, b.center, b.radius, b.rotation, b.origin, self.shape_of, self.shapes.boxes,
             self.shapes.first_surface, np.maximum(margins, depths),

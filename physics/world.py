@@ -27,6 +27,7 @@ from physics.near import near_objects, near_surfaces
 from physics.pressing import NO_CONTACTS, Contacts
 from physics.shapes import Shape, make_shape, pack
 from physics.stepping import Stepper
+from physics.touching import DEEPEST
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -91,6 +92,7 @@ class World:
         self._listed_rotation = np.zeros((0, 3, 3))
         self._moving: tuple[int, ...] = ()
         self._stale = True
+        self._placed = True
 
     # --- objects ------------------------------------------------------------------------------------------------------
 
@@ -151,11 +153,11 @@ class World:
                 b.kind[i] = KINEMATIC
                 self._target(i, behaviour.pose(self.time), type(behaviour).__name__)
         self.wake(i)
-        self._stale = True
+        self._stale = self._placed = True
 
     def refresh(self) -> None:
         """Take notice of objects that were added to the manager, or placed by it, while they have no body here."""
-        self._stale = True
+        self._stale = self._placed = True
 
     def remove(self, object_id: int) -> None:
         """Take mass and behaviours from an object: if the manager still holds it, it stands still."""
@@ -217,7 +219,7 @@ class World:
         self._wake_near(i)
         self.collision.set_pose(i, pose)
         self._bodies.set_pose(i, pose)
-        self._stale = True
+        self._stale = self._placed = True
         self.wake(i)
 
     @property
@@ -255,7 +257,7 @@ class World:
         data.update(
             n=b.n, time=self.time, contacts=tuple(self._contacts), pairs=self._pairs,
             listed=(self._listed_center, self._listed_rotation),
-            reach=self._reach, moving=self._moving, stale=self._stale, last_step=self._last_step,
+            reach=self._reach, moving=self._moving, stale=self._stale, placed=self._placed, last_step=self._last_step,
             grips={i: g.data() for i, g in self._grips.items()}, members=tuple(sorted(self._behaviours)),
             joints=[joint.bodies for joint in self._joints],
             mechanisms=[
@@ -281,7 +283,7 @@ class World:
         self._contacts = Contacts(*data["contacts"])
         self._pairs, self._reach = data["pairs"], data["reach"]
         self._listed_center, self._listed_rotation = data["listed"]
-        self._stale, self._moving = data["stale"], data["moving"]
+        self._stale, self._placed, self._moving = data["stale"], data["placed"], data["moving"]
         self._last_step = data["last_step"]
         self._grips = {i: Grip.of(d) for i, d in data["grips"].items()}
         self._mechanisms.clear()
@@ -440,6 +442,8 @@ class World:
         self._listed_rotation = b.rotation[:n].copy()
         self._reach = np.zeros(n)
         self._reach[movers] = SLACK + (4.0 if len(movers) <= CROWD else 1.5) * step
+        if self._placed:  # perhaps into one another
+            self._reach[movers] += DEEPEST * np.where(np.isfinite(b.thickness[movers]), b.thickness[movers], 0.0)
         others = np.array([i for i in range(n) if b.kind[i] != 0 and self._solid.get(i, True)], dtype=np.int64)
         solid = np.array([i for i in movers if self._solid.get(int(i), True)], dtype=np.int64)
         objects = np.empty((max(64, 8 * len(solid)), 2), np.int64)
@@ -451,7 +455,7 @@ class World:
         for i in np.unique(objects):
             self._shape(int(i))
         self._pairs = self._surface_pairs(objects)
-        self._stale = False
+        self._stale = self._placed = False
         return False
 
     def _gain(self, movers: NDArray[np.int64], dt: float) -> Array:

@@ -186,6 +186,22 @@ def test_many_that_start_in_one_another_part_without_an_explosion():
     assert [world.pose(i).translation[2] for i in ids] == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.parametrize("side", [0.06, 0.1, 0.14])
+@pytest.mark.parametrize("sunk", [1e-4, 5e-3, 0.017])
+def test_boxes_that_start_flush_in_one_another_are_lifted_apart(side, sunk):
+    """The sunk corners lie on the lower box's sides, or nearer to them than to its top: they came through the top."""
+    manager, _ = room()
+    world = World(manager)
+    ids = []
+    for size, x, z in ((0.1, 0.0, 0.05), (side, 0.5 * (0.1 - side), 0.1 + 0.5 * side - sunk)):
+        ids.append(manager.add(box_mesh(size, size, size), at(x=x, z=z)))
+        world.add(ids[-1], Body.box([size] * 3, 1.0), [Gravity(), Friction(0.5)])
+    for _ in range(40):
+        world.step(0.01)
+        assert max(np.abs(world.velocity(i)).max() for i in ids) < G * 0.01  # no faster than a fall of one step
+    assert [world.pose(i).translation[2] for i in ids] == pytest.approx([0.05, 0.1 + 0.5 * side], abs=1e-9)
+
+
 @pytest.mark.parametrize("what", ["tumbling", "sleeping", "hand"])
 def test_restored_states_have_the_same_future(what):
     from physics import SpringHand
