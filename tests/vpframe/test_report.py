@@ -12,7 +12,7 @@ import pytest
 from tests.vpframe.watching import box, fake_session, place, pressing_frames, pressing_scene
 from vpframe.clash_status import ClashKey
 from vpframe.errors import VpframeError
-from vpframe.events import Event, Frame
+from vpframe.events import ConstraintView, Event, Frame
 from vpframe.report import SessionLog, SweptVolume, plots, write
 from vpframe.report.where import least_gap
 from vpframe.scene import Part, Scene
@@ -329,3 +329,38 @@ def test_long_names_and_many_lines_stay_within_a_plot():
     shown = re.sub(r"<title>.*?</title>", "", drawn)
     assert all(len(text) <= 19 for text in re.findall(r">([^<]*x_\d+)</text>", shown))
     assert f"<title>{name}_0</title>" in drawn
+
+
+def test_of_many_constraints_pictures_leave_out_the_uninvolved_and_the_page_says_so(tmp_path, monkeypatch):
+    scene = pressing_scene()
+    a, b = scene.names[:2]
+    frames = [
+        replace(frame, held=(), constraints=tuple(lasting(id, (a, b)) for id in range(7)))
+        for frame in pressing_frames(4)
+    ]
+    few = write(tmp_path / "few", log_of(frames, scene))
+    assert "leave out" not in (few / "index.html").read_text()
+    monkeypatch.setattr("vpframe.report.log.DRAWN", 5)
+    assert log_of(frames, scene).uninvolved() == frozenset(range(7))
+    many = write(tmp_path / "many", log_of(frames, scene))
+    assert "leave out 7, of parts that no hand held" in (many / "index.html").read_text()
+    assert len((many / "scene.html").read_text()) < len((few / "scene.html").read_text())
+    assert document(many)["constraints"] == document(few)["constraints"]
+    touched = [replace(frame, held=(a,)) for frame in frames]
+    assert log_of(touched, scene).uninvolved() == frozenset()
+
+
+def lasting(id, parts):
+    """A constraint in force, seen in each frame."""
+    return ConstraintView(
+        id=id,
+        kind="against",
+        parts=parts,
+        surfaces=((0,), (1,)),
+        residual=0.0,
+        state="active",
+        origin=np.zeros(3),
+        direction=np.array([0.0, 0.0, 1.0]),
+        size=0.01,
+        why="told",
+    )

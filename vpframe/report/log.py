@@ -60,6 +60,10 @@ class Stage:
     """s"""
 
 
+DRAWN = 400
+"""constraints that pictures and the page that plays a session draw at most before they leave out the uninvolved"""
+
+
 @dataclass
 class Mate:
     """A constraint or candidate and the states it went through."""
@@ -121,6 +125,19 @@ class SessionLog:
     def first(self) -> float:
         """s, the time of the first step that was seen."""
         return next((frame.time for frame, _ in self.history), 0.0)
+
+    def lasting(self) -> frozenset[int]:
+        """Ids of the constraints and candidates that were there from beginning to end, in one state."""
+        first, last = self.first, self.duration
+        spans = ((id, mate.spans) for id, mate in self.mates.items())
+        return frozenset(id for id, s in spans if len(s) == 1 and s[0][1] <= first and s[0][2] >= last)
+
+    def uninvolved(self) -> frozenset[int]:
+        """Of many constraints those that lasted, of parts that no hand ever held: what pictures leave out."""
+        if len(self.mates) <= DRAWN:
+            return frozenset()
+        held = {name for frame, _ in self.history for name in frame.held}
+        return frozenset(id for id in self.lasting() if held.isdisjoint(self.mates[id].parts))
 
     @property
     def steps(self) -> int:

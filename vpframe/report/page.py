@@ -116,10 +116,7 @@ def _few(texts: Sequence[str]) -> str:
 def _constraints(document: dict[str, Any], log: SessionLog) -> str:
     if not log.mates:
         return ""
-    last = log.duration
-    lasting = {
-        m.id for m in log.mates.values() if len(m.spans) == 1 and m.spans[0][1] <= log.first and m.spans[0][2] >= last
-    }
+    lasting = log.lasting()
     folded = len(log.mates) > OPEN_LANES and len(lasting) > 1
     lanes = {
         f"{m.kind}: {_short(m.parts[0])} – {_short(m.parts[1])} ({m.id})": m.spans
@@ -131,6 +128,8 @@ def _constraints(document: dict[str, Any], log: SessionLog) -> str:
         if folded
         else ""
     )
+    if left_out := len(log.uninvolved()):
+        note += f"<p class='dim'>Pictures and scene.html leave out {left_out}, of parts that no hand held.</p>"
     rows = [
         (
             escape(c["kind"]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from vpframe import clash_status
 from vpframe.clash_status import ClashKey, ClashRecord
 from vpframe.errors import VpframeError
+from vpframe.events import Frame
 from vpframe.progress import Progress
 from vpframe.report import page
 from vpframe.report.depth import Depth, depths
@@ -74,7 +76,9 @@ def write(
     clash_status.write(status, records, known)
     _write_csv(folder / "clashes.csv", document["clashes"])
     (folder / "report.json").write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    write_page(log.scene, log.history, folder / "scene.html", log.start)
+    left_out = log.uninvolved()
+    shown = ((_without(frame, left_out), events) for frame, events in log.history)
+    write_page(log.scene, shown, folder / "scene.html", log.start)
     (folder / "index.html").write_text(page.html(document, log, pictures), encoding="utf-8")
     return folder
 
@@ -196,6 +200,7 @@ def _pictures(log: SessionLog, gap: Gap | None, progress: Progress) -> dict[Any,
     clashes = list(log.clashes.values())[:CLASH_PICTURES]
     moments = log.moments[:MOMENT_PICTURES]
     total = len(clashes) + len(moments) + 2
+    left_out = log.uninvolved()
     drawn: dict[Any, bytes] = {}
     for number, clash in enumerate(clashes):
         progress(number / total, "clashes")
@@ -206,13 +211,20 @@ def _pictures(log: SessionLog, gap: Gap | None, progress: Progress) -> dict[Any,
     for number, (_, frame) in enumerate(moments):
         progress((len(clashes) + number) / total, "what happened")
         if frame.step not in shown:
-            shown[frame.step] = png(scene_picture(log.scene, frame, camera))
+            shown[frame.step] = png(scene_picture(log.scene, _without(frame, left_out), camera))
         drawn[number] = shown[frame.step]
     marks = {"end": _trails(log), "least": [gap_symbol(*gap.points, camera.radius)] if gap else []}
     for name, last in (("end", log.history.last), ("least", log.least)):
         if last is not None:
-            drawn[name] = png(scene_picture(log.scene, last, camera, (640, 480), marks[name]))
+            drawn[name] = png(scene_picture(log.scene, _without(last, left_out), camera, (640, 480), marks[name]))
     return drawn
+
+
+def _without(frame: Frame, left_out: frozenset[int]) -> Frame:
+    """The frame without the constraints of these ids."""
+    if not left_out:
+        return frame
+    return replace(frame, constraints=tuple(view for view in frame.constraints if view.id not in left_out))
 
 
 def _trails(log: SessionLog) -> list[Symbol]:

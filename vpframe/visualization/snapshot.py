@@ -73,6 +73,8 @@ def render(
         if 0.0 < alpha < 1.0:
             ghost = _Buffers(width, height)
             ghost.draw(name, part.shape, poses.get(name, part.pose), camera, section)
+            if not ghost.count:
+                continue
             ghost.face[ghost.depth <= depth] = -1
             ghost.shade(image, tints, marked, alpha, section is not None)
     _draw_symbols(image, depth, symbols, camera, supersample)
@@ -107,6 +109,9 @@ class _Buffers:
         mesh = display_mesh(shape)  # type: ignore[arg-type]
         world = mesh.positions.astype(np.float64) @ pose.rotation.T + pose.translation
         corners = project(world, camera, self.depth.shape)[mesh.triangles]
+        low, high = corners[:, :, :2].min(axis=(0, 1)), corners[:, :, :2].max(axis=(0, 1))
+        if (high < 0.0).any() or (low > self.depth.shape[::-1]).any():
+            return  # out of the picture
         keep = np.full(corners.shape[:2], -1.0)
         if section is not None:
             point, normal = (np.asarray(v, dtype=np.float64) for v in section)
@@ -234,8 +239,9 @@ def _draw_symbols(
 
     ends, color, width, hidden = [], [], [], []
     for symbol in symbols:
-        for strip in symbol.world():
-            points = project(strip, camera, depth.shape)
+        strips = symbol.world()
+        flat = project(np.concatenate(strips), camera, depth.shape)
+        for points in np.split(flat, np.cumsum([len(strip) for strip in strips])[:-1]):
             ends.append(np.stack([points[:-1], points[1:]], axis=1))
             color.append(np.tile(symbol.color, (len(points) - 1, 1)))
             width.append(np.full(len(points) - 1, symbol.width * supersample))
