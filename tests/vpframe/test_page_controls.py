@@ -142,3 +142,4 @@ def test_what_is_seen_changes_with_the_mouse(offered: tuple[Session, Browser]) -
     assert changed("#section-flip") > 0.02
     browser.call("Input.dispatchMouseEvent", type="mouseWheel", x=500, y=350, deltaX=0, deltaY=600)  # farther away
     assert changed("#home") > 0.02
+    browser.click("#home")  # and again: it makes nothing anew

@@ -86,22 +86,31 @@ function paint(part, surface, color) {
   values.needsUpdate = true;
 }
 
+// one camera for good: meshcat's scene tree fails when an object with controls of its own is replaced twice
+let lamp = null;
+
 function frameCamera() {
   const { eye, target, radius } = world.info.camera;
   const up = (p) => new THREE.Vector3(p[0], p[2], -p[1]); // meshcat's camera lives in a frame whose y is up
-  const camera = new THREE.PerspectiveCamera(30, 1, 0.02 * radius, 60 * radius);
+  if (lamp === null) {
+    const camera = new THREE.PerspectiveCamera(30, 1, 1, 2);
+    viewer.set_object(["Cameras", "default", "rotated"], camera);
+    viewer.set_camera(camera);
+    lamp = new THREE.DirectionalLight(0xffffff, 0.5); // it goes with the camera, from above its left shoulder
+    camera.add(lamp, lamp.target);
+    viewer.controls.addEventListener("start", () => { world.steered = true; });
+  }
+  const camera = viewer.camera;
+  camera.near = 0.02 * radius;
+  camera.far = 60 * radius;
+  camera.zoom = 1;
   camera.position.copy(up(target)).add(up(eye).sub(up(target)).setLength(4.8 * radius));
-  viewer.set_object(["Cameras", "default", "rotated"], camera);
-  viewer.set_camera(camera);
-  viewer.controls.target.copy(up(target));
-  viewer.controls.update();
-  viewer.controls.addEventListener("start", () => { world.steered = true; });
-  world.steered = false;
-  const lamp = new THREE.DirectionalLight(0xffffff, 0.5); // it goes with the camera, from above its left shoulder
   lamp.position.set(-0.35 * radius, 0.9 * radius, 0.4 * radius);
   lamp.target.position.set(0, 0, -4 * radius);
-  camera.add(lamp, lamp.target);
-  viewer.set_3d_pane_size();
+  viewer.controls.target.copy(up(target));
+  viewer.controls.update();
+  world.steered = false;
+  viewer.set_3d_pane_size(); // and with it the camera's projection
 }
 
 // a part that leaves the picture makes the camera step back, until a person has taken the camera in hand
