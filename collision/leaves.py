@@ -32,6 +32,7 @@ _INLINE = INNER | {"forceinline": True}
 
 @njit(**_INLINE)
 def add(counts, i, n):
+    """Add n to the i-th count."""
     put_i64(counts, i, i64(counts, i) + n)
 
 
@@ -132,6 +133,7 @@ def pair_meets(a, ta, b, tb, scratch):
 
 @njit(**_INLINE)
 def middle(nodes, lane):
+    """Middle of the box in a lane along one axis, m."""
     return 0.5 * (np.float64(f32(nodes, lane)) + np.float64(f32(nodes, lane + 24)))
 
 

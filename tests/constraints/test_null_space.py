@@ -38,8 +38,8 @@ def same_space(system: System, poses, monkeypatch) -> int:
 @pytest.mark.parametrize("name", MADE)
 def test_linkages(name, monkeypatch):
     problem = MADE[name]
-    for system in systems(problem.constraints, frozenset(problem.movable)):
-        same_space(system, problem.poses, monkeypatch)
+    made = systems(problem.constraints, frozenset(problem.movable))
+    assert made and all(same_space(system, problem.poses, monkeypatch) >= 0 for system in made)
 
 
 @pytest.mark.parametrize("seed", range(60))

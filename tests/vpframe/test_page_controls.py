@@ -89,6 +89,7 @@ def test_refuse_then_accept_after_all(offered: tuple[Session, Browser]) -> None:
     browser.wait(f"document.querySelector('#constraints .row[data-id=\"{offer.id}\"]').textContent.includes('refused')")
     browser.click(row(browser, offer.id, "Accept"))
     steps_until(session, lambda: state(session, offer.id) == "active")
+    assert [c.kind for c in session.constraints] == ["concentric"]
 
 
 def test_pause_step_play(offered: tuple[Session, Browser]) -> None:

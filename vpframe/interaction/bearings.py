@@ -150,6 +150,7 @@ def _radius(feature: Feature) -> float:
 
 
 def held_part(hand: Hand, verb: str) -> Part:
+    """What the hand holds; TaskError if nothing."""
     if hand.held is None:
         raise TaskError(f"{hand.name}.{verb}: the hand is empty; grab a part first")
     return hand.session.scene[hand.held]
@@ -163,6 +164,7 @@ def other_part(hand: Hand, verb: str, name: str) -> Part:
 
 
 def who(hand: Hand) -> str:
+    """The hand's name, with that of what it holds."""
     return f"{hand.name}[{hand.held}]" if hand.held else hand.name
 
 
@@ -173,4 +175,5 @@ def extent(part: Part, pose: pin.SE3) -> tuple[float, Vector]:
 
 
 def middle(part: Part) -> Vector:
+    """(3,) m, world: the middle of the part's box."""
     return extent(part, part.pose)[1]
