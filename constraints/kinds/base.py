@@ -142,6 +142,22 @@ class Constraint(ABC):
         return f"{type(self).__name__}(bodies={self.bodies}, surfaces={self.surfaces})"
 
 
+class EitherWay(Constraint):
+    """A kind that means the same with its features in either order: `pair` states it once, for the order `types`."""
+
+    types: ClassVar[tuple[type[Geometry], ...]]
+
+    def equations(self) -> tuple[Equation, ...]:
+        a, b = (self.feature(i, *self.types) for i in (0, 1))
+        if self.types.index(type(a)) <= self.types.index(type(b)):
+            return self.pair(a, b)
+        return tuple(e.swap() for e in self.pair(b, a))
+
+    @abstractmethod
+    def pair(self, a: Any, b: Any) -> tuple[Equation, ...]:
+        """Equations of two features of which a's type comes no later in `types`; GeometryError if they have none."""
+
+
 @dataclass(frozen=True, eq=False)
 class Compiled:
     """Equations as flat arrays: see `constraints.jacobians.evaluate`."""

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from constraints.errors import GeometryError
 from constraints.geometry import Cone, Cylinder, Plane, Sphere, Torus
-from constraints.kinds.base import Constraint
+from constraints.kinds.base import EitherWay
 from constraints.kinds.elements import Circle, Line, Point
 from constraints.kinds.equations import (
     Equation,
@@ -25,11 +25,9 @@ from constraints.kinds.equations import (
     torus_distance,
 )
 
-_ORDER = (Plane, Cylinder, Cone, Sphere, Torus, Line, Circle, Point)
-
 
 @dataclass(frozen=True, eq=False)
-class Contact(Constraint):
+class Contact(EitherWay):
     """An edge or vertex in contact: a line contact (an edge in a plane) or a point contact (all others).
 
     Pairs, either way round: plane with line (edge flat on the face), circle (rim on the face) or point; cylinder, cone,
@@ -38,14 +36,9 @@ class Contact(Constraint):
 
     kind: ClassVar[str] = "contact"
     symbol: ClassVar[str] = "point"
+    types: ClassVar = (Plane, Cylinder, Cone, Sphere, Torus, Line, Circle, Point)
 
-    def equations(self) -> tuple[Equation, ...]:
-        a, b = (self.feature(i, *_ORDER) for i in (0, 1))
-        if _ORDER.index(type(a)) <= _ORDER.index(type(b)):
-            return self._pair(a, b)
-        return tuple(e.swap() for e in self._pair(b, a))
-
-    def _pair(self, a: object, b: object) -> tuple[Equation, ...]:
+    def pair(self, a: object, b: object) -> tuple[Equation, ...]:
         match a, b:
             case Plane(), Line():
                 plane, line = element(a.origin, a.normal), element(b.origin, b.axis)

@@ -7,15 +7,13 @@ from typing import ClassVar
 
 from constraints.errors import GeometryError
 from constraints.geometry import Cylinder, Sphere, Torus
-from constraints.kinds.base import Constraint
+from constraints.kinds.base import EitherWay
 from constraints.kinds.elements import Circle, Line, Point
 from constraints.kinds.equations import Equation, element, line_distance, on_line, on_plane
 
-_ORDER = (Cylinder, Line, Torus, Circle, Sphere, Point)
-
 
 @dataclass(frozen=True, eq=False)
-class Groove(Constraint):
+class Groove(EitherWay):
     """A centre (of a sphere, or a point) that runs along an axis (of a cylinder, or a line) or around a circle.
 
     Pairs, either way round: cylinder or line, torus or circle, with sphere or point. The ball fills the groove: where
@@ -24,14 +22,9 @@ class Groove(Constraint):
 
     kind: ClassVar[str] = "groove"
     symbol: ClassVar[str] = "point"
+    types: ClassVar = (Cylinder, Line, Torus, Circle, Sphere, Point)
 
-    def equations(self) -> tuple[Equation, ...]:
-        a, b = (self.feature(i, *_ORDER) for i in (0, 1))
-        if _ORDER.index(type(a)) <= _ORDER.index(type(b)):
-            return self._pair(a, b)
-        return tuple(e.swap() for e in self._pair(b, a))
-
-    def _pair(self, a: object, b: object) -> tuple[Equation, ...]:
+    def pair(self, a: object, b: object) -> tuple[Equation, ...]:
         match a, b:
             case ((Cylinder() | Line()), (Sphere() | Point())):
                 return (on_line(element(a.origin, a.axis), element(b.center)),)

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from constraints.errors import GeometryError
 from constraints.geometry import Cone, Cylinder, Plane, Sphere, Torus
-from constraints.kinds.base import Constraint
+from constraints.kinds.base import EitherWay
 from constraints.kinds.equations import (
     Equation,
     aligned,
@@ -24,11 +24,10 @@ from constraints.kinds.equations import (
 )
 
 MODES = ("outside", "inside", "crossed")
-_ORDER = (Plane, Cone, Torus, Cylinder, Sphere)
 
 
 @dataclass(frozen=True, eq=False)
-class Tangent(Constraint):
+class Tangent(EitherWay):
     """Two surfaces in contact along a line or in a point.
 
     Pairs, either way round: plane with cylinder, cone (resting on its side), sphere or torus; cylinder with
@@ -38,18 +37,16 @@ class Tangent(Constraint):
 
     kind: ClassVar[str] = "tangent"
     symbol: ClassVar[str] = "point"
+    types: ClassVar = (Plane, Cone, Torus, Cylinder, Sphere)
 
     mode: str = "outside"
 
     def equations(self) -> tuple[Equation, ...]:
         if self.mode not in MODES:
             raise GeometryError(f"mode is {self.mode!r}; give one of {', '.join(MODES)}", "mode")
-        a, b = (self.feature(i, *_ORDER) for i in (0, 1))
-        if _ORDER.index(type(a)) <= _ORDER.index(type(b)):
-            return self._pair(a, b)
-        return tuple(e.swap() for e in self._pair(b, a))
+        return super().equations()
 
-    def _pair(self, a: object, b: object) -> tuple[Equation, ...]:
+    def pair(self, a: object, b: object) -> tuple[Equation, ...]:
         match a, b:
             case Plane(), Cylinder():
                 plane, axis = element(a.origin, a.normal), element(b.origin, b.axis)
