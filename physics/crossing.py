@@ -109,6 +109,20 @@ def _shallow(shapes, shape, p, one, two, material):
 
 
 @njit(cache=True)
+def _sunk(shapes, shape, surface, feature, r, o, point, other_shape, other_feature, other_r):
+    """Whether `point` (world) of another body is no nearer to any other surface of a body than to the row's feature.
+
+    shape, surface, feature, (r, o): of the body that it is behind, (r, o) its mesh frame; other_*: of the point's own.
+    """
+    one = two = surface
+    if feature % 4 == EDGE:
+        one, two = shapes.edge_surfaces[feature // 4, 0], shapes.edge_surfaces[feature // 4, 1]
+    p = np.empty(3)
+    _from(r, o, point, p)
+    return _shallow(shapes, shape, p, one, two, _material(shapes, other_shape, other_feature, other_r, r))
+
+
+@njit(cache=True)
 def sift(ints, reals, known, rotations, origins, before_r, before_o, shape_of, shapes, tolerance):
     """(c,) verdict on each row that `contact.find` gave.
 
@@ -116,13 +130,12 @@ def sift(ints, reals, known, rotations, origins, before_r, before_o, shape_of, s
     frames at an earlier instant, not long ago. tolerance: m, gaps above -tolerance are none.
     """
     out = np.full(len(ints), CROSSED)
-    p = np.empty(3)
     for i in range(len(ints)):
         gap = reals[i, 6]
         if known[i] or gap >= -tolerance:
             continue
         a, b = ints[i, BODY_A], ints[i, BODY_B]
-        kind_a, kind_b = ints[i, FEATURE_A] % 4, ints[i, FEATURE_B] % 4
+        kind_a = ints[i, FEATURE_A] % 4
         n = reals[i, 3:6]
         on_a = reals[i, :3].copy()
         on_b = on_a - gap * n
@@ -138,22 +151,14 @@ def sift(ints, reals, known, rotations, origins, before_r, before_o, shape_of, s
         if was >= 0.5 * gap:
             continue
         out[i] = SUNK
-        if kind_a != FACE:
-            one = two = ints[i, SURFACE_B]
-            if kind_b == EDGE:
-                edge = ints[i, FEATURE_B] // 4
-                one, two = shapes.edge_surfaces[edge, 0], shapes.edge_surfaces[edge, 1]
-            _from(rotations[b], origins[b], on_a, p)
-            material = _material(shapes, shape_of[a], ints[i, FEATURE_A], rotations[a], rotations[b])
-            if not _shallow(shapes, shape_of[b], p, one, two, material):
-                out[i] = NOTHING
-        if kind_a in (FACE, EDGE):
-            one = two = ints[i, SURFACE_A]
-            if kind_a == EDGE:
-                edge = ints[i, FEATURE_A] // 4
-                one, two = shapes.edge_surfaces[edge, 0], shapes.edge_surfaces[edge, 1]
-            _from(rotations[a], origins[a], on_b, p)
-            material = _material(shapes, shape_of[b], ints[i, FEATURE_B], rotations[b], rotations[a])
-            if not _shallow(shapes, shape_of[a], p, one, two, material):
-                out[i] = NOTHING
+        if kind_a != FACE and not _sunk(
+            shapes, shape_of[b], ints[i, SURFACE_B], ints[i, FEATURE_B], rotations[b], origins[b],
+            on_a, shape_of[a], ints[i, FEATURE_A], rotations[a],
+        ):  # fmt: skip
+            out[i] = NOTHING
+        if kind_a in (FACE, EDGE) and not _sunk(
+            shapes, shape_of[a], ints[i, SURFACE_A], ints[i, FEATURE_A], rotations[a], origins[a],
+            on_b, shape_of[b], ints[i, FEATURE_B], rotations[b],
+        ):  # fmt: skip
+            out[i] = NOTHING
     return out
