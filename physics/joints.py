@@ -1,17 +1,21 @@
-"""Accepted constraints as joints: their rows in the world's coordinates."""
+"""Accepted constraints as joints: their rows in the world's coordinates, and the dry ones among them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from physics.bodies import FREE, Bodies
+from physics.thread import Thread
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Law = Callable[[Ints], tuple[Array, Array]]
+"""friction and restitution (c,) of pairs of bodies (c, 2), see `Touching.pair_values`"""
 
 
 class Joint(Protocol):
@@ -37,7 +41,7 @@ def _world_rows(jacobian: Array, bodies: Bodies, i: int) -> Array:
     return np.hstack([linear, angular + np.cross(d, linear)])
 
 
-def assemble(joints: Sequence[Joint], bodies: Bodies, ids: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array, Array]:
+def assemble(joints: Sequence[Joint], bodies: Bodies, ids: Ints) -> tuple[Ints, Array, Array]:
     """Rows of all joints: bodies (g, 2) as places in `ids` or -1, Jacobians (g, 1, 12), residuals (g, 1)."""
     if not joints:
         return _NO_BODIES, _NO_ROWS, _NO_RESIDUALS
@@ -59,6 +63,86 @@ def assemble(joints: Sequence[Joint], bodies: Bodies, ids: NDArray[np.int64]) ->
     )
 
 
+class Holding(NamedTuple):
+    """Rows of joints as `solver.solve` takes them: ideal ones, and dry ones (two normals, and the way they slide)."""
+
+    bodies: Ints
+    """(g, 2) places, -1 for what does not move"""
+    jacobian: Array
+    """(g, 1, 12)"""
+    dry_bodies: Ints
+    """(d, 2)"""
+    dry_jacobian: Array
+    """(d, 3, 12)"""
+    dry_bias: Array
+    """(d, 3) m/s, of what carries them"""
+    dry_friction: Array
+    """(d,)"""
+
+
+def holding(joints: Sequence[Joint], bodies: Bodies, ids: Ints, friction: Law) -> Holding:
+    """The rows that hold the velocities of the bodies `ids`.
+
+    A thread whose pair has friction is held by its own rows instead of its joint's, so that all of its load is known
+    where it rubs; what else joins the pair and lets it turn is implied.
+    """
+    dry = dry_threads(joints, bodies, friction)
+    jb, jj, _ = assemble([j for j in joints if _pair(j) not in dry], bodies, ids)
+    if not dry:
+        return Holding(jb, jj, _NO_BODIES, _NO_BLOCKS, _NO_BIAS, _NO_FRICTION)
+    place = {int(i): k for k, i in enumerate(ids)}
+    upright, blocks, bias, which, coefficients = [], [], [], [], []
+    for thread, m in dry.values():
+        linear, angular, point = thread.rows(bodies.pose(thread.bodies[0]))
+        local, sides, carried = [], [], np.zeros(4)
+        for i, sign in zip(thread.bodies, (-1.0, 1.0), strict=True):
+            r = point - bodies.center[i]
+            sides.append(sign * np.hstack([linear, np.cross(r, linear) + angular]))
+            moves = bodies.kind[i] == FREE
+            local.append(place.get(i, -1) if moves else -1)
+            carried += 0.0 if moves else sides[-1] @ bodies.velocity[i]
+        rows = np.hstack(sides)
+        on_flanks, across = thread.friction(m)
+        blocks += [rows[[0, 0, 3]] * [[1.0], [0.0], [1.0]], rows[1:]]
+        bias += [carried[[0, 0, 3]] * [1.0, 0.0, 1.0], carried[1:]]
+        coefficients += [on_flanks, across]
+        which += [local, local]
+        tilts = np.hstack([np.zeros((2, 3)), linear[1:3]])
+        upright.append(np.hstack([-tilts, tilts])[:, None, :])
+    return Holding(
+        np.concatenate([jb, np.repeat(np.array(which[::2], np.int64), 2, axis=0)]),
+        np.concatenate([jj, *upright]),
+        np.array(which, np.int64), np.array(blocks), np.array(bias), np.array(coefficients),
+    )  # fmt: skip
+
+
+def dry_threads(joints: Sequence[Joint], bodies: Bodies, friction: Law) -> dict[tuple[int, int], tuple[Thread, float]]:
+    """The threads that can turn among some joints, and do so with friction μ, by their pair of bodies (sorted)."""
+    by_pair: dict[tuple[int, int], list[Joint]] = {}
+    for joint in joints:
+        by_pair.setdefault(_pair(joint), []).append(joint)
+    out = {}
+    for pair, same in by_pair.items():
+        thread = next((t for joint in same if (t := Thread.of(joint)) is not None), None)
+        if thread is None:
+            continue
+        a, b = thread.bodies
+        poses = {i: bodies.pose(i) for i in pair}
+        rows = [j.jacobian(*(poses[i] for i in j.bodies))[j.bodies.index(b)] for j in same]
+        if all(thread.lets(r, poses[a], poses[b]) for r in rows):
+            out[pair] = thread
+    mu = friction(np.array(list(out), np.int64).reshape(-1, 2))[0]
+    return {pair: (out[pair], m) for pair, m in zip(out, mu.tolist(), strict=True) if m > 0.0}
+
+
+def _pair(joint: Joint) -> tuple[int, int]:
+    a, b = joint.bodies
+    return min(a, b), max(a, b)
+
+
 _NO_BODIES = np.zeros((0, 2), np.int64)
 _NO_ROWS = np.zeros((0, 1, 12))
 _NO_RESIDUALS = np.zeros((0, 1))
+_NO_BLOCKS = np.zeros((0, 3, 12))
+_NO_BIAS = np.zeros((0, 3))
+_NO_FRICTION = np.zeros(0)

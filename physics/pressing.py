@@ -175,21 +175,32 @@ def contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, 
 
 def press(
     ids, local, free, center, velocity, rotation, mass, inertia, inverse, is_free,
-    chosen, ints, reals, mu, target, impulse, jb, jj, jbias, jl, tolerance,
+    chosen, ints, reals, mu, target, impulse, held, tolerance,
 ):  # fmt: skip
     """Solve contacts `chosen` and joints for the velocities `free` (n, 6) of the bodies `ids`; writes `velocity`.
 
-    mu (c,), target (c,) m/s: the normal speed at which a contact parts at least (0: it does not close). Returns the
-    solver's residual, m/s. `impulse` (len(chosen), 3) and `jl` are guess and answer.
+    mu (c,), target (c,) m/s: the normal speed at which a contact parts at least (0: it does not close). `impulse`
+    (len(chosen), 3) is guess and answer. held: the joints' rows. Returns the solver's residual, m/s, and whether a dry
+    joint slides.
     """
     m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
     cb, cj, bias, friction = contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, is_free)
     v = np.empty((len(ids), 6))
+    n, d = len(cb), len(held.dry_bodies)
+    dry = np.arange(n + d) >= n
+    if d:
+        cb, cj = np.concatenate([cb, held.dry_bodies]), np.concatenate([cj, held.dry_jacobian])
+        bias, friction = np.concatenate([bias, held.dry_bias]), np.concatenate([friction, held.dry_friction])
+    pushes = np.concatenate([impulse, np.zeros((d, 3))])
+    jl = np.zeros((len(held.jacobian), 1))
     residual = solver.solve(
-        free, v, m, world, im, inverse_world, cb, cj, bias, friction, impulse, jb, jj, jbias, jl, tolerance
-    )
+        free, v, m, world, im, inverse_world, cb, cj, bias, friction, dry, pushes, held.bodies, held.jacobian,
+        np.zeros_like(jl), jl, tolerance,
+    )  # fmt: skip
     velocity[ids] = v
-    return residual
+    impulse[:] = pushes[:n]
+    load = friction[n:] * np.sqrt(pushes[n:, 0] ** 2 + pushes[n:, 1] ** 2)
+    return residual, bool((np.abs(pushes[n:, 2]) >= 0.999 * load)[load > 0.0].any())
 
 
 @njit(cache=True)
@@ -231,7 +242,7 @@ def correct(
     move = np.empty((len(ids), 6))
     solver.solve(
         np.zeros((len(ids), 6)), move, m, world, im, inverse_world, _NO_PAIRS, _NO_JACOBIAN, _NO_BIAS,
-        _NO_FRICTION, _NO_BIAS.copy(), blocks, jacobian, bias, np.zeros((len(blocks), 1)), 1e-13,
+        _NO_FRICTION, _NO_DRY, _NO_BIAS.copy(), blocks, jacobian, bias, np.zeros((len(blocks), 1)), 1e-13,
     )  # fmt: skip
     shift(ids, center, attitude, move)
 
@@ -240,3 +251,4 @@ _NO_PAIRS = np.zeros((0, 2), np.int64)
 _NO_JACOBIAN = np.zeros((0, 3, 12))
 _NO_BIAS = np.zeros((0, 3))
 _NO_FRICTION = np.zeros(0)
+_NO_DRY = np.zeros(0, np.bool_)

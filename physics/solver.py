@@ -5,7 +5,8 @@ Given free velocities v* find v and impulses λ with
     M (v - v*) = Jᵀ λ,
     joint rows:      J v + b = 0,
     contact normal:  0 ≤ λ_n  ⊥  J_n v + b_n ≥ 0,
-    friction:        λ_t = argmax of dissipation over the disc |λ_t| ≤ μ λ_n  (a cone, not a pyramid).
+    friction:        λ_t = argmax of dissipation over the disc |λ_t| ≤ μ λ_n  (a cone, not a pyramid),
+    dry joint:       J_n v + b_n = 0 (one or two rows),  |λ_t| ≤ μ |λ_n|: it bears either way, and slides along one row.
 
 Alart and Curnier (Comput. Methods Appl. Mech. Eng. 92, 1991) write the contact law as λ = Π(λ - ρ (J v + b)), where Π
 clips the normal part at zero and the tangential part to the disc of radius μ λ_n. With λ inside Π frozen at the iterate
@@ -135,9 +136,20 @@ def _effective(bodies, jacobian, inverse_mass, inverse_inertia, out):
 
 
 @njit(cache=True)
-def _project(y, mu, impulse, slope, rho):
-    """λ = Π(y) for one contact, and H = -∂λ/∂(J v) = ρ Π'(y) (3, 3)."""
+def _project(y, mu, dry, impulse, slope, rho):
+    """λ = Π(y) for one contact or dry joint, and H = -∂λ/∂(J v) = ρ Π'(y) (3, 3)."""
     slope[:] = 0.0
+    if dry:
+        impulse[0], impulse[1], impulse[2] = y[0], y[1], y[2]
+        slope[0, 0] = slope[1, 1] = slope[2, 2] = rho
+        load = np.sqrt(y[0] * y[0] + y[1] * y[1])
+        if abs(y[2]) > mu * load:
+            sign = 1.0 if y[2] > 0.0 else -1.0
+            impulse[2] = sign * mu * load
+            slope[2, 2] = 0.0
+            if load > 0.0:
+                slope[2, 0], slope[2, 1] = rho * sign * mu * y[0] / load, rho * sign * mu * y[1] / load
+        return
     if y[0] <= 0.0:
         impulse[0] = impulse[1] = impulse[2] = 0.0
         return
@@ -183,7 +195,7 @@ def _add_block(values, slot, bodies, jacobian, slope):
 
 
 @njit(cache=True)
-def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, weight, impulse, jb, jj, jbias, jw, jl):
+def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, weight, impulse, jb, jj, jbias, jw, jl):
     """One nonlinear Gauss-Seidel pass over joints and contacts; the largest change of a row's impulse · weight."""
     change = 0.0
     for c in range(jj.shape[0]):
@@ -202,6 +214,12 @@ def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, weight, impulse, 
             _kick(v, jb[c], jj[c, i], d, inverse_mass, inverse_inertia)
     for c in range(cj.shape[0]):
         if weight[c] == 0.0:
+            continue
+        if dry[c]:
+            change = max(
+                change,
+                _sweep_dry(v, inverse_mass, inverse_inertia, cb[c], cj[c], bias[c], mu[c], weight[c], impulse[c]),
+            )
             continue
         s = bias[c, 0]
         for side in range(2):
@@ -235,6 +253,28 @@ def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, weight, impulse, 
 
 
 @njit(cache=True)
+def _sweep_dry(v, inverse_mass, inverse_inertia, bodies, jacobian, bias, mu, weight, impulse):
+    """`_sweep` over one dry joint."""
+    change = 0.0
+    for i in range(3):
+        s = bias[i]
+        for side in range(2):
+            b = bodies[side]
+            if b >= 0:
+                for k in range(6):
+                    s += jacobian[i, 6 * side + k] * v[b, k]
+        new = impulse[i] - s / weight
+        if i == 2:
+            limit = mu * np.sqrt(impulse[0] * impulse[0] + impulse[1] * impulse[1])
+            new = min(max(new, -limit), limit)
+        d = new - impulse[i]
+        impulse[i] = new
+        change = max(change, abs(d) * weight)
+        _kick(v, bodies, jacobian[i], d, inverse_mass, inverse_inertia)
+    return change
+
+
+@njit(cache=True)
 def _kick(v, bodies, row, d, inverse_mass, inverse_inertia):
     """v += M⁻¹ Jᵀ d of one row."""
     if d == 0.0:
@@ -255,7 +295,7 @@ def _kick(v, bodies, row, d, inverse_mass, inverse_inertia):
 
 @njit(cache=True)
 def _newton(
-    free, v, mass, inertia, cb, cj, bias, mu, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl,
+    free, v, mass, inertia, cb, cj, bias, mu, dry, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl,
     order, start, later, slot, blocks, limit,
 ):  # fmt: skip
     """Newton's iterations on v of one proximal step about (center, jcenter); returns the last change of v, relative."""
@@ -285,7 +325,7 @@ def _newton(
         for c in range(cj.shape[0]):
             for i in range(3):
                 y[i] = center[c, i] - rho[c] * speeds[c, i]
-            _project(y, mu[c], impulse[c], slope, rho[c])
+            _project(y, mu[c], dry[c], impulse[c], slope, rho[c])
             _add_block(values, slot, cb[c], cj[c], slope)
         _speeds(jb, jj, v, jbias, jspeeds)
         for c in range(jj.shape[0]):
@@ -312,11 +352,16 @@ def _newton(
 
 
 @njit(cache=True)
-def residual(speeds, mu, rho, impulse):
-    """Largest violation of the contact law, m/s: |λ - Π(λ - ρ (J v + b))| / ρ over contacts, with the true λ in Π."""
+def residual(speeds, mu, dry, rho, impulse):
+    """Largest violation of the laws of contacts and dry joints, m/s: |λ - Π(λ - ρ (J v + b))| / ρ, the true λ in Π."""
     worst = 0.0
     for c in range(speeds.shape[0]):
         if rho[c] == 0.0:  # between bodies that no impulse moves
+            continue
+        if dry[c]:
+            limit = mu[c] * np.sqrt(impulse[c, 0] ** 2 + impulse[c, 1] ** 2)
+            t = min(max(impulse[c, 2] - rho[c] * speeds[c, 2], -limit), limit)
+            worst = max(worst, abs(speeds[c, 0]), abs(speeds[c, 1]), abs(impulse[c, 2] - t) / rho[c])
             continue
         n = max(0.0, impulse[c, 0] - rho[c] * speeds[c, 0])
         y1, y2 = impulse[c, 1] - rho[c] * speeds[c, 1], impulse[c, 2] - rho[c] * speeds[c, 2]
@@ -331,12 +376,13 @@ def residual(speeds, mu, rho, impulse):
 
 @njit(cache=True)
 def solve(
-    free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, impulse, jb, jj, jbias, jl, tolerance
+    free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, impulse, jb, jj, jbias, jl, tolerance
 ):
     """In place: velocities `v` (n, 6), impulses of contacts `impulse` (c, 3) and joints `jl` (g, r); the residual, m/s.
 
     free: (n, 6) velocities without constraints (linear, angular; world axes). mass (n,), inertia (n, 3, 3) and their
-    inverses. cb (c, 2), cj (c, 3, 12), bias (c, 3), mu (c,): contacts. jb (g, 2), jj (g, r, 12), jbias (g, r): joints.
+    inverses. cb (c, 2), cj (c, 3, 12), bias (c, 3), mu (c,): contacts, and
+    where `dry` (c,) dry joints (rows: two normals, the slide). jb (g, 2), jj (g, r, 12), jbias (g, r): joints.
     `impulse` and `jl` come in as the guess (those of the step before). tolerance: m/s, relative to the largest speed.
     Bodies that nothing joins are solved apart: each group costs by its own size.
     """
@@ -364,7 +410,7 @@ def solve(
         own_jl = jl[jrows]
         left = _solve_joined(
             free[mine], own_v, mass[mine], inertia[mine], inverse_mass[mine], inverse_inertia[mine],
-            _renumbered(cb, rows, place), cj[rows], bias[rows], mu[rows], own_impulse,
+            _renumbered(cb, rows, place), cj[rows], bias[rows], mu[rows], dry[rows], own_impulse,
             _renumbered(jb, jrows, place), jj[jrows], jbias[jrows], own_jl, tolerance,
         )  # fmt: skip
         worst = max(worst, left)
@@ -419,7 +465,7 @@ def _renumbered(bodies, rows, place):
 
 @njit(cache=True)
 def _solve_joined(
-    free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, impulse, jb, jj, jbias, jl, tolerance
+    free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, impulse, jb, jj, jbias, jl, tolerance
 ):
     """`solve` for bodies that all hang together."""
     n = free.shape[0]
@@ -450,14 +496,16 @@ def _solve_joined(
     if n > MANY:
         change = np.inf
         for _ in range(SWEEPS):
-            change = _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, weight, impulse, jb, jj, jbias, jw, jl)
+            change = _sweep(
+                v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, weight, impulse, jb, jj, jbias, jw, jl
+            )
             if change <= tolerance * scale:
                 break
         if tolerance >= ROUGH and jj.shape[0] == 0:
             _speeds(cb, cj, v, bias, speeds)
             for c in range(len(rho)):
                 rho[c] = 1.0 / weight[c] if weight[c] > 0.0 else 0.0
-            return residual(speeds, mu, rho, impulse)
+            return residual(speeds, mu, dry, rho, impulse)
     order, start, later, slot, blocks = structure(n, np.concatenate((cb, jb)))
     stiffness = STIFFNESS
     center = impulse.copy()
@@ -469,12 +517,12 @@ def _solve_joined(
         for c in range(len(jrho)):
             jrho[c] = stiffness / jw[c] if jw[c] > 0.0 else 0.0
         left = _newton(
-            free, v, mass, inertia, cb, cj, bias, mu, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl,
+            free, v, mass, inertia, cb, cj, bias, mu, dry, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl,
             order, start, later, slot, blocks, 12,
         )  # fmt: skip
         _speeds(cb, cj, v, bias, speeds)
         _speeds(jb, jj, v, jbias, jspeeds)
-        worst = residual(speeds, mu, rho, impulse)
+        worst = residual(speeds, mu, dry, rho, impulse)
         for c in range(jj.shape[0]):
             for i in range(jj.shape[1]):
                 worst = max(worst, abs(jspeeds[c, i]))
@@ -488,7 +536,7 @@ def _solve_joined(
             _apply_inverse(inverse_mass, inverse_inertia, pushed, kick)
             v[:] = free + kick
             for _ in range(20):
-                _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, weight, impulse, jb, jj, jbias, jw, jl)
+                _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, weight, impulse, jb, jj, jbias, jw, jl)
             center[:] = impulse
             jcenter[:] = jl
             continue

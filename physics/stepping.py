@@ -26,7 +26,7 @@ from collision import Tolerance
 from physics.batch import Batch, Ways, same_objects, split
 from physics.bodies import Bodies, Saved, coast, drift
 from physics.integrators import METHODS
-from physics.joints import assemble
+from physics.joints import assemble, dry_threads
 from physics.mechanism import Mechanism
 from physics.pressing import NO_CONTACTS, Contacts, match
 from physics.touching import Touching, Wrench, merged, rows
@@ -169,7 +169,13 @@ class Stepper:
     def _take(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench):
         """One sub-step: how long (count,) it was, and the contacts after it."""
         b = self.bodies
-        if batch.mechanism is not None and len(batch.moved) == 0 and self._least(batch, now)[0] > self.tolerance.touch:
+        rubs = bool(dry_threads(batch.joints, b, self.touching.pair_values))
+        if (
+            batch.mechanism is not None
+            and not rubs
+            and len(batch.moved) == 0
+            and self._least(batch, now)[0] > self.tolerance.touch
+        ):
             smooth = self._smooth(batch, batch.mechanism, time + float(t[0]), float(h[0]), wrench)
             if smooth is not None:
                 return h, smooth

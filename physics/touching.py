@@ -17,7 +17,7 @@ from collision import Tolerance
 from physics import contact, crossing, pressing, rebound
 from physics.batch import Batch
 from physics.bodies import FREE, Bodies, Saved, place
-from physics.joints import assemble
+from physics.joints import assemble, holding
 from physics.near import within
 from physics.pressing import NO_CONTACTS, Contacts
 from physics.shapes import Shapes
@@ -36,13 +36,15 @@ DEEPEST = 0.3
 
 
 class Touching:
-    """What contacts do at one instant. It holds scratch arrays and the largest residual since it was last set to 0."""
+    """What contacts do at one instant. It holds scratch and the largest residual since that was last set to 0."""
 
     def __init__(self, bodies: Bodies, tolerance: Tolerance) -> None:
         self.bodies = bodies
         self.tolerance = tolerance
         self.residual = 0.0
         """m/s, largest that the solver left"""
+        self.slips = False
+        """whether a dry joint slid in the last kick of a batch with joints"""
         self.shapes: Shapes | None = None
         self.shape_of = np.zeros(0, np.int64)
         self.friction = np.zeros(0)
@@ -173,16 +175,14 @@ class Touching:
             return
         mu, _ = self.pair_values(contacts.ints)
         each = h[batch.of_rows(contacts.ints)][:, None]
-        jb, jj, _ = assemble(batch.joints, b, batch.ids)
+        held = holding(batch.joints, b, batch.ids, self.pair_values)
         local = self._local(batch)
         chosen = pressed[pressing.spanning(contacts.ints, contacts.reals, pressed)]
         for _ in range(8):
             impulse = contacts.force[chosen] * each[chosen]
-            jl = np.zeros((len(jj), 1))
-            residual = pressing.press(
+            residual, self.slips = pressing.press(
                 batch.ids, local, free, b.center, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
-                b.kind == FREE, chosen, contacts.ints, contacts.reals, mu, target, impulse, jb, jj,
-                np.zeros((len(jj), 1)), jl, tolerance,
+                b.kind == FREE, chosen, contacts.ints, contacts.reals, mu, target, impulse, held, tolerance,
             )  # fmt: skip
             contacts.force[pressed] = 0.0
             contacts.force[chosen] = impulse / each[chosen]
@@ -250,10 +250,12 @@ class Touching:
         slides = (f[:, 1] ** 2 + f[:, 2] ** 2 >= (0.999 * grip) ** 2) & (grip != 0.0)
         island = batch.of_rows(contacts.ints[loaded])
         # what moves by itself, and forces that change, may pull at a joint otherwise in the next step
-        lasting = len(batch.joints) > 0 and batch.constant and len(batch.moved) == 0
+        lasting = len(batch.joints) > 0 and batch.constant and len(batch.moved) == 0 and not self.slips
         carries = np.full(batch.count, lasting)
         carries[island] = True
         carries[island[slides]] = False
+        if batch.joints and self.slips:
+            carries[:] = False
         return carries
 
     def impact(self, batch: Batch, contacts: Contacts, touching: Ints) -> None:

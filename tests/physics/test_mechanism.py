@@ -13,7 +13,7 @@ from constraints.geometry import Cylinder, Plane
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
 from constraints.kinds.screw import Screw
-from physics import Body, Gravity, Sleeping, World
+from physics import Body, Friction, Gravity, Sleeping, World
 from physics.behaviours import STANDARD_GRAVITY as G
 from physics.mechanism import lower_pair
 
@@ -122,7 +122,7 @@ def test_screw_falls_as_its_pitch_allows():
     manager.ignore(bolt, nut)
     world = World(manager)
     body = Body.from_mesh(mesh, 7850.0)
-    world.add(nut, body, [Gravity(), Sleeping(False)])
+    world.add(nut, body, [Gravity(), Sleeping(False), Friction(0.0)])
     z = np.array([0.0, 0.0, 1.0])
     features = (Cylinder(np.zeros(3), z, 0.005), Cylinder(np.zeros(3), z, 0.005))
     lead = 0.05

@@ -22,7 +22,7 @@ def run(free, mass, inertia, bodies, points, normals, mu, centers, target=None):
     v = np.empty_like(free)
     residual = solve(
         free, v, mass, inertia, 1 / mass, np.linalg.inv(inertia), np.asarray(bodies), jacobian, bias,
-        np.full(c, mu), impulse, *NO_JOINTS, 1e-14,
+        np.full(c, mu), np.zeros(c, bool), impulse, *NO_JOINTS, 1e-14,
     )  # fmt: skip
     return v, impulse, jacobian, bias, residual
 
