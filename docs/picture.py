@@ -12,27 +12,10 @@ import numpy as np
 
 import vpframe as vp
 from vpframe import demo
-from vpframe.events import Frame
+from vpframe.events import Frames
 from vpframe.visualization import snapshot
 from vpframe.visualization.camera import look_at
 from vpframe.visualization.symbols import frame_symbols
-
-
-class Frames:
-    """Keeps every frame of a session."""
-
-    def __init__(self) -> None:
-        self.frames: list[Frame] = []
-
-    def begin(self, session: vp.Session) -> None:
-        """Nothing to prepare."""
-
-    def frame(self, frame: Frame) -> None:
-        """Keep it."""
-        self.frames.append(frame)
-
-    def end(self) -> None:
-        """Nothing to close."""
 
 
 def main() -> None:

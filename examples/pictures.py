@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import physics
 import vpframe as vp
-from vpframe.events import Frame
+from vpframe.events import Frame, Frames
 from vpframe.scene import Part, Scene, Shape
 from vpframe.visualization import snapshot
 from vpframe.visualization.camera import DIRECTION, Camera, look_at
@@ -61,23 +61,6 @@ class Strip:
     """whether constraints and the freedom they leave are drawn"""
     lean: pin.SE3 = field(default_factory=pin.SE3.Identity)
     """of the frame in which box, direction and cut are given"""
-
-
-class Frames:
-    """Keeps every frame of a session."""
-
-    def __init__(self) -> None:
-        self.frames: list[Frame] = []
-
-    def begin(self, session: vp.Session) -> None:
-        """Nothing to prepare."""
-
-    def frame(self, frame: Frame) -> None:
-        """Keep it."""
-        self.frames.append(frame)
-
-    def end(self) -> None:
-        """Nothing to close."""
 
 
 class Watched(physics.World):

@@ -94,3 +94,20 @@ class Observer(Protocol):
 
     def end(self) -> None:
         """Called once; also after an error or Ctrl-C."""
+
+
+class Frames:
+    """An observer that keeps every frame, in `frames`."""
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+
+    def begin(self, session: Session) -> None:
+        """Nothing to prepare."""
+
+    def frame(self, frame: Frame) -> None:
+        """Keep it."""
+        self.frames.append(frame)
+
+    def end(self) -> None:
+        """Nothing to close."""

@@ -4,26 +4,19 @@ import numpy as np
 import pytest
 
 from tests.vpframe.bench_scene import SEAT, scene
+from vpframe.events import Frames
 from vpframe.interaction.conditions import candidate
 from vpframe.rules import leave_all
 from vpframe.session import Session
 from vpframe.visualization.controls import Controls, Request
 
 
-class Watcher:
+class Watcher(Frames):
     """A viewer without a page."""
 
     def __init__(self):
+        super().__init__()
         self.controls = Controls()
-
-    def begin(self, session):
-        pass
-
-    def frame(self, frame):
-        pass
-
-    def end(self):
-        pass
 
 
 @pytest.fixture

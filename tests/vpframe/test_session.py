@@ -7,18 +7,21 @@ import pinocchio as pin
 import pytest
 
 from tests.vpframe.bench_scene import SEAT, at, scene
+from tests.vpframe.killed_runs import by_value, kill
 from vpframe import rules
 from vpframe.errors import TaskError, UnknownPartError, VpframeError
+from vpframe.events import Frames
 from vpframe.interaction import constraint, freedom
 from vpframe.scene import Scene
 from vpframe.session import Session
 
 
-class Watcher:
-    """Keeps frames; ends badly when told to."""
+class Watcher(Frames):
+    """Counts its beginnings and ends; ends badly when told to."""
 
     def __init__(self, fail_at: int | None = None) -> None:
-        self.frames, self.begun, self.ended, self.fail_at = [], 0, 0, fail_at
+        super().__init__()
+        self.begun, self.ended, self.fail_at = 0, 0, fail_at
 
     def begin(self, session) -> None:
         self.begun += 1
@@ -26,7 +29,7 @@ class Watcher:
     def frame(self, frame) -> None:
         if frame.step == self.fail_at:
             raise RuntimeError("the screen is gone")
-        self.frames.append(frame)
+        super().frame(frame)
 
     def end(self) -> None:
         self.ended += 1
@@ -49,19 +52,9 @@ def take_out(session: Session) -> None:
     hand.release()
 
 
-def fingerprint(frames) -> list[tuple]:
-    return [
-        (
-            f.step,
-            tuple((n, p.homogeneous.tobytes()) for n, p in f.poses.items()),
-            f.colliding.tobytes(),
-            tuple((c.id, c.kind, c.state, c.residual) for c in f.constraints),
-            tuple(f.freedom.items()),
-            f.clearance,
-            tuple((e.kind, e.text) for e in f.events),
-        )
-        for f in frames
-    ]
+def there_and_back(session: Session) -> None:
+    put_in(session)
+    take_out(session)
 
 
 def test_in_and_out_again() -> None:
@@ -92,10 +85,10 @@ def test_in_and_out_again() -> None:
 def test_the_same_script_gives_the_same_bits() -> None:
     prints = []
     for _ in range(2):
-        watcher = Watcher()
-        with Session(scene(), observers=[watcher], clearance=True) as session:
+        kept = Frames()
+        with Session(scene(), observers=[kept], clearance=True) as session:
             put_in(session)
-        prints.append(fingerprint(watcher.frames))
+        prints.append(by_value(kept.frames))
     assert prints[0] == prints[1]
 
 
@@ -287,41 +280,16 @@ def test_authorised_pairs_neither_clash_nor_block() -> None:
 
 @pytest.mark.parametrize("stop", [61, 85, 100])
 def test_a_run_cut_off_anywhere_resumes_to_the_same_future(tmp_path, stop: int) -> None:
-    whole = Watcher()
+    whole, resumed = Frames(), Frames()
     with Session(scene(), observers=[whole], clearance=True) as session:
-        put_in(session)
-        take_out(session)
-
-    class Cut(Exception):
-        pass
-
+        there_and_back(session)
     path = tmp_path / "run.journal"
-    session = Session(scene(), clearance=True, checkpoint=path)
-
-    def cut(event) -> None:
-        pass
-
-    session.on_event(cut)
-    step = session.step
-
-    def until_cut():
-        if session.step_count == stop:
-            raise Cut
-        return step()
-
-    session.step = until_cut  # type: ignore[method-assign]
-    with pytest.raises(Cut):
-        put_in(session)
-        take_out(session)
-    session._journal.close()
-
-    resumed = Watcher()
+    kill(Session(scene(), clearance=True, checkpoint=path), there_and_back, after=stop)
     with Session(scene(), observers=[resumed], clearance=True, checkpoint=path, resume=True) as session:
         replayed = len(session._journal.past)
-        put_in(session)
-        take_out(session)
+        there_and_back(session)
     assert 0 < replayed <= stop
-    assert fingerprint(resumed.frames) == fingerprint(whole.frames)
+    assert by_value(resumed.frames) == by_value(whole.frames)
 
 
 def test_the_swept_volume_of_a_part_is_of_where_it_was(tmp_path) -> None:

@@ -10,31 +10,11 @@ import pinocchio as pin
 import pytest
 
 from physics import Elastic, Friction, Gravity
+from tests.vpframe.killed_runs import by_value, kill
 from vpframe import modelling
-from vpframe.events import Frame
+from vpframe.events import Frames
 from vpframe.scene import Scene
 from vpframe.session import Session
-
-
-class Cut(Exception):
-    """The run is killed here."""
-
-
-class Frames:
-    """Keeps frames; kills the run after so many."""
-
-    def __init__(self, stop: int | None = None) -> None:
-        self.frames: list[Frame] = []
-        self.stop = stop
-
-    def begin(self, session: Session) -> None:
-        pass
-
-    def frame(self, frame: Frame) -> None:
-        self.frames.append(frame)
-
-    def end(self) -> None:
-        pass
 
 
 def scene() -> Scene:
@@ -64,20 +44,6 @@ def task(session: Session) -> None:
     session.run(1.0)
 
 
-def seen(frames: list[Frame]) -> list[tuple]:
-    """All of each frame that is not a timing, by value."""
-    return [
-        (
-            f.step,
-            [(name, pose.homogeneous.tobytes()) for name, pose in sorted(f.poses.items())],
-            f.colliding.tobytes(),
-            [(c.id, c.kind, c.state, c.parts) for c in f.constraints],
-            [(e.kind, e.text) for e in f.events],
-        )
-        for f in frames
-    ]
-
-
 @pytest.fixture(scope="module")
 def whole() -> list[tuple]:
     """The run that nothing cut short."""
@@ -85,37 +51,20 @@ def whole() -> list[tuple]:
     with Session(scene(), observers=[watcher]) as session:
         task(session)
     assert {"grabbed", "released", "landed"} <= {e.kind for f in watcher.frames for e in f.events}
-    return seen(watcher.frames)
-
-
-def killed(path: Path, stop: int) -> None:
-    """A run with a checkpoint that ends without warning."""
-    session = Session(scene(), checkpoint=path)
-    step = session.step
-
-    def until_cut() -> Frame:
-        if session.step_count == stop:
-            raise Cut
-        return step()
-
-    session.step = until_cut  # type: ignore[method-assign]
-    with pytest.raises(Cut):
-        task(session)
-    assert session._journal is not None
-    session._journal.close()
+    return by_value(watcher.frames)
 
 
 @pytest.mark.parametrize("share", [0.7, 0.95])
 def test_a_run_with_physics_resumes_to_the_same_future(tmp_path: Path, whole: list[tuple], share: float) -> None:
     path = tmp_path / "run.journal"
-    killed(path, round(share * len(whole)))
+    kill(Session(scene(), checkpoint=path), task, after=round(share * len(whole)))
     watcher = Frames()
     with Session(scene(), observers=[watcher], checkpoint=path, resume=True) as session:
         assert session._journal is not None
         assert session._journal.replaying
         task(session)
         assert not session._journal.replaying
-    assert seen(watcher.frames) == whole
+    assert by_value(watcher.frames) == whole
 
 
 def test_what_a_checkpoint_holds_names_no_object_of_its_process() -> None:

@@ -14,9 +14,10 @@ import pytest
 
 from constraints.kinds import Line, Point
 from tests.vpframe.bench_scene import at
+from tests.vpframe.killed_runs import by_value, kill
 from vpframe import modelling as m
 from vpframe.errors import TaskError, UnknownPartError
-from vpframe.events import Frame
+from vpframe.events import Frames
 from vpframe.rules import accept_kinds
 from vpframe.scene import Part, Scene
 from vpframe.session import Session
@@ -286,29 +287,6 @@ def test_geometry_that_no_surface_has() -> None:
         assert float(np.linalg.norm(apart)) == pytest.approx(0.2, abs=1e-6)
 
 
-class Frames:
-    """Keeps what is seen of each frame, by value."""
-
-    def __init__(self) -> None:
-        self.seen: list[tuple] = []
-
-    def begin(self, session: Session) -> None:
-        pass
-
-    def frame(self, frame: Frame) -> None:
-        poses = [(name, pose.homogeneous.tobytes()) for name, pose in sorted(frame.poses.items())]
-        constraints = [(c.id, c.kind, c.state, c.parts, c.why) for c in frame.constraints]
-        events = [(e.kind, e.text) for e in frame.events]
-        self.seen.append((frame.step, poses, constraints, events, dict(frame.freedom)))
-
-    def end(self) -> None:
-        pass
-
-
-class Cut(Exception):
-    """The run is killed here."""
-
-
 def task(session: Session) -> None:
     """Gears turned a good way, then uncoupled; a contradiction on the way."""
     hand = session.hand()
@@ -333,24 +311,11 @@ def test_a_run_with_statements_resumes_to_the_same_future(tmp_path: Path, share:
     with opened(observers=[whole]) as session:
         task(session)
     path = tmp_path / "run.journal"
-    stop = round(share * len(whole.seen))
-    session = opened(checkpoint=path)
-    step = session.step
-
-    def until_cut() -> Frame:
-        if session.step_count == stop:
-            raise Cut
-        return step()
-
-    session.step = until_cut  # type: ignore[method-assign]
-    with pytest.raises(Cut):
-        task(session)
-    assert session._journal is not None
-    session._journal.close()
+    kill(opened(checkpoint=path), task, after=round(share * len(whole.frames)))
     again = Frames()
     with opened(observers=[again], checkpoint=path, resume=True) as session:
         assert session._journal is not None
         assert session._journal.replaying
         task(session)
         assert not session._journal.replaying
-    assert again.seen == whole.seen
+    assert by_value(again.frames) == by_value(whole.frames)
