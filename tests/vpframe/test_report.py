@@ -250,6 +250,28 @@ def test_depth_is_the_greatest_of_the_steps_kept():
     assert depths(log)[clash.key].depth == pytest.approx(0.1, rel=0.03)
 
 
+def test_the_depth_of_parts_that_stand_still_is_measured_once(monkeypatch):
+    from collision import CollisionManager
+    from vpframe.report.depth import depths
+
+    scene = Scene([Part("a", box((1, 1, 1)), place()), Part("b", box((0.5, 0.5, 0.5)), place(z=0.7))])
+    rows = np.array([[0, 5, 1, 0], [0, 5, 1, 1]], np.int32)
+    heights = [0.7, 0.7, 0.7, 0.72, 0.72, 0.7]
+    frames = []
+    for step, height in enumerate(heights):
+        poses = {"a": scene["a"].pose, "b": place(z=height)}
+        frames.append(Frame(step, step / 60, poses, rows[: 1 + (step > 1)], (), {}, {}, None, {}))
+    asked = []
+    penetration = CollisionManager.penetration
+    monkeypatch.setattr(
+        CollisionManager, "penetration", lambda self, i, j: asked.append(self.pose(1)) or penetration(self, i, j)
+    )
+    found = depths(log_of(frames, scene))
+    assert [pose.translation[2] for pose in asked] == [0.7, 0.72, 0.7]
+    late = ClashKey("a", "b", 5, 1)
+    assert found[late].depth == pytest.approx(0.05) and found[late].time == frames[2].time
+
+
 def test_the_log_keeps_little_of_a_long_run():
     log = log_of(pressing_frames(5000))
     assert sum(1 for _ in log.history) <= log.history.limit + 1

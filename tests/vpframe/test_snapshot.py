@@ -203,3 +203,15 @@ def test_camera_of_a_moved_part_follows_the_pose_given():
     far = pin.SE3(np.eye(3), np.array([0.0, 0.0, 1.0]))
     assert frame_scene(scene, {"rod": far}).radius > 3 * frame_scene(scene).radius
     assert frame_scene(Scene()).radius > 0
+
+
+@pytest.mark.parametrize("section", [None, ([0.0, 0.0, 0.0], [0.0, 1.0, 0.0])])
+def test_what_is_out_of_the_picture_changes_nothing_in_it(section):
+    scene = pressing_scene()
+    camera, marked = frame_scene(scene), [("rod", 1), ("plate", 5)]
+    alone = snapshot.render(scene, {}, marked, (120, 90), camera, opacity={"plate": 0.4}, section=section)
+    for k, corner in enumerate(np.array([[1, 1, 0], [-1, 1, 0], [0, -1, 1], [0, 0, -1]]) * 20 * camera.radius):
+        scene.add(Part(f"far_{k}", box((0.05, 0.05, 0.05)), place(*corner)))
+    faint = {"plate": 0.4, "far_0": 0.5, "far_1": 0.5}
+    among = snapshot.render(scene, {}, [*marked, ("far_2", 3)], (120, 90), camera, opacity=faint, section=section)
+    np.testing.assert_array_equal(among, alone)

@@ -18,6 +18,7 @@ from vpframe.errors import VpframeError
 from vpframe.visualization.controls import Controls, Request
 from vpframe.visualization.display import display_mesh
 from vpframe.visualization.meshcat_viewer import MeshcatViewer, view
+from vpframe.visualization.wire import Encoder
 
 
 @pytest.fixture
@@ -275,9 +276,13 @@ def test_before_the_session_there_is_no_address_and_nothing_to_write(tmp_path):
 
 
 def embedded(page):
-    """The messages in a static page."""
-    text = page.split("const EMBEDDED = ", 1)[1].split(";</script>", 1)[0]
-    return json.loads(text)
+    """The messages in a static page, each frame with what it takes from the one before."""
+    messages, before = [], {}
+    for message in json.loads(page.split("const EMBEDDED = ", 1)[1].split(";</script>", 1)[0]):
+        if message["type"] == "frame":
+            message = before = {**before, **message}
+        messages.append(message)
+    return messages
 
 
 def test_the_static_page_needs_nothing_from_outside(viewer, tmp_path):
@@ -291,6 +296,9 @@ def test_the_static_page_needs_nothing_from_outside(viewer, tmp_path):
     messages = embedded(page)
     assert [m["step"] for m in messages if m["type"] == "frame"] == [frame.step for frame in frames]
     assert sum(len(m["events"]) for m in messages if m["type"] == "frame") == 3
+    encoder = Encoder(pressing_scene())
+    whole = [json.loads(json.dumps(encoder.frame(frame, frame.events)[1])) for frame in frames]
+    assert [m for m in messages if m["type"] == "frame"] == whole
 
 
 def test_the_static_page_survives_names_that_look_like_markup(tmp_path):

@@ -61,10 +61,13 @@ def frame_scene(
     scene: Scene, *poses: Mapping[str, pin.SE3], direction: ArrayLike = DIRECTION, names: Iterable[str] = ()
 ) -> Camera:
     """The camera that sees all parts (or `names`) at each of `poses`, and at their own pose where none names them."""
-    chosen = tuple(names) or scene.names
-    corners = [
-        box_corners(scene[name], given.get(name, scene[name].pose)) for name in chosen for given in poses or ({},)
-    ]
+    corners = []
+    for name in tuple(names) or scene.names:
+        part = scene[name]
+        own = box_corners(part, pin.SE3.Identity())
+        # what stands still has one and the same pose at most steps
+        there = {id(pose): pose for pose in (given.get(name, part.pose) for given in poses or ({},))}
+        corners += [own @ pose.rotation.T + pose.translation for pose in there.values()]
     return look_at(np.concatenate(corners) if corners else np.array([[-0.5] * 3, [0.5] * 3]), direction)
 
 

@@ -166,9 +166,12 @@ def write_page(
     poses = [frame.poses for frame, _ in shown[:: max(len(shown) // 40, 1)]]
     encoder = Encoder(scene, start, frame_scene(scene, start or {}, *poses))
     messages = [encoder.begin()]
+    before: Message = {}
     for frame, events in shown:
         fresh, message = encoder.frame(frame, events)
-        messages += [*fresh, message]
+        news = {k: v for k, v in message.items() if k == "type" or k not in before or before[k] != v}
+        messages += [*fresh, news]  # the page takes the rest from the frame before
+        before = message
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(html(messages), encoding="utf-8")

@@ -16,9 +16,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from vpframe.scene import Scene
+from vpframe.scene import Part, Scene
 from vpframe.visualization import palette
-from vpframe.visualization.camera import Camera, frame_scene
+from vpframe.visualization.camera import Camera, box_corners, frame_scene
 from vpframe.visualization.display import display_mesh
 from vpframe.visualization.symbols import Symbol
 
@@ -62,17 +62,20 @@ def render(
         marked.setdefault(name, set()).add(surface)
 
     solid = _Buffers(width, height)
-    for name, part in scene.items():
+    seen = _in_picture(scene, poses, camera, (height, width))
+    for name, part in seen:
         if opacity.get(name, 1.0) >= 1.0:
             solid.draw(name, part.shape, poses.get(name, part.pose), camera, section)
+    solid.fill()
     image = _background(width, height)
     solid.shade(image, tints, marked, 1.0, section is not None)
     depth = solid.depth
-    for name, part in scene.items():
+    for name, part in seen:
         alpha = opacity.get(name, 1.0)
         if 0.0 < alpha < 1.0:
             ghost = _Buffers(width, height)
             ghost.draw(name, part.shape, poses.get(name, part.pose), camera, section)
+            ghost.fill()
             if not ghost.count:
                 continue
             ghost.face[ghost.depth <= depth] = -1
@@ -80,6 +83,21 @@ def render(
     _draw_symbols(image, depth, symbols, camera, supersample)
     mean = image.reshape(size[1], supersample, size[0], supersample, 3).mean(axis=(1, 3))
     return (np.clip(mean, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
+def _in_picture(
+    scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera, shape: tuple[int, int]
+) -> list[tuple[str, Part]]:
+    """The parts whose boxes reach into the picture: of a large scene seen from near by these are few."""
+    if not len(scene):
+        return []
+    boxes = {part.shape: box_corners(part, pin.SE3.Identity()) for part in {p.shape: p for p in scene.parts}.values()}
+    placed = ((part.shape, poses.get(name, part.pose)) for name, part in scene.items())
+    corners = np.array([boxes[shape] @ pose.rotation.T + pose.translation for shape, pose in placed])
+    at = project(corners, camera, shape)[..., :2]
+    low, high = at.min(axis=1), at.max(axis=1)
+    inside = (high >= -1.0).all(axis=1) & (low <= np.add(shape[::-1], 1.0)).all(axis=1)
+    return [item for item, kept in zip(scene.items(), inside.tolist(), strict=True) if kept]
 
 
 class _Buffers:
@@ -94,6 +112,7 @@ class _Buffers:
         self.normals: list[NDArray[np.float64]] = []  # (m, 3, 3) in the camera's frame
         self.owner: list[NDArray[np.int64]] = []  # (m, 3): part, surface, feature
         self.back: list[NDArray[np.bool_]] = []  # (m,) whether the eye sees the triangle from within
+        self.waiting: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []  # (m, 3, 2) pixels and (m, 3) depths
         self.count = 0
 
     def draw(
@@ -104,35 +123,21 @@ class _Buffers:
         camera: Camera,
         section: tuple[ArrayLike, ArrayLike] | None,
     ) -> None:
-        from vpframe.visualization.raster import fill_triangles
-
+        """Take a part in, if it is in the picture. What is not cut is filled in at once, by `fill`."""
         mesh = display_mesh(shape)  # type: ignore[arg-type]
         world = mesh.positions.astype(np.float64) @ pose.rotation.T + pose.translation
         corners = project(world, camera, self.depth.shape)[mesh.triangles]
         low, high = corners[:, :, :2].min(axis=(0, 1)), corners[:, :, :2].max(axis=(0, 1))
         if (high < 0.0).any() or (low > self.depth.shape[::-1]).any():
             return  # out of the picture
-        keep = np.full(corners.shape[:2], -1.0)
-        if section is not None:
-            point, normal = (np.asarray(v, dtype=np.float64) for v in section)
-            keep = np.ascontiguousarray(((world - point) @ normal)[mesh.triangles])
         xy, z = np.ascontiguousarray(corners[:, :, :2]), np.ascontiguousarray(corners[:, :, 2])
         back = _cross(xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]) > 0.0  # rows count downwards
-        face = np.full_like(self.face, -1)
         if section is None:
-            fill_triangles(xy, z, keep, self.depth, face, self.weight)
-            drawn = face >= 0
-        else:  # where the eye sees a part from within, the part's cut is in front of it, in the section plane
-            depth, weight = np.full_like(self.depth, -np.inf), np.zeros_like(self.weight)
-            fill_triangles(xy, z, keep, depth, face, weight)
-            filled = face >= 0
-            filled[filled] = back[face[filled]]
-            wall = depth.copy()
-            depth[filled] = _plane_depth(section, camera, self.depth.shape)[filled]
-            # of two solids that are cut at one place the inner one is seen: its wall is nearer
-            drawn = (face >= 0) & ((depth > self.depth) | ((depth == self.depth) & (wall > self.wall)))
-            self.depth[drawn], self.wall[drawn], self.weight[drawn] = depth[drawn], wall[drawn], weight[drawn]
-        self.face[drawn] = face[drawn] + self.count
+            self.waiting.append((xy, z))
+        else:
+            point, normal = (np.asarray(v, dtype=np.float64) for v in section)
+            keep = np.ascontiguousarray(((world - point) @ normal)[mesh.triangles])
+            self._fill_cut(xy, z, keep, back, _plane_depth(section, camera, self.depth.shape))
         self.back.append(back)
         turn = camera.axes() @ pose.rotation
         self.normals.append((mesh.normals.astype(np.float64) @ turn.T)[mesh.triangles])
@@ -141,6 +146,38 @@ class _Buffers:
         self.owner.append(np.stack([part, surface, mesh.feature_of_surface[surface]], axis=1))
         self.names.append(name)
         self.count += len(surface)
+
+    def fill(self) -> None:
+        """Fill in all triangles that wait, in the order in which they came: at equal depth the first is seen."""
+        from vpframe.visualization.raster import fill_triangles
+
+        if self.waiting:
+            xy, z = (np.concatenate(arrays) for arrays in zip(*self.waiting, strict=True))
+            fill_triangles(xy, z, np.full(z.shape, -1.0), self.depth, self.face, self.weight)
+            self.waiting = []
+
+    def _fill_cut(
+        self,
+        xy: NDArray[np.float64],
+        z: NDArray[np.float64],
+        keep: NDArray[np.float64],
+        back: NDArray[np.bool_],
+        plane: NDArray[np.float64],
+    ) -> None:
+        """Fill in a part that is cut: where the eye sees it from within, its cut is in front, in the section plane."""
+        from vpframe.visualization.raster import fill_triangles
+
+        face = np.full_like(self.face, -1)
+        depth, weight = np.full_like(self.depth, -np.inf), np.zeros_like(self.weight)
+        fill_triangles(xy, z, keep, depth, face, weight)
+        filled = face >= 0
+        filled[filled] = back[face[filled]]
+        wall = depth.copy()
+        depth[filled] = plane[filled]
+        # of two solids that are cut at one place the inner one is seen: its wall is nearer
+        drawn = (face >= 0) & ((depth > self.depth) | ((depth == self.depth) & (wall > self.wall)))
+        self.depth[drawn], self.wall[drawn], self.weight[drawn] = depth[drawn], wall[drawn], weight[drawn]
+        self.face[drawn] = face[drawn] + self.count
 
     def shade(
         self,
@@ -164,9 +201,9 @@ class _Buffers:
 
         plain = np.array([tints[name] for name in self.names])[owner[:, 0]]
         table = plain.copy()
-        for place, name in enumerate(self.names):
-            for surface in marked.get(name, ()):
-                table[(owner[:, 0] == place) & (owner[:, 1] == surface)] = palette.COLLIDING
+        surfaces = int(owner[:, 1].max()) + 1
+        red = [place * surfaces + s for place, name in enumerate(self.names) for s in marked.get(name, ())]
+        table[np.isin(owner[:, 0] * surfaces + owner[:, 1], red)] = palette.COLLIDING
         color = table[face]
         lit = np.where(normal[:, 2:] < 0.0, -normal, normal)
         key = np.clip(lit @ KEY_LIGHT, 0.0, None)

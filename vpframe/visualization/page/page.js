@@ -395,7 +395,9 @@ function live() {
 function replay(messages) {
   $("pause").hidden = $("one").hidden = true;
   const frames = [];
-  for (const message of messages) if (message.type === "frame") frames.push(message); else receive(message);
+  for (const message of messages)
+    if (message.type === "frame") frames.push({ ...frames.at(-1), ...message }); // what is not said is as it was
+    else receive(message);
   if (frames.length < 2) $("transport").hidden = true;
   if (!frames.length) return;
   $("scrub").max = frames.length - 1;
