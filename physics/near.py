@@ -57,6 +57,28 @@ def apart(box_a, ra, pa, box_b, rb, pb, reach):
 
 
 @njit(cache=True)
+def separation(box_a, ra, pa, box_b, rb, pb):
+    """Largest gap (m) between two boxes in their own frames along one of their six axes, not above their distance."""
+    most = -np.inf
+    for turn in range(2):
+        if turn == 1:
+            box_a, box_b = box_b, box_a
+            ra, rb = rb, ra
+            pa, pb = pb, pa
+        for k in range(3):  # axis k of a
+            at = 0.0
+            extent = 0.0
+            for m in range(3):
+                at += ra[m, k] * (pb[m] - pa[m])
+            for m in range(3):
+                d = ra[0, k] * rb[0, m] + ra[1, k] * rb[1, m] + ra[2, k] * rb[2, m]
+                at += d * 0.5 * (box_b[m] + box_b[3 + m])
+                extent += abs(d) * 0.5 * (box_b[3 + m] - box_b[m])
+            most = max(most, at - extent - box_a[3 + k], box_a[k] - at - extent)
+    return most
+
+
+@njit(cache=True)
 def near_surfaces(objects, rotations, origins, shape_of, boxes, first_surface, count, whole, reach, out):
     """Surface pairs (a, surface, b, surface) of near objects whose boxes are within reach; how many.
 

@@ -63,8 +63,10 @@ class Shape(NamedTuple):
     """m: how thick the material is where it is thinnest between faces that look away from one another"""
 
 
-def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = None) -> Shape:
+def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = None, flush: float = 0.0) -> Shape:
     """The shape of `mesh`; `geometries` says which surfaces are known analytically (mesh frame).
+
+    flush: m; faces nearer to one another are flush (shells of one part that touch), with no wall between them.
 
     Spheres and cylinders are then judged on their analytic geometry wherever they meet; all else on its triangles.
     """
@@ -114,7 +116,7 @@ def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = No
         kinds=kinds,
         analytic=analytic,
         boxes=boxes,
-        wall=_wall(vertices, triangles, normals, double_area),
+        wall=_wall(vertices, triangles, normals, double_area, flush),
     )
 
 
@@ -123,8 +125,8 @@ SAMPLES = 256
 
 
 @njit(cache=True)
-def _behind(points, directions, vertices, triangles, normals):
-    """Least distance along a ray to a triangle that looks the same way (within 25°); the rays' origins are left out."""
+def _behind(points, directions, vertices, triangles, normals, beyond):
+    """Least distance along a ray, above `beyond` (m), to a triangle that looks the same way (within 25°)."""
     least = np.inf
     for i in range(len(points)):
         p, d = points[i], directions[i]
@@ -135,7 +137,7 @@ def _behind(points, directions, vertices, triangles, normals):
                 continue
             a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
             way = (n[0] * (a[0] - p[0]) + n[1] * (a[1] - p[1]) + n[2] * (a[2] - p[2])) / along
-            if way <= 0.0 or way >= least:
+            if way <= beyond or way >= least:
                 continue
             q = p + way * d
             inside = True
@@ -147,11 +149,11 @@ def _behind(points, directions, vertices, triangles, normals):
     return least
 
 
-def _wall(vertices: Array, triangles: Ints, normals: Array, double_area: Array) -> float:
+def _wall(vertices: Array, triangles: Ints, normals: Array, double_area: Array, flush: float) -> float:
     largest = np.sort(np.argsort(-double_area, kind="stable")[:SAMPLES])
     largest = largest[double_area[largest] > 0.0]
     middles = vertices[triangles[largest]].mean(axis=1)
-    return float(_behind(middles, -normals[largest], vertices, triangles, normals))
+    return float(_behind(middles, -normals[largest], vertices, triangles, normals, flush))
 
 
 def _vertex_rim(vertices: Array, rims: Array) -> Ints:

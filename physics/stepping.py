@@ -28,6 +28,7 @@ from physics.bodies import Bodies, Saved, coast, drift
 from physics.integrators import METHODS
 from physics.joints import assemble, dry_threads
 from physics.mechanism import Mechanism
+from physics.near import separation
 from physics.pressing import NO_CONTACTS, Contacts, match
 from physics.touching import Touching, Wrench, merged, rows
 
@@ -146,8 +147,8 @@ class Stepper:
             part = batch.part(active)
             own = now if part is batch else rows(now, part.of_rows(now.ints) >= 0)
             h = dt - t[active]
-            limit = self._limit(part)
-            shorter = h > limit
+            limit = self._limit(part, h)
+            shorter = limit < h
             h[shorter] /= np.ceil(h[shorter] / limit[shorter])
             taken, after = self._take(part, own, rest, time, t[active], h, wrench)
             t[active] += taken
@@ -231,7 +232,7 @@ class Stepper:
         mechanism.advance(b, time, h, wrench, batch.constant)
         after = self.touching.find(batch, way)
         after, _ = self.touching.sift(after, np.zeros(len(after.ints), bool), start)
-        if self._least(batch, after)[0] > self.tolerance.touch and self._limit(batch)[0] >= 0.5 * h:
+        if self._least(batch, after)[0] > self.tolerance.touch and self._limit(batch, np.array([0.5 * h]))[0] >= 0.5 * h:
             b.steady[batch.ids] = False
             return after
         start.restore(b)
@@ -245,11 +246,16 @@ class Stepper:
         np.maximum.at(speed, batch.moved_island, moved)
         return 2.0 * h * speed + 10.0 * h * h + 1e-6
 
-    def _limit(self, batch: Batch) -> Array:
-        """(count,) s: the longest sub-step in which nothing near passes through anything unseen."""
+    def _limit(self, batch: Batch, h: Array) -> Array:
+        """(count,) s: the longest sub-step in which nothing near passes through anything unseen, if below h (count,)."""
         b = self.bodies
-        out = np.full(batch.count, np.inf)
-        _limits(batch.pairs, batch.of, b.velocity, b.radius, b.thickness, out)
+        out = h.copy()
+        shapes = self.touching.shapes
+        if shapes is not None:
+            _limits(
+                batch.pairs, batch.of, b.velocity, b.radius, b.thickness, b.rotation, b.origin, self.touching.shape_of,
+                shapes.first_surface, shapes.boxes, out,
+            )  # fmt: skip
         return out
 
     def _strayed(self, batch: Batch, start: Saved, h: Array) -> Mask:
@@ -525,14 +531,14 @@ def _point_speeds(v: Array, radius: Array) -> Array:
 
 
 @njit(cache=True)
-def _limits(pairs, of, velocity, radius, thickness, out):
-    """Least of a quarter of the thinner thickness over the speed towards one another, by island, into `out`."""
-    before_a, before_b = -1, -1
-    for i in range(len(pairs)):
-        a, b = pairs[i, 0], pairs[i, 2]
-        if a == before_a and b == before_b:
-            continue
-        before_a, before_b = a, b
+def _limits(pairs, of, velocity, radius, thickness, rotations, origins, shape_of, first_surface, boxes, out):
+    """Lower `out` (s, by island) to what it takes to come a quarter of the thinner thickness into one another."""
+    first = 0
+    while first < len(pairs):
+        a, b = pairs[first, 0], pairs[first, 2]
+        last = first + 1
+        while last < len(pairs) and pairs[last, 0] == a and pairs[last, 2] == b:
+            last += 1
         total = 0.0
         for k in range(3):
             total += (velocity[a, k] - velocity[b, k]) ** 2
@@ -540,6 +546,15 @@ def _limits(pairs, of, velocity, radius, thickness, out):
         for side in (a, b):
             w = velocity[side]
             speed += radius[side] * np.sqrt(w[3] * w[3] + w[4] * w[4] + w[5] * w[5])
-        if speed > 0.0:
-            island = max(of[a], of[b])
-            out[island] = min(out[island], 0.25 * min(thickness[a], thickness[b]) / speed)
+        island = max(of[a], of[b])
+        way = 0.25 * min(thickness[a], thickness[b])
+        if way < out[island] * speed:  # then it matters how far they have to go before they meet
+            gap = np.inf
+            for i in range(first, last):
+                box_a = boxes[first_surface[shape_of[a]] + pairs[i, 1]]
+                box_b = boxes[first_surface[shape_of[b]] + pairs[i, 3]]
+                gap = min(gap, separation(box_a, rotations[a], origins[a], box_b, rotations[b], origins[b]))
+                if gap <= 0.0:
+                    break
+            out[island] = min(out[island], (way + max(gap, 0.0)) / speed)
+        first = last

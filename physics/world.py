@@ -499,7 +499,7 @@ class World:
         key = (id(mesh), tuple(sorted((s, id(g)) for s, g in geometries.items())))
         if key not in self._shape_key:
             self._shape_key[key] = len(self._shapes)
-            self._shapes.append(make_shape(mesh, geometries))
+            self._shapes.append(make_shape(mesh, geometries, self.tolerance.linear))
             self._kept_alive.append((mesh, geometries))
             self._touching.use(pack(self._shapes))
             self._surface_count = np.array([len(s.kinds) for s in self._shapes], np.int64)

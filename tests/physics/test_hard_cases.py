@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from physics_meshes import at, ball_mesh, box_mesh, cylinder_mesh, plate_with_hole, room
 
-from collision import CollisionManager
+from collision import CollisionManager, SurfaceMesh
 from constraints.geometry import Cylinder, Sphere
 from physics import Body, Elastic, Friction, Gravity, Sleeping, World
 from physics.behaviours import STANDARD_GRAVITY as G
@@ -142,6 +142,46 @@ def test_nothing_thin_is_passed_at_any_speed(speed):
     assert world.velocity(ball)[2] == pytest.approx(speed, rel=1e-12)
     travelled = 0.7 - 0.0005 - 0.0025
     assert world.pose(ball).translation[2] == pytest.approx(0.003 + speed * world.time - travelled, abs=1e-9)
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.001])
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_a_plate_shot_at_a_sheet_at_a_kilometre_a_second(turn, dt):
+    """Both 0.1 mm thin, up to 10 m a step: what counts is how far they are from one another, not how thin they are."""
+    manager = CollisionManager()
+    manager.add(box_mesh(0.5, 0.5, 1e-4), at(), movable=False)
+    mesh = box_mesh(0.02, 0.02, 1e-4)
+    plate = manager.add(mesh, at(z=0.7, turn=(0, turn, 0)))
+    world = World(manager)
+    world.add(plate, Body.from_mesh(mesh, 7850.0), [Elastic(1.0), Friction(0.0)], velocity=[0, 0, -1e3, 0, 0, 0])
+    first = world.energy(plate)
+    while world.time < 1.5e-3:
+        world.step(dt)
+        assert (world.pose(plate).translation + mesh.vertices @ world.pose(plate).rotation.T)[:, 2].min() > 0.0
+    assert world.velocity(plate)[2] > 500.0
+    assert world.energy(plate) == pytest.approx(first, rel=1e-12)
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-7, -1e-7])
+def test_shells_of_one_part_that_touch_are_no_thin_wall(gap):
+    """A table whose eight legs are shells of their own, flush with its top, lands on all of them."""
+    places = [(0.25 * np.cos(a), 0.25 * np.sin(a), 0.2 - gap) for a in np.pi / 4 * np.arange(8)]
+    shells = [(box_mesh(0.6, 0.6, 0.04), (0, 0, 0.42)), *((box_mesh(0.03, 0.03, 0.4), p) for p in places)]
+    vertices = np.vstack([m.vertices + p for m, p in shells])
+    triangles = np.vstack([m.triangles + 8 * k for k, (m, _) in enumerate(shells)])
+    mesh = SurfaceMesh(vertices, triangles, np.repeat(np.arange(6 * len(shells)), 2), "table")
+    manager, _ = room()
+    table = manager.add(mesh, at(z=0.05, turn=(0.05, 0.03, 0.1)))
+    world = World(manager)
+    body = Body.from_mesh(mesh, 700.0)
+    world.add(table, body, [Gravity(), Friction(0.4), Sleeping(False)])
+    for _ in range(100):
+        world.step(0.01)
+    assert world.pose(table).translation[2] == pytest.approx(gap, abs=1e-9)
+    assert np.abs(world.velocity(table)).max() < 1e-9
+    carried = sum(touch.impulse for touch in world.touches(table)) / 0.01
+    assert carried == pytest.approx([0, 0, body.mass * G], abs=1e-6)
+    assert len(world.touches(table)) >= 8
 
 
 @pytest.mark.parametrize("clearance", [5e-5, 5e-6])
