@@ -182,7 +182,7 @@ class Stepper:
                 return h, smooth
         blunt = self._blunted[batch.ids[batch.start]]
         if blunt.all():
-            return h, self._blunt(batch, now, rest, time, t, h, wrench)
+            return self._blunt(batch, now, rest, time, t, h, wrench)
         if blunt.any():
             ended = []
             for chosen in (blunt, ~blunt):
@@ -211,7 +211,8 @@ class Stepper:
             of = chosen[batch.island]
             if how == "blunt":
                 start.restore(b, of)
-                ended.append(self._blunt(part, own, rest, time, t[chosen], h[chosen], wrench))
+                h[chosen], own_after = self._blunt(part, own, rest, time, t[chosen], h[chosen], wrench)
+                ended.append(own_after)
                 continue
             mine = slice(None) if part is batch else part.of_rows(after.ints) >= 0
             own_after, own_fresh = rows(after, mine), fresh[mine]
@@ -232,7 +233,8 @@ class Stepper:
         mechanism.advance(b, time, h, wrench, batch.constant)
         after = self.touching.find(batch, way)
         after, _ = self.touching.sift(after, np.zeros(len(after.ints), bool), start)
-        if self._least(batch, after)[0] > self.tolerance.touch and self._limit(batch, np.array([0.5 * h]))[0] >= 0.5 * h:
+        half = np.array([0.5 * h])
+        if self._least(batch, after)[0] > self.tolerance.touch and self._limit(batch, half)[0] >= half[0]:
             b.steady[batch.ids] = False
             return after
         start.restore(b)
@@ -246,15 +248,18 @@ class Stepper:
         np.maximum.at(speed, batch.moved_island, moved)
         return 2.0 * h * speed + 10.0 * h * h + 1e-6
 
-    def _limit(self, batch: Batch, h: Array) -> Array:
-        """(count,) s: the longest sub-step in which nothing near passes through anything unseen, if below h (count,)."""
+    def _limit(self, batch: Batch, h: Array, gaps: bool = True) -> Array:
+        """(count,) s: the longest sub-step in which nothing near passes through anything unseen, if below h (count,).
+
+        gaps: whether it counts how far things have to go before they meet.
+        """
         b = self.bodies
         out = h.copy()
         shapes = self.touching.shapes
         if shapes is not None:
             _limits(
                 batch.pairs, batch.of, b.velocity, b.radius, b.thickness, b.rotation, b.origin, self.touching.shape_of,
-                shapes.first_surface, shapes.boxes, out,
+                shapes.first_surface, shapes.boxes, gaps, out,
             )  # fmt: skip
         return out
 
@@ -464,9 +469,13 @@ class Stepper:
             part = batch.part(struck)
             self.touching.impact(part, contacts, np.flatnonzero(touching & struck[batch.of_rows(contacts.ints)]))
 
-    def _blunt(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench) -> Contacts:
-        """A step of h (count,) seconds in one piece: as far as gaps allow, then the rebound of what touches."""
+    def _blunt(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench):
+        """A step in one piece: as far as gaps allow, then the rebound of what touches.
+
+        Of the h (count,) seconds only as many as turning leaves exact enough; how many, and the contacts then.
+        """
         b = self.bodies
+        h = self._limit(batch, h, gaps=False)
         touching = self.touching
         way = self._way(batch, h)
         found = touching.inherit(touching.find(batch, way, 1.0), now)
@@ -495,7 +504,7 @@ class Stepper:
         touching.rebound(batch, after, np.flatnonzero(met), free, h, back, COARSE)
         b.rate[batch.ids] = (b.velocity[batch.ids] - before) / h[batch.island][:, None]
         b.steady[batch.ids] = False
-        return after
+        return h, after
 
     def _settled(self, batch: Batch, now: Contacts, begin: Saved, way: Array) -> Contacts:
         """Move the bodies until what carries just touches and joints hold, as far as a few passes can; the contacts."""
@@ -531,7 +540,7 @@ def _point_speeds(v: Array, radius: Array) -> Array:
 
 
 @njit(cache=True)
-def _limits(pairs, of, velocity, radius, thickness, rotations, origins, shape_of, first_surface, boxes, out):
+def _limits(pairs, of, velocity, radius, thickness, rotations, origins, shape_of, first_surface, boxes, gaps, out):
     """Lower `out` (s, by island) to what it takes to come a quarter of the thinner thickness into one another."""
     first = 0
     while first < len(pairs):
@@ -549,12 +558,12 @@ def _limits(pairs, of, velocity, radius, thickness, rotations, origins, shape_of
         island = max(of[a], of[b])
         way = 0.25 * min(thickness[a], thickness[b])
         if way < out[island] * speed:  # then it matters how far they have to go before they meet
-            gap = np.inf
+            gap = np.inf if gaps else 0.0
             for i in range(first, last):
+                if gap <= 0.0:
+                    break
                 box_a = boxes[first_surface[shape_of[a]] + pairs[i, 1]]
                 box_b = boxes[first_surface[shape_of[b]] + pairs[i, 3]]
                 gap = min(gap, separation(box_a, rotations[a], origins[a], box_b, rotations[b], origins[b]))
-                if gap <= 0.0:
-                    break
             out[island] = min(out[island], (way + max(gap, 0.0)) / speed)
         first = last
