@@ -14,7 +14,7 @@ Wrenches are (6,): force and torque about the centre of mass, world axes, N and 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -66,20 +66,26 @@ class View:
         return self.velocity + np.cross(self.angular_velocity, np.asarray(point) - self.center)
 
 
+LAWS = ("newton", "poisson")
+"""impact laws: what restitution is the ratio of, speeds (Newton) or impulses (Poisson)"""
+
+
 @dataclass(frozen=True)
 class Reaction:
     """How an object meets another. None: nothing is said, the other object's value counts.
 
-    Where both say something, the geometric mean of friction and the lesser restitution count; where neither does,
-    friction is 0.5 and restitution 0.
+    Where both say something, the geometric mean of friction and the lesser restitution count, the latter with its own
+    law; where neither does, friction is 0.5 and restitution 0. Of equal restitutions under two laws Poisson's counts.
     """
 
     friction: float | None = None
     """1: Coulomb's coefficient"""
     restitution: float | None = None
-    """1: Newton's coefficient, 0 … 1"""
+    """1: coefficient of restitution, 0 … 1"""
     solid: bool = True
     """False: it passes through everything"""
+    law: str = "newton"
+    """one of `LAWS`, by which `restitution` is meant"""
 
 
 def force(value: ArrayLike, view: View | None = None, at: ArrayLike | None = None) -> Array:
@@ -328,17 +334,25 @@ class Friction(Behaviour):
         self.coefficient = _number(coefficient, "coefficient", self)
 
     def reaction(self, reaction: Reaction) -> Reaction:
-        return Reaction(self.coefficient, reaction.restitution, reaction.solid)
+        return replace(reaction, friction=self.coefficient)
 
 
 class Elastic(Behaviour):
-    """Rebound with Newton's coefficient of restitution, 0 (clay) … 1 (ideal)."""
+    """Rebound with a coefficient of restitution, 0 (clay) … 1 (ideal).
 
-    def __init__(self, restitution: float) -> None:
+    law: "newton", the ratio of the speeds at which contacts part and close; "poisson", the ratio of the impulses while
+    they part and while they are pressed together. Without friction a single contact does the same under both; where
+    friction stops or turns its sliding Poisson's parts more slowly.
+    """
+
+    def __init__(self, restitution: float, law: str = "newton") -> None:
         self.restitution = _number(restitution, "restitution", self, 0.0, 1.0)
+        if law not in LAWS:
+            raise BehaviourError(f"Elastic: law is {law!r}; give one of {', '.join(LAWS)}", behaviour="Elastic")
+        self.law = law
 
     def reaction(self, reaction: Reaction) -> Reaction:
-        return Reaction(reaction.friction, self.restitution, reaction.solid)
+        return replace(reaction, restitution=self.restitution, law=self.law)
 
 
 class Solidity(Behaviour):
@@ -348,7 +362,7 @@ class Solidity(Behaviour):
         self.on = bool(on)
 
     def reaction(self, reaction: Reaction) -> Reaction:
-        return Reaction(reaction.friction, reaction.restitution, self.on)
+        return replace(reaction, solid=self.on)
 
 
 class Sleeping(Behaviour):

@@ -175,13 +175,13 @@ def contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, 
 
 def press(
     ids, local, free, center, velocity, rotation, mass, inertia, inverse, is_free,
-    chosen, ints, reals, mu, target, impulse, held, tolerance,
+    chosen, ints, reals, mu, target, least, impulse, held, tolerance,
 ):  # fmt: skip
     """Solve contacts `chosen` and joints for the velocities `free` (n, 6) of the bodies `ids`; writes `velocity`.
 
-    mu (c,), target (c,) m/s: the normal speed at which a contact parts at least (0: it does not close). `impulse`
-    (len(chosen), 3) is guess and answer. held: the joints' rows. Returns the solver's residual, m/s, and whether a dry
-    joint slides.
+    mu (c,), target (c,) m/s: the normal speed at which a contact parts at least (0: it does not close), least (c,) N·s:
+    the least normal impulse. `impulse` (len(chosen), 3) is guess and answer. held: the joints' rows. Returns the
+    solver's residual, m/s, and whether a dry joint slides.
     """
     m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
     cb, cj, bias, friction = contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, is_free)
@@ -194,8 +194,9 @@ def press(
     pushes = np.concatenate([impulse, np.zeros((d, 3))])
     jl = np.zeros((len(held.jacobian), 1))
     residual = solver.solve(
-        free, v, m, world, im, inverse_world, cb, cj, bias, friction, dry, pushes, held.bodies, held.jacobian,
-        np.zeros_like(jl), jl, tolerance,
+        free, v, m, world, im, inverse_world, cb, cj, bias, friction, dry,
+        np.concatenate([least[chosen], np.zeros(d)]), pushes, held.bodies, held.jacobian, np.zeros_like(jl), jl,
+        tolerance,
     )  # fmt: skip
     velocity[ids] = v
     impulse[:] = pushes[:n]
@@ -242,7 +243,7 @@ def correct(
     move = np.empty((len(ids), 6))
     solver.solve(
         np.zeros((len(ids), 6)), move, m, world, im, inverse_world, _NO_PAIRS, _NO_JACOBIAN, _NO_BIAS,
-        _NO_FRICTION, _NO_DRY, _NO_BIAS.copy(), blocks, jacobian, bias, np.zeros((len(blocks), 1)), 1e-13,
+        _NO_FRICTION, _NO_DRY, _NO_FRICTION, _NO_BIAS.copy(), blocks, jacobian, bias, np.zeros((len(blocks), 1)), 1e-13,
     )  # fmt: skip
     shift(ids, center, attitude, move)
 

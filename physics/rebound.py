@@ -12,6 +12,12 @@ also where a moving obstacle strikes: its own work is left out; joints do none. 
 (σ = 0) and Newton's (σ = 1) all of λ and s⁺ are linear in σ and D is a parabola, open above, not positive at 0. The
 answer is the greatest σ ≤ 1 that gains nothing: contacts part, joints hold and friction stays in its cone there, as
 they do at both ends.
+
+Poisson's law seldom needs that. Let λ be the impulses of its compression, which ends with speeds sᶜ and λ · sᶜ ≤ 0, and
+λ' those of its restitution. Impulses e λ in its place would end with -½ (1 - e²) λ·Wλ more energy than there was, at
+most (W: inverse mass at the contacts); and λ' ends with less than they, by the law: (λ' - e λ) · s⁺ ≤ 0, since normal
+parts above e λ_n are where s⁺_n = 0, and friction opposes s⁺_t with all of μ λ'_n ≥ μ e λ_n. So it makes none for any e
+and μ, as long as e is the same at all contacts of a blow; if it is not, only friction can gain.
 """
 
 from __future__ import annotations

@@ -4,12 +4,12 @@ Given free velocities v* find v and impulses λ with
 
     M (v - v*) = Jᵀ λ,
     joint rows:      J v + b = 0,
-    contact normal:  0 ≤ λ_n  ⊥  J_n v + b_n ≥ 0,
+    contact normal:  l ≤ λ_n  ⊥  J_n v + b_n ≥ 0    (l is 0 but where an impact gives back what it has stored),
     friction:        λ_t = argmax of dissipation over the disc |λ_t| ≤ μ λ_n  (a cone, not a pyramid),
     dry joint:       J_n v + b_n = 0 (one or two rows),  |λ_t| ≤ μ |λ_n|: it bears either way, and slides along one row.
 
 Alart and Curnier (Comput. Methods Appl. Mech. Eng. 92, 1991) write the contact law as λ = Π(λ - ρ (J v + b)), where Π
-clips the normal part at zero and the tangential part to the disc of radius μ λ_n. With λ inside Π frozen at the iterate
+clips the normal part at l and the tangential part to the disc of radius μ λ_n. With λ inside Π frozen at the iterate
 before, this is a proximal step whose unknown is v alone (6 numbers a body, however many contacts): well posed for any
 number of redundant contacts, because the spread of λ is the one nearest to the iterate before. Newton's method solves
 each step; a nonlinear Gauss-Seidel pass over the contacts prepares it when its first guess of open, sticking and
@@ -136,7 +136,7 @@ def _effective(bodies, jacobian, inverse_mass, inverse_inertia, out):
 
 
 @njit(cache=True)
-def _project(y, mu, dry, impulse, slope, rho):
+def _project(y, mu, dry, least, impulse, slope, rho):
     """λ = Π(y) for one contact or dry joint, and H = -∂λ/∂(J v) = ρ Π'(y) (3, 3)."""
     slope[:] = 0.0
     if dry:
@@ -150,20 +150,21 @@ def _project(y, mu, dry, impulse, slope, rho):
             if load > 0.0:
                 slope[2, 0], slope[2, 1] = rho * sign * mu * y[0] / load, rho * sign * mu * y[1] / load
         return
-    if y[0] <= 0.0:
-        impulse[0] = impulse[1] = impulse[2] = 0.0
+    impulse[0] = max(y[0], least)
+    if impulse[0] == 0.0:
+        impulse[1] = impulse[2] = 0.0
         return
-    impulse[0] = y[0]
-    slope[0, 0] = rho
+    if y[0] > least:
+        slope[0, 0] = rho
     size = np.sqrt(y[1] * y[1] + y[2] * y[2])
-    limit = mu * y[0]
+    limit = mu * impulse[0]
     if size <= limit:
         impulse[1], impulse[2] = y[1], y[2]
         slope[1, 1] = slope[2, 2] = rho
         return
     d1, d2 = y[1] / size, y[2] / size
     impulse[1], impulse[2] = limit * d1, limit * d2
-    slope[1, 0], slope[2, 0] = rho * mu * d1, rho * mu * d2
+    slope[1, 0], slope[2, 0] = slope[0, 0] * mu * d1, slope[0, 0] * mu * d2
     turn = rho * limit / size
     slope[1, 1] = turn * d2 * d2
     slope[2, 2] = turn * d1 * d1
@@ -195,7 +196,7 @@ def _add_block(values, slot, bodies, jacobian, slope):
 
 
 @njit(cache=True)
-def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, weight, impulse, jb, jj, jbias, jw, jl):
+def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, weight, impulse, jb, jj, jbias, jw, jl):
     """One nonlinear Gauss-Seidel pass over joints and contacts; the largest change of a row's impulse · weight."""
     change = 0.0
     for c in range(jj.shape[0]):
@@ -227,7 +228,7 @@ def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, weight, impu
             if b >= 0:
                 for k in range(6):
                     s += cj[c, 0, 6 * side + k] * v[b, k]
-        new = max(0.0, impulse[c, 0] - s / weight[c])
+        new = max(least[c], impulse[c, 0] - s / weight[c])
         d = new - impulse[c, 0]
         impulse[c, 0] = new
         change = max(change, abs(d) * weight[c])
@@ -295,7 +296,7 @@ def _kick(v, bodies, row, d, inverse_mass, inverse_inertia):
 
 @njit(cache=True)
 def _newton(
-    free, v, mass, inertia, cb, cj, bias, mu, dry, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl,
+    free, v, mass, inertia, cb, cj, bias, mu, dry, least, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl,
     order, start, later, slot, blocks, limit,
 ):  # fmt: skip
     """Newton's iterations on v of one proximal step about (center, jcenter); returns the last change of v, relative."""
@@ -325,7 +326,7 @@ def _newton(
         for c in range(cj.shape[0]):
             for i in range(3):
                 y[i] = center[c, i] - rho[c] * speeds[c, i]
-            _project(y, mu[c], dry[c], impulse[c], slope, rho[c])
+            _project(y, mu[c], dry[c], least[c], impulse[c], slope, rho[c])
             _add_block(values, slot, cb[c], cj[c], slope)
         _speeds(jb, jj, v, jbias, jspeeds)
         for c in range(jj.shape[0]):
@@ -352,7 +353,7 @@ def _newton(
 
 
 @njit(cache=True)
-def residual(speeds, mu, dry, rho, impulse):
+def residual(speeds, mu, dry, least, rho, impulse):
     """Largest violation of the laws of contacts and dry joints, m/s: |λ - Π(λ - ρ (J v + b))| / ρ, the true λ in Π."""
     worst = 0.0
     for c in range(speeds.shape[0]):
@@ -363,7 +364,7 @@ def residual(speeds, mu, dry, rho, impulse):
             t = min(max(impulse[c, 2] - rho[c] * speeds[c, 2], -limit), limit)
             worst = max(worst, abs(speeds[c, 0]), abs(speeds[c, 1]), abs(impulse[c, 2] - t) / rho[c])
             continue
-        n = max(0.0, impulse[c, 0] - rho[c] * speeds[c, 0])
+        n = max(least[c], impulse[c, 0] - rho[c] * speeds[c, 0])
         y1, y2 = impulse[c, 1] - rho[c] * speeds[c, 1], impulse[c, 2] - rho[c] * speeds[c, 2]
         size = np.sqrt(y1 * y1 + y2 * y2)
         limit = mu[c] * max(impulse[c, 0], 0.0)
@@ -376,12 +377,13 @@ def residual(speeds, mu, dry, rho, impulse):
 
 @njit(cache=True)
 def solve(
-    free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, impulse, jb, jj, jbias, jl, tolerance
-):
+    free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, impulse, jb, jj, jbias, jl,
+    tolerance,
+):  # fmt: skip
     """In place: velocities `v` (n, 6), impulses of contacts `impulse` (c, 3) and joints `jl` (g, r); the residual, m/s.
 
     free: (n, 6) velocities without constraints (linear, angular; world axes). mass (n,), inertia (n, 3, 3) and their
-    inverses. cb (c, 2), cj (c, 3, 12), bias (c, 3), mu (c,): contacts, and
+    inverses. cb (c, 2), cj (c, 3, 12), bias (c, 3), mu (c,), least (c,) N·s, the least normal impulse: contacts, and
     where `dry` (c,) dry joints (rows: two normals, the slide). jb (g, 2), jj (g, r, 12), jbias (g, r): joints.
     `impulse` and `jl` come in as the guess (those of the step before). tolerance: m/s, relative to the largest speed.
     Bodies that nothing joins are solved apart: each group costs by its own size.
@@ -410,7 +412,7 @@ def solve(
         own_jl = jl[jrows]
         left = _solve_joined(
             free[mine], own_v, mass[mine], inertia[mine], inverse_mass[mine], inverse_inertia[mine],
-            _renumbered(cb, rows, place), cj[rows], bias[rows], mu[rows], dry[rows], own_impulse,
+            _renumbered(cb, rows, place), cj[rows], bias[rows], mu[rows], dry[rows], least[rows], own_impulse,
             _renumbered(jb, jrows, place), jj[jrows], jbias[jrows], own_jl, tolerance,
         )  # fmt: skip
         worst = max(worst, left)
@@ -465,8 +467,9 @@ def _renumbered(bodies, rows, place):
 
 @njit(cache=True)
 def _solve_joined(
-    free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, impulse, jb, jj, jbias, jl, tolerance
-):
+    free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, impulse, jb, jj, jbias, jl,
+    tolerance,
+):  # fmt: skip
     """`solve` for bodies that all hang together."""
     n = free.shape[0]
     v[:] = free
@@ -497,7 +500,7 @@ def _solve_joined(
         change = np.inf
         for _ in range(SWEEPS):
             change = _sweep(
-                v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, weight, impulse, jb, jj, jbias, jw, jl
+                v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, weight, impulse, jb, jj, jbias, jw, jl
             )
             if change <= tolerance * scale:
                 break
@@ -505,7 +508,7 @@ def _solve_joined(
             _speeds(cb, cj, v, bias, speeds)
             for c in range(len(rho)):
                 rho[c] = 1.0 / weight[c] if weight[c] > 0.0 else 0.0
-            return residual(speeds, mu, dry, rho, impulse)
+            return residual(speeds, mu, dry, least, rho, impulse)
     order, start, later, slot, blocks = structure(n, np.concatenate((cb, jb)))
     stiffness = STIFFNESS
     center = impulse.copy()
@@ -517,12 +520,12 @@ def _solve_joined(
         for c in range(len(jrho)):
             jrho[c] = stiffness / jw[c] if jw[c] > 0.0 else 0.0
         left = _newton(
-            free, v, mass, inertia, cb, cj, bias, mu, dry, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl,
-            order, start, later, slot, blocks, 12,
+            free, v, mass, inertia, cb, cj, bias, mu, dry, least, rho, center, impulse, jb, jj, jbias, jrho, jcenter,
+            jl, order, start, later, slot, blocks, 12,
         )  # fmt: skip
         _speeds(cb, cj, v, bias, speeds)
         _speeds(jb, jj, v, jbias, jspeeds)
-        worst = residual(speeds, mu, dry, rho, impulse)
+        worst = residual(speeds, mu, dry, least, rho, impulse)
         for c in range(jj.shape[0]):
             for i in range(jj.shape[1]):
                 worst = max(worst, abs(jspeeds[c, i]))
@@ -536,7 +539,10 @@ def _solve_joined(
             _apply_inverse(inverse_mass, inverse_inertia, pushed, kick)
             v[:] = free + kick
             for _ in range(20):
-                _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, weight, impulse, jb, jj, jbias, jw, jl)
+                _sweep(
+                    v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, weight, impulse, jb, jj, jbias,
+                    jw, jl,
+                )  # fmt: skip
             center[:] = impulse
             jcenter[:] = jl
             continue

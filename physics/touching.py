@@ -1,9 +1,13 @@
-"""Contacts at one instant: finding them, pressing on them, and Newton's law where they close.
+"""Contacts at one instant: finding them, pressing on them, and rebound where they close.
 
-Impacts follow Newton's law, each contact with its own coefficient, as far as that makes no energy (`rebound`). Several
-at once are resolved in rounds: only the contacts that close are reflected, those that this makes close are reflected
-next (generalised reflections, Smith, Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 2012), so a row of
-touching balls passes a blow on.
+Impacts follow Newton's or Poisson's law, each contact with its own coefficient, as far as that makes no energy
+(`rebound`). Several at once are resolved in rounds: only the contacts that close rebound, those that this makes close
+rebound next (generalised reflections, Smith, Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 2012), so a
+row of touching balls passes a blow on.
+
+Poisson's law takes two steps (Glocker & Pfeiffer, Nonlinear Dynamics 7, 1995; Anitescu & Potra, Nonlinear Dynamics 14,
+1997). Compression: what closes is stopped, as without restitution. Restitution: each contact gets at least e times the
+normal impulse that stopped it, more if it would close otherwise. Coulomb's cone holds in each of the two by itself.
 """
 
 from __future__ import annotations
@@ -49,6 +53,8 @@ class Touching:
         self.shape_of = np.zeros(0, np.int64)
         self.friction = np.zeros(0)
         self.restitution = np.zeros(0)
+        self.poisson = np.zeros(0, bool)
+        """(n,) whether an object's restitution is meant by Poisson's law"""
         self._ints = np.empty((256, 6), np.int64)
         self._reals = np.empty((256, 7))
         self._stamps: tuple[Ints, ...] = ()
@@ -135,6 +141,12 @@ class Touching:
         restitution = np.where(np.isnan(ea), eb, np.where(np.isnan(eb), ea, np.fmin(ea, eb)))
         return np.where(np.isnan(friction), 0.5, friction), np.where(np.isnan(restitution), 0.0, restitution)
 
+    def by_poisson(self, ints: Ints) -> NDArray[np.bool_]:
+        """(c,) whether contacts follow Poisson's law: that of the lesser restitution; Poisson's, if both are equal."""
+        a, b = ints[:, 0], ints[:, 1]
+        ea, eb = self.restitution[a], self.restitution[b]
+        return (self.poisson[a] & (np.isnan(eb) | (ea <= eb))) | (self.poisson[b] & (np.isnan(ea) | (eb <= ea)))
+
     def speeds(self, rows: Ints, contacts: Contacts) -> Array:
         """(r,) m/s at which contacts part along their normals."""
         b = self.bodies
@@ -162,12 +174,13 @@ class Touching:
 
     def press(
         self, batch: Batch, contacts: Contacts, pressed: Ints, free: Array, h: Array, target: Array,
-        tolerance: float = EXACT,
+        tolerance: float = EXACT, least: Array | None = None,
     ) -> None:  # fmt: skip
         """Solve for the velocities that contacts and joints make of `free` (n, 6).
 
-        target: (c,) m/s at which contacts part at least. Contact forces (impulse over h) are kept on `contacts`. Of
-        each patch only the rows that span it are solved at first; others that would sink in are added.
+        target: (c,) m/s at which contacts part at least; least: (c,) N·s, their least normal impulses. Contact forces
+        (impulse over h) are kept on `contacts`. Of each patch only the rows that span it are solved at first; others
+        that would sink in are added.
         """
         b = self.bodies
         if len(pressed) == 0 and not batch.joints:
@@ -178,11 +191,15 @@ class Touching:
         held = holding(batch.joints, b, batch.ids, self.pair_values)
         local = self._local(batch)
         chosen = pressed[pressing.spanning(contacts.ints, contacts.reals, pressed)]
+        if least is None:
+            least = np.zeros(len(contacts.ints))
+        else:
+            chosen = np.union1d(chosen, pressed[least[pressed] > 0.0])
         for _ in range(8):
             impulse = contacts.force[chosen] * each[chosen]
             residual, self.slips = pressing.press(
                 batch.ids, local, free, b.center, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
-                b.kind == FREE, chosen, contacts.ints, contacts.reals, mu, target, impulse, held, tolerance,
+                b.kind == FREE, chosen, contacts.ints, contacts.reals, mu, target, least, impulse, held, tolerance,
             )  # fmt: skip
             contacts.force[pressed] = 0.0
             contacts.force[chosen] = impulse / each[chosen]
@@ -199,16 +216,65 @@ class Touching:
         self, batch: Batch, contacts: Contacts, pressed: Ints, free: Array, h: Array, target: Array,
         tolerance: float = EXACT,
     ) -> None:  # fmt: skip
-        """`press` with target speeds of restitution, each connected group only as far as that makes no energy."""
-        b = self.bodies
-        self.press(batch, contacts, pressed, free, h, target, tolerance)
-        if not target[pressed].any():
+        """`press` with restitution where `target`, the speed of Newton's law, is not 0, as far as it makes no energy.
+
+        A connected group with a contact by Poisson's law takes its two steps.
+        """
+        stored = (target > 0.0) & self.by_poisson(contacts.ints)
+        if not stored[pressed].any():
+            self._reflect(batch, contacts, pressed, free, h, target, tolerance)
             return
-        mu, _ = self.pair_values(contacts.ints)
-        cb, cj, bias, _ = pressing.contact_rows(
-            pressed, contacts.ints, contacts.reals, mu, np.zeros(len(mu)), self._local(batch), batch.ids, b.center,
-            b.velocity, b.kind == FREE,
-        )  # fmt: skip
+        b = self.bodies
+        bodies = self._rows(batch, contacts, pressed)[0]
+        of_body, group, count = rebound.groups(len(batch.ids), bodies, assemble(batch.joints, b, batch.ids)[0])
+        in_two = np.zeros(count, bool)
+        in_two[group[stored[pressed]]] = True
+        mine = in_two[group]
+        reflected = None
+        if not mine.all():
+            self._reflect(batch, contacts, pressed[~mine], free, h, target, tolerance)
+            reflected = b.velocity[batch.ids]
+        self._restore(batch, contacts, pressed[mine], free, h, target, stored, tolerance)
+        if reflected is not None:
+            b.velocity[batch.ids] = np.where(in_two[of_body, None], b.velocity[batch.ids], reflected)
+
+    def _reflect(self, batch, contacts, pressed, free, h, target, tolerance) -> None:
+        """`rebound` by Newton's law alone."""
+        self.press(batch, contacts, pressed, free, h, target, tolerance)
+        if target[pressed].any():
+            self._limit(batch, contacts, pressed, free, h, tolerance)
+
+    def _restore(self, batch, contacts, pressed, free, h, target, stored, tolerance) -> None:
+        """`rebound` in two steps; `stored` (c,): contacts by Poisson's law, others reach `target` in the second."""
+        b = self.bodies
+        self.press(batch, contacts, pressed, free, h, np.zeros(len(target)), tolerance)
+        velocity, force = b.velocity[batch.ids], contacts.force[pressed]
+        _, restitution = self.pair_values(contacts.ints)
+        back = np.where(stored, restitution, 0.0)
+        each = h[batch.of_rows(contacts.ints[pressed])]
+        least = np.zeros(len(target))
+        least[pressed] = back[pressed] * force[:, 0] * each
+        contacts.force[pressed] = back[pressed, None] * force
+        self.press(batch, contacts, pressed, velocity, h, np.where(stored, 0.0, target), tolerance, least)
+        contacts.force[pressed] += force
+        self._limit(batch, contacts, pressed, free, h, tolerance, (velocity, force))
+
+    def _rows(self, batch: Batch, contacts: Contacts, pressed: Ints):
+        """Bodies (c, 2), Jacobian (c, 3, 12) and bias (c, 3) of the rows `pressed`."""
+        b = self.bodies
+        none = np.zeros(len(contacts.ints))
+        return pressing.contact_rows(
+            pressed, contacts.ints, contacts.reals, none, none, self._local(batch), batch.ids, b.center, b.velocity,
+            b.kind == FREE,
+        )[:3]  # fmt: skip
+
+    def _limit(self, batch, contacts, pressed, free, h, tolerance, without=None) -> None:
+        """Take back of velocities and forces what makes energy, in each connected group.
+
+        without: velocities (n, 6) and forces (c, 3) without restitution, where they are known.
+        """
+        b = self.bodies
+        cb, cj, bias = self._rows(batch, contacts, pressed)
         jb, _, _ = assemble(batch.joints, b, batch.ids)
         of_body, group, count = rebound.groups(len(batch.ids), cb, jb)
         velocity, force = b.velocity[batch.ids], contacts.force[pressed]
@@ -217,8 +283,10 @@ class Touching:
         wrong = rebound.gained(force * each, before, after, group, count)
         if not wrong.any():
             return
-        self.press(batch, contacts, pressed, free, h, np.zeros(len(mu)), tolerance)
-        least, least_force = b.velocity[batch.ids], contacts.force[pressed]
+        if without is None:
+            self.press(batch, contacts, pressed, free, h, np.zeros(len(contacts.ints)), tolerance)
+            without = b.velocity[batch.ids], contacts.force[pressed]
+        least, least_force = without
         least_after = rebound.relative(cb, cj, bias, least)
         sigma = rebound.share(force * each, least_force * each, before, after, least_after, group, count)
         sigma[~wrong] = 1.0
@@ -259,7 +327,7 @@ class Touching:
         return carries
 
     def impact(self, batch: Batch, contacts: Contacts, touching: Ints) -> None:
-        """Newton's law for all of the rows `touching` that close, in rounds, then none closes any more."""
+        """Rebound of all of the rows `touching` that close, in rounds, then none closes any more."""
         b = self.bodies
         kept = contacts.force.copy()
         _, restitution = self.pair_values(contacts.ints)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from collision import CollisionManager, Tolerance
 from constraints.geometry import Geometry
 from physics.batch import whole
-from physics.behaviours import Behaviour, Reaction, Sleeping, Touch, View
+from physics.behaviours import LAWS, Behaviour, Reaction, Sleeping, Touch, View
 from physics.bodies import FREE, KINEMATIC, STATIC, Bodies, Saved
 from physics.body import Body
 from physics.errors import BehaviourError, WorldError
@@ -127,6 +127,7 @@ class World:
         self._behaviours[i] = tuple(behaviours)
         self._touching.friction[i] = np.nan if reaction.friction is None else reaction.friction
         self._touching.restitution[i] = np.nan if reaction.restitution is None else reaction.restitution
+        self._touching.poisson[i] = reaction.law == "poisson"
         self._solid[i] = reaction.solid
         self._touching.shape_of[i] = -1
         self._path.pop(i, None)
@@ -706,6 +707,10 @@ class World:
             e, mu = reaction.restitution, reaction.friction
             if e is not None and not 0.0 <= e <= 1.0:
                 raise BehaviourError(f"object {i}: {name} gives restitution {e!r}; give 0 … 1", i, name)
+            if reaction.law not in LAWS:
+                raise BehaviourError(
+                    f"object {i}: {name} gives law {reaction.law!r}; give {' or '.join(LAWS)}", i, name
+                )
             if mu is not None and not (np.isfinite(mu) and mu >= 0.0):
                 raise BehaviourError(f"object {i}: {name} gives friction {mu!r}; give 0 or more", i, name)
         return reaction
@@ -735,6 +740,7 @@ class World:
             old = len(s.friction)
             s.friction = np.concatenate([s.friction, np.full(n - old, np.nan)])
             s.restitution = np.concatenate([s.restitution, np.full(n - old, np.nan)])
+            s.poisson = np.concatenate([s.poisson, np.zeros(n - old, bool)])
             s.shape_of = np.concatenate([s.shape_of, np.full(n - old, -1, np.int64)])
             self._constant = np.concatenate([self._constant, np.zeros((n - old, 6))])
         return b

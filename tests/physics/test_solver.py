@@ -10,7 +10,7 @@ from physics.solver import rows_of_contacts, solve
 NO_JOINTS = (np.zeros((0, 2), np.int64), np.zeros((0, 1, 12)), np.zeros((0, 1)), np.zeros((0, 1)))
 
 
-def run(free, mass, inertia, bodies, points, normals, mu, centers, target=None):
+def run(free, mass, inertia, bodies, points, normals, mu, centers, target=None, least=0.0):
     c = len(bodies)
     reals = np.hstack([points, normals, np.zeros((c, 1))])
     jacobian = np.empty((c, 3, 12))
@@ -22,7 +22,7 @@ def run(free, mass, inertia, bodies, points, normals, mu, centers, target=None):
     v = np.empty_like(free)
     residual = solve(
         free, v, mass, inertia, 1 / mass, np.linalg.inv(inertia), np.asarray(bodies), jacobian, bias,
-        np.full(c, mu), np.zeros(c, bool), impulse, *NO_JOINTS, 1e-14,
+        np.full(c, mu), np.zeros(c, bool), np.full(c, least), impulse, *NO_JOINTS, 1e-14,
     )  # fmt: skip
     return v, impulse, jacobian, bias, residual
 
@@ -123,3 +123,13 @@ def test_restitution_is_a_target_speed():
     free[0] = [0, 0, -2.0, 0, 0, 0]
     v, *_ = run(free, mass, inertia, bodies, points, normals, 0.5, centers, target=np.full(4, 1.6))
     assert v[0, 2] == pytest.approx(1.6, abs=1e-14)
+
+
+def test_a_least_impulse_is_given_and_rubs():
+    """A box that slides is pushed off the floor by its corners' least impulses; friction is μ times those."""
+    free, mass, inertia, bodies, points, normals, centers = column(1)
+    free[0] = [1.0, 0, 0, 0, 0, 0]
+    v, impulse, *_ = run(free, mass, inertia, bodies, points, normals, 0.1, centers, least=0.25)
+    assert impulse[:, 0] == pytest.approx(0.25, abs=1e-12)
+    assert np.linalg.norm(impulse[:, 1:], axis=1) == pytest.approx(0.025, abs=1e-12)
+    assert v[0, [0, 2]] == pytest.approx([0.9, 1.0], abs=1e-12)
