@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from physics.bodies import FREE, Bodies
+from physics.bodies import FREE, KINEMATIC, Bodies
 from physics.thread import Thread
 
 Array = NDArray[np.float64]
@@ -41,26 +41,36 @@ def _world_rows(jacobian: Array, bodies: Bodies, i: int) -> Array:
     return np.hstack([linear, angular + np.cross(d, linear)])
 
 
-def assemble(joints: Sequence[Joint], bodies: Bodies, ids: Ints) -> tuple[Ints, Array, Array]:
-    """Rows of all joints: bodies (g, 2) as places in `ids` or -1, Jacobians (g, 1, 12), residuals (g, 1)."""
+def assemble(joints: Sequence[Joint], bodies: Bodies, ids: Ints) -> tuple[Ints, Array, Array, Array]:
+    """Rows of all joints: bodies (g, 2) as places in `ids` or -1, Jacobians (g, 1, 12), residuals (g, 1), and the rates
+    (g, 1) at which what carries them (a path, a hand) changes those.
+    """
     if not joints:
-        return _NO_BODIES, _NO_ROWS, _NO_RESIDUALS
+        return _NO_BODIES, _NO_ROWS, _NO_RESIDUALS, _NO_RESIDUALS
     place = {int(i): k for k, i in enumerate(ids)}
-    which, rows, residuals = [], [], []
+    which, rows, residuals, carried = [], [], [], []
     for joint in joints:
         a, b = joint.bodies
         pose_a, pose_b = bodies.pose(a), bodies.pose(b)
         residual = np.asarray(joint.residual(pose_a, pose_b))
         by_a, by_b = joint.jacobian(pose_a, pose_b)
         local = [place.get(i, -1) if bodies.kind[i] == FREE else -1 for i in (a, b)]
-        rows.append(np.hstack([_world_rows(by_a, bodies, a), _world_rows(by_b, bodies, b)]))
+        sides = [_world_rows(by_a, bodies, a), _world_rows(by_b, bodies, b)]
+        rows.append(np.hstack(sides))
         residuals.append(residual)
+        carried.append(sum(_carried(rows, bodies, i) for rows, i in zip(sides, (a, b), strict=True)))
         which.append(np.tile(local, (len(residual), 1)))
     return (
         np.ascontiguousarray(np.concatenate(which), dtype=np.int64),
         np.ascontiguousarray(np.concatenate(rows)[:, None, :]),
         np.ascontiguousarray(np.concatenate(residuals)[:, None]),
+        np.ascontiguousarray(np.concatenate(carried)[:, None]),
     )
+
+
+def _carried(rows: Array, bodies: Bodies, i: int) -> Array:
+    """(r,) what a body that is carried adds to the speeds of rows (r, 6)."""
+    return rows @ bodies.velocity[i] if bodies.kind[i] == KINEMATIC else np.zeros(len(rows))
 
 
 class Holding(NamedTuple):
@@ -70,6 +80,8 @@ class Holding(NamedTuple):
     """(g, 2) places, -1 for what does not move"""
     jacobian: Array
     """(g, 1, 12)"""
+    bias: Array
+    """(g, 1) m/s or rad/s, of what carries them"""
     dry_bodies: Ints
     """(d, 2)"""
     dry_jacobian: Array
@@ -87,31 +99,32 @@ def holding(joints: Sequence[Joint], bodies: Bodies, ids: Ints, friction: Law) -
     where it rubs; what else joins the pair and lets it turn is implied.
     """
     dry = dry_threads(joints, bodies, friction)
-    jb, jj, _ = assemble([j for j in joints if _pair(j) not in dry], bodies, ids)
+    jb, jj, _, jbias = assemble([j for j in joints if _pair(j) not in dry], bodies, ids)
     if not dry:
-        return Holding(jb, jj, _NO_BODIES, _NO_BLOCKS, _NO_BIAS, _NO_FRICTION)
+        return Holding(jb, jj, jbias, _NO_BODIES, _NO_BLOCKS, _NO_BIAS, _NO_FRICTION)
     place = {int(i): k for k, i in enumerate(ids)}
-    upright, blocks, bias, which, coefficients = [], [], [], [], []
+    upright, upright_bias, blocks, bias, which, coefficients = [], [], [], [], [], []
     for thread, m in dry.values():
         linear, angular, point = thread.rows(bodies.pose(thread.bodies[0]))
-        local, sides, carried = [], [], np.zeros(4)
+        tilts = np.hstack([np.zeros((2, 3)), linear[1:3]])
+        local, sides, carried = [], [], np.zeros(6)
         for i, sign in zip(thread.bodies, (-1.0, 1.0), strict=True):
-            r = point - bodies.center[i]
-            sides.append(sign * np.hstack([linear, np.cross(r, linear) + angular]))
-            moves = bodies.kind[i] == FREE
-            local.append(place.get(i, -1) if moves else -1)
-            carried += 0.0 if moves else sides[-1] @ bodies.velocity[i]
+            slide = np.hstack([linear, np.cross(point - bodies.center[i], linear) + angular])
+            sides.append(sign * np.concatenate([slide, tilts]))
+            local.append(place.get(i, -1) if bodies.kind[i] == FREE else -1)
+            carried += _carried(sides[-1], bodies, i)
         rows = np.hstack(sides)
         on_flanks, across = thread.friction(m)
-        blocks += [rows[[0, 0, 3]] * [[1.0], [0.0], [1.0]], rows[1:]]
-        bias += [carried[[0, 0, 3]] * [1.0, 0.0, 1.0], carried[1:]]
+        blocks += [rows[[0, 0, 3]] * [[1.0], [0.0], [1.0]], rows[1:4]]
+        bias += [carried[[0, 0, 3]] * [1.0, 0.0, 1.0], carried[1:4]]
         coefficients += [on_flanks, across]
         which += [local, local]
-        tilts = np.hstack([np.zeros((2, 3)), linear[1:3]])
-        upright.append(np.hstack([-tilts, tilts])[:, None, :])
+        upright.append(rows[4:, None, :])
+        upright_bias.append(carried[4:, None])
     return Holding(
         np.concatenate([jb, np.repeat(np.array(which[::2], np.int64), 2, axis=0)]),
         np.concatenate([jj, *upright]),
+        np.concatenate([jbias, *upright_bias]),
         np.array(which, np.int64), np.array(blocks), np.array(bias), np.array(coefficients),
     )  # fmt: skip
 

@@ -195,7 +195,7 @@ def press(
     jl = np.zeros((len(held.jacobian), 1))
     residual = solver.solve(
         free, v, m, world, im, inverse_world, cb, cj, bias, friction, dry,
-        np.concatenate([least[chosen], np.zeros(d)]), pushes, held.bodies, held.jacobian, np.zeros_like(jl), jl,
+        np.concatenate([least[chosen], np.zeros(d)]), pushes, held.bodies, held.jacobian, held.bias, jl,
         tolerance,
     )  # fmt: skip
     velocity[ids] = v

@@ -490,6 +490,9 @@ def _solve_joined(
     scale = max(np.abs(free).max(), 1e-300)
     for c in range(cj.shape[0]):
         scale = max(scale, abs(bias[c, 0]))
+    for c in range(jj.shape[0]):
+        for i in range(jj.shape[1]):
+            scale = max(scale, abs(jbias[c, i]))
     speeds = np.empty((cj.shape[0], 3))
     jspeeds = np.empty((jj.shape[0], jj.shape[1]))
     best = np.inf

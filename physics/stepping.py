@@ -26,10 +26,11 @@ from collision import Tolerance
 from physics.batch import Batch, Ways, same_objects, split
 from physics.bodies import Bodies, Saved, coast, drift
 from physics.integrators import METHODS
-from physics.joints import assemble, dry_threads
+from physics.joints import assemble
 from physics.mechanism import Mechanism
 from physics.near import separation
 from physics.pressing import NO_CONTACTS, Contacts, match
+from physics.swinging import Swing
 from physics.touching import Touching, Wrench, merged, rows
 
 Array = NDArray[np.float64]
@@ -170,13 +171,7 @@ class Stepper:
     def _take(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench):
         """One sub-step: how long (count,) it was, and the contacts after it."""
         b = self.bodies
-        rubs = bool(dry_threads(batch.joints, b, self.touching.pair_values))
-        if (
-            batch.mechanism is not None
-            and not rubs
-            and len(batch.moved) == 0
-            and self._least(batch, now)[0] > self.tolerance.touch
-        ):
+        if batch.mechanism is not None and len(batch.moved) == 0 and self._least(batch, now)[0] > self.tolerance.touch:
             smooth = self._smooth(batch, batch.mechanism, time + float(t[0]), float(h[0]), wrench)
             if smooth is not None:
                 return h, smooth
@@ -230,7 +225,9 @@ class Stepper:
         b = self.bodies
         start = Saved(b, batch.ids)
         way = self._way(batch, np.array([h]))
-        mechanism.advance(b, time, h, wrench, batch.constant)
+        if not Swing(mechanism, b, time, wrench, batch.constant, self.touching.pair_values).advance(h):
+            start.restore(b)
+            return None
         after = self.touching.find(batch, way)
         after, _ = self.touching.sift(after, np.zeros(len(after.ints), bool), start)
         half = np.array([0.5 * h])
@@ -309,7 +306,7 @@ class Stepper:
         for _ in range(5):
             worst = np.zeros(batch.count)
             np.maximum.at(worst, batch.of_rows(after.ints[off]), np.abs(after.reals[off, 6]))
-            jb, jj, jr = assemble(batch.joints, b, ids)
+            jb, jj, jr, _ = assemble(batch.joints, b, ids)
             worst = np.maximum(worst, np.abs(jr).max(initial=0.0))
             # what an impact has ended too deep is flown again: its pressed contacts need no closing, if that is too
             # little to undo the depth (else the time of impact is looked for where the gap jumps)
@@ -515,7 +512,7 @@ class Stepper:
             after = touching.inherit(touching.find(part, way), now)
             after, _ = touching.sift(after, touching.touched(now, after), begin)
             own = part.of_rows(after.ints)
-            jb, jj, jr = assemble(part.joints, self.bodies, part.ids)
+            jb, jj, jr, _ = assemble(part.joints, self.bodies, part.ids)
             gaps = after.reals[:, 6]
             off = (gaps < 0.0) | ((gaps != 0.0) & (gaps < CLOSE) & (after.force[:, 0] > 0.0))
             wrong = np.full(part.count, len(jr) > 0 and np.abs(jr).max() > ROUNDING)

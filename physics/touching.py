@@ -275,7 +275,7 @@ class Touching:
         """
         b = self.bodies
         cb, cj, bias = self._rows(batch, contacts, pressed)
-        jb, _, _ = assemble(batch.joints, b, batch.ids)
+        jb, *_ = assemble(batch.joints, b, batch.ids)
         of_body, group, count = rebound.groups(len(batch.ids), cb, jb)
         velocity, force = b.velocity[batch.ids], contacts.force[pressed]
         before, after = (rebound.relative(cb, cj, bias, v) for v in (free, velocity))

@@ -15,7 +15,7 @@ from constraints.kinds.coplanar import Coplanar
 from constraints.kinds.screw import Screw
 from physics import Body, Friction, Gravity, Sleeping, World
 from physics.behaviours import STANDARD_GRAVITY as G
-from physics.mechanism import lower_pair
+from physics.lower_pair import lower_pair
 
 
 def hinge(a, b, at_a, at_b, axis=(0.0, 1.0, 0.0)):
