@@ -1,12 +1,15 @@
-"""An M16 nut on its bolt: on a free-running thread it spins down as its pitch allows, and stays when it does not move.
+"""An M16 nut on its bolt: friction in the thread holds it, a wrench turns it, and where it is left it stays.
 
-The thread is a screw constraint of 2 mm pitch between smooth cylinders; of friction it knows nothing, so what keeps a
-screwed-in nut in place is a torque of the user's: a brake.
+The thread is a screw constraint of 2 mm pitch, with flanks of 30° and μ = 0.15. What the wrench must give to turn the
+nut up and down is looked for and compared with the formula for power screws; then the nut is driven down on a plate and
+up again.
 
     python examples/physics_nut.py
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -15,46 +18,102 @@ from collision import CollisionManager
 from constraints.geometry import Cylinder
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.screw import Screw
-from physics import Behaviour, Body, Gravity, Motor, Sleeping, World
+from physics import Behaviour, Body, Friction, Gravity, Motor, View, World
+from physics.behaviours import STANDARD_GRAVITY
 from vpframe.modelling import cylinder, hexagon, shape
 
-PITCH, RADIUS = 0.002, 0.008
+PITCH, FLANK, MU = 0.002, np.radians(30.0), 0.15
+RADIUS = 0.5 * 0.014701  # m, of the pitch cylinder
+PLATE, START = 0.125, 0.15  # m, heights of the plate's face and of the nut's
+Z = np.array([0.0, 0.0, 1.0])
 
 
-def main(seconds: float = 1.0) -> dict[str, float]:
-    """Run the nut down freely, then screw it up again with a motor; heights against the closed form."""
-    manager = CollisionManager()
-    bolt = manager.add(shape(cylinder(RADIUS - 1e-4, 0.2), name="bolt").mesh, pin.SE3.Identity(), movable=False)
-    nut_solid = hexagon(0.024, 0.013) - cylinder(RADIUS, 0.013)
-    made = shape(nut_solid, name="nut")
-    start = 0.15
-    nut = manager.add(made.mesh, pin.SE3(np.eye(3), np.array([0.0, 0.0, start])))
-    manager.ignore(bolt, nut)
-    world = World(manager)
-    body = Body.from_mesh(made.mesh, "steel")
+class Wrench(Behaviour):
+    """A torque about the bolt."""
 
-    def fit(*behaviours: Behaviour) -> None:
-        world.add(nut, body, [Gravity(), Sleeping(False), *behaviours])
-        z = np.array([0.0, 0.0, 1.0])
-        thread = (Cylinder(np.zeros(3), z, RADIUS), Cylinder(np.zeros(3), z, RADIUS))
-        screw = Screw((bolt, nut), thread, pitch=PITCH).engaged(world.pose(bolt), world.pose(nut))
-        world.set_joints([Concentric((bolt, nut), thread), screw])
+    constant = True
 
-    fit()
-    while world.time < seconds - 1e-9:
-        world.step(0.01)
-    lead = PITCH / (2 * np.pi)
-    moment = body.inertia[2, 2]
-    expected = start - 0.5 * 9.80665 / (1 + moment / (body.mass * lead**2)) * seconds**2
-    down = float(world.pose(nut).translation[2])
+    def __init__(self, torque: float) -> None:
+        self.torque = torque
 
-    fit(Motor([0, 0, 1], speed=20.0, limit=0.1, gain=1e-3))
-    for _ in range(100):
-        world.step(0.01)
-    return {"down": down, "expected": float(expected), "up": float(world.pose(nut).translation[2])}
+    def wrench(self, view: View) -> np.ndarray:
+        return np.concatenate([np.zeros(3), self.torque * Z])
+
+
+class Bench:
+    """A bolt that stands upright through a plate, with its nut."""
+
+    def __init__(self) -> None:
+        manager = CollisionManager()
+        bolt = manager.add(shape(cylinder(0.008, 0.2), name="bolt").mesh, pin.SE3.Identity(), movable=False)
+        plate = shape(cylinder(0.04, 0.01) - cylinder(0.009, 0.01), name="plate").mesh
+        manager.add(plate, pin.SE3(np.eye(3), (PLATE - 0.01) * Z), movable=False)
+        solid = shape(hexagon(0.024, 0.013) - cylinder(0.008, 0.013), name="nut")
+        self.nut = manager.add(solid.mesh, pin.SE3(np.eye(3), START * Z))
+        manager.ignore(bolt, self.nut)
+        self.world = World(manager)
+        self.body = Body.from_mesh(solid.mesh, "steel")
+        self.turn()
+        thread = (Cylinder(np.zeros(3), Z, RADIUS), Cylinder(np.zeros(3), Z, RADIUS))
+        screw = Screw((bolt, self.nut), thread, pitch=PITCH, flank=FLANK)
+        screw = screw.engaged(self.world.pose(bolt), self.world.pose(self.nut))
+        self.world.set_joints([Concentric((bolt, self.nut), thread), screw])
+
+    def turn(self, *by: Behaviour) -> None:
+        """What turns the nut from now on, besides its weight."""
+        self.world.add(self.nut, self.body, [Gravity(), Friction(MU), *by])
+
+    def run(self, seconds: float) -> float:
+        """Let that much time pass; the nut's height in metres."""
+        end = self.world.time + seconds
+        while self.world.time < end - 1e-9:
+            self.world.step(0.01)
+        return float(self.world.pose(self.nut).translation[2])
+
+
+def breakaway(sense: float) -> float:
+    """The least torque, N·m, that turns the nut: up (1) or down (-1), by bisection."""
+
+    def moves(torque: float) -> bool:
+        bench = Bench()
+        bench.turn(Wrench(sense * torque))
+        return bench.run(0.02) != START
+
+    return _least(moves, 0.0, 0.01)
+
+
+def _least(true: Callable[[float], bool], low: float, high: float) -> float:
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if true(middle) else (middle, high)
+    return high
+
+
+def main(seconds: float = 10.0) -> dict[str, float]:
+    """Leave the nut for some seconds, drive it down on the plate, leave it, drive it up and leave it again."""
+    bench = Bench()
+    weight = bench.body.mass * STANDARD_GRAVITY
+    lead, friction = np.arctan(PITCH / (2 * np.pi * RADIUS)), np.arctan(MU / np.cos(FLANK))
+    result = {"left": START - bench.run(seconds)}
+    bench.turn(Motor(Z, speed=-80.0, limit=0.05, gain=1e-3))
+    result["seat"] = bench.run(1.5) - PLATE
+    bench.turn()
+    result["down"] = bench.run(1.0) - PLATE
+    bench.turn(Motor(Z, speed=80.0, limit=0.05, gain=1e-3))
+    up = bench.run(1.0)
+    bench.turn()
+    stopped = bench.run(0.5)
+    result |= {"up": up, "after": bench.run(1.0) - stopped}
+    for name, sense in (("raise", 1.0), ("lower", -1.0)):
+        result[name] = breakaway(sense)
+        result[f"{name} exact"] = float(weight * RADIUS * np.tan(friction + sense * lead))
+    return result
 
 
 if __name__ == "__main__":
     result = main()
-    print(f"after a second the nut is at {result['down']:.12f} m, by the closed form {result['expected']:.12f} m")
-    print(f"a motor of 20 rad/s took it up to {result['up']:.6f} m in another")
+    print(f"left alone for ten seconds the nut has gone down by {result['left']:.1e} m")
+    for name in ("raise", "lower"):
+        print(f"to {name} it takes {result[name]:.9f} N·m, by the formula {result[f'{name} exact']:.9f} N·m")
+    print(f"driven down, it sits {result['seat']:.1e} m above the plate, a second later {result['down']:.1e} m")
+    print(f"driven up to {1e3 * result['up']:.3f} mm and left, it stops and then moves {result['after']:.1e} m")

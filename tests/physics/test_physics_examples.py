@@ -49,7 +49,10 @@ def test_the_hinge_swings_and_holds():
     assert result["lowest"] < -0.18 and result["fell"] > 0.1
 
 
-def test_the_nut_runs_down_its_thread():
-    result = run("physics_nut")
-    assert result["down"] == pytest.approx(result["expected"], abs=1e-10)
-    assert result["up"] > result["down"] + 0.005
+def test_the_nut_stays_where_the_wrench_leaves_it():
+    result = run("physics_nut", seconds=2.0)
+    assert result["left"] == result["after"] == 0.0
+    assert abs(result["seat"]) < 1e-12 and abs(result["down"]) < 1e-12
+    assert result["up"] > 0.14
+    for name in ("raise", "lower"):
+        assert result[name] == pytest.approx(result[f"{name} exact"], rel=1e-9)
