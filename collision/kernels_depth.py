@@ -17,42 +17,22 @@ from __future__ import annotations
 
 from typing import Any, Final, NamedTuple
 
-import numpy as np
 from numba import njit
 
-from collision.kernels_distance import planes_part
-from collision.kernels_solid import closest_on_triangle, distance
-from collision.kernels_vector import along, dot, norm, sub
-from collision.polygons import triangles_meet
+from collision.kernels_boundary import comes_out, depth_at, nearest_on, reaches, to_surface, to_triangle
+from collision.kernels_pieces import new_place, pop, push
+from collision.kernels_vector import along, dot, norm, row, sub
 from collision.predicates import KERNEL
 from collision.tree import LEAF
 
 TIE: Final = 1.0 + 64.0 * 2.0**-52
 """squared distances that differ by no more than their rounding (some 30 operations each) are of one nearest point"""
-
 STEEP: Final = 0.7
 """1: cosine of the angle between two sides from which on they count as almost parallel when a triangle is cut"""
 NEAR_END: Final = 0.05
 """1: share of an edge that a cut leaves at least"""
 SHORT: Final = 0.8
 """1: share of the longest edge below which another is not cut, so that no slivers come of it"""
-
-
-class Boundary(NamedTuple):
-    """The solid: as in `SurfaceMesh`, `MeshTree` and `Solid`; what is by triangle, in the tree's leaf order."""
-
-    vertices: Any
-    box: Any
-    second: Any
-    first: Any
-    count: Any
-    corner: Any
-    root: Any
-    surface: Any
-    face: Any
-    edge: Any
-    vertex: Any
-    closed: Any
 
 
 class Other(NamedTuple):
@@ -74,152 +54,15 @@ class Other(NamedTuple):
     nearest: Any
 
 
-class Pieces(NamedTuple):
-    """Room for the pieces of a search, and the heap of those that are not yet opened, greatest bound first."""
-
-    bound: Any
-    """(n,) no point is deeper"""
-    node: Any
-    """(n,) the node of the tree, -1 for a triangle"""
-    corner: Any
-    """(n, 9) of a triangle"""
-    depth: Any
-    """(n, 3) of its corners"""
-    nearest: Any
-    """(n, 3) triangle of the solid nearest to each of its corners; the first, to the middle of a node"""
-    heap: Any
-    """(n,) places"""
-    size: Any
-    """(2,) length of the heap, places used"""
-
-
-class Room(NamedTuple):
-    """What traversals work in."""
-
-    stack: Any
-    gap: Any
-    work: Any
-
-
-def room_for(pieces: int) -> Pieces:
-    """Room for so many pieces."""
-    return Pieces(
-        np.empty(pieces), np.empty(pieces, np.int64), np.empty((pieces, 9)), np.empty((pieces, 3)),
-        np.empty((pieces, 3), np.int64), np.empty(pieces, np.int64), np.zeros(2, np.int64),
-    )  # fmt: skip
-
-
-@njit(error_model="numpy", **KERNEL)
-def _place(pieces, bound):
-    """A place for a piece."""
-    place = pieces.size[1]
-    pieces.size[1] += 1
-    pieces.bound[place] = bound
-    return place
-
-
-@njit(error_model="numpy", **KERNEL)
-def _push(pieces, place):
-    """Put a piece in the heap, by its bound."""
-    key, heap = pieces.bound, pieces.heap
-    i = pieces.size[0]
-    pieces.size[0] += 1
-    while i > 0:
-        up = (i - 1) // 2
-        if key[heap[up]] >= key[place]:
-            break
-        heap[i] = heap[up]
-        i = up
-    heap[i] = place
-
-
-@njit(error_model="numpy", **KERNEL)
-def _pop(pieces):
-    """The place of the piece of greatest bound, which is taken out of the heap."""
-    key, heap = pieces.bound, pieces.heap
-    pieces.size[0] -= 1
-    n = pieces.size[0]
-    top, last = heap[0], heap[n]
-    i = 0
-    while True:
-        child = 2 * i + 1
-        if child >= n:
-            break
-        if child + 1 < n and key[heap[child + 1]] > key[heap[child]]:
-            child += 1
-        if key[heap[child]] <= key[last]:
-            break
-        heap[i] = heap[child]
-        i = child
-    heap[i] = last
-    return top
-
-
-@njit(error_model="numpy", **KERNEL)
-def _at(vertices, i):
-    return (vertices[i, 0], vertices[i, 1], vertices[i, 2])
-
-
-@njit(error_model="numpy", **KERNEL)
-def _nearest_on(solid, t, p):
-    a, b, c = (_at(solid.vertices, solid.corner[t, 0]), _at(solid.vertices, solid.corner[t, 1]),
-               _at(solid.vertices, solid.corner[t, 2]))  # fmt: skip
-    return closest_on_triangle(p, a, b, c)
-
-
-@njit(error_model="numpy", **KERNEL)
-def _to_triangle(solid, t, p):
-    q, _ = _nearest_on(solid, t, p)
-    return norm(sub(p, q))
-
-
-@njit(error_model="numpy", **KERNEL)
-def _to_surface(solid, s, p, bound, room):
-    """(nearest point, its triangle) of surface s, if nearer to p than the root of `bound`; else triangle -1."""
-    _, q, t, _ = distance(
-        solid.root[s], solid.vertices, solid.box, solid.second, solid.first, solid.count, solid.corner,
-        p, bound, room.stack, room.gap,
-    )  # fmt: skip
-    return q, t
-
-
-@njit(error_model="numpy", **KERNEL)
-def _depth_at(solid, p, guess, room):
-    """(depth of p behind the solid's boundary, negative before it; nearest triangle), by way of the triangle `guess`.
-
-    The side is told by the pseudonormal of the nearest feature, see `kernels_solid.signed_distance`.
-    """
-    q, feature = _nearest_on(solid, guess, p)
-    w = sub(p, q)
-    best = dot(w, w)
-    nearer, f, t, where = distance(
-        0, solid.vertices, solid.box, solid.second, solid.first, solid.count, solid.corner,
-        p, best, room.stack, room.gap,
-    )  # fmt: skip
-    if t < 0:
-        t = guess
-    else:
-        best, q, feature = nearer, f, where
-    if feature == 6:
-        n = _at(solid.face, t)
-    elif feature < 3:
-        n = (solid.edge[t, feature, 0], solid.edge[t, feature, 1], solid.edge[t, feature, 2])
-    else:
-        k = feature - 3
-        n = (solid.vertex[t, k, 0], solid.vertex[t, k, 1], solid.vertex[t, k, 2])
-    apart = np.sqrt(best)
-    return (apart if dot(n, sub(p, q)) < 0.0 else -apart), t
-
-
 @njit(error_model="numpy", **KERNEL)
 def _see(solid, surface, p, depth, t, out, room):
     """Keep p if it is deeper than what is known and t, the triangle nearest to it, or one as near is of the surface."""
     if depth <= out[0]:
         return
     if solid.surface[t] == surface:
-        q, _ = _nearest_on(solid, t, p)
+        q, _ = nearest_on(solid, t, p)
     else:
-        q, t = _to_surface(solid, surface, p, TIE * depth * depth, room)
+        q, t = to_surface(solid, surface, p, TIE * depth * depth, room)
         if t < 0:
             return
     out[0] = depth
@@ -264,9 +107,9 @@ def _bound(solid, p, q, r, depth, nearest, enough):
         return bound
     a, b, c = nearest
     far = (
-        (abs(dp), _to_triangle(solid, a, q), _to_triangle(solid, a, r)),
-        (_to_triangle(solid, b, p), abs(dq), _to_triangle(solid, b, r)),
-        (_to_triangle(solid, c, p), _to_triangle(solid, c, q), abs(dr)),
+        (abs(dp), to_triangle(solid, a, q), to_triangle(solid, a, r)),
+        (to_triangle(solid, b, p), abs(dq), to_triangle(solid, b, r)),
+        (to_triangle(solid, c, p), to_triangle(solid, c, q), abs(dr)),
     )
     for i in range(3):
         bound = min(bound, _most(far[i]), _peak(far[i], far[(i + 1) % 3]))
@@ -276,53 +119,6 @@ def _bound(solid, p, q, r, depth, nearest, enough):
         for j in range(3):
             bound = min(bound, _peak(far[i], cone[j]))
     return bound
-
-
-@njit(error_model="numpy", **KERNEL)
-def _meets(solid, p, q, r, room):
-    """Whether the triangle p q r meets any of the solid's."""
-    low = (min(p[0], q[0], r[0]), min(p[1], q[1], r[1]), min(p[2], q[2], r[2]))
-    high = (max(p[0], q[0], r[0]), max(p[1], q[1], r[1]), max(p[2], q[2], r[2]))
-    box, stack = solid.box, room.stack
-    stack[0] = 0
-    top = 1
-    while top > 0:
-        top -= 1
-        i = stack[top]
-        if (
-            box[i, 0] > high[0] or low[0] > box[i, 3]
-            or box[i, 1] > high[1] or low[1] > box[i, 4]
-            or box[i, 2] > high[2] or low[2] > box[i, 5]
-        ):  # fmt: skip
-            continue
-        if solid.second[i] >= 0:
-            stack[top], stack[top + 1] = i + 1, solid.second[i]
-            top += 2
-            continue
-        for t in range(solid.first[i], solid.first[i] + solid.count[i]):
-            a, b = _at(solid.vertices, solid.corner[t, 0]), _at(solid.vertices, solid.corner[t, 1])
-            c = _at(solid.vertices, solid.corner[t, 2])
-            if not planes_part(a, b, c, p, q, r, 0.0) and triangles_meet(a, b, c, p, q, r, room.work):
-                return True
-    return False
-
-
-@njit(error_model="numpy", **KERNEL)
-def _comes_out(solid, p, q, r, t, step, room):
-    """Whether a step along the normal of the solid's triangle t takes all of p q r out of it."""
-    n = _at(solid.face, t)
-    p, q, r = along(p, step, n), along(q, step, n), along(r, step, n)
-    if _meets(solid, p, q, r, room):
-        return False
-    depth, _ = _depth_at(solid, p, t, room)
-    return depth < 0.0
-
-
-@njit(error_model="numpy", **KERNEL)
-def _reaches(solid, surface, middle, reach, room):
-    """Whether the surface is nearer to a middle than `reach`."""
-    _, t = _to_surface(solid, surface, middle, reach * reach, room)
-    return t >= 0
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -342,11 +138,11 @@ def _add_node(solid, surface, other, node, guess, enough, pieces, room):
         r[1, 0] * x + r[1, 1] * y + r[1, 2] * z + o[1],
         r[2, 0] * x + r[2, 1] * y + r[2, 2] * z + o[2],
     )
-    depth, t = _depth_at(solid, middle, guess, room)
+    depth, t = depth_at(solid, middle, guess, room)
     bound = radius + (depth if solid.closed else abs(depth))
-    if bound <= enough or (solid.surface[t] != surface and not _reaches(solid, surface, middle, radius + bound, room)):
+    if bound <= enough or (solid.surface[t] != surface and not reaches(solid, surface, middle, radius + bound, room)):
         return
-    place = _place(pieces, bound)
+    place = new_place(pieces, bound)
     pieces.node[place] = node
     pieces.nearest[place, 0] = t
 
@@ -361,9 +157,9 @@ def _add_triangle(solid, surface, p, q, r, depth, nearest, enough, pieces, room)
     if on[nearest[0]] != surface and on[nearest[1]] != surface and on[nearest[2]] != surface:
         c = ((p[0] + q[0] + r[0]) / 3.0, (p[1] + q[1] + r[1]) / 3.0, (p[2] + q[2] + r[2]) / 3.0)
         radius = max(norm(sub(p, c)), norm(sub(q, c)), norm(sub(r, c)))
-        if not _reaches(solid, surface, c, radius + bound, room):
+        if not reaches(solid, surface, c, radius + bound, room):
             return
-    place = _place(pieces, bound)
+    place = new_place(pieces, bound)
     pieces.node[place] = -1
     for d in range(3):
         pieces.corner[place, d], pieces.corner[place, 3 + d], pieces.corner[place, 6 + d] = p[d], q[d], r[d]
@@ -377,12 +173,12 @@ def _open_leaf(solid, surface, other, node, guess, relative, precision, out, pie
         for c in range(3):
             v = other.corner[k, c]
             if other.nearest[v] < 0:
-                other.depth[v], other.nearest[v] = _depth_at(solid, _at(other.vertices, v), guess, room)
+                other.depth[v], other.nearest[v] = depth_at(solid, row(other.vertices, v), guess, room)
             guess = other.nearest[v]
-            _see(solid, surface, _at(other.vertices, v), other.depth[v], guess, out, room)
+            _see(solid, surface, row(other.vertices, v), other.depth[v], guess, out, room)
         i, j, h = other.corner[k, 0], other.corner[k, 1], other.corner[k, 2]
         _add_triangle(
-            solid, surface, _at(other.vertices, i), _at(other.vertices, j), _at(other.vertices, h),
+            solid, surface, row(other.vertices, i), row(other.vertices, j), row(other.vertices, h),
             (other.depth[i], other.depth[j], other.depth[h]), (other.nearest[i], other.nearest[j], other.nearest[h]),
             out[0] * (1.0 + relative) + precision, pieces, room,
         )  # fmt: skip
@@ -390,7 +186,7 @@ def _open_leaf(solid, surface, other, node, guess, relative, precision, out, pie
 
 @njit(error_model="numpy", **KERNEL)
 def _from_plane(solid, t, p):
-    return dot(_at(solid.face, t), sub(p, _at(solid.vertices, solid.corner[t, 0])))
+    return dot(row(solid.face, t), sub(p, row(solid.vertices, solid.corner[t, 0])))
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -400,7 +196,7 @@ def _bisector(solid, p, q, tp, tq):
     There the nearest side changes, so that one step is enough for what lies on either side. -1 where that is of no
     use: near an end, or for sides that are almost parallel, where the middle takes fewer cuts (measured).
     """
-    if abs(dot(_at(solid.face, tp), _at(solid.face, tq))) >= STEEP:
+    if abs(dot(row(solid.face, tp), row(solid.face, tq))) >= STEEP:
         return -1.0
     u = _from_plane(solid, tp, p) - _from_plane(solid, tq, p)
     v = _from_plane(solid, tp, q) - _from_plane(solid, tq, q)
@@ -434,9 +230,9 @@ def _open_triangle(solid, surface, place, relative, precision, out, pieces, room
     tp, tq, tr = pieces.nearest[place, 0], pieces.nearest[place, 1], pieces.nearest[place, 2]
     step = out[0] * (1.0 + relative) + precision
     if (
-        _comes_out(solid, p, q, r, tp, step, room)
-        or (tq != tp and _comes_out(solid, p, q, r, tq, step, room))
-        or (tr != tp and tr != tq and _comes_out(solid, p, q, r, tr, step, room))
+        comes_out(solid, p, q, r, tp, step, room)
+        or (tq != tp and comes_out(solid, p, q, r, tq, step, room))
+        or (tr != tp and tr != tq and comes_out(solid, p, q, r, tr, step, room))
     ):
         return
     edge, at = _cut(solid, p, q, r, tp, tq, tr)
@@ -445,7 +241,7 @@ def _open_triangle(solid, surface, place, relative, precision, out, pieces, room
     elif edge == 2:
         p, q, r, dp, dq, dr, tp, tq, tr = r, p, q, dr, dp, dq, tr, tp, tq
     m = along(p, at, sub(q, p))
-    dm, tm = _depth_at(solid, m, tp if _to_triangle(solid, tp, m) <= _to_triangle(solid, tq, m) else tq, room)
+    dm, tm = depth_at(solid, m, tp if to_triangle(solid, tp, m) <= to_triangle(solid, tq, m) else tq, room)
     _see(solid, surface, m, dm, tm, out, room)
     enough = out[0] * (1.0 + relative) + precision
     _add_triangle(solid, surface, p, m, r, (dp, dm, dr), (tp, tm, tr), enough, pieces, room)
@@ -474,7 +270,7 @@ def deepest(pairs, solid, other, relative, precision, budget, out, pieces, room)
             if at_hand < 0 or pieces.bound[at_hand] <= enough:
                 if pieces.size[0] == 0:
                     break
-                at_hand = _pop(pieces)
+                at_hand = pop(pieces)
                 if pieces.bound[at_hand] <= enough:
                     break
             opened += 1
@@ -494,5 +290,5 @@ def deepest(pairs, solid, other, relative, precision, budget, out, pieces, room)
                 if at_hand < 0 or pieces.bound[place] > pieces.bound[at_hand]:
                     at_hand, place = place, at_hand
                 if place >= 0:
-                    _push(pieces, place)
+                    push(pieces, place)
     return opened

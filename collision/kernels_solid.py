@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from collision.kernels_distance import closest_on_segment
+from collision.kernels_triangles import closest_on_segment
 from collision.kernels_vector import along, cross, dot, sub
 from collision.predicates import KERNEL
 

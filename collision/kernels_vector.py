@@ -42,3 +42,19 @@ def greatest(u):
 def norm(u):
     """The length."""
     return np.sqrt(dot(u, u))
+
+
+@njit(error_model="numpy", **KERNEL)
+def rotated(rotation, u):
+    """R u, of an array (3, 3)."""
+    return (
+        rotation[0, 0] * u[0] + rotation[0, 1] * u[1] + rotation[0, 2] * u[2],
+        rotation[1, 0] * u[0] + rotation[1, 1] * u[1] + rotation[1, 2] * u[2],
+        rotation[2, 0] * u[0] + rotation[2, 1] * u[1] + rotation[2, 2] * u[2],
+    )
+
+
+@njit(error_model="numpy", **KERNEL)
+def row(x, i):
+    """Row i of an array (n, 3)."""
+    return (x[i, 0], x[i, 1], x[i, 2])

@@ -138,7 +138,7 @@ def reproduce(path: str | Path) -> tuple[SurfaceMesh, SurfaceMesh, NDArray[np.fl
 def _in_doubt(
     mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, pair: tuple[int, int], doubt: float
 ) -> bool:  # fmt: skip
-    from collision import kernels_distance, kernels_sweep
+    from collision import kernels_distance, kernels_signed
     from collision.predicates import workspace
 
     if isinstance(mesh_a, ShapeMesh) or isinstance(mesh_b, ShapeMesh):
@@ -148,7 +148,7 @@ def _in_doubt(
     rotation, translation = pose[:9].reshape(3, 3), pose[9:]
     size = max(float(np.ptp(mesh.vertices, axis=0).max()) for mesh in (mesh_a, mesh_b))
     signed = np.empty(1)
-    kernels_sweep.depths_of(
+    kernels_signed.depths_of(
         np.array([pair], np.int32), a.root, b.root,
         mesh_a.vertices, a.box, a.second, a.first, a.count, a.corner,
         mesh_b.vertices, b.box, b.second, b.first, b.count, b.corner,

@@ -100,7 +100,9 @@ def _deepest(
     pairs: (n, 2) surface of the solid, surface of the other. known: (n,) depths above which is looked; else depth 0.
     """
     from collision import kernels_depth as kernels
+    from collision.kernels_boundary import Boundary, Room
     from collision.kernels_distance import STACK
+    from collision.kernels_pieces import room_for
     from collision.predicates import workspace
 
     tree, boundary, moving = tree_of(solid), solid_of(solid), tree_of(other)
@@ -111,7 +113,7 @@ def _deepest(
     relative = manager.tolerance.depth
     kernels.deepest(
         np.ascontiguousarray(pairs, np.int32),
-        kernels.Boundary(
+        Boundary(
             solid.vertices, tree.box, tree.second, tree.first, tree.count, tree.corner, tree.root,
             solid.surface_of_triangle[tree.order], boundary.face, boundary.edge, boundary.vertex, boundary.closed,
         ),
@@ -120,6 +122,6 @@ def _deepest(
             rotation, np.array(pose.translation), np.empty(len(vertices)), np.full(len(vertices), -1, np.int32),
         ),
         relative, relative * manager.tolerance.linear, BUDGET, out,
-        kernels.room_for(4 * BUDGET), kernels.Room(np.empty(STACK, np.int64), np.empty(STACK), workspace()),
+        room_for(4 * BUDGET), Room(np.empty(STACK, np.int64), np.empty(STACK), workspace()),
     )  # fmt: skip
     return out

@@ -15,7 +15,7 @@ a pair that is not deeper already is let no deeper than the tolerance, or than t
 tessellations of a shaft and its bore reach into each other by as much while the surfaces fit. Triangles smaller than
 that depth are the one thing that may be passed, by the very pair of surfaces that is in contact already.
 
-Advancement by certificates, see `collision.kernels_sweep`.
+Advancement by certificates, see `collision.kernels_sweep` and `collision.kernels_hold`.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def _pair_time(
     manager: CollisionManager, a: _Mover, b: _Mover, i: int, j: int, until: float, deflection: float
 ) -> tuple[float, tuple[int, int], set[tuple[int, int]]]:
     """(time or infinity, the pair of surfaces, the pairs in contact at the start)."""
-    from collision import kernels_distance, kernels_sweep
+    from collision import kernels_distance, kernels_signed, kernels_sweep
     from collision.predicates import workspace
 
     for mesh in (a.mesh, b.mesh):
@@ -189,7 +189,7 @@ def _pair_time(
     stack, safe = np.empty((kernels_distance.STACK, 2), np.int64), np.empty(kernels_distance.STACK)
     near = near_surfaces(a.tree, b.tree, rotation, translation, tolerance + rounding, heeded)
     depths = np.empty(len(near))
-    kernels_sweep.depths_of(
+    kernels_signed.depths_of(
         near, a.tree.root, b.tree.root,
         a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner,
         b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner,
@@ -225,7 +225,7 @@ def _last_above(
 
     It is above at `before`, and at or below at `time`; in between nothing gets below what the advancement held to.
     """
-    from collision import kernels_distance, kernels_sweep
+    from collision import kernels_distance, kernels_signed
     from collision.predicates import workspace
 
     surfaces, depth = np.array([pair], np.int32), np.empty(1)
@@ -235,7 +235,7 @@ def _last_above(
     def signed_distance(t: float) -> float:
         pose = a.at(t).actInv(b.at(t))
         rotation, translation = np.ascontiguousarray(pose.rotation), pose.translation
-        kernels_sweep.depths_of(
+        kernels_signed.depths_of(
             surfaces, a.tree.root, b.tree.root,
             a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner,
             b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner,

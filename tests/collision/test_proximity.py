@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from collision import CollisionError, CollisionManager, SurfaceMesh, colliding_surfaces
-from collision.kernels_distance import closest_features
+from collision.kernels_triangles import closest_features
 from collision.proximity import contacts, mesh_clearance, surface_contacts
 from tests.collision.reference import box, random_soup, triangle_distances
 
