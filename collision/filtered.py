@@ -43,6 +43,29 @@ def _above(d, plane):
     return int(det > bound) - int(det < -bound)
 
 
+@njit(**_INLINE)
+def _turned(p, q, r, sp, sq, sr):
+    """A triangle turned, keeping its sense, until p is alone on its side, and that side; no sign may be 0."""
+    if sp == sq:
+        return r, p, q, sr
+    if sp == sr:
+        return q, r, p, sq
+    return p, q, r, sp
+
+
+@njit(**_INLINE)
+def arranged(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr):
+    """Both triangles turned until p is alone on its side of the other's plane, the other mirrored until that side is
+    the positive one: Guigue & Devillers' canonical form. s, t: the signs of the corners, none of them 0."""
+    p1, q1, r1, sp = _turned(p1, q1, r1, sp, sq, sr)
+    p2, q2, r2, tp = _turned(p2, q2, r2, tp, tq, tr)
+    if sp < 0:
+        q2, r2 = r2, q2
+    if tp < 0:
+        q1, r1 = r1, q1
+    return p1, q1, r1, p2, q2, r2
+
+
 @njit(**INNER)
 def verdict(p1, q1, r1, p2, q2, r2):
     """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common: `MEET`, `APART` or `IN_DOUBT`.
@@ -60,20 +83,8 @@ def verdict(p1, q1, r1, p2, q2, r2):
         return APART
     if sp * sq * sr * tp * tq * tr == 0:
         return IN_DOUBT
-    # turn each triangle until p is alone on its side of the other's plane, keeping its sense
-    if sp == sq:
-        p1, q1, r1, sp = r1, p1, q1, sr
-    elif sp == sr:
-        p1, q1, r1, sp = q1, r1, p1, sq
-    if tp == tq:
-        p2, q2, r2, tp = r2, p2, q2, tr
-    elif tp == tr:
-        p2, q2, r2, tp = q2, r2, p2, tq
-    # and mirror until p is on the positive side (of its orient3d, which is the other sign)
-    if sp > 0:
-        q2, r2 = r2, q2
-    if tp > 0:
-        q1, r1 = r1, q1
+    # its orient3d, which is positive below, is the other sign
+    p1, q1, r1, p2, q2, r2 = arranged(p1, q1, r1, -sp, -sq, -sr, p2, q2, r2, -tp, -tq, -tr)
     between = _minus(p2, p1)
     left = _above(between, _plane(_minus(q1, p1), _minus(q2, p1)))
     right = _above(between, _plane(_minus(r1, p1), _minus(r2, p1)))

@@ -14,7 +14,7 @@ from typing import Final
 
 from numba import njit, types
 
-from collision.filtered import IN_DOUBT, MEET, verdict
+from collision.filtered import IN_DOUBT, MEET, arranged, verdict
 from collision.predicates import INNER, KERNEL, orient2d, orient3d
 
 POINT: Final = types.UniTuple(types.float64, 3)
@@ -127,20 +127,7 @@ def _meet(p1, q1, r1, p2, q2, r2, w):
         return False
     if sp == 0 or sq == 0 or sr == 0 or tp == 0 or tq == 0 or tr == 0:
         return _touching(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr, w)
-    # turn each triangle until p is alone on its side of the other's plane, keeping its sense
-    if sp == sq:
-        p1, q1, r1, sp = r1, p1, q1, sr
-    elif sp == sr:
-        p1, q1, r1, sp = q1, r1, p1, sq
-    if tp == tq:
-        p2, q2, r2, tp = r2, p2, q2, tr
-    elif tp == tr:
-        p2, q2, r2, tp = q2, r2, p2, tq
-    # and mirror until p is on the positive side
-    if sp < 0:
-        q2, r2 = r2, q2
-    if tp < 0:
-        q1, r1 = r1, q1
+    p1, q1, r1, p2, q2, r2 = arranged(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr)
     return _side(p1, q1, p2, q2, w) <= 0 and _side(p1, r1, r2, p2, w) <= 0
 
 
