@@ -22,6 +22,7 @@ from constraints.errors import ConstraintsError
 from constraints.kinds.base import Constraint
 from constraints.lower_pairs import SUBGROUPS, name_joint, orthonormal
 from constraints.null_space import null_space
+from constraints.pose_kernels import move
 from constraints.redundancy import Conflict, Names, Redundancy, conflicts, labels, redundancies
 from constraints.solver import run, solve
 from constraints.system import Array, Poses, System, build
@@ -237,7 +238,7 @@ def _sample(
     for direction in directions:
         step = direction * (STEP / np.abs(direction / extent).max())
         turned, moved = rotation.copy(), translation.copy()
-        kernels.move(rotation, translation, system.extent, system.columns, step[slot_of_column], turned, moved)
+        move(rotation, translation, system.extent, system.columns, step[slot_of_column], turned, moved)
         _, _, off = run(system, turned, moved, tolerance)
         before = [pin.SE3(rotation[i], translation[i]) for i in slots]
         after = [pin.SE3(turned[i], moved[i]) for i in slots]

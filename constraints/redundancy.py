@@ -18,6 +18,7 @@ import pinocchio as pin
 from collision import Tolerance
 from constraints import system_kernels as kernels
 from constraints.kinds.base import Constraint
+from constraints.pose_kernels import move
 from constraints.solver import run
 from constraints.system import System, build
 from constraints.system_ranks import least_norm, null_basis, pivoted_qr, row_space
@@ -202,7 +203,7 @@ def _miss(
         wanted /= max(1.0, float(np.linalg.norm(wanted)) / part.length)
         step = scale * wanted.reshape(-1, 6)[columns]
         turned, moved = rotation.copy(), translation.copy()
-        kernels.move(rotation, translation, part.extent, part.columns, step, turned, moved)
+        move(rotation, translation, part.extent, part.columns, step, turned, moved)
         there = _holds(constraints, core[:-1], system, {**poses, **part.scatter(turned, moved)}, tolerance)[0]
         now = part.dense(*part.gather(there))[0]
         if np.linalg.norm(now[last]) < 0.999 * np.linalg.norm(r[last]):

@@ -12,6 +12,7 @@ import pinocchio as pin
 from collision import Tolerance
 from constraints import system_kernels as kernels
 from constraints.kinds.base import Constraint
+from constraints.pose_kernels import move
 from constraints.system import Array, Poses, System, plan, scatter
 from constraints.system_ranks import least_norm
 
@@ -121,7 +122,7 @@ def _polish(system: System, rotation: Array, translation: Array, worst: float, l
             return count, worst
         r, jacobian = system.dense(rotation, translation)
         step = least_norm(np.ascontiguousarray(jacobian.T), -r, ROUNDING).reshape(-1, 6)[columns]
-        kernels.move(rotation, translation, system.extent, system.columns, step, turned, moved)
+        move(rotation, translation, system.extent, system.columns, step, turned, moved)
         now = float(np.abs(system.evaluate(turned, moved)[0]).max())
         if now > 0.5 * worst:
             return count, worst

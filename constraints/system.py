@@ -17,8 +17,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
-from constraints import jacobians
-from constraints import system_kernels as kernels
+from constraints import jacobians, pose_kernels
+from constraints.block_cholesky import Elimination, eliminate
 from constraints.errors import ConstraintsError
 from constraints.kinds.base import Constraint
 
@@ -26,27 +26,6 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Poses = Sequence[pin.SE3] | Mapping[int, pin.SE3]
 RIGID = Tolerance().rigid
-
-
-@dataclass(frozen=True, eq=False)
-class Elimination:
-    """Symbolic block Cholesky factorisation over movable bodies (blocks of 6), by minimum degree.
-
-    Block k is the diagonal of column k; off-diagonal blocks follow, column by column. `update` lists, for each column
-    and each pair (i >= j) of its rows, the block that L_ik L_jkᵀ is taken from.
-    """
-
-    position: Ints
-    """(n,) column of each movable slot"""
-    column: Ints
-    """(n+1,) first off-diagonal block of each column, counted from n"""
-    row: Ints
-    """row (as a column number) of each off-diagonal block"""
-    update: Ints
-    update_start: Ints
-    """(n+1,)"""
-    block_of: dict[tuple[int, int], int]
-    """(row, column) -> block"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,13 +238,13 @@ def _gather(poses: Poses, bodies: Sequence[int], place: Ints, center: Array) -> 
         raise ConstraintsError(
             f"the pose of body {bad} is a {type(poses[bad]).__name__}; pass a pinocchio.SE3"
         ) from None
-    wrong = kernels.first_not_rigid(matrix, RIGID)
+    wrong = pose_kernels.first_not_rigid(matrix, RIGID)
     if wrong >= 0:
         finite = np.isfinite(matrix[wrong]).all()
         words = "is no rigid motion; pass one" if finite else "is not finite; pass a finite one"
         raise ConstraintsError(f"the pose of body {bodies[wrong]} {words}")
     rotation, translation = np.empty((len(place), 3, 3)), np.empty((len(place), 3))
-    kernels.to_centres(matrix, place, center, rotation, translation)
+    pose_kernels.to_centres(matrix, place, center, rotation, translation)
     return rotation, translation
 
 
@@ -282,7 +261,7 @@ def _without(poses: Poses, bodies: Sequence[int]) -> int:
 def scatter(rotation: Array, translation: Array, center: Array) -> Array:
     """Poses (n, 4, 4) of bodies whose centres are at `translation`."""
     matrix = np.empty((len(center), 4, 4))
-    kernels.from_centres(rotation, translation, center, matrix)
+    pose_kernels.from_centres(rotation, translation, center, matrix)
     return matrix
 
 
@@ -352,46 +331,3 @@ def _extents(n: int, body: Ints, element: Array, radius: Sequence[float]) -> tup
     extent = np.zeros(n)
     np.maximum.at(extent, index, 2.0 * reach)
     return center, extent
-
-
-def eliminate(n: int, edges: Iterable[tuple[int, int]]) -> Elimination:
-    """Minimum-degree elimination of n bodies with these edges; ties go to the lower slot."""
-    neighbours: list[set[int]] = [set() for _ in range(n)]
-    for a, b in edges:
-        neighbours[a].add(b)
-        neighbours[b].add(a)
-    order: list[int] = []
-    columns: list[set[int]] = []
-    left = set(range(n))
-    while left:
-        s = min(left, key=lambda x: (len(neighbours[x]), x))
-        left.remove(s)
-        clique = neighbours[s]
-        for x in clique:
-            neighbours[x] |= clique
-            neighbours[x] -= {x, s}
-        order.append(s)
-        columns.append(clique)
-    position = np.empty(n, dtype=np.int64)
-    position[order] = np.arange(n)
-    column, row = [0], list[int]()
-    block_of: dict[tuple[int, int], int] = {}
-    for k, clique in enumerate(columns):
-        for i in sorted(int(position[x]) for x in clique):
-            block_of[i, k] = n + len(row)
-            row.append(i)
-        column.append(len(row))
-    update, update_start = list[int](), [0]
-    for k in range(n):
-        rows = row[column[k] : column[k + 1]]
-        update += [i if i == j else block_of[i, j] for x, i in enumerate(rows) for j in rows[: x + 1]]
-        update_start.append(len(update))
-    ints = np.int64
-    return Elimination(
-        position,
-        np.array(column, ints),
-        np.array(row, ints),
-        np.array(update, ints),
-        np.array(update_start, ints),
-        block_of,
-    )

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt on SE(3)^N with a block-sparse Cholesky factorisation, as numba kernels."""
+"""Levenberg-Marquardt on SE(3)^N, begun again where it goes astray, as numba kernels."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import math
 import numpy as np
 from numba import njit
 
+from constraints.block_cholesky import factor, substitute
 from constraints.jacobians import evaluate
+from constraints.pose_kernels import move
 
 SOLVED = 0
 STATIONARY = 1
 EXHAUSTED = 2
-
 EPSILON = 2.0**-52
 ASTRAY = 1e-3
 """rad, or of the parts' length: a least-squares end farther from a solution than this may be a wrong turn"""
@@ -30,50 +31,6 @@ DAMPING_FLOOR = 1e-13
 
 
 @njit(cache=True)
-def first_not_rigid(pose, limit):
-    """The first of poses (n, 4, 4) that is no finite rigid motion, -1 where all are; limit of |RᵀR - 1|."""
-    for k in range(len(pose)):
-        R, off = pose[k], 0.0
-        for i in range(3):
-            for j in range(3):
-                x = R[0, i] * R[0, j] + R[1, i] * R[1, j] + R[2, i] * R[2, j] - (1.0 if i == j else 0.0)
-                off = max(off, abs(x))
-        det = (
-            R[0, 0] * (R[1, 1] * R[2, 2] - R[1, 2] * R[2, 1])
-            - R[0, 1] * (R[1, 0] * R[2, 2] - R[1, 2] * R[2, 0])
-            + R[0, 2] * (R[1, 0] * R[2, 1] - R[1, 1] * R[2, 0])
-        )
-        if not (off <= limit and det > 0.0 and math.isfinite(R[0, 3] + R[1, 3] + R[2, 3])):  # NaN: det > 0 is false
-            return k
-    return -1
-
-
-@njit(cache=True)
-def to_centres(pose, place, center, rotation, translation):
-    """Rotations (n, 3, 3) of the bodies and positions (n, 3) of their centres, from poses (u, 4, 4)[place]."""
-    for i in range(len(place)):
-        k = place[i]
-        c = center[i, 0], center[i, 1], center[i, 2]
-        for j in range(3):
-            x, y, z = pose[k, j, 0], pose[k, j, 1], pose[k, j, 2]
-            rotation[i, j, 0], rotation[i, j, 1], rotation[i, j, 2] = x, y, z
-            translation[i, j] = pose[k, j, 3] + (x * c[0] + y * c[1] + z * c[2])
-
-
-@njit(cache=True)
-def from_centres(rotation, translation, center, pose):
-    """Poses (n, 4, 4) of the bodies from where their centres are: the inverse of `to_centres`."""
-    for i in range(len(center)):
-        c = center[i, 0], center[i, 1], center[i, 2]
-        for j in range(3):
-            x, y, z = rotation[i, j, 0], rotation[i, j, 1], rotation[i, j, 2]
-            pose[i, j, 0], pose[i, j, 1], pose[i, j, 2] = x, y, z
-            pose[i, j, 3] = translation[i, j] - (x * c[0] + y * c[1] + z * c[2])
-            pose[i, 3, j] = 0.0
-        pose[i, 3, 3] = 1.0
-
-
-@njit(cache=True)
 def _copy2(x, out):
     """out = x, both of two dimensions (an array assignment compiles for seconds)."""
     for i in range(x.shape[0]):
@@ -86,91 +43,6 @@ def _copy3(x, out):
     """out = x, both of three dimensions."""
     for i in range(len(x)):
         _copy2(x[i], out[i])
-
-
-@njit(cache=True)
-def _factor_block(blocks, k):
-    """In-place Cholesky factor (lower) of the 6×6 diagonal block k; False where it is not positive."""
-    D = blocks[k]
-    for j in range(6):
-        x = D[j, j]
-        for p in range(j):
-            x -= D[j, p] * D[j, p]
-        if not x > 0.0:
-            return False
-        x = math.sqrt(x)
-        D[j, j] = x
-        for i in range(j + 1, 6):
-            y = D[i, j]
-            for p in range(j):
-                y -= D[i, p] * D[j, p]
-            D[i, j] = y / x
-    return True
-
-
-@njit(cache=True)
-def factor(blocks, column, row, update, update_start):
-    """In-place block Cholesky H = L Lᵀ; False where H is not positive definite. blocks (b, 6, 6): see Elimination."""
-    n = len(column) - 1
-    for k in range(n):
-        if not _factor_block(blocks, k):
-            return False
-        D = blocks[k]
-        first, last = n + column[k], n + column[k + 1]
-        for b in range(first, last):  # L_ik = H_ik D⁻ᵀ
-            L = blocks[b]
-            for i in range(6):
-                for j in range(6):
-                    y = L[i, j]
-                    for p in range(j):
-                        y -= L[i, p] * D[j, p]
-                    L[i, j] = y / D[j, j]
-        t = update_start[k]
-        for x in range(first, last):
-            X = blocks[x]
-            for y in range(first, x + 1):
-                Y = blocks[y]
-                T = blocks[update[t]]
-                t += 1
-                for i in range(6):
-                    for j in range(6):
-                        s = 0.0
-                        for p in range(6):
-                            s += X[i, p] * Y[j, p]
-                        T[i, j] -= s
-    return True
-
-
-@njit(cache=True)
-def substitute(blocks, column, row, x):
-    """In-place solution of L Lᵀ x = x, x (n, 6) by columns."""
-    n = len(column) - 1
-    for k in range(n):
-        D = blocks[k]
-        for i in range(6):
-            y = x[k, i]
-            for p in range(i):
-                y -= D[i, p] * x[k, p]
-            x[k, i] = y / D[i, i]
-        for c in range(column[k], column[k + 1]):
-            L = blocks[n + c]
-            r = row[c]
-            for i in range(6):
-                for p in range(6):
-                    x[r, i] -= L[i, p] * x[k, p]
-    for k in range(n - 1, -1, -1):
-        for c in range(column[k], column[k + 1]):
-            L = blocks[n + c]
-            r = row[c]
-            for i in range(6):
-                for p in range(6):
-                    x[k, p] -= L[i, p] * x[r, i]
-        D = blocks[k]
-        for i in range(5, -1, -1):
-            y = x[k, i]
-            for p in range(i + 1, 6):
-                y -= D[p, i] * x[k, p]
-            x[k, i] = y / D[i, i]
 
 
 @njit(cache=True)
@@ -218,46 +90,6 @@ def assemble(body, start, weight, extent, column_of, target, r, Ja, Jb, blocks, 
                     _add_outer(blocks, c, x, y)
                 else:
                     _add_outer(blocks, c, y, x)
-
-
-@njit(cache=True)
-def move(rotation, translation, extent, column_of, step, new_rotation, new_translation):
-    """Poses after the scaled local step (n, 6): t + R v, R exp(ω), the rotation brought back to orthonormal."""
-    W = np.empty((3, 3))
-    for i in range(len(column_of)):
-        c = column_of[i]
-        R, Q = rotation[i], new_rotation[i]
-        if c < 0:
-            continue
-        for j in range(3):
-            new_translation[i, j] = translation[i, j] + (
-                R[j, 0] * step[c, 0] + R[j, 1] * step[c, 1] + R[j, 2] * step[c, 2]
-            )
-        x, y, z = step[c, 3] / extent[i], step[c, 4] / extent[i], step[c, 5] / extent[i]
-        theta = math.sqrt(x * x + y * y + z * z)
-        s = math.sin(theta) / theta if theta > 1e-8 else 1.0
-        h = math.sin(0.5 * theta)
-        q = 2.0 * h * h / (theta * theta) if theta > 1e-8 else 0.5
-        W[0, 0] = 1.0 - q * (y * y + z * z)
-        W[1, 1] = 1.0 - q * (x * x + z * z)
-        W[2, 2] = 1.0 - q * (x * x + y * y)
-        W[0, 1] = q * x * y - s * z
-        W[1, 0] = q * x * y + s * z
-        W[0, 2] = q * x * z + s * y
-        W[2, 0] = q * x * z - s * y
-        W[1, 2] = q * y * z - s * x
-        W[2, 1] = q * y * z + s * x
-        for j in range(3):
-            for k in range(3):
-                Q[j, k] = R[j, 0] * W[0, k] + R[j, 1] * W[1, k] + R[j, 2] * W[2, k]
-        for j in range(3):  # one Newton step to the nearest rotation: Q (3 - QᵀQ) / 2
-            for k in range(3):
-                W[j, k] = -0.5 * (Q[0, j] * Q[0, k] + Q[1, j] * Q[1, k] + Q[2, j] * Q[2, k])
-            W[j, j] += 1.5
-        for j in range(3):
-            a, b, c2 = Q[j, 0], Q[j, 1], Q[j, 2]
-            for k in range(3):
-                Q[j, k] = a * W[0, k] + b * W[1, k] + c2 * W[2, k]
 
 
 @njit(cache=True)
