@@ -14,13 +14,13 @@ from typing import Any
 
 from collision import CollisionManager, Tolerance
 from collision.classify import KINDS, classify
-from constraints import recognise
 from constraints.sleeve import sleeve
 from vpframe import clash_status
 from vpframe.clash_status import ClashKey
 from vpframe.deflection import deflections
 from vpframe.errors import VpframeError
 from vpframe.scene import Scene
+from vpframe.standing import candidates, world_of
 
 BAD_KINDS = ("clash", "containment")
 ROUND_FITS = ("concentric", "spherical")
@@ -65,21 +65,19 @@ def clash(
     {"pairs": [{"kind", "parts": [a, b], "surfaces": [i, j], "distance", "depth", "reason"}]}, lengths in metres, in the
     order of parts and surfaces; `surfaces` is empty where the parts as a whole are meant (containment, coincidence).
     """
-    t = replace(tolerance or Tolerance(), reach=0.0, reach_angular=0.0)
-    manager = CollisionManager(t)
-    for part in scene.parts:
-        manager.add(part.mesh, part.pose)
+    world = world_of(scene, tolerance)
+    t = world.tolerance
     meant = [(scene.index(a), scene.index(b)) for a, b in authorised]
     sag = {shape: deflections(shape) for shape in {part.shape for part in scene.parts}}
     sags = [sag[part.shape] for part in scene.parts]
     found = classify(
-        manager, clearance, sags, meant, tell=lambda fraction: progress(TRIANGLES * fraction, "pairs of parts")
+        world, clearance, sags, meant, tell=lambda fraction: progress(TRIANGLES * fraction, "pairs of parts")
     )
     rows: dict[tuple[int, ...], tuple[str, float, float, str]] = {
         (*p.objects, *(p.surfaces or ())): (p.kind, p.distance, p.depth, p.reason) for p in found
     }
     allowed = {frozenset(pair) for pair in meant}
-    for fit in _fits(scene, manager, lambda fraction: progress(TRIANGLES + (1.0 - TRIANGLES) * fraction, "fits")):
+    for fit in _fits(scene, world, lambda fraction: progress(TRIANGLES + (1.0 - TRIANGLES) * fraction, "fits")):
         for key in fit.mated | (fit.beside & rows.keys()):
             rows.pop(key, None)
             if fit.gap > max(t.linear, clearance):
@@ -117,15 +115,13 @@ class _Fit:
     """the same of the faces that cannot be nearer to each other than the two features are"""
 
 
-def _fits(scene: Scene, manager: CollisionManager, tell: Callable[[float], None]) -> Iterator[_Fit]:
-    t = manager.tolerance
+def _fits(scene: Scene, world: CollisionManager, tell: Callable[[float], None]) -> Iterator[_Fit]:
     features = [part.features for part in scene.parts]
-    contacts = manager.contacts(within=max(t.linear, t.clearance))
-    for candidate in recognise(features, [part.pose for part in scene.parts], contacts, t, tell=tell):
+    for candidate in candidates(scene, world, real_threads=False, tell=tell):
         if candidate.kind not in ROUND_FITS or candidate.match.fit is None:
             continue
         a, b = candidate.bodies
-        beside = sleeve(candidate, features, (manager.mesh(a), manager.mesh(b)), t.fit) or ((), ())
+        beside = sleeve(candidate, features, (world.mesh(a), world.mesh(b)), world.tolerance.fit) or ((), ())
         yield _Fit(
             candidate.match.fit - candidate.residual,
             candidate.why,

@@ -25,9 +25,9 @@ from vpframe.errors import TaskError
 from vpframe.events import ConstraintView
 from vpframe.interaction.paths import between
 from vpframe.interaction.reach import half_size
-from vpframe.mates import threaded_features
 from vpframe.rules import Rule
 from vpframe.scene import Scene
+from vpframe.standing import threaded_features
 
 Happening = tuple[str, tuple[str, ...], tuple[tuple[int, ...], ...], str, Mapping[str, Any]]
 """an event without its time: kind, parts, surfaces, text, data"""

@@ -9,21 +9,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from collision import CollisionManager, SurfaceMesh, Tolerance
-from constraints import Candidate, mobility, recognise
-from constraints.features import Feature
+from collision import SurfaceMesh, Tolerance
+from constraints import Candidate, mobility
 from constraints.graph import AssemblyGraph
 from constraints.mechanism import mechanism
-from constraints.threads import threaded
 from constraints.urdf import to_urdf
 from vpframe.scene import Part, Scene
+from vpframe.standing import candidates, world_of
 
 Progress = Callable[[float, str], None]
 """hears the fraction done and what is being done"""
@@ -45,31 +43,12 @@ def find(
 ) -> tuple[Candidate, ...]:
     """The constraints of a scene as it stands, sorted by kind, then by their parts' places."""
     progress(0.0, "trees")
-    t = replace(tolerance or Tolerance(), reach=0.0, reach_angular=0.0)
-    collision = CollisionManager(t)
-    for part in scene.parts:
-        collision.add(part.mesh, part.pose)
+    world = world_of(scene, tolerance)
     progress(0.05, "contacts")
-    contacts = collision.contacts(within=max(t.linear, t.clearance))
-    features, threads = threaded_features(scene)
-    poses = [p.pose for p in scene.parts]
-    found = recognise(
-        features, poses, contacts, t, threads=threads, tell=lambda done: progress(0.3 + 0.7 * done, "pairs of features")
+    found = candidates(
+        scene, world, real_threads=True, tell=lambda done: progress(0.3 + 0.7 * done, "pairs of features")
     )
     return tuple(sorted(found, key=lambda c: (c.kind, c.key)))
-
-
-def threaded_features(scene: Scene) -> tuple[list[tuple[Feature, ...]], dict[tuple[int, int], float]]:
-    """Features of each part, those threads among them that are real geometry, and their pitches by (part, feature)."""
-    known: dict[int, tuple[tuple[Feature, ...], dict[int, float]]] = {}
-    features, threads = [], {}
-    for i, part in enumerate(scene.parts):
-        key = id(part.shape)
-        if key not in known:
-            known[key] = threaded(part.mesh, part.features)
-        features.append(known[key][0])
-        threads.update({(i, place): pitch for place, pitch in known[key][1].items()})
-    return features, threads
 
 
 def mates(

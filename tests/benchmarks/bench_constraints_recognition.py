@@ -24,7 +24,8 @@ from collision import CONTACT_DTYPE, CollisionManager, Tolerance
 from constraints import ConstraintManager, Motion, recognise
 from constraints.geometry import Cylinder
 from vpframe import modelling as m
-from vpframe.mates import base_parts, threaded_features
+from vpframe.mates import base_parts
+from vpframe.standing import threaded_features
 
 Truth = Counter[tuple[str, str, str]]
 Family = Callable[[np.random.Generator], tuple[dict[str, Any], Truth]]

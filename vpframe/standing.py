@@ -1,0 +1,51 @@
+"""An assembly as it stands: the world that its parts are in, and what their features are to one another there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from collision import CollisionManager, Tolerance
+from constraints import Candidate, recognise
+from constraints.features import Feature
+from constraints.threads import threaded
+from vpframe.scene import Scene
+
+
+def world_of(scene: Scene, tolerance: Tolerance | None = None) -> CollisionManager:
+    """The parts of a scene where they are, under a tolerance without reach: nothing is about to come nearer."""
+    manager = CollisionManager(replace(tolerance or Tolerance(), reach=0.0, reach_angular=0.0))
+    for part in scene.parts:
+        manager.add(part.mesh, part.pose)
+    return manager
+
+
+def candidates(
+    scene: Scene, world: CollisionManager, *, real_threads: bool, tell: Callable[[float], None] = lambda fraction: None
+) -> tuple[Candidate, ...]:
+    """What the features of parts that touch are to one another, best first.
+
+    Parameters
+    ----------
+    world: of the scene, from `world_of`.
+    real_threads: whether threads are looked for in faces of no analytic type, as constraints are made of them; a clash
+        judges such faces by their triangles.
+    tell: hears the fraction done.
+    """
+    t = world.tolerance
+    contacts = world.contacts(within=max(t.linear, t.clearance))
+    features, pitches = threaded_features(scene) if real_threads else ([part.features for part in scene.parts], {})
+    return recognise(features, [part.pose for part in scene.parts], contacts, t, threads=pitches, tell=tell)
+
+
+def threaded_features(scene: Scene) -> tuple[list[tuple[Feature, ...]], dict[tuple[int, int], float]]:
+    """Features of each part, those threads among them that are real geometry, and their pitches by (part, feature)."""
+    known: dict[int, tuple[tuple[Feature, ...], dict[int, float]]] = {}
+    features, threads = [], {}
+    for i, part in enumerate(scene.parts):
+        key = id(part.shape)
+        if key not in known:
+            known[key] = threaded(part.mesh, part.features)
+        features.append(known[key][0])
+        threads.update({(i, place): pitch for place, pitch in known[key][1].items()})
+    return features, threads
