@@ -14,6 +14,7 @@ from vpframe.clash_status import ClashKey
 from vpframe.events import Event, Frame
 from vpframe.scene import Scene
 from vpframe.visualization.history import History
+from vpframe.visualization.symbols import DRAWN
 
 if TYPE_CHECKING:
     from vpframe.session import Session
@@ -58,10 +59,6 @@ class Stage:
     """s"""
     end: float
     """s"""
-
-
-DRAWN = 400
-"""constraints that pictures and the page that plays a session draw at most before they leave out the uninvolved"""
 
 
 @dataclass

@@ -22,7 +22,7 @@ def blueprint(camera: Camera) -> rrb.Blueprint:
     scene = rrb.Spatial3DView(
         name="Scene",
         origin="/",
-        contents=["/parts/**", "/symbols/**", "/trail/**"],
+        contents=["/parts/**", "/still/**", "/symbols/**", "/trail/**"],
         background=rrb.Background(color=[225, 230, 237]),
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(

@@ -3,6 +3,9 @@
 Geometry is written once; poses, highlights, constraints, events and plots follow in columns, every two seconds and from
 a thread of its own, so that the session does not wait for the disk and a recording that is killed loses no more than
 its last seconds. Positions are single precision, as rerun keeps them.
+Of more than `crowd.SEPARATE` parts those that stand still are instances of their shape until they move or their
+surfaces begin or cease to collide; of more than `symbols.DRAWN` constraints those are left out that were there when the
+session began, have not changed since, and are of parts that no hand has held.
 Timelines: `step` and `time` (s since the session began). Plots are in the units their names say.
 """
 
@@ -12,7 +15,8 @@ import queue
 import re
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,12 +27,12 @@ from numpy.typing import NDArray
 
 from vpframe.errors import VpframeError
 from vpframe.events import ConstraintView, Event, Frame
-from vpframe.scene import Part, Scene
 from vpframe.visualization import palette
 from vpframe.visualization.blueprint import blueprint
 from vpframe.visualization.camera import first_view, frame_scene
-from vpframe.visualization.display import display_mesh
-from vpframe.visualization.symbols import Symbol, frame_symbols, hand_symbols
+from vpframe.visualization.columns import COLUMNS, entity, geometry, rgba, rgbas, surface_path
+from vpframe.visualization.crowd import SEPARATE, crowds
+from vpframe.visualization.symbols import DRAWN, frame_symbols, hand_symbols
 
 if TYPE_CHECKING:
     from vpframe.session import Session
@@ -44,9 +48,6 @@ BACKLOG = 8
 
 GONE = "removed"
 """the state of a constraint that is no longer listed"""
-
-LEVEL = {"bad": "WARN", "plain": "DEBUG"}
-"""rerun's level of an event by its tone; INFO for the rest"""
 
 Buffered = dict[tuple[str, str], list[tuple[int, float, Any]]]
 """by entity and kind of value: step, time, value"""
@@ -79,12 +80,18 @@ class RerunRecorder:
         self._scene = scene
         self._names = scene.names
         self._seen: list[dict[str, pin.SE3]] = []
-        self._paths = {name: _path("parts", name) for name in scene.names}
+        self._paths = {name: entity("parts", name) for name in scene.names}
         self._colors = palette.part_colors(scene)
         self._symbol_size = 0.06 * camera.radius
         self._rows = _Rows()
-        self._pose: dict[str, pin.SE3] = {}
+        self._at_start = {part.name: part.pose.copy() for part in scene.parts}
+        self._pose = dict(self._at_start)
+        self._colliding = np.empty((0, 4), np.int32)
         self._red: set[tuple[int, int]] = set()
+        self._still: dict[str, dict[str, pin.SE3]] = {}
+        self._crowd_of: dict[str, str] = {}
+        self._left: set[str] = set()
+        self._quiet: dict[int, str] | None = None
         self._symbols: dict[str, tuple[object, ...]] = {}
         self._placed: dict[str, pin.SE3] = {}
         self._state: dict[int, str] = {}
@@ -94,25 +101,40 @@ class RerunRecorder:
         self._hand: dict[str, NDArray[np.float64]] = {}
         self._last_flush = time.monotonic()
         stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for part in scene.parts:
-            self._log_part(stream, part)
+        self._gathered = len(scene) <= SEPARATE
+        if self._gathered:
+            for part in scene.parts:
+                for path, drawn in geometry(part):
+                    stream.log(path, drawn, static=True)
         self._failure: Exception | None = None
         self._queue: queue.Queue[Buffered | None] = queue.Queue(maxsize=BACKLOG)
         self._writer = threading.Thread(target=self._write, args=(stream,), name="vpframe recorder", daemon=True)
         self._writer.start()
-        self._start(scene)
-        self._flush()
+        if self._gathered:
+            self._rows.at(0, 0.0)
+            for number in range(len(scene)):
+                self._place(number)
+            self._flush()
 
     def frame(self, frame: Frame) -> None:
         """Buffer one step; now and then hand it to the writer. Raises what stopped the writer, if anything did."""
         if self._failure is not None:
             raise self._failure
         rows = self._rows
+        if not self._gathered:
+            self._gather(frame)
         rows.at(frame.step, frame.time)
         self._poses(frame.poses)
         self._highlight(frame.colliding)
-        self._draw(frame)
-        self._states(frame.constraints)
+        for crowd in sorted({self._crowd_of.pop(name) for name in self._left}):
+            if self._still[crowd]:
+                rows.add(crowd, "instances", list(self._still[crowd].values()))
+            else:  # a mesh with a list of no poses would be drawn at the origin
+                rows.add(crowd, "cleared", False)
+        self._left.clear()
+        views = self._involved(frame)
+        self._draw(frame, views)
+        self._states(views)
         for event in frame.events:
             rows.add("events", "text", event, (event.step, event.time))
         if frame.script != self._script:
@@ -132,6 +154,8 @@ class RerunRecorder:
     def end(self) -> None:
         """Write what is left and close the file."""
         if self._stream is not None:
+            if not self._gathered:
+                self._gather(None)
             self._flush()
             self._queue.put(None)
             self._writer.join()
@@ -142,52 +166,99 @@ class RerunRecorder:
             if self._failure is not None:
                 raise self._failure
 
-    def _log_part(self, stream: rr.RecordingStream, part: Part) -> None:
-        mesh = display_mesh(part.shape)
-        for surface in range(mesh.n_surfaces):
-            v0, v1 = mesh.vertex_start[surface : surface + 2]
-            t0, t1 = mesh.triangle_start[surface : surface + 2]
-            stream.log(
-                _surface_path(part.name, surface),
-                rr.Mesh3D(
-                    vertex_positions=mesh.positions[v0:v1],
-                    vertex_normals=mesh.normals[v0:v1],
-                    triangle_indices=mesh.triangles[t0:t1] - np.uint32(v0),
-                ),
-                static=True,
-            )
-        if len(mesh.lines):
-            lines = rr.LineStrips3D(mesh.lines, colors=[_rgba(palette.EDGE)], radii=rr.Radius.ui_points(0.6))
-            stream.log(f"{_path('parts', part.name)}/lines", lines, static=True)
+    def _gather(self, frame: Frame | None) -> None:
+        """Draw what stands still in the first frame as instances, and the rest each for itself."""
+        self._gathered = True
+        rows, scene = self._rows, self._scene
+        rows.at(0, 0.0)
+        moving: set[str] = set()
+        meeting: set[tuple[int, int]] = set()
+        if frame is not None:
+            moving = {*frame.held, *(name for name, pose in frame.poses.items() if pose != self._at_start[name])}
+            meeting = _meeting(frame.colliding)
+        red: dict[str, frozenset[int]] = {}
+        for o, s in sorted(meeting):
+            if (name := self._names[o]) not in moving:
+                red[name] = red.get(name, frozenset()) | {s}
+                self._red.add((o, s))
+        for crowd in crowds((p for p in scene.parts if p.name not in moving), self._colors, red):
+            self._still[crowd.entity] = {name: self._at_start[name] for name in crowd.members}
+            self._crowd_of |= dict.fromkeys(crowd.members, crowd.entity)
+            rows.add(crowd.entity, "geometry", crowd.mesh())
+            rows.add(crowd.entity, "static", rr.AnyValues(parts=list(crowd.members)))
+            rows.add(crowd.entity, "instances", list(self._still[crowd.entity].values()))
+        for name in sorted(moving):
+            self._come_out(name)
+        self._last_flush = -np.inf  # geometry is not to be lost
 
-    def _start(self, scene: Scene) -> None:
-        """Poses and colours before the first step: a later value of a static component would not be seen."""
-        self._rows.at(0, 0.0)
-        self._poses({part.name: part.pose.copy() for part in scene.parts})
-        for part in scene.parts:
-            for surface in range(part.mesh.n_surfaces):
-                self._rows.add(_surface_path(part.name, surface), "albedo", self._colors[part.name])
+    def _come_out(self, name: str) -> None:
+        """Draw a part for itself from now on."""
+        if name in self._crowd_of:
+            del self._still[self._crowd_of[name]][name]
+            self._left.add(name)
+        for path, drawn in geometry(self._scene[name]):
+            self._rows.add(path, "geometry", drawn)
+        self._place(self._scene.index(name))
+
+    def _place(self, part: int) -> None:
+        """Pose and colours: their first values too change later, which those of a static component could not."""
+        name = self._names[part]
+        self._rows.add(self._paths[name], "transform", self._pose[name])
+        for surface in range(self._scene[name].mesh.n_surfaces):
+            self._rows.add(surface_path(name, surface), "albedo", self._tint(part, surface))
 
     def _poses(self, poses: Mapping[str, pin.SE3]) -> None:
         for name, pose in poses.items():
-            before = self._pose.get(name)
+            before = self._pose[name]
             if before is pose:  # what nothing moves costs one look-up a step
                 continue
             self._pose[name] = pose
-            if before is None or before != pose:
-                self._rows.add(self._paths[name], "transform", pose)
+            if before != pose:
+                if name in self._crowd_of:
+                    self._come_out(name)
+                else:
+                    self._rows.add(self._paths[name], "transform", pose)
 
     def _highlight(self, colliding: NDArray[np.int32]) -> None:
-        red = {(int(o), int(s)) for row in colliding for o, s in (row[:2], row[2:])}
-        for part, surface in sorted(red ^ self._red):
-            name = self._names[part]
-            color = palette.COLLIDING if (part, surface) in red else self._colors[name]
-            self._rows.add(_surface_path(name, surface), "albedo", color)
-        self._red = red
+        if colliding is self._colliding or np.array_equal(colliding, self._colliding):
+            return
+        self._colliding = colliding
+        red = _meeting(colliding)
+        changed, self._red = sorted(red ^ self._red), red
+        fresh = {self._names[part] for part, _ in changed} & self._crowd_of.keys() - self._left
+        for name in sorted(fresh):
+            self._come_out(name)
+        for part, surface in changed:
+            if self._names[part] not in fresh:
+                self._rows.add(surface_path(self._names[part], surface), "albedo", self._tint(part, surface))
 
-    def _draw(self, frame: Frame) -> None:
+    def _tint(self, part: int, surface: int) -> palette.Color:
+        return palette.COLLIDING if (part, surface) in self._red else self._colors[self._names[part]]
+
+    def _involved(self, frame: Frame) -> tuple[ConstraintView, ...]:
+        """The constraints that are drawn: of many those that changed since the session began, or of parts once held."""
+        views = frame.constraints
+        if self._quiet is None:
+            self._quiet = {view.id: view.state for view in views} if len(views) > DRAWN else {}
+            if self._quiet:
+                text = f"of {len(views)} constraints only those are drawn that change, or of parts that a hand holds"
+                self._rows.add("events", "text", Event(frame.step, frame.time, "note", text=text))
+        if not self._quiet:
+            return views
+        held = set(frame.held)
+        self._quiet = {
+            view.id: view.state
+            for view in views
+            if self._quiet.get(view.id) == view.state and held.isdisjoint(view.parts)
+        }
+        return tuple(view for view in views if view.id not in self._quiet)
+
+    def _draw(self, frame: Frame, views: tuple[ConstraintView, ...]) -> None:
         seen = set()
-        for symbol in (*frame_symbols(frame), *hand_symbols(frame.hands, self._symbol_size)):
+        for symbol in (
+            *frame_symbols(replace(frame, constraints=views)),
+            *hand_symbols(frame.hands, self._symbol_size),
+        ):
             seen.add(symbol.name)
             path = f"symbols/{symbol.name}"
             if self._symbols.get(symbol.name) != symbol.key:
@@ -202,7 +273,7 @@ class RerunRecorder:
         for name, pose in frame.hands.items():
             place = pose.translation.copy()
             if name in self._hand and not np.array_equal(self._hand[name], place):
-                self._rows.add(_path("trail", name), "segment", np.array([self._hand[name], place]))
+                self._rows.add(entity("trail", name), "segment", np.array([self._hand[name], place]))
             self._hand[name] = place
 
     def _states(self, views: tuple[ConstraintView, ...]) -> None:
@@ -214,10 +285,10 @@ class RerunRecorder:
             if view.id not in self._lanes:
                 path = self._lanes[view.id] = f"constraints/{_lane(view)}"
                 values = [*palette.STATE, GONE]
-                colors = _colors([*palette.STATE.values(), palette.REFUSED])
+                colors = rgbas([*palette.STATE.values(), palette.REFUSED])
                 visible = [value != GONE for value in values]
                 style = rr.StateConfiguration(values=values, labels=values, colors=colors, visible=visible)
-                self._rows.add(path, "style", style)
+                self._rows.add(path, "static", style)
             if self._state.get(view.id) != view.state:
                 self._rows.add(self._lanes[view.id], "state", view.state)
         for gone in self._state.keys() - now.keys():
@@ -228,9 +299,9 @@ class RerunRecorder:
         """One point of a line; its name, with the unit, is written the first time."""
         path = self._lines.get((root, leaf))
         if path is None:
-            path = self._lines[root, leaf] = _path(root, leaf) if leaf else root
-            colors = [_rgba(color)] if color else None
-            self._rows.add(path, "style", rr.SeriesLines(names=[name], colors=colors, widths=[1.8]))
+            path = self._lines[root, leaf] = entity(root, leaf) if leaf else root
+            colors = [rgba(color)] if color else None
+            self._rows.add(path, "static", rr.SeriesLines(names=[name], colors=colors, widths=[1.8]))
         self._rows.add(path, "scalar", float(value))
 
     def _flush(self) -> None:
@@ -244,12 +315,13 @@ class RerunRecorder:
         try:
             while (rows := self._queue.get()) is not None:
                 for (path, kind), entries in rows.items():
-                    if kind == "style":
-                        stream.log(path, entries[0][2], static=True)
+                    if kind == "static":
+                        for _, _, value in entries:
+                            stream.log(path, value, static=True)
                         continue
                     steps, times, values = (list(column) for column in zip(*entries, strict=True))
                     index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("time", duration=times)]
-                    stream.send_columns(path, index, _COLUMNS[kind](values))
+                    stream.send_columns(path, index, COLUMNS[kind](values))
                 stream.flush()
         except Exception as error:
             self._failure = error
@@ -279,73 +351,12 @@ class _Rows:
         return rows
 
 
-def _transforms(values: list[pin.SE3]) -> Any:
-    quaternions = [pin.Quaternion(pose.rotation).coeffs() for pose in values]
-    return rr.Transform3D.columns(translation=[pose.translation for pose in values], quaternion=quaternions)
-
-
-def _strips(values: list[Symbol | None]) -> Any:
-    drawn = [symbol for symbol in values if symbol]
-    each = [1 if symbol else 0 for symbol in values]  # no strips and no colour: the symbol is gone
-    strips = rr.LineStrips3D.columns(strips=[strip for symbol in drawn for strip in symbol.strips])
-    style = rr.LineStrips3D.columns(
-        colors=_colors([symbol.color for symbol in drawn]),
-        radii=_ui_radii([0.5 * symbol.width for symbol in drawn]),
-        labels=[symbol.label for symbol in drawn],
-        show_labels=[False] * len(drawn),
-    )
-    return [*strips.partition([len(symbol.strips) if symbol else 0 for symbol in values]), *style.partition(each)]
-
-
-def _segments(values: list[NDArray[np.float64]]) -> Any:
-    colors = _colors([palette.TRAIL] * len(values))
-    return rr.LineStrips3D.columns(strips=values, colors=colors, radii=_ui_radii([1.0] * len(values)))
-
-
-def _texts(events: list[Event]) -> Any:
-    tones = [palette.tone(event) for event in events]
-    return rr.TextLog.columns(
-        text=[f"{event.kind}: {event.text or ' – '.join(event.parts)}" for event in events],
-        level=[LEVEL.get(tone, "INFO") for tone in tones],
-        color=_colors([palette.TONES[tone] for tone in tones]),
-    )
-
-
-_COLUMNS: dict[str, Callable[[list[Any]], Any]] = {
-    "transform": _transforms,
-    "strips": _strips,
-    "segment": _segments,
-    "text": _texts,
-    "albedo": lambda values: rr.Mesh3D.columns(albedo_factor=_colors(values)),
-    "scalar": lambda values: rr.Scalars.columns(scalars=values),
-    "state": lambda values: rr.StateChange.columns(state=values),
-    "document": lambda values: rr.TextDocument.columns(text=values),
-}
-
-
 def _lane(view: ConstraintView) -> str:
     """The entity that keeps a constraint's state: its kind and parts, as a person would call it."""
     return re.sub(r"[^\w.-]", "_", f"{view.kind}-{view.parts[0]}-{view.parts[1]}-{view.id}")
 
 
-def _surface_path(part: str, surface: int) -> str:
-    return f"{_path('parts', part)}/surfaces/{surface}"
-
-
-def _rgba(color: palette.Color) -> int:
-    r, g, b = (round(255 * min(max(c, 0.0), 1.0)) for c in color)
-    return (r << 24) | (g << 16) | (b << 8) | 0xFF
-
-
-def _ui_radii(points: list[float]) -> NDArray[np.float32]:
-    """Radii that do not shrink with distance, in points of the screen: rerun keeps them as negative numbers."""
-    return -np.array(points, dtype=np.float32)
-
-
-def _colors(colors: list[palette.Color]) -> NDArray[np.uint32]:
-    return np.array([_rgba(color) for color in colors], dtype=np.uint32)
-
-
-def _path(root: str, name: str) -> str:
-    """`root/name` with the name as one step of the path, whatever it holds."""
-    return f"{root}/{rr.escape_entity_path_part(name)}"
+def _meeting(colliding: NDArray[np.int32]) -> set[tuple[int, int]]:
+    """(part, surface) of all that collides."""
+    both = np.concatenate([colliding[:, :2], colliding[:, 2:]])
+    return set(map(tuple, np.unique(both, axis=0).tolist()))

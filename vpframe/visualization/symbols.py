@@ -26,6 +26,8 @@ TURNING = ("concentric", "conical", "toroidal", "screw", "gear", "belt")
 """constraint kinds about an axis"""
 FLAT = ("against", "coplanar")
 """constraint kinds whose direction is a plane's normal"""
+DRAWN = 400
+"""constraints up to which all are drawn; of more, a recording and a report leave out those that nothing happens to"""
 WIDTH = {"active": 3.0, "candidate": 2.0, "refused": 1.0}
 """of the lines of a constraint by its state, pixels"""
 
