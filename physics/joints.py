@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from physics.bodies import FREE, KINEMATIC, Bodies
+from physics.bodies import FREE, KINEMATIC, Bodies, Saved
 from physics.thread import Thread
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Law = Callable[[Ints], tuple[Array, Array]]
 """friction and restitution (c,) of pairs of bodies (c, 2), see `Touching.pair_values`"""
+
+RANK = 1e-10
+"""1: singular values of joints' rows below this times the largest are redundancy"""
 
 
 class Joint(Protocol):
@@ -92,19 +95,52 @@ class Holding(NamedTuple):
     """(d,)"""
 
 
-def holding(joints: Sequence[Joint], bodies: Bodies, ids: Ints, friction: Law) -> Holding:
+def holding(joints: Sequence[Joint], bodies: Bodies, ids: Ints, friction: Law, ahead: float = 0.0) -> Holding:
     """The rows that hold the velocities of the bodies `ids`.
 
     A thread whose pair has friction is held by its own rows instead of its joint's, so that all of its load is known
     where it rubs; what else joins the pair and lets it turn is implied.
+    ahead: s, of motion as it is, half of which the velocities are to foresee where threads rub. What bends the bodies'
+    ways then loads both half kicks of a step alike; else their loads, and friction, would sum up to too much.
     """
     dry = dry_threads(joints, bodies, friction)
-    jb, jj, _, jbias = assemble([j for j in joints if _pair(j) not in dry], bodies, ids)
+    ideal = [j for j in joints if _pair(j) not in dry]
+    held = _held(ideal, dry.values(), bodies, ids)
+    if ahead == 0.0 or not dry:
+        return held
+    moving = np.unique([i for j in joints for i in j.bodies])
+    start = Saved(bodies, moving)
+    start.carry(bodies, moving, np.full(len(moving), ahead))
+    then = _held(ideal, dry.values(), bodies, ids)
+    start.restore(bodies)
+    v = bodies.velocity[ids].ravel()
+    rows, bias = _dense(held, len(ids))
+    later, later_bias = _dense(then, len(ids))
+    change = 0.5 * (later @ v + later_bias - rows @ v - bias)
+    change = rows @ np.linalg.lstsq(rows, change, rcond=RANK)[0]  # redundant rows must not contradict one another
+    g = len(held.bias)
+    return held._replace(bias=held.bias + change[:g, None], dry_bias=held.dry_bias + change[g:].reshape(-1, 3))
+
+
+def _dense(held: Holding, n: int) -> tuple[Array, Array]:
+    """All rows (r, 6 n) and biases (r,) of joints of n bodies."""
+    jacobian = np.concatenate([held.jacobian.reshape(-1, 2, 6), held.dry_jacobian.reshape(-1, 2, 6)])
+    which = np.concatenate([held.bodies, np.repeat(held.dry_bodies, 3, axis=0)])
+    rows = np.zeros((len(jacobian), n + 1, 6))  # the last is what does not move, place -1
+    for side in range(2):
+        rows[np.arange(len(rows)), which[:, side]] += jacobian[:, side]
+    return rows[:, :n].reshape(len(rows), 6 * n), np.concatenate([held.bias.ravel(), held.dry_bias.ravel()])
+
+
+def _held(ideal: Sequence[Joint], dry: Collection[tuple[Thread, float]], bodies: Bodies, ids: Ints) -> Holding:
+    """The rows of ideal joints, and of threads with friction, as the bodies stand."""
+    jb, jj, _, jbias = assemble(ideal, bodies, ids)
     if not dry:
         return Holding(jb, jj, jbias, _NO_BODIES, _NO_BLOCKS, _NO_BIAS, _NO_FRICTION)
     place = {int(i): k for k, i in enumerate(ids)}
-    upright, upright_bias, blocks, bias, which, coefficients = [], [], [], [], [], []
-    for thread, m in dry.values():
+    upright, upright_bias, blocks, bias, which = [], [], [], [], []
+    coefficients: list[float] = []
+    for thread, m in dry:
         linear, angular, point = thread.rows(bodies.pose(thread.bodies[0]))
         tilts = np.hstack([np.zeros((2, 3)), linear[1:3]])
         local, sides, carried = [], [], np.zeros(6)
@@ -114,10 +150,9 @@ def holding(joints: Sequence[Joint], bodies: Bodies, ids: Ints, friction: Law) -
             local.append(place.get(i, -1) if bodies.kind[i] == FREE else -1)
             carried += _carried(sides[-1], bodies, i)
         rows = np.hstack(sides)
-        on_flanks, across = thread.friction(m)
         blocks += [rows[[0, 0, 3]] * [[1.0], [0.0], [1.0]], rows[1:4]]
         bias += [carried[[0, 0, 3]] * [1.0, 0.0, 1.0], carried[1:4]]
-        coefficients += [on_flanks, across]
+        coefficients += thread.friction(m)
         which += [local, local]
         upright.append(rows[4:, None, :])
         upright_bias.append(carried[4:, None])

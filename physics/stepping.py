@@ -295,7 +295,7 @@ class Stepper:
             half = 0.5 * h[~mirrored]
             before = b.velocity[part.ids]
             pressed = np.flatnonzero((now.reals[:, 6] <= touch) & ~mirrored[batch.of_rows(now.ints)])
-            self.touching.kick(part, now, pressed, time + float(t[0]), half, wrench)
+            self.touching.kick(part, now, pressed, time + float(t[0]), half, wrench, 2.0 * float(half.max()))
             self._first_rate[part.ids] = (b.velocity[part.ids] - before) / half[part.island][:, None]
         begin = Saved(b, np.concatenate([ids, batch.moved]))
         self._drift(batch, rest, t + h, h)

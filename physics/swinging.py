@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from physics.bodies import Bodies, Saved
-from physics.joints import Law
+from physics.joints import RANK, Law
 from physics.mechanism import Mechanism
 from physics.rubbing import Dry, Rates, chosen, friction_torques, when
 
@@ -24,8 +24,6 @@ Ints = NDArray[np.int64]
 
 _A, _B = np.ascontiguousarray(DOP853.A), np.ascontiguousarray(DOP853.B)
 _STAGES = len(_B)
-RANK = 1e-10
-"""1: singular values of a loop's Jacobian below this times the largest are redundancy"""
 TURN = 0.15
 """rad: a step over which some joint would turn by more is split"""
 STILL = 1e-13

@@ -77,7 +77,8 @@ class Thread:
         axis. pose: of the first body.
         """
         z = pose.rotation @ self.axis
-        x, y = perpendicular(z), np.cross(z, perpendicular(z))
+        x = pose.rotation @ perpendicular(self.axis)
+        y = np.cross(z, x)
         c, s = np.cos(self.angle), np.sin(self.angle)
         linear = np.array([c * z, x, y, s * z])
         angular = self.radius * np.array([-s * z, 0.0 * z, 0.0 * z, c * z])

@@ -167,14 +167,19 @@ class Touching:
             free[:, 3:] += each[:, None] * np.einsum("nij,njk,nlk,nl->ni", r, b.inverse[ids], r, w[:, 3:])
         return free
 
-    def kick(self, batch: Batch, contacts: Contacts, pressed: Ints, t: float, h: Array, wrench: Wrench) -> None:
-        """Forces over h (count,) seconds, and what joints and the contacts `pressed` (rows) make of them."""
+    def kick(
+        self, batch: Batch, contacts: Contacts, pressed: Ints, t: float, h: Array, wrench: Wrench, ahead: float = 0.0
+    ) -> None:
+        """Forces over h (count,) seconds, and what joints and the contacts `pressed` (rows) make of them.
+
+        ahead: see `joints.holding`.
+        """
         target = np.zeros(len(contacts.ints))
-        self.press(batch, contacts, pressed, self.free(batch, t, h, wrench), h, target)
+        self.press(batch, contacts, pressed, self.free(batch, t, h, wrench), h, target, ahead=ahead)
 
     def press(
         self, batch: Batch, contacts: Contacts, pressed: Ints, free: Array, h: Array, target: Array,
-        tolerance: float = EXACT, least: Array | None = None,
+        tolerance: float = EXACT, least: Array | None = None, ahead: float = 0.0,
     ) -> None:  # fmt: skip
         """Solve for the velocities that contacts and joints make of `free` (n, 6).
 
@@ -188,7 +193,7 @@ class Touching:
             return
         mu, _ = self.pair_values(contacts.ints)
         each = h[batch.of_rows(contacts.ints)][:, None]
-        held = holding(batch.joints, b, batch.ids, self.pair_values)
+        held = holding(batch.joints, b, batch.ids, self.pair_values, ahead)
         local = self._local(batch)
         chosen = pressed[pressing.spanning(contacts.ints, contacts.reals, pressed)]
         if least is None:
