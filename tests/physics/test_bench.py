@@ -86,7 +86,7 @@ def test_joints_of_the_linkages_are_recognised():
     ("run", "dt", "most"),
     [
         ("bounce e=1", 0.05, 1e-12),
-        ("bounce e=0.8", 0.02, 1e-12),
+        ("bounce e=0.8", 0.01, 1e-12),
         ("slope slide", 0.1, 1e-14),
         ("slope stick", 0.1, 1e-15),
         ("pendulum", 0.1, 1e-5),
