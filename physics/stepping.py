@@ -495,8 +495,16 @@ class Stepper:
         met = after.reals[:, 6] <= self.tolerance.touch
         met[known] |= reached[row[known]]
         _, restitution = touching.pair_values(after.ints)
+        every = np.arange(len(after.ints))
+        b.velocity[batch.ids] = before
+        began = touching.speeds(every, after)
         b.velocity[batch.ids] = free
-        came = touching.speeds(np.arange(len(after.ints)), after)
+        came = touching.speeds(every, after)
+        # what had just a little way to go does not come with all the speed that forces give in a whole step
+        near = np.flatnonzero(known & (came < np.minimum(began, 0.0)))
+        gap = np.maximum(now.reals[row[near], 6], 0.0)
+        pull = (began - came)[near] / h[batch.of_rows(after.ints[near])]
+        came[near] = np.maximum(came[near], -np.sqrt(began[near] ** 2 + 2.0 * pull * gap))
         back = np.where(came < -self.tolerance.rest_speed, -restitution * came, 0.0)
         touching.rebound(batch, after, np.flatnonzero(met), free, h, back, COARSE)
         b.rate[batch.ids] = (b.velocity[batch.ids] - before) / h[batch.island][:, None]

@@ -252,10 +252,12 @@ class Touching:
     def _restore(self, batch, contacts, pressed, free, h, target, stored, tolerance) -> None:
         """`rebound` in two steps; `stored` (c,): contacts by Poisson's law, others reach `target` in the second."""
         b = self.bodies
+        b.velocity[batch.ids] = free
+        mine = pressed[stored[pressed]]
+        back = np.zeros(len(target))
+        back[mine] = target[mine] / -self.speeds(mine, contacts)
         self.press(batch, contacts, pressed, free, h, np.zeros(len(target)), tolerance)
         velocity, force = b.velocity[batch.ids], contacts.force[pressed]
-        _, restitution = self.pair_values(contacts.ints)
-        back = np.where(stored, restitution, 0.0)
         each = h[batch.of_rows(contacts.ints[pressed])]
         least = np.zeros(len(target))
         least[pressed] = back[pressed] * force[:, 0] * each

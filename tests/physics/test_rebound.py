@@ -13,7 +13,7 @@ from collision import CollisionManager
 from constraints.geometry import Cylinder, Plane
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
-from physics import Body, Elastic, Friction, ScriptedPath, Sleeping, World
+from physics import Body, Elastic, Friction, Gravity, ScriptedPath, Sleeping, World, stepping
 from physics.rebound import gained, share
 
 SHAPES = {"cube": (0.1, 0.1, 0.1), "sheet": (0.08, 0.05, 0.001), "rod": (0.3, 0.01, 0.01), "slab": (0.1, 0.06, 0.02)}
@@ -204,3 +204,18 @@ def test_a_double_pendulum_that_strikes_a_floor_makes_no_energy(e, mu):
         struck |= abs(world.velocity(ids[1])[4] - rate) > 1.0
         last = now
     assert struck
+
+
+@pytest.mark.parametrize("law", ["newton", "poisson"])
+def test_what_lies_does_not_rebound_from_its_weight(monkeypatch, law):
+    """In steps of one piece too: a box that has 1 µm to fall comes at 4 mm/s, not with what gravity gives in a step."""
+    monkeypatch.setattr(stepping, "IMPACTS", 0)
+    manager, _ = room()
+    mesh = box_mesh(0.1, 0.1, 0.1)
+    box = manager.add(mesh, at(z=0.05 + 1e-6))
+    world = World(manager)
+    world.add(box, Body.from_mesh(mesh, 1000.0), [Gravity(), Elastic(0.8, law), Sleeping(False)])
+    for _ in range(10):
+        world.step(0.01)
+        assert world.energy(box) < 1.1 * 9.81 * 1e-6 * 1.0
+        assert -1e-9 < world.pose(box).translation[2] - 0.05 < 2e-6 + 0.01 * 0.0045
