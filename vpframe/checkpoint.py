@@ -16,7 +16,7 @@ import pickle
 import struct
 import zlib
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -26,7 +26,7 @@ import numpy as np
 from vpframe.errors import VpframeError
 
 if TYPE_CHECKING:
-    from vpframe.engine import Request, Wish
+    from vpframe.engine import Engine, Request, Result, Wish
     from vpframe.scene import Scene
 
 _MAGIC = b"vpframe journal 1\n"
@@ -180,3 +180,30 @@ def digest_of(wishes: Iterable[Wish], requests: Iterable[Request]) -> bytes:
     for request in requests:
         digest.update(repr(request).encode())
     return digest.digest()
+
+
+def advance(
+    engine: Engine,
+    journal: Journal | None,
+    wishes: list[Wish],
+    requests: list[Request],
+    asked: Callable[[], list[Request]],
+) -> Result:
+    """A step of the engine: computed, and kept in the journal; or read from the journal, while that has more steps.
+
+    asked: what people at viewers ask for besides. That is theirs, not the script's: only the result holds what came of
+    it, and while steps are replayed nobody is heard.
+    """
+    if journal is None:
+        return engine.advance(wishes, [*requests, *asked()])
+    digest = digest_of(wishes, requests)
+    if journal.replaying:
+        result = journal.replay(digest)
+        engine.follow(result)
+        if not journal.replaying:
+            engine.restore(journal.restore())
+        return result
+    result = engine.advance(wishes, [*requests, *asked()])
+    if journal.append(digest, result):
+        journal.save(engine.state())
+    return result

@@ -6,9 +6,8 @@ under its forces -> new poses -> observers. The numerics are in `vpframe.engine`
 
 from __future__ import annotations
 
-import time as clock
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -19,28 +18,28 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from collision import Tolerance
-from vpframe.checkpoint import Journal, digest_of, journal_of
+from vpframe import expectations
+from vpframe.audience import Audience, recorders, viewers
+from vpframe.checkpoint import Journal, advance, journal_of
 from vpframe.engine import Engine, Request, Result, Wish
 from vpframe.errors import TaskError, VpframeError
-from vpframe.events import EVENT_KINDS, ConstraintView, Event, Frame, Observer
+from vpframe.events import ConstraintView, Event, Frame, Observer
 from vpframe.interaction.arguments import as_pose
 from vpframe.interaction.conditions import Condition
+from vpframe.interaction.driver import drive
 from vpframe.interaction.hand import Hand, Outcome
-from vpframe.interaction.reach import half_size
-from vpframe.progress import Watch, bar, duration
+from vpframe.interaction.reach import above, half_size
+from vpframe.pace import Pace, catching_up, under_way
+from vpframe.progress import Watch
 from vpframe.report.log import SessionLog
 from vpframe.rules import Rule, accept_all
 from vpframe.scene import Part, Scene
 from vpframe.statements import ContradictionError, Place, limits, state
-from vpframe.visualization.controls import Request as Ask
 
 if TYPE_CHECKING:
     from physics import Behaviour
     from vpframe.interaction.verbs import Verb
     from vpframe.report.swept import SweptVolume
-
-PACE_STEPS = 61
-"""steps over which the pace of a run is taken"""
 
 
 class Session:
@@ -90,12 +89,10 @@ class Session:
         self.engine = Engine(scene, self.tolerance, self.dt, rule, clearance)
         self.log = SessionLog()
         """what the report tells"""
-        self.observers: list[Observer] = [self.log, *_viewers(viewer), *_recorders(record), *observers]
+        everyone = [self.log, *viewers(viewer), *recorders(record), *observers]
+        self._audience = Audience(everyone, lambda: (self.step_count, self.time))
         self.failure = ""
         """why the task failed; empty while it has not"""
-        self._events: list[Event] = []
-        self._news: list[Event] = []
-        self._listeners: list[Callable[[Event], None]] = []
         self._requests: list[Request] = []
         self._hands: dict[str, Hand] = {}
         self._queues: dict[str, deque[Verb]] | None = None
@@ -105,9 +102,8 @@ class Session:
         self._sizes: dict[str, float] = {}
         self._swept: list[str] = []
         self._trails: dict[str, list[tuple[int, pin.SE3]]] = {}
-        self._observing = 0.0
         self._begun = self._closed = self._stop = False
-        self._beats: deque[float] = deque(maxlen=PACE_STEPS)
+        self._pace = Pace()
         self._journal: Journal | None = None
         if checkpoint is not None:
             depends = {**(run or {}), "dt": repr(self.dt), "tolerance": repr(self.tolerance)}
@@ -128,7 +124,12 @@ class Session:
     @property
     def events(self) -> tuple[Event, ...]:
         """All that has happened, in order."""
-        return tuple(self._events)
+        return tuple(self._audience.events)
+
+    @property
+    def observers(self) -> list[Observer]:
+        """Who watches: the report's log, viewer and recorder, and those that were given; one that failed is gone."""
+        return self._audience.observers
 
     def step(self) -> Frame:
         """One step of `dt` seconds: every hand goes on with its stroke, everything else follows.
@@ -153,9 +154,10 @@ class Session:
                 )
         requests, self._requests = self._requests, []
         with self._watch:
-            result = self._advance(wishes, requests)
+            offered = () if self._result is None else self._result.constraints
+            result = advance(self.engine, self._journal, wishes, requests, lambda: self._audience.asked(offered))
         self.step_count += 1
-        self._beats.append(clock.monotonic())
+        self._pace.beat()
         self._take_in(result)
         return self._publish(result)
 
@@ -178,10 +180,7 @@ class Session:
         A person's pause ends too.
         """
         self._stop = True
-        for observer in self.observers:
-            controls = getattr(observer, "controls", None)
-            if controls is not None:
-                controls.put(Ask("play"))
+        self._audience.play()
 
     @property
     def compiling(self) -> bool:
@@ -193,7 +192,7 @@ class Session:
         if self._queues is not None:
             self._queues.setdefault(hand.name, deque()).append(verb)
             return Outcome(True, "queued until the end of `together`", self.time)
-        return self._drive({hand.name: deque([verb])})[hand.name]
+        return drive(self._hands, {hand.name: deque([verb])}, self.step)[hand.name]
 
     @contextmanager
     def together(self) -> Iterator[None]:
@@ -206,79 +205,16 @@ class Session:
             queues = self._queues
         finally:
             self._queues = None
-        self._drive(queues)
-
-    def _drive(self, queues: dict[str, deque[Verb]]) -> dict[str, Outcome]:
-        outcomes: dict[str, Outcome] = {}
-        running: dict[str, Generator[Any, Outcome, Outcome]] = {}
-
-        def go_on(name: str, last: Outcome | None) -> None:
-            """Give a hand its next stroke, from the verb it is at or from the next one."""
-            hand = self._hands[name]
-            while name in running or queues[name]:
-                if name not in running:
-                    running[name], last = queues[name].popleft(), None
-                try:
-                    stroke = next(running[name]) if last is None else running[name].send(last)
-                except StopIteration as end:
-                    outcomes[name] = end.value
-                    del running[name]
-                    continue
-                hand.start(stroke)
-                return
-
-        try:
-            for name in queues:
-                go_on(name, None)
-            while running:
-                self.step()
-                for name in [n for n in queues if n in running]:
-                    ended = self._hands[name].judge()
-                    if ended is not None:
-                        go_on(name, ended)
-        finally:
-            for name in queues:
-                self._hands[name].stroke = None
-                self._hands[name].doing = ""
-        return outcomes
+        drive(self._hands, queues, self.step)
 
     def _begin(self) -> None:
         if self._begun:
             return
         self._begun = True
-        self._beats.append(clock.monotonic())
+        self._pace.beat()
         for name, part in self.scene.items():
             self._trails[name] = [(0, pin.SE3(part.pose))]
-        for observer in list(self.observers):
-            self._guarded(observer, lambda o=observer: o.begin(self))  # type: ignore[misc]
-
-    def _asked(self) -> list[Request]:
-        """What people at the viewers accepted, refused or removed since the last step, as far as it is still there."""
-        fits = {"accept": ("candidate", "refused"), "refuse": ("candidate",), "remove": ("active",)}
-        state = {} if self._result is None else {c.id: c.state for c in self._result.constraints}
-        asked: list[Request] = []
-        for observer in self.observers:
-            controls = getattr(observer, "controls", None)
-            for wish in controls.take() if controls is not None else ():
-                if state.pop(wish.id, None) in fits[wish.action]:
-                    asked.append(Request(wish.action, wish.id))
-        return asked
-
-    def _advance(self, wishes: list[Wish], requests: list[Request]) -> Result:
-        journal = self._journal
-        if journal is None:
-            return self.engine.advance(wishes, [*requests, *self._asked()])
-        digest = digest_of(wishes, requests)  # what people ask at a viewer is theirs: the result holds what came of it
-        if journal.replaying:
-            result = journal.replay(digest)
-            self.engine.follow(result)
-            if not journal.replaying:
-                self.engine.restore(journal.restore())
-            return result
-        result = self.engine.advance(wishes, [*requests, *self._asked()])
-        if journal.append(digest, result):
-            journal.save(self.engine.state())
-        return result
+        self._audience.begin(self)
 
     def _take_in(self, result: Result) -> None:
         self._result = result
@@ -287,12 +223,10 @@ class Session:
             self._trails[name].append((self.step_count, pose))
         for hand in self._hands.values():
             hand.stopped_by = result.blocked.get(hand.held, "") if hand.held else ""
-        for kind, parts, surfaces, text, data in result.happenings:
-            self._happened(kind, parts, surfaces, text, data)
+        for happening in result.happenings:
+            self._audience.happened(*happening)
 
     def _publish(self, result: Result) -> Frame:
-        news, self._news = tuple(self._news), []
-        began = clock.perf_counter()
         self._frame = Frame(
             step=self.step_count,
             time=self.time,
@@ -302,33 +236,21 @@ class Session:
             freedom=result.freedom,
             joint=result.joint,
             clearance=result.clearance,
-            timings={**result.timings, "observers": self._observing},
+            timings={**result.timings, "observers": self._audience.seconds},
             held=tuple(hand.held for hand in self._hands.values() if hand.held),
             hands={hand.name: pin.SE3(hand.pose) for hand in self._hands.values()},
             script="; ".join(hand.doing for hand in self._hands.values() if hand.doing),
-            events=news,
+            events=self._audience.news(),
         )
-        for observer in list(self.observers):
-            self._guarded(observer, lambda o=observer: o.frame(self._frame))  # type: ignore[misc]
-        self._observing = clock.perf_counter() - began
+        self._audience.show(self._frame)
         return self._frame
-
-    def _guarded(self, observer: Observer, call: Callable[[], Any]) -> None:
-        """An observer that fails is dropped, and said to be; the session goes on."""
-        try:
-            call()
-        except Exception as error:
-            if observer in self.observers:
-                self.observers.remove(observer)
-            name = type(observer).__name__
-            self._happened("note", (), (), f"{name} stopped watching: {type(error).__name__}: {error}", {})
 
     # ---- hands
 
     def hand(self, name: str = "hand", at: pin.SE3 | ArrayLike | None = None) -> Hand:
         """The hand of that name; at first use it is made, at a world pose or position (over the scene by default)."""
         if name not in self._hands:
-            here = pin.SE3(np.eye(3), self._above()) if at is None else as_pose(at, pin.SE3.Identity())
+            here = pin.SE3(np.eye(3), above(self.scene)) if at is None else as_pose(at, pin.SE3.Identity())
             self._hands[name] = Hand(self, name, here)
         elif at is not None:
             raise TaskError(f"{name} exists already; move it with {name}.move_to")
@@ -343,14 +265,14 @@ class Session:
         assert hand.held is not None
         faces = ", ".join(map(str, hand.surfaces))
         extra = f", carrying {', '.join(hand.carried)}" if hand.carried else ""
-        self._happened(
+        self._audience.happened(
             "grabbed", (hand.held,), (hand.surfaces,), f"{hand.name} holds {hand.held} by surfaces {faces}{extra}", {}
         )
 
     def note_release(self, hand: Hand) -> None:
         """Called by a hand about to open."""
         assert hand.held is not None
-        self._happened("released", (hand.held,), (), f"{hand.name} lets go of {hand.held}", {})
+        self._audience.happened("released", (hand.held,), (), f"{hand.name} lets go of {hand.held}", {})
 
     # ---- what is so
 
@@ -471,7 +393,7 @@ class Session:
         try:
             request, view = state(self.engine, self._requests, kind, a, b, parameters, bears)
         except ContradictionError as error:
-            self._happened("refused", error.parts, (), str(error), {"constraint": kind, "off": error.off})
+            self._audience.happened("refused", error.parts, (), str(error), {"constraint": kind, "off": error.off})
             raise
         self._requests.append(request)
         return view
@@ -508,63 +430,45 @@ class Session:
         """Fail the task unless the condition holds."""
         holds = condition(self) if isinstance(condition, Condition) else bool(condition)
         text = reason or str(condition)
-        self._happened("expectation", (), (), f"{'holds' if holds else 'FAILS'}: {text}", {"holds": holds})
+        self._audience.happened("expectation", (), (), f"{'holds' if holds else 'FAILS'}: {text}", {"holds": holds})
         if not holds:
             raise TaskError(f"expected {text}")
 
     def expect_constraint(self, kind: str, a: str, b: str) -> None:
         """Expect an active constraint of that kind between two parts."""
-        have = [c.kind for c in self.constraints_of(a) if self.scene[b].name in c.parts]
-        found = "" if kind in have else f" (there is: {', '.join(have) or 'none'})"
-        self.expect(kind in have, f"{kind} between {a} and {b}{found}")
+        self.expect(*expectations.constraint(self, kind, a, b))
 
     def expect_freedom(self, part: str, n: int) -> None:
         """Expect that a part has `n` degrees of freedom left."""
-        have = self.freedom(part)
-        self.expect(have == n, f"{part} has {n} degrees of freedom" + (f" (it has {have})" if have != n else ""))
+        self.expect(*expectations.freedom(self, part, n))
 
     def expect_free(self, part: str) -> None:
         """Expect that no constraint holds a part and that it touches nothing."""
-        held = ", ".join(c.kind for c in self.constraints_of(part))
-        touched = ", ".join(self.touching(part))
-        why = "; ".join([f"held by {held}"] * bool(held) + [f"touches {touched}"] * bool(touched))
-        self.expect(not why, f"{part} is free" + (f" ({why})" if why else ""))
+        self.expect(*expectations.free(self, part))
 
     def expect_no_clash(self) -> None:
         """Expect that no surfaces intersect but mated ones and authorised pairs."""
-        rows = self.clashes()
-        found = ""
-        if len(rows):
-            a, sa, b, sb = rows[0].tolist()
-            names = self.scene.names
-            found = f" ({len(rows)} surface pairs meet, first {names[a]} {sa} and {names[b]} {sb})"
-        self.expect(not found, f"no clash{found}")
+        self.expect(*expectations.no_clash(self))
 
     def expect_at(self, part: str, pose: pin.SE3 | ArrayLike, within: float = 1e-3, angle: float = 0.02) -> None:
         """Expect a part at a pose (or position), within metres and radians."""
-        body = self.scene[part]
-        off = as_pose(pose, body.pose).actInv(body.pose)
-        far, turned = float(np.linalg.norm(off.translation)), float(np.linalg.norm(pin.log3(off.rotation)))
-        text = (
-            f"{part} within {within * 1e3:g} mm of its place (it is {far * 1e3:.3f} mm, {np.degrees(turned):.2f}° off)"
-        )
-        self.expect(far <= within and turned <= angle, text)
+        self.expect(*expectations.at(self, part, pose, within, angle))
 
     # ---- what is told
 
     def on_event(self, listener: Callable[[Event], None]) -> None:
         """Call `listener` with every event as it happens."""
-        self._listeners.append(listener)
+        self._audience.listeners.append(listener)
 
     def note(self, text: str) -> None:
         """Put a line of the script's own into events, recording and report."""
-        self._happened("note", (), (), text, {})
+        self._audience.happened("note", (), (), text, {})
 
     def fail(self, reason: str) -> None:
         """Mark the task as failed; the report says why."""
         self.failure = reason
         if not self._closed:
-            self._happened("note", (), (), f"failed: {reason}", {})
+            self._audience.happened("note", (), (), f"failed: {reason}", {})
 
     def sweep(self, part: str) -> None:
         """Ask for the volume that a part sweeps in this session: the report shows it, and what it collides with."""
@@ -598,15 +502,13 @@ class Session:
         """End view and recording. Called once or more; nothing moves afterwards."""
         if self._closed:
             return
-        if self._news and self._frame is not None:  # what happened after the last step
-            last, self._news = replace(self._frame, events=tuple(self._news)), []
-            for observer in list(self.observers):
-                self._guarded(observer, lambda o=observer: o.frame(last))  # type: ignore[misc]
+        news = self._audience.news()
+        if news and self._frame is not None:  # what happened after the last step
+            self._audience.show(replace(self._frame, events=news))
         self._closed = True
         self._watch.close()
         if self._begun:
-            for observer in list(self.observers):
-                self._guarded(observer, observer.end)
+            self._audience.end()
         if self._journal is not None:
             self._journal.close()
 
@@ -617,74 +519,10 @@ class Session:
         self.close()
 
     def _standing(self) -> str:
-        """Where the run stands, in one line: time, stroke, and how long that will take at the pace so far."""
         journal = self._journal
         if journal is not None and journal.replaying:
-            left = len(journal.past)
-            done = self.step_count / max(self.step_count + left, 1)
-            return f"going over the steps of the earlier run  {bar(done, self._pace() * self.step_count)}"
-        parts = [f"{self.time:.2f} s of the task"]
-        for hand in list(self._hands.values()):
-            stroke = hand.stroke
-            if stroke is not None and stroke.path.duration > 0.0:
-                done = min(hand.clock / stroke.path.duration, 1.0)
-                ahead = stroke.path.duration * (1.0 - done) / self.dt * self._pace()
-                at_most = "at most " if stroke.until is not None else ""
-                parts.append(f"{hand.doing} {100 * done:.0f} %, {at_most}{duration(ahead)} left")
-        if self._stop:
-            parts.append("ending after this step (Ctrl-C again: at once)")
-        return "  ".join(parts)
-
-    def _pace(self) -> float:
-        """s of the clock that a step took lately."""
-        beats = list(self._beats)
-        return (beats[-1] - beats[0]) / (len(beats) - 1) if len(beats) > 1 else 0.0
-
-    def _happened(
-        self,
-        kind: str,
-        parts: tuple[str, ...],
-        surfaces: tuple[tuple[int, ...], ...],
-        text: str,
-        data: Mapping[str, Any],
-    ) -> None:
-        assert kind in EVENT_KINDS, kind
-        event = Event(self.step_count, self.time, kind, parts, surfaces, text, data)
-        self._events.append(event)
-        self._news.append(event)
-        for listener in self._listeners:
-            listener(event)
-
-    def _above(self) -> NDArray[np.float64]:
-        tops = []
-        for part in self.scene.parts:
-            v = part.mesh.vertices @ part.pose.rotation.T + part.pose.translation
-            tops.append(np.concatenate([v.min(0), v.max(0)]))
-        low, high = np.min(tops, axis=0)[:3], np.max(tops, axis=0)[3:]
-        middle = 0.5 * (low + high)
-        return np.array([middle[0], middle[1], high[2] + 0.2 * float(np.linalg.norm(high - low))])
-
-
-def _viewers(viewer: str | Observer | None) -> list[Observer]:
-    if viewer is None:
-        return []
-    if isinstance(viewer, str):
-        if viewer != "meshcat":
-            raise VpframeError(f'viewer={viewer!r}; give None, "meshcat" or an observer')
-        from vpframe.visualization.meshcat_viewer import MeshcatViewer
-
-        return [MeshcatViewer(open_browser=True, pace=1.0)]
-    return [viewer]
-
-
-def _recorders(record: str | Path | Observer | None) -> list[Observer]:
-    if record is None:
-        return []
-    if isinstance(record, str | Path):
-        from vpframe.visualization.recorder import RerunRecorder
-
-        return [RerunRecorder(str(record))]
-    return [record]
+            return catching_up(self.step_count, len(journal.past), self._pace)
+        return under_way(self.time, self.dt, list(self._hands.values()), self._pace, self._stop)
 
 
 __all__ = ["Part", "Session"]

@@ -1,4 +1,4 @@
-"""What a hand touches: nearest points of a part's surfaces to a point in space."""
+"""Where a hand comes in, and what it touches: nearest points of a part's surfaces to a point in space."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh
+from vpframe.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -53,3 +54,14 @@ def half_size(mesh: SurfaceMesh) -> float:
     """Half the diagonal of the mesh's bounding box, m."""
     used = mesh.vertices[mesh.triangles.ravel()]
     return 0.5 * float(np.linalg.norm(used.max(0) - used.min(0)))
+
+
+def above(scene: Scene) -> Array:
+    """A point over the middle of a scene, a fifth of its size clear of it: where a hand comes in."""
+    tops = []
+    for part in scene.parts:
+        v = part.mesh.vertices @ part.pose.rotation.T + part.pose.translation
+        tops.append(np.concatenate([v.min(0), v.max(0)]))
+    low, high = np.min(tops, axis=0)[:3], np.max(tops, axis=0)[3:]
+    middle = 0.5 * (low + high)
+    return np.array([middle[0], middle[1], high[2] + 0.2 * float(np.linalg.norm(high - low))])

@@ -1,0 +1,129 @@
+"""Who watches a session, and all that it tells them: viewers, recorders, the report, and a script's listeners."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vpframe.engine import Request
+from vpframe.errors import VpframeError
+from vpframe.events import EVENT_KINDS, ConstraintView, Event, Frame, Observer
+from vpframe.visualization.controls import Request as Ask
+
+if TYPE_CHECKING:
+    from vpframe.session import Session
+
+FITTING = {"accept": ("candidate", "refused"), "refuse": ("candidate",), "remove": ("active",)}
+"""states of a constraint in which a person may ask for each"""
+
+
+class Audience:
+    """Observers and listeners of one session, and the events that they have heard of.
+
+    An observer that fails is dropped, and said to be; the session goes on.
+
+    Parameters
+    ----------
+    observers: in the order in which they are told.
+    now: the step and the time (s) that an event happens at.
+    """
+
+    def __init__(self, observers: Iterable[Observer], now: Callable[[], tuple[int, float]]) -> None:
+        self.observers = list(observers)
+        self.events: list[Event] = []
+        """all that has happened, in order"""
+        self.listeners: list[Callable[[Event], None]] = []
+        """called with every event as it happens"""
+        self.seconds = 0.0
+        """that the observers took for the last frame"""
+        self._now = now
+        self._news: list[Event] = []
+
+    def happened(
+        self,
+        kind: str,
+        parts: tuple[str, ...],
+        surfaces: tuple[tuple[int, ...], ...],
+        text: str,
+        data: Mapping[str, Any],
+    ) -> None:
+        """Tell the listeners at once, and the observers with the next frame."""
+        assert kind in EVENT_KINDS, kind
+        event = Event(*self._now(), kind, parts, surfaces, text, data)
+        self.events.append(event)
+        self._news.append(event)
+        for listener in self.listeners:
+            listener(event)
+
+    def news(self) -> tuple[Event, ...]:
+        """What has happened since the last call."""
+        news, self._news = tuple(self._news), []
+        return news
+
+    def begin(self, session: Session) -> None:
+        """Tell every observer that the session begins."""
+        self._each(lambda observer: observer.begin(session))
+
+    def show(self, frame: Frame) -> None:
+        """Show every observer a frame."""
+        began = clock.perf_counter()
+        self._each(lambda observer: observer.frame(frame))
+        self.seconds = clock.perf_counter() - began
+
+    def end(self) -> None:
+        """Tell every observer that the session is over."""
+        self._each(lambda observer: observer.end())
+
+    def asked(self, constraints: Iterable[ConstraintView]) -> list[Request]:
+        """What people at the viewers accepted, refused or removed since the last call, as far as it is still there."""
+        state = {c.id: c.state for c in constraints}
+        return [
+            Request(wish.action, wish.id)
+            for controls in self._controls()
+            for wish in controls.take()
+            if state.pop(wish.id, None) in FITTING[wish.action]
+        ]
+
+    def play(self) -> None:
+        """End every pause that a person at a viewer has asked for."""
+        for controls in self._controls():
+            controls.put(Ask("play"))
+
+    def _controls(self) -> list[Any]:
+        return [c for c in (getattr(observer, "controls", None) for observer in self.observers) if c is not None]
+
+    def _each(self, tell: Callable[[Observer], None]) -> None:
+        for observer in list(self.observers):
+            try:
+                tell(observer)
+            except Exception as error:
+                if observer in self.observers:
+                    self.observers.remove(observer)
+                name = type(observer).__name__
+                self.happened("note", (), (), f"{name} stopped watching: {type(error).__name__}: {error}", {})
+
+
+def viewers(viewer: str | Observer | None) -> list[Observer]:
+    """What a session's `viewer` means."""
+    if viewer is None:
+        return []
+    if isinstance(viewer, str):
+        if viewer != "meshcat":
+            raise VpframeError(f'viewer={viewer!r}; give None, "meshcat" or an observer')
+        from vpframe.visualization.meshcat_viewer import MeshcatViewer
+
+        return [MeshcatViewer(open_browser=True, pace=1.0)]
+    return [viewer]
+
+
+def recorders(record: str | Path | Observer | None) -> list[Observer]:
+    """What a session's `record` means."""
+    if record is None:
+        return []
+    if isinstance(record, str | Path):
+        from vpframe.visualization.recorder import RerunRecorder
+
+        return [RerunRecorder(str(record))]
+    return [record]
