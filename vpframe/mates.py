@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from collision import SurfaceMesh, Tolerance
+from collision import Tolerance
 from constraints import Candidate, mobility
 from constraints.graph import AssemblyGraph
 from constraints.mechanism import mechanism
 from constraints.urdf import to_urdf
 from vpframe.scene import Part, Scene
 from vpframe.standing import candidates, world_of
+from vpframe.stl import write_stl
 
 Progress = Callable[[float, str], None]
 """hears the fraction done and what is being done"""
@@ -125,7 +126,7 @@ def write_urdf(scene: Scene, path: str | Path, tolerance: Tolerance | None = Non
         key = id(part.shape)
         if key not in files:
             files[key] = f"{folder.name}/{len(files)}_{re.sub(r'[^A-Za-z0-9_-]+', '_', part.name)}.stl"
-            write_stl(path.parent / files[key], part.mesh)
+            write_stl(path.parent / files[key], part.mesh.vertices, part.mesh.triangles)
         meshes[i] = files[key]
     inertias = {i: _inertia(part) for i, part in enumerate(scene.parts) if part.shape.volume > 0.0}
     path.write_text(to_urdf(made, path.stem, inertias, meshes), encoding="utf-8")
@@ -136,14 +137,3 @@ def _inertia(part: Part) -> pin.Inertia:
     density = WATER if part.density is None else part.density
     shape = part.shape
     return pin.Inertia(density * shape.volume, np.asarray(shape.center), density * np.asarray(shape.inertia))
-
-
-def write_stl(path: Path, mesh: SurfaceMesh) -> None:
-    """Write a mesh as binary STL, metres."""
-    corners = mesh.vertices[mesh.triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    rows = np.zeros(len(corners), [("numbers", "<f4", 12), ("attribute", "<u2")])
-    rows["numbers"][:, :3] = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
-    rows["numbers"][:, 3:] = corners.reshape(-1, 9)
-    path.write_bytes(b"vpframe".ljust(80) + np.uint32(len(rows)).tobytes() + rows.tobytes())

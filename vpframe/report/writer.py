@@ -20,8 +20,9 @@ from vpframe.report import page
 from vpframe.report.depth import Depth, depths
 from vpframe.report.log import SessionLog
 from vpframe.report.pictures import pair_picture, scene_picture
-from vpframe.report.swept import SweptVolume, write_stl
+from vpframe.report.swept import SweptVolume
 from vpframe.report.where import Gap, least_gap
+from vpframe.stl import write_stl
 from vpframe.visualization.camera import frame_scene
 from vpframe.visualization.meshcat_viewer import write_page
 from vpframe.visualization.snapshot import png
@@ -29,6 +30,8 @@ from vpframe.visualization.symbols import Symbol, gap_symbol, trail_symbol
 
 CLASH_PICTURES = 24
 MOMENT_PICTURES = 12
+MILLIMETRES = 1e3
+"""in a metre: what most readers of STL take its numbers for"""
 CSV_COLUMNS = (
     "status", "part_a", "surface_a", "part_b", "surface_b", "name_a", "name_b",
     "first_time_s", "last_time_s", "steps", "depth_m", "x_m", "y_m", "z_m", "remark", "runs",
@@ -72,7 +75,10 @@ def write(
     with Progress("drawing the report") as progress:
         pictures = _pictures(log, gap, progress)
     for volume in swept:
-        write_stl(folder / _stl_name(volume), volume.vertices, volume.triangles)
+        write_stl(
+            folder / _stl_name(volume), volume.vertices, volume.triangles,
+            MILLIMETRES, "vpframe swept volume, millimetres",
+        )  # fmt: skip
     clash_status.write(status, records, known)
     _write_csv(folder / "clashes.csv", document["clashes"])
     (folder / "report.json").write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -1,0 +1,24 @@
+"""Binary STL files. They have no unit: who reads one has to know what its numbers are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def write_stl(
+    path: Path, vertices: NDArray[np.float64], triangles: NDArray[np.int32], scale: float = 1.0, header: str = "vpframe"
+) -> Path:
+    """Write triangles (m, 3) of vertices (n, 3), m, as a binary STL file in units of 1/`scale` m; returns its path."""
+    corners = vertices[triangles] * scale
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    rows = np.zeros(len(triangles), dtype=ROW)
+    rows["normal"] = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+    rows["corners"] = corners
+    path.write_bytes(header.encode().ljust(80) + np.uint32(len(rows)).astype("<u4").tobytes() + rows.tobytes())
+    return path
