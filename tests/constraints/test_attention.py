@@ -19,6 +19,13 @@ def poses_at_home():
     return [pin.SE3(np.eye(3), np.array(home, float)) for home in HOMES]
 
 
+def world_of(poses):
+    world = CollisionManager()
+    for body, pose in zip(BODIES, poses, strict=True):
+        world.add(body.mesh, pose)
+    return world
+
+
 def manager_of(rules):
     return ConstraintManager([body.features for body in BODIES], rules=rules, fixed=[0])
 
@@ -56,10 +63,8 @@ def decide(managers, rng):
 def test_it_finds_what_a_look_at_everything_finds(verdict, seed):
     rng = np.random.default_rng(seed)
     managers = [manager_of([lambda candidate: verdict]) for _ in range(2)]
-    world = CollisionManager()
     poses = poses_at_home()
-    for body, pose in zip(BODIES, poses, strict=True):
-        world.add(body.mesh, pose)
+    world = world_of(poses)
     kinds = set()
     for _ in range(60):
         mover = int(rng.choice([1, 1, 3, 4]))
@@ -93,10 +98,8 @@ def test_it_finds_what_a_look_at_everything_finds(verdict, seed):
 
 def test_what_stands_still_is_not_measured_again():
     manager = manager_of([lambda candidate: None])
-    world = CollisionManager()
     poses = poses_at_home()
-    for body, pose in zip(BODIES, poses, strict=True):
-        world.add(body.mesh, pose)
+    world = world_of(poses)
     manager.update(poses, world.contacts(manager.within))
     manager.update(poses, world.contacts(manager.within))
     asked = []
@@ -110,10 +113,8 @@ def test_what_stands_still_is_not_measured_again():
 
 def test_an_update_that_failed_is_made_up_for():
     manager = manager_of([lambda candidate: None])
-    world = CollisionManager()
     poses = poses_at_home()
-    for body, pose in zip(BODIES, poses, strict=True):
-        world.add(body.mesh, pose)
+    world = world_of(poses)
     rows = world.contacts(manager.within)
 
     def failing(candidate):
@@ -164,11 +165,8 @@ class Noting:
 def test_surfaces_left_out_are_those_of_a_fresh_start_whatever_came_and_went():
     rng = np.random.default_rng(5)
     manager = manager_of([lambda candidate: None])
-    worlds = [CollisionManager(), CollisionManager()]
     poses = [pin.SE3(np.eye(3), np.array([x, y, min(z, 0.01)])) for x, y, z in HOMES]  # the flanges sit on the housings
-    for world in worlds:
-        for body, pose in zip(BODIES, poses, strict=True):
-            world.add(body.mesh, pose)
+    worlds = [world_of(poses), world_of(poses)]
     noting = Noting(worlds[0])
     motion = Motion(noting, manager)
     manager.update(poses, worlds[0].contacts(manager.within))
