@@ -114,6 +114,7 @@ def test_a_constraint_moves_the_part_exactly_and_ends_its_collisions() -> None:
         (rules.accept_kinds("against"), {"against"}),
         (rules.first_of(rules.refuse_between("block", "peg"), rules.accept_all), set()),
         (rules.accept_between("peg", "block", "concentric"), {"concentric"}),
+        (rules.first_of(rules.refuse_kinds("concentric"), rules.accept_all), {"against"}),
     ],
 )
 def test_rules_decide_what_is_accepted(rule, expected: set[str]) -> None:
@@ -237,6 +238,17 @@ def test_what_happens_after_the_last_step_is_told_too() -> None:
         session.step()
         session.note("the end")
     assert [e.text for e in watcher.frames[-1].events] == ["the end"]
+
+
+def test_a_run_until_a_condition_ends_with_it_or_at_its_limit() -> None:
+    with Session(scene()) as session:
+        hand = session.hand(at=(0.06, 0.0, 0.07))
+        hand.grab("peg")
+        taken = session.step_count
+        assert session.run_until(~freedom(0, "peg"))
+        assert session.step_count == taken
+        assert not session.run_until(constraint("concentric", part="peg"), limit=0.1)
+        assert session.step_count == taken + 6
 
 
 def test_an_interrupt_ends_the_run_between_two_steps() -> None:
