@@ -12,7 +12,7 @@ if they touch and have material in common nevertheless, as two identical parts i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -112,15 +112,6 @@ def classify(
                 found.append(whole)
         found += pairs
     return found
-
-
-def by_parts(classes: Iterable[PairClass]) -> Mapping[tuple[int, int], Kind]:
-    """The gravest kind of each pair of parts."""
-    out: dict[tuple[int, int], Kind] = {}
-    for pair in classes:
-        worst = out.get(pair.objects, pair.kind)
-        out[pair.objects] = min(worst, pair.kind, key=KINDS.index)
-    return out
 
 
 def _deflections(manager: CollisionManager, deflection: float | Sequence[ArrayLike]) -> dict[int, NDArray[np.float64]]:

@@ -164,10 +164,6 @@ class CollisionManager:
         self._stale[where] = True
         self._version[where] += 1
 
-    def packed_poses(self, objects: Sequence[int]) -> NDArray[np.float64]:
-        """(n, 12) poses of objects that there are: rotation by rows, then translation."""
-        return self._pose[list(objects)]
-
     def world_boxes(self) -> NDArray[np.float64]:
         """(n, 6) least and greatest corners of boxes that hold the objects, by id; none too small by rounding."""
         self._current_trees()

@@ -137,24 +137,6 @@ def refine(geometry: Geometry, points: ArrayLike, iterations: int = 40) -> Geome
     return _centred(_scaled(best, scale, center), given)
 
 
-def fit_circle(points: ArrayLike) -> tuple[Array, Array, float, float]:
-    """Centre (3,), axis (3,), radius and greatest distance (m) of the circle through `points` (n, 3), n >= 4.
-
-    Plane by principal axes, then the algebraic circle in it (Coope, J. Optim. Theory Appl. 76 (1993) 381). Raises
-    FitError for fewer points or points on a line.
-    """
-    p = np.asarray(points, dtype=np.float64)
-    if len(p) < 4:
-        raise FitError(f"{len(p)} points do not say whether they lie on a circle; give four")
-    middle = p.mean(axis=0)
-    _, _, axes = np.linalg.svd(p - middle)
-    flat = (p - middle) @ axes[:2].T
-    center, radius = _circle(flat)
-    origin = middle + center @ axes[:2]
-    gap = np.hypot(np.linalg.norm(flat - center, axis=1) - radius, (p - middle) @ axes[2])
-    return origin, axes[2], radius, float(np.abs(gap).max())
-
-
 def _cost(geometry: Geometry, points: Array) -> float:
     d = geometry.distance(points)
     return float(d @ d)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from collision import Tolerance
-from constraints.fits import KINDS, FitError, allowed, fit_circle, fit_kind, fit_surface, refine
+from constraints.fits import KINDS, FitError, allowed, fit_kind, fit_surface, refine
 from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -138,21 +138,6 @@ def test_a_tiny_bent_face_is_not_a_plane_just_because_it_is_tiny():
     fit = fit_surface(points, points, normals)
     assert fit is not None and fit.geometry.kind == "cylinder"
     assert allowed(points, Tolerance()) < 1.1e-7
-
-
-def test_circle_through_points_and_its_errors():
-    rng = np.random.default_rng(1)
-    rotation, angles = pin.exp3(rng.normal(size=3)), np.linspace(0.0, 1.0, 7)
-    points = np.column_stack([0.3 * np.cos(angles), 0.3 * np.sin(angles), np.zeros(7)]) @ rotation.T + [1.0, 2.0, 3.0]
-    center, axis, radius, gap = fit_circle(points)
-    assert center == pytest.approx([1.0, 2.0, 3.0], abs=1e-9)
-    assert abs(axis @ rotation[:, 2]) == pytest.approx(1.0, abs=1e-12)
-    assert radius == pytest.approx(0.3, abs=1e-9)
-    assert gap < 1e-12
-    with pytest.raises(FitError, match="line"):
-        fit_circle(np.outer(np.arange(5.0), [1.0, 0.0, 0.0]))
-    with pytest.raises(FitError, match="four"):
-        fit_circle(points[:3])
 
 
 @pytest.mark.parametrize("kind", KINDS)
