@@ -8,8 +8,10 @@ import pytest
 
 from collision import SurfaceMesh
 from constraints.geometry import Freeform
+from physics import Friction, Gravity
 from tests.constraints.test_threads import helix
 from tests.vpframe.bench_scene import SEAT, scene
+from vpframe import modelling
 from vpframe.errors import TaskError
 from vpframe.interaction import constraint
 from vpframe.scene import Part, Scene, Shape, Surface
@@ -133,3 +135,34 @@ def test_a_part_without_threads_has_no_pitch() -> None:
     session = Session(Scene([scene["bolt"], part("shim", smooth, 1.0, False)]))
     session.step()
     assert session.pitch_of("shim") is None
+
+
+@pytest.mark.parametrize(("friction", "stays"), [((Friction(0.15),), True), ((), True), ((Friction(0.01),), False)])
+def test_a_nut_that_is_let_go_stays_if_friction_holds_it(friction: tuple[Friction, ...], stays: bool) -> None:
+    """Put on by hand, turned, let go under gravity: a part that says nothing has μ = 0.5, as in contact."""
+    bolt = modelling.shape(modelling.cylinder(0.008, 0.1), name="bolt")
+    nut = modelling.shape(modelling.hexagon(0.024, 0.013) - modelling.cylinder(0.0081, 0.013), name="nut")
+    above, on = (pin.SE3(np.eye(3), np.array([0.0, 0.0, z])) for z in (0.12, 0.08))
+    scene = Scene([Part("bolt", bolt, pin.SE3.Identity(), fixed=True), Part("nut", nut, above)])
+    shaft, bore = (next(s.index for s in scene[n].surfaces if s.geometry.kind == "cylinder") for n in ("bolt", "nut"))
+    with Session(scene) as session:
+        hand = session.hand()
+        hand.grab("nut")
+        hand.move_to(on, duration=0.5)
+        session.constrain("screw", ("bolt", shaft), ("nut", bore), pitch=PITCH, flank=np.radians(30.0))
+        hand.turn(np.pi, about=((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), required=False)
+        assert session.scene["nut"].pose.translation[2] == pytest.approx(0.081, abs=1e-5)
+        session.behave("nut", Gravity(), *friction)
+        hand.release()
+        before = session.scene["nut"].pose
+        session.run(1.0)
+        moved = before.actInv(session.scene["nut"].pose)
+        if stays:
+            assert np.array_equal(session.scene["nut"].pose.homogeneous, before.homogeneous)
+            assert [e.kind for e in session.events][-1] == "landed"
+        else:
+            assert moved.translation[2] < -1e-3
+            about = np.unwrap([0.0, float(pin.log3(moved.rotation)[2])])[1]
+            turns = moved.translation[2] / PITCH - about / (2.0 * np.pi)
+            assert turns == pytest.approx(round(turns), abs=1e-9)
+        session.expect_freedom("nut", 1)
