@@ -230,26 +230,39 @@ def shift(ids, center, attitude, move):
 
 
 def correct(
-    ids, local, center, attitude, velocity, rotation, mass, inertia, inverse, is_free, chosen, ints, reals,
+    ids, local, center, attitude, velocity, rotation, mass, inertia, inverse, is_free, chosen, others, ints, reals,
     jb, jj, jresidual,
 ):  # fmt: skip
-    """Least move (mass metric) of the bodies `ids` that closes the gaps of `chosen` and the joints' residuals."""
+    """Least move (mass metric) of the bodies `ids` that closes the gaps of `chosen` and the joints' residuals.
+
+    It pushes nothing into what it touches or nearly touches: the gaps of the rows `others` stay open, or as they are.
+    """
     m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
     none = np.zeros(len(ints))
     cb, cj, _, _ = contact_rows(chosen, ints, reals, none, none, local, ids, center, velocity, is_free)
     blocks = np.concatenate([cb, jb])
     jacobian = np.ascontiguousarray(np.concatenate([cj[:, :1], jj]))
     bias = np.concatenate([reals[chosen, 6:], jresidual])
+    ob, oj, keep, smooth = contact_rows(others, ints, reals, none, none, local, ids, center, velocity, is_free)
+    keep[:] = 0.0
+    keep[:, 0] = np.maximum(reals[others, 6], 0.0)
+    held = np.zeros(len(others), bool)
     move = np.empty((len(ids), 6))
-    solver.solve(
-        np.zeros((len(ids), 6)), move, m, world, im, inverse_world, _NO_PAIRS, _NO_JACOBIAN, _NO_BIAS,
-        _NO_FRICTION, _NO_DRY, _NO_FRICTION, _NO_BIAS.copy(), blocks, jacobian, bias, np.zeros((len(blocks), 1)), 1e-13,
-    )  # fmt: skip
+    for _ in range(8):
+        push = np.zeros((int(held.sum()), 3))
+        solver.solve(
+            np.zeros((len(ids), 6)), move, m, world, im, inverse_world, ob[held], oj[held], keep[held], smooth[held],
+            np.zeros(len(push), np.bool_), np.zeros(len(push)), push, blocks, jacobian, bias,
+            np.zeros((len(blocks), 1)), 1e-13,
+        )  # fmt: skip
+        padded = np.concatenate([move, np.zeros((1, 6))])  # -1: what does not move
+        left = keep[:, 0] + np.einsum("cj,cj->c", oj[:, 0], padded[ob].reshape(-1, 12))
+        pushed = ~held & (left < -TOUCHING)
+        if not pushed.any():
+            break
+        held |= pushed
     shift(ids, center, attitude, move)
 
 
-_NO_PAIRS = np.zeros((0, 2), np.int64)
-_NO_JACOBIAN = np.zeros((0, 3, 12))
-_NO_BIAS = np.zeros((0, 3))
-_NO_FRICTION = np.zeros(0)
-_NO_DRY = np.zeros(0, np.bool_)
+TOUCHING = 1e-12
+"""m: by which a correction may bring others nearer than they may come"""

@@ -316,7 +316,7 @@ class Stepper:
                 break
             to_find = batch.part(open_)
             own = open_[batch.of_rows(after.ints)]
-            self.touching.correct(to_find, after, np.flatnonzero(off & own), jb, jj, jr)
+            self.touching.correct(to_find, after, np.flatnonzero(off & own), np.flatnonzero(~off & own), jb, jj, jr)
             if to_find is batch:
                 after, touched, off = self._matched(batch, now, begin, way)
             else:
@@ -530,7 +530,7 @@ class Stepper:
             done.append(rows(after, ~wrong[own]))
             after, off = rows(after, wrong[own]), off[wrong[own]]
             part, way = part.part(wrong), way[wrong]
-            touching.correct(part, after, np.flatnonzero(off), jb, jj, jr)
+            touching.correct(part, after, np.flatnonzero(off), np.flatnonzero(~off), jb, jj, jr)
         return merged(batch, [*done, after])
 
 

@@ -302,12 +302,12 @@ class Touching:
         part = sigma[group, None]
         contacts.force[pressed] = np.where(part < 1.0, least_force + part * (force - least_force), force)
 
-    def correct(self, batch: Batch, contacts: Contacts, chosen: Ints, jb, jj, jr) -> None:
-        """The least move that closes the gaps of the rows `chosen` and the joints' residuals."""
+    def correct(self, batch: Batch, contacts: Contacts, chosen: Ints, others: Ints, jb, jj, jr) -> None:
+        """The least move that closes the gaps of the rows `chosen` and the joints' residuals; `others` stay open."""
         b = self.bodies
         pressing.correct(
             batch.ids, self._local(batch), b.center, b.attitude, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
-            b.kind == FREE, chosen, contacts.ints, contacts.reals, jb, jj, jr,
+            b.kind == FREE, chosen, others, contacts.ints, contacts.reals, jb, jj, jr,
         )  # fmt: skip
         place(batch.ids, b.center, b.attitude, b.offset, b.rotation, b.origin)
 
