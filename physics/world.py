@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from collision import CollisionManager, Tolerance
 from constraints.geometry import Geometry
+from physics import starts
 from physics.batch import whole
 from physics.behaviours import LAWS, Behaviour, Reaction, Sleeping, Touch, View
 from physics.bodies import FREE, KINEMATIC, STATIC, Bodies, Saved
@@ -347,6 +348,8 @@ class World:
         carried = self._carry(dt)
         free = self._free_awake()
         if len(free) or carried or self._grips:
+            if self._placed:
+                self._part_deep(free)
             kept = self._list_near(free, carried, dt)
             while self._rouse(
                 free
@@ -458,6 +461,15 @@ class World:
         self._pairs = self._surface_pairs(objects)
         self._stale = self._placed = False
         return False
+
+    def _part_deep(self, free: list[int]) -> None:
+        """Bring awake bodies out of what they were put into too deep for contact to see."""
+        self._refresh()
+        pairs = self.collision.object_pairs(free)
+        pairs = [(i, j) for i, j in pairs.tolist() if self._solid.get(i, True) and self._solid.get(j, True)]
+        for i in {i for pair in pairs for i in pair}:
+            self._shape(i)
+        starts.part(self._bodies, self.collision, pairs, frozenset(i for joint in self._joints for i in joint.bodies))
 
     def _gain(self, movers: NDArray[np.int64], dt: float) -> Array:
         """m that forces may add to a body's way in one step (as they are now)."""
