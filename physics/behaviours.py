@@ -117,7 +117,10 @@ class Behaviour:
 
 
 def _number(value: float, what: str, behaviour: Behaviour, low: float = 0.0, high: float = np.inf) -> float:
-    x = float(value)
+    try:
+        x = float(value)
+    except (TypeError, ValueError):
+        x = np.nan
     if not (np.isfinite(x) and low <= x <= high):
         name = type(behaviour).__name__
         limit = f"{low:g} … {high:g}" if np.isfinite(high) else f"{low:g} or more"
@@ -126,7 +129,10 @@ def _number(value: float, what: str, behaviour: Behaviour, low: float = 0.0, hig
 
 
 def _vector(value: ArrayLike, what: str, behaviour: Behaviour) -> Array:
-    v = np.array(value, dtype=np.float64)
+    try:
+        v = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        v = np.zeros(0)
     if v.shape != (3,) or not np.isfinite(v).all():
         name = type(behaviour).__name__
         raise BehaviourError(f"{name}: {what} is {value!r}; give three finite numbers", behaviour=name)
@@ -307,10 +313,12 @@ class ScriptedPath(Behaviour):
         if callable(path):
             self.path = path
             return
-        times = [float(t) for t, _ in path]
+        times = [_number(t, "a time", self, -np.inf) for t, _ in path]
         if not times or any(b <= a for a, b in pairwise(times)):
             raise BehaviourError(f"ScriptedPath: times are {times}; give them rising", behaviour="ScriptedPath")
         poses = [p for _, p in path]
+        if not all(isinstance(p, pin.SE3) for p in poses):
+            raise BehaviourError("ScriptedPath: give each time with a pinocchio.SE3", behaviour="ScriptedPath")
 
         def between(time: float) -> pin.SE3:
             if time <= times[0]:

@@ -17,6 +17,8 @@ from collision import CollisionManager
 from physics.bodies import FREE, Bodies
 from physics.touching import DEEPEST
 
+NEARLY = 0.98
+"""1: depths are measured to 1 %"""
 PASSES = 16
 """times that the deepest overlap is looked for anew, an object pair"""
 
@@ -34,7 +36,7 @@ def part(
     for _ in range(PASSES * len(pairs)):
         deepest = [_deepest(collision, i, j) for i, j in pairs]
         excess = [
-            way @ way / (0.9 * DEEPEST * min(b.thickness[i], b.thickness[j])) ** 2
+            way @ way / (NEARLY * DEEPEST * min(b.thickness[i], b.thickness[j])) ** 2
             for (i, j), way in zip(pairs, deepest, strict=True)
         ]
         worst = int(np.argmax(excess)) if excess else 0

@@ -120,10 +120,25 @@ class World:
             if not isinstance(behaviour, Behaviour):
                 raise BehaviourError(f"object {i}: {behaviour!r} is no Behaviour", i, type(behaviour).__name__)
         reaction = self._reaction(i, behaviours)
+        pose = self.collision.pose(i)
+        constant, varying, path = np.zeros(6), [], None
+        if body is not None:
+            view = View(i, self.time, body, pose, pose.act(body.center), twist[:3], twist[3:])
+            for behaviour in behaviours:
+                if type(behaviour).wrench is Behaviour.wrench:
+                    continue
+                if behaviour.constant:
+                    constant += self._wrench(i, behaviour, view)
+                else:
+                    varying.append(behaviour)
+        for behaviour in behaviours:
+            if type(behaviour).pose is not Behaviour.pose:
+                path = behaviour
+                self._target(i, path, self.time)
         b = self._reserve(i)
         mesh = self.collision.mesh(i)
         b.set_constants(i, body, mesh.vertices)
-        b.set_pose(i, self.collision.pose(i))
+        b.set_pose(i, pose)
         self._geometries[i] = dict(geometries or {})
         self._behaviours[i] = tuple(behaviours)
         self._touching.friction[i] = np.nan if reaction.friction is None else reaction.friction
@@ -133,7 +148,7 @@ class World:
         self._touching.shape_of[i] = -1
         self._path.pop(i, None)
         self._varying.pop(i, None)
-        self._constant[i] = 0.0
+        self._constant[i] = constant
         b.velocity[i] = 0.0
         if body is None:
             b.kind[i] = STATIC
@@ -143,17 +158,11 @@ class World:
             self._body[i] = body
             b.velocity[i] = twist
             self._may_sleep[i] = all(x.allowed for x in behaviours if isinstance(x, Sleeping))
-            for behaviour in behaviours:
-                if type(behaviour).wrench is not Behaviour.wrench:
-                    if behaviour.constant:
-                        self._constant[i] += self._wrench(i, behaviour, self._view(i, self.time))
-                    else:
-                        self._varying[i] = (*self._varying.get(i, ()), behaviour)
-        for behaviour in behaviours:
-            if type(behaviour).pose is not Behaviour.pose:
-                self._path[i] = behaviour
-                b.kind[i] = KINEMATIC
-                self._target(i, behaviour.pose(self.time), type(behaviour).__name__)
+            if varying:
+                self._varying[i] = tuple(varying)
+        if path is not None:
+            self._path[i] = path
+            b.kind[i] = KINEMATIC
         self.wake(i)
         self._stale = self._placed = True
 
@@ -246,7 +255,7 @@ class World:
 
     def touches(self, object_id: int) -> tuple[Touch, ...]:
         """Contact points of an object that carry force, as of the last step; `impulse` is force times the step."""
-        return self._touches(self._member(object_id), self._last_step)
+        return _touches(self._member(object_id), self._contacts, self._last_step)
 
     _last_step = 0.0
     _dt = 0.0  # s: of the step that is going on
@@ -307,13 +316,10 @@ class World:
         i = self._member(object_id)
         if i not in self._body:
             raise WorldError(f"object {i} is static; a hand can hold what has a body", i)
-        if isinstance(grip, SpringHand):
-            self._bodies.kind[i] = FREE
-            self._grips[i] = Grip(grip)
-        else:
-            self._bodies.kind[i] = KINEMATIC
-            self._target(i, grip, "hold")
-            self._grips[i] = Grip(grip)
+        spring = isinstance(grip, SpringHand)
+        self._rigid(i, grip.target if spring else grip, "hold")
+        self._bodies.kind[i] = FREE if spring else KINEMATIC
+        self._grips[i] = Grip(grip)
         self.wake(i)
 
     def let_go(self, object_id: int) -> None:
@@ -339,40 +345,50 @@ class World:
     def step(self, dt: float) -> None:
         """Move everything by `dt` seconds (> 0).
 
-        Raises BehaviourError if a behaviour returns what is no wrench or pose; nothing has moved then.
+        Raises BehaviourError if a behaviour fails, or returns what is no wrench or pose, WorldError if the motion of an
+        object is not finite. Nothing has moved then, nor when the step is interrupted.
         """
         if not (np.isfinite(dt) and dt > 0.0):
             raise WorldError(f"dt is {dt!r} s; give a positive number")
         dt = self._dt = float(dt)
         b = self._bodies
-        carried = self._carry(dt)
+        targets = self._targets(dt)
+        before = {i: b.velocity[i].copy() for i in targets}
+        carried = self._carry(targets, dt)
         free = self._free_awake()
-        if len(free) or carried or self._grips:
-            if self._placed:
-                self._part_deep(free)
-            kept = self._list_near(free, carried, dt)
-            while self._rouse(
-                free
-            ):  # pairs among sleepers were not listed: a blow must reach the next one in this step
-                self._stale = True
+        start: Saved | None = None
+        try:
+            if len(free) or carried or self._grips:
+                if self._placed:
+                    self._part_deep(free)
                 kept = self._list_near(free, carried, dt)
-            ids = np.array(free, dtype=np.int64)
-            label, count = self._near_islands(ids)
-            kept = kept and tuple(free) == self._moving
-            self._moving = tuple(free)
-            self._touching.residual = 0.0
-            moved = np.array(sorted({*free, *carried}), dtype=np.int64)
-            start = Saved(b, moved)
-            try:
+                while self._rouse(
+                    free
+                ):  # pairs among sleepers were not listed: a blow must reach the next one in this step
+                    self._stale = True
+                    kept = self._list_near(free, carried, dt)
+                ids = np.array(free, dtype=np.int64)
+                label, count = self._near_islands(ids)
+                kept = kept and tuple(free) == self._moving
+                self._moving = tuple(free)
+                self._touching.residual = 0.0
+                moved = np.array(sorted({*free, *carried}), dtype=np.int64)
+                start, steady, rate = Saved(b, moved), b.steady[moved], b.rate[moved]
                 ended = self._advance(ids, label, count, kept, dt)
-            except BehaviourError:
+                self._check(moved)
+                contacts = _joined(ended)
+                self._finish_carried(targets, contacts, dt)
+                self.residual = self._touching.residual
+                self._contacts = contacts
+                self._settle(ids, label, count, dt)
+                self.collision.set_poses(moved, b.homogeneous(moved))
+        except BaseException:
+            for i, velocity in before.items():
+                b.velocity[i] = velocity
+            if start is not None:
                 start.restore(b)
-                raise
-            self.residual = self._touching.residual
-            self._contacts = _joined(ended)
-            self._finish_carried(carried, dt)
-            self._settle(ids, label, count, dt)
-            self.collision.set_poses(moved, b.homogeneous(moved))
+                b.steady[moved], b.rate[moved] = steady, rate
+            raise
         self.time += dt
         self._last_step = dt
 
@@ -380,19 +396,28 @@ class World:
         b = self._bodies
         return [int(i) for i in np.flatnonzero(b.awake[: b.n] & (b.kind[: b.n] == FREE))]
 
-    def _carry(self, dt: float) -> list[int]:
+    def _targets(self, dt: float) -> dict[int, pin.SE3]:
+        """Where kinematic objects are to be at the end of the step, by id; those whose path has ended become free."""
+        b = self._bodies
+        out = {i: grip.target for i, grip in self._grips.items() if grip.hand is None}
+        ways = {i: self._target(i, path, self.time + dt) for i, path in self._path.items() if i not in self._grips}
+        for i, target in ways.items():
+            kind = KINEMATIC if target is not None else FREE if i in self._body else STATIC
+            if b.kind[i] != kind:
+                b.kind[i] = kind
+                self._stale = True
+                self.wake(i)
+            if target is not None:
+                out[i] = target
+        return dict(sorted(out.items()))
+
+    def _carry(self, targets: Mapping[int, pin.SE3], dt: float) -> list[int]:
         """Kinematic objects that move in this step, with the velocity that takes them to their pose."""
         b = self._bodies
         moving = []
-        for i in np.flatnonzero(b.kind[: b.n] == KINEMATIC).tolist():
-            grip = self._grips.get(i)
-            if grip is not None:
-                target = grip.target
-            else:
-                path = self._path[i]
-                target = self._target(i, path.pose(self.time + dt), type(path).__name__)
-            if grip is not None:
-                grip.before = b.velocity[i].copy()
+        for i, target in targets.items():
+            if i in self._grips:
+                self._grips[i].before = b.velocity[i].copy()
             turn = pin.log3(target.rotation @ b.rotation[i].T)
             shift = target.rotation @ b.offset[i] + target.translation - b.center[i]
             b.velocity[i, :3] = shift / dt
@@ -401,7 +426,14 @@ class World:
                 moving.append(i)
         return moving
 
-    def _felt(self, i: int, grip: Grip, dt: float) -> Array:
+    def _check(self, moved: NDArray[np.int64]) -> None:
+        b = self._bodies
+        lost = ~(np.isfinite(b.center[moved]).all(axis=1) & np.isfinite(b.velocity[moved]).all(axis=1))
+        if lost.any():
+            i = int(moved[np.argmax(lost)])
+            raise WorldError(f"{self._called(i)}: its motion is not finite; a force or a speed is too great", i)
+
+    def _felt(self, i: int, grip: Grip, contacts: Contacts, dt: float) -> Array:
         """(6,) what it took to carry object i through the step: its inertia, less what contacts and behaviours gave."""
         b = self._bodies
         change = (b.velocity[i] - grip.before) / dt
@@ -410,23 +442,18 @@ class World:
         omega = b.velocity[i, 3:]
         w[3:] += np.cross(omega, r @ b.inertia[i] @ r.T @ omega)
         w -= self._wrenches(np.array([i]), self.time)[0]
-        for touch in self._touches(i, dt):
+        for touch in _touches(i, contacts, dt):
             w[:3] -= touch.impulse / dt
             w[3:] -= np.cross(touch.point - b.center[i], touch.impulse / dt)
         return w
 
-    def _finish_carried(self, carried: list[int], dt: float) -> None:
-        b = self._bodies
-        for i, grip in self._grips.items():
-            if grip.hand is None:
-                grip.wrench = self._felt(i, grip, dt)
-        for i in carried:
-            held = self._grips.get(i)
-            path = self._path.get(i)
-            if held is not None:
-                b.set_pose(i, held.target)
-            elif path is not None:
-                b.set_pose(i, path.pose(self.time + dt))
+    def _finish_carried(self, targets: Mapping[int, pin.SE3], contacts: Contacts, dt: float) -> None:
+        felt = {i: self._felt(i, self._grips[i], contacts, dt) for i in targets if i in self._grips}
+        for i, target in targets.items():
+            if self._bodies.velocity[i].any():
+                self._bodies.set_pose(i, target)
+            if i in felt:
+                self._grips[i].wrench = felt[i]
 
     def _list_near(self, free: list[int], carried: list[int], dt: float) -> bool:
         """Renew the list of near surface pairs when something may leave the slack it was made with; True if not."""
@@ -465,8 +492,8 @@ class World:
     def _part_deep(self, free: list[int]) -> None:
         """Bring awake bodies out of what they were put into too deep for contact to see."""
         self._refresh()
-        pairs = self.collision.object_pairs(free)
-        pairs = [(i, j) for i, j in pairs.tolist() if self._solid.get(i, True) and self._solid.get(j, True)]
+        near = self.collision.object_pairs(free).tolist()
+        pairs = [(i, j) for i, j in near if self._solid.get(i, True) and self._solid.get(j, True)]
         for i in {i for pair in pairs for i in pair}:
             self._shape(i)
         starts.part(self._bodies, self.collision, pairs, frozenset(i for joint in self._joints for i in joint.bodies))
@@ -669,62 +696,78 @@ class World:
         return w
 
     def _wrench(self, i: int, behaviour: Behaviour, view: View) -> Array:
-        given = behaviour.wrench(view)
+        given = self._asked(i, behaviour, "wrench", view)
         if given is None:
             return np.zeros(6)
-        name = type(behaviour).__name__
         try:
             w = np.asarray(given, dtype=np.float64)
         except (TypeError, ValueError):
             w = np.zeros(0)
         if w.shape != (6,) or not np.isfinite(w).all():
-            raise BehaviourError(f"object {i}: {name}.wrench returned {given!r}; give six finite numbers", i, name)
+            name = type(behaviour).__name__
+            raise BehaviourError(
+                f"{self._called(i)}: {name}.wrench returned {_line(given)}; give six finite numbers", i, name
+            )
         return w
 
-    def _target(self, i: int, pose: pin.SE3 | None, name: str) -> pin.SE3:
+    def _asked(self, i: int, behaviour: Behaviour, question: str, *given: object) -> Any:
+        """What a behaviour answers; if it fails, that is told with the object's name."""
+        try:
+            return getattr(behaviour, question)(*given)
+        except Exception as error:
+            name = type(behaviour).__name__
+            raise BehaviourError(
+                f"{self._called(i)}: {name}.{question} raised {type(error).__name__}: {error}", i, name
+            ) from error
+
+    def _called(self, i: int) -> str:
+        """How messages name object i."""
+        body = self._body.get(i)
+        name = body.name if body is not None else self.collision.mesh(i).name
+        return f"object {i} ({name})"
+
+    def _target(self, i: int, path: Behaviour, time: float) -> pin.SE3 | None:
+        """The pose that `path` gives object i at `time`, s; None if it is free then."""
+        pose = self._asked(i, path, "pose", time)
+        return None if pose is None else self._rigid(i, pose, type(path).__name__)
+
+    def _rigid(self, i: int, pose: object, name: str) -> pin.SE3:
         if (
             not isinstance(pose, pin.SE3)
             or not np.isfinite(pose.homogeneous).all()
             or np.abs(pose.rotation.T @ pose.rotation - np.eye(3)).max() > self.tolerance.rigid
+            or np.linalg.det(pose.rotation) < 0.0
         ):
-            raise BehaviourError(f"object {i}: {name} gives {pose!r}, which is no finite rigid pose", i, name)
+            raise BehaviourError(
+                f"{self._called(i)}: {name} gives {_line(pose)}, which is no finite rigid pose", i, name
+            )
         return pose
 
     def _view(self, i: int, time: float) -> View:
         b = self._bodies
         return View(
             i, time, self._body[i], b.pose(i), b.center[i].copy(), b.velocity[i, :3].copy(), b.velocity[i, 3:].copy(),
-            self._touches(i, self._last_step),
+            _touches(i, self._contacts, self._last_step),
         )  # fmt: skip
-
-    def _touches(self, i: int, dt: float) -> tuple[Touch, ...]:
-        c = self._contacts
-        out = []
-        for k in np.flatnonzero(((c.ints[:, 0] == i) | (c.ints[:, 1] == i)) & (c.force[:, 0] > 0.0)):
-            sign = 1.0 if c.ints[k, 0] == i else -1.0
-            n = c.reals[k, 3:6]
-            t1 = _tangent(n)
-            f = c.force[k, 0] * n + c.force[k, 1] * t1 + c.force[k, 2] * np.cross(n, t1)
-            other = int(c.ints[k, 1] if sign > 0 else c.ints[k, 0])
-            out.append(Touch(other, c.reals[k, :3].copy(), sign * n, sign * dt * f))
-        return tuple(out)
 
     def _reaction(self, i: int, behaviours: Sequence[Behaviour]) -> Reaction:
         reaction = Reaction()
         for behaviour in behaviours:
-            reaction = behaviour.reaction(reaction)
-            name = type(behaviour).__name__
+            reaction = self._asked(i, behaviour, "reaction", reaction)
+            name, called = type(behaviour).__name__, self._called(i)
             if not isinstance(reaction, Reaction):
-                raise BehaviourError(f"object {i}: {name}.reaction returned {reaction!r}, no Reaction", i, name)
-            e, mu = reaction.restitution, reaction.friction
-            if e is not None and not 0.0 <= e <= 1.0:
-                raise BehaviourError(f"object {i}: {name} gives restitution {e!r}; give 0 … 1", i, name)
+                raise BehaviourError(f"{called}: {name}.reaction returned {_line(reaction)}, no Reaction", i, name)
+            for what, value, most in (
+                ("restitution", reaction.restitution, 1.0),
+                ("friction", reaction.friction, np.finfo(np.float64).max),
+            ):
+                if value is not None and not (isinstance(value, int | float | np.number) and 0.0 <= value <= most):
+                    limits = "0 … 1" if most == 1.0 else "0 or more"
+                    raise BehaviourError(f"{called}: {name} gives {what} {_line(value)}; give {limits}", i, name)
             if reaction.law not in LAWS:
                 raise BehaviourError(
-                    f"object {i}: {name} gives law {reaction.law!r}; give {' or '.join(LAWS)}", i, name
+                    f"{called}: {name} gives law {_line(reaction.law)}; there are: {', '.join(LAWS)}", i, name
                 )
-            if mu is not None and not (np.isfinite(mu) and mu >= 0.0):
-                raise BehaviourError(f"object {i}: {name} gives friction {mu!r}; give 0 or more", i, name)
         return reaction
 
     # --- small things -------------------------------------------------------------------------------------------------
@@ -764,6 +807,25 @@ class World:
         near = (d <= b.radius[: b.n] + b.radius[i] + SLACK) & (b.kind[: b.n] == FREE)
         b.awake[: b.n][near] = True
         b.quiet[: b.n][near] = 0.0
+
+
+def _touches(i: int, c: Contacts, dt: float) -> tuple[Touch, ...]:
+    """Contact points at which object i is pressed, after a step of `dt` seconds."""
+    out = []
+    for k in np.flatnonzero(((c.ints[:, 0] == i) | (c.ints[:, 1] == i)) & (c.force[:, 0] > 0.0)):
+        sign = 1.0 if c.ints[k, 0] == i else -1.0
+        n = c.reals[k, 3:6]
+        t1 = _tangent(n)
+        f = c.force[k, 0] * n + c.force[k, 1] * t1 + c.force[k, 2] * np.cross(n, t1)
+        other = int(c.ints[k, 1] if sign > 0 else c.ints[k, 0])
+        out.append(Touch(other, c.reals[k, :3].copy(), sign * n, sign * dt * f))
+    return tuple(out)
+
+
+def _line(value: object) -> str:
+    """What was given, on one line and not too long."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else text[:77] + "..."
 
 
 def _tangent(n: Array) -> Array:
