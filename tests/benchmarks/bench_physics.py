@@ -37,14 +37,14 @@ STEPS: dict[str, tuple[list[float], list[float]]] = {  # run -> our steps, peers
     "bounce e=0.8": ([1e-2, 2e-3], [1e-3, 1e-4]),
     "slope slide": ([1e-1, 1e-2], [1e-2, 1e-3]),
     "slope stick": ([1e-1, 1e-2], [1e-2, 1e-3]),
-    "spin": ([5e-2, 1e-2], [1e-2, 1e-3]),
-    "pendulum": ([5e-2, 2e-2, 1e-2], [1e-2, 1e-3]),
-    "four-bar": ([2e-2, 1e-2, 5e-3], [1e-3, 1e-4]),
+    "spin": ([5e-2, 1e-2], [1e-2, 1e-3, 5e-4]),
+    "pendulum": ([5e-2, 2e-2, 1e-2], [1e-2, 1e-3, 3e-4, 1e-4]),
+    "four-bar": ([2e-2, 1e-2, 5e-3], [1e-3, 3e-4, 1e-4]),
     "stack": ([2e-2, 1e-2], [1e-2, 2e-3]),
     "roll": ([5e-2, 1e-2], [1e-2, 1e-3]),
     "coin roll": ([1e-2, 1e-3, 2e-4], [1e-3, 1e-4]),
     "coin spin": ([1e-2, 1e-3, 2e-4], [1e-3, 1e-4]),
-    "balloon rise": ([5e-2, 2e-2, 1e-2], [1e-2, 1e-3]),
+    "balloon rise": ([5e-2, 2e-2, 1e-2], [1e-2, 1e-3, 3e-4]),
     "balloon rest": ([5e-2, 1e-2], [1e-2, 1e-3]),
     "peg 0.1 mm": ([1e-2, 1e-3], [1e-3, 2e-4]),
     "peg 10 um": ([1e-2, 1e-3], [1e-3, 2e-4]),
@@ -425,6 +425,7 @@ def plot(result: dict[str, Any], directory: str | Path) -> Path:
 
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     figure, axes = plt.subplots(3, 6, figsize=(26, 12))
     for axis, case in zip(axes.ravel(), pc.ROWS, strict=True):
@@ -449,6 +450,7 @@ def plot(result: dict[str, Any], directory: str | Path) -> Path:
         )
         axis.set_ylabel(pc.ROWS[case][1], fontsize=8)
         axis.set_ylim(5e-18, 10.0)
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.grid(alpha=0.3)
         if rows:
             axis.legend(fontsize=7)
