@@ -173,8 +173,8 @@ def _pair_time(
     manager: CollisionManager, a: _Mover, b: _Mover, i: int, j: int, until: float, deflection: float
 ) -> tuple[float, tuple[int, int], set[tuple[int, int]]]:
     """(time or infinity, the pair of surfaces, the pairs in contact at the start)."""
-    from collision import kernels_distance, kernels_signed, kernels_sweep
-    from collision.predicates import workspace
+    from collision import kernels_sweep
+    from collision.kernels_distance import rounding_of
 
     for mesh in (a.mesh, b.mesh):
         if isinstance(mesh, ShapeMesh):
@@ -184,17 +184,10 @@ def _pair_time(
     heeded = manager.heeded_surfaces(i, j)
     start = manager.relative_pose(i, j)
     rotation, translation = np.ascontiguousarray(start.rotation), start.translation
-    rounding = kernels_distance.rounding_of(a.tree.box, b.tree.box, rotation, translation)
-    work = workspace()
-    stack, safe = np.empty((kernels_distance.STACK, 2), np.int64), np.empty(kernels_distance.STACK)
+    rounding = rounding_of(a.tree.box, b.tree.box, rotation, translation)
+    room = _room()
     near = near_surfaces(a.tree, b.tree, rotation, translation, tolerance + rounding, heeded)
-    depths = np.empty(len(near))
-    kernels_signed.depths_of(
-        near, a.tree.root, b.tree.root,
-        a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner,
-        b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner,
-        rotation, translation, np.nextafter(tolerance, np.inf), rounding, depths, work, stack, safe,
-    )  # fmt: skip
+    depths = _signed_distances(a, b, near, rotation, translation, np.nextafter(tolerance, np.inf), rounding, room)
     touching = depths <= tolerance
     surfaces, depths = near[touching], depths[touching]
     level = np.empty((0, 0))
@@ -209,13 +202,38 @@ def _pair_time(
         a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner, a.tree.surface,
         b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner, b.tree.surface,
         a.rotation, a.translation, a.twist, b.rotation, b.translation, b.twist,
-        until, tolerance, play, kernels_sweep.STEPS, level, hit, work, stack, safe,
+        until, tolerance, play, kernels_sweep.STEPS, level, hit, *room,
         np.empty((3, 3, 3)), np.empty((3, 3)),
     )  # fmt: skip
     pair, pairs = (int(hit[0]), int(hit[1])), set(map(tuple, surfaces.tolist()))
     if pair in pairs and time <= until:
         time = _last_above(a, b, pair, before, time, float(level[pair]), play)
     return float(time), pair, pairs
+
+
+def _room() -> tuple[NDArray[Any], ...]:
+    """What the kernels work in: workspace, stack, and what is safe on the stack."""
+    from collision.kernels_distance import STACK
+    from collision.predicates import workspace
+
+    return workspace(), np.empty((STACK, 2), np.int64), np.empty(STACK)
+
+
+def _signed_distances(
+    a: _Mover, b: _Mover, pairs: NDArray[np.int32], rotation: NDArray[np.float64], translation: NDArray[np.float64],
+    within: float, rounding: float, room: tuple[NDArray[Any], ...],
+) -> NDArray[np.float64]:  # fmt: skip
+    """(n,) m of surface pairs (n, 2), b at a pose in a's frame; `within` (>= 0) where it is more."""
+    from collision.kernels_signed import depths_of
+
+    depths = np.empty(len(pairs))
+    depths_of(
+        pairs, a.tree.root, b.tree.root,
+        a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner,
+        b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner,
+        rotation, translation, within, rounding, depths, *room,
+    )  # fmt: skip
+    return depths
 
 
 def _last_above(
@@ -225,24 +243,16 @@ def _last_above(
 
     It is above at `before`, and at or below at `time`; in between nothing gets below what the advancement held to.
     """
-    from collision import kernels_distance, kernels_signed
-    from collision.predicates import workspace
+    from collision.kernels_distance import rounding_of
 
-    surfaces, depth = np.array([pair], np.int32), np.empty(1)
-    work = workspace()
-    stack, safe = np.empty((kernels_distance.STACK, 2), np.int64), np.empty(kernels_distance.STACK)
+    surfaces, room = np.array([pair], np.int32), _room()
 
     def signed_distance(t: float) -> float:
         pose = a.at(t).actInv(b.at(t))
         rotation, translation = np.ascontiguousarray(pose.rotation), pose.translation
-        kernels_signed.depths_of(
-            surfaces, a.tree.root, b.tree.root,
-            a.mesh.vertices, a.tree.box, a.tree.second, a.tree.first, a.tree.count, a.tree.corner,
-            b.mesh.vertices, b.tree.box, b.tree.second, b.tree.first, b.tree.count, b.tree.corner,
-            rotation, translation, max(0.0, level + 2.0 * play),
-            kernels_distance.rounding_of(a.tree.box, b.tree.box, rotation, translation), depth, work, stack, safe,
-        )  # fmt: skip
-        return float(depth[0])
+        rounding = rounding_of(a.tree.box, b.tree.box, rotation, translation)
+        within = max(0.0, level + 2.0 * play)
+        return float(_signed_distances(a, b, surfaces, rotation, translation, within, rounding, room)[0])
 
     apart = signed_distance(before)
     while apart > level + 1.5 * play:
