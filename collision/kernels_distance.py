@@ -78,6 +78,14 @@ def size_of(box, i):
 
 
 @njit(error_model="numpy", **KERNEL)
+def opened(i, j, box_a, second_a, box_b, second_b):
+    """(i, j, i, j): the two pairs of nodes that a pair opens into, by the larger node, or the one that is no leaf."""
+    if second_b[j] < 0 or (second_a[i] >= 0 and size_of(box_a, i) >= size_of(box_b, j)):
+        return i + 1, j, second_a[i], j
+    return i, j + 1, i, second_b[j]
+
+
+@njit(error_model="numpy", **KERNEL)
 def _leaves(
     i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
     rotation, translation, bound, rounding, best, hit, work,
@@ -150,8 +158,7 @@ def closest(
         if gap[top] > reach * reach:
             continue
         i, j = stack[top, 0], stack[top, 1]
-        leaf_a, leaf_b = second_a[i] < 0, second_b[j] < 0
-        if leaf_a and leaf_b:
+        if second_a[i] < 0 and second_b[j] < 0:
             bound = _leaves(
                 i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
                 rotation, translation, bound, rounding, best, hit, work,
@@ -159,10 +166,7 @@ def closest(
             if hit[0] >= 0 and bound == 0.0:
                 return
             continue
-        if leaf_b or (not leaf_a and size_of(box_a, i) >= size_of(box_b, j)):
-            i0, j0, i1, j1 = i + 1, j, second_a[i], j
-        else:
-            i0, j0, i1, j1 = i, j + 1, i, second_b[j]
+        i0, j0, i1, j1 = opened(i, j, box_a, second_a, box_b, second_b)
         g0 = box_gap(box_a, i0, box_b, j0, rotation, translation)
         g1 = box_gap(box_a, i1, box_b, j1, rotation, translation)
         if g0 < g1:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from collision.kernels_distance import box_gap, move, size_of
+from collision.kernels_distance import box_gap, move, opened
 from collision.kernels_hold import pair_step
 from collision.kernels_triangles import planes_part
 from collision.predicates import KERNEL
@@ -75,17 +75,13 @@ def _depth(
         if safe[top] > least + rounding:
             continue
         i, j = stack[top, 0], stack[top, 1]
-        leaf_a, leaf_b = second_a[i] < 0, second_b[j] < 0
-        if leaf_a and leaf_b:
+        if second_a[i] < 0 and second_b[j] < 0:
             least = _leaf_depth(
                 i, j, vertices_a, first_a, count_a, corner_a, vertices_b, first_b, count_b, corner_b,
                 rotation, translation, least, rounding, work,
             )  # fmt: skip
             continue
-        if leaf_b or (not leaf_a and size_of(box_a, i) >= size_of(box_b, j)):
-            i0, j0, i1, j1 = i + 1, j, second_a[i], j
-        else:
-            i0, j0, i1, j1 = i, j + 1, i, second_b[j]
+        i0, j0, i1, j1 = opened(i, j, box_a, second_a, box_b, second_b)
         g0 = _signed_gap(box_a, i0, box_b, j0, rotation, translation)
         g1 = _signed_gap(box_a, i1, box_b, j1, rotation, translation)
         if g0 < g1:

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from collision.kernels_distance import move, rounding_of, size_of
+from collision.kernels_distance import move, opened, rounding_of
 from collision.kernels_hold import node_speeds, node_step, pair_step
 from collision.kernels_triangles import planes_part
 from collision.kernels_vector import cross, norm, rotated, sub
@@ -159,8 +159,7 @@ def sweep(
                 continue
             i, j = stack[top, 0], stack[top, 1]
             s, u = surface_a[i], surface_b[j]
-            leaf_a, leaf_b = second_a[i] < 0, second_b[j] < 0
-            if leaf_a and leaf_b:
+            if second_a[i] < 0 and second_b[j] < 0:
                 stop, aim = _stops(level, s, u, tolerance, play)
                 if stop == -np.inf:
                     continue
@@ -176,10 +175,7 @@ def sweep(
                     return t, before
                 step = shorter
                 continue
-            if leaf_b or (not leaf_a and size_of(box_a, i) >= size_of(box_b, j)):
-                i0, j0, i1, j1 = i + 1, j, second_a[i], j
-            else:
-                i0, j0, i1, j1 = i, j + 1, i, second_b[j]
+            i0, j0, i1, j1 = opened(i, j, box_a, second_a, box_b, second_b)
             # no level lies above the tolerance, which is safe for nodes of several surfaces
             stop, aim = _stops(level, surface_a[i0], surface_b[j0], tolerance, play)
             s0 = node_step(
