@@ -234,7 +234,13 @@ def _vertices_on_faces(
                 continue
             v = vertices[i]
             front = True
+            # the wall of a bore bends towards a shaft in it: its chords lead into the shaft and say nothing
+            bore = (
+                shapes.vertex_bore[v] if shapes.kinds[gb + sb] == CYLINDER and shapes.analytic[gb + sb, 7] > 0 else -1
+            )
             for j in range(shapes.neighbour_start[v + fa], shapes.neighbour_start[v + fa + 1]):
+                if bore >= 0 and shapes.vertex_bore[shapes.neighbours[j]] == bore:
+                    continue
                 _to(ra, pa, shapes.vertices[shapes.neighbours[j]], world)
                 _from(rb, pb, world, q)
                 x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]

@@ -52,6 +52,8 @@ class Shape(NamedTuple):
     """(c, 8) rims of cylinders: centre, axis, radius, number; by surface (a rim is listed for both it parts)"""
     vertex_rim: Ints
     """(n,) row in `circles` of a rim that the vertex lies on, or -1"""
+    vertex_bore: Ints
+    """(n,) analytic bore (surface) that the vertex lies on, or -1"""
     kinds: Ints
     """(k,) FACETED, SPHERE or CYLINDER, by surface"""
     analytic: Array
@@ -113,6 +115,7 @@ def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = No
         circle_start=np.searchsorted(rims[:, 7], np.arange(k + 1)).astype(np.int64),
         circles=np.ascontiguousarray(rims[:, [0, 1, 2, 3, 4, 5, 6, 8]]),
         vertex_rim=_vertex_rim(vertices, rims),
+        vertex_bore=_vertex_bore(len(vertices), kinds, analytic, pairs),
         kinds=kinds,
         analytic=analytic,
         boxes=boxes,
@@ -154,6 +157,14 @@ def _wall(vertices: Array, triangles: Ints, normals: Array, double_area: Array, 
     largest = largest[double_area[largest] > 0.0]
     middles = vertices[triangles[largest]].mean(axis=1)
     return float(_behind(middles, -normals[largest], vertices, triangles, normals, flush))
+
+
+def _vertex_bore(n: int, kinds: Ints, analytic: Array, on: Ints) -> Ints:
+    """(n,) the bore (surface) that each vertex lies on, or -1; on: (k, 2) surfaces and their vertices."""
+    bore = np.full(n, -1, np.int64)
+    mine = on[(kinds[on[:, 0]] == CYLINDER) & (analytic[on[:, 0], 7] < 0.0)]
+    bore[mine[:, 1]] = mine[:, 0]
+    return bore
 
 
 def _vertex_rim(vertices: Array, rims: Array) -> Ints:
@@ -278,6 +289,7 @@ class Shapes(NamedTuple):
     circle_start: Ints
     circles: Array
     vertex_rim: Ints
+    vertex_bore: Ints
     kinds: Ints
     analytic: Array
     boxes: Array
@@ -333,6 +345,7 @@ def pack(shapes: list[Shape]) -> Shapes:
         circle_start=starts("circle_start", "circles"),
         circles=items("circles"),
         vertex_rim=_rows(shapes),
+        vertex_bore=items("vertex_bore"),
         kinds=items("kinds"),
         analytic=items("analytic"),
         boxes=items("boxes"),

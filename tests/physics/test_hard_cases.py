@@ -258,6 +258,28 @@ def test_a_peg_falls_into_its_hole_and_stays(clearance):
     assert off < clearance * (1 + 1e-6)
 
 
+@pytest.mark.parametrize("known", ["both", "shaft", "ring", "neither"])
+def test_a_ring_on_a_longer_shaft_is_carried_by_it(known):
+    """No rim of the shaft is in the bore: it is the bore's ends that touch. 0.5 mm of play, in steps of twice that."""
+    manager, _ = room()
+    shaft = manager.add(cylinder_mesh(0.005, 0.2, 48), at(z=0.2))
+    mesh = tube_mesh(0.0055, 0.01, 0.05, 48)
+    ring = manager.add(mesh, at(z=0.025))
+    world = World(manager)
+    sides = [Cylinder(np.zeros(3), [0, 0, 1], r) for r in (0.005, 0.0055, 0.01)]
+    pin_shape = {0: sides[0]} if known in ("both", "shaft") else {}
+    ring_shape = {0: sides[1], 1: sides[2]} if known in ("both", "ring") else {}
+    world.add(shaft, Body.from_mesh(manager.mesh(shaft), 7850.0), [], pin_shape)
+    world.add(ring, Body.from_mesh(mesh, 7850.0), [Gravity(), Friction(0.1)], ring_shape)
+    for k in range(30):
+        world.hold(shaft, at(x=0.001 * k, z=0.1))
+        world.step(0.01)
+        off = world.pose(ring).translation - world.pose(shaft).translation
+        assert np.hypot(*off[:2]) < 0.0005 * 1.003  # for the chords of 48
+    assert world.pose(ring).translation[2] == pytest.approx(0.025, abs=1e-6)
+    assert world.pose(ring).translation[0] > 0.02
+
+
 def test_newtons_cradle_passes_the_blow_on():
     manager = CollisionManager()
     world = World(manager)
