@@ -18,7 +18,7 @@ from physics.bodies import Bodies
 from physics.islands import components
 from physics.joints import Joint
 from physics.mechanism import Mechanism
-from physics.near import apart
+from physics.near import apart, closing_speed
 from physics.shapes import Shapes
 
 Array = NDArray[np.float64]
@@ -158,13 +158,7 @@ def _meeting(pairs, rotations, origins, velocity, radius, shape_of, first_surfac
         last = first + 1
         while last < len(pairs) and pairs[last, 0] == a and pairs[last, 2] == b:
             last += 1
-        total = 0.0
-        for k in range(3):
-            total += (velocity[a, k] - velocity[b, k]) ** 2
-        speed = np.sqrt(total)
-        for side in (a, b):
-            w = velocity[side]
-            speed += radius[side] * np.sqrt(w[3] * w[3] + w[4] * w[4] + w[5] * w[5])
+        speed = closing_speed(velocity, radius, a, b)
         within = dt * speed + spread[a] + spread[b]
         fa, fb = first_surface[shape_of[a]], first_surface[shape_of[b]]
         meet = False

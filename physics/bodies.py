@@ -93,6 +93,12 @@ class Bodies:
         self.center[i] = self.rotation[i] @ self.offset[i] + pose.translation
         self.origin[i] = pose.translation
 
+    def wake(self, i: int) -> None:
+        """Wake an object."""
+        self.awake[i] = True
+        self.quiet[i] = 0.0
+        self.steady[i] = False
+
     def pose(self, i: int) -> pin.SE3:
         """Pose of the mesh frame in the world."""
         return pin.SE3(self.rotation[i].copy(), self.origin[i].copy())
@@ -191,3 +197,8 @@ class Saved:
             bodies.center[i] = self.center[k] + time * v[:3]
             bodies.attitude[i] = multiply(exponential(*(time * v[3:])), self.attitude[k])
         place(ids, bodies.center, bodies.attitude, bodies.offset, bodies.rotation, bodies.origin)
+
+
+def point_speeds(v: Array, radius: Array) -> Array:
+    """(n,) m/s that no point of bodies of these velocities (n, 6) and radii (n,) exceeds."""
+    return np.sqrt((v[:, :3] ** 2).sum(axis=1)) + np.sqrt((v[:, 3:] ** 2).sum(axis=1)) * radius

@@ -35,6 +35,19 @@ def near_objects(movers, others, center, radius, reach, out):
 
 
 @njit(cache=True)
+def closing_speed(velocity, radius, a, b):
+    """m/s that points of the bodies a and b do not exceed towards one another; velocity (n, 6), radius (n,): by id."""
+    total = 0.0
+    for k in range(3):
+        total += (velocity[a, k] - velocity[b, k]) ** 2
+    speed = np.sqrt(total)
+    for side in (a, b):
+        w = velocity[side]
+        speed += radius[side] * np.sqrt(w[3] * w[3] + w[4] * w[4] + w[5] * w[5])
+    return speed
+
+
+@njit(cache=True)
 def apart(box_a, ra, pa, box_b, rb, pb, reach):
     """Whether two boxes in their own frames are farther apart than `reach` along one of their six axes."""
     for turn in range(2):

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from physics import solver
-from physics.rotations import turn
+from physics.rotations import across, turn
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -83,13 +83,7 @@ def spanning(ints, reals, chosen):
             for j in members:
                 keep[j] = True
             continue
-        k = 0
-        for m in range(1, 3):
-            if abs(n[m]) < abs(n[k]) - 1e-6:
-                k = m
-        e = np.zeros(3)
-        e[k] = 1.0
-        u = np.cross(n, e)
+        u = across(n)
         v = np.cross(n, u)
         for direction in range(8):
             angle = 0.25 * np.pi * direction + 0.1

@@ -13,6 +13,18 @@ def cross(a, b):
 
 
 @njit(cache=True)
+def across(n):
+    """(3,) vector square to the unit vector `n` (3,), told by it alone: n × the axis that it is farthest from."""
+    k = 0
+    for i in range(1, 3):
+        if abs(n[i]) < abs(n[k]) - 1e-6:
+            k = i
+    e = np.zeros(3)
+    e[k] = 1.0
+    return np.cross(n, e)
+
+
+@njit(cache=True)
 def matrix(q, out):
     """Rotation matrix (3, 3) of the quaternion `q` (4,), into `out`; rounding in its length does not matter."""
     x, y, z, w = q[0], q[1], q[2], q[3]

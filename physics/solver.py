@@ -23,6 +23,7 @@ from numba import njit
 
 from physics.blocks import solve_blocks, structure
 from physics.islands import components
+from physics.rotations import across
 
 STIFFNESS = 1e5
 """1: the proximal step ρ, in units of the inverse of each row's own 1/(J M⁻¹ Jᵀ)"""
@@ -47,13 +48,7 @@ def rows_of_contacts(bodies, reals, centers, jacobian):
     for c in range(bodies.shape[0]):
         n = reals[c, 3:6]
         frame[0] = n
-        k = 0  # the tangents follow the normal alone, so that impulses can be kept from step to step
-        for i in range(1, 3):
-            if abs(n[i]) < abs(n[k]) - 1e-6:
-                k = i
-        e = np.zeros(3)
-        e[k] = 1.0
-        t = np.cross(n, e)
+        t = across(n)  # tangents follow the normal alone, so that impulses can be kept from step to step
         frame[1] = t / np.sqrt(np.sum(t * t))
         frame[2] = np.cross(n, frame[1])
         for side in range(2):

@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 
 from collision import Tolerance
 from physics.batch import Batch, Ways, same_objects, split
-from physics.bodies import Bodies, Saved, coast, drift
+from physics.bodies import Bodies, Saved, coast, drift, point_speeds
 from physics.integrators import METHODS
 from physics.joints import assemble
 from physics.mechanism import Mechanism
-from physics.near import separation
+from physics.near import closing_speed, separation
 from physics.pressing import NO_CONTACTS, Contacts, match
 from physics.swinging import Swing
 from physics.touching import Touching, Wrench, merged, rows
@@ -98,7 +98,7 @@ class Stepper:
         spread = np.zeros(b.n)
         spread[ids] = gain + self.tolerance.linear
         if len(ids) > CROWD:  # guess high: the islands' impacts are few anyway, and a second run costs as much again
-            spread[ids] += 2.0 * dt * _point_speeds(b.velocity[ids], b.radius[ids])
+            spread[ids] += 2.0 * dt * point_speeds(b.velocity[ids], b.radius[ids])
         shapes = self.touching.shapes
         assert shapes is not None
         way = Ways(b, self.touching.shape_of, shapes, dt)
@@ -240,8 +240,8 @@ class Stepper:
     def _way(self, batch: Batch, h: Array) -> Array:
         """(count,) m: how far any point of an island, or what meets it, may move in h (count,) seconds."""
         b = self.bodies
-        speed = batch.largest(_point_speeds(b.velocity[batch.ids], b.radius[batch.ids]))
-        moved = _point_speeds(b.velocity[batch.moved], b.radius[batch.moved])
+        speed = batch.largest(point_speeds(b.velocity[batch.ids], b.radius[batch.ids]))
+        moved = point_speeds(b.velocity[batch.moved], b.radius[batch.moved])
         np.maximum.at(speed, batch.moved_island, moved)
         return 2.0 * h * speed + 10.0 * h * h + 1e-6
 
@@ -263,7 +263,7 @@ class Stepper:
     def _strayed(self, batch: Batch, start: Saved, h: Array) -> Mask:
         """(count,) islands whose bodies have left the way on which `_limit` counted, and may pass something unseen."""
         b = self.bodies
-        off = h[batch.island] * _point_speeds(b.velocity[batch.ids] - start.velocity, b.radius[batch.ids])
+        off = h[batch.island] * point_speeds(b.velocity[batch.ids] - start.velocity, b.radius[batch.ids])
         thinnest = np.full(batch.count, np.inf)
         island = np.maximum(batch.of[batch.pairs[:, 0]], batch.of[batch.pairs[:, 2]])
         for side in (0, 2):
@@ -347,7 +347,7 @@ class Stepper:
         ids = batch.ids
         each = h[batch.island]
         off = b.velocity[ids] - self._flight[ids]
-        self._off[ids] = _point_speeds(off, b.radius[ids])
+        self._off[ids] = point_speeds(off, b.radius[ids])
         drift(
             ids, b.center, b.attitude, b.velocity, b.momentum, b.inertia, b.inverse, b.offset, b.rotation, b.origin,
             each, self.method,
@@ -539,11 +539,6 @@ def _affords(batch: Batch, total: int) -> Ints:
     return IMPACTS * FEW // (np.bincount(batch.island) * max(total, FEW))
 
 
-def _point_speeds(v: Array, radius: Array) -> Array:
-    """(n,) m/s that no point of bodies of these velocities (n, 6) and radii (n,) exceeds."""
-    return np.sqrt((v[:, :3] ** 2).sum(axis=1)) + np.sqrt((v[:, 3:] ** 2).sum(axis=1)) * radius
-
-
 @njit(cache=True)
 def _limits(pairs, of, velocity, radius, thickness, rotations, origins, shape_of, first_surface, boxes, gaps, out):
     """Lower `out` (s, by island) to what it takes to come a quarter of the thinner thickness into one another."""
@@ -553,13 +548,7 @@ def _limits(pairs, of, velocity, radius, thickness, rotations, origins, shape_of
         last = first + 1
         while last < len(pairs) and pairs[last, 0] == a and pairs[last, 2] == b:
             last += 1
-        total = 0.0
-        for k in range(3):
-            total += (velocity[a, k] - velocity[b, k]) ** 2
-        speed = np.sqrt(total)
-        for side in (a, b):
-            w = velocity[side]
-            speed += radius[side] * np.sqrt(w[3] * w[3] + w[4] * w[4] + w[5] * w[5])
+        speed = closing_speed(velocity, radius, a, b)
         island = max(of[a], of[b])
         way = 0.25 * min(thickness[a], thickness[b])
         if way < out[island] * speed:  # then it matters how far they have to go before they meet

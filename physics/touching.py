@@ -59,6 +59,14 @@ class Touching:
         self._reals = np.empty((256, 7))
         self._stamps: tuple[Ints, ...] = ()
 
+    def reserve(self, n: int) -> None:
+        """Make room for ids below n."""
+        more = max(0, n - len(self.friction))
+        self.friction = np.concatenate([self.friction, np.full(more, np.nan)])
+        self.restitution = np.concatenate([self.restitution, np.full(more, np.nan)])
+        self.poisson = np.concatenate([self.poisson, np.zeros(more, bool)])
+        self.shape_of = np.concatenate([self.shape_of, np.full(more, -1, np.int64)])
+
     def use(self, shapes: Shapes) -> None:
         """Take the shapes that bodies may have from now on."""
         self.shapes = shapes
