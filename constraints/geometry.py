@@ -7,6 +7,7 @@ distance in metres, positive on the side the natural normal points to (away from
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from math import isfinite, sqrt
 from typing import Self
 
 import numpy as np
@@ -23,7 +24,7 @@ def _vector(value: ArrayLike, field: str) -> Vector:
         v = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise GeometryError(f"{field} is {value!r}; give three finite numbers", field) from None
-    if v.shape != (3,) or not np.isfinite(v).all():
+    if v.shape != (3,) or not all(map(isfinite, v.tolist())):
         raise GeometryError(f"{field} is {value!r}; give three finite numbers", field)
     v.setflags(write=False)
     return v
@@ -31,11 +32,11 @@ def _vector(value: ArrayLike, field: str) -> Vector:
 
 def _direction(value: ArrayLike, field: str) -> Vector:
     v = _vector(value, field)
-    largest = float(np.abs(v).max())
+    largest = max(map(abs, v.tolist()))
     if largest == 0.0:
         raise GeometryError(f"{field} is the zero vector; give a direction", field)
     v = v / largest  # before its square overflows or vanishes
-    v = v / np.linalg.norm(v)
+    v = v / norm(v)
     v.setflags(write=False)
     return v
 
@@ -48,6 +49,17 @@ def _positive(value: float, field: str) -> float:
     if not (np.isfinite(x) and x > 0.0):
         raise GeometryError(f"{field} is {value!r}; give a positive number", field)
     return x
+
+
+def norm(v: Vector) -> float:
+    """The length of a vector (n,), as `np.linalg.norm` has it to the bit, in a fraction of its time."""
+    return sqrt(v @ v)
+
+
+def cross(u: Vector, v: Vector) -> Vector:
+    """The product of two vectors (3,), as `np.cross` has it to the bit, in a fraction of its time."""
+    (a, b, c), (x, y, z) = u.tolist(), v.tolist()
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,9 +126,9 @@ def perpendicular(axis: ArrayLike) -> Vector:
     """A unit vector (3,) at right angles to `axis`, the same one each time."""
     a = np.asarray(axis, dtype=np.float64)
     x, y, z = a.tolist()
-    least = int(np.argmin(np.abs(a)))
+    least = min((abs(x), 0), (abs(y), 1), (abs(z), 2))[1]
     p = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))[least])  # a times that unit vector
-    return p / np.linalg.norm(p)
+    return p / norm(p)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from constraints.features import Feature
 from constraints.geometry import Plane
 from constraints.kinds import Constraint
 from constraints.lower_pairs import orthonormal
-from constraints.pairings import FITS
+from constraints.pairings import FITS, rows_for
 from constraints.recognition import Recogniser
 from constraints.solver import solve
 from constraints.views import Limits
@@ -318,8 +318,10 @@ class ConstraintManager:
         for id, candidate in list(self._pulled.items()):
             if candidate.bodies not in together or self.recogniser.match(candidate.key, at, offer) is not None:
                 del self._pulled[id]
+        told = self.kinds | {"concentric"} if "screw" in self.kinds else self.kinds  # a screw is a fit with pitch
+        rows = rows_for(told)
         for pair, distances in sorted(offered.items()):
-            for match in self.recogniser.matches(pair, poses, offer):
+            for match in self.recogniser.matches(pair, poses, offer, rows):
                 if match.kind in self.kinds:
                     self._recognise(pair, match, distances, poses)
 

@@ -6,7 +6,7 @@ both parts stays solid.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from typing import Any, Protocol
 
 import numpy as np
@@ -20,6 +20,9 @@ from constraints.stated import mates_surfaces
 
 Pairing = tuple[int, tuple[int, ...], int, tuple[int, ...]]
 """Body a, surfaces of it, body b, surfaces of it: each of the first with each of the second."""
+
+
+Faces = tuple[int, ...]
 
 
 class Ignoring(Protocol):
@@ -51,6 +54,7 @@ class MatedSurfaces:
             del self._of[id], self._beside[id]
             for row in self._mated.pop(id):
                 self.collision.heed_surfaces(*row)
+        sleeves: dict[Hashable, tuple[Faces, Faces] | None] = {}
         for id in fresh:
             candidate = self._of[id] = now[id]
             if not mates_surfaces(candidate, self.constraints.recogniser.features):
@@ -61,17 +65,24 @@ class MatedSurfaces:
             beside_a = adjacent_surfaces(self.collision.mesh(a), sa)
             beside_b = adjacent_surfaces(self.collision.mesh(b), sb)
             self._beside[id] = (a, beside_a, b, beside_b)
-            self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb), *self._sleeve(candidate))
+            self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb), *self._sleeve(candidate, sleeves))
         # what was left out by a constraint still in force is so again: its pair may share surfaces with one just heeded
         for id in [*fresh, *(i for i, c in self._of.items() if heeded and c.bodies in heeded)]:
             for row in self._mated[id]:
                 self.collision.ignore_surfaces(*row)
 
-    def _sleeve(self, candidate: Candidate) -> tuple[Pairing, ...]:
-        """The faces that cannot meet while a shaft shares its bore's axis, or planes are face to face."""
-        a, _, b, _, _ = candidate.key
+    def _sleeve(self, candidate: Candidate, known: dict[Hashable, tuple[Faces, Faces] | None]) -> tuple[Pairing, ...]:
+        """The faces that cannot meet while a shaft shares its bore's axis, or planes are face to face.
+
+        known: what was found for the same two meshes and features: four hundred equal bolts are asked about once.
+        """
+        a, fa, b, fb, kind = candidate.key
         meshes = self.collision.mesh(a), self.collision.mesh(b)
-        faces = sleeve(candidate, self.constraints.recogniser.features, meshes, self.tolerance.fit)
+        features = self.constraints.recogniser.features
+        alike = (*map(id, (*meshes, features[a][fa], features[b][fb], *candidate.geometries)), kind)
+        if alike not in known:
+            known[alike] = sleeve(candidate, features, meshes, self.tolerance.fit)
+        faces = known[alike]
         return () if faces is None else ((a, faces[0], b, faces[1]),)
 
     def beside(self, a: int, sa: int, b: int, sb: int) -> bool:

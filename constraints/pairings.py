@@ -23,13 +23,13 @@ sphere               cylinder, cone, torus, tangent         gap, outside or insi
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
 
 from constraints.candidate import Match
-from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector
+from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector, cross, norm
 from constraints.overlap import facing_area, shared_height
 from constraints.tangencies import TANGENCIES, reached, sag
 from constraints.views import Limits, View, millimetres
@@ -43,7 +43,7 @@ def _fit_words(fit: float) -> str:
 
 def _angle(u: Vector, v: Vector) -> float:
     """Angle (rad) between two lines along u and v, accurate near 0."""
-    return float(np.arctan2(np.linalg.norm(np.cross(u, v)), abs(u @ v)))
+    return float(np.arctan2(norm(cross(u, v)), abs(u @ v)))
 
 
 def against(a: View, b: View, limits: Limits) -> Match | None:
@@ -327,10 +327,16 @@ SLIGHT = ("contact", "coplanar")
 """Kinds that two bodies often make without being meant to: edges and vertices that touch, faces that lie flush."""
 
 
-def matches(a: View, b: View, limits: Limits) -> Match | None:
+def rows_for(kinds: Set[str]) -> tuple[Pairing, ...]:
+    """The table as far as it may tell one of these kinds: a row counts only where none before it fits."""
+    last = max((n for n, row in enumerate(PAIRINGS, 1) if row.kind in kinds), default=0)
+    return PAIRINGS[:last]
+
+
+def matches(a: View, b: View, limits: Limits, rows: Sequence[Pairing] = PAIRINGS) -> Match | None:
     """What the first fitting row of the table says of two features; None when no row does."""
     first, second = type(a.feature.geometry), type(b.feature.geometry)
-    for row in PAIRINGS:
+    for row in rows:
         if (
             {row.first, row.second} == {first, second}
             and max(a.feature.sense, b.feature.sense) > 0

@@ -19,7 +19,7 @@ from collision import Tolerance
 from constraints.candidate import KINDS, Candidate, Key, Match, Pair, known_kinds
 from constraints.edges import as_match, not_said_yet, touching
 from constraints.features import Feature
-from constraints.pairings import SLIGHT, STANDING, matches
+from constraints.pairings import PAIRINGS, SLIGHT, STANDING, Pairing, matches
 from constraints.threads import ALIKE
 from constraints.views import Extent, Limits, View, millimetres
 
@@ -48,7 +48,7 @@ class Recogniser:
         self._of_surface = [{s: i for i, f in enumerate(fs) for s in f.surfaces} for fs in self.features]
         self._extents: dict[tuple[int, int], Extent] = {}
         self._shared: dict[int, Extent] = {}
-        self._known: dict[tuple[Pair, Limits], tuple[tuple[bytes, bytes], tuple[Match, ...]]] = {}
+        self._known: dict[tuple[Pair, Limits, int], tuple[tuple[bytes, bytes], tuple[Match, ...]]] = {}
 
     def feature_of(self, body: int, surface: int) -> int | None:
         """Place of the feature a face belongs to; None for faces without analytic geometry."""
@@ -73,11 +73,16 @@ class Recogniser:
         """A feature where it is when its body is at `pose`."""
         return View(self._extent(body, feature), pose)
 
-    def matches(self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits) -> tuple[Match, ...]:
-        """What two features mean to each other at `poses`: nothing, one kind, or a fit and its thread."""
+    def matches(
+        self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits, rows: tuple[Pairing, ...] = PAIRINGS
+    ) -> tuple[Match, ...]:
+        """What two features mean to each other at `poses`: nothing, one kind, or a fit and its thread.
+
+        rows: of the table of pairings; others are not looked at.
+        """
         a, fa, b, fb = pair
         state = (_bytes(poses[a]), _bytes(poses[b]))
-        asked = (pair, limits)
+        asked = (pair, limits, len(rows))
         known = self._known.get(asked)
         if known is not None and known[0] == state:  # most pairs stand still from one step to the next
             return known[1]
@@ -85,7 +90,7 @@ class Recogniser:
         both = pitch is not None and (a, fa) in self.threads and (b, fb) in self.threads
         if both and pitch is not None:  # their flanks meet though their mean radii differ, as crests are cut otherwise
             limits = replace(limits, clearance=max(limits.clearance, FLANK * abs(pitch)), fit_class="")
-        found = matches(self.view(a, fa, poses[a]), self.view(b, fb, poses[b]), limits)
+        found = matches(self.view(a, fa, poses[a]), self.view(b, fb, poses[b]), limits, rows)
         out: tuple[Match, ...] = () if found is None else (found,)
         if found is not None and pitch is not None and found.kind == "concentric":
             if both:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from collision import SurfaceMesh
 from constraints.candidate import Candidate
 from constraints.features import Feature
-from constraints.geometry import Cylinder, Plane, perpendicular
+from constraints.geometry import Cylinder, Plane, cross, perpendicular
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def faces_without(mesh: SurfaceMesh, bore: Cylinder, surfaces: tuple[int, ...]) 
 def _flat(mesh: SurfaceMesh, cylinder: Cylinder) -> Array:
     """(m, 3, 2) the triangles seen along the axis, which is the origin."""
     u = perpendicular(cylinder.axis)
-    plane = np.stack([u, np.cross(cylinder.axis, u)], axis=1)
+    plane = np.stack([u, cross(cylinder.axis, u)], axis=1)
     return np.asarray(((mesh.vertices - cylinder.origin) @ plane)[mesh.triangles])
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from constraints import jacobians
 from constraints.errors import GeometryError
-from constraints.geometry import perpendicular
+from constraints.geometry import cross, norm, perpendicular
 
 Array = NDArray[np.float64]
 Limits = float | tuple[float, float]
@@ -22,14 +22,14 @@ def element(point: ArrayLike, direction: ArrayLike | None = None, reference: Arr
     `direction` is D; `reference`, where given, lies on the E1 side of it.
     """
     d = np.array([0.0, 0.0, 1.0]) if direction is None else np.asarray(direction, dtype=np.float64)
-    d = d / np.linalg.norm(d)
+    d = d / norm(d)
     e1 = perpendicular(d) if reference is None else np.asarray(reference, dtype=np.float64)
     e1 = e1 - (e1 @ d) * d
-    length = float(np.linalg.norm(e1))
-    if length < 1e-9:
+    size = norm(e1)
+    if size < 1e-9:
         raise GeometryError("reference is along the axis; give a direction at an angle to it", "reference")
-    e1 = e1 / length
-    return np.concatenate([np.asarray(point, dtype=np.float64), e1, np.cross(d, e1), d])
+    e1 = e1 / size
+    return np.concatenate([np.asarray(point, dtype=np.float64), e1, cross(d, e1), d])
 
 
 @dataclass(frozen=True, eq=False)

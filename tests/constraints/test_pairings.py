@@ -7,7 +7,8 @@ import pinocchio as pin
 import pytest
 
 from collision import Tolerance
-from constraints.pairings import matches
+from constraints.geometry import cross, norm
+from constraints.pairings import FITS, matches, rows_for
 from constraints.views import Extent, Limits, View
 from tests.constraints.shapes import box, flanged_shaft, housing, shaft, turned
 
@@ -166,3 +167,29 @@ def test_a_ball_smaller_than_its_groove_is_tangent():
     bore = turned([(0.002, 0), (0.01, 0), (0.01, 0.02), (0.002, 0.02)])
     match = matches(view(ball, 0, (0.0005, 0, 0.01)), view(bore, 3), EXACT)
     assert match.kind == "tangent" and match.parameters == {"mode": "inside"}
+
+
+@pytest.mark.parametrize("kinds", [{"against"}, {"concentric", "against"}, set(FITS), {"tangent"}, {"groove"}, set()])
+def test_as_much_of_the_table_as_tells_some_kinds_says_the_same_of_them(kinds):
+    bodies = [box(0.1, 0.1, 0.02), housing(0.01002, 0.06), shaft(0.01, 0.05, phase=0.1), flanged_shaft()]
+    told = set()
+    for a, b in [(0, 1), (0, 2), (1, 2), (1, 3), (0, 3)]:
+        for fa, fb in np.ndindex(len(bodies[a].features), len(bodies[b].features)):
+            for z, lying in ((0.0, 0.0), (0.01, 0.0), (0.03, 0.0), (0.02, np.pi / 2)):
+                first, second = view(bodies[a], fa), view(bodies[b], fb, (0, 0, z), (lying, 0, 0))
+                whole = matches(first, second, NEAR)
+                part = matches(first, second, NEAR, rows_for(kinds))
+                if whole is not None and whole.kind in kinds:
+                    told.add(whole.kind)
+                    assert (part.kind, part.words, part.residual) == (whole.kind, whole.words, whole.residual)
+                else:
+                    assert part is None or part.kind not in kinds
+    assert told == kinds & {"against", "concentric", "tangent"}
+
+
+def test_products_and_lengths_are_those_of_numpy_to_the_bit():
+    rng = np.random.default_rng(0)
+    for _ in range(2000):
+        u, v = rng.normal(size=(2, 3)) * 10.0 ** rng.integers(-9, 9, (2, 1))
+        assert cross(u, v).tolist() == np.cross(u, v).tolist()
+        assert norm(u) == np.linalg.norm(u)
