@@ -25,6 +25,8 @@ from vpframe.standing import candidates, world_of
 BAD_KINDS = ("clash", "containment")
 ROUND_FITS = ("concentric", "spherical")
 """kinds whose residual is how far the centres are apart, so that gap = fit - residual"""
+SHOWN = 5e-7
+"""m: the least length that a person is told; a smaller one would read 0.000 mm"""
 TRIANGLES = 0.9
 """share of the time that the tests of triangles take"""
 
@@ -164,18 +166,20 @@ def is_open(pair: dict[str, Any]) -> bool:
 
 
 def table(document: dict[str, Any]) -> str:
-    """What `clash` found, for a person: a line a pair of surfaces, the gravest first."""
+    """What `clash` found, for a person: a line a pair of surfaces, the gravest and deepest first."""
     pairs = document["pairs"]
     if not pairs:
         return "no two parts touch"
     counts = ((kind, sum(p["kind"] == kind for p in pairs)) for kind in KINDS)
     lines = [", ".join(f"{n} {kind}" for kind, n in counts if n)]
-    for pair in sorted(pairs, key=lambda p: KINDS.index(p["kind"])):
+    for pair in sorted(pairs, key=lambda p: (KINDS.index(p["kind"]), -p["depth"], p["distance"])):
         where = "surfaces {} – {}".format(*pair["surfaces"]) if pair["surfaces"] else "as a whole"
-        if pair["depth"] > 0.0:
+        if pair["kind"] == "contact" and pair["depth"] >= SHOWN:
+            size = f"touching, their facets {pair['depth'] * 1e3:.3f} mm into each other, no more than they stray"
+        elif pair["depth"] >= SHOWN:
             size = f"{pair['depth'] * 1e3:.3f} mm deep"
         else:
-            size = f"{pair['distance'] * 1e3:.3f} mm apart" if pair["distance"] > 0.0 else "touching"
+            size = f"{pair['distance'] * 1e3:.3f} mm apart" if pair["distance"] >= SHOWN else "touching"
         told = "".join(f", {pair[name]}" for name in ("status", "remark") if pair.get(name))
         lines.append(f"  {pair['kind']:11}  {pair['parts'][0]} – {pair['parts'][1]}: {where}, {size}{told}")
     return "\n".join(lines)

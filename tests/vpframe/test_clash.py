@@ -96,3 +96,16 @@ def test_deflection_is_that_of_the_chords(angular):
     sagitta = radius * (1.0 - np.cos(np.pi / len(ring)))
     # the flat ends end at the same chords
     assert deflections(shape) == pytest.approx([sagitta] * 3, rel=0.02)
+
+
+def test_the_table_puts_the_deepest_first_and_tells_no_length_of_zero():
+    def row(kind, depth=0.0, distance=0.0, b="b"):
+        return {"kind": kind, "parts": ["a", b], "surfaces": [0, 1], "distance": distance, "depth": depth}
+
+    pairs = [row("contact", 1e-15), row("contact", 2e-5, b="c"), row("clash", 1e-4), row("clash", 3e-3, b="d")]
+    lines = table({"pairs": [*pairs, row("clearance", distance=2e-4)]}).splitlines()
+    assert lines[0] == "2 clash, 2 contact, 1 clearance"
+    assert [line.split()[3].rstrip(":") for line in lines[1:4]] == ["d", "b", "c"]
+    assert lines[3].endswith("touching, their facets 0.020 mm into each other, no more than they stray")
+    assert lines[4].endswith("touching") and lines[5].endswith("0.200 mm apart")
+    assert "0.000" not in "\n".join(lines)
