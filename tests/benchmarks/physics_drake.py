@@ -7,6 +7,7 @@ where it is stood in for: restitution (a spring and a damper), a closed loop (a 
 
 from __future__ import annotations
 
+import importlib.metadata
 import time
 from collections.abc import Callable
 from typing import Any
@@ -67,7 +68,7 @@ class Engine:
 
         self.d = pydrake.all
         self.truth = truth
-        self.version = getattr(pydrake, "__version__", "")
+        self.version = importlib.metadata.version("drake")
 
     def run(self, row: str, dt: float, option: str) -> tuple[float, int, Any]:
         """Seconds of stepping, steps, error."""
