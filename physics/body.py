@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -104,11 +105,18 @@ class Body:
         loose = open_edges(mesh)
         if loose:
             triangles = _hull(mesh.vertices, name)
-            notes.append(f"{name}: the mesh is open ({loose} edges without a partner); its convex hull is used instead")
         volume, center, inertia = polyhedron(triangles)
+        if loose:
+            notes.append(
+                f"{name}: the mesh is open ({loose} edges without a partner); its convex hull is used instead, "
+                f"{volume:.6g} m³"
+            )
         if volume < 0.0:
             volume, center, inertia = polyhedron(triangles[:, ::-1])
-            notes.append(f"{name}: the mesh is inverted (normals point into the material); it is used turned round")
+            notes.append(
+                f"{name}: the mesh is inverted (normals point into the material); it is used turned round, "
+                f"{volume:.6g} m³"
+            )
         if not volume > 0.0:
             raise BodyError(f"{name}: the mesh bounds no volume; give mass properties by hand", name, "volume")
         return cls(rho * volume, center, rho * inertia, volume, name, tuple(notes))
@@ -157,15 +165,42 @@ def weld(mesh: SurfaceMesh) -> tuple[Array, NDArray[np.int64]]:
 
 
 def open_edges(mesh: SurfaceMesh) -> int:
-    """Number of edges that are not shared by exactly two triangles which run along it in opposite directions."""
-    _, t = weld(mesh)
+    """Number of edges that triangles do not run along as often one way as the other.
+
+    Edges that lie along one another in pieces (a vertex on a neighbour's edge, as mesh tools leave) are compared piece
+    by piece: there is no gap between them.
+    """
+    vertices, t = weld(mesh)
     t = t[(t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 2] != t[:, 0])]
-    n = int(t.max()) + 1 if len(t) else 1
-    a = t.reshape(-1)
-    b = t[:, [1, 2, 0]].reshape(-1)
-    forth, counts = np.unique(a * n + b, return_counts=True)
-    back, back_counts = np.unique(b * n + a, return_counts=True)
-    return len(np.setxor1d(forth * 64 + np.minimum(counts, 63), back * 64 + np.minimum(back_counts, 63)))
+    edges = _unmatched(np.stack([t, t[:, [1, 2, 0]]], axis=2).reshape(-1, 2))
+    return len(edges) and len(_unmatched(_split(vertices, edges)))
+
+
+def _unmatched(edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Of directed edges (k, 2) those that are left when each pair that runs both ways is taken away."""
+    either, which = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
+    way = np.where(edges[:, 0] < edges[:, 1], 1, -1)
+    net = np.bincount(which.reshape(-1), way, len(either)).astype(np.int64)
+    left = either[net != 0]
+    net = net[net != 0]
+    return np.repeat(np.where(net[:, None] > 0, left, left[:, ::-1]), np.abs(net), axis=0)
+
+
+def _split(vertices: Array, edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The directed edges (k, 2), cut at each vertex of another of them that lies on them (to 1e-9 of their extent)."""
+    ends = np.unique(edges)
+    points = vertices[ends]
+    near = 1e-9 * max(float(np.ptp(points, axis=0).max()), 1e-300)
+    out = []
+    for a, b in edges.tolist():
+        way = vertices[b] - vertices[a]
+        length = float(np.linalg.norm(way))
+        along = (points - vertices[a]) @ way / length
+        off = np.linalg.norm(points - vertices[a] - along[:, None] * (way / length), axis=1)
+        on = np.flatnonzero((off <= near) & (along > near) & (along < length - near))
+        stops = [a, *ends[on[np.argsort(along[on])]].tolist(), b]
+        out += list(pairwise(stops))
+    return np.array(out, np.int64).reshape(-1, 2)
 
 
 def polyhedron(triangles: Array) -> tuple[float, Array, Array]:

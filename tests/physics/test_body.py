@@ -55,6 +55,21 @@ def test_inverted_and_open_meshes_are_named():
     assert body.mass == pytest.approx(1.0) and "lidless" in body.notes[0] and "convex hull" in body.notes[0]
 
 
+def test_a_vertex_on_a_neighbours_edge_opens_nothing():
+    """One side of a box is cut in three at points of its edges: no gap. With one of the three taken away there is."""
+    mesh = box_mesh(0.1, 0.2, 0.3)
+    a, b, c = mesh.triangles[0]
+    middle = 0.5 * (mesh.vertices[a] + mesh.vertices[b])
+    third = (mesh.vertices[a] + 2.0 * middle) / 3.0
+    vertices = np.vstack([mesh.vertices, middle, third])
+    cut = [(a, 9, c), (9, 8, c), (8, b, c)]
+    whole = SurfaceMesh(vertices, [*mesh.triangles[1:], *cut], None, "cut")
+    body = Body.from_mesh(whole, 1000.0)
+    assert body.notes == () and body.mass == pytest.approx(6.0, rel=1e-12)
+    body = Body.from_mesh(SurfaceMesh(vertices, [*mesh.triangles[1:], *cut[1:]], None, "torn"), 1000.0)
+    assert "torn" in body.notes[0] and "3 edges" in body.notes[0] and "0.006 m³" in body.notes[0]
+
+
 def test_unshared_vertices_still_close_the_mesh():
     mesh = box_mesh(0.1, 0.1, 0.1)
     loose = SurfaceMesh(mesh.vertices[mesh.triangles].reshape(-1, 3), np.arange(36).reshape(-1, 3))
