@@ -14,6 +14,7 @@ from vpframe.clash_status import ClashKey
 from vpframe.errors import VpframeError
 from vpframe.events import ConstraintView, Event, Frame
 from vpframe.report import SessionLog, SweptVolume, plots, write
+from vpframe.report.page import STANDING
 from vpframe.report.where import least_gap
 from vpframe.scene import Part, Scene
 
@@ -341,6 +342,21 @@ def test_what_lasts_from_beginning_to_end_is_counted_and_what_changed_comes_firs
     assert "against: lid – rod (99)" in page and "plate_3 – rod (3)" not in page
     assert page.index("assembly/deep/lid [") < page.index("assembly/plate_0 [")
     assert log.moments == [], "what the assembly was before anything happened is no moment of the task"
+
+
+def test_what_the_assembly_is_from_the_beginning_is_folded_before_what_happens(tmp_path):
+    frames = pressing_frames(4)
+    found = [Event(1, 1 / 60, kind, ("plate", "rod"), (), f"{kind} {n}") for n in range(3) for kind in STANDING]
+    later = Event(2, 2 / 60, "accepted", ("plate", "rod"), (), "accepted later")
+    grabbed = Event(1, 1 / 60, "grabbed", ("rod",), (), "hand holds rod")
+    frames = [replace(f, events=e) for f, e in zip(frames, [(), (*found, grabbed), (later,), ()], strict=True)]
+    text = (write(tmp_path, log_of(frames)) / "index.html").read_text()
+    folded, _, rest = text.partition("<details>")[2].partition("</details>")
+    assert folded.startswith("<summary>12 events") and all(event.text in folded for event in found)
+    rest = rest.partition("</table>")[0]
+    assert "hand holds rod" in rest and "accepted later" in rest and "accepted 0" not in rest
+    few = write(tmp_path / "few", log_of([replace(frames[0], events=(*found[:4], grabbed))]))
+    assert "<details>" not in (few / "index.html").read_text()
 
 
 def test_long_names_and_many_lines_stay_within_a_plot():

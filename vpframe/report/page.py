@@ -18,6 +18,10 @@ from vpframe.visualization import palette
 HERE = Path(__file__).parent
 OPEN_EVENTS = 40
 """a longer list of events is folded"""
+OPEN_STANDING = 6
+"""of more events that tell what the assembly was from the beginning, all are folded"""
+STANDING = ("recognised", "accepted", "refused", "satisfied")
+"""their kinds"""
 OPEN_LANES = 12
 """of more constraints than this those that last from beginning to end are not drawn"""
 CAPTIONED = 3
@@ -78,6 +82,18 @@ def _stages(stages: Sequence[dict[str, Any]]) -> str:
 
 
 def _events(events: Sequence[Event]) -> str:
+    """What happened; what the assembly was found to be before anything did stands folded before it."""
+    parts: tuple[list[Event], list[Event]] = [], []
+    for event in events:
+        parts[event.step <= 1 and event.kind in STANDING].append(event)
+    rest, standing = parts
+    if len(standing) <= OPEN_STANDING:
+        return _folded(_event_table(events), "events", len(events))
+    found = f"<summary>{len(standing)} events: what the parts are to each other as they stand</summary>"
+    return f"<details>{found}{_event_table(standing)}</details>" + _folded(_event_table(rest), "events", len(rest))
+
+
+def _event_table(events: Iterable[Event]) -> str:
     rows = [
         (
             f"{event.time:.3f}",
@@ -86,7 +102,7 @@ def _events(events: Sequence[Event]) -> str:
         )
         for event in events
     ]
-    return _folded(_table(("time (s)", "event", ""), rows, numbers=1), "events", len(rows))
+    return _table(("time (s)", "event", ""), rows, numbers=1)
 
 
 def _moments(log: SessionLog, pictures: dict[Any, bytes]) -> str:
@@ -195,7 +211,8 @@ def _clashes(document: dict[str, Any], log: SessionLog, pictures: dict[Any, byte
         if picture is not None:
             figures.append(_figure(picture, f"{number}. {what}"))
     head = ("", "status", "surfaces", "first (s)", "steps", "depth", "remark")
-    note = "<p class='dim'>To accept a clash, set its status in clashes.json; it stays accepted while it lasts.</p>"
+    how = "<code>vpframe accept DIR A:B</code> accepts the clashes of two parts, DIR being the folder of this page"
+    note = f"<p class='dim'>{how}; they stay accepted while they last.</p>"
     pairs = {"colliding": [(t, float(n)) for t, n in log.colliding]}
     content += plots.lines(pairs, "surface pairs", log.duration, steps=True, height=120)
     return content + _table(head, rows) + note + f"<div class='pictures'>{''.join(figures)}</div>"
