@@ -14,6 +14,9 @@ from physics.rotations import across, turn
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+STILL = 1e-9
+"""1: dry joints that slide slower than this times the greatest speed are at rest"""
+
 
 class Contacts(NamedTuple):
     """Contact points at one instant and the forces on them."""
@@ -179,23 +182,61 @@ def press(
     """
     m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
     cb, cj, bias, friction = contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, is_free)
-    v = np.empty((len(ids), 6))
+    bodies = free, m, world, im, inverse_world
+    contacts = cb, cj, bias, friction, least[chosen]
+    if len(held.dry_bodies) and _at_rest(held, velocity[ids], free):
+        v, pushes, residual, holds = _stuck(bodies, contacts, impulse, held, tolerance)
+        if holds:
+            velocity[ids], impulse[:] = v, pushes
+            return residual, False
+    velocity[ids], impulse[:], residual, slips = _rubbing(bodies, contacts, impulse, held, tolerance)
+    return residual, slips
+
+
+def _at_rest(held, velocity, free):
+    """Whether no dry joint slides at velocities (n, 6) before the forces that make `free` of them."""
+    padded = np.vstack([velocity, np.zeros((1, 6))])  # place -1 does not move
+    slides = (held.dry_jacobian[:, 2] * padded[held.dry_bodies].reshape(-1, 12)).sum(axis=1) + held.dry_bias[:, 2]
+    return bool(np.abs(slides).max() <= STILL * max(np.abs(velocity).max(), np.abs(free).max()))
+
+
+def _stuck(bodies, contacts, impulse, held, tolerance):
+    """Velocities with every dry joint stuck, the contacts' impulses, the residual, and whether friction can do that.
+
+    Where a joint at rest can stick it does, though in a jam (Painlevé) sliding may be as consistent.
+    """
+    cb, cj, bias, friction, least = contacts
+    free, m, world, im, inverse_world = bodies
+    g = len(held.jacobian)
+    jb = np.concatenate([held.bodies, np.repeat(held.dry_bodies, 3, axis=0)])
+    jj = np.concatenate([held.jacobian, held.dry_jacobian.reshape(-1, 1, 12)])
+    jbias = np.concatenate([held.bias, held.dry_bias.reshape(-1, 1)])
+    v, pushes, jl = np.empty_like(free), impulse.copy(), np.zeros((len(jj), 1))
+    residual = solver.solve(
+        free, v, m, world, im, inverse_world, cb, cj, bias, friction, np.zeros(len(cb), np.bool_), least, pushes,
+        jb, jj, jbias, jl, tolerance,
+    )  # fmt: skip
+    load = jl[g:].reshape(-1, 2, 3)  # of each thread, on its flanks and across its axis
+    limit = (held.dry_friction.reshape(-1, 2) * np.sqrt(load[:, :, 0] ** 2 + load[:, :, 1] ** 2)).sum(axis=1)
+    return v, pushes, residual, bool((np.abs(load[:, :, 2].sum(axis=1)) <= limit).all())
+
+
+def _rubbing(bodies, contacts, impulse, held, tolerance):
+    """Velocities with dry joints that stick or slide, the contacts' impulses, the residual, and whether one slides."""
+    cb, cj, bias, friction, least = contacts
+    free, m, world, im, inverse_world = bodies
     n, d = len(cb), len(held.dry_bodies)
-    dry = np.arange(n + d) >= n
     if d:
         cb, cj = np.concatenate([cb, held.dry_bodies]), np.concatenate([cj, held.dry_jacobian])
         bias, friction = np.concatenate([bias, held.dry_bias]), np.concatenate([friction, held.dry_friction])
-    pushes = np.concatenate([impulse, np.zeros((d, 3))])
-    jl = np.zeros((len(held.jacobian), 1))
+        least = np.concatenate([least, np.zeros(d)])
+    v, pushes, jl = np.empty_like(free), np.concatenate([impulse, np.zeros((d, 3))]), np.zeros((len(held.jacobian), 1))
     residual = solver.solve(
-        free, v, m, world, im, inverse_world, cb, cj, bias, friction, dry,
-        np.concatenate([least[chosen], np.zeros(d)]), pushes, held.bodies, held.jacobian, held.bias, jl,
-        tolerance,
+        free, v, m, world, im, inverse_world, cb, cj, bias, friction, np.arange(n + d) >= n, least, pushes,
+        held.bodies, held.jacobian, held.bias, jl, tolerance,
     )  # fmt: skip
-    velocity[ids] = v
-    impulse[:] = pushes[:n]
     load = friction[n:] * np.sqrt(pushes[n:, 0] ** 2 + pushes[n:, 1] ** 2)
-    return residual, bool((np.abs(pushes[n:, 2]) >= 0.999 * load)[load > 0.0].any())
+    return v, pushes[:n], residual, bool((np.abs(pushes[n:, 2]) >= 0.999 * load)[load > 0.0].any())
 
 
 @njit(cache=True)

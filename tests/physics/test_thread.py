@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -348,3 +350,18 @@ def test_a_lead_screw_lifts_its_carriage_at_the_torque_of_the_formula(part, move
         world.step(0.01)
     climbed = world.pose(carriage).translation[2] - 0.05
     assert climbed > 1e-9 if moves else abs(climbed) < 1e-14
+
+
+def test_where_sliding_would_jam_what_rests_stays_and_what_moves_stops(way):
+    """A nut of little inertia on a rough thread (Painlevé): sliding has no one solution, so it stops within a step."""
+    nut = Nut(0.002, 0.3)
+    light = replace(nut.body, inertia=1e-3 * nut.body.inertia)
+    nut.world.add(nut.nut, light, [Gravity(), Sleeping(False), Friction(0.3)])
+    nut.world.set_joints(list(nut.world._joints))
+    nut.run(0.2)
+    assert abs(nut.height) < 1e-15
+    lead = 0.002 / (2 * np.pi)
+    nut.world.set_velocity(nut.nut, [0, 0, -20.0 * lead, 0, 0, -20.0])
+    nut.run(0.2)
+    assert abs(nut.height) < 20.0 * lead * 0.01
+    assert np.abs(nut.world.velocity(nut.nut)).max() < 1e-14
