@@ -184,27 +184,27 @@ def press(
     cb, cj, bias, friction = contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, is_free)
     bodies = free, m, world, im, inverse_world
     contacts = cb, cj, bias, friction, least[chosen]
-    if len(held.dry_bodies) and _at_rest(held, velocity[ids], free):
-        v, pushes, residual, holds = _stuck(bodies, contacts, impulse, held, tolerance)
+    rested = len(held.dry_bodies) > 0 and _at_rest(held, velocity[ids], free)
+    v, pushes, residual = _rubbing(bodies, contacts, impulse, held, tolerance)
+    if rested and not _at_rest(
+        held, v, free
+    ):  # where a dry joint can stick it does, though in a jam (Painlevé) it might as well slide
+        stuck, its_pushes, its_residual, holds = _stuck(bodies, contacts, impulse, held, tolerance)
         if holds:
-            velocity[ids], impulse[:] = v, pushes
-            return residual, False
-    velocity[ids], impulse[:], residual, slips = _rubbing(bodies, contacts, impulse, held, tolerance)
-    return residual, slips
+            v, pushes, residual = stuck, its_pushes, its_residual
+    velocity[ids], impulse[:] = v, pushes
+    return residual, len(held.dry_bodies) > 0 and not _at_rest(held, v, free)
 
 
 def _at_rest(held, velocity, free):
-    """Whether no dry joint slides at velocities (n, 6) before the forces that make `free` of them."""
+    """Whether no dry joint slides at velocities (n, 6), by the measure of those and of `free` ones."""
     padded = np.vstack([velocity, np.zeros((1, 6))])  # place -1 does not move
     slides = (held.dry_jacobian[:, 2] * padded[held.dry_bodies].reshape(-1, 12)).sum(axis=1) + held.dry_bias[:, 2]
     return bool(np.abs(slides).max() <= STILL * max(np.abs(velocity).max(), np.abs(free).max()))
 
 
 def _stuck(bodies, contacts, impulse, held, tolerance):
-    """Velocities with every dry joint stuck, the contacts' impulses, the residual, and whether friction can do that.
-
-    Where a joint at rest can stick it does, though in a jam (Painlevé) sliding may be as consistent.
-    """
+    """Velocities with every dry joint stuck, the contacts' impulses, the residual, and whether friction can do that."""
     cb, cj, bias, friction, least = contacts
     free, m, world, im, inverse_world = bodies
     g = len(held.jacobian)
@@ -222,7 +222,7 @@ def _stuck(bodies, contacts, impulse, held, tolerance):
 
 
 def _rubbing(bodies, contacts, impulse, held, tolerance):
-    """Velocities with dry joints that stick or slide, the contacts' impulses, the residual, and whether one slides."""
+    """Velocities with dry joints that stick or slide, the contacts' impulses, and the residual."""
     cb, cj, bias, friction, least = contacts
     free, m, world, im, inverse_world = bodies
     n, d = len(cb), len(held.dry_bodies)
@@ -235,8 +235,7 @@ def _rubbing(bodies, contacts, impulse, held, tolerance):
         free, v, m, world, im, inverse_world, cb, cj, bias, friction, np.arange(n + d) >= n, least, pushes,
         held.bodies, held.jacobian, held.bias, jl, tolerance,
     )  # fmt: skip
-    load = friction[n:] * np.sqrt(pushes[n:, 0] ** 2 + pushes[n:, 1] ** 2)
-    return v, pushes[:n], residual, bool((np.abs(pushes[n:, 2]) >= 0.999 * load)[load > 0.0].any())
+    return v, pushes[:n], residual
 
 
 @njit(cache=True)

@@ -333,7 +333,7 @@ class Touching:
         slides = (f[:, 1] ** 2 + f[:, 2] ** 2 >= (0.999 * grip) ** 2) & (grip != 0.0)
         island = batch.of_rows(contacts.ints[loaded])
         # what moves by itself, and forces that change, may pull at a joint otherwise in the next step
-        lasting = len(batch.joints) > 0 and batch.constant and len(batch.moved) == 0 and not self.slips
+        lasting = len(batch.joints) > 0 and batch.constant and len(batch.moved) == 0
         carries = np.full(batch.count, lasting)
         carries[island] = True
         carries[island[slides]] = False
