@@ -90,23 +90,25 @@ def _least(true: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def main(seconds: float = 10.0) -> dict[str, float]:
-    """Leave the nut for some seconds, drive it down on the plate, leave it, drive it up and leave it again."""
+    """Find what turns the nut; leave it for some seconds, drive it down on the plate and up, leave it each time."""
     bench = Bench()
     weight = bench.body.mass * STANDARD_GRAVITY
     lead, friction = np.arctan(PITCH / (2 * np.pi * RADIUS)), np.arctan(MU / np.cos(FLANK))
-    result = {"left": START - bench.run(seconds)}
+    result = {}
+    for name, sense in (("raise", 1.0), ("lower", -1.0)):
+        result[name] = breakaway(sense)
+        result[f"{name} exact"] = float(weight * RADIUS * np.tan(friction + sense * lead))
+    bench = Bench()
+    result["left"] = START - bench.run(seconds)
     bench.turn(Motor(Z, speed=-80.0, limit=0.05, gain=1e-3))
     result["seat"] = bench.run(1.5) - PLATE
     bench.turn()
     result["down"] = bench.run(1.0) - PLATE
     bench.turn(Motor(Z, speed=80.0, limit=0.05, gain=1e-3))
-    up = bench.run(1.0)
+    result["up"] = bench.run(1.0)
     bench.turn()
     stopped = bench.run(0.5)
-    result |= {"up": up, "after": bench.run(1.0) - stopped}
-    for name, sense in (("raise", 1.0), ("lower", -1.0)):
-        result[name] = breakaway(sense)
-        result[f"{name} exact"] = float(weight * RADIUS * np.tan(friction + sense * lead))
+    result["after"] = bench.run(1.0) - stopped
     return result
 
 

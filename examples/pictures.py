@@ -226,7 +226,7 @@ STRIPS: dict[str, Strip] = {
     "physics_balloon": Strip([0.1, 1.0, 5.0], (-0.6, -0.3, 0.1), (0.6, 0.3, 2.7), (0.1, -1.0, 0.0)),
     "physics_hinge": Strip([0.1, 0.35, 2.15], (-0.2, -0.03, -0.21), (0.21, 0.03, 0.15), (0.3, -1.0, 0.3)),
     "physics_newtons_cradle": Strip([0.05, 0.29, 0.57], (-0.23, -0.03, -0.33), (0.23, 0.03, 0.07), (0.2, -1.0, 0.25)),
-    "physics_nut": Strip([0.05, 1.0, 2.0], (-0.02, -0.02, 0.12), (0.02, 0.02, 0.2), (0.3, -1.0, 0.35)),
+    "physics_nut": Strip([0.05, 12.4, 13.4], (-0.04, -0.04, 0.11), (0.04, 0.04, 0.19), (0.3, -1.0, 0.35)),
 }
 """a frame whose event is not named is so many steps after the one before it, or the last"""
 
