@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from physics.contact import (
+from physics.features import (
     BODY_A,
     BODY_B,
     EDGE,
