@@ -47,6 +47,22 @@ def _flush(ux, uy, uz, wings_a, vx, vy, vz, wings_b, normal):
     return False
 
 
+BEYOND = 0.1
+"""1: part of an edge by which a crossing may lie past its end, where a curve goes on there"""
+
+
+@njit(cache=True)
+def _goes_on(s, bend, depth):
+    """Whether a crossing at `s` of an edge (0 … 1) is on it or, sunk in by `depth` (in lengths of the edge), just past.
+
+    Where a curve of facets bends, a crossing that has sunk in leaves the one edge before it reaches the next.
+    """
+    if -1e-9 <= s <= 1.0 + 1e-9:
+        return True
+    past, turn = (-s, bend[0]) if s < 0.0 else (s - 1.0, bend[1])
+    return past <= min(BEYOND, 2.0 * depth * turn)
+
+
 @njit(cache=True)
 def edges_on_edges(
     shapes, pairs, first, last, fa, fb, ra, pa, rb, pb, margin, depth, n, ints, reals, stamps_e
@@ -116,7 +132,11 @@ def edges_on_edges(
                 continue
             s = (wx * (vy * nz - vz * ny) + wy * (vz * nx - vx * nz) + wz * (vx * ny - vy * nx)) / nn
             t = (wx * (uy * nz - uz * ny) + wy * (uz * nx - ux * nz) + wz * (ux * ny - uy * nx)) / nn
-            if s < -1e-9 or s > 1.0 + 1e-9 or t < -1e-9 or t > 1.0 + 1e-9:
+            past = s < -1e-9 or s > 1.0 + 1e-9 or t < -1e-9 or t > 1.0 + 1e-9
+            if past and not (
+                _goes_on(s, shapes.edge_bend[ea], abs(gap) * np.sqrt(vv / nn))
+                and _goes_on(t, shapes.edge_bend[eb], abs(gap) * np.sqrt(uu / nn))
+            ):
                 continue
             normal[0], normal[1], normal[2] = nx / size, ny / size, nz / size
             for k in range(2):
@@ -140,7 +160,7 @@ def edges_on_edges(
             if not up:
                 normal[0], normal[1], normal[2] = -normal[0], -normal[1], -normal[2]
                 gap = -gap
-            if gap > margin or gap < -depth:
+            if gap > margin or gap < -depth or (past and gap >= 0.0):
                 continue
             listed = False
             for k in range(2):

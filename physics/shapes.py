@@ -47,6 +47,8 @@ class Shape(NamedTuple):
     """(e, 2) the surfaces of its two triangles (a shape's own numbers)"""
     edge_sense: Ints
     """(e,) bit 1: borders a convex analytic surface, bit 2: a concave one"""
+    edge_bend: Array
+    """(e, 2) sine of the angle at which a curve of facets goes on at either end; 0 at a corner"""
     circle_start: Ints
     circles: Array
     """(c, 8) rims of cylinders: centre, axis, radius, number; by surface (a rim is listed for both it parts)"""
@@ -112,6 +114,7 @@ def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = No
         wings=wings,
         edge_surfaces=np.ascontiguousarray(of_edge),
         edge_sense=sense,
+        edge_bend=_bends(vertices, edges, of_edge),
         circle_start=np.searchsorted(rims[:, 7], np.arange(k + 1)).astype(np.int64),
         circles=np.ascontiguousarray(rims[:, [0, 1, 2, 3, 4, 5, 6, 8]]),
         vertex_rim=_vertex_rim(vertices, rims),
@@ -244,6 +247,31 @@ def _edges(vertices, triangles, normals, surface_of, kinds, analytic):
     )
 
 
+SMOOTH = 0.5
+"""1: sine of the angle between edges below which they are one curve of facets, and no corner"""
+
+
+def _bends(vertices: Array, edges: Ints, surfaces: Ints) -> Array:
+    """`Shape.edge_bend`: where just two edges between the same two surfaces meet, and hardly turn."""
+    out = np.zeros((len(edges), 2))
+    if len(edges) == 0:
+        return out
+    along = vertices[edges[:, 1]] - vertices[edges[:, 0]]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    ways = np.stack([along, -along], axis=1).reshape(-1, 3)  # from each end into the edge
+    between = np.repeat(np.sort(surfaces, axis=1), 2, axis=0)
+    ends = np.column_stack([edges.reshape(-1), between])
+    _, group, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(group.reshape(-1), kind="stable")
+    first = np.flatnonzero(count == 2)
+    one = order[(np.cumsum(count) - count)[first]]
+    two = order[(np.cumsum(count) - count)[first] + 1]
+    sine = np.linalg.norm(np.cross(ways[one], ways[two]), axis=1)
+    sine[((ways[one] * ways[two]).sum(axis=1) > 0.0) | (sine > SMOOTH)] = 0.0
+    out.reshape(-1)[one] = out.reshape(-1)[two] = sine
+    return out
+
+
 def _rims(vertices, edges, surfaces, normals, owner, one, two, kinds, analytic):
     """Circles where a convex cylinder ends in a plane face square to its axis; listed for both surfaces (c, 9)."""
     rims: list[list[float]] = []
@@ -286,6 +314,7 @@ class Shapes(NamedTuple):
     wings: Array
     edge_surfaces: Ints
     edge_sense: Ints
+    edge_bend: Array
     circle_start: Ints
     circles: Array
     vertex_rim: Ints
@@ -342,6 +371,7 @@ def pack(shapes: list[Shape]) -> Shapes:
         wings=items("wings"),
         edge_surfaces=items("edge_surfaces"),
         edge_sense=items("edge_sense"),
+        edge_bend=items("edge_bend"),
         circle_start=starts("circle_start", "circles"),
         circles=items("circles"),
         vertex_rim=_rows(shapes),

@@ -1,21 +1,25 @@
-"""Straight edges across round bars: at the bar's radius, wherever its facets are."""
+"""Edges: across round bars at the bar's radius, wherever its facets are; and of rims of facets, wherever they cross."""
 
 from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from physics_meshes import at, box_mesh, cylinder_mesh
+from physics_meshes import at, box_mesh, cylinder_mesh, tube_mesh
 
-from collision import CollisionManager
+from collision import CollisionManager, SurfaceMesh
+from collision.containment import signed_distances
 from constraints.geometry import Cylinder
 from physics import Body, Elastic, Friction, Gravity, Sleeping, World
+from physics.contact import find
 from physics.edges import _nearest_to_axis
+from physics.shapes import make_shape, pack
 
 RADIUS, LENGTH, SIDES = 0.01, 0.3, 12
 FACET = RADIUS * (1.0 - np.cos(np.pi / SIDES))
 """m by which the middle of a facet lies below the round"""
 RIDGE = 0.02 * np.sqrt(2.0)
+Z = np.array([0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -117,3 +121,60 @@ def test_a_box_rocks_on_the_round_of_a_fixed_bar(turn):
     for _ in range(10):  # it would tip over its edge in the end
         world.step(0.01)
     assert world.pose(box).translation == pytest.approx([0, 0, RADIUS + RIDGE], abs=1e-9)
+
+
+DEPTH = 3e-5
+"""m"""
+
+
+def sunk_at_a_vertex(rng, peg, hole):
+    """A pose of `hole` at which a vertex of its lower bore rim has sunk a little into an edge of the peg's upper rim.
+
+    None where the two do not touch there alone.
+    """
+    top = [e for e in peg.edges if (peg.vertices[e, 2] > 0.0).all() and np.hypot(*peg.vertices[e[0], :2]) > 0.007]
+    low = [v for v in hole.vertices if v[2] < 0.0 and np.hypot(*v[:2]) < 0.009]
+    p0, p1 = peg.vertices[top[rng.integers(len(top))]]
+    spot = p0 + rng.uniform(0.2, 0.8) * (p1 - p0)
+    out = np.array([*(spot[:2] / np.hypot(*spot[:2])), 0.0])
+    vertex = low[rng.integers(len(low))]
+    facing = np.arctan2(out[1], out[0]) - np.arctan2(vertex[1], vertex[0])
+    lean = pin.exp3(rng.uniform(0.1, 0.9) * np.array([out[1], -out[0], 0.0]) + rng.normal(size=3) * 0.3)
+    turn = lean @ pin.exp3(np.array([0.0, 0.0, facing]))
+    pose = pin.SE3(turn, spot - turn @ vertex - DEPTH * (0.7 * out + 0.7 * Z))
+    sunk = 0.0
+    for shape, other, move in ((hole, peg, pose), (peg, hole, pose.inverse())):
+        ends = shape.vertices[shape.edges]
+        part = np.linspace(0.0, 1.0, 41)[:, None, None]
+        points = (ends[:, 0] + part * (ends[:, 1] - ends[:, 0])).reshape(-1, 3) @ move.rotation.T + move.translation
+        solid = SurfaceMesh(other.vertices, other.triangles, np.zeros(len(other.triangles), np.int64))
+        near = points[(np.abs(points) < 1.01 * np.abs(other.vertices).max(axis=0)).all(axis=1)]
+        sunk = max(sunk, -signed_distances(solid, near).min(initial=0.0))
+    return pose if 0.1 * DEPTH < sunk < 3.0 * DEPTH else None
+
+
+def test_rims_of_facets_that_have_sunk_in_at_a_vertex_are_seen():
+    """Where a rim's facets meet, the crossing of a sunk edge with the one lies past its end, and with the other too."""
+    rng = np.random.default_rng(0)
+    meshes = tube_mesh(0.004, 0.008, 0.01, 24), tube_mesh(0.0085, 0.014, 0.004, 24)
+    peg, hole = (make_shape(mesh) for mesh in meshes)
+    shapes = pack([peg, hole])
+    pairs = np.array([(0, i, 1, j) for i in range(4) for j in range(4)])
+    reach = np.full(len(pairs), 2e-4)
+    stamps = [np.zeros(len(items) + 1, np.int64) for items in (shapes.vertices, shapes.edges, shapes.kinds)]
+    ints, reals = np.empty((4000, 6), np.int64), np.empty((4000, 7))
+    seen, unseen = 0, 0
+    for _ in range(400):
+        pose = sunk_at_a_vertex(rng, peg, hole)
+        if pose is None:
+            continue
+        n = find(
+            pairs, np.stack([np.eye(3), pose.rotation]), np.stack([np.zeros(3), pose.translation]),
+            np.arange(2), shapes, reach, reach, ints, reals, *stamps,
+        )  # fmt: skip
+        if (reals[:n, 6] < 0.0).any():
+            seen += 1
+        else:
+            unseen += 1
+    assert seen > 20
+    assert unseen == 0
