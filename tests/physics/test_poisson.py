@@ -206,9 +206,7 @@ def test_an_unknown_law_is_refused():
     manager, _ = room()
     mesh = box_mesh(0.1, 0.1, 0.1)
     box = manager.add(mesh, at(z=1.0))
-    with pytest.raises(
-        BehaviourError, match=f"object {box}: Own gives law 'Poisson'; give newton or poisson"
-    ) as raised:
+    with pytest.raises(BehaviourError, match=f"object {box}.*: Own gives law 'Poisson'.*newton") as raised:
         World(manager).add(box, Body.from_mesh(mesh, 1000.0), [Own()])
     assert raised.value.object_id == box
 
