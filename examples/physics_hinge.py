@@ -1,4 +1,4 @@
-"""A hinge: the leaf lies loose in its hinge until the pin is in; then it swings, and stays on its post.
+"""A hinge: a hand holds the leaf beside its post until the pin is in; then it swings, and falls when the pin is drawn.
 
 python examples/physics_hinge.py
 """
@@ -19,14 +19,17 @@ from vpframe.modelling import box, cylinder, shape
 def main(seconds: float = 2.0) -> dict[str, float]:
     """Hold the leaf level, put the pin in, let go; how far the joint opened, and where the leaf would be without it."""
     manager = CollisionManager()
-    post = manager.add(
-        shape(box(0.02, 0.06, 0.3).translated(-0.03, -0.03, -0.15)).mesh, pin.SE3.Identity(), movable=False
-    )
-    leaf_solid = box(0.2, 0.02, 0.02).translated(0.0, -0.01, -0.01) - cylinder(0.004, 0.1).translated(0.012, 0.0, -0.05)
-    leaf_shape = shape(leaf_solid, name="leaf")
+    rod = cylinder(0.004, 0.044).rotated((1.0, 0.0, 0.0), np.pi / 2).translated(0.012, 0.032, 0.0)
+    post_solid = box(0.04, 0.02, 0.3).translated(-0.008, 0.0105, -0.15) - rod
+    leaf_shape = shape(box(0.2, 0.02, 0.02).translated(0.0, -0.01, -0.01) - rod, name="leaf")
+    drawn = pin.SE3(np.eye(3), np.array([0.0, -0.08, 0.0]))
+    post = manager.add(shape(post_solid, name="post").mesh, pin.SE3.Identity(), movable=False)
     leaf = manager.add(leaf_shape.mesh, pin.SE3.Identity())
-    manager.ignore(post, leaf)
+    hinge_pin = manager.add(shape(rod, name="pin").mesh, drawn)
+    manager.ignore(hinge_pin, post)  # it fits without play: facets would meet
+    manager.ignore(hinge_pin, leaf)
     world = World(manager)
+    world.add(hinge_pin)
     world.add(leaf, Body.from_mesh(leaf_shape.mesh, "aluminium"), [Gravity(), Sleeping(False)])
 
     world.hold(leaf, pin.SE3.Identity())
@@ -39,6 +42,7 @@ def main(seconds: float = 2.0) -> dict[str, float]:
         Concentric((post, leaf), (Cylinder(eye, axis, 0.004), Cylinder(eye, axis, 0.004))),
         Coplanar((post, leaf), (Plane(eye, axis), Plane(eye, axis))),
     ]
+    world.set_pose(hinge_pin, pin.SE3.Identity())
     world.set_joints(pin_joint)
     world.let_go(leaf)
     opened, lowest = 0.0, 0.0
@@ -47,6 +51,7 @@ def main(seconds: float = 2.0) -> dict[str, float]:
         opened = max(opened, *(float(np.abs(j.residual(world.pose(post), world.pose(leaf))).max()) for j in pin_joint))
         lowest = min(lowest, float(world.pose(leaf).act(np.array([0.2, 0.0, 0.0]))[2]))
 
+    world.set_pose(hinge_pin, drawn)
     world.set_joints([])  # the pin is drawn: the leaf falls
     before = float(world.pose(leaf).translation[2])
     for _ in range(20):

@@ -21,6 +21,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from constraints.errors import GeometryError
+from constraints.kinds.base import Constraint
+from constraints.kinds.elements import axis_of
 from physics.body import Body
 from physics.errors import BehaviourError
 
@@ -269,9 +272,26 @@ class Magnet(Behaviour):
 class Motor(Behaviour):
     """A torque about (or, `linear`, a force along) an axis of the object, on a speed governor.
 
-    `axis` (3,) and `point` (3,) lie in the mesh frame: those of the recognised joint it drives. The effort is
-    gain · (speed - actual), limited to `limit` (N·m or N); what stands against the other side of the joint is static.
+    `axis` (3,) and `point` (3,) lie in the mesh frame; `Motor.on` takes them from a joint. The effort is
+    gain · (speed - actual), limited to `limit` (N·m or N); the other side of the joint stands still, or has a motor of
+    its own for what it feels of this one.
     """
+
+    @classmethod
+    def on(
+        cls, joint: Constraint, object_id: int, speed: float, limit: float, gain: float, linear: bool = False
+    ) -> Motor:
+        """The motor that drives object `object_id` about (or along) the axis of a recognised joint, whose axis it is on
+        that object. Raises BehaviourError if the joint does not hold the object, or has no axis.
+        """
+        if object_id not in joint.bodies:
+            text = f"Motor: object {object_id} is not on {joint!r}; it joins {joint.bodies[0]} and {joint.bodies[1]}"
+            raise BehaviourError(text, object_id, "Motor")
+        try:
+            axis = axis_of(joint, joint.bodies.index(object_id))
+        except GeometryError as error:
+            raise BehaviourError(f"Motor: {joint!r} has no axis to drive: {error}", object_id, "Motor") from None
+        return cls(axis[9:], speed, limit, gain, axis[:3], linear)
 
     def __init__(
         self,

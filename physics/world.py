@@ -59,7 +59,7 @@ class World:
     def __init__(
         self, collision: CollisionManager, tolerance: Tolerance | None = None, integrator: str = "gauss6"
     ) -> None:
-        if integrator not in METHODS:
+        if not isinstance(integrator, str) or integrator not in METHODS:
             raise WorldError(f"no integrator {integrator!r}; there are: {', '.join(METHODS)}")
         self.collision = collision
         self.tolerance = tolerance if tolerance is not None else collision.tolerance

@@ -12,7 +12,7 @@ import pinocchio as pin
 from collision import CollisionManager, Tolerance
 from constraints.geometry import Freeform
 from constraints.kinds import Constraint
-from physics import Behaviour, Body, Snapshot, SpringHand, World
+from physics import Behaviour, Body, BodyError, Snapshot, SpringHand, World
 from vpframe.scene import Part, Scene
 
 
@@ -102,6 +102,8 @@ def body_of(part: Part, material: str | float | None, mass: float | None) -> Bod
         body = Body.from_mesh(part.mesh, density, part.name)
     if mass is None:
         return body
+    if isinstance(mass, bool) or not isinstance(mass, int | float | np.number):
+        raise BodyError(f"{part.name}: mass is {mass!r}; give kg, a positive number", part.name, "mass")
     return replace(body, mass=mass, inertia=body.inertia * (mass / body.mass))
 
 

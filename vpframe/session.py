@@ -422,7 +422,10 @@ class Session:
         from vpframe.dynamics import body_of
 
         self._watch.use("physics")
-        self.engine.behave(i, body_of(self.scene[part], material, mass), behaviours)
+        body = body_of(self.scene[part], material, mass)
+        self.engine.behave(i, body, behaviours)
+        for note in body.notes:
+            self.note(note)
 
     # ---- what the task expects
 

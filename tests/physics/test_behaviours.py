@@ -8,6 +8,9 @@ import pytest
 from physics_meshes import at, ball_mesh, box_mesh, room
 
 from collision import CollisionManager
+from constraints.geometry import Cylinder, Plane
+from constraints.kinds.concentric import Concentric
+from constraints.kinds.coplanar import Coplanar
 from physics import (
     Behaviour,
     BehaviourError,
@@ -32,6 +35,8 @@ from physics import (
     force,
 )
 from physics.behaviours import STANDARD_GRAVITY as G
+
+Z = np.array([0.0, 0.0, 1.0])
 
 
 def ball(*behaviours, mass=0.1, velocity=(0.0,) * 6, pose=None):
@@ -95,6 +100,28 @@ def test_a_motor_governs_its_speed():
     world, i = ball(Motor([0, 0, 2.0], speed=5.0, limit=1.0, gain=1e-4))
     run(world, 5.0)
     assert world.velocity(i)[3:] == pytest.approx([0, 0, 5.0], rel=1e-6)
+
+
+def test_a_motor_drives_a_recognised_joint():
+    manager, _ = room()
+    mesh = box_mesh(0.2, 0.02, 0.02)
+    post, arm = manager.add(box_mesh(0.02, 0.02, 0.02), at(z=1.0)), manager.add(mesh, at(z=1.05))
+    eye = np.array([0.1, 0.0, 0.0])
+    hinge = [
+        Concentric((post, arm), (Cylinder(np.array([0, 0, 0.05]), Z, 0.004), Cylinder(-eye, Z, 0.004))),
+        Coplanar((post, arm), (Plane(np.array([0, 0, 0.05]), Z), Plane(np.zeros(3), Z))),
+    ]
+    manager.set_pose(arm, at(x=0.1, z=1.05))
+    world = World(manager)
+    world.add(arm, Body.from_mesh(mesh, 1000.0), [Gravity(), Motor.on(hinge[0], arm, 4.0, limit=1.0, gain=1e-2)])
+    world.set_joints(hinge)
+    run(world, 2.0)
+    assert world.velocity(arm)[5] == pytest.approx(4.0, rel=1e-6)
+    assert world.pose(arm).act(-eye) == pytest.approx([0.0, 0.0, 1.05], abs=1e-12)
+    with pytest.raises(BehaviourError, match="is not on"):
+        Motor.on(hinge[0], 17, 4.0, limit=1.0, gain=1e-2)
+    with pytest.raises(BehaviourError, match="no axis"):
+        Motor.on(hinge[1], arm, 4.0, limit=1.0, gain=1e-2)
 
 
 def test_a_scripted_path_is_followed_to_the_bit_of_its_poses():

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from physics import Gravity, SpringHand
+from physics import BodyError, Gravity, SpringHand
 from tests.vpframe.bench_scene import SEAT, at, scene
 from vpframe import rules
 from vpframe.errors import TaskError, VpframeError
@@ -112,6 +112,8 @@ def test_a_part_with_gravity_falls_when_let_go_and_comes_to_rest() -> None:
         assert [e.parts for e in landed] == [("cube", "table")]
         with pytest.raises(TaskError, match="fixed"):
             session.behave("table", Gravity())
+        with pytest.raises(BodyError, match="mass is 'heavy'"):
+            session.behave("cube", Gravity(), mass="heavy")
 
 
 def test_a_spring_hand_feels_the_weight() -> None:
