@@ -140,6 +140,7 @@ class World:
         if path is not None:
             self._carrying.path[i] = path
             b.kind[i] = KINEMATIC
+        self._mechanisms.clear()  # they have its mass in them
         self.wake(i)
         self.refresh()
 

@@ -50,6 +50,21 @@ def test_pendulum_against_jacobis_elliptic_functions():
         assert np.abs(joint.residual(world.pose(0), world.pose(bar))).max() < 1e-14
 
 
+def test_a_body_that_is_replaced_swings_with_its_own_inertia():
+    other = Body(2.0, inertia=np.diag([0.1, 0.2, 0.2]))
+    ends = []
+    for steps in (0, 1):
+        world, bar, _ = pendulum()
+        for _ in range(steps):
+            world.step(0.01)
+        world.set_pose(bar, pendulum()[0].pose(bar))
+        world.add(bar, other, [Gravity(), Sleeping(False)])
+        for _ in range(20):
+            world.step(0.01)
+        ends.append(world.pose(bar).homogeneous)
+    np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=1e-14)
+
+
 def fourbar(crank, joint_set=hinge):
     manager = CollisionManager()
     f = pc.FOURBAR
