@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import random
+import threading
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import trimesh
 
@@ -226,3 +228,22 @@ def test_two_parts_of_one_name_are_refused(step):
     scene = vp.load(step)
     with pytest.raises(vp.VpframeError, match=r"two parts are called 'plate'"):
         scene.add(scene["plate"])
+
+
+def test_an_interrupt_as_reading_begins_leaves_nothing_behind(tmp_path, monkeypatch):
+    """Ctrl-C can come between any two lines; the clock that limits the reading must not keep the program alive."""
+    file = m.write_step(tmp_path / "box.step", {"box": (m.box(0.1, 0.1, 0.1), pin.SE3.Identity(), (0.5, 0.5, 0.5))})
+    started: list[threading.Timer] = []
+    start = threading.Timer.start
+
+    def interrupted(timer: threading.Timer) -> None:
+        started.append(timer)
+        start(timer)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(threading.Timer, "start", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        vp.load(file)
+    assert len(started) == 1 and started[0].daemon
+    started[0].join(5.0)
+    assert not started[0].is_alive()

@@ -126,8 +126,9 @@ def _run(request: dict[str, Any], folder: str, timeout: float, progress: Progres
             encoding="utf-8",
         )
         watch = threading.Timer(timeout, _give_up, (process, outcome, timeout))
-        watch.start()
+        watch.daemon = True  # Ctrl-C can come anywhere: what it leaves behind must not keep us from ending
         try:
+            watch.start()
             assert process.stdout is not None
             for line in process.stdout:
                 _hear(json.loads(line), outcome, progress)
