@@ -200,6 +200,11 @@ class CollisionManager:
         )
         self._heeded.pop(self._pair(i, j), None)
 
+    @property
+    def ignores(self) -> bool:
+        """Whether any pair of objects, or of their surfaces, may be left out."""
+        return bool(self._ignored or self._ignored_surfaces)
+
     def ignored(self, i: int, j: int) -> bool:
         """Whether the pair of objects is left out as a whole."""
         return self._pair(i, j) in self._ignored

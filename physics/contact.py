@@ -225,11 +225,14 @@ def find(pairs, rotations, origins, shape_of, shapes, margins, depths, ints, rea
                     shapes, b, a, sb, sa, row_b, row_a, rb, pb, ra, pa, margin, depth, n, ints, reals, -1
                 )
             else:
-                if shapes.kinds[gb + sb] == FACETED:
+                # (most surfaces have no rims: not even scratch arrays are made for them)
+                rims_a = shapes.circle_start[row_a[1]] < shapes.circle_start[row_a[1] + 1]
+                rims_b = shapes.circle_start[row_b[1]] < shapes.circle_start[row_b[1] + 1]
+                if rims_a and shapes.kinds[gb + sb] == FACETED:
                     n = _rims_on_faces(
                         shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals, 1
                     )
-                if shapes.kinds[ga + sa] == FACETED:
+                if rims_b and shapes.kinds[ga + sa] == FACETED:
                     n = _rims_on_faces(
                         shapes, b, a, sb, sa, row_b, row_a, rb, pb, ra, pa, margin, depth, n, ints, reals, -1
                     )

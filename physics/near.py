@@ -120,20 +120,27 @@ def near_surfaces(objects, rotations, origins, shape_of, boxes, first_surface, c
 
 
 @njit(cache=True)
-def within(pairs, center, radius, rotations, origins, shape_of, boxes, first_surface, reach):
-    """Mask (k,) of the surface pairs (k, 4) whose boxes, and their objects' balls, are within `reach` (k,) m."""
+def within(pairs, center, radius, rotations, origins, shape_of, boxes, first_surface, whole, reach, closest):
+    """Mask (k,) of the surface pairs (k, 4), sorted, whose boxes are within `reach` (k,) m.
+
+    Of objects whose balls, or whole boxes (shapes, 6), are farther apart than `closest` (k,) m none are; `reach` and
+    `closest` are alike for all rows of an object pair.
+    """
     out = np.zeros(len(pairs), np.bool_)
     before_a, before_b = -1, -1
     near = False
     for i in range(len(pairs)):
         a, b = pairs[i, 0], pairs[i, 2]
+        fa, fb = shape_of[a], shape_of[b]
         if a != before_a or b != before_b:
             before_a, before_b = a, b
             x, y, z = center[a, 0] - center[b, 0], center[a, 1] - center[b, 1], center[a, 2] - center[b, 2]
-            r = radius[a] + radius[b] + reach[i]
-            near = x * x + y * y + z * z <= r * r
+            r = radius[a] + radius[b] + closest[i]
+            near = x * x + y * y + z * z <= r * r and not apart(
+                whole[fa], rotations[a], origins[a], whole[fb], rotations[b], origins[b], closest[i]
+            )
         if near:
-            box_a = boxes[first_surface[shape_of[a]] + pairs[i, 1]]
-            box_b = boxes[first_surface[shape_of[b]] + pairs[i, 3]]
+            box_a = boxes[first_surface[fa] + pairs[i, 1]]
+            box_b = boxes[first_surface[fb] + pairs[i, 3]]
             out[i] = not apart(box_a, rotations[a], origins[a], box_b, rotations[b], origins[b], reach[i])
     return out

@@ -95,8 +95,9 @@ class Neighbours:
             objects = np.empty((found, 2), np.int64)
         objects = objects[:found]
         objects = objects[np.lexsort((objects[:, 1], objects[:, 0]))]
-        heeded = [not self._collision.ignored(int(i), int(j)) for i, j in objects]
-        objects = objects[np.array(heeded, bool)]
+        if self._collision.ignores:
+            heeded = [not self._collision.ignored(int(i), int(j)) for i, j in objects]
+            objects = objects[np.array(heeded, bool)]
         self.use(objects)
         self.pairs = self._surface_pairs(objects)
         self.stale = self.placed = False
@@ -120,7 +121,7 @@ class Neighbours:
         shapes = self._touching.shapes
         if shapes is None or len(objects) == 0:
             return np.zeros((0, 4), np.int64)
-        out = np.empty((256, 4), np.int64)
+        out = np.empty((256 + 2 * len(self.pairs), 4), np.int64)
         while True:
             found = near_surfaces(
                 objects, b.rotation, b.origin, self._touching.shape_of, shapes.boxes, shapes.first_surface,
@@ -131,7 +132,7 @@ class Neighbours:
             out = np.empty((found, 4), np.int64)
         pairs = out[:found]
         keep = np.ones(found, bool)
-        for i, j in objects:
+        for i, j in objects if self._collision.ignores else ():
             ignored = self._collision.ignored_surfaces(int(i), int(j))
             if ignored:
                 mine = np.flatnonzero((pairs[:, 0] == i) & (pairs[:, 2] == j))

@@ -29,6 +29,10 @@ class Contacts(NamedTuple):
     """(c, 3) N in the contact's frame (normal, two tangents), by the last kick; 0 where it does not press"""
 
 
+WIDER = 1.25
+"""1: how much farther than they sank in things are moved apart: where edges slide off one another the next pair of
+features takes over, and what one pass leaves would only shrink slowly"""
+
 NO_CONTACTS = Contacts(np.zeros((0, 6), np.int64), np.zeros((0, 7)), np.zeros((0, 3)))
 
 
@@ -300,3 +304,25 @@ def correct(
 
 TOUCHING = 1e-12
 """m: by which a correction may bring others nearer than they may come"""
+
+
+def push_apart(
+    ids, local, center, attitude, velocity, rotation, mass, inertia, inverse, is_free, chosen, ints, reals, tolerance
+):
+    """Least move (mass metric) of the bodies `ids` after which no gap of `chosen` is negative, to first order.
+
+    tolerance: 1, of the largest gap among `chosen`, by which they may stay negative.
+    """
+    m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
+    none = np.zeros(len(ints))
+    cb, cj, bias, friction = contact_rows(chosen, ints, reals, none, none, local, ids, center, velocity, is_free)
+    bias[:] = 0.0  # things stand still
+    gaps = reals[chosen, 6]
+    bias[:, 0] = np.where(gaps < 0.0, WIDER * gaps, gaps)
+    move = np.empty((len(ids), 6))
+    solver.solve(
+        np.zeros((len(ids), 6)), move, m, world, im, inverse_world, cb, cj, bias, friction, np.zeros(len(cb), np.bool_),
+        np.zeros(len(cb)), np.zeros((len(cb), 3)), np.zeros((0, 2), np.int64), np.zeros((0, 1, 12)), np.zeros((0, 1)),
+        np.zeros((0, 1)), tolerance,
+    )  # fmt: skip
+    shift(ids, center, attitude, move)

@@ -24,6 +24,7 @@ from numba import njit
 from physics.blocks import solve_blocks, structure
 from physics.islands import components
 from physics.rotations import across
+from physics.sweeps import relax
 
 STIFFNESS = 1e5
 """1: the proximal step ρ, in units of the inverse of each row's own 1/(J M⁻¹ Jᵀ)"""
@@ -33,7 +34,12 @@ MANY = 64
 """bodies: groups of more begin with Gauss-Seidel, whose first sweeps cost less than Newton's"""
 SWEEPS = 60
 ROUGH = 1e-5
-"""1: a tolerance from which on the sweeps alone are the answer for such groups"""
+"""1: a tolerance from which on accelerated sweeps are the answer for groups of more than `SOME`"""
+SOME = 16
+SWEPT = 1e-4
+"""1: change, relative to the largest speed, at which such sweeps end"""
+ROUGH_SWEEPS = 150
+"""the most of them, each forth and back"""
 OUTER = 60
 
 
@@ -494,19 +500,20 @@ def _solve_joined(
     best_v = v.copy()
     best_impulse = impulse.copy()
     best_jl = jl.copy()
+    if n > SOME and tolerance >= ROUGH and jj.shape[0] == 0 and not dry.any():
+        goal = max(tolerance, SWEPT) * max(np.abs(free[:, :3]).max(), np.abs(bias).max())
+        relax(free, v, inverse_mass, inverse_inertia, cb, cj, bias, mu, least, impulse, goal, ROUGH_SWEEPS)
+        _speeds(cb, cj, v, bias, speeds)
+        for c in range(len(rho)):
+            rho[c] = 1.0 / weight[c] if weight[c] > 0.0 else 0.0
+        return residual(speeds, mu, dry, least, rho, impulse)
     if n > MANY:
-        change = np.inf
         for _ in range(SWEEPS):
             change = _sweep(
                 v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, weight, impulse, jb, jj, jbias, jw, jl
             )
             if change <= tolerance * scale:
                 break
-        if tolerance >= ROUGH and jj.shape[0] == 0:
-            _speeds(cb, cj, v, bias, speeds)
-            for c in range(len(rho)):
-                rho[c] = 1.0 / weight[c] if weight[c] > 0.0 else 0.0
-            return residual(speeds, mu, dry, least, rho, impulse)
     order, start, later, slot, blocks = structure(n, np.concatenate((cb, jb)))
     stiffness = STIFFNESS
     center = impulse.copy()

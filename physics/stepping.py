@@ -30,6 +30,7 @@ from physics.joints import assemble
 from physics.mechanism import Mechanism
 from physics.near import closing_speed, separation
 from physics.pressing import NO_CONTACTS, Contacts, match
+from physics.solver import MANY
 from physics.swinging import Swing
 from physics.touching import Touching, Wrench, merged, rows
 
@@ -45,7 +46,7 @@ CROWD = 64
 """bodies: among more, blows are expected before they are seen"""
 CLOSE = 1e-6
 """m: gaps that a step in one piece leaves at loaded contacts and that are closed after it"""
-PASSES = 2
+PASSES = 12
 """corrections of what has sunk in while a step was taken in one piece"""
 TRIALS = 24
 """flights with which the time of an impact is looked for; the last one counts, however deep"""
@@ -57,6 +58,8 @@ ROUNDING = 1e-13
 """m: to which impacts are located and pressed contacts are kept closed (plus the rounding of the coordinates)"""
 COARSE = 1e-5
 """1: residual, relative to the largest speed, with which steps in one piece are solved"""
+ROUGH_WAY = 1e-3
+"""1: the same of the way to go in a step in one piece, and of what is moved apart after it"""
 
 
 class Stepper:
@@ -98,7 +101,7 @@ class Stepper:
         spread = np.zeros(b.n)
         spread[ids] = gain + self.tolerance.linear
         if len(ids) > CROWD:  # guess high: the islands' impacts are few anyway, and a second run costs as much again
-            spread[ids] += 2.0 * dt * point_speeds(b.velocity[ids], b.radius[ids])
+            spread[ids] += 2.0 * dt * _speeds_near(b, ids, pairs)
         shapes = self.touching.shapes
         assert shapes is not None
         way = Ways(b, self.touching.shape_of, shapes, dt)
@@ -175,7 +178,7 @@ class Stepper:
             smooth = self._smooth(batch, batch.mechanism, time + float(t[0]), float(h[0]), wrench)
             if smooth is not None:
                 return h, smooth
-        blunt = self._blunted[batch.ids[batch.start]]
+        blunt = self._blunted[batch.ids[batch.start]] | _crowds(batch)
         if blunt.all():
             return self._blunt(batch, now, rest, time, t, h, wrench)
         if blunt.any():
@@ -484,15 +487,17 @@ class Stepper:
         near = np.arange(len(now.ints))
         came = touching.speeds(near, now)
         each = h[batch.of_rows(now.ints)]
-        target = -now.reals[:, 6] / each
+        target = -np.maximum(now.reals[:, 6], -CLOSE) / each  # what is deeper is put right afterwards, without speed
         near = np.flatnonzero(target > came - 0.5 * way[batch.of_rows(now.ints)] / each)
-        touching.press(batch, now, near, free, h, target, COARSE)
+        left = touching.residual  # of velocities: what is wrong with the way to go is put right when it has been gone
+        touching.press(batch, now, near, free, h, target, ROUGH_WAY if _crowds(batch).any() else COARSE)
+        touching.residual = left
         reached = now.force[:, 0] > 0.0
         self._drift(batch, rest, t + h, h)
         after = self._settled(batch, now, begin, way)
         row = match(now.ints, after.ints)
         known = row >= 0
-        met = after.reals[:, 6] <= self.tolerance.touch
+        met = after.reals[:, 6] <= np.where(_crowds(batch), CLOSE, self.tolerance.touch)[batch.of_rows(after.ints)]
         met[known] |= reached[row[known]]
         _, restitution = touching.pair_values(after.ints)
         every = np.arange(len(after.ints))
@@ -512,7 +517,10 @@ class Stepper:
         return h, after
 
     def _settled(self, batch: Batch, now: Contacts, begin: Saved, way: Array) -> Contacts:
-        """Move the bodies until what carries just touches and joints hold, as far as a few passes can; the contacts."""
+        """Move the bodies until what carries just touches and joints hold, as far as a few passes can; the contacts.
+
+        Of a crowd only what stands in one another by more than `linear` is moved apart.
+        """
         touching = self.touching
         done: list[Contacts] = []
         part = batch
@@ -524,14 +532,41 @@ class Stepper:
             gaps = after.reals[:, 6]
             off = (gaps < 0.0) | ((gaps != 0.0) & (gaps < CLOSE) & (after.force[:, 0] > 0.0))
             wrong = np.full(part.count, len(jr) > 0 and np.abs(jr).max() > ROUNDING)
-            wrong[own[off & (np.abs(gaps) > self._rounding(part)[own])]] = True
+            allowed = np.where(_crowds(part), self.tolerance.linear, self._rounding(part))
+            wrong[own[off & (np.abs(gaps) > allowed[own])]] = True
             if k == PASSES or not wrong.any():
                 break
             done.append(rows(after, ~wrong[own]))
             after, off = rows(after, wrong[own]), off[wrong[own]]
             part, way = part.part(wrong), way[wrong]
-            touching.correct(part, after, np.flatnonzero(off), np.flatnonzero(~off), jb, jj, jr)
+            own = part.of_rows(after.ints)
+            deepest = -self._least(part, after)
+            sunk = (deepest > self.tolerance.linear) & (len(jr) == 0)
+            if sunk.any():
+                near = sunk[own] & (after.reals[:, 6] < 2.0 * deepest[own])
+                touching.push_apart(part.part(sunk), after, np.flatnonzero(near), ROUGH_WAY)
+            if not sunk.all():
+                rest = ~sunk[own]
+                few = part.part(~sunk)
+                touching.correct(few, after, np.flatnonzero(off & rest), np.flatnonzero(~off & rest), jb, jj, jr)
         return merged(batch, [*done, after])
+
+
+def _speeds_near(b: Bodies, ids: Ints, pairs: Ints) -> Array:
+    """(n,) m/s that no point of the bodies `ids`, and of those near to them, exceeds: a blow may bring them to that."""
+    speed = np.zeros(b.n)
+    speed[ids] = point_speeds(b.velocity[ids], b.radius[ids])
+    out = speed.copy()
+    near = pairs[:, [0, 2]]
+    near = near[np.append(True, (near[1:] != near[:-1]).any(axis=1))] if len(near) else near
+    np.maximum.at(out, near[:, 0], speed[near[:, 1]])
+    np.maximum.at(out, near[:, 1], speed[near[:, 0]])
+    return out[ids]
+
+
+def _crowds(batch: Batch) -> Mask:
+    """(count,) islands that are always stepped in one piece, and whose contacts are solved by sweeps."""
+    return (np.bincount(batch.island) > MANY) & (len(batch.joints) == 0)
 
 
 def _affords(batch: Batch, total: int) -> Ints:

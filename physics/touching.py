@@ -58,6 +58,8 @@ class Touching:
         self._ints = np.empty((256, 6), np.int64)
         self._reals = np.empty((256, 7))
         self._stamps: tuple[Ints, ...] = ()
+        self._whole = np.zeros((0, 6))  # box of each shape
+        self._faceted = np.zeros(0, bool)  # shapes that reach nowhere beyond their triangles
 
     def reserve(self, n: int) -> None:
         """Make room for ids below n."""
@@ -72,6 +74,12 @@ class Touching:
         self.shapes = shapes
         sizes = len(shapes.vertices), len(shapes.edges), len(shapes.kinds)
         self._stamps = tuple(np.zeros(n + 1, np.int64) for n in sizes)
+        ends = np.append(shapes.first_surface[1:], len(shapes.kinds))
+        each = [slice(*ends_of) for ends_of in zip(shapes.first_surface, ends, strict=True)]
+        self._whole = np.array(
+            [[*shapes.boxes[s, :3].min(axis=0), *shapes.boxes[s, 3:].max(axis=0)] for s in each]
+        ).reshape(-1, 6)
+        self._faceted = np.array([not shapes.kinds[s].any() for s in each], bool)
 
     def find(self, batch: Batch, way: Array, margin: float = MARGIN) -> Contacts:
         """Contact points as the bodies stand; forces are zero. way: (count,) m that things move in what is looked at.
@@ -86,9 +94,12 @@ class Touching:
         far = way[batch.of_rows(batch.pairs[:, [0, 2]])]
         margins = np.maximum(np.minimum(far, margin * thickness), 1e-6)
         depths = DEEPEST * thickness
+        # rows of an object pair that does not come within the margins only lie behind a face
+        faceted = self._faceted[self.shape_of[batch.pairs[:, [0, 2]]]].all(axis=1)
+        reach = np.maximum(margins, depths)
         near = within(
             batch.pairs, b.center, b.radius, b.rotation, b.origin, self.shape_of, self.shapes.boxes,
-            self.shapes.first_surface, np.maximum(margins, depths),
+            self.shapes.first_surface, self._whole, reach, np.where(faceted, margins, reach),
         )  # fmt: skip
         pairs, margins, depths = batch.pairs[near], margins[near], depths[near]
         while True:
@@ -218,7 +229,8 @@ class Touching:
             contacts.force[chosen] = impulse / each[chosen]
             if len(chosen) == len(pressed):
                 break
-            sinking = self.speeds(pressed, contacts) < target[pressed] - 1e-10 * (1.0 + np.abs(target[pressed]))
+            slowest = target[pressed] - 1e-10 * (1.0 + np.abs(target[pressed])) - 2.0 * residual
+            sinking = self.speeds(pressed, contacts) < slowest
             sinking[np.searchsorted(pressed, chosen)] = False
             if not sinking.any():
                 break
@@ -316,6 +328,15 @@ class Touching:
         pressing.correct(
             batch.ids, self._local(batch), b.center, b.attitude, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
             b.kind == FREE, chosen, others, contacts.ints, contacts.reals, jb, jj, jr,
+        )  # fmt: skip
+        place(batch.ids, b.center, b.attitude, b.offset, b.rotation, b.origin)
+
+    def push_apart(self, batch: Batch, contacts: Contacts, chosen: Ints, tolerance: float) -> None:
+        """The least move after which none of the rows `chosen` has a gap below 0, to `tolerance` of the deepest."""
+        b = self.bodies
+        pressing.push_apart(
+            batch.ids, self._local(batch), b.center, b.attitude, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
+            b.kind == FREE, chosen, contacts.ints, contacts.reals, tolerance,
         )  # fmt: skip
         place(batch.ids, b.center, b.attitude, b.offset, b.rotation, b.origin)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from physics_heap import run
 from physics_meshes import at, box_mesh, room
 
 from physics import Body, Elastic, Friction, Gravity, Sleeping, World, stepping
@@ -84,3 +85,27 @@ def test_an_impact_stops_only_what_it_can_reach():
     way = 0.4 - 0.5 * 0.2 * 9.80665 * 0.16
     assert world.pose(box).translation == pytest.approx([-10.0 + way, 0, 0.05], abs=1e-12)
     assert world.pose(ids[0]).translation[2] < 0.05
+
+
+def heaped(n, seconds):
+    """A heap of n cubes falls into a tray: no step leaves an error, or makes energy; the rows of `physics_heap.run`."""
+    rows = run(n, seconds)
+    column = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    assert column["overlap"].max() < 1e-4
+    assert column["residual"].max() < 5e-3
+    assert np.diff(column["energy"]).max() < 1e-9 * column["energy"][0]
+    return column
+
+
+def test_a_heap_forms_without_overlap_or_energy_and_falls_asleep():
+    """More bodies than are solved exactly, in one island: overlaps told by separating axes, not by our contacts."""
+    column = heaped(100, 1.5)
+    assert column["energy"][-1] < 0.5 * column["energy"][0]
+    assert column["awake"][-1] == 0
+
+
+@pytest.mark.slow
+def test_five_hundred_make_a_heap():
+    column = heaped(500, 0.6)
+    assert column["awake"][-1] == 500
+    assert column["energy"][-1] < 0.6 * column["energy"][0]
