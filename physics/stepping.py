@@ -178,7 +178,8 @@ class Stepper:
             smooth = self._smooth(batch, batch.mechanism, time + float(t[0]), float(h[0]), wrench)
             if smooth is not None:
                 return h, smooth
-        blunt = self._blunted[batch.ids[batch.start]] | _crowds(batch)
+        moving = batch.largest(point_speeds(b.velocity[batch.ids], b.radius[batch.ids])) > self.tolerance.sleep_speed
+        blunt = self._blunted[batch.ids[batch.start]] | (_crowds(batch) & moving)
         if blunt.all():
             return self._blunt(batch, now, rest, time, t, h, wrench)
         if blunt.any():
@@ -565,7 +566,7 @@ def _speeds_near(b: Bodies, ids: Ints, pairs: Ints) -> Array:
 
 
 def _crowds(batch: Batch) -> Mask:
-    """(count,) islands that are always stepped in one piece, and whose contacts are solved by sweeps."""
+    """(count,) islands that are stepped in one piece as long as they move, their contacts solved by sweeps."""
     return (np.bincount(batch.island) > MANY) & (len(batch.joints) == 0)
 
 

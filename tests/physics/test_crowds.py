@@ -109,3 +109,19 @@ def test_five_hundred_make_a_heap():
     column = heaped(500, 0.6)
     assert column["awake"][-1] == 500
     assert column["energy"][-1] < 0.6 * column["energy"][0]
+
+
+def test_a_wall_of_many_bricks_rests_as_exactly_as_few():
+    """An island of more bodies than are solved exactly while they move."""
+    manager, _ = room(100.0)
+    world = World(manager)
+    mesh = box_mesh(0.1, 0.05, 0.05)
+    ids = []
+    for row in range(10):
+        for k in range(8):
+            ids.append(manager.add(mesh, at(x=0.1 * k + 0.05 * (row % 2), z=0.025 + 0.05 * row)))
+            world.add(ids[-1], Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.5), Sleeping(False)])
+    before = np.array([world.pose(i).homogeneous for i in ids])
+    for _ in range(20):
+        world.step(0.01)
+    assert np.abs(np.array([world.pose(i).homogeneous for i in ids]) - before).max() < 1e-14
