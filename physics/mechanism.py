@@ -26,6 +26,8 @@ Ints = NDArray[np.int64]
 
 @dataclass(eq=False)
 class Link:
+    """One body of a mechanism, on the joint that carries it."""
+
     body: int
     parent: int
     """the parent body's id, or -1 for ground"""
