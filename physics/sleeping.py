@@ -19,11 +19,11 @@ def rouse(b: Bodies, free: Ints, links: Ints) -> Ints:
     """
     awake = np.zeros(b.n, bool)
     awake[free] = True
-    may = b.kind[: b.n] == FREE
-    active = awake | ((b.kind[: b.n] == KINEMATIC) & b.velocity[: b.n].any(axis=1))
+    active = awake.copy()
+    active[links[(b.kind[links] == KINEMATIC) & b.velocity[links].any(axis=2)]] = True
     while True:
         reached = np.concatenate([links[active[links[:, 0]], 1], links[active[links[:, 1]], 0]])
-        woken = np.unique(reached[may[reached] & ~awake[reached]])
+        woken = np.unique(reached[(b.kind[reached] == FREE) & ~awake[reached]])
         if len(woken) == 0:
             return np.flatnonzero(awake)
         awake[woken] = active[woken] = True
