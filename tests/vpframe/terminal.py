@@ -7,6 +7,7 @@ import os
 import pty
 import re
 import select
+import signal
 import subprocess
 import sys
 import termios
@@ -15,6 +16,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 CTRL_C = b"\x03"
+
+
+def _take_terminal() -> None:
+    """In the child: Ctrl-C is a signal to all on this terminal, also where the test run ignores it (started by `&`)."""
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 class Terminal:
@@ -33,7 +40,7 @@ class Terminal:
             cwd=cwd,
             env={**os.environ, "PYTHONPATH": path, "DISPLAY": "", **environment},
             start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # so that Ctrl-C is a signal to all of them
+            preexec_fn=_take_terminal,
         )
         for descriptor in {slave, out}:
             os.close(descriptor)
