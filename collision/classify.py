@@ -7,19 +7,20 @@ With the tolerance tol = `Tolerance.linear` + the deflections of the two tessell
 - clearance, if they are farther apart than that, but nearer than the clearance asked for.
 
 Two parts are in containment if one lies wholly inside the other. They clash without any pair of surfaces that does so
-if they touch and have material in common nevertheless, as two identical parts in one place have.
+if they touch and have material in common nevertheless, as two identical parts in one place have. What lies inside a
+mesh that is not closed, a part that lost a face, is told by its winding number; the reason of such a row says so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from collision.containment import contains, signed_distances, solid_of
+from collision.containment import contains, inside, signed_distances, solid_of
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
 from collision.penetration import penetration
@@ -33,6 +34,8 @@ Kind = Literal["clash", "containment", "contact", "clearance", "authorised"]
 KINDS: tuple[Kind, ...] = ("clash", "containment", "authorised", "contact", "clearance")
 """from the gravest to the least"""
 
+INSIDE: Final = ("clash", "containment", "authorised")
+"""kinds that depend on what is inside"""
 SAMPLES: Final = 512
 """Triangles a part below whose middles common material is looked for, the largest first."""
 
@@ -53,7 +56,7 @@ class PairClass:
     witness: NDArray[np.float64]
     """(3,) world frame: the deepest point, or the middle between the nearest points"""
     reason: str = ""
-    """for what no pair of surfaces tells: which part is inside which"""
+    """for what no pair of surfaces tells: which part is inside which, and which of them is not closed"""
 
 
 def classify(
@@ -63,6 +66,7 @@ def classify(
     authorised: Iterable[Sequence[int]] = (),
     objects: Iterable[int] | None = None,
     tell: Callable[[float], None] = lambda fraction: None,
+    names: Sequence[str] | None = None,
 ) -> list[PairClass]:
     """Every pair of surfaces, and of parts, that clashes, touches or comes within the clearance.
 
@@ -75,6 +79,7 @@ def classify(
         as a press fit: they are listed as "authorised".
     objects: only pairs with at least one of these; None for all.
     tell: hears the fraction done, before each pair of objects.
+    names: what reasons call the objects, by id; "object 0", … if they are not given.
 
     Returns
     -------
@@ -85,6 +90,7 @@ def classify(
     slack, tolerance = _deflections(manager, deflection), manager.tolerance.linear
     meant = _authorised(authorised)
     found: list[PairClass] = []
+    called = {i: names[i] if names is not None else f"object {i}" for i in manager.objects}
     neighbours = manager.object_pairs(objects, max(clearance, tolerance)).tolist()
     for number, (i, j) in enumerate(neighbours):
         tell(number / len(neighbours))
@@ -104,14 +110,29 @@ def classify(
             kind: Kind = "clash" if depth > near else "contact" if distance <= tolerance else "clearance"
             if kind == "clash" and ((i, j) in meant or (i, surfaces[0], j, surfaces[1]) in meant):
                 kind = "authorised"
-            witness = deep["point"] if deep is not None and depth > near else (row["point_a"] + row["point_b"]) / 2
+            witness = deep["point"] if deep is not None else (row["point_a"] + row["point_b"]) / 2
             pairs.append(PairClass(kind, (i, j), surfaces, distance, depth, np.array(witness)))
-        if not any(pair.kind in ("clash", "authorised") for pair in pairs):
-            whole = _as_a_whole(manager, i, j, bool(depths), float(nearness.max()), (i, j) in meant)
+        if not any(pair.kind in INSIDE for pair in pairs):
+            whole = _as_a_whole(manager, i, j, bool(depths), float(nearness.max()), (i, j) in meant, called)
             if whole is not None:
-                found.append(whole)
+                pairs.insert(0, whole)
+        if any(pair.kind in INSIDE for pair in pairs):
+            pairs = _with_open_ones_named(manager, pairs, called)
         found += pairs
     return found
+
+
+def _with_open_ones_named(manager: CollisionManager, pairs: list[PairClass], called: dict[int, str]) -> list[PairClass]:
+    """The pairs of two objects; what one has inside the other says so if it is not closed."""
+    gaps = [
+        f"{called[i]} is not closed: what is inside it is told by its winding number"
+        for i in pairs[0].objects
+        if not solid_of(manager.mesh(i)).closed
+    ]
+    return [
+        replace(pair, reason="; ".join(filter(None, [pair.reason, *gaps]))) if pair.kind in INSIDE else pair
+        for pair in pairs
+    ]
 
 
 def _deflections(manager: CollisionManager, deflection: float | Sequence[ArrayLike]) -> dict[int, NDArray[np.float64]]:
@@ -138,7 +159,7 @@ def _authorised(pairs: Iterable[Sequence[int]]) -> set[tuple[int, ...]]:
 
 
 def _as_a_whole(
-    manager: CollisionManager, i: int, j: int, touching: bool, near: float, meant: bool
+    manager: CollisionManager, i: int, j: int, touching: bool, near: float, meant: bool, called: dict[int, str]
 ) -> PairClass | None:
     """Containment, or common material of parts whose surfaces only touch."""
     mesh_i, mesh_j = manager.mesh(i), manager.mesh(j)
@@ -156,25 +177,27 @@ def _as_a_whole(
                 return PairClass(
                     "authorised" if meant else "containment",
                     (i, j), None, float(row["distance"]), float(depths[deepest]),
-                    manager.pose(outer).act(points[deepest]), f"object {inner} lies wholly inside object {outer}",
+                    manager.pose(outer).act(points[deepest]), f"{called[inner]} lies wholly inside {called[outer]}",
                 )  # fmt: skip
         return None
-    if not (solid_of(mesh_i).closed and solid_of(mesh_j).closed):
+    points = np.concatenate(
+        [
+            _below_the_surface(mesh_i, near),
+            _below_the_surface(mesh_j, near) @ pose.rotation.T + pose.translation,
+        ]
+    )
+    there = (points - pose.translation) @ pose.rotation
+    depth = -np.maximum(signed_distances(mesh_i, points), signed_distances(mesh_j, there))
+    for k in np.argsort(-depth, kind="stable").tolist():
+        if depth[k] <= near:
+            return None
+        if inside(mesh_i, points[k])[0] and inside(mesh_j, there[k])[0]:
+            break
+    else:
         return None
-    best, where = near, None
-    for points in (
-        _below_the_surface(mesh_i, near),
-        _below_the_surface(mesh_j, near) @ pose.rotation.T + pose.translation,
-    ):
-        depth = -np.maximum(
-            signed_distances(mesh_i, points), signed_distances(mesh_j, (points - pose.translation) @ pose.rotation)
-        )
-        if len(depth) and depth.max() > best:
-            best, where = float(depth.max()), points[int(np.argmax(depth))]
-    if where is None:
-        return None
-    reason = f"objects {i} and {j} have material in common though their surfaces only touch"
-    return PairClass("authorised" if meant else "clash", (i, j), None, 0.0, best, world.act(where), reason)
+    reason = f"{called[i]} and {called[j]} have material in common though their surfaces only touch"
+    kind: Kind = "authorised" if meant else "clash"
+    return PairClass(kind, (i, j), None, 0.0, float(depth[k]), world.act(points[k]), reason)
 
 
 def _below_the_surface(mesh: SurfaceMesh, near: float) -> NDArray[np.float64]:

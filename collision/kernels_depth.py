@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple
 
 from numba import njit
 
-from collision.kernels_boundary import comes_out, depth_at, nearest_on, reaches, to_surface, to_triangle
+from collision.kernels_boundary import comes_out, depth_at, nearest_on, reaches, to_surface, to_triangle, winds
 from collision.kernels_pieces import new_place, pop, push
 from collision.kernels_vector import along, dot, norm, row, sub
 from collision.predicates import KERNEL
@@ -56,7 +56,10 @@ class Other(NamedTuple):
 
 @njit(error_model="numpy", **KERNEL)
 def _see(solid, surface, p, depth, t, out, room):
-    """Keep p if it is deeper than what is known and t, the triangle nearest to it, or one as near is of the surface."""
+    """Keep p if it is deeper than what is known and t, the triangle nearest to it, or one as near is of the surface.
+
+    A closed mesh must wind about it, too: where it meets itself, what is behind the nearest triangle may be outside.
+    """
     if depth <= out[0]:
         return
     if solid.surface[t] == surface:
@@ -65,6 +68,8 @@ def _see(solid, surface, p, depth, t, out, room):
         q, t = to_surface(solid, surface, p, TIE * depth * depth, room)
         if t < 0:
             return
+    if solid.closed and not winds(solid, p, room):
+        return
     out[0] = depth
     for d in range(3):
         out[1 + d], out[4 + d] = p[d], q[d]
@@ -186,7 +191,7 @@ def _open_leaf(solid, surface, other, node, guess, relative, precision, out, pie
 
 @njit(error_model="numpy", **KERNEL)
 def _from_plane(solid, t, p):
-    return dot(row(solid.face, t), sub(p, row(solid.vertices, solid.corner[t, 0])))
+    return dot(row(solid.normal[t], 6), sub(p, row(solid.vertices, solid.corner[t, 0])))
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -196,7 +201,7 @@ def _bisector(solid, p, q, tp, tq):
     There the nearest side changes, so that one step is enough for what lies on either side. -1 where that is of no
     use: near an end, or for sides that are almost parallel, where the middle takes fewer cuts (measured).
     """
-    if abs(dot(row(solid.face, tp), row(solid.face, tq))) >= STEEP:
+    if abs(dot(row(solid.normal[tp], 6), row(solid.normal[tq], 6))) >= STEEP:
         return -1.0
     u = _from_plane(solid, tp, p) - _from_plane(solid, tq, p)
     v = _from_plane(solid, tp, q) - _from_plane(solid, tq, q)

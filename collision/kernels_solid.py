@@ -1,4 +1,4 @@
-"""Numba kernels about the solid a mesh bounds: winding number, nearest point, signed distance."""
+"""Numba kernels about the solid a mesh bounds: solid angles, nearest point."""
 
 from __future__ import annotations
 
@@ -6,28 +6,18 @@ import numpy as np
 from numba import njit
 
 from collision.kernels_triangles import closest_on_segment
-from collision.kernels_vector import along, cross, dot, sub
+from collision.kernels_vector import along, cross, dot, norm, sub
 from collision.predicates import KERNEL
 
 
 @njit(error_model="numpy", **KERNEL)
-def winding_number(vertices, triangles, p):
-    """How often the mesh winds about p: the sum of the triangles' signed solid angles, over 4π.
+def solid_angle(a, b, c):
+    """sr, the signed solid angle of a triangle seen from the origin: positive from behind.
 
-    Van Oosterom & Strackee, "The Solid Angle of a Plane Triangle", 1983; Jacobson et al., "Robust Inside-Outside
-    Segmentation using Generalized Winding Numbers", 2013. 1 inside and 0 outside a closed mesh with outward normals.
+    Van Oosterom & Strackee, "The Solid Angle of a Plane Triangle", 1983.
     """
-    total = 0.0
-    for t in range(len(triangles)):
-        i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        a = (vertices[i, 0] - p[0], vertices[i, 1] - p[1], vertices[i, 2] - p[2])
-        b = (vertices[j, 0] - p[0], vertices[j, 1] - p[1], vertices[j, 2] - p[2])
-        c = (vertices[k, 0] - p[0], vertices[k, 1] - p[1], vertices[k, 2] - p[2])
-        la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
-        numerator = dot(a, cross(b, c))
-        denominator = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
-        total += 2.0 * np.arctan2(numerator, denominator)
-    return total / (4.0 * np.pi)
+    la, lb, lc = norm(a), norm(b), norm(c)
+    return 2.0 * np.arctan2(dot(a, cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
 
 
 @njit(error_model="numpy", **KERNEL)
@@ -104,31 +94,3 @@ def distance(root, vertices, box, second, first, count, corner, p, bound, stack,
         stack[top + 1], gap[top + 1] = near, g0
         top += 2
     return best, nearest, triangle, feature
-
-
-@njit(error_model="numpy", **KERNEL)
-def signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, p, stack, gap):
-    """(distance, negative behind the surface; nearest point; its triangle, in leaf order) of the mesh and a point.
-
-    The side is told by the pseudonormal of the nearest feature, which is right for any closed mesh (Bærentzen & Aanæs,
-    "Signed Distance Computation Using the Angle Weighted Pseudonormal", 2005). face: (m, 3), edge: (m, 3, 3), vertex:
-    (m, 3, 3) pseudonormals by triangle in leaf order.
-    """
-    best, nearest, triangle, feature = distance(0, vertices, box, second, first, count, corner, p, np.inf, stack, gap)
-    if feature == 6:
-        n = (face[triangle, 0], face[triangle, 1], face[triangle, 2])
-    elif feature < 3:
-        n = (edge[triangle, feature, 0], edge[triangle, feature, 1], edge[triangle, feature, 2])
-    else:
-        k = feature - 3
-        n = (vertex[triangle, k, 0], vertex[triangle, k, 1], vertex[triangle, k, 2])
-    apart = np.sqrt(best)
-    return (-apart if dot(n, sub(p, nearest)) < 0.0 else apart), nearest, triangle
-
-
-@njit(error_model="numpy", **KERNEL)
-def signed_distances(vertices, box, second, first, count, corner, face, edge, vertex, points, out, stack, gap):
-    """`signed_distance` of many points (n, 3): distances into `out` (n,)."""
-    for i in range(len(points)):
-        p = (points[i, 0], points[i, 1], points[i, 2])
-        out[i], _, _ = signed_distance(vertices, box, second, first, count, corner, face, edge, vertex, p, stack, gap)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,6 +48,8 @@ class CollisionManager:
         if int(cross_check) < 0:
             raise CollisionError(f"cross_check is {cross_check!r}; give True, False, or n to check every n-th answer")
         self.tolerance = tolerance if tolerance is not None else Tolerance()
+        self.checked = replace(self.tolerance, rigid=np.inf)
+        """the tolerance for poses of one object in another's frame: they were checked as they came in"""
         self.method: Method = method
         self.cross_check_every = 64 if cross_check is True else int(cross_check)
         self._meshes: list[SurfaceMesh | None] = []
@@ -191,14 +194,16 @@ class CollisionManager:
     def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None:
         """Leave every pair of a surface of i among `surfaces_i` and one of j among `surfaces_j` out of every answer."""
         self._ignored_surfaces.setdefault(self._pair(i, j), set()).update(self._products(i, surfaces_i, j, surfaces_j))
-        self._heeded.pop(self._pair(i, j), None)
+        for pair in ((i, j), (j, i)):
+            self._heeded.pop(pair, None)
 
     def heed_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None:
         """Take those pairs of surfaces back in."""
         self._ignored_surfaces.get(self._pair(i, j), set()).difference_update(
             self._products(i, surfaces_i, j, surfaces_j)
         )
-        self._heeded.pop(self._pair(i, j), None)
+        for pair in ((i, j), (j, i)):
+            self._heeded.pop(pair, None)
 
     @property
     def ignores(self) -> bool:
@@ -214,14 +219,15 @@ class CollisionManager:
         return frozenset(self._ignored_surfaces.get(self._pair(i, j), ()))
 
     def heeded_surfaces(self, i: int, j: int) -> NDArray[np.uint8] | None:
-        """(ka, kb) uint8, 0 for the pairs of surfaces of i < j that are left out; None if none is."""
-        left_out = self._ignored_surfaces.get((i, j))
+        """(ka, kb) uint8, 0 for the pairs of a surface of i and one of j that are left out; None if none is."""
+        left_out = self._ignored_surfaces.get(self._pair(i, j))
         if not left_out:
             return None
         heeded = self._heeded.get((i, j))
         if heeded is None:
             heeded = np.ones((self.mesh(i).n_surfaces, self.mesh(j).n_surfaces), np.uint8)
-            heeded[tuple(np.array(sorted(left_out)).T)] = 0
+            low, high = np.array(sorted(left_out)).T
+            heeded[(low, high) if i < j else (high, low)] = 0
             heeded.setflags(write=False)
             self._heeded[i, j] = heeded
         return heeded
@@ -327,7 +333,8 @@ class CollisionManager:
         fast = []
         for k, (i, j) in enumerate(pairs.tolist()):
             if self._method(i, j) != "best":
-                answers[k], cost = examine(self.mesh(i), self.mesh(j), _poses.unpack(poses[k]), self._method(i, j))
+                pose = _poses.unpack(poses[k])
+                answers[k], cost = examine(self.mesh(i), self.mesh(j), pose, self._method(i, j), self.checked)
                 self._statistics += cost
                 continue
             known = self._remembered.get((i, j))
@@ -357,7 +364,7 @@ class CollisionManager:
         for (i, j), pose, answer in zip(pairs.tolist(), poses, answers, strict=True):
             self._answers += 1
             if self._answers % self.cross_check_every == 0 and not self._has_shape(i, j):
-                cross_check(self.mesh(i), self.mesh(j), _poses.unpack(pose), answer, doubt=self.tolerance.doubt)
+                cross_check(self.mesh(i), self.mesh(j), _poses.unpack(pose), answer, tolerance=self.checked)
 
     def contacts(self, within: float = 0.0, objects: Iterable[int] | None = None) -> NDArray[Any]:
         """All pairs of surfaces at a distance of at most `within` metres: `CONTACT_DTYPE` rows with witness points."""

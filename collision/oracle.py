@@ -20,7 +20,7 @@ from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
 from collision.poses import pack
 from collision.shape import ShapeMesh
-from collision.tolerance import Tolerance
+from collision.tolerance import DEFAULT, Tolerance
 from collision.tree import tree_of
 
 ROUNDING: Final = 64.0 * 2.0**-53
@@ -37,13 +37,15 @@ class OracleError(CollisionError):
         self.path = path
 
 
-def colliding_surfaces(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any) -> NDArray[np.int32]:
+def colliding_surfaces(
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, tolerance: Tolerance = DEFAULT
+) -> NDArray[np.int32]:
     """Every pair of surfaces that coal finds in collision: (k, 2) int32, sorted. The pose is b's in a's frame."""
     import coal
 
-    pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}")
+    pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=tolerance.rigid)
     request = coal.CollisionRequest()
-    request.gjk_tolerance = Tolerance.gjk
+    request.gjk_tolerance = tolerance.gjk
     still, moved = coal.Transform3s.Identity(), coal.Transform3s(pose[:9].reshape(3, 3), pose[9:])
     found = []
     for s, t in _near(mesh_a, mesh_b, pose, 0.0):
@@ -54,17 +56,18 @@ def colliding_surfaces(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any) -
 
 
 def surface_contacts(
-    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, within: float, heeded: NDArray[np.uint8] | None = None
-) -> NDArray[Any]:
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, within: float, heeded: NDArray[np.uint8] | None = None,
+    tolerance: Tolerance = DEFAULT,
+) -> NDArray[Any]:  # fmt: skip
     """The rows of `collision.proximity.surface_contacts` by coal; triangles are -1 where a surface has none."""
     import coal
 
-    pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}")
+    pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=tolerance.rigid)
     request = coal.DistanceRequest()
-    request.gjk_tolerance = Tolerance.gjk
+    request.gjk_tolerance = tolerance.gjk
     request.enable_signed_distance = False
     still, moved = coal.Transform3s.Identity(), coal.Transform3s(pose[:9].reshape(3, 3), pose[9:])
-    colliding = {(int(s), int(t)) for s, t in colliding_surfaces(mesh_a, mesh_b, pose_ab)}
+    colliding = {(int(s), int(t)) for s, t in colliding_surfaces(mesh_a, mesh_b, pose_ab, tolerance)}
     rows = []
     for s, t in _near(mesh_a, mesh_b, pose, within):
         if heeded is not None and heeded[s, t] == 0:
@@ -93,20 +96,21 @@ def surface_contacts(
 
 def cross_check(
     mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, ours: NDArray[np.int32],
-    directory: str | Path | None = None, doubt: float = Tolerance.doubt,
+    directory: str | Path | None = None, tolerance: Tolerance = DEFAULT,
 ) -> None:  # fmt: skip
     """Hold an answer against coal's.
 
-    Pairs of surfaces that touch or miss each other by less than coal can tell (`doubt` of the parts' size) may differ.
+    Pairs of surfaces that touch or miss each other by less than coal can tell (`tolerance.doubt` of the parts' size)
+    may differ.
 
     Raises
     ------
     OracleError: with both answers, and a .npz file (in `directory`, else in the folder for temporary files) of both
         meshes and the pose from which `reproduce` makes them again.
     """
-    theirs = colliding_surfaces(mesh_a, mesh_b, pose_ab)
+    theirs = colliding_surfaces(mesh_a, mesh_b, pose_ab, tolerance)
     one, other = ({(int(s), int(t)) for s, t in pairs} for pairs in (ours, theirs))
-    differ = sorted(pair for pair in one ^ other if not _in_doubt(mesh_a, mesh_b, pose_ab, pair, doubt))
+    differ = sorted(pair for pair in one ^ other if not _in_doubt(mesh_a, mesh_b, pose_ab, pair, tolerance))
     if not differ:
         return
     matrix = np.asarray(getattr(pose_ab, "homogeneous", pose_ab))
@@ -136,14 +140,14 @@ def reproduce(path: str | Path) -> tuple[SurfaceMesh, SurfaceMesh, NDArray[np.fl
 
 
 def _in_doubt(
-    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, pair: tuple[int, int], doubt: float
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, pair: tuple[int, int], tolerance: Tolerance
 ) -> bool:  # fmt: skip
     from collision import kernels_distance, kernels_signed
     from collision.predicates import workspace
 
     if isinstance(mesh_a, ShapeMesh) or isinstance(mesh_b, ShapeMesh):
         return False
-    pose = pack(pose_ab, "pose")
+    pose, doubt = pack(pose_ab, "pose", rigid=tolerance.rigid), tolerance.doubt
     a, b = tree_of(mesh_a), tree_of(mesh_b)
     rotation, translation = pose[:9].reshape(3, 3), pose[9:]
     size = max(float(np.ptp(mesh.vertices, axis=0).max()) for mesh in (mesh_a, mesh_b))

@@ -7,7 +7,8 @@ shallow against the parts this is the translation that parts the two surfaces: t
 the height of a sphere's cap below a plane, the interference of a peg and a bore's wall. It grows with every
 translation into the material as long as the nearest surface stays the same; it is never more than half the wall's
 thickness, for beyond the middle the other side is nearer. Surfaces that only touch have depth 0. Behind means inside
-for closed meshes; an open mesh counts as the boundary of what lies behind it.
+for closed meshes; an open mesh counts as the boundary of what lies behind it, and where it ends the winding number
+tells (see `collision.containment`).
 
 Depths are found by branch and bound, from below: none is deeper than what is returned by more than `Tolerance.depth`
 (1 %) of it and of `Tolerance.linear`, unless `BUDGET` ended the search. See `collision.kernels_depth`.
@@ -20,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from collision.containment import solid_of
+from collision.containment import boundary_of
 from collision.mesh import SurfaceMesh
 from collision.proximity import pair_contacts
 from collision.tree import tree_of
@@ -100,12 +101,10 @@ def _deepest(
     pairs: (n, 2) surface of the solid, surface of the other. known: (n,) depths above which is looked; else depth 0.
     """
     from collision import kernels_depth as kernels
-    from collision.kernels_boundary import Boundary, Room
-    from collision.kernels_distance import STACK
+    from collision.kernels_boundary import room
     from collision.kernels_pieces import room_for
-    from collision.predicates import workspace
 
-    tree, boundary, moving = tree_of(solid), solid_of(solid), tree_of(other)
+    moving = tree_of(other)
     out = np.zeros((len(pairs), 7))
     out[:, 0] = known
     rotation = np.ascontiguousarray(pose.rotation)
@@ -113,15 +112,12 @@ def _deepest(
     relative = manager.tolerance.depth
     kernels.deepest(
         np.ascontiguousarray(pairs, np.int32),
-        Boundary(
-            solid.vertices, tree.box, tree.second, tree.first, tree.count, tree.corner, tree.root,
-            solid.surface_of_triangle[tree.order], boundary.face, boundary.edge, boundary.vertex, boundary.closed,
-        ),
+        boundary_of(solid),
         kernels.Other(
             vertices, moving.box, moving.second, moving.first, moving.count, moving.corner, moving.root,
             rotation, np.array(pose.translation), np.empty(len(vertices)), np.full(len(vertices), -1, np.int32),
         ),
         relative, relative * manager.tolerance.linear, BUDGET, out,
-        room_for(4 * BUDGET), Room(np.empty(STACK, np.int64), np.empty(STACK), workspace()),
+        room_for(4 * BUDGET), room(),
     )  # fmt: skip
     return out

@@ -16,6 +16,7 @@ from collision.contact import CONTACT_DTYPE
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
 from collision.shape import ShapeMesh
+from collision.tolerance import DEFAULT, Tolerance
 from collision.tree import MeshTree, tree_of
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ def surface_contacts(
     pose_ab: pin.SE3,
     within: float = 0.0,
     heeded: NDArray[np.uint8] | None = None,
+    tolerance: Tolerance = DEFAULT,
 ) -> NDArray[Any]:
     """All surface pairs of two meshes at a distance of at most `within`, with witness points.
 
@@ -40,6 +42,7 @@ def surface_contacts(
     pose_ab: pose of b in a's frame.
     within: m, at least 0; infinity gives every pair.
     heeded: (ka, kb) uint8, 0 for the surface pairs to leave out; None heeds all.
+    tolerance: what coal, if one of them is a shape of coal's, is asked with.
 
     Returns
     -------
@@ -52,7 +55,7 @@ def surface_contacts(
     if isinstance(mesh_a, ShapeMesh) or isinstance(mesh_b, ShapeMesh):
         from collision import oracle
 
-        return oracle.surface_contacts(mesh_a, mesh_b, pose_ab, within, heeded)
+        return oracle.surface_contacts(mesh_a, mesh_b, pose_ab, within, heeded, tolerance)
     a, b = tree_of(mesh_a), tree_of(mesh_b)
     rotation, translation = np.ascontiguousarray(pose_ab.rotation), pose_ab.translation
     rounding = kernels.rounding_of(a.box, b.box, rotation, translation)
@@ -103,6 +106,7 @@ def mesh_clearance(
     surface_a: int | None = None,
     surface_b: int | None = None,
     bound: float = np.inf,
+    tolerance: Tolerance = DEFAULT,
 ) -> NDArray[Any] | None:
     """The least distance of two meshes, or of one surface of each, as one CONTACT_DTYPE row in a's frame.
 
@@ -112,7 +116,7 @@ def mesh_clearance(
     from collision.predicates import workspace
 
     if isinstance(mesh_a, ShapeMesh) or isinstance(mesh_b, ShapeMesh):
-        rows = surface_contacts(mesh_a, mesh_b, pose_ab, bound)
+        rows = surface_contacts(mesh_a, mesh_b, pose_ab, bound, tolerance=tolerance)
         for name, surface in (("surface_a", surface_a), ("surface_b", surface_b)):
             if surface is not None:
                 rows = rows[rows[name] == surface]
@@ -153,8 +157,8 @@ def contacts(manager: CollisionManager, within: float = 0.0, objects: Iterable[i
 def pair_contacts(manager: CollisionManager, i: int, j: int, within: float) -> NDArray[Any]:
     """The rows of `contacts` for one pair of objects, i < j."""
     mesh_a, mesh_b = manager.mesh(i), manager.mesh(j)
-    heeded = manager.heeded_surfaces(i, j)
-    return _to_world(manager, i, j, surface_contacts(mesh_a, mesh_b, manager.relative_pose(i, j), within, heeded))
+    pose, heeded = manager.relative_pose(i, j), manager.heeded_surfaces(i, j)
+    return _to_world(manager, i, j, surface_contacts(mesh_a, mesh_b, pose, within, heeded, manager.checked))
 
 
 def clearance(
@@ -174,7 +178,8 @@ def clearance(
                 f"object {k} ({manager.mesh(k).name}) has no surface {surface}; "
                 f"they are 0 … {manager.mesh(k).n_surfaces - 1}"
             )
-    row = mesh_clearance(manager.mesh(i), manager.mesh(j), manager.relative_pose(i, j), surface_i, surface_j)
+    pose = manager.relative_pose(i, j)
+    row = mesh_clearance(manager.mesh(i), manager.mesh(j), pose, surface_i, surface_j, tolerance=manager.checked)
     assert row is not None  # nothing is beyond an infinite bound
     return _to_world(manager, i, j, row)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,7 +18,7 @@ from collision.poses import pack
 from collision.shape import triangles_needed
 from collision.statistics import Statistics
 from collision.tables import CAPACITY, COUNTS, FRONT_TABLE, LAST, PREPARED_FOR, SCRATCH, SPREAD, STACK
-from collision.tolerance import Tolerance
+from collision.tolerance import DEFAULT, Tolerance
 from collision.wide import WideTree, build_wide_trees, wide_tree_of
 
 Method = Literal["best", "oaabb", "brute", "coal"]
@@ -25,7 +26,7 @@ METHODS = ("best", "oaabb", "brute", "coal")
 
 
 def colliding_surfaces(
-    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, method: Method = "best"
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, method: Method = "best", tolerance: Tolerance = DEFAULT
 ) -> NDArray[np.int32]:
     """Every pair of surfaces that meet.
 
@@ -36,6 +37,7 @@ def colliding_surfaces(
     method: "best", the hierarchy; "oaabb", the plain algorithm with overlap boxes; "brute", without them; "coal", the
         oracle. All but "coal" (which works in floating point) give the same answer, bit for bit: the exact one for
         the float64 coordinates of a and of b moved once by the pose.
+    tolerance: its `rigid` says which poses are taken, its `gjk` what coal is asked for.
 
     Returns
     -------
@@ -46,25 +48,25 @@ def colliding_surfaces(
     PoseError, CollisionError: a pose that is not a finite rigid motion, an unknown method.
     """
     if method == "best":
-        return _ask_once(mesh_a, mesh_b, pose_ab)[0]
-    return examine(mesh_a, mesh_b, pose_ab, method)[0]
+        return _ask_once(mesh_a, mesh_b, pose_ab, tolerance.rigid)[0]
+    return examine(mesh_a, mesh_b, pose_ab, method, tolerance)[0]
 
 
 def examine(
-    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, method: Method = "best"
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, method: Method = "best", tolerance: Tolerance = DEFAULT
 ) -> tuple[NDArray[np.int32], Statistics]:
     """`colliding_surfaces`, and what it cost."""
     if method == "best":
         before = _scratch(*_sizes(wide_tree_of(mesh_a), wide_tree_of(mesh_b))).statistics
-        pairs, scratch = _ask_once(mesh_a, mesh_b, pose_ab)
+        pairs, scratch = _ask_once(mesh_a, mesh_b, pose_ab, tolerance.rigid)
         return pairs, scratch.statistics - before
-    pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}")
+    pose = pack(pose_ab, _who(mesh_a, mesh_b), rigid=tolerance.rigid)
     if method in ("oaabb", "brute"):
         return _plain(mesh_a, mesh_b, pose, method == "oaabb")
     if method == "coal":
         from collision.oracle import colliding_surfaces as oracle
 
-        return oracle(mesh_a, mesh_b, pose_ab), Statistics()
+        return oracle(mesh_a, mesh_b, pose_ab, tolerance), Statistics()
     raise CollisionError(f"method {method!r}; known are {', '.join(METHODS)}")
 
 
@@ -130,11 +132,11 @@ class PairQuery:
 
     Remembered between questions: for each pair of surfaces the triangles that met last, tried first next time; and as
     long as steps are small, a front of separating planes between what did not meet (see `certificates`). Not for
-    two threads at once.
+    two threads at once. `tolerance.rigid` says which poses are taken.
     """
 
-    def __init__(self, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> None:
-        self._meshes = mesh_a, mesh_b
+    def __init__(self, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, tolerance: Tolerance = DEFAULT) -> None:
+        self._meshes, self._tolerance = (mesh_a, mesh_b), tolerance
         self._trees = a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
         self._last = np.full(a.n_surfaces * b.n_surfaces, -1, np.int64)
         self._scratch = Scratch(*_sizes(a, b))
@@ -143,15 +145,15 @@ class PairQuery:
         self._front = Front(a, b)
         self._ask: Any = None
         self._addresses = a.address, b.address
-        self._rest = Tolerance.rigid, self._scratch.address, self._front.address
+        self._rest = tolerance.rigid, self._scratch.address, self._front.address
         self._pairs = self._scratch.pairs
 
     def colliding_surfaces(self, pose_ab: Any) -> NDArray[np.int32]:
         """(k, 2) int32: surface of a, surface of b, sorted; for b at `pose_ab` in a's frame."""
-        matrix = _matrix(pose_ab, *self._meshes)
+        matrix = _matrix(pose_ab, *self._meshes, self._tolerance.rigid)
         n = (self._ask or self._first)(*self._addresses, matrix, *self._rest)
         if n < 0:
-            pack(pose_ab, _who(*self._meshes))  # raises
+            pack(pose_ab, _who(*self._meshes), rigid=self._tolerance.rigid)  # raises
         return self._pairs[:n].copy()
 
     def _first(self, *arguments: Any) -> int:
@@ -171,7 +173,10 @@ class PairQuery:
         return self._scratch.statistics
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return PairQuery, self._meshes  # a copy remembers nothing: addresses are of this one's memory
+        return PairQuery, (
+            *self._meshes,
+            self._tolerance,
+        )  # a copy remembers nothing: addresses are of this one's memory
 
 
 class Remembered:
@@ -220,21 +225,24 @@ def _ask_some(asked: Sequence[tuple[Remembered, NDArray[np.float64]]]) -> Statis
     return scratch.statistics - before
 
 
-def _ask_once(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose: Any) -> tuple[NDArray[np.int32], Scratch]:
+def _ask_once(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose: Any, rigid: float) -> tuple[NDArray[np.int32], Scratch]:
     """The colliding pairs of surfaces, nothing remembered; and in what they were found."""
     from collision.best import ask
 
     a, b = wide_tree_of(mesh_a), wide_tree_of(mesh_b)
     scratch = _scratch(*_sizes(a, b))
-    n = ask(a.address, b.address, _matrix(pose, mesh_a, mesh_b), Tolerance.rigid, scratch.address)
+    n = ask(a.address, b.address, _matrix(pose, mesh_a, mesh_b, rigid), rigid, scratch.address)
     if n < 0:
-        pack(pose, _who(mesh_a, mesh_b))  # raises
+        pack(pose, _who(mesh_a, mesh_b), rigid=rigid)  # raises
     return scratch.pairs[:n].copy(), scratch
 
 
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, "collision")
+
+
+os.register_at_fork(after_in_child=_pool.cache_clear)  # its thread is not in the child, where a result never came
 
 
 REMEMBERED = 1 << 16
@@ -249,11 +257,11 @@ def _who(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> str:
     return f"pose of {mesh_b.name} in {mesh_a.name}"
 
 
-def _matrix(pose: Any, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> NDArray[np.float64]:
+def _matrix(pose: Any, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, rigid: float) -> NDArray[np.float64]:
     """The (4, 4) form of a pose; a `pinocchio.SE3` is checked by the kernel, anything else here."""
     matrix: NDArray[np.float64] | None = getattr(pose, "homogeneous", None)
     if matrix is None:
-        packed = pack(pose, _who(mesh_a, mesh_b))
+        packed = pack(pose, _who(mesh_a, mesh_b), rigid=rigid)
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = packed[:9].reshape(3, 3), packed[9:]
     return matrix

@@ -41,6 +41,22 @@ class ShapeMesh(SurfaceMesh):
         super().__init__(corners, _SIDES, name=who)
         self.shape = shape
 
+    def __copy__(self) -> ShapeMesh:
+        return ShapeMesh(self.shape, self.name)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ShapeMesh:
+        return ShapeMesh(self.shape.clone(), self.name)  # coal clones what it cannot pickle
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        try:
+            self.shape.__reduce__()
+        except RuntimeError:
+            raise CollisionError(
+                f"{self.name}: coal cannot pickle a {type(self.shape).__name__}; copy it with `copy`, or make it again "
+                "from its points where it is needed"
+            ) from None
+        return ShapeMesh, (self.shape, self.name)
+
 
 def triangles_needed(mesh: SurfaceMesh) -> None:
     """Raise CollisionError for a `ShapeMesh`: its triangles are not those of its shape."""

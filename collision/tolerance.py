@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Final
 
 from collision.errors import CollisionError
 
@@ -36,6 +37,8 @@ class Tolerance:
     """1: in a bare mesh, vertices lie on their surface to this part of the mesh's extent (files carry seven digits)."""
     clearance: float = 2.5e-4
     """m: greatest radial clearance (or interference) at which a shaft still fits a bore."""
+    clearance_relative: float = 0.1
+    """1: … or looser by this share of the shaft's diameter, up to 4 mm: screws in clearance holes (ISO 273)"""
     fit_class: str = ""
     """ISO 286 class, such as H7/g6, that a shaft and its bore have to make; empty for `clearance` alone"""
     rigid: float = 1e-6
@@ -84,3 +87,7 @@ class Tolerance:
                 continue
             if not isinstance(value, (int, float)) or not value >= 0.0:
                 raise CollisionError(f"Tolerance: {field.name} is {value!r}; give a number that is not negative")
+
+
+DEFAULT: Final = Tolerance()
+"""what holds where no other is given"""

@@ -91,8 +91,8 @@ class Candidate:
     match: Match
     constraint: Constraint
     """what accepting the candidate sets up"""
-    contacts: int
-    """how many pairs of their faces are within reach"""
+    near: tuple[tuple[int, int, float], ...]
+    """pairs of their faces that are as near as the match has the features: of a, of b, and the distance (m)"""
     score: float
     """0 … 1: mean of closeness (1 - residual / limit) and `match.share`; ranks candidates"""
     why: str
@@ -111,6 +111,11 @@ class Candidate:
     def bodies(self) -> tuple[int, int]:
         """The two object ids, in the order of the key."""
         return self.key[0], self.key[2]
+
+    @property
+    def contacts(self) -> int:
+        """How many pairs of their faces are near each other."""
+        return len(self.near)
 
     @property
     def geometries(self) -> tuple[Geometry, Geometry]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from constraints.candidate import Candidate, Match, Pair
+from constraints.candidate import Match, Pair
 from constraints.geometry import Cone, Cylinder, Geometry, Plane, Vector
 from constraints.kinds.elements import Circle, Line, Point
 from constraints.tangencies import Array, reached, sag
@@ -128,9 +128,8 @@ def on_surface(edged: View, carrier: View, limits: Limits) -> Touching | None:
     return Touching("contact", (Point(middle), surface), middle[None], gap, normal, words, slack)
 
 
-def _rim(surface: Geometry, point: Vector) -> Circle:
+def _rim(surface: Cylinder | Cone, point: Vector) -> Circle:
     """The circle about its axis through a point."""
-    assert isinstance(surface, Cylinder | Cone)
     start = surface.origin if isinstance(surface, Cylinder) else surface.apex
     foot = start + ((point - start) @ surface.axis) * surface.axis
     return Circle(foot, surface.axis, float(np.linalg.norm(point - foot)))
@@ -204,9 +203,8 @@ def _inside(s: Array, length: Array, slack: float) -> NDArray[np.bool_]:
     return (margin < s) & (s < 1.0 - margin)
 
 
-def _across_shaft(shaft: View, edged: View, limits: Limits) -> Touching | None:
+def _across_shaft(shaft: View[Cylinder], edged: View, limits: Limits) -> Touching | None:
     g = shaft.geometry
-    assert isinstance(g, Cylinder)
     sides, triangles = edged.sides, shaft.triangles
     slack = limits.slack + 2.0 * sag(g, triangles)
     u, w = sides[:, 1] - sides[:, 0], sides[:, 0] - g.origin
@@ -268,17 +266,17 @@ def as_match(t: Touching, a: View, b: View, limits: Limits) -> Match:
 
 def not_said_yet(
     found: Sequence[tuple[Pair, Touching]],
-    better: Iterable[Candidate],
+    better: Iterable[tuple[Pair, float | None]],
     view: Callable[[int, int], View],
 ) -> list[tuple[Pair, Touching]]:
-    """Those that no better candidate and no longer contact of the same two bodies covers, flush faces apart.
+    """Those that nothing better and no longer contact of the same two bodies covers, flush faces apart.
 
-    view: of (body, feature) where it is.
+    better: pairs of features that mean something to each other, and the fit (m) of round ones. view: of (body, feature)
+    where it is.
     """
     covers: dict[tuple[int, int], list[tuple[View, View, float]]] = {}
-    for c in better:
-        a, fa, b, fb, _ = c.key
-        covers.setdefault((a, b), []).append((view(a, fa), view(b, fb), abs(c.match.fit or 0.0)))
+    for (a, fa, b, fb), fit in better:
+        covers.setdefault((a, b), []).append((view(a, fa), view(b, fb), abs(fit or 0.0)))
     kept: list[tuple[Pair, Touching]] = []
     for pair, t in sorted(found, key=lambda x: (x[1].kind != "coplanar", -x[1].length, x[0])):
         a, _, b, _ = pair

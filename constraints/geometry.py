@@ -17,6 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from constraints.errors import GeometryError
 
 Vector = NDArray[np.float64]
+LARGEST = 1e15
+"""m: lengths and coordinates beyond it are refused (a tenth of a light year): their squares would swamp all others"""
+
+
+DIRECTIONS = ("axis", "normal", "direction")
+"""fields of which only the direction counts"""
 
 
 def _vector(value: ArrayLike, field: str) -> Vector:
@@ -26,6 +32,8 @@ def _vector(value: ArrayLike, field: str) -> Vector:
         raise GeometryError(f"{field} is {value!r}; give three finite numbers", field) from None
     if v.shape != (3,) or not all(map(isfinite, v.tolist())):
         raise GeometryError(f"{field} is {value!r}; give three finite numbers", field)
+    if field not in DIRECTIONS and max(map(abs, v.tolist())) > LARGEST:
+        raise GeometryError(f"{field} is {value!r}; give coordinates of at most {LARGEST:g} m", field)
     v.setflags(write=False)
     return v
 
@@ -48,6 +56,8 @@ def _positive(value: float, field: str) -> float:
         raise GeometryError(f"{field} is {value!r}; give a positive number", field) from None
     if not (np.isfinite(x) and x > 0.0):
         raise GeometryError(f"{field} is {value!r}; give a positive number", field)
+    if x > LARGEST:
+        raise GeometryError(f"{field} is {value!r}; give one of at most {LARGEST:g}", field)
     return x
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from collision import CONTACT_DTYPE, Tolerance
 from constraints.mated import MatedSurfaces
-from constraints.quadratic_program import UNMOVED, quadratic_program
+from constraints.quadratic_program import UNMOVED, UndecidedError, quadratic_program
 from constraints.solver import solve
 from constraints.unknowns import Unknowns
 from constraints.walls import Walls
@@ -79,13 +79,13 @@ class Linear:
     basis: Array
 
     @classmethod
-    def at(cls, unknowns: Unknowns, poses: Sequence[pin.SE3], known: Linear | None) -> Linear:
+    def at(cls, unknowns: Unknowns, poses: Sequence[pin.SE3], known: Linear | None, rigid: float) -> Linear:
         """What holds at `poses`; `known`, if it is that: a step begins where the one before ended."""
         bodies = sorted({b for system in unknowns.systems for b in system.bodies})
         key = b"".join(poses[b].homogeneous.tobytes() for b in bodies)
         if known is not None and known.unknowns is unknowns and known.key == key:
             return known
-        residual, jacobian = unknowns.linearised(poses)
+        residual, jacobian = unknowns.linearised(poses, rigid)
         return cls(unknowns, key, residual, *unknowns.allowed(residual, jacobian))
 
 
@@ -176,7 +176,7 @@ class Step:
         self.acting: list[NDArray[Any]] = []
         self.flush: set[tuple[int, ...]] = set()
         self.met = Met()
-        self.linear = Linear.at(unknowns, self.poses, known)
+        self.linear = Linear.at(unknowns, self.poses, known, tolerance.rigid)
         self.left = self._left()
 
     def run(self) -> MotionResult:
@@ -296,7 +296,7 @@ class Step:
             if lift is not None:
                 x, lifts = lift, True
             elif (c @ x < lower - 1e-15).any():
-                found = quadratic_program(aim.hessian, aim.gradient, c @ basis, lower - c @ origin)
+                found = _least(aim.hessian, aim.gradient, c @ basis, lower - c @ origin)
                 if found is not None:
                     y, active = found
                     pressed = c[active]
@@ -379,7 +379,7 @@ class Step:
             travel = max(travel, _length(step.act(center) - center) + radius * _length(pin.log3(step.rotation)))
             self.poses[body] = pose
             self.collision.set_pose(body, pose)
-        self.linear = Linear.at(self.unknowns, self.poses, self.linear)
+        self.linear = Linear.at(self.unknowns, self.poses, self.linear, self.tolerance.rigid)
         self.left = self._left()
         return travel
 
@@ -389,8 +389,16 @@ def _lift(basis: Array, c: Array, gap: Array, margin: float) -> Array | None:
     if (gap >= 0.5 * margin).all():
         return None
     lower = np.minimum(margin - gap, margin * (gap < margin))
-    found = quadratic_program(np.eye(basis.shape[1]), np.zeros(basis.shape[1]), c @ basis, lower)
+    found = _least(np.eye(basis.shape[1]), np.zeros(basis.shape[1]), c @ basis, lower)
     return None if found is None else basis @ found[0]
+
+
+def _least(hessian: Array, gradient: Array, c: Array, lower: Array) -> tuple[Array, NDArray[np.int64]] | None:
+    """`quadratic_program`; None also where it is undecided: the way is then straight, and the sweep ends it."""
+    try:
+        return quadratic_program(hessian, gradient, c, lower)
+    except UndecidedError:
+        return None
 
 
 def _length(vector: Array) -> float:

@@ -20,10 +20,11 @@ from constraints.candidate import Candidate, Key, Match, Pair, known_kinds
 from constraints.errors import ConstraintsError
 from constraints.features import Feature
 from constraints.geometry import Plane
+from constraints.implied import without_implied
 from constraints.kinds import Constraint
 from constraints.lower_pairs import orthonormal
 from constraints.pairings import FITS, rows_for
-from constraints.recognition import Recogniser
+from constraints.recognition import Near, Recogniser
 from constraints.solver import solve
 from constraints.views import Limits
 
@@ -123,12 +124,23 @@ class ConstraintManager:
         self._poses: tuple[pin.SE3, ...] = ()
         self._unproven: list[int] = []  # accepted since the last update
         self._attention = Attention()
+        self._known_widest: tuple[tuple[float, ...], float] = ((), 0.0)
+
+    @property
+    def _widest(self) -> float:
+        """m: how far apart the faces of a fit may be; kept for one tolerance at a time."""
+        t = self.tolerance
+        asked = (t.linear, t.clearance, t.clearance_relative)
+        if self._known_widest[0] != asked:
+            self._known_widest = asked, self.recogniser.widest(Limits.offer(t))
+        return self._known_widest[1]
 
     @property
     def within(self) -> float:
         """m: `CollisionManager.contacts(within=manager.within)` gives `update` all it needs."""
         t = self.tolerance
-        return max(t.linear, t.clearance, t.reach) * t.release
+        as_far = t.release * max(t.linear, t.reach)
+        return max(t.release * t.clearance, as_far, float(np.hypot(self._widest, as_far)))
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
@@ -307,7 +319,7 @@ class ConstraintManager:
         offer, keep = Limits.offer(t), Limits.keep(t)
         contacts = rows_about(contacts, about)
         near = self.recogniser.near(contacts, self.within)
-        offered = self.recogniser.near(contacts, max(t.linear, t.clearance, t.reach))
+        offered = self.recogniser.near(contacts, max(offer.clearance, float(np.hypot(self._widest, offer.linear))))
         together = {(k[0], k[2]) for k in near} | {e.candidate.bodies for e in self.accepted.values()}
         for id, candidate in [(i, c) for i, c in self.candidates.items() if not about.isdisjoint(c.bodies)]:
             if candidate.key[:4] not in near or self.recogniser.match(candidate.key, poses, keep) is None:
@@ -320,17 +332,18 @@ class ConstraintManager:
                 del self._pulled[id]
         told = self.kinds | {"concentric"} if "screw" in self.kinds else self.kinds  # a screw is a fit with pitch
         rows = rows_for(told)
-        for pair, distances in sorted(offered.items()):
-            for match in self.recogniser.matches(pair, poses, offer, rows):
-                if match.kind in self.kinds:
-                    self._recognise(pair, match, distances, poses)
+        found = [(pair, self.recogniser.matches(pair, poses, offer, rows)) for pair in sorted(offered)]
+        matches = [(pair, match) for pair, match in found if match is not None]
+        for pair, match in without_implied(matches, self.recogniser.features, self.recogniser.threads, offer):
+            if match.kind in self.kinds:
+                self._recognise(pair, match, offered[pair], poses)
 
-    def _recognise(self, pair: Pair, match: Match, distances: Sequence[float], poses: Sequence[pin.SE3]) -> None:
+    def _recognise(self, pair: Pair, match: Match, near: Sequence[Near], poses: Sequence[pin.SE3]) -> None:
         """Offer a match that is not known yet, and ask the rules."""
         id = self._ids.setdefault((*pair, match.kind), len(self._ids))
         if any(id in known for known in (self.candidates, self.accepted, self.refused, self._pulled)):
             return
-        candidate = self.recogniser.candidate(pair, match, distances, Limits.offer(self.tolerance), poses)
+        candidate = self.recogniser.candidate(pair, match, near, Limits.offer(self.tolerance), poses)
         self.candidates[id] = candidate
         self._note("recognised", id, candidate, candidate.why)
         verdict = next((v for v in (rule(candidate) for rule in self.rules) if v is not None), None)
@@ -374,7 +387,7 @@ class ConstraintManager:
     # -- checkpoint
 
     def state(self) -> dict[str, Any]:
-        """Everything needed to go on later, as plain values that pickle; the features and rules are not in it."""
+        """Everything needed to go on later, as plain values; the features and rules are not in it."""
         return {
             "ids": dict(self._ids),
             "candidates": dict(self.candidates),

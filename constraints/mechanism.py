@@ -199,7 +199,7 @@ def _freedom(reduced: Sequence[Constraint], frames: Sequence[pin.SE3], graph: As
     held = systems(tuple(reduced), frozenset(range(1, len(frames))))
     total = 6 * (len(frames) - 1 - sum(len(s.movable) for s in held))
     for system in held:
-        _, jacobian = system.dense(*system.gather(frames))
+        _, jacobian = system.dense(*system.gather(frames, graph.tolerance.rigid))
         s = np.linalg.svd(jacobian, compute_uv=False)
         total += jacobian.shape[1] - int(np.sum(s > 10.0 * graph.tolerance.rank * s[0]))
     return total

@@ -197,7 +197,7 @@ def _system(constraints: tuple[Constraint, ...], block: Block) -> System:
 
 
 def _moves(block: Block, system: System, at: Mapping[int, pin.SE3], tolerance: Tolerance) -> _Moves:
-    rotation, translation = system.gather(at)
+    rotation, translation = system.gather(at, tolerance.rigid)
     worst = float(np.abs(system.evaluate(rotation, translation)[0]).max())
     null, threshold, margin = null_space(system, rotation, translation, tolerance)
     twists = {

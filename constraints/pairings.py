@@ -8,6 +8,7 @@ and SolidWorks.
 solid surface        the other              kind            measured
 ===================  =====================  ==============  =========================================================
 plane                plane, facing          against         gap over the shared area
+cylinder             hollow cylinder        screw           offset of the axes, where the two stand for a metric thread
 cylinder             hollow cylinder        concentric      offset of the axes over the shared length, radial fit
 cone                 hollow cone            conical         offset of the apexes across the surface, half angles
 sphere               hollow sphere          spherical       offset of the centres, radial fit
@@ -24,12 +25,14 @@ sphere               cylinder, cone, torus, tangent         gap, outside or insi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from constraints.candidate import Match
 from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector, cross, norm
+from constraints.metric_threads import metric_thread
 from constraints.overlap import facing_area, shared_height
 from constraints.tangencies import TANGENCIES, reached, sag
 from constraints.views import Limits, View, millimetres
@@ -41,15 +44,20 @@ def _fit_words(fit: float) -> str:
     return f"{millimetres(abs(fit))} radial {'clearance' if fit > 0 else 'interference'}"
 
 
+def _gap_words(gap: float) -> str:
+    if abs(gap) < 1e-9:
+        return "no gap"
+    return f"{millimetres(abs(gap))} {'apart' if gap > 0 else 'into each other'}"
+
+
 def _angle(u: Vector, v: Vector) -> float:
     """Angle (rad) between two lines along u and v, accurate near 0."""
     return float(np.arctan2(norm(cross(u, v)), abs(u @ v)))
 
 
-def against(a: View, b: View, limits: Limits) -> Match | None:
+def against(a: View[Plane], b: View[Plane], limits: Limits) -> Match | None:
     """Two planes that face each other and share a real area."""
     p, q = a.geometry, b.geometry
-    assert isinstance(p, Plane) and isinstance(q, Plane)
     angle = _angle(p.normal, q.normal)
     if p.normal @ q.normal >= 0.0 or angle > limits.angular:
         return None
@@ -64,10 +72,7 @@ def against(a: View, b: View, limits: Limits) -> Match | None:
     if residual > limits.linear:
         return None
     share = min(1.0, region.area / smaller)
-    words = (
-        f"planes face each other, {millimetres(abs(gap))} {'apart' if gap >= 0 else 'into each other'}, "
-        f"over {region.area * 1e6:.4g} mm² ({share:.0%} of the smaller)"
-    )
+    words = f"planes face each other, {_gap_words(gap)}, over {region.area * 1e6:.4g} mm² ({share:.0%} of the smaller)"
     return Match(
         kind="against",
         residual=residual,
@@ -86,12 +91,12 @@ def against(a: View, b: View, limits: Limits) -> Match | None:
 
 
 def _round(
-    kind: str, a: View, b: View, axis: Vector, offset: float, angle: float, fit: float,
+    kind: str, solid: View, hollow: View, axis: Vector, offset: float, angle: float, fit: float,
     shared: tuple[float, float, float], origin: Vector, size: float, words: str,
 ) -> Match:  # fmt: skip
     """A match of two surfaces of revolution; `shared` is (overlap, smaller length, open angle of the hollow one)."""
     overlap, smaller, hollow_open = shared
-    along = float((b.center - a.center) @ axis)
+    along = float((hollow.center - solid.center) @ axis)
     return Match(
         kind=kind,
         residual=offset,
@@ -102,18 +107,16 @@ def _round(
         closed=hollow_open < np.pi * (1 - 1e-6),
         approach=axis if along >= 0 else -axis,
         origin=origin,
-        local=a.pose.actInv(origin),
+        local=solid.pose.actInv(origin),
         direction=axis,
         size=size,
         words=f"{words}, {_fit_words(fit)}",
     )
 
 
-def concentric(a: View, b: View, limits: Limits) -> Match | None:
+def concentric(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) -> Match | None:
     """A solid cylinder in a hollow one: radii fit, axes coincide, lengths overlap."""
-    solid, hollow = (a, b) if a.feature.sense > 0 else (b, a)
     s, h = solid.geometry, hollow.geometry
-    assert isinstance(s, Cylinder) and isinstance(h, Cylinder)
     fit = h.radius - s.radius
     angle = _angle(s.axis, h.axis)
     if not limits.fit(s.radius, fit) or angle > limits.angular:
@@ -131,20 +134,38 @@ def concentric(a: View, b: View, limits: Limits) -> Match | None:
     offset = float(np.linalg.norm(on_solid - on_hollow, axis=1).max())
     if offset > limits.linear + max(fit, 0.0):
         return None
+    if fit > limits.clearance and abs(offset - fit) <= limits.slack:
+        return None  # a loose shaft at the wall of its bore: tangent
     smaller = min(solid.extent.length, hollow.extent.length)
     words = (
         f"Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm over {millimetres(max(overlap, 0.0))}, "
         f"axes {millimetres(offset)} apart{', ' + limits.fit_class if limits.fit_class else ''}"
     )
     shared = (overlap, smaller, hollow.extent.open)
-    return _round("concentric", a, b, axis, offset, angle, fit, shared, on_hollow.mean(axis=0), h.radius, words)
+    return _round(
+        "concentric", solid, hollow, axis, offset, angle, fit, shared, on_hollow.mean(axis=0), h.radius, words
+    )
 
 
-def conical(a: View, b: View, limits: Limits) -> Match | None:
-    """A solid cone in a hollow one of the same half angle, pushed home."""
-    solid, hollow = (a, b) if a.feature.sense > 0 else (b, a)
+def screw(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) -> Match | None:
+    """A screw in its tapped hole, both drawn as plain cylinders: on one axis, overlapping by the depth of a thread."""
     s, h = solid.geometry, hollow.geometry
-    assert isinstance(s, Cone) and isinstance(h, Cone)
+    thread = metric_thread(2.0 * s.radius, 2.0 * h.radius)
+    if thread is None:
+        return None
+    found = concentric(solid, hollow, replace(limits, clearance=s.radius, fit_class=""))
+    if found is None:
+        return None
+    words = (
+        f"thread {thread.name} drawn as Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm "
+        f"over {millimetres(max(found.overlap, 0.0))}, axes {millimetres(found.residual)} apart"
+    )
+    return replace(found, kind="screw", words=words, parameters={"pitch": thread.pitch})
+
+
+def conical(solid: View[Cone], hollow: View[Cone], limits: Limits) -> Match | None:
+    """A solid cone in a hollow one of the same half angle, pushed home."""
+    s, h = solid.geometry, hollow.geometry
     angle = _angle(s.axis, h.axis)
     flare = abs(s.half_angle - h.half_angle)
     if s.axis @ h.axis <= 0.0 or max(angle, flare) > limits.angular:
@@ -164,32 +185,28 @@ def conical(a: View, b: View, limits: Limits) -> Match | None:
     words = f"cones of half angle {np.degrees(h.half_angle):.4g}° over {millimetres(max(overlap, 0.0))}"
     shared = (overlap, smaller, hollow.extent.open)
     size = height * float(np.tan(h.half_angle))
-    return _round("conical", a, b, h.axis, residual, max(angle, flare), fit, shared, middle, size, words)
+    return _round("conical", solid, hollow, h.axis, residual, max(angle, flare), fit, shared, middle, size, words)
 
 
-def spherical(a: View, b: View, limits: Limits) -> Match | None:
+def spherical(solid: View[Sphere], hollow: View[Sphere], limits: Limits) -> Match | None:
     """A ball in its socket."""
-    solid, hollow = (a, b) if a.feature.sense > 0 else (b, a)
     s, h = solid.geometry, hollow.geometry
-    assert isinstance(s, Sphere) and isinstance(h, Sphere)
     fit = h.radius - s.radius
     offset = float(np.linalg.norm(s.center - h.center))
     if abs(fit) > limits.clearance or offset > limits.linear + max(fit, 0.0):
         return None
-    toward = b.center - a.center
+    toward = hollow.center - solid.center
     length = float(np.linalg.norm(toward))
     axis = toward / length if length > 0 else np.array([0.0, 0.0, 1.0])
     words = f"ball Ø{2e3 * s.radius:.6g} in socket Ø{2e3 * h.radius:.6g} mm, centres {millimetres(offset)} apart"
     depth = hollow.feature.area / (2 * np.pi * h.radius)  # Archimedes: height of the socket's zone
     shared = (min(depth, 2 * h.radius), min(depth, 2 * h.radius), 0.0 if depth > h.radius else 2 * np.pi)
-    return _round("spherical", a, b, axis, offset, 0.0, fit, shared, h.center, h.radius, words)
+    return _round("spherical", solid, hollow, axis, offset, 0.0, fit, shared, h.center, h.radius, words)
 
 
-def toroidal(a: View, b: View, limits: Limits) -> Match | None:
+def toroidal(solid: View[Torus], hollow: View[Torus], limits: Limits) -> Match | None:
     """A ring in its groove."""
-    solid, hollow = (a, b) if a.feature.sense > 0 else (b, a)
     s, h = solid.geometry, hollow.geometry
-    assert isinstance(s, Torus) and isinstance(h, Torus)
     fit = h.minor - s.minor
     angle = _angle(s.axis, h.axis)
     offset = float(np.linalg.norm(s.center - h.center))
@@ -200,14 +217,12 @@ def toroidal(a: View, b: View, limits: Limits) -> Match | None:
     words = f"tori Ø{2e3 * h.major:.6g} × Ø{2e3 * h.minor:.6g} mm, centres {millimetres(offset)} apart"
     depth = hollow.extent.length
     shared = (depth, min(depth, solid.extent.length), hollow.extent.open)
-    return _round("toroidal", a, b, h.axis, offset, angle, fit, shared, h.center, h.major, words)
+    return _round("toroidal", solid, hollow, h.axis, offset, angle, fit, shared, h.center, h.major, words)
 
 
-def groove(a: View, b: View, limits: Limits) -> Match | None:
+def groove(ball: View[Sphere], hollow: View[Cylinder] | View[Torus], limits: Limits) -> Match | None:
     """A ball in a groove of its own radius, straight or around an axis."""
-    ball, hollow = (a, b) if a.feature.sense > 0 else (b, a)
     s, h = ball.geometry, hollow.geometry
-    assert isinstance(s, Sphere) and isinstance(h, Cylinder | Torus)
     fit = _radius(h) - s.radius
     way = np.asarray(h.normals(s.center)[0])
     offset = float(h.distance(s.center)[0]) + _radius(h)  # of the centre from the groove's centre line
@@ -223,7 +238,7 @@ def groove(a: View, b: View, limits: Limits) -> Match | None:
         f"ball Ø{2e3 * s.radius:.6g} in groove Ø{2e3 * _radius(h):.6g} mm, {what}, centres {millimetres(offset)} apart"
     )
     shared = (1.0, 1.0, hollow.extent.open if isinstance(h, Cylinder) else 2.0 * np.pi)
-    return _round("groove", a, b, axis, offset, 0.0, fit, shared, middle, s.radius, words)
+    return _round("groove", ball, hollow, axis, offset, 0.0, fit, shared, middle, s.radius, words)
 
 
 def _radius(geometry: Geometry) -> float:
@@ -236,17 +251,13 @@ def _radius(geometry: Geometry) -> float:
     return np.inf
 
 
-def tangent(a: View, b: View, limits: Limits) -> Match | None:
-    """Surfaces that touch along a line or in a point, where both really are."""
-    first, second = a, b
-    if (type(a.geometry), type(b.geometry)) not in TANGENCIES or b.feature.sense < 0:
-        first, second = b, a
-    rule = TANGENCIES[type(first.geometry), type(second.geometry)]
-    spans = second.extent.spans
+def tangent(first: View, second: View, limits: Limits) -> Match | None:
+    """Surfaces that touch along a line or in a point, where both really are; `second` is solid."""
     hollow = first.feature.sense < 0
     if hollow and _radius(first.geometry) - _radius(second.geometry) <= limits.clearance:
         return None  # that near it is a fit, good or bad
-    touch = rule(first.geometry, second.geometry, (float(spans[0, 0]), float(spans[-1, 1])), hollow)
+    rule = TANGENCIES[type(first.geometry), type(second.geometry)]
+    touch = rule(first.geometry, second.geometry, _span(first, second), hollow)
     if touch is None or abs(touch.gap) > limits.linear or touch.angle > limits.angular:
         return None
     both = np.ones(len(touch.points), bool)
@@ -257,65 +268,95 @@ def tangent(a: View, b: View, limits: Limits) -> Match | None:
         return None
     points = touch.points[both]
     middle = points.mean(axis=0)
-    if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) < limits.linear:
-        return None  # the end of a line touches: an edge contact, not a tangency
     length = float(np.linalg.norm(points[-1] - points[0]))
-    share = float(both.mean())
+    if len(touch.points) > 1 and length < limits.linear:
+        return None  # the end of a line touches: an edge contact, not a tangency
     where = f"along {millimetres(length)}" if len(touch.points) > 1 else "in a point"
-    side = 1.0 if first is b else -1.0
     return Match(
         kind="tangent",
         residual=abs(touch.gap),
         angle=touch.angle,
         fit=None,
         overlap=length,
-        share=share,
+        share=float(both.mean()),
         closed=False,
-        approach=side * touch.normal,
+        approach=-touch.normal if hollow else touch.normal,
         origin=middle,
-        local=a.pose.actInv(middle),
+        local=first.pose.actInv(middle),
         direction=touch.normal,
         size=max(0.5 * length, limits.linear),
         words=(
-            f"{first.geometry.kind} and {second.geometry.kind} touch {where}, {touch.mode}, "
-            f"{millimetres(abs(touch.gap))} {'apart' if touch.gap >= 0 else 'into each other'}"
+            f"{first.geometry.kind} and {second.geometry.kind} touch {where}, {touch.mode}, {_gap_words(touch.gap)}"
         ),
         parameters={"mode": touch.mode},
     )
 
 
-Rule = Callable[[View, View, Limits], Match | None]
+def _span(first: View, second: View) -> tuple[float, float]:
+    """m: heights along the second's axis between which a line contact may lie: of a cylinder only beside the first."""
+    low, high = float(second.extent.spans[0, 0]), float(second.extent.spans[-1, 1])
+    g = second.geometry
+    if isinstance(g, Cylinder):
+        heights = (first.triangles - g.origin) @ g.axis
+        low, high = max(low, float(heights.min())), min(high, float(heights.max()))
+    return (low, high) if low <= high else (0.5 * (low + high),) * 2
+
+
+F = TypeVar("F", bound=Geometry)
+S = TypeVar("S", bound=Geometry)
 
 
 @dataclass(frozen=True)
-class Pairing:
+class Pairing(Generic[F, S]):
     """A row of the table."""
 
     kind: str
-    first: type[Geometry]
-    second: type[Geometry]
-    senses: tuple[int, ...]
-    """products of the two senses that fit: -1 solid in hollow, +1 both alike"""
-    rule: Rule
+    first: type[F]
+    second: type[S]
+    senses: tuple[tuple[int, int], ...]
+    """the senses of the first and the second that fit: +1 solid, -1 hollow"""
+    rule: Callable[[View[F], View[S], Limits], Match | None]
+    """called with the features in the order of the row"""
+
+    def match(self, a: View, b: View, limits: Limits) -> Match | None:
+        """What the rule says of two features, whichever comes first; None where they are not of this row."""
+        if self._is_of(a, b):
+            return self.rule(a, b, limits)
+        if not self._is_of(b, a):
+            return None
+        found = self.rule(b, a, limits)
+        return found and replace(found, approach=-found.approach, local=a.pose.actInv(found.origin))
+
+    def _is_of(self, a: View, b: View) -> bool:
+        first, second = a.feature, b.feature
+        return (
+            type(first.geometry) is self.first
+            and type(second.geometry) is self.second
+            and (first.sense, second.sense) in self.senses
+        )
 
 
-PAIRINGS: tuple[Pairing, ...] = (
-    Pairing("against", Plane, Plane, (1,), against),
-    Pairing("concentric", Cylinder, Cylinder, (-1,), concentric),
-    Pairing("conical", Cone, Cone, (-1,), conical),
-    Pairing("spherical", Sphere, Sphere, (-1,), spherical),
-    Pairing("toroidal", Torus, Torus, (-1,), toroidal),
-    Pairing("groove", Cylinder, Sphere, (-1,), groove),
-    Pairing("groove", Torus, Sphere, (-1,), groove),
-    Pairing("tangent", Plane, Cylinder, (1,), tangent),
-    Pairing("tangent", Plane, Cone, (1,), tangent),
-    Pairing("tangent", Plane, Sphere, (1,), tangent),
-    Pairing("tangent", Plane, Torus, (1,), tangent),
-    Pairing("tangent", Cylinder, Cylinder, (1, -1), tangent),
-    Pairing("tangent", Cylinder, Sphere, (1, -1), tangent),
-    Pairing("tangent", Cone, Sphere, (1, -1), tangent),
-    Pairing("tangent", Torus, Sphere, (1, -1), tangent),
-    Pairing("tangent", Sphere, Sphere, (1, -1), tangent),
+_SOLID = ((1, 1),)
+_IN_HOLLOW = ((1, -1),)
+_ON_OR_IN = ((1, 1), (-1, 1))
+PAIRINGS: tuple[Pairing[Any, Any], ...] = (
+    Pairing("against", Plane, Plane, _SOLID, against),
+    Pairing("screw", Cylinder, Cylinder, _IN_HOLLOW, screw),
+    Pairing("concentric", Cylinder, Cylinder, _IN_HOLLOW, concentric),
+    Pairing("conical", Cone, Cone, _IN_HOLLOW, conical),
+    Pairing("spherical", Sphere, Sphere, _IN_HOLLOW, spherical),
+    Pairing("toroidal", Torus, Torus, _IN_HOLLOW, toroidal),
+    Pairing("groove", Sphere, Cylinder, _IN_HOLLOW, groove),
+    Pairing("groove", Sphere, Torus, _IN_HOLLOW, groove),
+    Pairing("tangent", Plane, Cylinder, _SOLID, tangent),
+    Pairing("tangent", Plane, Cone, _SOLID, tangent),
+    Pairing("tangent", Plane, Sphere, _SOLID, tangent),
+    Pairing("tangent", Plane, Torus, _SOLID, tangent),
+    Pairing("tangent", Cylinder, Cylinder, _ON_OR_IN, tangent),
+    Pairing("tangent", Cylinder, Sphere, _ON_OR_IN, tangent),
+    Pairing("tangent", Cone, Sphere, _ON_OR_IN, tangent),
+    Pairing("tangent", Torus, Sphere, _ON_OR_IN, tangent),
+    Pairing("tangent", Sphere, Sphere, _ON_OR_IN, tangent),
 )
 FITS = ("against", "concentric", "conical", "groove", "screw", "spherical", "toroidal")
 """Kinds whose surfaces coincide: what is offered to a hand, which would not want every tangency on its way."""
@@ -327,22 +368,13 @@ SLIGHT = ("contact", "coplanar")
 """Kinds that two bodies often make without being meant to: edges and vertices that touch, faces that lie flush."""
 
 
-def rows_for(kinds: Set[str]) -> tuple[Pairing, ...]:
+def rows_for(kinds: Set[str]) -> tuple[Pairing[Any, Any], ...]:
     """The table as far as it may tell one of these kinds: a row counts only where none before it fits."""
     last = max((n for n, row in enumerate(PAIRINGS, 1) if row.kind in kinds), default=0)
     return PAIRINGS[:last]
 
 
-def matches(a: View, b: View, limits: Limits, rows: Sequence[Pairing] = PAIRINGS) -> Match | None:
+def matches(a: View, b: View, limits: Limits, rows: Sequence[Pairing[Any, Any]] = PAIRINGS) -> Match | None:
     """What the first fitting row of the table says of two features; None when no row does."""
-    first, second = type(a.feature.geometry), type(b.feature.geometry)
-    for row in rows:
-        if (
-            {row.first, row.second} == {first, second}
-            and max(a.feature.sense, b.feature.sense) > 0
-            and a.feature.sense * b.feature.sense in row.senses
-        ):
-            found = row.rule(a, b, limits)
-            if found is not None:
-                return found
-    return None
+    found = (row.match(a, b, limits) for row in rows)
+    return next((match for match in found if match is not None), None)

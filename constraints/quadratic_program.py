@@ -11,22 +11,29 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from constraints.errors import ConstraintsError
+
 Array = NDArray[np.float64]
 
 MOST_CHANGES = 1000
-"""of the set of rows that hold; the method needs about as many as there are unknowns"""
+"""of the set of rows that hold, at least; the method needs about as many as there are unknowns"""
 VIOLATED = 1e-13
 """m: a row that is off by less holds"""
 DEPENDENT = 1e-8
 """1: what is left of a row beside the rows that hold already, below which it says nothing new"""
 
 
+SOLVED, CONTRADICTORY, UNDECIDED = 0, 1, 2
 UNMOVED = 1e-9
 """1: a row that is smaller is left out: no motion that is allowed changes it"""
 
 
+class UndecidedError(ConstraintsError):
+    """A quadratic program that had neither an answer nor a contradiction when its changes were used up."""
+
+
 def quadratic_program(
-    hessian: Array, gradient: Array, c: Array, lower: Array
+    hessian: Array, gradient: Array, c: Array, lower: Array, most_changes: int | None = None
 ) -> tuple[Array, NDArray[np.int64]] | None:
     """The y (n,) of least ½ yᵀHy + gᵀy among those with C y >= lower, and the rows that it presses on, ascending.
 
@@ -34,12 +41,20 @@ def quadratic_program(
     presses if it bears a force, or if it is at its bound and the free minimum lies beyond it: of several rows that say
     the same all are told.
 
-    None when no y keeps all rows.
+    most_changes: of the set of rows that hold; by default ten for each unknown and row, `MOST_CHANGES` at least.
+
+    None when no y keeps all rows. Raises UndecidedError where `most_changes` did not suffice to tell.
     """
     heard = np.flatnonzero(np.abs(c).max(axis=1) > UNMOVED)
     c, lower = np.ascontiguousarray(c[heard]), lower[heard]
     y, force, free = np.empty(len(gradient)), np.zeros(len(lower)), np.empty(len(gradient))
-    if not _goldfarb_idnani(np.ascontiguousarray(hessian), gradient, c, lower, y, force, free):
+    most = max(MOST_CHANGES, 10 * sum(c.shape)) if most_changes is None else most_changes
+    status = _goldfarb_idnani(np.ascontiguousarray(hessian), gradient, c, lower, most, y, force, free)
+    if status == UNDECIDED:
+        raise UndecidedError(
+            f"a quadratic program of {c.shape[1]} unknowns is undecided after {most} changes of {len(c)} rows"
+        )
+    if status == CONTRADICTORY:
         return None
     bound = (c @ y - lower < 1e3 * VIOLATED) & (c @ free - lower < -1e3 * VIOLATED)
     return y, heard[bound | (force > 1e3 * VIOLATED)]
@@ -47,9 +62,9 @@ def quadratic_program(
 
 @njit(cache=True, error_model="numpy")
 def _goldfarb_idnani(
-    h: Array, g: Array, c: Array, lower: Array, y: Array, force: Array, free: Array
-) -> bool:  # pragma: no cover - compiled
-    """Fills y (n,), force (m,) of each row and the free minimum (n,); False where rows contradict one another."""
+    h: Array, g: Array, c: Array, lower: Array, most_changes: int, y: Array, force: Array, free: Array
+) -> int:  # pragma: no cover - compiled
+    """Fills y (n,), force (m,) of each row and the free minimum (n,); returns a status."""
     n, m = len(g), len(lower)
     root = np.zeros((n, n))  # H = root·rootᵀ
     for i in range(n):
@@ -77,7 +92,7 @@ def _goldfarb_idnani(
     along, pull, rest = np.zeros(n), np.zeros(n), np.empty(n)
     count = 0
     added = -1
-    for _ in range(MOST_CHANGES):
+    for _ in range(most_changes):
         if added < 0:
             worst = -VIOLATED
             for p in range(m):
@@ -88,7 +103,7 @@ def _goldfarb_idnani(
                     worst, added = slack, p
             if added < 0:
                 _back(root, u, y)
-                return True
+                return SOLVED
         size = 0.0
         for k in range(n):
             rest[k] = d[added, k]
@@ -119,7 +134,7 @@ def _goldfarb_idnani(
         if fresh and -slack / left <= step:
             step, let_go = -slack / left, -1
         if step == np.inf:
-            return False
+            return CONTRADICTORY
         if fresh:
             for k in range(n):
                 u[k] += step * rest[k]
@@ -157,7 +172,7 @@ def _goldfarb_idnani(
             r[j, j] = np.sqrt(length)
             for k in range(n):
                 q[k, j] /= r[j, j]
-    return False
+    return UNDECIDED
 
 
 @njit(cache=True, error_model="numpy")

@@ -19,12 +19,17 @@ from collision import Tolerance
 from constraints.candidate import KINDS, Candidate, Key, Match, Pair, known_kinds
 from constraints.edges import as_match, not_said_yet, touching
 from constraints.features import Feature
+from constraints.geometry import Cylinder
+from constraints.implied import Found, without_implied
+from constraints.metric_threads import metric_thread
 from constraints.pairings import PAIRINGS, SLIGHT, STANDING, Pairing, matches
 from constraints.threads import ALIKE
 from constraints.views import Extent, Limits, View, millimetres
 
-Pairs = dict[Pair, list[float]]
-"""m: distances of the pairs of faces that are near each other, by pair of features"""
+Near = tuple[int, int, float]
+"""a face of body a, one of body b, and their distance (m)"""
+Pairs = dict[Pair, list[Near]]
+"""the faces that are near each other, by pair of features"""
 
 
 FLANK = 0.25
@@ -48,7 +53,7 @@ class Recogniser:
         self._of_surface = [{s: i for i, f in enumerate(fs) for s in f.surfaces} for fs in self.features]
         self._extents: dict[tuple[int, int], Extent] = {}
         self._shared: dict[int, Extent] = {}
-        self._known: dict[tuple[Pair, Limits, int], tuple[tuple[bytes, bytes], tuple[Match, ...]]] = {}
+        self._known: dict[tuple[Pair, Limits, int], tuple[tuple[bytes, bytes], Match | None]] = {}
 
     def feature_of(self, body: int, surface: int) -> int | None:
         """Place of the feature a face belongs to; None for faces without analytic geometry."""
@@ -66,17 +71,34 @@ class Recogniser:
                 continue
             fa, fb = self._of_surface[a].get(sa), self._of_surface[b].get(sb)
             if fa is not None and fb is not None:
-                pairs.setdefault((a, fa, b, fb), []).append(distance)
+                pairs.setdefault((a, fa, b, fb), []).append((sa, sb, distance))
         return pairs
+
+    def widest(self, limits: Limits) -> float:
+        """Greatest difference of radii (m) at which one of the shafts fits one of the bores, or makes a thread with it.
+
+        As far apart as that their faces may be: contacts have to be asked for within it.
+        """
+        radii: dict[int, set[float]] = {1: set(), -1: set()}
+        for feature in (feature for own in self.features for feature in own):
+            if isinstance(feature.geometry, Cylinder):
+                radii[feature.sense].add(feature.geometry.radius)
+        shafts, bores = (np.array(sorted(radii[sense])) for sense in (1, -1))
+        most = np.array([limits.loosest(radius) + limits.slack for radius in shafts])
+        clearance = bores[None, :] - shafts[:, None]
+        fits = (clearance >= 0.0) & (clearance <= most[:, None])
+        for i, j in np.argwhere((clearance < 0.0) & (clearance > -0.25 * shafts[:, None])).tolist():
+            fits[i, j] = metric_thread(2.0 * shafts[i], 2.0 * bores[j]) is not None
+        return float(np.abs(clearance[fits]).max(initial=0.0))
 
     def view(self, body: int, feature: int, pose: pin.SE3) -> View:
         """A feature where it is when its body is at `pose`."""
         return View(self._extent(body, feature), pose)
 
     def matches(
-        self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits, rows: tuple[Pairing, ...] = PAIRINGS
-    ) -> tuple[Match, ...]:
-        """What two features mean to each other at `poses`: nothing, one kind, or a fit and its thread.
+        self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits, rows: tuple[Pairing[Any, Any], ...] = PAIRINGS
+    ) -> Match | None:
+        """What two features mean to each other at `poses`; of a thread and its nut a screw.
 
         rows: of the table of pairings; others are not looked at.
         """
@@ -87,45 +109,51 @@ class Recogniser:
         if known is not None and known[0] == state:  # most pairs stand still from one step to the next
             return known[1]
         pitch = self.pitch(pair)
-        both = pitch is not None and (a, fa) in self.threads and (b, fb) in self.threads
-        if both and pitch is not None:  # their flanks meet though their mean radii differ, as crests are cut otherwise
+        if pitch is not None:  # flanks meet though mean radii differ, as crests are cut otherwise
             limits = replace(limits, clearance=max(limits.clearance, FLANK * abs(pitch)), fit_class="")
         found = matches(self.view(a, fa, poses[a]), self.view(b, fb, poses[b]), limits, rows)
-        out: tuple[Match, ...] = () if found is None else (found,)
         if found is not None and pitch is not None and found.kind == "concentric":
-            if both:
-                words = f"threads on one axis over {found.overlap * 1e3:.4g} mm"
-                found = replace(found, fit=None, words=words)
-            out = (found, replace(found, kind="screw", parameters={"pitch": pitch}))
-        self._known[asked] = (state, out)
-        return out
+            words = f"threads on one axis over {millimetres(max(found.overlap, 0.0))}"
+            found = replace(found, kind="screw", fit=None, words=words, parameters={"pitch": pitch})
+        self._known[asked] = (state, found)
+        return found
 
     def match(self, key: Key, poses: Sequence[pin.SE3], limits: Limits) -> Match | None:
         """What the kind and the two features of `key` amount to at `poses`; None when they are out of limits."""
-        return next((m for m in self.matches(key[:4], poses, limits) if m.kind == key[4]), None)
+        found = self.matches(key[:4], poses, limits)
+        return found if found is not None and found.kind == key[4] else None
 
     def pitch(self, pair: Pair) -> float | None:
-        """m a turn, where one of the two features is a thread, or both are of one pitch."""
+        """m a turn, where two features are threads of one pitch, or one is a thread that reaches into the other."""
         a, fa, b, fb = pair
         first, second = self.threads.get((a, fa)), self.threads.get((b, fb))
-        if first is None or second is None:
-            return second if first is None else first
-        return first if abs(first - second) <= ALIKE * abs(first) else None
+        if first is not None and second is not None:
+            return first if abs(first - second) <= ALIKE * abs(first) else None
+        pitch = second if first is None else first
+        if pitch is None:
+            return None
+        shaft, bore = sorted((self._extent(a, fa), self._extent(b, fb)), key=lambda e: -e.feature.sense)
+        return pitch if shaft.radii[1] >= bore.radii[0] * (1.0 - ALIKE) else None
 
     def candidate(
-        self, pair: Pair, match: Match, distances: Sequence[float], limits: Limits, poses: Sequence[pin.SE3]
+        self, pair: Pair, match: Match, near: Sequence[Near], limits: Limits, poses: Sequence[pin.SE3]
     ) -> Candidate:
-        """The candidate that `match` amounts to, with its score and its reasons."""
+        """The candidate that `match` amounts to, with its score and reasons; `near` has the contacts of the pair."""
         a, fa, b, fb = pair
         first, second = self.features[a][fa], self.features[b][fb]
         closeness = max(0.0, 1.0 - match.residual / (limits.linear + max(match.fit or 0.0, 0.0)))
         faces = len(first.surfaces) * len(second.surfaces)
-        touch = sum(distance <= limits.slack for distance in distances)
-        if not touch:
-            nearness = f"within reach, {millimetres(min(distances))} apart at the nearest"
+        touch = sum(distance <= limits.slack for _, _, distance in near)
+        least = min(distance for _, _, distance in near)
+        sags = self._extent(a, fa).sag + self._extent(b, fb).sag
+        together = max(least, match.residual + max(match.fit or 0.0, 0.0)) + limits.slack + 2.0 * sags
+        if match.kind == "screw" and not touch:
+            nearness = "drawn into each other"
+        elif not touch:
+            nearness = f"within reach, {millimetres(least)} apart at the nearest"
         else:
             nearness = f"{touch} of {faces} pairs of faces touch" if faces > 1 else "their faces touch"
-        pitch = self.pitch(pair) if match.kind in ("concentric", "screw") else None
+        pitch = match.parameters.get("pitch")
         thread = ""
         if pitch is not None:
             thread = f"; {'left-hand ' if pitch < 0.0 else ''}thread of pitch {1e3 * abs(pitch):.4g} mm"
@@ -140,7 +168,7 @@ class Recogniser:
             key=(*pair, match.kind),
             match=match,
             constraint=constraint,
-            contacts=len(distances),
+            near=tuple(sorted(x for x in near if x[2] <= together)),
             score=0.5 * (closeness + match.share),
             why=f"{match.words}; {nearness}{thread}",
             pitch=pitch,
@@ -161,6 +189,12 @@ def _bytes(pose: pin.SE3) -> bytes:
     return np.asarray(pose.homogeneous).tobytes()
 
 
+def contacts_within(features: Sequence[Sequence[Feature]], tolerance: Tolerance) -> float:
+    """m: how near contacts `recognise` needs of these features, under this tolerance."""
+    limits = Limits.offer(tolerance)
+    return max(limits.clearance, float(np.hypot(Recogniser(features).widest(limits), limits.linear)))
+
+
 def recognise(
     features: Sequence[Sequence[Feature]],
     poses: Sequence[pin.SE3],
@@ -169,6 +203,7 @@ def recognise(
     *,
     threads: Mapping[tuple[int, int], float] | None = None,
     kinds: Iterable[str] | None = None,
+    implied: bool = False,
     tell: Callable[[float], None] = lambda fraction: None,
 ) -> tuple[Candidate, ...]:
     """Candidates for constraints between bodies that touch, best score first.
@@ -178,35 +213,40 @@ def recognise(
     features: one sequence of `Feature` a body, body frame.
     poses: one `pin.SE3` a body, body to world.
     contacts: (n,) rows of `collision.CONTACT_DTYPE`, from `CollisionManager.contacts(within=…)`; ask for at least
-        `tolerance.clearance`, so that the facets of a loose fit are near enough to be seen.
+        what `contacts_within` says, so that the faces of a loose fit are near enough to be seen.
     tolerance: `reach` and `reach_angular` say how far from exact a mate may be; `replace(t, reach=0.0,
         reach_angular=0.0)` judges an assembly as it stands.
     threads: pitch in m a turn of threaded features, by (body, feature).
     kinds: only these kinds; None for all of `pairings.STANDING`. With "contact" or "coplanar" among them (`pairings.
         SLIGHT`) edges and vertices that touch within `tolerance.linear` are looked at too, and faces that lie flush:
         ranked below what fits, and left out where a fit of the same two bodies says as much.
+    implied: whether what others imply is returned, too (see `constraints.implied`).
     tell: hears the fraction done, before each pair of features.
 
     Returns
     -------
-    One `Candidate` a pair of features (a thread's pair also gives a screw), sorted by falling score, then by key.
+    One `Candidate` a pair of features, sorted by falling score, then by key.
     """
     tolerance = tolerance or Tolerance()
     recogniser = Recogniser(features, threads)
     limits = Limits.offer(tolerance)
     wanted = known_kinds(STANDING if kinds is None else kinds)
     near = recogniser.near(contacts)
-    found, slight = [], []
-    for number, (pair, distances) in enumerate(sorted(near.items())):
+    said: list[Found] = []
+    slight = []
+    for number, (pair, rows) in enumerate(sorted(near.items())):
         tell(number / len(near))
-        offered = recogniser.matches(pair, poses, limits)
-        found += [recogniser.candidate(pair, match, distances, limits, poses) for match in offered]
-        if not offered and not wanted.isdisjoint(SLIGHT) and min(distances) <= limits.slack:
+        found = recogniser.matches(pair, poses, limits)
+        said += [] if found is None else [(pair, found)]
+        if found is None and not wanted.isdisjoint(SLIGHT) and min(x[2] for x in rows) <= limits.slack:
             a, fa, b, fb = pair
             touch = touching(recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b]), limits)
             slight += [] if touch is None else [(pair, touch)]
-    for pair, touch in not_said_yet(slight, found, lambda body, f: recogniser.view(body, f, poses[body])):
+    news = said if implied else without_implied(said, recogniser.features, recogniser.threads, limits)
+    out = [recogniser.candidate(pair, match, near[pair], limits, poses) for pair, match in news]
+    every = [(pair, match.fit) for pair, match in said]
+    for pair, touch in not_said_yet(slight, every, lambda body, f: recogniser.view(body, f, poses[body])):
         a, fa, b, fb = pair
         match = as_match(touch, recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b]), limits)
-        found.append(recogniser.candidate(pair, match, near[pair], limits, poses))
-    return tuple(sorted((c for c in found if c.kind in wanted), key=lambda c: (-c.score, c.key)))
+        out.append(recogniser.candidate(pair, match, near[pair], limits, poses))
+    return tuple(sorted((c for c in out if c.kind in wanted), key=lambda c: (-c.score, c.key)))

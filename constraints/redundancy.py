@@ -102,7 +102,7 @@ def redundancies(
     members = [i for i in system.members if i not in without]
     poses, _ = _holds(constraints, members, system, at, tolerance)
     part = build(constraints, tuple(members), system.movable, bounds=False)
-    _, jacobian = part.dense(*part.gather(poses))
+    _, jacobian = part.dense(*part.gather(poses, tolerance.rigid))
     lengths = np.linalg.norm(jacobian, axis=1, keepdims=True)
     unit = np.divide(jacobian, lengths, out=jacobian, where=lengths > 0.0)
     place, weights = row_space(unit, threshold)
@@ -146,7 +146,7 @@ def conflicts(
                 out.append(Conflict((i,), off, unit, text))
     for system in systems:
         members = list(system.members)
-        rotation, translation = system.gather(at)
+        rotation, translation = system.gather(at, tolerance.rigid)
         worst = float(np.abs(system.evaluate(rotation, translation)[0]).max())
         holds = worst <= kernels.resolution(system.element, translation, tolerance.conflict)
         poses = dict(at)
@@ -184,14 +184,14 @@ def _miss(
     part = build(constraints, tuple(core), system.movable, bounds=False)
     last = part.owner == len(core) - 1
     firm = replace(part, weight=np.where(last, part.weight, 1e3 * part.weight))
-    rotation, translation = part.gather(at)
+    rotation, translation = part.gather(at, tolerance.rigid)
     run(part, rotation, translation, tolerance)
     run(firm, rotation, translation, tolerance)
     poses = _holds(constraints, core[:-1], system, {**at, **part.scatter(rotation, translation)}, tolerance)[0]
     columns = np.argsort(part.elimination.position)
     scale = 1.0
     for _ in range(STEPS):
-        rotation, translation = part.gather(poses)
+        rotation, translation = part.gather(poses, tolerance.rigid)
         r, jacobian = part.dense(rotation, translation)
         order, upper, rank, _ = pivoted_qr(np.ascontiguousarray(jacobian[~last].T), tolerance.rank)
         free = null_basis(order, upper, rank).T
@@ -205,7 +205,7 @@ def _miss(
         turned, moved = rotation.copy(), translation.copy()
         move(rotation, translation, part.extent, part.columns, step, turned, moved)
         there = _holds(constraints, core[:-1], system, {**poses, **part.scatter(turned, moved)}, tolerance)[0]
-        now = part.dense(*part.gather(there))[0]
+        now = part.dense(*part.gather(there, tolerance.rigid))[0]
         if np.linalg.norm(now[last]) < 0.999 * np.linalg.norm(r[last]):
             poses = there
         elif scale < 0.1:
@@ -247,7 +247,7 @@ def _holds(
     if not members:
         return poses, True
     part = build(constraints, tuple(members), system.movable, bounds=False)
-    rotation, translation = part.gather(at)
+    rotation, translation = part.gather(at, tolerance.rigid)
     _, _, worst = run(part, rotation, translation, tolerance)
     poses.update(part.scatter(rotation, translation))
     return poses, worst <= kernels.resolution(part.element, translation, tolerance.conflict)

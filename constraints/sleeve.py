@@ -10,6 +10,7 @@ rims of two like holes do not keep a plate from its seat.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +38,19 @@ def sleeve(
     first, second = candidate.geometries
     if candidate.kind == "against" and isinstance(first, Plane) and isinstance(second, Plane):
         return faces_behind(meshes[0], first, slack), faces_behind(meshes[1], second, slack)
-    if candidate.kind != "concentric" or not (isinstance(first, Cylinder) and isinstance(second, Cylinder)):
+    if candidate.kind not in ("concentric", "screw"):
         return None
-    if features[a][fa].sense > 0:
-        return faces_within(meshes[0], first, slack), faces_without(meshes[1], second, features[b][fb].surfaces)
-    return faces_without(meshes[0], first, features[a][fa].surfaces), faces_within(meshes[1], second, slack)
+    if not (isinstance(first, Cylinder) and isinstance(second, Cylinder)):
+        return None
+    one, other = features[a][fa], features[b][fb]
+    if one.sense > 0:
+        return faces_within(meshes[0], _crest(first, one), slack), faces_without(meshes[1], second, other.surfaces)
+    return faces_without(meshes[0], first, one.surfaces), faces_within(meshes[1], _crest(second, other), slack)
+
+
+def _crest(cylinder: Cylinder, shaft: Feature) -> Cylinder:
+    """The cylinder about all of a shaft: of a thread, whose own is at its mean radius, that of its crests."""
+    return replace(cylinder, radius=cylinder.radius + max(0.0, float(cylinder.distance(shaft.samples).max())))
 
 
 def faces_behind(mesh: SurfaceMesh, plane: Plane, slack: float) -> tuple[int, ...]:

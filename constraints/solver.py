@@ -61,7 +61,7 @@ def solve(
     """
     tol = tolerance or Tolerance()
     work = plan(tuple(constraints), frozenset(movable))
-    rotation, translation = work.gather(poses)
+    rotation, translation = work.gather(poses, tol.rigid)
     n = len(work.systems)
     if n == 0:
         return Solution({}, 0.0, True, 0)

@@ -50,7 +50,7 @@ def stated(
     if constraint.kind not in KINDS or UNKNOWN in places:  # not what recognition could find by itself
         places = [UNKNOWN - 1 - number] * 2
     key = (a, places[0], b, places[1], constraint.kind)
-    return Candidate(key, match, constraint, contacts=0, score=1.0, why=why, stated=True)
+    return Candidate(key, match, constraint, near=(), score=1.0, why=why, stated=True)
 
 
 def _place(features: Sequence[Feature], geometry: object) -> int:

@@ -20,12 +20,12 @@ from collision import Tolerance
 from constraints import jacobians, pose_kernels
 from constraints.block_cholesky import Elimination, eliminate
 from constraints.errors import ConstraintsError
+from constraints.geometry import LARGEST
 from constraints.kinds.base import Constraint
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Poses = Sequence[pin.SE3] | Mapping[int, pin.SE3]
-RIGID = Tolerance().rigid
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +77,9 @@ class System:
         """m, characteristic length: median extent of the movable bodies."""
         return float(np.median(self.extent[self.slot >= 0]))
 
-    def gather(self, poses: Poses) -> tuple[Array, Array]:
+    def gather(self, poses: Poses, rigid: float = Tolerance.rigid) -> tuple[Array, Array]:
         """Rotations (n, 3, 3) and positions of the centres (n, 3) of the bodies."""
-        return _gather(poses, self.bodies, np.arange(len(self.bodies)), self.center)
+        return _gather(poses, self.bodies, np.arange(len(self.bodies)), self.center, rigid)
 
     def scatter(self, rotation: Array, translation: Array) -> dict[int, pin.SE3]:
         """Poses of the movable bodies."""
@@ -168,9 +168,9 @@ class Plan:
     packed: tuple[NDArray[Any], ...]
     """what `system_kernels.solve_all` takes before `offset`"""
 
-    def gather(self, poses: Poses) -> tuple[Array, Array]:
+    def gather(self, poses: Poses, rigid: float = Tolerance.rigid) -> tuple[Array, Array]:
         """Rotations and positions of the centres, of each system's bodies in order."""
-        return _gather(poses, self.bodies, self.place, self.center)
+        return _gather(poses, self.bodies, self.place, self.center, rigid)
 
 
 @lru_cache(maxsize=128)
@@ -225,7 +225,7 @@ def plan(constraints: tuple[Constraint, ...], movable: frozenset[int]) -> Plan:
     )
 
 
-def _gather(poses: Poses, bodies: Sequence[int], place: Ints, center: Array) -> tuple[Array, Array]:
+def _gather(poses: Poses, bodies: Sequence[int], place: Ints, center: Array, rigid: float) -> tuple[Array, Array]:
     """Rotations (n, 3, 3) and positions of the centres (n, 3) of `bodies[place]`; their poses are checked."""
     try:
         matrix = np.array([poses[b].homogeneous for b in bodies]).reshape(-1, 4, 4)
@@ -238,11 +238,14 @@ def _gather(poses: Poses, bodies: Sequence[int], place: Ints, center: Array) -> 
         raise ConstraintsError(
             f"the pose of body {bad} is a {type(poses[bad]).__name__}; pass a pinocchio.SE3"
         ) from None
-    wrong = pose_kernels.first_not_rigid(matrix, RIGID)
+    wrong = pose_kernels.first_not_rigid(matrix, rigid)
     if wrong >= 0:
         finite = np.isfinite(matrix[wrong]).all()
         words = "is no rigid motion; pass one" if finite else "is not finite; pass a finite one"
         raise ConstraintsError(f"the pose of body {bodies[wrong]} {words}")
+    if np.abs(matrix[:, :3, 3]).max(initial=0.0) > LARGEST:
+        far = int(np.argmax(np.abs(matrix[:, :3, 3]).max(axis=1)))
+        raise ConstraintsError(f"the pose of body {bodies[far]} is farther away than {LARGEST:g} m; pass a nearer one")
     rotation, translation = np.empty((len(place), 3, 3)), np.empty((len(place), 3))
     pose_kernels.to_centres(matrix, place, center, rotation, translation)
     return rotation, translation

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from collision import SurfaceMesh
 from constraints.features import Feature
-from constraints.geometry import Cylinder, Vector
+from constraints.geometry import Cone, Cylinder, Vector
+from constraints.views import Extent
 
 Array = NDArray[np.float64]
 
@@ -124,6 +125,25 @@ def _alike(a: Thread, b: Thread) -> bool:
         and aside <= ALIKE * 2.0 * a.radius
         and abs(a.pitch - b.pitch) <= ALIKE * abs(a.pitch)
     )
+
+
+def faces_of_thread(features: Sequence[Feature], place: int) -> tuple[int, ...]:
+    """Faces of the thread at a place among a part's features: flanks, crests and roots, and the cones at its ends."""
+    thread = Extent.of(features[place])
+    g, found = thread.feature.geometry, list(thread.feature.surfaces)
+    if not isinstance(g, Cylinder):
+        return tuple(found)
+    low, high = thread.radii
+    slack = ALIKE * high
+    for feature in features:
+        if feature is thread.feature or not isinstance(feature.geometry, Cylinder | Cone):
+            continue
+        radii = g.radius + g.distance(feature.samples)
+        heights = (feature.samples - g.origin) @ g.axis
+        beside = thread.spans[0, 0] - high <= heights.min() and heights.max() <= thread.spans[-1, 1] + high
+        if low - slack <= radii.min() and radii.max() <= high + slack and beside:
+            found += feature.surfaces
+    return tuple(sorted(found))
 
 
 def threaded(mesh: SurfaceMesh, features: Sequence[Feature]) -> tuple[tuple[Feature, ...], dict[int, float]]:

@@ -74,13 +74,16 @@ class Unknowns:
         """How many there are."""
         return 6 * len(self.bodies)
 
-    def linearised(self, poses: Sequence[pin.SE3]) -> tuple[Array, Array]:
-        """Residual (m,) and Jacobian (m, n) of the constraints, in metres (radians at the size of the features)."""
+    def linearised(self, poses: Sequence[pin.SE3], rigid: float) -> tuple[Array, Array]:
+        """Residual (m,) and Jacobian (m, n) of the constraints, in metres (radians at the size of the features).
+
+        rigid: `Tolerance.rigid`, which the poses have to meet.
+        """
         m = sum(system.rows for system in self.systems)
         residual, jacobian = np.empty(m), np.zeros((m, self.n))
         first = 0
         for system, sides in zip(self.systems, self.scatter, strict=True):
-            r, *both = system.evaluate(*system.gather(poses))
+            r, *both = system.evaluate(*system.gather(poses, rigid))
             residual[first : first + system.rows] = r * system.weight
             for j, to in zip(both, sides, strict=True):
                 _add_rows(j, system.weight, to.rows, to.block, to.shift, self.radius, first, jacobian)

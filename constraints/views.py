@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Generic, TypeVar, cast
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +15,11 @@ from constraints.features import Feature
 from constraints.geometry import Cone, Cylinder, Geometry, Torus, Vector
 from constraints.iso286 import fit_class
 from constraints.overlap import height_spans, open_angle
+from constraints.tangencies import sag
+
+CLEARANCE_HOLE = 4e-3
+"""m: radial clearance of the widest hole of ISO 273, medium series (M150 in Ø158)"""
+G = TypeVar("G", bound=Geometry, covariant=True)
 
 
 @dataclass(frozen=True)
@@ -26,6 +32,8 @@ class Limits:
     """rad, on directions"""
     clearance: float
     """m, on the difference of radii, either way"""
+    relative: float
+    """1: share of its diameter by which a shaft may be looser than that in its bore"""
     overlap: float
     """m: the least shared length; negative while a part approaches"""
     strip: float
@@ -52,6 +60,7 @@ class Limits:
             linear=max(tolerance.linear, reach),
             angular=max(tolerance.angular, angular),
             clearance=tolerance.clearance,
+            relative=tolerance.clearance_relative,
             overlap=tolerance.linear - reach,
             strip=strip,
             fit_class=tolerance.fit_class,
@@ -59,10 +68,18 @@ class Limits:
         )
 
     def fit(self, radius: float, clearance: float) -> bool:
-        """Whether a shaft of `radius` fits a bore with this radial clearance (m)."""
+        """Whether a shaft of `radius` fits a bore with this radial clearance (m; negative: interference)."""
         if self.fit_class and not fit_class(self.fit_class, 2.0 * radius).allows(2.0 * clearance, self.slack):
             return False
-        return abs(clearance) <= self.clearance
+        return -self.clearance - self.slack <= clearance <= self.loosest(radius) + self.slack
+
+    def loosest(self, radius: float) -> float:
+        """Greatest radial clearance (m) at which a shaft of `radius` fits a bore.
+
+        At the tolerance's defaults that admits the medium clearance holes of ISO 273 from M1.6 to M150 (M6 in Ø6.6) and
+        the coarse ones from M14 to M48.
+        """
+        return max(self.clearance, min(self.relative * 2.0 * radius, CLEARANCE_HOLE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +112,19 @@ class Extent:
         _, first, counts = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
         return np.asarray(self.feature.samples[sides[first[counts == 1]]])
 
+    @cached_property
+    def radii(self) -> tuple[float, float]:
+        """m: least and greatest distance of a cylinder's samples from its axis: a thread's roots and crests."""
+        g = self.feature.geometry
+        distance = g.distance(self.feature.samples)
+        radius = g.radius if isinstance(g, Cylinder) else 0.0
+        return radius + float(distance.min()), radius + float(distance.max())
+
+    @cached_property
+    def sag(self) -> float:
+        """m: how far its facets fall short of the surface they stand for."""
+        return sag(self.feature.geometry, self.feature.samples[self.feature.triangles])
+
     @property
     def length(self) -> float:
         """m: how much of its axis its faces cover."""
@@ -102,8 +132,8 @@ class Extent:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """A feature where it is now."""
+class View(Generic[G]):
+    """A feature where it is now, of geometry G."""
 
     extent: Extent
     pose: pin.SE3
@@ -113,9 +143,9 @@ class View:
         return self.extent.feature
 
     @cached_property
-    def geometry(self) -> Geometry:
+    def geometry(self) -> G:
         """In world coordinates."""
-        return self.feature.geometry.transformed(self.pose)
+        return cast(G, self.feature.geometry.transformed(self.pose))
 
     @cached_property
     def center(self) -> Vector:

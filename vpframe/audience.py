@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import time as clock
 from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vpframe.engine import Request
-from vpframe.errors import VpframeError
+from vpframe.errors import OutputError, VpframeError
 from vpframe.events import EVENT_KINDS, ConstraintView, Event, Frame, Observer
 from vpframe.visualization.controls import Request as Ask
 
@@ -22,7 +22,8 @@ FITTING = {"accept": ("candidate", "refused"), "refuse": ("candidate",), "remove
 class Audience:
     """Observers and listeners of one session, and the events that they have heard of.
 
-    An observer that fails is dropped, and said to be; the session goes on.
+    An observer that fails is dropped, and said to be; the session goes on. `lost` says what it then
+    has not written.
 
     Parameters
     ----------
@@ -38,6 +39,8 @@ class Audience:
         """called with every event as it happens"""
         self.seconds = 0.0
         """that the observers took for the last frame"""
+        self.lost: list[OutputError] = []
+        """files that could not be written to their end"""
         self._now = now
         self._news: list[Event] = []
 
@@ -101,6 +104,8 @@ class Audience:
             except Exception as error:
                 if observer in self.observers:
                     self.observers.remove(observer)
+                if isinstance(error, OutputError):
+                    self.lost.append(error)
                 name = type(observer).__name__
                 self.happened("note", (), (), f"{name} stopped watching: {type(error).__name__}: {error}", {})
 
@@ -112,18 +117,18 @@ def viewers(viewer: str | Observer | None) -> list[Observer]:
     if isinstance(viewer, str):
         if viewer != "meshcat":
             raise VpframeError(f'viewer={viewer!r}; give None, "meshcat" or an observer')
-        from vpframe.visualization.meshcat_viewer import MeshcatViewer
+        from vpframe.visualization.meshcat_viewer import watched
 
-        return [MeshcatViewer(open_browser=True, pace=1.0)]
+        return [watched()]
     return [viewer]
 
 
-def recorders(record: str | Path | Observer | None) -> list[Observer]:
+def recorders(record: str | os.PathLike[str] | Observer | None) -> list[Observer]:
     """What a session's `record` means."""
     if record is None:
         return []
-    if isinstance(record, str | Path):
+    if isinstance(record, str | os.PathLike):
         from vpframe.visualization.recorder import RerunRecorder
 
-        return [RerunRecorder(str(record))]
+        return [RerunRecorder(record)]
     return [record]

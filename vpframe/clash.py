@@ -1,30 +1,39 @@
 """Clash, contact, clearance and containment of a scene as it stands: what `vpframe clash FILE...` prints.
 
 Triangles are judged with the deflection of their surfaces in mind. Round surfaces that fit each other, a shaft in its
-bore, are judged on their radii and axes instead, because tessellation alone is off by more than such a fit is wide.
+bore, are judged on their radii and axes instead, because tessellation alone is off by more than such a fit is wide;
+planes that face each other on the distance between them, because planes are exact. Threads are a kind of their own:
+drawn as cylinders or out of phase, a screw and its nut overlap by design.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import product
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from collision import CollisionManager, Tolerance
-from collision.classify import KINDS, classify
-from constraints.sleeve import sleeve
+from collision import Tolerance
+from collision.classify import KINDS as CLASSIFIED
+from collision.classify import classify
 from vpframe import clash_status
 from vpframe.clash_status import ClashKey
 from vpframe.deflection import deflections
 from vpframe.errors import VpframeError
+from vpframe.fits import BAD_KINDS, Key, Row, fits_of
+from vpframe.outputs import STATUS, claimed
+from vpframe.planes import facing_overlaps, is_exact_overlap
 from vpframe.scene import Scene
-from vpframe.standing import candidates, world_of
+from vpframe.standing import world_of
+from vpframe.text import plain
 
-BAD_KINDS = ("clash", "containment")
-ROUND_FITS = ("concentric", "spherical")
-"""kinds whose residual is how far the centres are apart, so that gap = fit - residual"""
+KINDS = (*CLASSIFIED[: CLASSIFIED.index("contact")], "thread", *CLASSIFIED[CLASSIFIED.index("contact") :])
+"""from the gravest to the least"""
+INSIDE_KINDS = ("clash", "containment", "authorised", "thread")
+"""kinds of rows that say what is inside what"""
+OPEN_WORDS = "is not closed"
+OPEN = "{} " + OPEN_WORDS + ": what is inside it is told by its winding number"
 SHOWN = 5e-7
 """m: the least length that a person is told; a smaller one would read 0.000 mm"""
 TRIANGLES = 0.9
@@ -66,20 +75,32 @@ def clash(
     -------
     {"pairs": [{"kind", "parts": [a, b], "surfaces": [i, j], "distance", "depth", "reason"}]}, lengths in metres, in the
     order of parts and surfaces; `surfaces` is empty where the parts as a whole are meant (containment, coincidence).
+    `kind` is one of `KINDS`; "thread" is the overlap of a screw with its nut or tapped hole, and no clash.
     """
     world = world_of(scene, tolerance)
     t = world.tolerance
     meant = [(scene.index(a), scene.index(b)) for a, b in authorised]
     sag = {shape: deflections(shape) for shape in {part.shape for part in scene.parts}}
     sags = [sag[part.shape] for part in scene.parts]
+    names = scene.names
     found = classify(
-        world, clearance, sags, meant, tell=lambda fraction: progress(TRIANGLES * fraction, "pairs of parts")
-    )
-    rows: dict[tuple[int, ...], tuple[str, float, float, str]] = {
-        (*p.objects, *(p.surfaces or ())): (p.kind, p.distance, p.depth, p.reason) for p in found
-    }
+        world, clearance, sags, meant, names=names,
+        tell=lambda fraction: progress(TRIANGLES * fraction, "pairs of parts"),
+    )  # fmt: skip
     allowed = {frozenset(pair) for pair in meant}
-    for fit in _fits(scene, world, lambda fraction: progress(TRIANGLES + (1.0 - TRIANGLES) * fraction, "fits")):
+    rows: dict[Key, Row] = {}
+    deepest = {(*p.objects, *(p.surfaces or ())): p.witness for p in found}
+    shapes = [part.shape for part in scene.parts]
+    for p in found:
+        kind: str = p.kind
+        if kind == "contact" and is_exact_overlap(p, shapes, world, sags):
+            kind = "authorised" if frozenset(p.objects) in allowed else "clash"
+        rows[(*p.objects, *(p.surfaces or ()))] = (kind, p.distance, p.depth, p.reason)
+    for overlap in facing_overlaps(scene, world, sags):
+        kind = "authorised" if frozenset(overlap.key[:2]) in allowed else "clash"
+        rows[overlap.key] = (kind, 0.0, overlap.depth, overlap.why)
+    fits, threads = fits_of(scene, world, lambda done: progress(TRIANGLES + (1.0 - TRIANGLES) * done, "fits"))
+    for fit in fits:
         for key in fit.mated | (fit.beside & rows.keys()):
             rows.pop(key, None)
             if fit.gap > max(t.linear, clearance):
@@ -88,7 +109,14 @@ def clash(
             if kind == "clash" and frozenset(key[:2]) in allowed:
                 kind = "authorised"
             rows[key] = (kind, max(fit.gap, 0.0), max(-fit.gap, 0.0), fit.why)
-    names = scene.names
+    for thread in threads:  # after the fits: crests in roots are such, too
+        a, b = thread.parts
+        slack = t.linear + float(sags[a].max(initial=0.0) + sags[b].max(initial=0.0))
+        rows.update(thread.claimed(rows, deepest, slack))
+    for key, (kind, distance, depth, reason) in rows.items():
+        words = [reason, *(OPEN.format(names[i]) for i in key[:2] if not shapes[i].closed)]
+        if kind in INSIDE_KINDS and OPEN_WORDS not in reason:
+            rows[key] = (kind, distance, depth, "; ".join(filter(None, words)))
     return {
         "pairs": [
             {
@@ -104,40 +132,14 @@ def clash(
     }
 
 
-@dataclass(frozen=True)
-class _Fit:
-    """Round surfaces that fit each other as the scene stands."""
-
-    gap: float
-    """m between them where they are nearest; negative for interference"""
-    why: str
-    mated: set[tuple[int, ...]]
-    """(part a, part b, surface of a, surface of b) of the two features"""
-    beside: set[tuple[int, ...]]
-    """the same of the faces that cannot be nearer to each other than the two features are"""
-
-
-def _fits(scene: Scene, world: CollisionManager, tell: Callable[[float], None]) -> Iterator[_Fit]:
-    features = [part.features for part in scene.parts]
-    for candidate in candidates(scene, world, real_threads=False, tell=tell):
-        if candidate.kind not in ROUND_FITS or candidate.match.fit is None:
-            continue
-        a, b = candidate.bodies
-        beside = sleeve(candidate, features, (world.mesh(a), world.mesh(b)), world.tolerance.fit) or ((), ())
-        yield _Fit(
-            candidate.match.fit - candidate.residual,
-            candidate.why,
-            {(a, b, i, j) for i, j in product(*candidate.surfaces)},
-            {(a, b, i, j) for i, j in product(*beside)},
-        )
-
-
-def with_status(document: dict[str, Any], path: str | Path, accept: Iterable[str] = (), remark: str = "") -> None:
+def with_status(
+    document: dict[str, Any], path: str | os.PathLike[str], accept: Iterable[str] = (), remark: str = ""
+) -> None:
     """Keep the status of each clash over runs in a file: clashes in `document` get "status" and "remark".
 
     Parameters
     ----------
-    path: the status file, as `vpframe.clash_status` has it; made if there is none.
+    path: the status file, as `vpframe.clash_status` has it, or the `Output` of one; made if there is none.
     accept: clashes to mark as accepted, as `A:B` or with surfaces as `A:3:B:12`.
     remark: kept with them.
 
@@ -146,10 +148,13 @@ def with_status(document: dict[str, Any], path: str | Path, accept: Iterable[str
     VpframeError: it is not a status file, or a clash that is to be accepted is not there.
     """
     keys = {_key(pair): pair for pair in document["pairs"] if pair["kind"] in BAD_KINDS}
-    records = clash_status.updated(clash_status.read(path), keys)
-    for text in accept:
-        records = clash_status.accept(records, clash_status.named(records, text), remark)
-    clash_status.write(path, records, clash_status.read_authorised(path))
+    with claimed(path, STATUS) as output:
+        file = output.path
+        known, pairs = (clash_status.read(file), clash_status.read_authorised(file)) if output.ours else ((), ())
+        records = clash_status.updated(known, keys)
+        for text in accept:
+            records = clash_status.accept(records, clash_status.named(records, text), remark)
+        clash_status.write(file, records, pairs)
     for record in records:
         if record.key in keys:
             keys[record.key].update(status=record.status, remark=record.remark)
@@ -180,9 +185,9 @@ def table(document: dict[str, Any]) -> str:
             size = f"{pair['depth'] * 1e3:.3f} mm deep"
         else:
             size = f"{pair['distance'] * 1e3:.3f} mm apart" if pair["distance"] >= SHOWN else "touching"
-        told = "".join(f", {pair[name]}" for name in ("status", "remark") if pair.get(name))
+        told = "".join(f", {pair[name]}" for name in ("status", "remark", "reason") if pair.get(name))
         lines.append(f"  {pair['kind']:11}  {pair['parts'][0]} – {pair['parts'][1]}: {where}, {size}{told}")
-    return "\n".join(lines)
+    return "\n".join(map(plain, lines))
 
 
 def authorised_pairs(text: Iterable[str]) -> list[tuple[str, str]]:

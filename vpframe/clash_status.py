@@ -2,6 +2,7 @@
 
 The status lives in a JSON file beside the report, `clashes.json`, and clashes are known by name: the two parts and
 their surfaces. A person marks them as accepted (`vpframe accept`), with a remark; the mark stays while the clash does.
+Only a run that came to its end changes a status; one that was cut off adds the clashes that it saw first.
 Pairs of parts that are meant to overlap, a press fit, stand in the same file and hold for the runs that follow.
 """
 
@@ -13,6 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from vpframe import files
 from vpframe.errors import VpframeError
 
 STATUSES = ("new", "persistent", "accepted", "resolved")
@@ -49,14 +51,16 @@ class ClashRecord:
     """in how many runs it was seen"""
 
 
-def updated(known: Iterable[ClashRecord], seen: Iterable[ClashKey]) -> tuple[ClashRecord, ...]:
+def updated(known: Iterable[ClashRecord], seen: Iterable[ClashKey], complete: bool = True) -> tuple[ClashRecord, ...]:
     """The records after one more run in which the clashes `seen` occurred, sorted by key.
 
     A clash not known before is new; a known one is persistent, or stays accepted; one no longer seen is resolved, and
-    new again if it comes back.
+    new again if it comes back. A run that is not `complete` only adds: it did not come to see the others.
     """
     before = {record.key: record for record in known}
     now = set(seen)
+    if not complete:
+        return tuple(before.get(key) or ClashRecord(key, "new") for key in sorted(now | set(before)))
     after = []
     for key in sorted(now | set(before)):
         old = before.get(key)
@@ -158,30 +162,40 @@ def read_authorised(path: str | Path) -> tuple[tuple[str, str], ...]:
     ------
     VpframeError: naming the file, if it is not a clash status file.
     """
-    file = Path(path)
-    if not file.exists():
-        return ()
     try:
-        return tuple((str(a), str(b)) for a, b in json.loads(file.read_text()).get("authorised", ()))
-    except (OSError, ValueError, AttributeError, TypeError) as error:
-        raise VpframeError(f"{file}: not a clash status file ({error}); delete it to start anew") from None
+        return tuple((str(a), str(b)) for a, b in _content(Path(path)).get("authorised", ()))
+    except (ValueError, TypeError) as error:
+        raise _no_status(path, error) from None
 
 
 def read(path: str | Path) -> tuple[ClashRecord, ...]:
-    """The records in a file; none if there is no such file.
+    """The records in a file; none if there is no such file, or an empty one.
 
     Raises
     ------
     VpframeError: naming the file and the row, if it is not a clash status file.
     """
     file = Path(path)
-    if not file.exists():
-        return ()
     try:
-        rows = json.loads(file.read_text())["clashes"]
-    except (OSError, json.JSONDecodeError, KeyError, TypeError) as error:
-        raise VpframeError(f"{file}: not a clash status file ({error}); delete it to start anew") from None
+        rows = list(_content(file)["clashes"])
+    except (KeyError, TypeError) as error:
+        raise _no_status(file, error) from None
     return tuple(_record(file, n, row) for n, row in enumerate(rows))
+
+
+def _content(file: Path) -> dict[str, Any]:
+    try:
+        text = file.read_text(encoding="utf-8") if file.exists() else ""
+        content = json.loads(text) if text else {"clashes": []}
+    except (OSError, ValueError) as error:
+        raise _no_status(file, error) from None
+    if not isinstance(content, dict):
+        raise _no_status(file, f"it holds a {type(content).__name__}")
+    return content
+
+
+def _no_status(file: str | Path, why: object) -> VpframeError:
+    return VpframeError(f"{file}: not a clash status file ({why}); give another file")
 
 
 def write(path: str | Path, records: Iterable[ClashRecord], authorised: Iterable[tuple[str, str]] = ()) -> None:
@@ -189,15 +203,12 @@ def write(path: str | Path, records: Iterable[ClashRecord], authorised: Iterable
 
     Raises
     ------
-    VpframeError: it cannot be written.
+    OutputError: it cannot be written; what there was is as before.
     """
     rows = [{**asdict(r.key), "status": r.status, "remark": r.remark, "runs": r.runs} for r in records]
     rows.sort(key=lambda row: (row["part_a"], row["part_b"], row["surface_a"], row["surface_b"]))
     pairs = sorted({(min(pair), max(pair)) for pair in authorised})
-    try:
-        Path(path).write_text(json.dumps({"clashes": rows, "authorised": pairs}, indent=2) + "\n")
-    except OSError as error:
-        raise VpframeError(f"{path}: cannot be written: {error.strerror}") from None
+    files.replace(path, json.dumps({"clashes": rows, "authorised": pairs}, indent=2) + "\n")
 
 
 def _record(file: Path, n: int, row: Mapping[str, Any]) -> ClashRecord:

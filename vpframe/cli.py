@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import json
 import os
 import sys
@@ -12,10 +13,13 @@ from typing import Any, NoReturn
 
 from vpframe import __version__
 from vpframe.interrupts import handled
-from vpframe.progress import warn
-from vpframe.units import length
+from vpframe.outputs import PAGE, STATUS, URDF, Kind, Output
+from vpframe.progress import say, warn
+from vpframe.units import NAMES, length
 
 OK, NO, BAD = 0, 1, 2
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""the disk has no room"""
 
 
 class UsageError(Exception):
@@ -35,7 +39,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments = _parser().parse_args(argv)
         command: Callable[[argparse.Namespace], int] = arguments.command
         with handled():
-            return command(arguments)
+            code = command(arguments)
+        sys.stdout.flush()
+        return code
     except KeyboardInterrupt:
         return _complain("interrupted", 130)
     except BrokenPipeError:
@@ -43,6 +49,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in FULL and error.filename is None:
+            # what is left in the buffer of standard output would fail again when the interpreter ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return _complain(f"what was found cannot be printed: {error.strerror}", BAD)
         if os.environ.get("VPFRAME_TRACEBACK"):
             raise
         return _complain(_one_line(error), BAD)
@@ -81,21 +91,32 @@ def _parser() -> argparse.ArgumentParser:
         sub.set_defaults(command=command)
         return sub
 
+    def add_force(sub: argparse.ArgumentParser) -> None:
+        sub.add_argument("--force", action="store_true", help="write also over what vpframe did not write")
+
+    def add_view(sub: argparse.ArgumentParser) -> None:
+        text = "watch it in meshcat: waits for the first browser, shows the end until Ctrl-C"
+        sub.add_argument("--view", action="store_true", help=text)
+        sub.add_argument("--no-wait", dest="wait", action="store_false", help="with --view: do not wait for anybody")
+
     sub = add("demo", _demo, "the main job on a bundled example: a stepped shaft into a bored housing and out again")
     sub.add_argument("--out", metavar="DIR", default="vpframe-demo", help="where model, recording and report go")
-    sub.add_argument("--view", action="store_true", help="watch it in meshcat while it runs")
+    add_view(sub)
+    add_force(sub)
 
     sub = add("run", _run, "run a task script")
     sub.add_argument("task", metavar="TASK.py")
-    sub.add_argument("--view", action="store_true", help="watch it in meshcat while it runs")
+    add_view(sub)
     sub.add_argument("--record", metavar="RUN.rrd", help="write a rerun recording")
     sub.add_argument("--report", metavar="DIR", help="write report.json, a page with pictures, and the clashes as CSV")
     sub.add_argument("--checkpoint", metavar="FILE", help="save where the run is, once a second")
     sub.add_argument("--resume", action="store_true", help="go on from the checkpoint of a run that was cut off")
+    add_force(sub)
 
     sub = add("new", _new, "write a first task script for the parts of a model")
     sub.add_argument("task", metavar="TASK.py")
     sub.add_argument("--from", dest="file", metavar="FILE", required=True, help="the model")
+    add_force(sub)
 
     sub = add("clash", _clash, "clash, contact, clearance and containment by surface pair; exit 1 if there is a clash")
     sub.add_argument("files", metavar="FILE", nargs="+", help="models; several are put into one scene as they stand")
@@ -104,6 +125,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--status", metavar="FILE", help="keep what is new, accepted and resolved in this file, over runs")
     sub.add_argument("--accept", metavar="A:B", action="append", default=[], help="accept the clashes of two parts")
     sub.add_argument("--remark", metavar="TEXT", default="", help="why they are accepted")
+    add_force(sub)
     _add_loading(sub)
     sub.add_argument("--json", action="store_true")
 
@@ -118,12 +140,18 @@ def _parser() -> argparse.ArgumentParser:
     sub = add("mates", _mates, "every constraint of an assembly as it stands, each part's joint and freedom")
     sub.add_argument("file", metavar="FILE")
     sub.add_argument("--urdf", metavar="OUT", help="write the mechanism as URDF")
+    add_force(sub)
+    sub.add_argument(
+        "--fit", metavar="LENGTH", type=_length,
+        help="greatest radial clearance of a shaft in its bore (default: 0.25mm, or a tenth of its diameter up to 4mm)",
+    )  # fmt: skip
     _add_loading(sub)
     sub.add_argument("--json", action="store_true")
 
     sub = add("view", _view, "look at a model in meshcat")
     sub.add_argument("file", metavar="FILE")
     sub.add_argument("--html", metavar="OUT", help="write a self-contained page and end")
+    add_force(sub)
     sub.add_argument("--host", default="127.0.0.1", help="address to serve on (default: this machine only)")
     _add_loading(sub)
 
@@ -152,16 +180,30 @@ def _length(text: str) -> float:
 def _add_loading(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--deflection", metavar="LENGTH", type=_length, help="greatest sag of a triangle")
     sub.add_argument("--angular", metavar="RADIANS", type=float, help="greatest angle between neighbouring facets")
-    sub.add_argument("--unit", metavar="UNIT", help="length unit of STL, OBJ and PLY files: m, cm, mm, um, in, ft")
+    sub.add_argument(
+        "--timeout", metavar="SECONDS", type=float, help="limit of reading a CAD file (a minute a megabyte)"
+    )
+    sub.add_argument("--unit", metavar="UNIT", help="length unit of STL, OBJ and PLY files: " + NAMES)
 
 
 def _load(path: str, arguments: argparse.Namespace) -> Any:
     import vpframe as vp
     from vpframe.progress import Progress
 
-    given = {name: getattr(arguments, name) for name in ("deflection", "angular", "unit")}
+    given = {name: getattr(arguments, name) for name in ("deflection", "angular", "timeout", "unit")}
     with Progress("loading " + os.path.basename(path), uses=["load"]) as progress:
         return vp.load(path, progress=progress, **{name: value for name, value in given.items() if value is not None})
+
+
+@contextlib.contextmanager
+def _claimed(arguments: argparse.Namespace, name: str, kind: Kind, inputs: Sequence[str]) -> Iterator[Output | None]:
+    """The file that an option names, claimed before the work begins; None where it was not given."""
+    path = getattr(arguments, name)
+    if path is None:
+        yield None
+        return
+    with Output(path, kind, arguments.force, inputs) as output:
+        yield output
 
 
 @contextlib.contextmanager
@@ -191,7 +233,7 @@ def _document(wanted: bool) -> Iterator[Callable[[Any], None]]:
 def _demo(arguments: argparse.Namespace) -> int:
     from vpframe import demo
 
-    return demo.run(arguments.out, view=arguments.view)
+    return demo.run(arguments.out, view=arguments.view, force=arguments.force, wait=arguments.wait)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -204,16 +246,18 @@ def _run(arguments: argparse.Namespace) -> int:
         report=arguments.report,
         checkpoint=arguments.checkpoint,
         resume=arguments.resume,
+        force=arguments.force,
+        wait=arguments.wait,
     )
 
 
 def _new(arguments: argparse.Namespace) -> int:
     from vpframe import study
 
-    stops = study.new_task(arguments.task, arguments.file)
+    stops = study.new_task(arguments.task, arguments.file, arguments.force)
     print(f"wrote {arguments.task}; run it with: vpframe run {arguments.task} --view")
     if stops:
-        print(f"no part came out by itself; as written it stops: {stops}")
+        say(f"no part came out by itself; as written it stops: {stops}")
     return OK
 
 
@@ -223,19 +267,26 @@ def _clash(arguments: argparse.Namespace) -> int:
 
     if arguments.accept and arguments.status is None:
         raise UsageError("--accept needs --status FILE, where it is kept")
-    with _document(arguments.json) as emit:
+    with _document(arguments.json) as emit, _claimed(arguments, "status", STATUS, arguments.files) as status:
         scene = clash.merged([_load(path, arguments) for path in arguments.files])
         authorised = clash.authorised_pairs(arguments.authorise)
         with Progress("looking for clashes", uses=["clash"]) as progress:
             document = clash.clash(scene, arguments.clearance, authorised=authorised, progress=progress)
-        if arguments.status is not None:
-            clash.with_status(document, arguments.status, arguments.accept, arguments.remark)
-        emit(document)
+        if status is not None:
+            clash.with_status(document, status, arguments.accept, arguments.remark)
+        emit({**document, "notes": list(scene.all_notes())})
         if not arguments.json:
             print(clash.table(document))
-        for note in scene.notes:
-            print(f"note: {note}", file=sys.stderr)
+            _print_notes(scene)
     return NO if any(map(clash.is_open, document["pairs"])) else OK
+
+
+def _print_notes(scene: Any) -> None:
+    """What was lost, repaired or guessed of the model: part of every answer about it."""
+    from vpframe.progress import say
+
+    for note in scene.all_notes():
+        say(f"note: {note}")
 
 
 def _accept(arguments: argparse.Namespace) -> int:
@@ -243,34 +294,38 @@ def _accept(arguments: argparse.Namespace) -> int:
 
     keys = clash_status.accept_named(arguments.report, arguments.names, arguments.remark, arguments.authorise)
     for key in keys:
-        print(f"accepted: {key.part_a} surface {key.surface_a} with {key.part_b} surface {key.surface_b}")
+        say(f"accepted: {key.part_a} surface {key.surface_a} with {key.part_b} surface {key.surface_b}")
     print("the next run with this report folder counts them as accepted")
     return OK
 
 
 def _mates(arguments: argparse.Namespace) -> int:
+    from collision import Tolerance
     from vpframe import mates
     from vpframe.progress import Progress
 
-    with _document(arguments.json) as emit:
+    tolerance = None if arguments.fit is None else Tolerance(clearance=arguments.fit, clearance_relative=0.0)
+    with _document(arguments.json) as emit, _claimed(arguments, "urdf", URDF, [arguments.file]) as urdf:
         scene = _load(arguments.file, arguments)
         with Progress("recognising constraints", uses=["mates"]) as progress:
-            document = mates.mates(scene, progress=progress)
-        emit(document)
+            document = mates.mates(scene, tolerance, progress=progress)
+        emit({**document, "notes": list(scene.all_notes())})
         if not arguments.json:
             print(mates.table(document))
-        for note in scene.notes:
-            print(f"note: {note}", file=sys.stderr)
-        if arguments.urdf:
-            mates.write_urdf(scene, arguments.urdf)
-            print(f"wrote {arguments.urdf}", file=sys.stderr)
+            _print_notes(scene)
+        if urdf is not None:
+            mates.write_urdf(scene, urdf, tolerance)
+            print(f"wrote {urdf}", file=sys.stderr)
     return OK
 
 
 def _view(arguments: argparse.Namespace) -> int:
     from vpframe.visualization.meshcat_viewer import view
 
-    view(_load(arguments.file, arguments), static=arguments.html, host=arguments.host)
+    with _claimed(arguments, "html", PAGE, [arguments.file]) as page:
+        scene = _load(arguments.file, arguments)
+        _print_notes(scene)
+        view(scene, static=page, host=arguments.host)
     return OK
 
 

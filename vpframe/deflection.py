@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 from numpy.typing import NDArray
 
-from constraints.geometry import Freeform
+from constraints.geometry import Freeform, Plane
 from vpframe.scene import Shape
 
 _TINY = np.finfo(np.float64).tiny
+_FLAT = 1e-9
+"""m: an edge that strays by less is straight"""
+_BORDERS: WeakKeyDictionary[Shape, dict[int, NDArray[np.float64]]] = WeakKeyDictionary()
 
 
 def deflections(shape: Shape) -> NDArray[np.float64]:
@@ -19,6 +24,31 @@ def deflections(shape: Shape) -> NDArray[np.float64]:
     the triangles are known: two that meet at an angle θ over heights h sag by about h θ / 8 from an arc through their
     corners.
     """
+    edge, shared, inner = _sags(shape)
+    mesh = shape.mesh
+    return np.array(
+        [shared[edge[mesh.triangles_of(i)]].max(initial=least) for i, least in enumerate(inner)], dtype=np.float64
+    )
+
+
+def curved_borders(shape: Shape) -> dict[int, NDArray[np.float64]]:
+    """Of each planar surface that has any, the edges (k, 2, 3), m, that it shares with facets of curved surfaces."""
+    if shape not in _BORDERS:
+        edge, shared, _ = _sags(shape)
+        mesh = shape.mesh
+        ends = np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=2)
+        out = {}
+        for surface in shape.surfaces:
+            own = mesh.triangles_of(surface.index)
+            curved = shared[edge[own]] > np.maximum(surface.residual, _FLAT)
+            if isinstance(surface.geometry, Plane) and curved.any():
+                out[surface.index] = mesh.vertices[ends[own][curved]]
+        _BORDERS[shape] = out
+    return _BORDERS[shape]
+
+
+def _sags(shape: Shape) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """The edge (t, 3) at each side of each triangle, by number; how far each edge, and each surface, strays (m)."""
     mesh = shape.mesh
     corners = mesh.vertices[mesh.triangles]
     # a triangle's edges; `edge` numbers them, the same for the triangles on either side
@@ -37,9 +67,7 @@ def deflections(shape: Shape) -> NDArray[np.float64]:
             inner[surface.index] = centroids.max(initial=surface.residual)
     shared = np.zeros(edge.max(initial=-1) + 1)
     np.maximum.at(shared, edge, sag)
-    return np.array(
-        [shared[edge[mesh.triangles_of(i)]].max(initial=least) for i, least in enumerate(inner)], dtype=np.float64
-    )
+    return edge, shared, inner
 
 
 def _estimate(corners: NDArray[np.float64], edge: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -8,14 +8,18 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from vpframe.errors import TaskError, VpframeError
+from vpframe import outputs
+from vpframe.errors import TaskError
 from vpframe.interaction.conditions import constraint
 from vpframe.interrupts import between_steps
+from vpframe.outputs import Output, OutputFolder
 from vpframe.progress import say, warn
 from vpframe.rules import accept_kinds
 from vpframe.scene import Scene
+from vpframe.script_errors import ON_REQUEST
 from vpframe.session import Session
 from vpframe.study import FAILED, INTERRUPTED, OK, loaded
+from vpframe.visualization.meshcat_viewer import MeshcatViewer, watched
 
 MODEL, RECORDING, REPORT = "shaft_and_housing.step", "demo.rrd", "report"
 _EXPECTED = (6, 2, 1, 2, 6)
@@ -104,22 +108,34 @@ def load(directory: Path) -> Scene:
     return scene
 
 
-def run(out_dir: str | Path, view: bool = False) -> int:
-    """Run the demo into a folder; 0 when all went as expected, 1 when not, 130 when interrupted."""
-    out = Path(out_dir)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise VpframeError(f"{out}: cannot be made a folder: {error.strerror}") from None
+def run(out_dir: str | Path, view: bool = False, force: bool = False, wait: bool = False) -> int:
+    """Run the demo into a folder; 0 when all went as expected, 1 when not, 130 when interrupted.
+
+    view, wait, force: as of `study.run_task`.
+    """
+    with (
+        OutputFolder(out_dir, {MODEL: outputs.MODEL}, force) as folder,
+        Output(folder.path / RECORDING, outputs.RECORDING, force) as recording,
+        OutputFolder(folder.path / REPORT, outputs.REPORT_FILES, force) as report,
+    ):
+        viewer = watched(wait) if view else None
+        code = _run(folder, recording, report, viewer)
+    if wait and viewer is not None and code != INTERRUPTED:
+        viewer.stay()
+    return code
+
+
+def _run(folder: OutputFolder, recording: Output, report: OutputFolder, viewer: MeshcatViewer | None) -> int:
     began = time.perf_counter()
+    out = folder.path
     scene = load(out)
     surfaces = ", ".join(f"{p.name} ({len(p.surfaces)} surfaces, {p.mesh.n_triangles} triangles)" for p in scene.parts)
     print(f"model      {out / MODEL}: {surfaces}")
     watch = _Freedom()
     session = Session(
         scene,
-        viewer="meshcat" if view else None,
-        record=out / RECORDING,
+        viewer=viewer,
+        record=recording,
         rule=accept_kinds("concentric", "against"),
         clearance=True,
         observers=[watch],
@@ -133,11 +149,9 @@ def run(out_dir: str | Path, view: bool = False) -> int:
                 raise TaskError(f"expected freedom {_EXPECTED}, found {freedoms(watch.values)}")
     except TaskError as error:
         failure, code = str(error), FAILED
-        session.fail(failure)
     except KeyboardInterrupt:
-        failure, code = "interrupted", INTERRUPTED
-        session.fail(failure)
-    session.report(out / REPORT)
+        failure, code = ON_REQUEST, INTERRUPTED
+    session.report(report)
     spent = time.perf_counter() - began
     print(f"freedom    of the shaft: {' -> '.join(map(str, freedoms(watch.values)))}")
     print(f"steps      {session.step_count} of 1/60 s, {spent:.1f} s in all")

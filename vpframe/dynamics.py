@@ -8,12 +8,16 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from collision import CollisionManager, Tolerance
 from constraints.geometry import Freeform
 from constraints.kinds import Constraint
 from physics import Behaviour, Body, BodyError, Snapshot, SpringHand, World
+from vpframe.codec import conforms
 from vpframe.scene import Part, Scene
+
+Array = NDArray[np.float64]
 
 
 class Dynamics:
@@ -77,15 +81,77 @@ class Dynamics:
         return tuple(sorted({touch.other for touch in self.world.touches(i)}))
 
     def state(self) -> dict[str, Any]:
-        """All that the next step depends on, as values that pickle."""
+        """All that the next step depends on, as values that `vpframe.checkpoint.CODEC` knows."""
         return {"world": dict(self.world.state().data), "held": self._held, "springs": self._springs}
 
     def restore(self, state: Mapping[str, Any], constraints: Mapping[int, Constraint]) -> None:
-        """Go back to what `state` returned, in this or another process; the same parts have behaviours."""
+        """Go back to what `state` returned, in this or another process; the same parts have behaviours.
+
+        Raises
+        ------
+        ValueError, TypeError, LookupError: it is no such state, or of other parts.
+        """
         self.join(constraints)
+        self._require(state["world"])
         self.world.restore(Snapshot(state["world"]))
         self._held = set(state["held"])
         self._springs = set(state["springs"])
+
+    def _require(self, data: Mapping[str, Any]) -> None:
+        """ValueError for a state of the world whose arrays kernels could not go through."""
+        own = self.world.state().data
+        n, surfaces = own["n"], np.array([part.mesh.n_surfaces for part in self.scene.parts])
+
+        def require(holds: bool, what: str) -> None:
+            if not holds:
+                raise ValueError(f"{what} of the bodies is not of this scene")
+
+        def fits(value: Any, like: Any) -> bool:
+            """The same types all through; arrays of the same kind, and of the same shape from the second axis on."""
+            if isinstance(like, np.ndarray):
+                return (
+                    type(value) is np.ndarray
+                    and value.dtype == like.dtype
+                    and value.ndim == like.ndim
+                    and value.shape[1:] == like.shape[1:]
+                )
+            if isinstance(like, tuple):
+                return type(value) is tuple and len(value) == len(like) and all(map(fits, value, like))
+            return isinstance(value, type(like))
+
+        require(data.keys() == own.keys() and data["near"].keys() == own["near"].keys(), "the state")
+        for name, like in own.items():
+            if name in ("grips", "members", "joints", "mechanisms", "moving", "near"):
+                continue
+            require(fits(data[name], like), name)
+            require(not isinstance(like, np.ndarray) or data[name].shape == like.shape, name)
+        near = data["near"]
+        require(all(fits(near[name], like) for name, like in own["near"].items() if name != "listed"), "near")
+        require(len(near["listed"]) == 2, "near")
+        for array, shape in zip((near["reach"], *near["listed"]), ((n,), (n, 3), (n, 3, 3)), strict=True):
+            require(type(array) is np.ndarray and array.dtype == np.float64, "near")
+            require(near["stale"] or array.shape == shape, "near")
+        rows = near["pairs"]
+        require(rows.ndim == 2 and rows.shape[1:] == (4,) and rows.dtype == np.int64, "near")
+        ints, reals, force = data["contacts"]
+        require(len(ints) == len(reals) == len(force), "contacts")
+        for objects, faces in (
+            (rows[:, 0], rows[:, 1]),
+            (rows[:, 2], rows[:, 3]),
+            (ints[:, 0], ints[:, 2]),
+            (ints[:, 1], ints[:, 3]),
+        ):
+            require(bool(((objects >= 0) & (objects < n)).all()), "an object's number")
+            require(bool(((faces >= 0) & (faces < surfaces[objects])).all()), "a surface's number")
+        require(conforms(data["moving"], tuple[int, ...]) and set(data["moving"]) <= set(own["members"]), "moving")
+        require(conforms(data["grips"], dict[int, tuple[SpringHand | None, Array, Array]]), "grips")
+        for i, (_, target, wrench) in data["grips"].items():
+            require(i in own["members"] and target.shape == (4, 4) and wrench.shape == (6,), "grips")
+        require(conforms(data["mechanisms"], list[tuple[tuple[int, ...], list[int], dict[int, Array]]]), "mechanisms")
+        for ids, places, poses in data["mechanisms"]:
+            require({*ids, *poses} <= set(range(n)), "mechanisms")
+            require(set(places) <= set(range(len(own["joints"]))), "mechanisms")
+            require(all(pose.shape == (4, 4) and np.isfinite(pose).all() for pose in poses.values()), "mechanisms")
 
 
 def body_of(part: Part, material: str | float | None, mass: float | None) -> Body:

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from collision import CONTACT_DTYPE, CollisionManager, Tolerance
 from constraints import ConstraintManager, mobility
-from constraints.candidate import Candidate
-from constraints.kinds import Constraint
-from constraints.manager import Change, UnknownConstraintError
+from constraints.candidate import Candidate, Key
+from constraints.kinds import Constraint, Fixed
+from constraints.manager import Accepted, Change, UnknownConstraintError
 from constraints.motion import Motion
 from constraints.stated import taken_along
 from physics import Behaviour, Body, SpringHand
+from vpframe.codec import conforms
 from vpframe.dynamics import Dynamics, spring
 from vpframe.errors import TaskError
 from vpframe.events import ConstraintView
@@ -571,7 +572,7 @@ class Engine:
     # ---- checkpoint
 
     def state(self) -> dict[str, Any]:
-        """All that the next step depends on, as values that pickle."""
+        """All that the next step depends on, as values that `vpframe.checkpoint.CODEC` knows."""
         return {
             "poses": [pin.SE3(p) for p in self.poses],
             "mates": self.mates.state(),
@@ -587,8 +588,24 @@ class Engine:
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to what `state` returned."""
+        """Go back to what `state` returned.
+
+        Raises
+        ------
+        ValueError, TypeError, LookupError: it is no such state, or not of this scene.
+        """
         self.start()
+        for name, hint in _STATE.items():
+            _require(conforms(state[name], hint), name)
+        _require(len(state["poses"]) == len(self.poses), "number of parts")
+        _require(state["rows"].dtype == CONTACT_DTYPE and state["rows"].ndim == 1, "rows")
+        rows = state["rows"]
+        self._require_rows(np.stack([rows[c] for c in ("object_a", "surface_a", "object_b", "surface_b")], axis=1))
+        self._require_rows(state["colliding"])
+        self._require_mates(state["mates"])
+        self._require_parts([*state["active"], *state["moved"], *state["last_wanted"]])
+        self._require_parts([i for weld in state["carried"].values() for i in weld.bodies])
+        _require((state["dynamics"] is None) == (self.dynamics is None), "which parts have behaviours")
         self._place(dict(enumerate(state["poses"])))
         self.mates.restore(state["mates"])
         self.motion.sync()
@@ -603,17 +620,81 @@ class Engine:
         self._decided, self._mated, self._offered = False, None, {}
 
     def follow(self, result: Result) -> None:
-        """Take over a step that was computed before, so that questions about it are answered as they were then."""
+        """Take over a step that was computed before, so that questions about it are answered as they were then.
+
+        Raises
+        ------
+        ValueError, TypeError, LookupError: it is no such result, or not of this scene.
+        """
         self.start()
+        _require(isinstance(result, Result), "result")
+        self._require_rows(result.colliding)
+        self._require_rows(result.touching)
+        for name in (*result.freedom, *result.joint, *(name for view in result.constraints for name in view.parts)):
+            self.scene.index(name)
+        if result.mates is not None:
+            self._require_mates(result.mates)
         self._place({self.scene.index(name): pose for name, pose in result.poses.items()})
         if result.mates is not None:
             self.mates.restore(result.mates)
             self.motion.sync()
 
+    def _require_parts(self, ids: Iterable[int]) -> None:
+        _require(all(0 <= i < len(self.poses) for i in ids), "an object's number")
+
+    def _require_rows(self, rows: NDArray[Any]) -> None:
+        """Rows (k, 4) of object, surface, object, surface that there are."""
+        _require(rows.ndim == 2 and rows.shape[1] == 4, "rows")
+        surfaces = np.array([part.mesh.n_surfaces for part in self.scene.parts])
+        for objects, of_them in ((rows[:, 0], rows[:, 1]), (rows[:, 2], rows[:, 3])):
+            _require(bool(((objects >= 0) & (objects < len(surfaces))).all()), "an object's number")
+            _require(bool(((of_them >= 0) & (of_them < surfaces[objects])).all()), "a surface's number")
+
+    def _require_mates(self, state: Mapping[str, Any]) -> None:
+        for name, hint in _MATES.items():
+            _require(conforms(state[name], hint), name)
+        _require(len(state["poses"]) in (0, len(self.poses)), "poses")
+        offered = (c for name in ("candidates", "refused", "pulled") for c in state[name].values())
+        in_force = (entry.candidate for entry in state["accepted"].values())
+        for c in (*offered, *in_force, *(change.candidate for change in state["pending"])):
+            _require(c.constraint.bodies == c.bodies and type(c.match.local) is np.ndarray, "a constraint")
+            self._require_parts(c.bodies)
+
     def _place(self, poses: Mapping[int, pin.SE3]) -> None:
         for i, pose in poses.items():
             self.poses[i] = pose
             self.collision.set_pose(i, pose)
+
+
+_STATE: dict[str, Any] = {
+    "poses": list[pin.SE3],
+    "mates": dict[str, Any],
+    "rows": NDArray[Any],
+    "colliding": NDArray[np.int32],
+    "active": set[int],
+    "moved": set[int],
+    "blocked": dict[str, str],
+    "joined": list[tuple[str, str]],
+    "last_wanted": dict[int, pin.SE3],
+    "carried": dict[tuple[int, int], Fixed],
+    "dynamics": dict[str, Any] | None,
+}
+_MATES: dict[str, Any] = {
+    "ids": dict[Key, int],
+    "candidates": dict[int, Candidate],
+    "accepted": dict[int, Accepted],
+    "refused": dict[int, Candidate],
+    "pulled": dict[int, Candidate],
+    "pending": list[Change],
+    "poses": tuple[pin.SE3, ...],
+    "unproven": list[int],
+}
+"""of what types a state is that was read from a file"""
+
+
+def _require(holds: bool, what: str) -> None:
+    if not holds:
+        raise ValueError(f"{what} is not of this scene")
 
 
 def _by_pair(rows: NDArray[np.int32]) -> dict[tuple[int, int], list[list[int]]]:

@@ -35,3 +35,20 @@ class UnknownPartError(VpframeError, KeyError):
 
 class TaskError(VpframeError):
     """A task script that asks for what cannot be done (as asked); the message says where and why."""
+
+
+class OutputError(VpframeError):
+    """A file or folder that cannot, or must not, be written. `path` is which."""
+
+    def __init__(self, message: str, path: str) -> None:
+        super().__init__(message)
+        self.path = path
+
+
+class CheckpointError(VpframeError):
+    """A checkpoint that cannot be resumed from. `path` is the file, `step` where it no longer fits (or None)."""
+
+    def __init__(self, message: str, path: str, step: int | None = None) -> None:
+        super().__init__(message)
+        self.path = path
+        self.step = step

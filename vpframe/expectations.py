@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from vpframe.interaction.arguments import as_pose
+from vpframe.scene import Part
+from vpframe.symmetry import symmetry_of
 
 if TYPE_CHECKING:
     from vpframe.session import Session
@@ -49,9 +51,32 @@ def no_clash(session: Session) -> Verdict:
 
 
 def at(session: Session, part: str, pose: pin.SE3 | ArrayLike, within: float, angle: float) -> Verdict:
-    """Of a part at a pose (or position), within metres and radians."""
+    """Of a part at a pose (or position), within metres and radians: its centre, and what shows of its rotation.
+
+    A position is where the origin of the part's frame is; rotation is not compared then. It is the place of the part as
+    it is turned now, or as it was turned when the session began.
+    """
     body = session.scene[part]
-    off = as_pose(pose, body.pose).actInv(body.pose)
-    far, turned = float(np.linalg.norm(off.translation)), float(np.linalg.norm(pin.log3(off.rotation)))
-    text = f"{part} within {within * 1e3:g} mm of its place (it is {far * 1e3:.3f} mm, {np.degrees(turned):.2f}° off)"
+    here, centre = body.pose, _centre(body)
+    goal = as_pose(pose, here)
+    far = float(np.linalg.norm(goal.act(centre) - here.act(centre)))
+    named = f"{part} within {within * 1e3:g} mm of its place"
+    if not isinstance(pose, pin.SE3) and np.shape(pose) == (3,):
+        begun = pin.SE3(session.log.start.get(part, here).rotation, goal.translation)
+        far = min(far, float(np.linalg.norm(begun.act(centre) - here.act(centre))))
+        return far <= within, f"{named} (its centre is {far * 1e3:.3f} mm off; rotation is not compared)"
+    turned, way = float(np.linalg.norm(pin.log3(goal.rotation.T @ here.rotation))), ""
+    if turned > angle:  # else it need not be known
+        symmetry = symmetry_of(body.shape)
+        turned = symmetry.angle(goal.rotation.T @ here.rotation)
+        way = "" if symmetry.trivial else ", its symmetry left out"
+    text = f"{named} (its centre is {far * 1e3:.3f} mm off, it is turned by {np.degrees(turned):.2f}°{way})"
     return far <= within and turned <= angle, text
+
+
+def _centre(part: Part) -> NDArray[np.float64]:
+    """(3,) m, part frame: centre of volume, of an open mesh that of its box."""
+    if part.shape.closed and part.shape.volume > 0.0:
+        return np.asarray(part.shape.center)
+    used = part.mesh.vertices[np.unique(part.mesh.triangles)]
+    return 0.5 * (used.min(0) + used.max(0))

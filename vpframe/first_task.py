@@ -17,12 +17,15 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from vpframe import files
 from vpframe.errors import TaskError, VpframeError
 from vpframe.interaction.hand import Hand
 from vpframe.interaction.reach import half_size
+from vpframe.outputs import SCRIPT, claimed
 from vpframe.progress import Progress
 from vpframe.scene import Part, Scene
 from vpframe.session import Session
+from vpframe.text import plain
 
 PARTS = 6
 """how many parts are tried at most"""
@@ -53,35 +56,32 @@ class Way:
         getattr(hand, self.verb)(self.along, **dict(self.options))
 
 
-def new_task(path: str | Path, scene: Scene, model: Path) -> str:
+def new_task(path: str | os.PathLike[str], scene: Scene, model: Path) -> str:
     """Write a first task script for the parts of a scene; returns what to know of it, empty when it runs to its end.
 
     Raises
     ------
-    VpframeError: the script exists already, or cannot be written.
+    OutputError: the script exists already, or cannot be written.
     """
-    script = Path(path)
-    if script.exists():
-        raise VpframeError(f"{script}: exists already; give another name or remove it")
+    output = claimed(path, SCRIPT)
+    script = output.path
     with contextlib.suppress(ValueError):  # another drive
         model = Path(os.path.relpath(str(model), str(script.parent)))
     with Progress("looking for a part that comes out", uses=["run"]) as progress:
         part, way, reason = _found(scene, progress)
-    listed = [f"#   {_quoted(p.name)}: {len(p.surfaces)} surfaces" for p in scene.parts[:LISTED]]
+    listed = [f"#   {quoted(p.name)}: {len(p.surfaces)} surfaces" for p in scene.parts[:LISTED]]
     if len(scene) > LISTED:
         listed.append(f"#   … and {len(scene) - LISTED} more")
     text = _TEMPLATE.format(
-        model=model.name,
-        file=_quoted(model.as_posix()),
+        model=_in_docstring(model.name),
+        file=quoted(model.as_posix()),
         parts="\n".join(listed),
-        part=_quoted(part.name),
+        part=quoted(part.name),
         way=way.line,
-        note=_STOPS.format(reason=reason) if reason else "",
+        note=_STOPS.format(reason=plain(reason)) if reason else "",
     )
-    try:
-        script.write_text(text)
-    except OSError as error:
-        raise VpframeError(f"{script}: cannot be written: {error.strerror}") from None
+    with output:
+        files.replace(script, text)
     return reason
 
 
@@ -143,9 +143,14 @@ def _tried(scene: Scene, part: Part, way: Way) -> str:
     return ""
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
     """As a Python string in double quotes."""
-    return json.dumps(text, ensure_ascii=False)
+    return plain(json.dumps(text, ensure_ascii=False))
+
+
+def _in_docstring(text: str) -> str:
+    """As it can stand between three double quotes."""
+    return quoted(text)[1:-1]
 
 
 _STOPS = """    # as it stands this stops: {reason}

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakePolygon, BRepBuilderAPI_Transform
@@ -33,7 +34,7 @@ from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as S
 from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.Message import Message, Message_Printer
-from OCP.Quantity import Quantity_ColorRGBA
+from OCP.Quantity import Quantity_Color, Quantity_ColorRGBA, Quantity_TypeOfColor
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.STEPCAFControl import STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_StepModelType
@@ -49,6 +50,7 @@ from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 from vpframe.errors import VpframeError
 from vpframe.importers import build
 from vpframe.importers.brep import MM, tessellate
+from vpframe.outputs import GENERATOR
 from vpframe.scene import Part, Scene, Shape
 
 Near = Callable[[np.ndarray], bool]
@@ -231,7 +233,7 @@ def shape(solid: Solid, deflection: float = 1e-4, angular: float = 0.35, name: s
 
 
 Placed = Solid | tuple[Any, ...]
-"""`solid`, `(solid, pose)`, `(solid, pose, (r, g, b, a))` or `(solid, pose, colour, density)`"""
+"""`solid`, `(solid, pose)`, `(solid, pose, (r, g, b, a))` (sRGB, 0 … 1) or `(solid, pose, colour, density)`"""
 
 
 def _placed(value: Placed) -> tuple[Any, pin.SE3, tuple[float, ...] | None, float | None]:
@@ -285,6 +287,8 @@ def write_step(path: str | Path, parts: Mapping[str, Any], name: str = "assembly
     writer.SetMaterialMode(True)
     prefix = Path(path).stem + "_" if external else None
     writer.Transfer(document, STEPControl_StepModelType.STEPControl_AsIs, prefix)
+    header = APIHeaderSection_MakeHeader(writer.ChangeWriter().Model())
+    header.SetOriginatingSystem(TCollection_HAsciiString(GENERATOR))
     if writer.Write(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise ModellingError(f"{path}: the STEP file cannot be written; check that its folder exists and is writable")
     return Path(path)
@@ -310,7 +314,9 @@ def _write_assembly(tools: tuple[Any, ...], parts: Mapping[str, Any], name: str,
         component = shapes.AddComponent(assembly, written[id(content)], TopLoc_Location(_trsf(pose)))
         TDataStd_Name.Set_s(component, TCollection_ExtendedString(part))
         if color is not None:
-            rgba = Quantity_ColorRGBA(*_rgba(color))
+            red, green, blue, alpha = _rgba(color)
+            kept = Quantity_Color(red, green, blue, Quantity_TypeOfColor.Quantity_TOC_sRGB)
+            rgba = Quantity_ColorRGBA(kept, alpha)
             colors.SetColor(component, rgba, XCAFDoc_ColorType.XCAFDoc_ColorGen)
     return assembly
 

@@ -17,6 +17,8 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sized
 from typing import TYPE_CHECKING, TextIO, TypeVar
 
+from vpframe.text import plain, plain_lines
+
 if TYPE_CHECKING:
     from vpframe.compiling import Compiling
 
@@ -34,19 +36,19 @@ _current: list[Progress] = []
 
 
 def say(text: str) -> None:
-    """Print a line on standard output; a line of progress on the same terminal makes room for it."""
+    """Print lines on standard output, `plain`; a line of progress on the same terminal makes room for them."""
     with _drawing:
         for stream in list(_drawn.values()):
             _wipe(stream)
-        print(text, flush=True)
+        print(plain_lines(text), flush=True)
 
 
 def warn(text: str) -> None:
-    """Print a line on standard error, from the beginning of a line of the terminal (that `^C` is echoed to)."""
+    """Print lines on standard error, `plain`, from the beginning of a line of the terminal (that `^C` is echoed to)."""
     with _drawing:
         for stream in list(_drawn.values()):
             _wipe(stream)
-        print(WIPE + text if sys.stderr.isatty() else text, file=sys.stderr, flush=True)
+        print((WIPE if sys.stderr.isatty() else "") + plain_lines(text), file=sys.stderr, flush=True)
 
 
 def report(fraction: float | None, text: str = "") -> None:
@@ -82,7 +84,7 @@ class _Line:
     def draw(self, text: str) -> None:
         columns = shutil.get_terminal_size().columns - 1
         with _drawing:
-            self.stream.write(WIPE + fitted(text, columns))
+            self.stream.write(WIPE + fitted(plain(text), columns))
             self.stream.flush()
             _drawn[id(self.stream)] = self.stream
 

@@ -56,9 +56,9 @@ class Shape:
     inertia: NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 3)))
     """(3, 3) of the volume about `center` at density 1 kg/m³, kg·m²"""
     closed: bool = True
-    """whether the mesh bounds a volume (every edge is shared by two triangles)"""
+    """whether the mesh bounds a volume (every edge is met as often one way as the other); a note says so if not"""
     notes: tuple[str, ...] = ()
-    """what the reader had to say: faces lost or repaired, triangles dropped"""
+    """what the reader had to say: open, faces lost or repaired, triangles dropped"""
 
 
 @dataclass(eq=False)
@@ -69,6 +69,7 @@ class Part:
     shape: Shape
     pose: pin.SE3
     color: tuple[float, float, float, float] = (0.7, 0.7, 0.75, 1.0)
+    """red, green, blue (sRGB, as drawn) and opacity, each in 0 … 1"""
     density: float | None = None
     """kg/m³; None when the file gives none that is plausible"""
     fixed: bool = False
@@ -123,6 +124,22 @@ class Scene(Mapping[str, Part]):
         """Place of a part: the id by which the other packages know it."""
         self[name]
         return self.names.index(name)
+
+    def all_notes(self) -> tuple[str, ...]:
+        """What there is to know of the scene and of each shape, a shape's under the name of the first part that has it.
+
+        A part that says "open" is no closed solid: volumes and containment of it are estimates.
+        """
+        first: dict[Shape, str] = {}
+        count: dict[Shape, int] = {}
+        for part in self.parts:
+            first.setdefault(part.shape, part.name)
+            count[part.shape] = count.get(part.shape, 0) + 1
+        return self.notes + tuple(
+            f"{name}{f' (and {count[shape] - 1} more of its shape)' if count[shape] > 1 else ''}: {note}"
+            for shape, name in first.items()
+            for note in shape.notes
+        )
 
     def __getitem__(self, name: str) -> Part:
         try:

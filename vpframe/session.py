@@ -6,6 +6,8 @@ under its forces -> new poses -> observers. The numerics are in `vpframe.engine`
 
 from __future__ import annotations
 
+import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -22,19 +24,22 @@ from vpframe import expectations
 from vpframe.audience import Audience, recorders, viewers
 from vpframe.checkpoint import Journal, advance, journal_of
 from vpframe.engine import Engine, Request, Result, Wish
-from vpframe.errors import TaskError, VpframeError
+from vpframe.errors import CheckpointError, OutputError, TaskError, VpframeError
 from vpframe.events import ConstraintView, Event, Frame, Observer
-from vpframe.interaction.arguments import as_pose
+from vpframe.interaction.arguments import FAR, as_pose, metres
 from vpframe.interaction.conditions import Condition
 from vpframe.interaction.driver import drive
 from vpframe.interaction.hand import Hand, Outcome
-from vpframe.interaction.reach import above, half_size
+from vpframe.interaction.reach import above, bounds, half_size
 from vpframe.pace import Pace, catching_up, under_way
 from vpframe.progress import Watch
 from vpframe.report.log import SessionLog
 from vpframe.rules import Rule, accept_all
 from vpframe.scene import Part, Scene
+from vpframe.script_errors import ON_REQUEST, in_one_line, place
 from vpframe.statements import ContradictionError, Place, limits, state
+from vpframe.text import in_part_names
+from vpframe.trails import Trails
 
 if TYPE_CHECKING:
     from physics import Behaviour
@@ -49,7 +54,7 @@ class Session:
     ----------
     scene: the parts; their poses are what the session moves.
     viewer: None, "meshcat", or any `Observer`.
-    record: None, a `.rrd` file to write, or any `Observer`.
+    record: None, a `.rrd` file to write (an `Output` to say what it may replace), or any `Observer`.
     rule: who accepts candidate constraints (see `vpframe.rules`); by default all are accepted.
     dt: s, length of a step.
     tolerance: what counts as touching, parallel, fitting.
@@ -65,14 +70,14 @@ class Session:
         self,
         scene: Scene,
         viewer: str | Observer | None = None,
-        record: str | Path | Observer | None = None,
+        record: str | os.PathLike[str] | Observer | None = None,
         *,
         rule: Rule = accept_all,
         dt: float = 1.0 / 60.0,
         tolerance: Tolerance | None = None,
         clearance: bool = False,
         observers: Iterable[Observer] = (),
-        checkpoint: str | Path | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
         resume: bool = False,
         run: Mapping[str, str] | None = None,
         name: str = "",
@@ -92,7 +97,13 @@ class Session:
         everyone = [self.log, *viewers(viewer), *recorders(record), *observers]
         self._audience = Audience(everyone, lambda: (self.step_count, self.time))
         self.failure = ""
-        """why the task failed; empty while it has not"""
+        """why the task cannot be done; empty while nothing says so"""
+        self.undecided = "the task has not ended"
+        """why nothing can be said of the task; empty once it has ended, by itself or by a failure"""
+        self.complete = False
+        """whether the task ran to its end"""
+        self._concluded = False
+        self._handled = sys.exc_info()[1]  # not of this session: it is opened while that error is dealt with
         self._requests: list[Request] = []
         self._hands: dict[str, Hand] = {}
         self._queues: dict[str, deque[Verb]] | None = None
@@ -100,9 +111,12 @@ class Session:
         self._frame: Frame | None = None
         self._result: Result | None = None
         self._sizes: dict[str, float] = {}
+        self._bounds: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._swept: list[str] = []
-        self._trails: dict[str, list[tuple[int, pin.SE3]]] = {}
+        self._trails = Trails()
+        self._numbers = {name: i for i, name in enumerate(scene.names)}
         self._begun = self._closed = self._stop = False
+        self._shows_clearance = clearance
         self._pace = Pace()
         self._journal: Journal | None = None
         if checkpoint is not None:
@@ -144,7 +158,9 @@ class Session:
             raise KeyboardInterrupt
         with self._watch:
             self._begin()
-        room = None if self._frame is None else self._frame.clearance
+        room = None if self._result is None else self._result.clearance
+        careful = any(hand.held is not None and hand.assist.slow_within > 0.0 for hand in self._hands.values())
+        self.engine.measure_clearance = self._shows_clearance or careful
         wishes = []
         for hand in self._hands.values():
             wanted = hand.desire(self.dt, hand.assist.rate(room))
@@ -155,7 +171,8 @@ class Session:
         requests, self._requests = self._requests, []
         with self._watch:
             offered = () if self._result is None else self._result.constraints
-            result = advance(self.engine, self._journal, wishes, requests, lambda: self._audience.asked(offered))
+            with in_part_names(self.scene):
+                result = advance(self.engine, self._journal, wishes, requests, lambda: self._audience.asked(offered))
         self.step_count += 1
         self._pace.beat()
         self._take_in(result)
@@ -212,15 +229,15 @@ class Session:
             return
         self._begun = True
         self._pace.beat()
-        for name, part in self.scene.items():
-            self._trails[name] = [(0, pin.SE3(part.pose))]
+        for i, part in enumerate(self.scene.parts):
+            self._trails.add(0, i, part.pose)
         self._audience.begin(self)
 
     def _take_in(self, result: Result) -> None:
         self._result = result
         for name, pose in result.poses.items():
             self.scene[name].pose = pose
-            self._trails[name].append((self.step_count, pose))
+            self._trails.add(self.step_count, self._numbers[name], pose)
         for hand in self._hands.values():
             hand.stopped_by = result.blocked.get(hand.held, "") if hand.held else ""
         for happening in result.happenings:
@@ -235,7 +252,7 @@ class Session:
             constraints=result.constraints,
             freedom=result.freedom,
             joint=result.joint,
-            clearance=result.clearance,
+            clearance=result.clearance if self._shows_clearance else None,
             timings={**result.timings, "observers": self._audience.seconds},
             held=tuple(hand.held for hand in self._hands.values() if hand.held),
             hands={hand.name: pin.SE3(hand.pose) for hand in self._hands.values()},
@@ -318,7 +335,8 @@ class Session:
         """Least distance (m) of a part to another, or to all it is not constrained to; inf if there are none."""
         i = self.scene.index(part)
         if other is not None:
-            return self.engine.clearance(i, [self.scene.index(other)])
+            with in_part_names(self.scene):
+                return self.engine.clearance(i, [self.scene.index(other)])
         mates = {self.scene.index(name) for c in self.constraints_of(part) for name in c.parts}
         carried = {
             self.scene.index(n)
@@ -327,7 +345,8 @@ class Session:
             for n in (h.held, *h.carried)
             if n
         }
-        return self.engine.clearance(i, [j for j in range(len(self.scene)) if j not in mates | carried | {i}])
+        with in_part_names(self.scene):
+            return self.engine.clearance(i, [j for j in range(len(self.scene)) if j not in mates | carried | {i}])
 
     def clashes(self) -> NDArray[np.int32]:
         """(k, 4) object, surface, object, surface that intersect now, mated surfaces and authorised pairs left out."""
@@ -339,6 +358,13 @@ class Session:
             self._sizes[part] = half_size(self.scene[part].mesh)
         return self._sizes[part]
 
+    @property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(3,) lower and upper corner of the box about all parts when a script first moved one, m."""
+        if self._bounds is None:
+            self._bounds = bounds(self.scene)
+        return self._bounds
+
     def pitch_of(self, part: str) -> float | None:
         """m a turn, of the thread that holds a part, negative for a left-hand one: from `thread`, else from a screw
         constraint; None if neither tells."""
@@ -347,7 +373,7 @@ class Session:
     def trail(self, part: str) -> tuple[tuple[int, pin.SE3], ...]:
         """(step, pose) whenever the part moved, from step 0 on."""
         self._begin()
-        return tuple(self._trails[self.scene[part].name])
+        return self._trails.of(self.scene.index(part))
 
     # ---- what the script decides
 
@@ -391,7 +417,8 @@ class Session:
         """
         bears = limits("constrain", break_distance, break_force)
         try:
-            request, view = state(self.engine, self._requests, kind, a, b, parameters, bears)
+            with in_part_names(self.scene):
+                request, view = state(self.engine, self._requests, kind, a, b, parameters, bears)
         except ContradictionError as error:
             self._audience.happened("refused", error.parts, (), str(error), {"constraint": kind, "off": error.off})
             raise
@@ -402,6 +429,8 @@ class Session:
         """Say that a part is threaded with that pitch (m a turn): positive for a right-hand thread, else negative."""
         if not np.isfinite(pitch) or pitch == 0.0:
             raise TaskError(f"thread({part!r}, {pitch!r}): the pitch is metres a turn, negative for a left-hand thread")
+        size = 2.0 * self.half_size(part)
+        metres(pitch, f"thread({part!r}, {pitch!r})", part, size, FAR * size)
         self.engine.threads[self.scene.index(part)] = float(pitch)
 
     def authorise(self, a: str, b: str) -> None:
@@ -423,19 +452,21 @@ class Session:
 
         self._watch.use("physics")
         body = body_of(self.scene[part], material, mass)
-        self.engine.behave(i, body, behaviours)
+        with in_part_names(self.scene):
+            self.engine.behave(i, body, behaviours)
         for note in body.notes:
             self.note(note)
 
     # ---- what the task expects
 
     def expect(self, condition: Condition | bool, reason: str = "") -> None:
-        """Fail the task unless the condition holds."""
+        """Fail the task unless the condition holds: TaskError, and if the script goes on it has failed all the same."""
         holds = condition(self) if isinstance(condition, Condition) else bool(condition)
         text = reason or str(condition)
         self._audience.happened("expectation", (), (), f"{'holds' if holds else 'FAILS'}: {text}", {"holds": holds})
         if not holds:
-            raise TaskError(f"expected {text}")
+            self.failure = f"expected {text}"  # whatever the script makes of the error
+            raise TaskError(self.failure)
 
     def expect_constraint(self, kind: str, a: str, b: str) -> None:
         """Expect an active constraint of that kind between two parts."""
@@ -454,7 +485,10 @@ class Session:
         self.expect(*expectations.no_clash(self))
 
     def expect_at(self, part: str, pose: pin.SE3 | ArrayLike, within: float = 1e-3, angle: float = 0.02) -> None:
-        """Expect a part at a pose (or position), within metres and radians."""
+        """Expect a part at a pose: its centre within metres, its rotation within radians as far as it can be seen (a
+        shaft may be turned about its axis, a hexagonal nut by 60°). Of a position (3,), as `move_to` takes it, rotation
+        is not compared.
+        """
         self.expect(*expectations.at(self, part, pose, within, angle))
 
     # ---- what is told
@@ -470,8 +504,33 @@ class Session:
     def fail(self, reason: str) -> None:
         """Mark the task as failed; the report says why."""
         self.failure = reason
+        self._last_note(f"failed: {reason}")
+
+    def conclude(self, error: BaseException | None = None, script: Path | None = None) -> None:
+        """Say that the task has ended: by itself, or by an error. `with` and `close()` do so by themselves.
+
+        A `TaskError` fails the task. Any other error (of the `script`, or Ctrl-C) leaves it undecided, and so does a
+        session that nobody said this of: its report says no "can be done".
+        """
+        if error is None and self._concluded:
+            return
+        self._concluded, self.complete = True, error is None and not self._stop
+        if isinstance(error, TaskError):
+            self.undecided = ""
+            self.fail(f"{place(error, script)}{error}")
+        elif isinstance(error, KeyboardInterrupt) or (error is None and self._stop):
+            self.undecided = ON_REQUEST
+        elif error is not None:
+            whose = "" if isinstance(error, CheckpointError | OutputError) else "script error: "
+            self.undecided = f"{whose}{place(error, script)}{in_one_line(error)}"
+        else:
+            self.undecided = ""
+        if error is not None and self.undecided:
+            self._last_note(f"not decided: {self.undecided}")
+
+    def _last_note(self, text: str) -> None:
         if not self._closed:
-            self._audience.happened("note", (), (), f"failed: {reason}", {})
+            self.note(text)
 
     def sweep(self, part: str) -> None:
         """Ask for the volume that a part sweeps in this session: the report shows it, and what it collides with."""
@@ -492,19 +551,35 @@ class Session:
         rest = [p for p in self.scene.parts if p.name not in allowed]
         return swept_volume(self.scene[part], [pose for _, pose in self.trail(part)], rest, resolution)
 
-    def report(self, directory: str | Path) -> Path:
-        """Write the report folder (`index.html`, `report.json`, `clashes.csv`); returns its path."""
+    def report(self, directory: str | os.PathLike[str]) -> Path:
+        """Write the report folder (`index.html`, `report.json`, `clashes.csv`), or the `OutputFolder` of one; its path.
+
+        Raises OutputError where a file of such a name is none that an earlier report left.
+        """
         from vpframe.report import write
 
         swept = [self.swept(part) for part in self._swept]
         return write(
-            directory, self.log, failure=self.failure, task=self.name, authorised=self.engine.authorised, swept=swept
+            directory,
+            self.log,
+            failure=self.failure,
+            undecided=self.undecided,
+            complete=self.complete,
+            task=self.name,
+            authorised=self.engine.authorised,
+            swept=swept,
         )
 
     def close(self) -> None:
-        """End view and recording. Called once or more; nothing moves afterwards."""
+        """End view and recording. Called once or more; nothing moves afterwards. It ends the task, if nothing did.
+
+        Raises OutputError when the recording, or what another observer wrote, could not be written to its end.
+        """
         if self._closed:
             return
+        if not self._concluded:
+            error = sys.exc_info()[1]  # in a `finally`, what ended the task
+            self.conclude(None if error is self._handled else error)
         news = self._audience.news()
         if news and self._frame is not None:  # what happened after the last step
             self._audience.show(replace(self._frame, events=news))
@@ -512,14 +587,23 @@ class Session:
         self._watch.close()
         if self._begun:
             self._audience.end()
+        else:
+            self._audience.observers.clear()  # what they claimed is free again
         if self._journal is not None:
             self._journal.close()
+        if self._audience.lost:
+            raise self._audience.lost[0]
 
     def __enter__(self) -> Session:
         return self
 
-    def __exit__(self, *exc: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        self.conclude(error)
+        try:
+            self.close()
+        except OutputError:
+            if error is None:  # what went wrong before matters more; a note in the events says this
+                raise
 
     def _standing(self) -> str:
         journal = self._journal

@@ -8,6 +8,7 @@ from dataclasses import replace
 from collision import CollisionManager, Tolerance
 from constraints import Candidate, recognise
 from constraints.features import Feature
+from constraints.recognition import contacts_within
 from constraints.threads import threaded
 from vpframe.scene import Scene
 
@@ -21,21 +22,26 @@ def world_of(scene: Scene, tolerance: Tolerance | None = None) -> CollisionManag
 
 
 def candidates(
-    scene: Scene, world: CollisionManager, *, real_threads: bool, tell: Callable[[float], None] = lambda fraction: None
+    scene: Scene,
+    world: CollisionManager,
+    tell: Callable[[float], None] = lambda fraction: None,
+    *,
+    implied: bool = False,
 ) -> tuple[Candidate, ...]:
     """What the features of parts that touch are to one another, best first.
 
     Parameters
     ----------
     world: of the scene, from `world_of`.
-    real_threads: whether threads are looked for in faces of no analytic type, as constraints are made of them; a clash
-        judges such faces by their triangles.
     tell: hears the fraction done.
+    implied: whether what others imply is returned, too (see `constraints.implied`).
     """
     t = world.tolerance
-    contacts = world.contacts(within=max(t.linear, t.clearance))
-    features, pitches = threaded_features(scene) if real_threads else ([part.features for part in scene.parts], {})
-    return recognise(features, [part.pose for part in scene.parts], contacts, t, threads=pitches, tell=tell)
+    features, pitches = threaded_features(scene)
+    contacts = world.contacts(within=contacts_within(features, t))
+    return recognise(
+        features, [part.pose for part in scene.parts], contacts, t, threads=pitches, implied=implied, tell=tell
+    )
 
 
 def threaded_features(scene: Scene) -> tuple[list[tuple[Feature, ...]], dict[tuple[int, int], float]]:

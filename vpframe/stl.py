@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from vpframe import files
+
 ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -20,5 +22,5 @@ def write_stl(
     rows = np.zeros(len(triangles), dtype=ROW)
     rows["normal"] = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
     rows["corners"] = corners
-    path.write_bytes(header.encode().ljust(80) + np.uint32(len(rows)).astype("<u4").tobytes() + rows.tobytes())
+    files.replace(path, header.encode().ljust(80) + np.uint32(len(rows)).astype("<u4").tobytes() + rows.tobytes())
     return path

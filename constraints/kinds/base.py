@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from constraints import jacobians
 from constraints.errors import GeometryError
-from constraints.geometry import Geometry, _positive
+from constraints.geometry import LARGEST, Geometry, _positive
 from constraints.kinds.equations import Array, Equation
 
 
@@ -78,6 +78,9 @@ class Constraint(ABC):
         unbounded = np.isinf(param) & ~((code < jacobians.HELIX)[:, None] & (param[:, :1] < param[:, 1:2]))
         if (np.isnan(param) | unbounded).any():
             raise GeometryError(f"{self.kind}: a parameter is not a finite number; give one", "parameters")
+        large = np.abs(param[np.isfinite(param)]).max(initial=0.0)
+        if large > LARGEST:
+            raise GeometryError(f"{self.kind}: a parameter is {large:g}; give one of at most {LARGEST:g}", "parameters")
 
     @abstractmethod
     def equations(self) -> tuple[Equation, ...]:

@@ -23,6 +23,7 @@ import vpframe as vp
 from collision import CONTACT_DTYPE, CollisionManager, Tolerance
 from constraints import ConstraintManager, Motion, recognise
 from constraints.geometry import Cylinder
+from constraints.recognition import contacts_within
 from vpframe import modelling as m
 from vpframe.mates import base_parts
 from vpframe.standing import threaded_features
@@ -168,9 +169,7 @@ def judge(scene: vp.Scene, poses: list[pin.SE3], tolerance: Tolerance, method: s
     features, threads = threaded_features(scene)
     start = time.perf_counter()
     rows = (
-        overlapping_boxes(scene, poses)
-        if method == "boxes"
-        else world.contacts(max(tolerance.reach, tolerance.clearance))
+        overlapping_boxes(scene, poses) if method == "boxes" else world.contacts(contacts_within(features, tolerance))
     )
     found = recognise(features, poses, rows, tolerance, threads=threads)
     seconds = time.perf_counter() - start
@@ -275,7 +274,7 @@ def real_models() -> list[dict[str, Any]]:
             "Factory M16 nut on bolt",
             ("factory_bolt_m16_tight", "factory_nut_m16_tight_subdiv_3x"),
             0.01,
-            ("concentric", "screw"),
+            ("screw",),
         ),
     ):
         scenes = [vp.load(str(Path(folder) / "mesh" / f"{f}.obj")) for f in files]

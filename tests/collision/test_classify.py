@@ -8,7 +8,9 @@ import pytest
 
 from collision import CollisionError, CollisionManager, SurfaceMesh
 from collision.classify import KINDS, PairClass, classify
+from collision.containment import is_closed
 from tests.collision.reference import box, sphere, turned
+from tests.collision.test_containment import with_slivers
 
 
 def at(x: float, y: float = 0.0, z: float = 0.0) -> pin.SE3:
@@ -105,6 +107,84 @@ def test_coaxial_pipes_end_to_end_and_one_in_the_other_touch() -> None:
     assert kind(classify(two(pipe(), pipe(), at(0, 0, 2.0)))) == "contact"
     inner = pipe(outer=0.4, inner=0.3)
     assert kind(classify(two(pipe(), inner, at(0, 0, 0.1)))) == "contact"
+
+
+def test_parts_flush_with_a_part_of_slivers_only_touch_it() -> None:
+    """Pseudonormals of its slivers, rounding alone, made a clash of one touch in eight."""
+    half = np.array([0.5, 0.4, 0.3])
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        mesh, rotation = with_slivers(rng, 0.0)
+        world = CollisionManager()
+        world.add(mesh, pin.SE3.Identity())
+        for side in [*np.diag(half + 0.15), *np.diag(-half - 0.15)]:
+            beside = side + np.where(side == 0.0, rng.uniform(-0.45, 0.45, 3), 0.0)
+            k = world.add(box(0.3, 0.3, 0.3, 6), pin.SE3(rotation, rotation @ beside))
+            found = classify(world, objects=[k])
+            world.remove(k)
+            assert {pair.kind for pair in found} == {"contact"}, (seed, side)
+
+
+def without(mesh: SurfaceMesh, surface: int) -> SurfaceMesh:
+    """The mesh without one of its surfaces."""
+    keep = mesh.surface_of_triangle != surface
+    numbers = np.unique(mesh.surface_of_triangle[keep], return_inverse=True)[1]
+    return SurfaceMesh(mesh.vertices, mesh.triangles[keep], numbers, name="open")
+
+
+def cracked(mesh: SurfaceMesh, surface: int) -> SurfaceMesh:
+    """One surface meshed anew on its own: its rim has corners that its neighbours do not have."""
+    rest, own = without(mesh, surface), mesh.vertices[mesh.triangles[mesh.triangles_of(surface)]]
+    a, b, c = own[:, 0], own[:, 1], own[:, 2]
+    finer = np.concatenate([np.stack([a, b, (a + c) / 2], axis=1), np.stack([b, c, (a + c) / 2], axis=1)])
+    rim = finer + np.array([0, 0, 1e-9]) * (np.arange(finer.size // 3).reshape(-1, 3) % 2)[..., None]
+    n = len(rest.vertices)
+    return SurfaceMesh(
+        np.concatenate([rest.vertices, rim.reshape(-1, 3)]),
+        np.concatenate([rest.triangles, n + np.arange(len(finer) * 3).reshape(-1, 3)]),
+        np.append(rest.surface_of_triangle, np.full(len(finer), rest.n_surfaces)),
+        name="cracked",
+    )
+
+
+OPEN = {"a face lost": without(box(1, 1, 1), 5), "a face of its own mesh": cracked(box(1, 1, 1), 5)}
+
+
+@pytest.mark.parametrize("case", OPEN)
+def test_what_is_inside_a_part_that_is_not_closed_is_found_and_said_to_be_so(case: str) -> None:
+    part, chip = OPEN[case], box(0.01, 0.01, 0.01)
+    assert not is_closed(part)
+    world = two(part, chip, at(0.3, 0.2, 0.4))
+    (found,) = classify(world, names=["housing", "chip"])
+    assert found.kind == "containment"
+    assert found.reason.startswith("chip lies wholly inside housing; housing is not closed: ")
+    world.set_pose(1, at(0.3, 0.2, 0.52))  # before the face, or where it was
+    assert classify(world) == []
+    world.set_pose(1, at(0.502, 0.0, 0.0))  # through a wall that is there
+    found, *others = classify(world)
+    assert all(pair.kind == "clash" and "object 0 is not closed" in pair.reason for pair in (found, *others))
+    assert max(pair.depth for pair in (found, *others)) == pytest.approx(0.003, abs=1e-6)
+
+
+@pytest.mark.parametrize("case", OPEN)
+def test_an_open_part_and_its_double_in_one_place_clash(case: str) -> None:
+    (found, *others) = classify(two(OPEN[case], OPEN[case], pin.SE3.Identity()))
+    assert found.kind == "clash" and "material in common" in found.reason and "not closed" in found.reason
+    assert {pair.kind for pair in others} == {"contact"}
+
+
+def test_a_lid_on_a_part_without_its_top_only_touches_it() -> None:
+    cup, lid = without(box(1, 1, 1, 3), 5), box(1.2, 1.2, 0.1, 3)
+    assert kind(classify(two(cup, lid, at(0, 0, 0.55)))) == "contact"
+    assert kind(classify(two(lid, cup, at(0, 0, -0.55)))) == "contact"
+
+
+def test_a_part_that_a_sheet_cuts_clashes() -> None:
+    keep = np.flatnonzero(box(3, 3, 1).surface_of_triangle == 5)
+    sheet = SurfaceMesh(box(3, 3, 1).vertices, box(3, 3, 1).triangles[keep], name="sheet")
+    found = classify(two(sheet, box(0.5, 0.5, 0.5), at(0.2, 0.1, 0.5 + 0.2)))
+    assert kind(found) == "clash"
+    assert max(pair.depth for pair in found) == pytest.approx(0.05, abs=1e-6)
 
 
 @pytest.mark.parametrize("arguments", [{"clearance": -1.0}, {"deflection": float("nan")}, {"authorised": [(1, 2, 3)]}])

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from collision import CollisionManager, SurfaceMesh
 from collision.containment import inside, is_closed, signed_distances
@@ -63,13 +67,110 @@ def test_a_part_wholly_inside_is_contained(scale: float) -> None:
     assert not world.contains(outer, inner)
 
 
-def test_an_open_mesh_contains_nothing() -> None:
+def test_an_open_mesh_contains_what_it_winds_about() -> None:
     world = CollisionManager()
     cup = world.add(without_lid(), at(0))
     ball = world.add(sphere(0.2), at(0))
     assert not is_closed(without_lid())
-    assert not world.contains(cup, ball)
-    assert not inside(without_lid(), [[0.0, 0.0, -0.4]])[0]
+    assert world.contains(cup, ball)
+    assert not world.contains(ball, cup)
+    for z in (0.75, -0.75):
+        world.set_pose(ball, at(0, 0, z))
+        assert not world.contains(cup, ball)
+    assert inside(without_lid(), [[0, 0, -0.4], [0, 0, 0.45], [0, 0, 0.5], [0, 0, 0.6], [0.6, 0, 0]]).tolist() == [
+        True, True, False, False, False,
+    ]  # fmt: skip
+
+
+def test_a_sheet_contains_nothing() -> None:
+    mesh = box(1.0, 1.0, 1.0)
+    sheet = SurfaceMesh(mesh.vertices, mesh.triangles[mesh.surface_of_triangle == 5], name="sheet")
+    points = np.random.default_rng(0).uniform(-1, 1, (200, 3))
+    assert not inside(sheet, points).any()
+    beside = np.abs(points[:, :2]).max(axis=1) > 0.5  # nearest to the rim, where the sheet has no back
+    assert (signed_distances(sheet, points[beside]) > 0.0).all()
+    over = points[~beside]
+    np.testing.assert_allclose(signed_distances(sheet, over), over[:, 2] - 0.5, atol=1e-15)
+
+
+def many(*meshes: tuple[SurfaceMesh, tuple[float, float, float]]) -> SurfaceMesh:
+    """One mesh of several, each moved."""
+    vertices, triangles, n = [], [], 0
+    for mesh, shift in meshes:
+        vertices.append(mesh.vertices + np.array(shift))
+        triangles.append(mesh.triangles + n)
+        n += len(mesh.vertices)
+    return SurfaceMesh(np.concatenate(vertices), np.concatenate(triangles), name="many")
+
+
+PIPE = turned([(0, 0.5), (0, 1.0), (2, 1.0), (2, 0.5), (0, 0.5)], 17)
+WINDING = {
+    "pipe": PIPE,
+    "hollow": hollow(1.0, 0.6),
+    "fine sphere": sphere(0.7, 48),
+    "boxes in each other": many((box(1, 1, 1, 4), (0, 0, 0)), (box(1, 1, 1, 4), (0.5, 0.3, 0.1))),
+    "without a lid": without_lid(),
+    "pipe without a wall": SurfaceMesh(PIPE.vertices, PIPE.triangles[PIPE.surface_of_triangle != 1]),
+}
+
+
+@pytest.mark.parametrize("case", WINDING)
+def test_clusters_of_triangles_wind_about_a_point_as_their_triangles_do(case: str) -> None:
+    mesh = WINDING[case]
+    points = np.random.default_rng(4).uniform(-1.3, 2.2, (600, 3))
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]][None] - points[:, None] for k in range(3))
+    la, lb, lc = (np.linalg.norm(x, axis=2) for x in (a, b, c))
+    dots = [(x * y).sum(axis=2) for x, y in ((a, b), (b, c), (c, a))]
+    volume = (a * np.cross(b, c)).sum(axis=2)
+    angle = 2.0 * np.arctan2(volume, la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb)
+    number = angle.sum(axis=1) / (4.0 * np.pi)
+    assert inside(mesh, points).tolist() == (number > (0.5 if is_closed(mesh) else 0.51)).tolist()
+
+
+@pytest.mark.parametrize("shift", [(1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (1.0, 1.0, 0.5)])
+def test_boxes_that_meet_in_an_edge_or_a_corner_are_two(shift: tuple[float, float, float]) -> None:
+    """There pseudonormals of both come together, and tell nothing of either."""
+    both = many((box(1, 1, 1, 2), (0, 0, 0)), (box(1, 1, 1, 2), shift))
+    points = np.random.default_rng(5).uniform(-1.0, 2.0, (2000, 3))
+    in_one = [(np.abs(points - s) < 0.5).all(axis=1) for s in ((0, 0, 0), shift)]
+    assert ((signed_distances(both, points) < 0.0) == (in_one[0] | in_one[1])).all()
+
+
+def with_slivers(rng: np.random.Generator, off: float) -> tuple[SurfaceMesh, np.ndarray]:
+    """A box of 1, 0.8 and 0.6 and its rotation; its sides meet by slivers, as faces that are meshed one by one do.
+
+    The points of the slivers lie within `off` of the edge that they are along; some are turned over.
+    """
+    rotation = pin.exp3(rng.normal(size=3))
+    mesh = box(1.0, 0.8, 0.6)
+    vertices, triangles, surface = list(mesh.vertices), [], []
+    for (a, b, c), s in zip(mesh.triangles.tolist(), mesh.surface_of_triangle.tolist(), strict=True):
+        chain = [a, b]
+        if s in (0, 3, 5):
+            for u in np.sort(rng.uniform(0.02, 0.98, 5)):
+                away = rng.uniform(-off, off, 3)
+                chain.insert(-1, len(vertices))
+                vertices.append(mesh.vertices[a] + u * (mesh.vertices[b] - mesh.vertices[a]) + away)
+        fan = [(a, chain[k + 1], chain[k]) for k in range(1, len(chain) - 1)]  # back to the straight edge
+        own = [*((p, q, c) for p, q in pairwise(chain)), *fan]
+        triangles += own
+        surface += [s] * len(own)
+    return SurfaceMesh(np.array(vertices) @ rotation.T, triangles, surface, name="slivers"), rotation
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 2**32 - 1), off=st.sampled_from([0.0, 1e-16, 1e-13, 1e-9, 1e-6, 1e-5]))
+def test_slivers_and_folds_do_not_turn_inside_out(seed: int, off: float) -> None:
+    rng = np.random.default_rng(seed)
+    mesh, rotation = with_slivers(rng, off)
+    assert is_closed(mesh)
+    at_random = rng.uniform(-0.8, 0.8, (300, 3))
+    near = np.array([0.5, 0.4, 0.3]) * rng.choice([-1.0, 1.0], (300, 3))
+    near[np.arange(300), rng.integers(3, size=300)] *= rng.uniform(-1.0, 1.0, 300)  # on an edge
+    points = np.concatenate([at_random, near + rng.normal(size=(300, 3)) * 0.05])
+    q = np.abs(points) - np.array([0.5, 0.4, 0.3])
+    truth = np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+    np.testing.assert_allclose(signed_distances(mesh, points @ rotation.T), truth, atol=1e-12 + 2.0 * off)
 
 
 def test_a_cavity_is_outside() -> None:

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import copy
 from itertools import combinations
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from collision import CollisionError, CollisionManager, PoseError, UnknownObjectError, colliding_surfaces
+from collision import (
+    CollisionError,
+    CollisionManager,
+    PairQuery,
+    PoseError,
+    Tolerance,
+    UnknownObjectError,
+    colliding_surfaces,
+)
+from collision.query import METHODS, Method
 from tests.collision import shapes
 
 
@@ -232,6 +243,60 @@ def test_what_is_ignored_is_left_out_until_heeded() -> None:
     assert manager.colliding_surfaces().tolist() == kept and len(kept) == len(everything) - 2
     manager.heed_surfaces(b, range(6), c, range(6))
     assert manager.colliding_surfaces().tolist() == everything
+
+
+def test_heeded_surfaces_are_the_same_in_either_order() -> None:
+    manager = CollisionManager()
+    a, b = manager.add(shapes.box(), at(0)), manager.add(shapes.soup(40, 4, 1), at(0.5))
+    assert manager.heeded_surfaces(b, a) is None
+    for left_out in ((2, 3), (5, 1)):  # asked before and after a change
+        manager.ignore_surfaces(b, [left_out[1]], a, [left_out[0]])
+        heeded, other = manager.heeded_surfaces(a, b), manager.heeded_surfaces(b, a)
+        assert heeded is not None and other is not None
+        assert heeded.shape == (6, 4) and heeded[left_out] == 0
+        assert heeded.T.tolist() == other.tolist()
+    manager.heed_surfaces(b, range(4), a, range(6))
+    assert manager.heeded_surfaces(a, b) is None and manager.heeded_surfaces(b, a) is None
+
+
+def skewed(x: float, by: float) -> np.ndarray:
+    """A pose whose RᵀR is off the identity by `by`."""
+    matrix = at(x).homogeneous
+    matrix[0, 1] = by
+    return matrix
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_poses_that_the_tolerance_takes_are_taken_by_every_question(method: Method) -> None:
+    manager = CollisionManager(Tolerance(rigid=1e-3), method, cross_check=1)
+    a, b = manager.add(shapes.box(), skewed(0.0, 9e-4)), manager.add(shapes.box(), skewed(0.9, -9e-4))
+    far = manager.add_shape(coal.Sphere(0.2), skewed(-0.6, 5e-4))
+    assert {(row[0], row[2]) for row in manager.colliding_surfaces().tolist()} == {(a, b), (a, far)}
+    assert not manager.contains(a, b)
+    assert manager.clearance(a, b)["distance"][0] == 0.0 and manager.clearance(b, far)["distance"][0] > 0.0
+    assert len(manager.contacts(within=1e-3)) and len(manager.penetration(a, b))
+    pose, loose = skewed(0.9, 9e-4), Tolerance(rigid=1e-3)
+    box = shapes.box()
+    assert len(colliding_surfaces(box, box, pose, method, loose))
+    with pytest.raises(PoseError, match="1e-06 is allowed"):
+        colliding_surfaces(box, box, pose, method)
+    query = PairQuery(box, box, loose)
+    assert len(query.colliding_surfaces(pose)) and len(copy.copy(query).colliding_surfaces(pose))
+    with pytest.raises(PoseError, match="1e-06 is allowed"):
+        PairQuery(box, box).colliding_surfaces(pose)
+
+
+def test_coal_is_asked_with_the_gjk_of_the_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    for name in ("collide", "distance"):
+        plain = getattr(coal, name)
+        monkeypatch.setattr(coal, name, lambda *a, plain=plain: asked.append(a[4].gjk_tolerance) or plain(*a))
+    manager = CollisionManager(Tolerance(gjk=3e-8), cross_check=1)
+    ball = manager.add_shape(coal.Sphere(0.2), at(0))
+    for x in (0.9, 1.8):
+        manager.add(shapes.box(), at(x))
+    manager.colliding_surfaces(), manager.contacts(within=1.0), manager.clearance(ball, 1)
+    assert len(asked) > 3 and set(asked) == {3e-8}
 
 
 def test_ids_stay_when_others_go() -> None:

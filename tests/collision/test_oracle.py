@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import coal
 import numpy as np
 import pinocchio as pin
@@ -162,3 +165,27 @@ def test_what_coal_cannot_bound_or_a_shape_cannot_answer_is_named() -> None:
     assert len(colliding_surfaces(world.mesh(i), world.mesh(j), at(0.5), method="coal")) == 1
     with pytest.raises(CollisionError, match="not swept"):
         world.time_of_contact({i: at(1.0)})
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_copied_or_pickled_shape_stays_what_it_is(name: str) -> None:
+    """In a corner of its bounding box a ball is not; were it its box, the two would collide."""
+    mesh = mesh_of_shape(SHAPES[name](), name)
+    copies = [copy.copy(mesh), copy.deepcopy(mesh)]
+    try:
+        copies.append(pickle.loads(pickle.dumps(mesh)))
+    except CollisionError as error:
+        assert name == "octree" and f"{name}: coal cannot pickle" in str(error) and "\n" not in str(error)
+    reach = np.abs(mesh.vertices).max(axis=0)
+    for other in copies:
+        assert type(other) is type(mesh) and other.name == name
+        assert np.array_equal(other.vertices, mesh.vertices)
+        for place in (0.5 * reach, 0.97 * reach):
+            answers = []
+            for one in (mesh, other):
+                world = CollisionManager()
+                world.add(one, at(0.0))
+                world.add(box(0.01, 0.01, 0.01), at(*place))
+                answers.append(world.colliding_surfaces().tolist())
+            assert answers[0] == answers[1]
+    assert len(copies) == (2 if name == "octree" else 3)

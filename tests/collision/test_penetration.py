@@ -171,3 +171,18 @@ def test_precision_is_the_tolerance_s() -> None:
         depths.append(float(penetration(world, 0, 1)["depth"][0]))
     assert depths[0] <= depths[2] * (1.0 + 1e-4) and depths[2] <= depths[0] * 1.2 + 2e-6
     assert depths[2] <= depths[1] * 1.01 + 1e-7
+
+
+def test_what_a_mesh_does_not_wind_about_is_not_deep_in_it() -> None:
+    """A cavity, turned inwards, sticks out of its part: there its faces have their backs to the outside.
+
+    A box through one of them is behind it by 0.09; the face is in the box's material by 0.01.
+    """
+    outer, cavity = box(1.0, 1.0, 1.0), box(0.4, 0.4, 1.6)
+    vertices = np.concatenate([outer.vertices, cavity.vertices])
+    part = SurfaceMesh(vertices, np.concatenate([outer.triangles, cavity.triangles[:, ::-1] + len(outer.vertices)]))
+    world = CollisionManager()
+    world.add(part, TILT)
+    world.add(box(0.1, 0.1, 0.1), TILT * at(0.2 + 0.04, 0.0, 0.7))
+    depths = penetration(world, 0, 1)["depth"]
+    assert depths.max() == pytest.approx(0.01, abs=1e-12)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -167,3 +170,28 @@ def test_an_unknown_method_is_named() -> None:
     a = shapes.box()
     with pytest.raises(CollisionError, match=r"'fast'.*best, oaabb, brute, coal"):
         colliding_surfaces(a, a, pin.SE3.Identity(), "fast")  # type: ignore[arg-type]
+
+
+FORK = """
+import os, signal
+import numpy as np
+from collision import CollisionManager
+from tests.collision.shapes import box
+world = CollisionManager()
+for k in range(20):
+    world.add(box(), np.array([[1, 0, 0, 0.9 * k], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], float))
+expected = world.colliding_surfaces().tolist()  # of so many pairs that two threads share them
+child = os.fork()
+for k in range(20):
+    world.set_pose(k, world.pose(k))
+if child == 0:
+    signal.alarm(20)  # hanging, it ends by the signal
+    os._exit(0 if world.colliding_surfaces().tolist() == expected else 1)
+assert world.colliding_surfaces().tolist() == expected
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+def test_a_forked_child_answers_as_its_parent() -> None:
+    done = subprocess.run([sys.executable, "-c", FORK], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.strip() == "0", done.stderr

@@ -27,6 +27,7 @@ from constraints import (
     solve,
 )
 from constraints.geometry import Cylinder, Freeform, Plane
+from constraints.graph import AssemblyGraph
 
 Z = [0.0, 0.0, 1.0]
 UP, DOWN = Plane([0, 0, 0], Z), Plane([0, 0, 0], [0, 0, -1.0])
@@ -61,6 +62,16 @@ MADE = {
     "an infinite pitch": (lambda: Screw((0, 1), (PIN, PIN), pitch=np.inf), "not a finite number"),
     "a pitch in words": (lambda: Screw((0, 1), (PIN, PIN), pitch="M16"), "not a number"),
     "teeth that are no number": (lambda: Gear((0, 1), (PIN, PIN), teeth_a=np.nan), "not a number"),
+    "a distance beyond the stars": (lambda: Distance((0, 1), POINTS, at=1e154), "a parameter is 1e.154; give one of"),
+    "a pitch beyond the stars": (lambda: Screw((0, 1), (PIN, PIN), pitch=-1e200), "a parameter is 1e.200; give one of"),
+    "limits beyond the stars": (
+        lambda: Distance((0, 1), POINTS, at=(0.0, 1e160)),
+        "a parameter is 1e.160; give one of",
+    ),
+    "a radius beyond the stars": (lambda: Cylinder([0, 0, 0], Z, 1e155), "radius is 1e.155; give one of at most"),
+    "an origin beyond the stars": (lambda: Plane([0, 1e300, 0], Z), "origin is .* give coordinates of at most"),
+    "a point beyond the stars": (lambda: Point([0, -1e154, 0]), "origin is|center is|position is|point is"),
+    "a size beyond the stars": (lambda: Against((0, 1), (UP, DOWN), size=1e200), "size is 1e.200; give one of"),
     "half a tooth": (lambda: RackAndPinion((0, 1), (PIN, UP), teeth=7.5), "whole number of teeth"),
 }
 
@@ -83,6 +94,7 @@ POSES = {
     "mirrored": (pin.SE3(np.diag([1.0, 1.0, -1.0]), np.zeros(3)), "body 1 is no rigid motion"),
     "a matrix": (np.eye(4), "body 1 is a ndarray; pass a pinocchio.SE3"),
     "missing": (None, "body 1 is a NoneType"),
+    "beyond the stars": (at(0, 1e160, 0), "body 1 is farther away than"),
 }
 
 
@@ -141,3 +153,20 @@ def test_a_solver_tolerance_of_nought_ends_at_rounding() -> None:
     start = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.0])), np.array([0.0, 0.0, 0.1]))
     solution = solve([FACES], [HOME, start], [1], replace(Tolerance(), solver=0.0))
     assert solution.residual < 1e-15
+
+
+def test_the_rigidity_asked_for_is_that_of_the_tolerance_given() -> None:
+    strained = pin.SE3(np.diag([1.0, 1.0, 1.0 + 1e-4]), np.zeros(3))
+    lenient, strict = Tolerance(rigid=1e-3), Tolerance(rigid=1e-12)
+    nearly = pin.SE3(np.diag([1.0, 1.0, 1.0 + 1e-9]), np.zeros(3))
+    two = [FACES, Against((0, 1), (UP, DOWN))]
+    for call in (
+        lambda pose, tolerance: solve([FACES], [HOME, pose], [1], tolerance),
+        lambda pose, tolerance: mobility(two, [HOME, pose], [0], tolerance).redundant,
+        lambda pose, tolerance: AssemblyGraph.of(two, [HOME, pose], [0], tolerance=tolerance).links,
+    ):
+        call(strained, lenient)
+        call(nearly, Tolerance())
+        for pose, tolerance in ((strained, Tolerance()), (nearly, strict)):
+            with pytest.raises(ConstraintsError, match="body 1 is no rigid motion"):
+                call(pose, tolerance)

@@ -9,7 +9,7 @@ import pytest
 from collision import CollisionManager, Tolerance
 from constraints import ConstraintManager, ConstraintsError, Motion
 from constraints.mated import adjacent_surfaces
-from constraints.quadratic_program import quadratic_program
+from constraints.quadratic_program import UndecidedError, quadratic_program
 from tests.constraints.shapes import Body, box, flanged_shaft, housing, shaft, turned
 
 
@@ -288,6 +288,16 @@ def test_quadratic_program_against_every_active_set():
 def test_a_quadratic_program_without_solution_says_so():
     c = np.array([[1.0], [-1.0]])
     assert quadratic_program(np.eye(1), np.zeros(1), c, np.array([1.0, 1.0])) is None
+
+
+def test_a_quadratic_program_that_runs_out_of_changes_is_not_taken_for_one_without_solution():
+    n = 6
+    c, lower = np.eye(n), np.ones(n)  # each row becomes active in turn
+    y, pressed = quadratic_program(np.eye(n), np.zeros(n), c, lower)
+    np.testing.assert_allclose(y, 1.0)
+    assert len(pressed) == n
+    with pytest.raises(UndecidedError, match="6 unknowns is undecided after 3 changes"):
+        quadratic_program(np.eye(n), np.zeros(n), c, lower, most_changes=3)
 
 
 def test_adjacent_surfaces_of_a_turned_part():

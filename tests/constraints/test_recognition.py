@@ -214,11 +214,11 @@ def test_reach_sees_what_a_shaking_hand_brings():
     assert found(bodies, poses) == ()
 
 
-def test_thread_gives_concentric_and_screw():
+def test_a_thread_is_one_screw():
     bodies = [housing(0.01), shaft(0.01, 0.05, phase=0.1)]
     candidates = found(bodies, [at(), at(z=0.003)], threads={(1, 1): 2e-3})
-    assert kinds(candidates) == ["concentric", "screw"]
-    screw = next(c for c in candidates if c.kind == "screw")
+    assert kinds(candidates) == ["screw"]
+    (screw,) = candidates
     assert screw.pitch == 2e-3 and "thread of pitch 2 mm" in screw.why
     turned_in = at(z=0.003 + 2e-3 / 4, rpy=(0, 0, np.pi / 2))
     assert np.abs(screw.constraint.residual(at(), turned_in)).max() < 1e-12

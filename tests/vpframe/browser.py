@@ -25,14 +25,14 @@ FLAGS = (
 
 
 class Browser:
-    """One window. Close it, or use it as a context manager."""
+    """One window. Close it, or use it as a context manager. `flags`: more of Chromium's."""
 
-    def __init__(self, width: int = 1000, height: int = 700) -> None:
+    def __init__(self, width: int = 1000, height: int = 700, flags: tuple[str, ...] = ()) -> None:
         assert PROGRAM is not None
         self.folder = tempfile.mkdtemp(prefix="vpframe-browser-")
         size = f"--window-size={width},{height}"
         self.process = subprocess.Popen(
-            [PROGRAM, *FLAGS, size, f"--user-data-dir={self.folder}", "about:blank"],
+            [PROGRAM, *FLAGS, *flags, size, f"--user-data-dir={self.folder}", "about:blank"],
             stderr=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             text=True,
@@ -41,6 +41,7 @@ class Browser:
         self.socket: Any = None
         self.number = 0
         self.errors: list[str] = []
+        self.answers: dict[str, str] = {}
         try:
             self._begin(width, height)
         except BaseException:
@@ -67,15 +68,27 @@ class Browser:
         return self.loop.run_until_complete(asyncio.wait_for(self._call(method, parameters), 60))
 
     async def _call(self, method: str, parameters: dict[str, Any]) -> dict[str, Any]:
-        self.number += 1
-        await self.socket.write_message(json.dumps({"id": self.number, "method": method, "params": parameters}))
+        number = await self._send(method, parameters)
         while True:
             message = json.loads(await self.socket.read_message())
             if message.get("method") == "Runtime.exceptionThrown":
                 self.errors.append(str(message["params"]["exceptionDetails"].get("exception", {}).get("description")))
-            if message.get("id") == self.number:
+            if message.get("method") == "Fetch.requestPaused":
+                request, body = message["params"]["requestId"], self.answers[message["params"]["request"]["url"]]
+                await self._send("Fetch.fulfillRequest", {"requestId": request, "responseCode": 200, "body": body})
+            if message.get("id") == number:
                 assert "error" not in message, message
                 return message["result"]
+
+    async def _send(self, method: str, parameters: dict[str, Any]) -> int:
+        self.number += 1
+        await self.socket.write_message(json.dumps({"id": self.number, "method": method, "params": parameters}))
+        return self.number
+
+    def answer_for(self, address: str, body: str) -> None:
+        """Answer requests for an address with a page (base64), as a site that is not there would."""
+        self.answers[address] = body
+        self.call("Fetch.enable", patterns=[{"urlPattern": known} for known in self.answers])
 
     def open(self, address: str) -> None:
         """Go to a page and wait until its first frame is on the screen."""

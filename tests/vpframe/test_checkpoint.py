@@ -2,9 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
+import pickle
+import struct
+import subprocess
+import sys
+import zlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
 import pytest
 
-from vpframe.checkpoint import CheckpointError, Journal
+from physics import Friction, Gravity
+from vpframe import modelling
+from vpframe.checkpoint import CODEC, CheckpointError, Journal
+from vpframe.scene import Scene
+from vpframe.session import Session
 
 RUN = {"script": "a", "model": "b"}
 
@@ -93,3 +110,191 @@ def test_without_resume_the_file_begins_anew(tmp_path) -> None:
     journal = Journal(path, RUN, resume=True)
     assert not journal.replaying
     journal.close()
+
+
+def records(path) -> list[tuple[bytes, bytes]]:
+    """Tag and content of each record of a journal."""
+    data, at, found = path.read_bytes(), len(b"vpframe journal 2\n"), []
+    while at < len(data):
+        tag, length, _ = struct.unpack_from("<4sII", data, at)
+        found.append((tag, data[at + 12 : at + 12 + length]))
+        at += 12 + length
+    return found
+
+
+def rewrite(path, tag: bytes, content: bytes) -> None:
+    """Give all records of one tag another content, with the right checksum."""
+    parts = [b"vpframe journal 2\n"]
+    for name, payload in records(path):
+        payload = content if name == tag else payload
+        parts += [struct.pack("<4sII", name, len(payload), zlib.crc32(payload)), payload]
+    path.write_bytes(b"".join(parts))
+
+
+class Door:
+    """Writes a file where it is unpickled."""
+
+    def __init__(self, path) -> None:
+        self.path = path
+
+    def __reduce__(self):
+        return open, (str(self.path), "w")
+
+
+def test_a_checkpoint_of_pickles_is_refused_unread(tmp_path) -> None:
+    path, harm = tmp_path / "run.journal", tmp_path / "harm"
+    payload = pickle.dumps(Door(harm))
+    path.write_bytes(
+        b"vpframe journal 1\n" + struct.pack("<4sII", b"HEAD", len(payload), zlib.crc32(payload)) + payload
+    )
+    with pytest.raises(CheckpointError, match=r"^[^\n]*run\.journal: a checkpoint of an older version[^\n]*$"):
+        Journal(path, RUN, resume=True)
+    assert not harm.exists()
+    for tag in (b"HEAD", b"STEP", b"SAVE"):
+        write(path, 12)
+        rewrite(path, tag, payload)
+        with (
+            pytest.raises(CheckpointError, match=r"^[^\n]*run\.journal: damaged[^\n]*; run it without --resume$"),
+            contextlib.closing(Journal(path, RUN, resume=True)) as journal,
+        ):
+            journal.replay(bytes([0]))
+            journal.restore()
+        assert not harm.exists()
+
+
+def test_a_damaged_beginning_is_said_and_nothing_is_overwritten(tmp_path) -> None:
+    path = tmp_path / "run.journal"
+    write(path, 12)
+    data = bytearray(path.read_bytes())
+    data[40] ^= 0x01
+    path.write_bytes(bytes(data))
+    with pytest.raises(CheckpointError, match="damaged at its beginning"):
+        Journal(path, RUN, resume=True)
+    assert path.read_bytes() == bytes(data)
+
+
+def test_another_version_is_refused(tmp_path) -> None:
+    path = tmp_path / "run.journal"
+    write(path, 12)
+    rewrite(path, b"HEAD", CODEC.encode({"schema": "other", "run": RUN}))
+    with pytest.raises(CheckpointError, match="of another version of vpframe; run it without --resume"):
+        Journal(path, RUN, resume=True)
+
+
+def test_no_room_is_one_line_and_what_was_written_is_kept(tmp_path) -> None:
+    path = tmp_path / "run.journal"
+    code = f"""
+import resource, signal
+from tests.vpframe.test_checkpoint import RUN
+from vpframe.checkpoint import Journal
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+journal = Journal({str(path)!r}, RUN, every=10)
+resource.setrlimit(resource.RLIMIT_FSIZE, (4000, resource.RLIM_INFINITY))
+try:
+    for k in range(1000):
+        if journal.append(bytes([k % 256]), {{"step": k}}):
+            journal.save({{"after": k}})
+except Exception as error:
+    print(type(error).__name__, error)
+journal.close()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=100, cwd=Path(__file__).parents[2]
+    )
+    assert done.stdout == f"CheckpointError {path}: cannot be written: File too large\n", done.stderr
+    journal = Journal(path, RUN, resume=True)
+    kept = len(journal.past)
+    assert kept >= 10 and journal.restore() == {"after": kept - 1}
+    journal.close()
+
+
+# ---- what a session makes of a state that does not fit it
+
+
+def spoilt(path, change) -> None:
+    """Change the saved state of a journal."""
+    state = CODEC.decode(next(content for tag, content in reversed(records(path)) if tag == b"SAVE"))
+    change(state)
+    rewrite(path, b"SAVE", CODEC.encode(state))
+
+
+def world(state) -> dict:
+    return state["dynamics"]["world"]
+
+
+def set_item(name: str, value: Any) -> Callable[[dict], None]:
+    return lambda state: state.__setitem__(name, value)
+
+
+CHANGES = {
+    "a state that is none": lambda state: state.clear(),
+    "one pose too few": lambda state: state["poses"].pop(),
+    "a pose that is none": lambda state: state["poses"].__setitem__(0, "here"),
+    "rows of another type": set_item("rows", np.zeros(3)),
+    "a row of an object far away": lambda state: state.__setitem__("colliding", np.array([[10**9, 0, 1, 0]], np.int32)),
+    "a row of a surface far away": lambda state: state.__setitem__("colliding", np.array([[0, 0, 1, -7]], np.int32)),
+    "an active part far away": lambda state: state["active"].add(99),
+    "constraints that are none": lambda state: state["mates"]["accepted"].__setitem__(0, "concentric"),
+    "mates that are none": set_item("mates", []),
+    "no bodies": set_item("dynamics", None),
+    "bodies of another shape": lambda state: world(state).__setitem__("center", np.zeros((9, 3))),
+    "bodies of another type": lambda state: world(state).__setitem__("kind", np.zeros(3)),
+    "near pairs far away": lambda state: world(state)["near"].update(pairs=np.array([[10**9, 0, 1, 0]])),
+    "contacts far away": lambda state: world(state).update(
+        contacts=(np.array([[0, 10**9, 0, 0, 0, 0]]), np.zeros((1, 7)), np.zeros((1, 3)))
+    ),
+    "a grip on nothing": lambda state: world(state)["grips"].__setitem__(7, (None, np.eye(4), np.zeros(6))),
+    "a mechanism of nothing": lambda state: world(state)["mechanisms"].append(((5,), [3], {})),
+}
+
+
+@pytest.fixture(scope="module")
+def journal_of_a_run(tmp_path_factory):
+    path = tmp_path_factory.mktemp("run") / "run.journal"
+    with Session(resting(), checkpoint=path) as session:
+        stand(session)
+    assert [tag for tag, _ in records(path)].count(b"SAVE") == 1
+    return path
+
+
+def resting() -> Scene:
+    box = modelling.box(0.06, 0.05, 0.04)
+    floor = modelling.box(1.0, 1.0, 0.1).translated(-0.5, -0.5, -0.1)
+    made = modelling.scene({"floor": (floor, pin.SE3.Identity()), "box": (box, pin.SE3.Identity())})
+    made["floor"].fixed = True
+    return made
+
+
+def stand(session: Session) -> None:
+    session.behave("box", Gravity(), Friction(0.5))
+    session.run(1.1)
+
+
+def test_the_run_of_the_tests_below_resumes(journal_of_a_run, tmp_path) -> None:
+    path = tmp_path / "run.journal"
+    path.write_bytes(journal_of_a_run.read_bytes())
+    with Session(resting(), checkpoint=path, resume=True) as session:
+        stand(session)
+    assert len([tag for tag, _ in records(path) if tag == b"STEP"]) == 66
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
+def test_a_state_that_does_not_fit_the_scene_is_one_line(journal_of_a_run, tmp_path, change) -> None:
+    path = tmp_path / "run.journal"
+    path.write_bytes(journal_of_a_run.read_bytes())
+    spoilt(path, change)
+    session = Session(resting(), checkpoint=path, resume=True)
+    with pytest.raises(CheckpointError, match=r"^[^\n]*run\.journal: damaged: [^\n]*; run it without --resume$"):
+        stand(session)
+
+
+@pytest.mark.parametrize(
+    "field", [{"colliding": np.array([[9, 0, 9, 0]], np.int32)}, {"freedom": {"nobody": 1}}, {"mates": {"ids": {}}}]
+)
+def test_a_step_that_does_not_fit_the_scene_is_one_line(journal_of_a_run, tmp_path, field) -> None:
+    path = tmp_path / "run.journal"
+    path.write_bytes(journal_of_a_run.read_bytes())
+    digest, result = CODEC.decode(next(content for tag, content in records(path) if tag == b"STEP"))
+    rewrite(path, b"STEP", CODEC.encode((digest, replace(result, **field))))
+    with pytest.raises(CheckpointError, match=r"^[^\n]*run\.journal: damaged: [^\n]*; run it without --resume$"):
+        stand(Session(resting(), checkpoint=path, resume=True))

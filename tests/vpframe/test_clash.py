@@ -4,11 +4,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from collision import SurfaceMesh
+from collision.containment import solid_of
+from constraints.features import Feature
+from constraints.geometry import Cylinder, Freeform, Plane
 from vpframe import modelling as m
-from vpframe.clash import authorised_pairs, clash, merged, table
+from vpframe.clash import authorised_pairs, clash, is_open, merged, table
 from vpframe.deflection import deflections
 from vpframe.errors import VpframeError
-from vpframe.scene import Scene
+from vpframe.mates import mates
+from vpframe.scene import Part, Scene, Shape, Surface
 
 AT_HOME = pin.SE3.Identity()
 
@@ -56,6 +61,7 @@ def test_flush_is_contact_overlap_is_clash_inside_is_containment():
     assert max(p["depth"] for p in deep["pairs"]) == pytest.approx(1e-3, abs=1e-6)
     inside = clash(m.scene({"a": (cube, AT_HOME), "b": (m.box(0.01, 0.01, 0.01), at(0.005, 0.005, 0.005))}))
     assert [(p["kind"], p["surfaces"]) for p in inside["pairs"]] == [("containment", [])]
+    assert inside["pairs"][0]["reason"] == "b lies wholly inside a" and "b lies wholly inside a" in table(inside)
     assert clash(m.scene({"a": (cube, AT_HOME), "b": (cube, at(x=0.03))}))["pairs"] == []
 
 
@@ -109,3 +115,187 @@ def test_the_table_puts_the_deepest_first_and_tells_no_length_of_zero():
     assert lines[3].endswith("touching, their facets 0.020 mm into each other, no more than they stray")
     assert lines[4].endswith("touching") and lines[5].endswith("0.200 mm apart")
     assert "0.000" not in "\n".join(lines)
+
+
+def screwed(hole, length=0.016):
+    """A screw M6 with its head on a plate of 10 mm that has a hole of a given diameter."""
+    plate = m.box(0.03, 0.03, 0.01) - m.cylinder(hole / 2.0, 0.01).translated(0.015, 0.015, 0.0)
+    screw = m.cylinder(0.003, length) + m.cylinder(0.005, 0.006).translated(z=length)
+    return m.scene({"plate": (plate, AT_HOME), "screw": (screw, at(0.015, 0.015, 0.01 - length))})
+
+
+@pytest.mark.parametrize("length", [0.006, 0.016])
+def test_a_screw_drawn_in_its_tap_drill_is_a_thread_and_no_clash(length):
+    document = clash(screwed(0.005, length))
+    assert kinds(document) == {"thread", "contact"}
+    threads = [p for p in document["pairs"] if p["kind"] == "thread"]
+    assert max(p["depth"] for p in threads) == pytest.approx(5e-4, rel=0.05)
+    assert all(p["reason"].startswith("thread M6 drawn as Ø6 in Ø5 mm") for p in threads)
+    assert not any(map(is_open, document["pairs"]))
+    text = table(document)
+    assert "thread, " in text.splitlines()[0] and "thread M6 drawn as Ø6 in Ø5 mm" in text
+    # a hole that no thread is cut into is a clash as before
+    assert "clash" in kinds(clash(screwed(0.0055, length)))
+
+
+PITCH, RADIUS, DEPTH, PER_TURN = 2e-3, 7.35e-3, 5e-4, 64
+
+
+def threaded_part(name, height, air=0.0, outer=None):
+    """A bar with a thread of rounded profile about z, or a nut of radius `outer` that is `air` wider all round."""
+    rows = round(height / PITCH * 24) + 1
+    z, angle = np.linspace(0.0, height, rows)[:, None], 2.0 * np.pi * np.arange(PER_TURN)[None] / PER_TURN
+    wave = RADIUS + air + DEPTH * np.sin(2.0 * np.pi * z / PITCH - angle)
+    rings = [(wave, z + 0.0 * angle)]
+    inner = 0.0 if outer is None else outer
+    rings.append((np.full((2, PER_TURN), inner), np.repeat([[0.0], [height]], PER_TURN, axis=1)))
+    vertices = np.concatenate(
+        [np.stack([r * np.cos(angle), r * np.sin(angle), h], axis=-1).reshape(-1, 3) for r, h in rings]
+    )
+    triangles, faces = [], []
+
+    def strip(low, high, face):
+        for j in range(PER_TURN):
+            k = (j + 1) % PER_TURN
+            for t in ((low + j, low + k, high + k), (low + j, high + k, high + j)):
+                triangles.append(t)
+                faces.append(face)
+
+    bottom, top = rows * PER_TURN, (rows + 1) * PER_TURN
+    for i in range(rows - 1):
+        strip(i * PER_TURN, (i + 1) * PER_TURN, 0)
+    strip(bottom, 0, 1)
+    strip((rows - 1) * PER_TURN, top, 2)
+    if outer is not None:
+        strip(top, bottom, 3)
+    corners = np.array(triangles)
+    if outer is not None:
+        corners = corners[:, ::-1]
+    solid = np.linalg.norm(np.cross(*(vertices[corners[:, k]] - vertices[corners[:, 0]] for k in (1, 2))), axis=1) > 0
+    used, corners = np.unique(corners[solid], return_inverse=True)
+    vertices = vertices[used]
+    if outer is None:  # the rings of radius 0 are the axis
+        vertices, merged = np.unique(np.round(vertices, 12), axis=0, return_inverse=True)
+        corners = merged.reshape(-1)[corners]
+    mesh = SurfaceMesh(vertices, corners.reshape(-1, 3), np.array(faces)[solid], name)
+    assert solid_of(mesh).closed
+    flat = {1: Plane([0, 0, 0], [0, 0, -1.0]), 2: Plane([0, 0, height], [0, 0, 1.0])}
+    surfaces = tuple(
+        Surface(i, f"{name}/{i}", flat.get(i, Freeform()), "flat" if i in flat else "free", 0.0, 1.0)
+        for i in range(mesh.n_surfaces)
+    )
+    return Part(name, Shape(mesh, surfaces, ()), AT_HOME)
+
+
+def real_thread(advance=0.0, air=5e-5):
+    """A bolt and a nut whose threads are geometry; the nut on by 4 mm, two turns, and more."""
+    nut = threaded_part("nut", 6e-3, air, outer=0.012)
+    nut.pose = at(z=4e-3 + advance)
+    return Scene([threaded_part("bolt", 16e-3), nut])
+
+
+def test_a_real_thread_in_its_nut_is_a_thread_in_and_out_of_phase():
+    assert kinds(clash(real_thread())) == set()
+    assert kinds(clash(real_thread(air=5e-6))) == {"thread", "contact"}  # its ends are as near as its flanks
+    document = clash(real_thread(advance=5e-4))
+    assert kinds(document) >= {"thread"}
+    (flanks,) = [p for p in document["pairs"] if p["surfaces"] == [0, 0]]
+    assert flanks["kind"] == "thread" and 1e-4 < flanks["depth"] < PITCH
+    assert flanks["reason"].startswith("threads on one axis over 6 mm")
+    across = real_thread()
+    across["nut"].pose = at(x=1e-3, z=4e-3)  # off the axis: no thread any more
+    assert "thread" not in kinds(clash(across)) and "clash" in kinds(clash(across))
+
+
+def test_crests_and_roots_of_a_loose_thread_are_the_thread():
+    """Faces of the crests and of the roots that lie on cylinders, by their radii 58.7 µm into each other."""
+    scene = real_thread()
+    for part, sense, radius in zip(scene.parts, (1, -1), (RADIUS + DEPTH, RADIUS + DEPTH - 5.87e-5), strict=True):
+        mesh = part.mesh
+        aside = np.hypot(*mesh.vertices[mesh.triangles].mean(axis=1)[:, :2].T)
+        outermost = (mesh.surface_of_triangle == 0) & (aside > aside[mesh.surface_of_triangle == 0].max() - 5e-5)
+        last = mesh.n_surfaces
+        split = SurfaceMesh(
+            mesh.vertices, mesh.triangles, np.where(outermost, last, mesh.surface_of_triangle), part.name
+        )
+        used, triangles = np.unique(split.triangles[split.triangles_of(last)], return_inverse=True)
+        crest = Cylinder([0, 0, 0], [0, 0, 1], radius)
+        feature = Feature(
+            crest, (last,), sense, split.vertices[used], triangles.reshape(-1, 3).astype(np.int32), 0.0, 1.0
+        )
+        surface = Surface(last, f"{part.name}/{last}", crest, "convex" if sense > 0 else "concave", 0.0, 1.0)
+        part.shape = Shape(split, (*part.surfaces, surface), (feature,))
+    pairs = clash(scene)["pairs"]
+    assert {p["kind"] for p in pairs} <= {"thread"} and not any("interference" in p["reason"] for p in pairs)
+    assert [c["kind"] for c in mates(scene)["constraints"]] == ["screw"]
+
+
+def test_a_row_of_a_fit_names_two_faces_that_are_near():
+    """A pin in the lowest of three lands of one bore: the others are up to 40 mm away, and no contact."""
+    bar = m.box(0.02, 0.02, 0.06) - m.cylinder(0.005, 0.06).translated(0.01, 0.01, 0.0)
+    for z in (0.015, 0.035):
+        bar = bar - m.cylinder(0.007, 0.01).translated(0.01, 0.01, z)
+    scene = m.scene({"bar": (bar, AT_HOME), "pin": (m.cylinder(0.005, 0.012), at(0.01, 0.01, 0.001))})
+    pairs = clash(scene)["pairs"]
+    assert pairs
+    for pair in pairs:
+        assert face_distance(scene, pair) < 2e-4
+
+
+def face_distance(scene, pair):
+    """m: least distance of the vertices and middles of two faces, along z: enough to tell the lands apart."""
+    spans = []
+    for name, surface in zip(pair["parts"], pair["surfaces"], strict=True):
+        part = scene[name]
+        z = part.mesh.vertices[part.mesh.triangles[part.mesh.triangles_of(surface)]][..., 2] + part.pose.translation[2]
+        spans.append((z.min(), z.max()))
+    (low, high), (below, above) = spans
+    return max(low - above, below - high, 0.0)
+
+
+BORED = m.box(0.04, 0.04, 0.01) - m.cylinder(0.01, 0.01).translated(0.02, 0.02, 0.0)
+COARSE = {"deflection": 1e-4, "angular": 0.7}
+
+
+@pytest.mark.parametrize("overlap", [3e-5, 1.2e-5])
+@pytest.mark.parametrize(
+    ("solid", "pose"),
+    [
+        (BORED, lambda dz: at(0.001, 0.002, 0.01 - dz)),
+        (m.cylinder(0.015, 0.01), lambda dz: at(0.02, 0.02, 0.01 - dz)),
+        (
+            m.box(0.01, 0.01, 0.01),
+            lambda dz: pin.SE3(pin.rpy.rpyToMatrix(np.pi / 4, 0.0, 0.0), np.array([0.002, 0.004, 0.01 - dz])),
+        ),
+    ],
+    ids=["bored plate", "disc", "edge"],
+)
+def test_planes_are_exact_whatever_bores_are_cut_into_them(solid, pose, overlap):
+    """Planes that overlap by less than the facets of a bore in them sag, 48 µm here, clash all the same."""
+    deep = clash(m.scene({"a": (BORED, AT_HOME), "b": (solid, pose(overlap))}, **COARSE))
+    assert max(deflections(m.shape(BORED, **COARSE))) > 4e-5
+    clashes = [p for p in deep["pairs"] if p["kind"] == "clash"]
+    assert clashes and max(p["depth"] for p in clashes) == pytest.approx(overlap, abs=1e-8)
+    assert kinds(clash(m.scene({"a": (BORED, AT_HOME), "b": (solid, pose(0.0))}, **COARSE))) <= {"contact"}
+    meant = clash(m.scene({"a": (BORED, AT_HOME), "b": (solid, pose(overlap))}, **COARSE), authorised=[("a", "b")])
+    assert kinds(meant) <= {"contact", "authorised"}
+
+
+@pytest.mark.parametrize(
+    ("solid", "pose"),
+    [
+        # a square key whose corners lie on the bore's circle: the bore's chords cut them off
+        (
+            m.box(0.01 * 2**0.5, 0.01 * 2**0.5, 0.03).translated(-0.01 / 2**0.5, -0.01 / 2**0.5, 0.0),
+            pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.3), np.array([0.02, 0.02, -0.01])),
+        ),
+        # a pin that ends 30 µm below the plate's face: chords of bore and pin overlap in a sliver
+        (
+            m.cylinder(0.01, 0.00997),
+            pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.1), np.array([0.02, 0.02, 0.0])),
+        ),
+    ],
+    ids=["key", "pin"],
+)
+def test_a_curved_border_still_strays_within_its_plane(solid, pose):
+    assert kinds(clash(m.scene({"a": (BORED, AT_HOME), "b": (solid, pose)}, **COARSE))) == {"contact"}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -142,3 +144,80 @@ def test_what_a_person_accepts_or_authorises_holds_for_the_next_run(tmp_path) ->
     assert {c["status"] for c in last["clashes"]} == {"resolved"}
     assert last["authorised"] == [["cube", "floor"]]
     assert run()["authorised"] == [["cube", "floor"]], "kept"
+
+
+def test_a_run_that_was_cut_off_changes_no_status(tmp_path) -> None:
+    known = accept(updated((), [A, B]), [B], "press fit")
+    cut = updated(known, [C], complete=False)
+    assert statuses(cut) == {A: "new", B: "accepted", C: "new"}
+    assert updated(known, [A], complete=False) == known, "nor the number of runs"
+    assert statuses(updated(updated(known, []), [B], complete=False)) == {A: "resolved", B: "resolved"}
+
+
+@pytest.mark.parametrize(
+    ("end", "code"),
+    [
+        ("1 / 0", 1),
+        ("session.expect(False, 'no')", 1),
+        ("session.hand().release()", 1),
+        ("raise KeyboardInterrupt", 130),
+        ("import sys; sys.exit(0)", 1),
+    ],
+)
+def test_an_accepted_clash_outlives_a_run_that_ends_early(tmp_path, end: str, code: int) -> None:
+    """The clash is there from the first step on: a run that ends before it has not seen it."""
+    path, report = tmp_path / "task.py", tmp_path / "report"
+    path.write_text(TASK)
+    assert study.run_task(path, report=report) == 0
+    accept_named(report, ["cube:floor"], "as built")
+    accepted = (report / "clashes.json").read_bytes()
+    path.write_text(TASK.replace("    session.run(0.05)", f"    {end}"))
+    assert study.run_task(path, report=report) == code
+    assert (report / "clashes.json").read_bytes() == accepted
+    document = json.loads((report / "report.json").read_text())
+    assert {c["status"] for c in document["clashes"]} == {"accepted"}
+    path.write_text(TASK)
+    assert study.run_task(path, report=report) == 0
+    assert {r.status for r in read(report / "clashes.json")} == {"accepted"}
+
+
+def test_a_report_before_the_end_changes_no_status(tmp_path) -> None:
+    path, report = tmp_path / "task.py", tmp_path / "report"
+    path.write_text(TASK)
+    assert study.run_task(path, report=report) == 0
+    accept_named(report, ["cube:floor"], "as built")
+    accepted = (report / "clashes.json").read_bytes()
+    path.write_text(TASK.replace("    session.run(0.05)", f"    session.report({str(report)!r}); session.run(0.05)"))
+    assert study.run_task(path) == 0
+    assert (report / "clashes.json").read_bytes() == accepted
+
+
+def test_what_a_run_saw_first_before_it_was_cut_off_can_be_accepted(tmp_path) -> None:
+    """A part that is stopped by an overlap is why people authorise it: the run that failed tells its name."""
+    path, report = tmp_path / "task.py", tmp_path / "report"
+    path.write_text(TASK + "    session.expect(False, 'no')\n")
+    assert study.run_task(path, report=report) == 1
+    assert {r.status for r in read(report / "clashes.json")} == {"new"}
+    assert accept_named(report, ["cube:floor"], authorise=True)
+    path.write_text(TASK)
+    assert study.run_task(path, report=report) == 0
+    assert read_authorised(report / "clashes.json") == (("cube", "floor"),)
+
+
+def test_no_room_leaves_the_statuses_as_they_were(tmp_path) -> None:
+    file = tmp_path / "clashes.json"
+    write(file, updated((), [A]))
+    before = file.read_bytes()
+    code = f"""
+import resource, signal
+from vpframe.clash_status import ClashKey, updated, write
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, resource.RLIM_INFINITY))
+try:
+    write({str(file)!r}, updated((), [ClashKey("a", "b", i, i) for i in range(1000)]))
+except Exception as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout == f"{file}: cannot be written: File too large\n", done.stderr
+    assert file.read_bytes() == before

@@ -25,6 +25,8 @@ def test_help_needs_none_of_the_heavy_imports():
         ["frobnicate"],
         ["clash"],
         ["clash", "x.step", "--clearance", "5 furlong"],
+        ["clash", "x.step", "--clearance", "0.5"],
+        ["mates", "x.step", "--deflection", "0.1"],
         ["bench", "nothing"],
         ["new", "t.py"],
         ["mates", "no_such_file.step"],
@@ -46,3 +48,22 @@ def test_bad_usage_is_one_line_and_exit_2(arguments, tmp_path, vpframe):
 def test_the_line_names_the_file(tmp_path, vpframe):
     done = vpframe("mates", "no_such_file.step", cwd=tmp_path)
     assert "no_such_file.step" in done.stderr
+
+
+def test_a_length_without_a_unit_is_refused_with_the_unit_it_may_have_meant(tmp_path, vpframe):
+    done = vpframe("clash", "no_such_file.step", "--clearance", "0.5", cwd=tmp_path)
+    assert done.returncode == 2 and "0.5mm" in done.stderr and "no_such_file" not in done.stderr
+
+
+@pytest.mark.parametrize("unit", ["um", "µm", "μm"])
+def test_micrometres_are_a_unit_wherever_one_is_taken(unit, tmp_path, vpframe):
+    from tests.vpframe.watching import pressing_scene
+    from vpframe.importers import load
+    from vpframe.stl import write_stl
+
+    mesh = pressing_scene()["rod"].mesh
+    path = write_stl(tmp_path / "rod.stl", mesh.vertices, mesh.triangles, scale=1e6)
+    (part,) = load(path, unit=unit).parts
+    assert abs(part.mesh.vertices[:, 2].max() - 0.025) < 1e-9
+    found = vpframe("clash", path, path, "--unit", unit, "--clearance", f"20{unit}", cwd=tmp_path)
+    assert found.returncode == 1, found.stderr  # two in one place

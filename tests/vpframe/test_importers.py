@@ -19,8 +19,10 @@ from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideAngle
 from OCP.TopoDS import TopoDS_Builder, TopoDS_Compound
 
 import vpframe as vp
+from collision.containment import is_closed
 from vpframe import modelling as m
 from vpframe.importers import brep, build
+from vpframe.importers.polyhedron import mass_properties
 from vpframe.importers.raw import RawFace
 
 
@@ -173,15 +175,78 @@ def test_a_face_that_meshes_to_nothing_is_tried_again_then_named(monkeypatch):
     assert len(repaired.surfaces) == 6
     assert any("face 1" in note and "repaired" in note for note in repaired.notes)
 
-    def top_fails(face):
+    def round_fails(face):
         points, corners = real(face)
-        return (points, corners[:0]) if len(points) and points[:, 2].min() > 99.0 else (points, corners)
+        return (points, corners[:0]) if len(points) and np.ptp(points, axis=0).min() > 1.0 else (points, corners)
 
-    monkeypatch.setattr(brep, "_triangles", top_fails)
-    holed = m.shape(m.box(0.1, 0.1, 0.1))
-    assert len(holed.surfaces) == 5
+    monkeypatch.setattr(brep, "_triangles", round_fails)
+    holed = m.shape(m.cylinder(0.05, 0.1))
+    assert len(holed.surfaces) == 2
     assert not holed.closed
     assert any("lost" in note for note in holed.notes)
+    assert any(note.startswith("open: at ") for note in holed.notes)
+
+
+def test_a_flat_face_that_meshes_to_nothing_is_filled_between_its_neighbours(monkeypatch):
+    """Whatever its outline is, the mesh is closed and has the solid's volume, to what round borders stray."""
+    real = brep._triangles
+    solid = m.hexagon(0.1, 0.02) + m.cylinder(0.02, 0.05).translated(0.04, 0.0)
+    solid += m.cylinder(0.01, 0.06).translated(-0.03, 0.01)
+    whole = m.shape(solid)
+    for height in (0.0, 0.05, 0.06):
+
+        def flat_fails(face, height=height):
+            points, corners = real(face)
+            at = len(points) and np.allclose(points[:, 2], height * 1e3)
+            return (points, corners[:0]) if at else (points, corners)
+
+        monkeypatch.setattr(brep, "_triangles", flat_fails)
+        filled = m.shape(solid)
+        assert any("repaired" in note for note in filled.notes)
+        assert filled.closed and is_closed(filled.mesh)
+        assert len(filled.surfaces) == len(whole.surfaces)
+        assert mass_properties(filled.mesh.vertices, filled.mesh.triangles)[0] == pytest.approx(
+            mass_properties(whole.mesh.vertices, whole.mesh.triangles)[0], rel=1e-12
+        )
+
+
+def test_a_face_with_a_hole_that_meshes_to_nothing_is_not_filled_as_two(monkeypatch):
+    """Its two borders are loops of their own; spanned each by itself they would close the bore."""
+    real = brep._triangles
+    plate = m.box(0.1, 0.1, 0.01) - m.cylinder(0.02, 0.01).translated(0.05, 0.05)
+
+    def top_fails(face):
+        points, corners = real(face)
+        return (points, corners[:0]) if len(points) and points[:, 2].min() > 9.0 else (points, corners)
+
+    monkeypatch.setattr(brep, "_triangles", top_fails)
+    shape = m.shape(plate)
+    assert not shape.closed and not is_closed(shape.mesh)
+    (lost, opened) = shape.notes
+    assert "lost" in lost and opened.startswith("open: at ")
+
+
+def test_a_face_that_only_meshes_finer_gives_its_border_to_its_neighbours(monkeypatch):
+    real, meshed = brep._triangles, brep.BRepMesh_IncrementalMesh
+    sizes: list[float] = []
+
+    def mesh(shape, deflection, *more):
+        sizes.append(deflection)
+        return meshed(shape, deflection, *more)
+
+    def round_fails(face):
+        """As if the bore could not be meshed at the deflection that is asked for."""
+        points, corners = real(face)
+        bore = len(points) and np.ptp(points, axis=0).tolist() == pytest.approx([40.0, 40.0, 10.0], abs=0.5)
+        return (points, corners[:0]) if bore and min(sizes) > 0.09 else (points, corners)
+
+    monkeypatch.setattr(brep, "_triangles", round_fails)
+    monkeypatch.setattr(brep, "BRepMesh_IncrementalMesh", mesh)
+    shape = m.shape(m.box(0.1, 0.1, 0.01) - m.cylinder(0.02, 0.01).translated(0.05, 0.05))
+    assert sizes == [pytest.approx(0.1), pytest.approx(0.05), pytest.approx(0.1)]
+    assert shape.closed and is_closed(shape.mesh)
+    assert len(shape.surfaces) == 7
+    assert any("repaired" in note for note in shape.notes)
 
 
 def test_triangles_of_zero_area_are_dropped_and_counted():

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
+import struct
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -216,6 +219,109 @@ def test_the_nodes_of_a_glb_are_parts_that_share_shapes(tmp_path):
     assert read["pin_0"].color == pytest.approx((1.0, 0.0, 0.0, 1.0))
     assert read["wide"].shape.volume == pytest.approx(2 * read["pin_0"].shape.volume, rel=1e-6)
     assert read["wide"].shape.volume > 0.0
+
+
+BOX = trimesh.creation.box((0.1, 0.2, 0.3))
+PRIMITIVE = {"attributes": {"POSITION": 0}, "indices": 1}
+
+
+def write_glb(path: Path, **tree) -> Path:
+    """A box as GLB, with what `tree` puts in the place of its JSON's entries."""
+    vertices, faces = BOX.vertices.astype("<f4").tobytes(), BOX.faces.astype("<u4").tobytes()
+    text = json.dumps(
+        {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": list(range(len(tree.get("nodes", [0]))))}],
+            "nodes": [{"mesh": 0, "name": "box"}],
+            "meshes": [{"name": "m", "primitives": [PRIMITIVE]}],
+            "accessors": [
+                {"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"},
+                {"bufferView": 1, "componentType": 5125, "count": 36, "type": "SCALAR"},
+            ],
+            "bufferViews": [
+                {"buffer": 0, "byteOffset": 0, "byteLength": 96},
+                {"buffer": 0, "byteOffset": 96, "byteLength": 144},
+            ],
+            "buffers": [{"byteLength": 240}],
+            **tree,
+        }
+    ).encode()
+    text += b" " * (-len(text) % 4)
+    data = vertices + faces
+    head = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(data)) + struct.pack("<I4s", len(text), b"JSON")
+    path.write_bytes(head + text + struct.pack("<I4s", len(data), b"BIN\0") + data)
+    return path
+
+
+@pytest.fixture
+def no_detector(monkeypatch):
+    """As where charset_normalizer, which nothing here declares, is not installed."""
+    monkeypatch.setitem(sys.modules, "charset_normalizer", None)
+
+
+@pytest.mark.parametrize("form", ["obj", "stl", "stl_ascii", "ply", "ply_ascii"])
+def test_text_in_latin_1_is_read(tmp_path, no_detector, form):
+    kind, _, ascii_form = form.partition("_")
+    options = {"encoding": "ascii"} if kind == "ply" and ascii_form else {}
+    whole = trimesh.exchange.export.export_mesh(BOX, None, form if kind == "stl" else kind, **options)
+    whole = whole.encode() if isinstance(whole, str) else whole
+    name = "Gehäuse".encode("latin-1")
+    data = {
+        "obj": lambda: b"# " + name + b"\n" + whole,
+        "stl": lambda: name + whole[len(name) :],
+        "stl_ascii": lambda: whole.replace(b"solid", b"solid " + name, 1),
+    }.get(form, lambda: whole.replace(b"\nelement", b"\ncomment " + name + b"\nelement", 1))()
+    assert name in data
+    (tmp_path / f"a.{kind}").write_bytes(data)
+    (part,) = vp.load(tmp_path / f"a.{kind}", unit="m").parts
+    assert part.shape.volume == pytest.approx(0.006, rel=1e-6)
+
+
+def test_names_and_colours_in_latin_1_are_kept(tmp_path, no_detector):
+    two = "".join(f"v {x} {y} {z}\n" for x, y, z in BOX.vertices)
+    faces = "".join("f {} {} {}\n".format(*(f + 1)) for f in BOX.faces)
+    far = "".join(f"v {x + 1} {y} {z}\n" for x, y, z in BOX.vertices)
+    other = "".join("f {} {} {}\n".format(*(f + 9)) for f in BOX.faces)
+    text = f"mtllib a.mtl\no Gehäuse\n{two}usemtl Grün\n{faces}o Deckel\n{far}usemtl Rot\n{other}"
+    (tmp_path / "a.obj").write_bytes(text.encode("latin-1"))
+    (tmp_path / "a.mtl").write_bytes("newmtl Grün\nKd 0.2 0.6 0.2\nnewmtl Rot\nKd 0.8 0.2 0.2\n".encode("latin-1"))
+    scene = vp.load(tmp_path / "a.obj", unit="m")
+    assert set(scene.names) == {"Gehäuse_Grün", "Deckel_Rot"}
+    assert scene["Gehäuse_Grün"].color == pytest.approx((0.2, 0.6, 0.2, 1.0))
+
+
+@pytest.mark.parametrize(("given", "drawn"), [(0.2140411, 0.5), (0.0508761, 0.25), (1.0, 1.0), (0.0, 0.0)])
+def test_colours_of_a_glb_file_are_linear(tmp_path, given, drawn):
+    """Values by IEC 61966-2-1; the reader keeps a byte of each."""
+    material = {"pbrMetallicRoughness": {"baseColorFactor": [given, 1.0, 0.0, 0.5]}}
+    meshes = [{"primitives": [{**PRIMITIVE, "material": 0}]}]
+    (part,) = vp.load(write_glb(tmp_path / "a.glb", meshes=meshes, materials=[material])).parts
+    assert part.color == pytest.approx((drawn, 1.0, 0.0, 0.5), abs=0.01)
+    (plain,) = vp.load(write_glb(tmp_path / "b.glb", meshes=meshes, materials=[{"pbrMetallicRoughness": {}}])).parts
+    assert plain.color == pytest.approx((1.0, 1.0, 1.0, 1.0))
+
+
+def test_what_a_glb_file_holds_beside_triangles_is_named(tmp_path):
+    line = {"attributes": {"POSITION": 0}, "mode": 1}
+    meshes = [
+        {"primitives": [PRIMITIVE]},
+        {"name": "cloud", "primitives": [{**line, "mode": 0}]},
+        {"name": "wire", "primitives": [line, {**line, "mode": 3}, {**line, "mode": 6}]},
+    ]
+    nodes = [{"mesh": i, "name": f"node {i}"} for i in range(3)]
+    scene = vp.load(write_glb(tmp_path / "a.glb", meshes=meshes, nodes=nodes))
+    assert len(scene) == 1
+    assert [note.split(";")[0] for note in scene.notes] == [
+        "mesh cloud: primitives of points left out (1)",
+        "mesh wire: primitives of lines left out (2)",
+        "mesh wire: triangle fans left out (1)",
+    ]
+
+
+def test_parts_of_one_mesh_of_a_glb_file_have_the_same_names_each_time(tmp_path):
+    path = write_glb(tmp_path / "a.glb", meshes=[{"primitives": [PRIMITIVE, PRIMITIVE]}])
+    assert vp.load(path).names == vp.load(path).names == ("box_1", "box_2")
 
 
 def test_a_mesh_inside_out_is_turned_and_an_open_one_named(tmp_path):

@@ -1,13 +1,17 @@
 """The live page, the static page and the report in a real browser: what is drawn, and that the controls act."""
 
+import base64
+import json
 import threading
+import urllib.parse
 
 import numpy as np
 import pytest
 
 from tests.vpframe.browser import PROGRAM, Browser
-from tests.vpframe.watching import fake_session, pressing_frames, pressing_scene
+from tests.vpframe.watching import fake_session, hostile_frames, hostile_scene, pressing_frames, pressing_scene
 from vpframe.report import SessionLog, write
+from vpframe.text import plain
 from vpframe.visualization import palette
 from vpframe.visualization.controls import Request
 from vpframe.visualization.meshcat_viewer import MeshcatViewer, write_page
@@ -169,3 +173,83 @@ def test_the_report_is_seen_whole(browser, tmp_path):
     close = np.linalg.norm(unit - np.array(palette.COLLIDING) / np.linalg.norm(palette.COLLIDING), axis=2) < 0.1
     assert close.mean() > 0.01  # the clash's picture
     assert browser.errors == []
+
+
+ATTACK = """<!DOCTYPE html><title>another site</title><script>
+window.found = new Promise((done) => {{
+  const socket = new WebSocket("ws://" + location.host + "{path}");
+  socket.onmessage = (event) => {{ socket.send('{{"action": "pause"}}'); done(JSON.parse(event.data).type); }};
+  socket.onerror = () => done("refused");
+}});
+</script>"""
+
+REBOUND = (
+    "--host-resolver-rules=MAP rebound.example 127.0.0.1",
+    # as browsers are that let a site reach this machine
+    "--disable-features=LocalNetworkAccessChecks,LocalNetworkAccessChecksWebSockets",
+)
+
+
+@pytest.mark.parametrize("guessed", [False, True], ids=["no token", "even with the token"])
+def test_a_name_that_another_site_makes_mean_this_machine_reaches_nothing(guessed):
+    """DNS rebinding: the page came from the site, and now its name is this machine's, port and all."""
+    viewer = MeshcatViewer()
+    viewer.begin(fake_session())
+    place = urllib.parse.urlsplit(viewer.url)
+    query = f"?{place.query}" if guessed else ""
+    site = f"http://rebound.example:{place.port}"
+    page = base64.b64encode(ATTACK.format(path=f"/socket{query}").encode()).decode()
+    try:
+        with Browser(flags=REBOUND) as browser:
+            browser.answer_for(f"{site}/attack", page)
+            browser.call("Page.navigate", url=f"{site}/attack")
+            browser.wait("document.title === 'another site'")
+            assert browser.run("window.found") == "refused"
+            browser.call("Page.navigate", url=f"{site}/{query}")
+            browser.wait("document.title.startsWith('403')")
+        assert not viewer.controls.paused and viewer.clients == 0
+    finally:
+        viewer.end()
+
+
+def test_a_page_reloaded_is_the_page_again(browser):
+    viewer = MeshcatViewer()
+    viewer.begin(fake_session())
+    shown = "document.querySelectorAll('#opacity-part option').length === 3"
+    try:
+        browser.open(viewer.url)
+        browser.wait(shown)
+        browser.call("Page.reload")
+        browser.wait(shown)
+        browser.call("Page.navigate", url=viewer.url.split("?")[0])
+        browser.wait("document.title.startsWith('403')")
+        assert "with its token" in browser.run("document.body.textContent")
+    finally:
+        viewer.end()
+
+
+HOSTILE = "<img src=x onerror=window.harm=1>"
+FALSE = "\x1b[2J\n<b>done"
+
+
+@pytest.mark.parametrize("name", [HOSTILE, FALSE], ids=["markup", "escape codes"])
+def test_names_are_text_on_every_page(browser, tmp_path, name):
+    scene, log, viewer = hostile_scene(name), SessionLog(), MeshcatViewer()
+    frames = hostile_frames(name)
+    session = fake_session(scene)
+    for observer in (log, viewer):
+        observer.begin(session)
+        for frame in frames:
+            observer.frame(frame)
+    write(tmp_path, log, task=name, failure=f"{name} is in the way")
+    shown = plain(name)
+    try:
+        for page in (viewer.url, f"file://{tmp_path}/scene.html", f"file://{tmp_path}/index.html"):
+            browser.open(page)
+            browser.wait(f"document.documentElement.textContent.includes({json.dumps(shown)})")
+            assert browser.run("document.querySelectorAll('[onerror], b b, script + b').length") == 0
+            assert browser.run("document.documentElement.outerHTML.includes('\\x1b')") is False
+            assert browser.run("'harm' in window") is False
+            assert browser.errors == []
+    finally:
+        viewer.end()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 from physics import Elastic, Friction, Gravity
 from tests.vpframe.killed_runs import by_value, kill
 from vpframe import modelling
+from vpframe.checkpoint import CODEC
 from vpframe.events import Frames
 from vpframe.scene import Scene
 from vpframe.session import Session
@@ -68,13 +68,13 @@ def test_a_run_with_physics_resumes_to_the_same_future(tmp_path: Path, whole: li
 
 
 def test_what_a_checkpoint_holds_names_no_object_of_its_process() -> None:
-    """The state goes through pickle to another session, whose objects live elsewhere in memory."""
+    """The state goes through bytes to another session, whose objects live elsewhere in memory."""
     first, second = Session(scene()), Session(scene())
     for session in (first, second):
         session.behave("ball", Gravity(), Elastic(0.6))
         session.run(0.1)
     second.run(0.3)
-    second.engine.restore(pickle.loads(pickle.dumps(first.engine.state())))
+    second.engine.restore(CODEC.decode(CODEC.encode(first.engine.state())))
     for _ in range(60):
         results = [session.engine.advance([], []) for session in (first, second)]
         one, other = ({n: p.homogeneous.tobytes() for n, p in r.poses.items()} for r in results)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vpframe.units import METRES, length
+from vpframe.units import METRES, NAMES, length
 
 
 @pytest.mark.parametrize(
@@ -14,7 +14,8 @@ from vpframe.units import METRES, length
         ("20 um", 2e-5),
         ("20µm", 2e-5),
         (".5in", 0.0127),
-        ("1e-3", 1e-3),
+        ("1e-3m", 1e-3),
+        ("3 μm", 3e-6),
         ("2.m", 2.0),
         (" 3 cm ", 0.03),
     ],
@@ -27,6 +28,16 @@ def test_lengths_as_people_write_them(text, metres):
 def test_what_is_not_a_length_is_said(text):
     with pytest.raises(ValueError, match="is not a length"):
         length(text)
+
+
+@pytest.mark.parametrize("text", ["0.5", "1e-3", " 3 ", ".5", "0"])
+def test_a_number_alone_is_no_length(text):
+    with pytest.raises(ValueError, match=f"is not a length without its unit.*: {text.strip()}mm$"):
+        length(text)
+
+
+def test_the_units_named_are_those_there_are():
+    assert set(NAMES.split(", ")) == {unit for unit in METRES if unit.isascii()}
 
 
 @given(st.floats(0, 1e300), st.sampled_from(sorted(METRES)))

@@ -8,7 +8,7 @@ import pytest
 
 from physics import BodyError, Gravity, SpringHand
 from tests.vpframe.bench_scene import SEAT, at, scene
-from vpframe import rules
+from vpframe import modelling, rules
 from vpframe.errors import TaskError, VpframeError
 from vpframe.interaction import Assist, Spline, candidate, clearance, constraint, contact
 from vpframe.session import Session
@@ -146,3 +146,16 @@ def test_what_a_hand_carries_stays_in_place_on_it_when_the_hand_is_stopped() -> 
         off = start.actInv(session.scene["peg"].pose.actInv(session.scene["cube"].pose))
         assert np.abs(pin.log6(off).vector).max() < 1e-9
         session.expect_no_clash()
+
+
+def test_a_screw_is_put_into_its_clearance_hole() -> None:
+    """M6 into Ø6.6, 0.3 mm of clearance all round: looser than a running fit, as ISO 273 has it."""
+    hole = modelling.cylinder(0.0033, 0.02).translated(0.02, 0.02, 0.0)
+    plate = modelling.box(0.04, 0.04, 0.02) - hole
+    screw = modelling.cylinder(0.003, 0.02) + modelling.cylinder(0.005, 0.004).translated(z=0.02)
+    made = modelling.scene({"plate": plate, "screw": (screw, pin.SE3(np.eye(3), np.array([0.03, 0.02, 0.04])))})
+    made["plate"].fixed = True
+    with Session(made) as session:
+        assert holding(session, "screw").insert("plate")
+        assert {c.kind for c in session.constraints} >= {"against", "concentric"}
+        session.expect_freedom("screw", 1)

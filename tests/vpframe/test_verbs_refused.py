@@ -176,8 +176,9 @@ def test_poses_in_a_list_are_followed_smoothly_and_back() -> None:
         session.expect_at("peg", THERE, within=1e-9)
 
 
-def test_the_hand_slows_down_near_other_parts_and_only_there() -> None:
-    with Session(scene(), rule=rules.leave_all, clearance=True) as session:
+@pytest.mark.parametrize("shown", [True, False])
+def test_the_hand_slows_down_near_other_parts_and_only_there(shown: bool) -> None:
+    with Session(scene(), rule=rules.leave_all, clearance=shown) as session:
         hand = session.hand(at=HERE.translation)
         hand.grab("cube")
         hand.assist = Assist(slow_within=0.005, slow_to=0.25)
@@ -187,3 +188,5 @@ def test_the_hand_slows_down_near_other_parts_and_only_there() -> None:
         near = [a - b for a, b in pairwise(heights) if a < 0.0045]
         assert np.ptp(far) < 1e-9 and np.ptp(near) < 1e-9
         assert near[0] == pytest.approx(0.25 * far[0], rel=1e-6)
+        assert session.frame is not None
+        assert (session.frame.clearance is not None) is shown

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -111,6 +113,34 @@ def pressing_frames(count: int = 60, dt: float = 1 / 60) -> list[Frame]:
             )
         )  # fmt: skip
     return frames
+
+
+def hostile_scene(name: str) -> Scene:
+    """`pressing_scene` with that name for the rod, its surfaces and the model."""
+    plate, rod = pressing_scene().parts
+    surfaces = tuple(replace(surface, name=f"{name} {surface.index}") for surface in rod.surfaces)
+    shape = Shape(rod.mesh, surfaces, rod.features)
+    return Scene([plate, Part(name, shape, rod.pose)], source=f"{name}.step", notes=[f"{name} is odd"])
+
+
+def hostile_frames(name: str) -> list[Frame]:
+    """`pressing_frames` of `hostile_scene`."""
+
+    def renamed(value: Any) -> Any:
+        if isinstance(value, str):
+            return value.replace("rod", name)
+        if isinstance(value, tuple):
+            return tuple(map(renamed, value))
+        if isinstance(value, dict):
+            return {renamed(key): renamed(item) for key, item in value.items()}
+        if isinstance(value, ConstraintView | Event):
+            return replace(value, **{f.name: renamed(getattr(value, f.name)) for f in fields(value)})
+        return value
+
+    return [
+        replace(frame, **{f.name: renamed(getattr(frame, f.name)) for f in fields(frame)})
+        for frame in pressing_frames()
+    ]
 
 
 def fake_session(scene: Scene | None = None) -> SimpleNamespace:

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vpframe.errors import LoadError
-from vpframe.importers.checks import checked_format
+from vpframe.importers.checks import checked_format, far_check
+from vpframe.units import METRES, NAMES
 
 if TYPE_CHECKING:
     from vpframe.scene import Scene
 
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
-"""metres a unit"""
 READING = 0.9
 """share of the time of a load that reading and meshing take; the rest goes into surfaces and features"""
 
@@ -23,7 +22,7 @@ def load(
     deflection: float = 1e-4,
     angular: float = 0.35,
     unit: str | None = None,
-    timeout: float = 600.0,
+    timeout: float | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> Scene:
     """Load a CAD assembly or a mesh as a scene, in metres whatever the file says.
@@ -35,15 +34,19 @@ def load(
     (20 to 23,000 kg/m³), as files get its unit wrong. OBJ objects, groups and materials that share borders are the
     surfaces of one part, closed ones are parts; all other meshes are cut into surfaces. GLB keeps its axes (y is up).
 
+    What was read is kept in the user's cache folder (`VPFRAME_CACHE` names another, or none if empty) under the content
+    of the files, so that the same file is there at once the next time.
+
     Parameters
     ----------
     path: a STEP (.step, .stp, .p21), IGES (.iges, .igs), STL, OBJ, PLY or GLB file.
     deflection: m; no triangle is farther than this from its surface (CAD files).
     angular: rad; no two neighbouring segments of a meshed curve turn by more than this. On small round parts it is
         this, not `deflection`, that sets the number of triangles (CAD files).
-    unit: "m", "cm", "mm", "in" or "ft" for STL, OBJ and PLY, which name none. Left out, a model whose largest extent
-        is above 2 is taken to be in millimetres and any other in metres; a note in `Scene.notes` says which.
-    timeout: s; a CAD file that takes longer is given up.
+    unit: "m", "cm", "mm", "um", "in" or "ft" for STL, OBJ and PLY, which name none. Left out, a model whose largest
+        extent is above 2 is taken to be in millimetres and any other in metres; a note in `Scene.notes` says which.
+    timeout: s; a CAD file that takes longer is given up. Left out, a minute, and one more for each megabyte beyond the
+        first. Reading may take 4 GiB of memory, and 200 bytes more for each byte of the file.
     progress: called with the fraction done and what is being done.
 
     Raises
@@ -54,29 +57,49 @@ def load(
     file = Path(path)
     form = checked_format(file)
     for name, value in (("deflection", deflection), ("angular", angular), ("timeout", timeout)):
-        if not 0.0 < value < float("inf"):
+        if value is not None and not 0.0 < value < float("inf"):
             raise LoadError(f"{path}: {name} is {value!r}; give a positive number", str(path))
-    if unit is not None and unit not in UNITS:
-        raise LoadError(f"{path}: unit is {unit!r}; give one of {', '.join(UNITS)}", str(path))
+    if unit is not None and unit not in METRES:
+        raise LoadError(f"{path}: unit is {unit!r}; give one of {NAMES}", str(path))
     if unit is not None and form not in ("stl", "obj", "ply"):
         raise LoadError(f"{path}: {form.upper()} files name their unit themselves; leave unit= out", str(path))
-    from vpframe.importers import build
+    from vpframe.importers import build, cache
 
     def part(begin: float, end: float) -> Callable[[float, str], None] | None:
         if progress is None:
             return None
         return lambda fraction, text: progress(begin + (end - begin) * fraction, text)
 
-    if form in ("step", "iges"):
-        from vpframe.importers import cad
+    files = _files(file, form)
+    key = cache.key_of(files, form, deflection, angular, unit) if files else ""
+    raw = cache.find(key) if key else None
+    if raw is None:
+        if form in ("step", "iges"):
+            from vpframe.importers import cad
 
-        raw = cad.read(file, form, deflection, angular, timeout, part(0.0, READING))
-    else:
-        from collision import Tolerance
-        from vpframe.importers import meshes
+            raw = cad.read(files, form, deflection, angular, timeout, part(0.0, READING), build.settled)
+            for p in raw.parts:
+                far_check(file, p.name, raw.shapes[p.shape].vertices, p.translation)
+        else:
+            from collision import Tolerance
+            from vpframe.importers import meshes
 
-        raw = meshes.read(file, form, unit, Tolerance(), part(0.0, READING))
+            raw = meshes.read(file, form, unit, Tolerance(), part(0.0, READING))
+            raw.shapes = [build.settled(shape) for shape in raw.shapes]
+        if key and raw.whole and cache.key_of(files, form, deflection, angular, unit) == key:  # not changed meanwhile
+            cache.keep(key, raw)
     scene = build.scene(raw, str(path), part(READING, 1.0))
     if progress is not None:
         progress(1.0, "loaded")
     return scene
+
+
+def _files(file: Path, form: str) -> list[Path]:
+    """All files that the scene is made of, `file` first; empty where that is not known."""
+    if form in ("step", "iges"):
+        from vpframe.importers import cad
+
+        return cad.files_of(file, form)
+    from vpframe.importers import meshes
+
+    return meshes.files_of(file, form)

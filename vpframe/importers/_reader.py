@@ -1,42 +1,87 @@
-"""The reading process: one CAD file in, one pickled `RawScene` out. Run as `python -m vpframe.importers._reader`.
+"""The reading process: one CAD file in, archives of its shapes and of its tree out. Run as a script, by `python -I`.
 
 It runs apart because the kernel can crash on a damaged file and writes to standard output as it pleases. Its own
-standard output carries nothing but lines of JSON: `{"fraction", "text", "shape"}` as it goes on, `{"error"}` when the
-file cannot be used. It ends when its standard input is closed: then nobody waits for it any more.
+standard output carries nothing but lines of JSON: `{"fraction", "text", "shape"}` as it goes on, `{"ready"}` with the
+number of each archive of one shape, `{"error"}` when the file cannot be used, `{"memory"}` when it needs more than it
+may have. Nothing is imported from the working directory,
+the file's folder or this one: vpframe comes from where it lies, everything else from where Python or the parent has it.
 """
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
+import importlib.util
 import json
 import os
-import pickle
+import signal
 import sys
 import threading
+from itertools import count
 from typing import Any, TextIO
 
-from vpframe.importers.raw import UnreadableError
+_PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 
 
 def main() -> None:
     """Read what the arguments (JSON) ask for; tell what happens on the channel that standard output was."""
-    channel = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    silence = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(silence, 1)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
     request = json.loads(sys.argv[1])
+    _end_with_parent(request["parent"])
+    _limit_memory(request["memory"])
+    channel = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.path.extend(request["folders"])
+    _import_vpframe()
+    from vpframe.importers.raw import UnreadableError
+
     try:
-        raw = _read(request, channel)
+        _read(request, channel)
     except UnreadableError as error:
         _say(channel, error=str(error))
+    except Exception as error:
+        if not isinstance(error, MemoryError) and "OutOfMemory" not in type(error).__name__:
+            raise
+        _say(channel, memory=True)
+    else:
+        _say(channel, fraction=1.0, text="read", done=True)
+
+
+def _end_with_parent(parent: int) -> None:
+    """End when the parent does. The kernel holds the GIL, so on Linux it is the system that sees to it; elsewhere a
+    thread waits for the end of standard input."""
+
+    def wait() -> None:
+        sys.stdin.read()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:  # it ended before that
+            os._exit(1)
+
+
+def _limit_memory(limit: int) -> None:
+    """At most so many bytes of address space, and no core dump."""
+    if sys.platform == "win32":
         return
-    with open(request["out"], "wb") as out:
-        pickle.dump(raw, out, protocol=pickle.HIGHEST_PROTOCOL)
-    _say(channel, fraction=1.0, text="read", done=True)
+    import resource
+
+    for what, value in ((resource.RLIMIT_AS, limit), (resource.RLIMIT_CORE, 0)):
+        with contextlib.suppress(OSError, ValueError):  # the parent may have less itself
+            resource.setrlimit(what, (value, resource.getrlimit(what)[1]))
 
 
-def _end_with_parent() -> None:
-    sys.stdin.read()
-    os._exit(1)
+def _import_vpframe() -> None:
+    """Import the package this file is in, wherever that is, without its folder on the path."""
+    folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    init = os.path.join(folder, "__init__.py")
+    spec = importlib.util.spec_from_file_location("vpframe", init, submodule_search_locations=[folder])
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["vpframe"] = module
+    spec.loader.exec_module(module)
 
 
 def _say(channel: TextIO, **message: Any) -> None:
@@ -44,21 +89,25 @@ def _say(channel: TextIO, **message: Any) -> None:
     channel.flush()
 
 
-def _read(request: dict[str, Any], channel: TextIO) -> Any:
+def _read(request: dict[str, Any], channel: TextIO) -> None:
     _say(channel, fraction=0.0, text="starting the CAD kernel")
+    from vpframe.importers.archive import write
     from vpframe.importers.document import read_document
+    from vpframe.importers.raw import RawScene, RawShape
+
+    numbers = count()
+
+    def keep(shape: RawShape) -> None:
+        number = next(numbers)
+        write(RawScene([shape]), os.path.join(request["out"], f"{number}.npz"))
+        _say(channel, ready=number)
 
     def progress(fraction: float, text: str, shape: int | None = None) -> None:
         _say(channel, fraction=fraction, text=text, shape=shape)
 
-    return read_document(
-        request["path"],
-        request["format"],
-        request["deflection"],
-        request["angular"],
-        frozenset(request["skip"]),
-        progress,
-    )
+    skip = {int(number): why for number, why in request["skip"].items()}
+    options = request["deflection"], request["angular"], skip, progress, keep
+    write(read_document(request["path"], request["format"], *options), os.path.join(request["out"], "scene.npz"))
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ OpenCascade works in millimetres here (what its readers convert every file to); 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.BRepTools import BRepTools
 from OCP.collections import (
     IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as AncestorMap,
 )
@@ -21,7 +23,8 @@ from OCP.collections import (
     IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap,
 )
 from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
-from OCP.gp import gp_Cone, gp_Cylinder, gp_Pln, gp_Sphere
+from OCP.GeomAPI import GeomAPI_ProjectPointOnSurf
+from OCP.gp import gp_Cone, gp_Cylinder, gp_Pln, gp_Pnt, gp_Sphere
 from OCP.GProp import GProp_GProps
 from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition
 from OCP.ShapeFix import ShapeFix_Face
@@ -30,6 +33,7 @@ from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
+from vpframe.importers.polyhedron import LONGEST, boundary_loops, fill, mass_properties, open_edges
 from vpframe.importers.raw import Array, Color, RawEdge, RawFace, RawShape
 
 MM = 1e-3
@@ -43,6 +47,9 @@ _TYPES = {
     GeomAbs_SurfaceType.GeomAbs_Torus: ("torus", "Torus"),
 }
 
+
+Piece = tuple[Array, Any]
+"""a face's points (n, 3), m, and triangles (m, 3) of them"""
 
 MESHED, TYPED = 0.45, 0.6
 """shares of the time of a shape after which it is meshed, and its faces are read; its edges follow"""
@@ -58,43 +65,132 @@ def tessellate(
     """Mesh `shape` (a solid, shell or face) and read everything a scene wants to know of it.
 
     `deflection` (m) bounds the distance between a triangle and its surface, `angular` (rad) the angle between
-    neighbouring segments of a curve. Faces that mesh to nothing are tried again alone, finer and repaired; those that
-    still give nothing are named in `notes`. `color` gives a face's own colour. `tell` hears the fraction done.
+    neighbouring segments of a curve. Faces that mesh to nothing are filled from their neighbours' borders, meshed
+    before them, or repaired; they are named in `notes`. `color` gives a face's own colour. `tell` hears the fraction
+    done.
     """
     BRepMesh_IncrementalMesh(shape, deflection / MM, False, angular, True)
     faces = ShapeMap()
     TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_FACE, faces)
     raw = RawShape(np.empty((0, 3)), np.empty((0, 3), np.int32), np.empty(0, np.int32), [])
-    vertices: list[Array] = []
-    triangles: list[Any] = []
-    place: dict[int, int] = {}  # the kernel's face number -> ours, where faces without triangles leave no gap
-    count = 0
-    for number in range(1, faces.Extent() + 1):
+    pieces = _pieces(faces, lambda fraction: tell(MESHED + (TYPED - MESHED) * fraction))
+    _weld(raw, pieces)
+    empty = [number for number, (_, corners) in pieces.items() if len(corners) == 0]
+    for repair in (_fill_holes, _mesh_first, _fill_holes, _mesh_alone):
+        missing = [number for number in empty if len(pieces[number][1]) == 0]
+        if missing:
+            pieces.update(repair(shape, faces, missing, raw, deflection / MM, angular))
+            _weld(raw, pieces)
+    for number in empty:
+        lost = len(pieces[number][1]) == 0
+        raw.notes.append(
+            f"face {number} meshed to nothing and {'is lost: it cannot be repaired' if lost else 'was repaired'}"
+        )
+    place = {number: i for i, number in enumerate(n for n, (_, corners) in pieces.items() if len(corners))}
+    for number in place:
         face = TopoDS.Face(faces.FindKey(number))
-        tell(MESHED + (TYPED - MESHED) * (number - 1) / faces.Extent())
-        points, corners = _triangles(face)
-        if len(corners) == 0:
-            points, corners = _retry(face, deflection / MM, angular)
-            raw.notes.append(
-                f"face {number} meshed to nothing and was repaired"
-                if len(corners)
-                else f"face {number} meshed to nothing, alone and repaired too: it is lost"
-            )
-            if len(corners) == 0:
-                continue
-        place[number] = len(raw.faces)
         raw.faces.append(_type(face, f"face_{number}"))
         raw.faces[-1].color = color(face)
-        vertices.append(points * MM)
-        triangles.append(corners + count)
-        count += len(points)
-    if raw.faces:
-        raw.face_of_triangle = np.repeat(np.arange(len(triangles), dtype=np.int32), [len(t) for t in triangles])
-        raw.vertices, inverse = np.unique(np.concatenate(vertices) + 0.0, axis=0, return_inverse=True)
-        raw.triangles = inverse.reshape(-1)[np.concatenate(triangles)].astype(np.int32)
     raw.edges = _edges(shape, faces, place, tell)
     _volume(shape, raw)
     return raw
+
+
+def _pieces(faces: ShapeMap, tell: Callable[[float], None] = lambda fraction: None) -> dict[int, Piece]:
+    """What each face is meshed to, by the kernel's number."""
+    pieces = {}
+    for number in range(1, faces.Extent() + 1):
+        tell((number - 1) / faces.Extent())
+        points, corners = _triangles(TopoDS.Face(faces.FindKey(number)))
+        pieces[number] = points * MM, corners
+    return pieces
+
+
+def _weld(raw: RawShape, pieces: dict[int, Piece]) -> None:
+    """Put the triangles of all faces together; equal vertices are one, and triangles of two corners are gone."""
+    found = [(points, corners) for points, corners in pieces.values() if len(corners)]
+    if not found:
+        return
+    starts = np.cumsum([0, *(len(points) for points, _ in found)])
+    raw.vertices, inverse = np.unique(np.concatenate([p for p, _ in found]) + 0.0, axis=0, return_inverse=True)
+    corners = np.concatenate([corners + start for (_, corners), start in zip(found, starts, strict=False)])
+    raw.triangles = inverse.reshape(-1)[corners].astype(np.int32)
+    raw.face_of_triangle = np.repeat(np.arange(len(found), dtype=np.int32), [len(corners) for _, corners in found])
+    real = (raw.triangles != np.roll(raw.triangles, 1, axis=1)).all(axis=1)  # a pole has one point for two corners
+    raw.triangles, raw.face_of_triangle = raw.triangles[real], raw.face_of_triangle[real]
+
+
+def _fill_holes(
+    shape: TopoDS_Shape, faces: ShapeMap, missing: list[int], raw: RawShape, deflection: float, angular: float
+) -> dict[int, Piece]:
+    """Triangles that span the holes of missing faces between their neighbours' triangles, and share these' vertices.
+
+    They are taken only where they are the face: nowhere farther from its surface than `deflection`, and of its area.
+    """
+    loops = [loop for loop in boundary_loops(raw.triangles) if len(loop) <= LONGEST]
+    filled: dict[int, Piece] = {}
+    for number in missing:
+        face = TopoDS.Face(faces.FindKey(number))
+        properties = GProp_GProps()
+        BRepGProp.SurfaceProperties_s(face, properties)
+        center = np.array(_xyz(properties.CentreOfMass())) * MM
+        loops.sort(key=lambda loop: float(np.linalg.norm(raw.vertices[loop].mean(axis=0) - center)))
+        for loop in loops:
+            points = raw.vertices[loop]
+            corners = fill(points)
+            a, b, c = (points[corners[:, k]] for k in range(3))
+            area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+            border = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum()
+            if abs(area - properties.Mass() * MM**2) > border * deflection * MM:
+                continue
+            probes = np.concatenate([points, (a + b) / 2, (b + c) / 2, (c + a) / 2, (a + b + c) / 3])
+            if _deviation(face, probes / MM) <= deflection:
+                filled[number] = points, corners
+                loops.remove(loop)
+                break
+    return filled
+
+
+def _deviation(face: TopoDS_Face, points: Array) -> float:
+    """The greatest distance, mm, of points (n, 3) to the face's surface."""
+    surface = BRep_Tool.Surface_s(face)
+    feet = (GeomAPI_ProjectPointOnSurf(gp_Pnt(*p), surface) for p in points.tolist())
+    return max(foot.LowerDistance() if foot.NbPoints() else np.inf for foot in feet)
+
+
+def _mesh_first(
+    shape: TopoDS_Shape, faces: ShapeMap, missing: list[int], raw: RawShape, deflection: float, angular: float
+) -> dict[int, Piece]:
+    """All faces anew, after the missing ones have been meshed finer: their neighbours then take over their borders."""
+    BRepTools.Clean_s(shape)
+    for number in missing:
+        for finer in (0.5, 0.1):
+            face = TopoDS.Face(faces.FindKey(number))
+            BRepMesh_IncrementalMesh(face, deflection * finer, False, angular * finer, False)
+            if len(_triangles(face)[1]):
+                break
+    BRepMesh_IncrementalMesh(shape, deflection, False, angular, True)
+    return _pieces(faces)
+
+
+def _mesh_alone(
+    shape: TopoDS_Shape, faces: ShapeMap, missing: list[int], raw: RawShape, deflection: float, angular: float
+) -> dict[int, Piece]:
+    """What missing faces mesh to as copies, finer, and at last repaired: that leaves gaps to their neighbours."""
+    pieces = {}
+    for number in missing:
+        for repair, finer in product((False, True), (0.5, 0.1)):
+            copy = TopoDS.Face(BRepBuilderAPI_Copy(faces.FindKey(number), True, False).Shape())
+            if repair:
+                fix = ShapeFix_Face(copy)
+                fix.Perform()
+                copy = fix.Face()
+            BRepMesh_IncrementalMesh(copy, deflection * finer, False, angular * finer, False)
+            points, corners = _triangles(copy)
+            if len(corners):
+                pieces[number] = points * MM, corners
+                break
+    return pieces
 
 
 def _triangles(face: TopoDS_Face) -> tuple[Array, Any]:
@@ -112,22 +208,6 @@ def _triangles(face: TopoDS_Face) -> tuple[Array, Any]:
     if (face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED) != transformation.IsNegative():
         corners = corners[:, [0, 2, 1]]
     return points, corners
-
-
-def _retry(face: TopoDS_Face, deflection: float, angular: float) -> tuple[Array, Any]:
-    """What a face meshes to when it is copied from its neighbours, meshed finer, and at last repaired."""
-    for repair in (False, True):
-        copy = TopoDS.Face(BRepBuilderAPI_Copy(face, True, False).Shape())
-        if repair:
-            fix = ShapeFix_Face(copy)
-            fix.Perform()
-            copy = fix.Face()
-        for finer in (0.5, 0.1):
-            BRepMesh_IncrementalMesh(copy, deflection * finer, False, angular * finer, False)
-            points, corners = _triangles(copy)
-            if len(corners):
-                return points, corners
-    return np.empty((0, 3)), np.empty((0, 3), np.int64)
 
 
 def _type(face: TopoDS_Face, name: str) -> RawFace:
@@ -154,27 +234,29 @@ def _numbers(kind: str, value: Any) -> tuple[float, ...]:
     """The numbers of an OpenCascade elementary surface, metres, in the order that `RawFace.numbers` states."""
 
     def point(p: Any) -> tuple[float, ...]:
-        return (p.X() * MM, p.Y() * MM, p.Z() * MM)
-
-    def direction(d: Any) -> tuple[float, ...]:
-        return (d.X(), d.Y(), d.Z())
+        x, y, z = _xyz(p)
+        return (x * MM, y * MM, z * MM)
 
     if kind == "plane":
-        return (*point(value.Location()), *direction(value.Axis().Direction()))
+        return (*point(value.Location()), *_xyz(value.Axis().Direction()))
     if kind == "cylinder":
-        return (*point(value.Location()), *direction(value.Axis().Direction()), value.Radius() * MM)
+        return (*point(value.Location()), *_xyz(value.Axis().Direction()), value.Radius() * MM)
     if kind == "cone":
         sign = -1.0 if value.SemiAngle() < 0 else 1.0
-        axis = (sign * x for x in direction(value.Axis().Direction()))
+        axis = (sign * x for x in _xyz(value.Axis().Direction()))
         return (*point(value.Apex()), *axis, abs(value.SemiAngle()))
     if kind == "sphere":
         return (*point(value.Location()), value.Radius() * MM)
     return (
         *point(value.Location()),
-        *direction(value.Axis().Direction()),
+        *_xyz(value.Axis().Direction()),
         value.MajorRadius() * MM,
         value.MinorRadius() * MM,
     )
+
+
+def _xyz(value: Any) -> tuple[float, float, float]:
+    return value.X(), value.Y(), value.Z()
 
 
 def _samples(face: TopoDS_Face, surface: BRepAdaptor_Surface) -> Array:
@@ -225,26 +307,33 @@ def _polyline(edge: Any, face: TopoDS_Face) -> Array:
     polygon = None if mesh is None else BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
     if polygon is None:
         return np.empty((0, 3))
-    transformation = location.Transformation()
-    nodes = (mesh.Node(polygon.Node(i)).Transformed(transformation) for i in range(1, polygon.NbNodes() + 1))
-    return np.array([(p.X(), p.Y(), p.Z()) for p in nodes])
+    nodes = [mesh.Node(polygon.Node(i)) for i in range(1, polygon.NbNodes() + 1)]
+    if not location.IsIdentity():
+        nodes = [node.Transformed(location.Transformation()) for node in nodes]
+    return np.array([_xyz(node) for node in nodes])
 
 
 def _volume(shape: TopoDS_Shape, raw: RawShape) -> None:
-    """Volume, centre and inertia of the exact solid; nothing for a sheet."""
+    """Volume, centre and inertia of the exact solid; nothing for a sheet, or a solid that is open.
+
+    A solid inside out is turned.
+    """
     solids = ShapeMap()
     TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_SOLID, solids)
     if solids.Extent() == 0:
         return
+    if len(open_edges(raw.triangles)):
+        if mass_properties(raw.vertices, raw.triangles)[0] < 0.0:
+            raw.triangles = np.ascontiguousarray(raw.triangles[:, [0, 2, 1]])
+        return
     properties = GProp_GProps()
     BRepGProp.VolumeProperties_s(shape, properties)
-    center, inertia = properties.CentreOfMass(), properties.MatrixOfInertia()
-    volume = properties.Mass()
+    inertia, volume = properties.MatrixOfInertia(), properties.Mass()
     if volume == 0:
         return
-    if volume < 0:  # a solid inside out
+    if volume < 0:
         raw.triangles = np.ascontiguousarray(raw.triangles[:, [0, 2, 1]])
     raw.volume = abs(volume) * MM**3
-    raw.center = np.array([center.X(), center.Y(), center.Z()]) * MM
+    raw.center = np.array(_xyz(properties.CentreOfMass())) * MM
     sign = 1.0 if volume > 0 else -1.0
     raw.inertia = sign * MM**5 * np.array([[inertia.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)])

@@ -9,10 +9,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh, Tolerance
+from constraints.errors import GeometryError
 from constraints.features import group_features
 from constraints.fits import allowed, fit_surface
 from constraints.geometry import Cone, Cylinder, Freeform, Geometry, Plane, Sphere, Torus
-from vpframe.importers.raw import RawFace, RawScene, RawShape
+from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors
+from vpframe.importers.raw import RawEdge, RawFace, RawScene, RawShape
 from vpframe.scene import Edge, Part, Scene, Shape, Surface
 
 Array = NDArray[np.float64]
@@ -44,22 +46,50 @@ def _shape_names(raw: RawScene) -> list[str]:
 
 def shape(raw: RawShape, name: str = "shape") -> Shape:
     """The shape of raw arrays: zero-area triangles dropped and counted, faces typed, features grouped."""
-    notes = list(raw.notes)
-    closed = is_closed(raw.triangles) if raw.closed is None else raw.closed
-    triangles, faces, kept = _drop_flat(raw, notes)
-    mesh = SurfaceMesh(raw.vertices, triangles, faces, name)
-    vectors = triangle_area_vectors(raw.vertices, triangles)
+    raw = settled(raw)
+    mesh = SurfaceMesh(raw.vertices, raw.triangles, raw.face_of_triangle, name)
+    vectors = triangle_area_vectors(raw.vertices, raw.triangles)
     surfaces = tuple(
-        _surface(i, raw.faces[k], mesh, vectors[mesh.triangles_of(i)], mesh.triangles_of(i)) for i, k in enumerate(kept)
+        _surface(i, face, mesh, vectors[mesh.triangles_of(i)], mesh.triangles_of(i)) for i, face in enumerate(raw.faces)
     )
+    senses = [-1 if s.orientation == "concave" else 1 for s in surfaces]
+    features = group_features(mesh, [s.geometry for s in surfaces], senses, [s.residual for s in surfaces])
+    edges = tuple(Edge(e.points, e.faces, e.circle) for e in raw.edges)
+    closed = not len(open_edges(raw.triangles))
+    assert raw.volume is not None
+    return Shape(mesh, surfaces, features, edges, raw.volume, raw.center, raw.inertia, closed, tuple(raw.notes))
+
+
+def settled(raw: RawShape) -> RawShape:
+    """The shape with all decided that takes time: faces without triangles are gone, the others typed, as are volume,
+    centre and inertia. Of a settled shape, the shape itself.
+    """
+    if raw.settled:
+        return raw
+    notes = list(raw.notes)
+    triangles, owners, kept = _drop_flat(raw, notes)
+    border = open_edges(triangles)
+    if len(border):
+        x, y, z = 1e3 * raw.vertices[border[0]].mean(axis=0)
+        notes.append(
+            f"open: at {len(border)} edges, the first near ({x:.6g}, {y:.6g}, {z:.6g}) mm, a face is missing or wound "
+            "the wrong way; its volume, and what is inside it, are estimates"
+        )
+    vectors = triangle_area_vectors(raw.vertices, triangles)
+    faces = []
+    for i, k in enumerate(kept):
+        own, face = owners == i, raw.faces[k]
+        corners = triangles[own]
+        points, middles = raw.vertices[np.unique(corners)], raw.vertices[corners].mean(axis=1)
+        geometry, residual = recognised(face, points, middles, vectors[own])
+        kind, numbers = raw_numbers(geometry)
+        faces.append(RawFace(face.name, kind, numbers, typed=True, color=face.color, residual=residual))
+    place = {k: i for i, k in enumerate(kept)}
+    edges = [RawEdge(e.points, tuple(place[f] for f in e.faces if f in place), e.circle) for e in raw.edges]
     volume, center, inertia = raw.volume, raw.center, raw.inertia
     if volume is None:
         volume, center, inertia = mass_properties(raw.vertices, triangles)
-    senses = [-1 if s.orientation == "concave" else 1 for s in surfaces]
-    features = group_features(mesh, [s.geometry for s in surfaces], senses, [s.residual for s in surfaces])
-    place = {k: i for i, k in enumerate(kept)}
-    edges = tuple(Edge(e.points, tuple(place[f] for f in e.faces if f in place), e.circle) for e in raw.edges)
-    return Shape(mesh, surfaces, features, edges, volume, center, inertia, closed, tuple(notes))
+    return RawShape(raw.vertices, triangles, owners, faces, edges, volume, center, inertia, notes, settled=True)
 
 
 def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDArray[np.int32], list[int]]:
@@ -81,18 +111,10 @@ def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDAr
 
 def _surface(index: int, raw: RawFace, mesh: SurfaceMesh, vectors: Array, triangles: NDArray[np.int32]) -> Surface:
     corners = mesh.triangles[triangles]
-    points = mesh.vertices[np.unique(corners)]
-    middles = mesh.vertices[corners].mean(axis=1)
-    geometry, residual = recognised(raw, points, middles, vectors)
-    return Surface(
-        index,
-        raw.name,
-        geometry,
-        orientation(geometry, middles, vectors),
-        residual,
-        float(np.linalg.norm(vectors, axis=1).sum()),
-        raw.color,
-    )
+    geometry = raw_geometry(raw, mesh.vertices[np.unique(corners)], vectors.sum(axis=0))
+    facing = orientation(geometry, mesh.vertices[corners].mean(axis=1), vectors)
+    area = float(np.linalg.norm(vectors, axis=1).sum())
+    return Surface(index, raw.name, geometry, facing, raw.residual, area, raw.color)
 
 
 def raw_geometry(raw: RawFace, points: Array, outward: Array) -> Geometry:
@@ -116,12 +138,23 @@ def raw_geometry(raw: RawFace, points: Array, outward: Array) -> Geometry:
             return Freeform()
 
 
+def raw_numbers(geometry: Geometry) -> tuple[str, tuple[float, ...]]:
+    """Kind and numbers as `RawFace` has them: the inverse of `raw_geometry`."""
+    if isinstance(geometry, Freeform):
+        return "", ()
+    values = (np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in vars(geometry).values())
+    return geometry.kind, tuple(float(x) for v in values for x in v)
+
+
 def recognised(raw: RawFace, points: Array, middles: Array, vectors: Array) -> tuple[Geometry, float]:
     """Geometry and residual of a face: the file's type, the kernel's recognition if it holds at the face's own
     points, a least-squares fit to them, or freeform."""
-    geometry = raw_geometry(raw, points, vectors.sum(axis=0))
+    try:
+        geometry = raw_geometry(raw, points, vectors.sum(axis=0))
+    except GeometryError:  # a ring of no thickness
+        geometry = Freeform()
     if raw.typed:
-        return geometry, 0.0
+        return geometry, raw.residual
     tolerance = Tolerance()
     on_surface = np.concatenate([points, raw.samples])
     if not isinstance(geometry, Freeform):
@@ -140,37 +173,3 @@ def orientation(geometry: Geometry, middles: Array, vectors: Array) -> str:
         return "flat"
     along = np.einsum("ij,ij->", geometry.normals(middles), vectors)
     return "convex" if along >= 0 else "concave"
-
-
-def triangle_area_vectors(vertices: Array, triangles: NDArray[np.int32]) -> Array:
-    """(m, 3) half cross products: the direction is the outward normal, the length the area in m²."""
-    a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    return 0.5 * np.cross(b - a, c - a)
-
-
-def is_closed(triangles: NDArray[np.int32]) -> bool:
-    """Whether every edge is met as often one way as the other: then the mesh bounds a volume."""
-    ends = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
-    key = ends.min(axis=1) * (int(triangles.max()) + 1) + ends.max(axis=1)
-    _, inverse = np.unique(key, return_inverse=True)
-    way = np.sign(ends[:, 1] - ends[:, 0])
-    return not np.bincount(inverse.reshape(-1), weights=way).any()
-
-
-def mass_properties(vertices: Array, triangles: NDArray[np.int32]) -> tuple[float, Array, Array]:
-    """Volume, centre and inertia about it (density 1) of a closed mesh, by tetrahedra to its first vertex.
-
-    Sums of the second moments of signed tetrahedra (Tonon, J. Math. Stat. 1 (2005) 8).
-    """
-    origin = vertices[triangles[0, 0]]
-    corners = vertices[triangles] - origin
-    volumes = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
-    volume = float(volumes.sum())
-    if volume == 0.0:
-        return 0.0, np.zeros(3), np.zeros((3, 3))
-    sums = corners.sum(axis=1)
-    center = (volumes @ sums) / (4.0 * volume)
-    second = np.einsum("i,ij,ik->jk", volumes, sums, sums) + np.einsum("i,iaj,iak->jk", volumes, corners, corners)
-    second = second / 20.0 - volume * np.outer(center, center)
-    second = 0.5 * (second + second.T)
-    return volume, origin + center, np.trace(second) * np.eye(3) - second

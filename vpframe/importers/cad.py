@@ -1,45 +1,119 @@
-"""STEP and IGES through OpenCascade in a process of its own, so that nothing the kernel does can end ours."""
+"""STEP and IGES through OpenCascade in a process of its own, so that nothing the kernel does can end ours.
+
+The process is shut in: it imports nothing that lies about where the file, the script or the user is, its memory and
+time are limited, and it ends when we end.
+"""
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
-import pickle
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from vpframe.errors import LoadError
-from vpframe.importers.raw import RawScene
+from vpframe.importers import archive
+from vpframe.importers.raw import RawScene, RawShape
 from vpframe.importers.step_text import StepText, scan
 
 Progress = Callable[[float, str], None]
-READER = "vpframe.importers._reader"
+READER = Path(__file__).with_name("_reader.py")
+MEGABYTE = 1e6
+MEMORY = 4 << 30
+"""bytes of address space that reading may take, plus MEMORY_OF_SIZE times the files' size; the kernel alone, idle,
+takes 0.7 GB, and what reading adds was below 80 bytes a byte of the models measured (um2_head: 0.19 GB of 2.6 MB)"""
+MEMORY_OF_SIZE = 200
+CROWDED = 0.4
+"""share of the address space; a crash with more of it in use is for want of memory: what grows is copied to twice its
+size"""
+
+_EXTERNAL = re.compile(rb"DOCUMENT_FILE\s*\(\s*'((?:[^']|'')+)'")
+
+
+def files_of(path: Path, form: str) -> list[Path]:
+    """The file and all that a STEP assembly refers to, directly or through others, as far as they are there."""
+    found = [path]
+    for file in found:
+        if form == "step":
+            names = (name.replace(b"''", b"'").decode("utf-8", "replace") for name in _EXTERNAL.findall(_bytes(file)))
+            beside = (file.parent / name for name in dict.fromkeys(names))
+            found.extend(other for other in beside if other not in found and other.is_file())
+    return found
+
+
+def _bytes(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise LoadError(f"{file}: cannot be read ({error.strerror}); check its permissions", str(file)) from None
+
+
+def time_limit(size: int) -> float:
+    """Seconds that reading `size` bytes may take by default: a minute, and one more a megabyte beyond the first."""
+    return 60.0 * max(1.0, size / MEGABYTE)
 
 
 def read(
-    path: Path, form: str, deflection: float, angular: float, timeout: float, progress: Progress | None
+    files: Sequence[Path],
+    form: str,
+    deflection: float,
+    angular: float,
+    timeout: float | None,
+    progress: Progress | None,
+    settle: Callable[[RawShape], RawShape],
 ) -> RawScene:
-    """The file's raw scene. `form` is "step" or "iges".
+    """The raw scene of a file; `form` is "step" or "iges", `files` are the file and those it refers to.
 
-    A shape that crashes the kernel while it is meshed is left out, and named in the notes, by reading again
-    without it. Raises LoadError when the file as a whole cannot be read, or not within `timeout` seconds.
+    `settle` is called with each shape while the kernel, in its process, goes on with the next.
+
+    A shape that crashes the kernel while it is meshed, or takes all the time or memory, is left out, and named in the
+    notes, by reading again without it. Raises LoadError when the file as a whole cannot be read, or not within
+    `timeout` seconds (`time_limit` of its size), or when its length unit is not known.
     """
+    path = files[0]
     with ThreadPoolExecutor(1) as pool:  # the text is read here while the kernel starts up there
-        text = pool.submit(scan, path.read_bytes() if form == "step" else b"DATA;")
-        raw = _read_without_crashing(path, form, deflection, angular, timeout, progress, text)
+        texts = pool.submit(lambda: [scan(_bytes(file)) for file in files] if form == "step" else [])
+        raw = _read_without_crashing(path, form, deflection, angular, timeout, progress, settle, _Said(files, texts))
     if form == "step":
-        if text.result().damage:
-            raw.notes.append(f"damaged: {text.result().damage_summary()}: faces or parts may be missing")
-        raw.notes.extend(_missing_files(path, text.result()))
-        raw.notes.extend(text.result().lost(raw.instances, raw.faces))
+        text = texts.result()[0]
+        if text.damage:
+            raw.notes.append(f"damaged: {text.damage_summary()}: faces or parts may be missing")
+        if any(t.no_unit for t in texts.result()):
+            raw.notes.append("names no length unit for some of its shapes: millimetres are taken")
+        raw.notes.extend(_missing_files(path, text))
+        raw.notes.extend(text.lost(raw.instances, raw.faces))
     return raw
+
+
+class _Said:
+    """The files, and what their text says of what is wrong with them."""
+
+    def __init__(self, files: Sequence[Path], texts: Future[list[StepText]]) -> None:
+        self.files = files
+        self.size = sum(file.stat().st_size for file in files)
+        self._texts = texts
+
+    def check_units(self) -> None:
+        """Raise LoadError for a length unit that the kernel would take for another one."""
+        for file, text in zip(self.files, self._texts.result(), strict=False):
+            if text.unit_fault:
+                raise LoadError(f"{file}: {text.unit_fault}; export it again, in millimetres", str(self.files[0]))
+
+    def damage(self) -> str:
+        """What is damaged or missing, in one line; "" where nothing is."""
+        if not self._texts.result():
+            return ""
+        text = self._texts.result()[0]
+        return "; ".join(filter(None, [text.damage_summary(), *_missing_files(self.files[0], text)]))
 
 
 def _missing_files(path: Path, text: StepText) -> list[str]:
@@ -55,36 +129,87 @@ def _read_without_crashing(
     form: str,
     deflection: float,
     angular: float,
-    timeout: float,
+    timeout: float | None,
     progress: Progress | None,
-    text: Future[StepText],
+    settle: Callable[[RawShape], RawShape],
+    said: _Said,
 ) -> RawScene:
-    skip: list[int] = []
+    limit = time_limit(said.size) if timeout is None else timeout
+    memory = MEMORY + MEMORY_OF_SIZE * said.size
+    skip: dict[int, str] = {}
+    late = False
     while True:
-        with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
-            out = os.path.join(folder, "scene.pickle")
-            request = {
-                "path": str(path.resolve()),
-                "format": form,
-                "deflection": deflection,
-                "angular": angular,
-                "skip": skip,
-                "out": out,
-            }
-            outcome = _run(request, folder, timeout, progress)
-            if outcome.done:
-                with open(out, "rb") as file:
-                    raw: RawScene = pickle.load(file)
-                return raw
-        where = "; ".join(filter(None, [text.result().damage_summary(), *_missing_files(path, text.result())]))
+        request = {
+            "path": str(path.resolve()),
+            "format": form,
+            "deflection": deflection,
+            "angular": angular,
+            "skip": skip,
+            "memory": memory,
+            "parent": os.getpid(),
+            "folders": _package_folders(path.resolve().parent),
+        }
+        outcome, raw = _read_once(request, limit, progress, settle, said)
+        if raw is not None:
+            raw.whole = not skip
+            return raw
+        where = said.damage()
         if outcome.error is not None:
             raise LoadError(f"{path}: {outcome.error}{f' ({where})' if where else ''}", str(path))
-        if outcome.shape is None or outcome.shape in skip:
+        if outcome.shape is None or outcome.shape in skip or (outcome.late and late):
             damage = f"it is damaged: {where}" if where else "it is probably damaged"
             mend = "open it in a CAD program and export it again"
-            message = f"{path}: {_how_it_ended(outcome)} while {outcome.text}; {damage}; {mend}"
-            raise LoadError(message, str(path))
-        skip.append(outcome.shape)
+            how = outcome.how_it_ended(limit, memory)
+            if outcome.late and timeout is None:
+                how += f", the limit for {said.size / MEGABYTE:.1f} MB,"
+            if (outcome.late or outcome.memory) and not where:
+                damage = f"it is damaged, or takes a coarser deflection{' or a longer timeout' if outcome.late else ''}"
+            raise LoadError(f"{path}: {how} while {outcome.text}; {damage}; {mend}", str(path))
+        late |= outcome.late
+        skip[outcome.shape] = outcome.what_is_wrong(limit, memory)
+
+
+def _read_once(
+    request: dict[str, Any],
+    limit: float,
+    progress: Progress | None,
+    settle: Callable[[RawShape], RawShape],
+    said: _Said,
+) -> tuple[_Outcome, RawScene | None]:
+    """How the process ended, and what it read if it came to its end. Shapes are settled here as they become ready."""
+    worker = ThreadPoolExecutor(1)
+    shapes: list[Future[RawShape]] = []
+    with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
+
+        def ready(number: int) -> None:
+            archived = os.path.join(folder, f"{number}.npz")
+            shapes.append(worker.submit(lambda: settle(archive.read(archived).shapes[0])))
+
+        try:
+            outcome = _run({**request, "out": folder}, folder, limit, progress, ready)
+            said.check_units()
+            if not outcome.done:
+                return outcome, None
+            raw = archive.read(os.path.join(folder, "scene.npz"))
+            raw.shapes = [shape.result() for shape in shapes]
+            return outcome, raw
+        finally:
+            worker.shutdown(cancel_futures=True)
+
+
+def _package_folders(beside: Path) -> list[str]:
+    """Where this process has the packages that reading needs, in case a bare Python does not find them there.
+
+    The file's own folder is never one of them.
+    """
+    folders = []
+    for name in ("OCP", "numpy"):
+        spec = importlib.util.find_spec(name)
+        if spec is not None and spec.origin is not None:
+            folder = Path(spec.origin).resolve().parent.parent
+            if folder != beside and str(folder) not in folders:
+                folders.append(str(folder))
+    return folders
 
 
 class _Outcome:
@@ -94,64 +219,87 @@ class _Outcome:
         self.text = "starting the CAD kernel"
         self.shape: int | None = None
         self.error: str | None = None
-        self.done = False
+        self.done = self.late = self.memory = False
         self.code = 0
-        self.timeout: float | None = None
         self.words = ""
 
+    def hear(self, message: dict[str, Any], progress: Progress | None, ready: Callable[[int], None]) -> None:
+        """Take one line of the process."""
+        if "ready" in message:
+            ready(message["ready"])
+            return
+        if message.get("memory"):
+            self.memory = True
+            return
+        self.error = message.get("error")
+        self.done = message.get("done", False)
+        self.shape = message.get("shape")
+        if "text" in message:
+            self.text = message["text"]
+            if progress is not None:
+                progress(message["fraction"], message["text"])
 
-def _how_it_ended(outcome: _Outcome) -> str:
-    if outcome.timeout is not None:
-        return f"no answer within {outcome.timeout:g} s"
-    if outcome.code < 0:
-        return f"the CAD kernel crashed ({signal.Signals(-outcome.code).name})"
-    last = outcome.words.strip().splitlines()[-1:]
-    return f"the CAD kernel gave up ({last[0] if last else f'exit code {outcome.code}'})"
+    def how_it_ended(self, limit: float, memory: float) -> str:
+        """In words, for an error message; `limit` in s, `memory` in bytes."""
+        if self.late:
+            return f"no answer within {limit:g} s"
+        if self.memory:
+            return f"more than {memory / 1e9:.1f} GB of memory are needed"
+        if self.code < 0:
+            return f"the CAD kernel crashed ({signal.Signals(-self.code).name})"
+        last = self.words.strip().splitlines()[-1:]
+        return f"the CAD kernel gave up ({last[0] if last else f'exit code {self.code}'})"
+
+    def what_is_wrong(self, limit: float, memory: float) -> str:
+        """The same of the shape that was meshed."""
+        if self.late:
+            return f"is not meshed within {limit:g} s"
+        return f"takes more than {memory / 1e9:.1f} GB to mesh" if self.memory else "crashes the CAD kernel"
 
 
-def _run(request: dict[str, Any], folder: str, timeout: float, progress: Progress | None) -> _Outcome:
+def _run(
+    request: dict[str, Any], folder: str, limit: float, progress: Progress | None, ready: Callable[[int], None]
+) -> _Outcome:
     outcome = _Outcome()
-    root = str(Path(__file__).resolve().parents[2])
-    environment = dict(os.environ)
-    environment["PYTHONPATH"] = os.pathsep.join(filter(None, [root, environment.get("PYTHONPATH")]))
-    command = [sys.executable, "-m", READER, json.dumps(request)]
+    command = [sys.executable, "-I", str(READER), json.dumps(request)]
+    empty = os.path.join(folder, "empty")
+    os.mkdir(empty)
     with open(os.path.join(folder, "words"), "w+", encoding="utf-8", errors="replace") as words:
+        peak = 0
         process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=words,
-            env=environment,
-            cwd=Path(request["path"]).parent,  # external references resolve against the working directory
-            encoding="utf-8",
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=words, cwd=empty, encoding="utf-8"
         )
-        watch = threading.Timer(timeout, _give_up, (process, outcome, timeout))
+        watch = threading.Timer(limit, _give_up, (process, outcome))
         watch.daemon = True  # Ctrl-C can come anywhere: what it leaves behind must not keep us from ending
         try:
             watch.start()
             assert process.stdout is not None
             for line in process.stdout:
-                _hear(json.loads(line), outcome, progress)
-            outcome.code = process.wait()
+                outcome.hear(json.loads(line), progress, ready)
+            peak = _wait(process)
+            outcome.code = process.returncode
         finally:
             watch.cancel()
             process.kill()
             process.communicate()
         words.seek(0)
         outcome.words = words.read()
+    outcome.memory |= "bad_alloc" in outcome.words
+    outcome.memory |= outcome.code < 0 and not outcome.late and peak > CROWDED * request["memory"]
     return outcome
 
 
-def _give_up(process: subprocess.Popen[str], outcome: _Outcome, timeout: float) -> None:
-    outcome.timeout = timeout
+def _wait(process: subprocess.Popen[str]) -> int:
+    """Wait for its end; the bytes of memory that it had at most, 0 where the system does not tell."""
+    try:
+        _, status, usage = os.wait4(process.pid, 0)
+    except (AttributeError, ChildProcessError):  # another system, or it was waited for in between
+        process.wait()
+        return 0
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return usage.ru_maxrss * (1024 if sys.platform == "linux" else 1)
+
+
+def _give_up(process: subprocess.Popen[str], outcome: _Outcome) -> None:
+    outcome.late = True
     process.kill()
-
-
-def _hear(message: dict[str, Any], outcome: _Outcome, progress: Progress | None) -> None:
-    outcome.error = message.get("error")
-    outcome.done = message.get("done", False)
-    outcome.shape = message.get("shape")
-    if "text" in message:
-        outcome.text = message["text"]
-        if progress is not None:
-            progress(message["fraction"], message["text"])

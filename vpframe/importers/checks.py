@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from vpframe.errors import LoadError
 
@@ -12,6 +16,12 @@ FORMATS = {
     ".stl": "stl", ".obj": "obj", ".ply": "ply", ".glb": "glb",
 }  # fmt: skip
 """suffix -> format"""
+STL_HEADER = 80
+"""bytes of text that a binary STL file begins with"""
+FARTHEST = 1e6
+"""m from the origin; beyond it a micrometre is lost to rounding soon, and products of lengths overflow at last"""
+
+_SHORT_VERTEX = re.compile(rb"^v[ \t]+(\S+(?:[ \t]+\S+)?)[ \t\r]*$", re.MULTILINE)
 
 
 def checked_format(path: Path) -> str:
@@ -41,6 +51,14 @@ def checked_format(path: Path) -> str:
     return form
 
 
+def far_check(path: Path, name: str, vertices: NDArray[np.float64], translation: NDArray[np.float64]) -> None:
+    """Raise LoadError for a part with coordinates, m, that are not finite or beyond `FARTHEST`."""
+    reach = float(np.abs(vertices).max(initial=0.0)) + float(np.abs(translation).max(initial=0.0))
+    if not reach <= FARTHEST:
+        why = f"{name} has coordinates of {reach:.3g} m, and more than {FARTHEST:g} m are not read"
+        raise LoadError(f"{path}: {why}; check its unit, or export it again", str(path))
+
+
 def _content(data: bytes) -> str | None:
     """The format by its marks; None when there are none (OBJ has none, nor has a damaged head)."""
     head = data[:1024].lstrip(b"\xef\xbb\xbf \t\r\n")
@@ -50,7 +68,7 @@ def _content(data: bytes) -> str | None:
         return "glb"
     if head.startswith((b"ply\n", b"ply\r")):
         return "ply"
-    if _is_binary_stl(data) or (head.startswith(b"solid") and b"facet" in data[:4096]):
+    if is_binary_stl(data) or (head.startswith(b"solid") and b"facet" in data[:4096]):
         return "stl"
     line = data[:160].split(b"\n")[0].rstrip(b"\r")
     if len(line) >= 73 and line[72:73] == b"S" and line[73:80].strip(b" 0") == b"1":
@@ -58,7 +76,8 @@ def _content(data: bytes) -> str | None:
     return None
 
 
-def _is_binary_stl(data: bytes) -> bool:
+def is_binary_stl(data: bytes) -> bool:
+    """Whether it has just the length that a binary STL file of its number of triangles has."""
     return len(data) >= 84 and len(data) == 84 + 50 * struct.unpack("<I", data[80:84])[0]
 
 
@@ -86,7 +105,7 @@ def _stl_fault(data: bytes, content: str | None) -> str | None:
         return f"is cut short or damaged: it announces {said} triangles and has room for {held}; export it again"
     if content is None:
         return "is not an STL file (neither `solid … facet` nor the binary form); export it again"
-    if not _is_binary_stl(data) and b"endsolid" not in data[-1024:]:
+    if not is_binary_stl(data) and b"endsolid" not in data[-1024:]:
         lines = data.count(b"\n") + 1
         return f"is cut short: line {lines} is the last, and `endsolid` is missing; export it again"
     return None
@@ -108,6 +127,10 @@ def _ply_fault(data: bytes, content: str | None) -> str | None:
 def _obj_fault(data: bytes, content: str | None) -> str | None:
     if b"\0" in data[:4096] or not any(line.startswith((b"v ", b"v\t")) for line in data.splitlines()):
         return "is not an OBJ file (no line begins with v); export it again"
+    short = _SHORT_VERTEX.search(data)
+    if short is not None:
+        line = data.count(b"\n", 0, short.start()) + 1
+        return f"line {line} gives a vertex {len(short[1].split())} of its three numbers; export it again"
     return None
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from OCP.collections import Sequence_TDF_Label
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.IGESCAFControl import IGESCAFControl_Reader
 from OCP.Message import Message, Message_Printer
-from OCP.Quantity import Quantity_ColorRGBA
+from OCP.Quantity import Quantity_ColorRGBA, Quantity_TypeOfColor
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDataStd import TDataStd_Name
@@ -37,7 +37,7 @@ from OCP.XCAFDoc import (
 
 from vpframe.importers.brep import MM, tessellate
 from vpframe.importers.names import numbered
-from vpframe.importers.raw import Array, Color, RawPart, RawScene, UnreadableError
+from vpframe.importers.raw import Array, Color, RawPart, RawScene, RawShape, UnreadableError
 
 Progress = Callable[..., None]
 
@@ -62,9 +62,18 @@ class Node:
 
 
 def read_document(
-    path: str, form: str, deflection: float, angular: float, skip: frozenset[int], progress: Progress
+    path: str,
+    form: str,
+    deflection: float,
+    angular: float,
+    skip: Mapping[int, str],
+    progress: Progress,
+    keep: Callable[[RawShape], None],
 ) -> RawScene:
-    """Read a CAD file; shapes whose number is in `skip` (they crashed the kernel before) are left out and named."""
+    """Read a CAD file; shapes whose number is in `skip`, with what is wrong with them, are left out and named.
+
+    Shapes go to `keep`, one after another as they are done, and not to the scene that is returned.
+    """
     Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
     progress(0.15, "reading the file")
     document = _transfer(path, form)
@@ -81,8 +90,8 @@ def read_document(
     for leaf in leaves:
         found.add(leaf)
     if not found.has_solid:
-        raise UnreadableError("holds no solid; export the parts as solids, not as wireframe or open surfaces")
-    return found.mesh(deflection, angular, skip, progress)
+        raise UnreadableError("holds no closed solid; export the parts as solids, not as wireframe or open surfaces")
+    return found.mesh(deflection, angular, skip, progress, keep)
 
 
 def _transfer(path: str, form: str) -> TDocStd_Document:
@@ -117,8 +126,8 @@ def _color(label: Any) -> Color | None:
 
 
 def _rgba(color: Quantity_ColorRGBA) -> Color:
-    rgb = color.GetRGB()
-    return (rgb.Red(), rgb.Green(), rgb.Blue(), float(color.Alpha()))
+    red, green, blue = color.GetRGB().Values(Quantity_TypeOfColor.Quantity_TOC_sRGB)  # it keeps them linear
+    return red, green, blue, float(color.Alpha())
 
 
 def _node(label: Any, pose: TopLoc_Location, within: str = "part") -> Node:
@@ -198,10 +207,11 @@ class _Solids:
         self.shapes: list[TopoDS_Shape] = []
         self.has_solid = False
         self._owners: set[tuple[int, ...]] = set()
+        self._known: list[tuple[TopoDS_Shape, list[TopoDS_Shape]]] = []
 
     def add(self, leaf: Leaf) -> None:
         """Parts for every solid of a leaf, and for the sheets that belong to none."""
-        solids = _explore(leaf.node.shape)
+        solids = self._explored(leaf.node.shape)
         density = _density(leaf.node.density)
         for i, solid in enumerate(solids, 1):
             self.has_solid |= solid.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID
@@ -220,6 +230,14 @@ class _Solids:
             TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_FACE, faces)
         self.raw.faces[product] += faces.Extent()
 
+    def _explored(self, shape: TopoDS_Shape) -> list[TopoDS_Shape]:
+        """As `_explore`, once for all instances: sewing makes new shapes each time."""
+        for known, solids in self._known:
+            if known.IsEqual(shape):
+                return solids
+        self._known.append((shape, _explore(shape)))
+        return self._known[-1][1]
+
     def _number(self, solid: TopoDS_Shape, place: TopLoc_Location) -> int:
         own = solid.Located(TopLoc_Location())
         if not _rigid(place)[2]:  # mirrored or scaled: a shape of its own, baked
@@ -237,7 +255,14 @@ class _Solids:
         color = Quantity_ColorRGBA()
         return next((_rgba(color) for kind in _KINDS if self.colors.GetColor(shape, kind, color)), None)
 
-    def mesh(self, deflection: float, angular: float, skip: frozenset[int], progress: Progress) -> RawScene:
+    def mesh(
+        self,
+        deflection: float,
+        angular: float,
+        skip: Mapping[int, str],
+        progress: Progress,
+        keep: Callable[[RawShape], None],
+    ) -> RawScene:
         """Mesh every shape once; parts whose shape gives no triangle are named and left out."""
         names: dict[int, str] = {}
         for part in self.raw.parts:
@@ -252,11 +277,11 @@ class _Solids:
             tell(0.0)
             raw = tessellate(shape, deflection, angular, self._color_of, tell)
             if raw.faces:
-                kept[number] = len(self.raw.shapes)
-                self.raw.shapes.append(raw)
+                kept[number] = len(kept)
+                keep(raw)
         for part in self.raw.parts:
             if part.shape not in kept:
-                why = "crashes the CAD kernel" if part.shape in skip else "meshes to nothing"
+                why = skip.get(part.shape, "meshes to nothing")
                 self.raw.notes.append(f"part {part.name} is lost: its geometry {why}")
         self.raw.parts = [part for part in self.raw.parts if part.shape in kept]
         for part in self.raw.parts:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,16 +18,21 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from collision import Tolerance
-from constraints.geometry import Geometry
 from vpframe.errors import LoadError
-from vpframe.importers import UNITS
-from vpframe.importers.build import is_closed, mass_properties, triangle_area_vectors
+from vpframe.importers.build import raw_numbers
+from vpframe.importers.checks import STL_HEADER, far_check, is_binary_stl
 from vpframe.importers.names import numbered
+from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors
 from vpframe.importers.raw import Array, Color, RawFace, RawPart, RawScene, RawShape
 from vpframe.importers.segmentation import segment
+from vpframe.units import METRES
 
 Progress = Callable[[float, str], None]
 
+_MATERIALS = re.compile(rb"mtllib([^\r\n]*)")
+_TRIANGLES = 4
+_UNREAD = {"primitives of points": (0,), "primitives of lines": (1, 2, 3), "triangle fans": (6,)}
+"""modes of glTF primitives (glTF 2.0, 5.24) that are not read"""
 _MILLIMETRES_ABOVE = 2.0
 """extent in file units above which a file without a unit is taken to be in millimetres: few parts serviced by hand
 measure more than two metres, few less than two millimetres"""
@@ -44,14 +52,25 @@ class _Piece:
     """pieces of one source are instances of one shape"""
 
 
+def files_of(path: Path, form: str) -> list[Path]:
+    """The file and the materials it names; empty where it refers to more than that."""
+    data = path.read_bytes()
+    if form == "glb" and b'"uri"' in data:
+        return []
+    names = _MATERIALS.findall(data) if form == "obj" else []
+    beside = (path.parent / name.strip().decode("utf-8", "replace") for name in names)
+    return [path, *(file for file in beside if file.is_file())]
+
+
 def read(path: Path, form: str, unit: str | None, tolerance: Tolerance, progress: Progress | None) -> RawScene:
     """The raw scene of a mesh file; raises LoadError with one line when it has no usable triangles."""
     raw = RawScene()
-    pieces = _load(path, form)
+    pieces = _load(path, form, raw)
     scale = _scale(path, form, unit, pieces, raw)
     for piece in pieces:
         piece.vertices = piece.vertices * scale
         piece.translation = piece.translation * scale
+        far_check(path, piece.name, piece.vertices, piece.translation)
     bodies = _bodies(pieces, path.stem)
     known: dict[int, int] = {}
     for i, (name, members) in enumerate(zip(numbered([b[0] for b in bodies]), (b[1] for b in bodies), strict=True)):
@@ -72,41 +91,114 @@ def read(path: Path, form: str, unit: str | None, tolerance: Tolerance, progress
     return raw
 
 
-def _load(path: Path, form: str) -> list[_Piece]:
+def _load(path: Path, form: str, raw: RawScene) -> list[_Piece]:
     options: dict[str, Any] = {"split_objects": True, "split_groups": True} if form == "obj" else {}
+    data = path.read_bytes()
+    nodes: set[str] = set()
+    if form == "glb":
+        header = _glb_header(path, data)
+        raw.notes.extend(_no_triangles(header))
+        nodes = {str(node.get("name")) for node in header.get("nodes", []) if isinstance(node, dict)}
     try:
-        scene = trimesh.load_scene(str(path), file_type=form, process=False, **options)
+        file = io.BytesIO(_utf8(data, form))
+        with np.errstate(all="ignore"):  # what is not finite is found below
+            scene = trimesh.load_scene(file, file_type=form, resolver=_Beside(str(path)), process=False, **options)
     except Exception as error:  # every loader has its own
         line = str(error).strip().splitlines() or [type(error).__name__]
         message = f"{path}: cannot be parsed as {form.upper()} ({line[0][:120]}); export it again"
         raise LoadError(message, str(path)) from None
     pieces: list[_Piece] = []
     places = {name: i for i, name in enumerate(scene.geometry)}
-    for node in sorted(scene.graph.nodes_geometry, key=lambda n: (-places[scene.graph[n][1]], str(n))):
+    placed = [(places[scene.graph[node][1]], _node_name(str(node), nodes), node) for node in scene.graph.nodes_geometry]
+    for number, name, node in sorted(placed, key=lambda p: p[:2]):
         matrix, key = scene.graph[node]
         mesh = scene.geometry[key]
         if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
             continue
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
-        _check(path, str(node), vertices, faces)
+        _check(path, name, vertices, faces, matrix)
         rotation, translation = matrix[:3, :3], matrix[:3, 3]
-        source = places[key]
+        source = number
         if not np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
             vertices = vertices @ rotation.T
             if np.linalg.det(rotation) < 0:
                 faces = faces[:, [0, 2, 1]]
             rotation, source = np.eye(3), -1 - len(pieces)
-        pieces.append(_Piece(str(node), vertices, faces, _color(mesh), rotation, translation, source))
+        pieces.append(_Piece(name, vertices, faces, _color(mesh, form), rotation, translation, source))
     if not pieces:
         raise LoadError(f"{path}: holds no triangles; export it again, as a surface mesh", str(path))
     return pieces
 
 
-def _check(path: Path, name: str, vertices: Array, faces: NDArray[np.int64]) -> None:
+class _Beside(trimesh.resolvers.FilePathResolver):
+    """Files that a mesh file names, of its own folder; materials as UTF-8."""
+
+    def get(self, name: str) -> bytes:
+        """The file's bytes."""
+        data: bytes = super().get(name)
+        return _utf8(data, "obj") if name.lower().endswith(".mtl") else data
+
+
+def _utf8(data: bytes, form: str) -> bytes:
+    """The file with its text in UTF-8, from Latin-1 if it is not: names and comments may hold umlauts."""
+    if form == "glb":
+        return data  # in UTF-8 by its own definition
+    if form == "stl" and is_binary_stl(data):
+        return b" " * STL_HEADER + data[STL_HEADER:]  # it says nothing that is needed
+    end = len(data) if form != "ply" else data.find(b"end_header")
+    try:
+        data[:end].decode("utf-8")
+    except UnicodeDecodeError:
+        return data[:end].decode("latin-1").encode("utf-8") + data[end:]
+    return data
+
+
+def _glb_header(path: Path, data: bytes) -> dict[str, Any]:
+    """The JSON that a GLB file begins with (glTF 2.0, section 4.4)."""
+    length = int.from_bytes(data[12:16], "little")
+    try:
+        header = json.loads(data[20 : 20 + length].decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise LoadError(f"{path}: its JSON is damaged ({error}); export it again", str(path)) from None
+    if not isinstance(header, dict):
+        raise LoadError(f"{path}: its JSON is no object; export it again", str(path))
+    compressed = [e for e in header.get("extensionsRequired", []) if "compression" in str(e)]
+    if compressed:
+        raise LoadError(f"{path}: {compressed[0]} is not read; export it again, without compression", str(path))
+    return header
+
+
+def _no_triangles(header: dict[str, Any]) -> list[str]:
+    """A line for each mesh of a GLB file that holds primitives which are not read."""
+    notes = []
+    for i, mesh in enumerate(header.get("meshes", [])):
+        modes = [p.get("mode", _TRIANGLES) for p in mesh.get("primitives", [])] if isinstance(mesh, dict) else []
+        for words, kinds in _UNREAD.items():
+            count = sum(mode in kinds for mode in modes)
+            if count:
+                name = mesh.get("name", f"number {i}")
+                notes.append(f"mesh {name}: {words} left out ({count}); only triangles and triangle strips are read")
+    return notes
+
+
+def _node_name(name: str, nodes: set[str]) -> str:
+    """The node's name, without the random ending that the reader gives to all but the first primitive of a mesh."""
+    stem = re.sub("_[0-9a-f]{6}$", "", name)
+    return stem if name not in nodes and stem in nodes else name
+
+
+def _check(path: Path, name: str, vertices: Array, faces: NDArray[np.int64], matrix: Array) -> None:
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        message = f"{path}: vertices of {name} have shape {vertices.shape}; three numbers a vertex are needed"
+        raise LoadError(f"{message}: export it again", str(path))
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
         at = f"vertex {bad[0]} of {name}"
         message = f"{path}: {at} is {vertices[bad[0]].tolist()}; coordinates must be finite: export it again"
+        raise LoadError(message, str(path))
+    if not np.isfinite(matrix).all():
+        row = next(row for row in matrix.tolist() if not np.isfinite(row).all())
+        message = f"{path}: {name} is placed by a matrix with the row {row}; numbers must be finite: export it again"
         raise LoadError(message, str(path))
     bad = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
     if len(bad):
@@ -114,35 +206,43 @@ def _check(path: Path, name: str, vertices: Array, faces: NDArray[np.int64]) -> 
         raise LoadError(message, str(path))
 
 
-def _color(mesh: trimesh.Trimesh) -> Color | None:
+def _color(mesh: trimesh.Trimesh, form: str) -> Color | None:
+    """The part's colour, sRGB. GLB has linear values, and white where a material names none (glTF 2.0, 5.22)."""
     visual = mesh.visual
     if visual is None or not visual.defined:
         return None
     material = getattr(visual, "material", None)
     value = getattr(material, "main_color", None) if material is not None else getattr(visual, "main_color", None)
+    if form == "glb" and material is not None and getattr(material, "baseColorFactor", value) is None:
+        value = (255, 255, 255, 255)
     if value is None or len(value) < 3:
         return None
     r, g, b, a = (float(c) / 255.0 for c in (*value[:3], value[3] if len(value) > 3 else 255))
-    return r, g, b, a
+    return (_srgb(r), _srgb(g), _srgb(b), a) if form == "glb" else (r, g, b, a)
+
+
+def _srgb(linear: float) -> float:
+    """The sRGB value of a linear one, both in 0 … 1 (IEC 61966-2-1)."""
+    return 12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1.0 / 2.4) - 0.055
 
 
 def _scale(path: Path, form: str, unit: str | None, pieces: list[_Piece], raw: RawScene) -> float:
     if form == "glb":
         return 1.0  # the format is in metres by its own definition
     if unit is not None:
-        return UNITS[unit]
+        return METRES[unit]
     corners = np.concatenate([p.vertices @ p.rotation.T + p.translation for p in pieces])
     extent = float(np.ptp(corners, axis=0).max())
     guess = "mm" if extent > _MILLIMETRES_ABOVE else "m"
     raw.notes.append(f"{form.upper()} files name no unit: {extent:g} is taken as {guess}; give unit= if that is wrong")
-    return UNITS[guess]
+    return METRES[guess]
 
 
 def _bodies(pieces: list[_Piece], stem: str) -> list[tuple[str, list[_Piece]]]:
     """Parts: pieces that are closed, or touch no other, alone; pieces that share borders together, as its surfaces."""
     if len(pieces) == 1:
         return [(stem, pieces)]
-    open_pieces = [p for p in pieces if not is_closed(weld(p.vertices, p.triangles)[1])]
+    open_pieces = [p for p in pieces if len(open_edges(weld(p.vertices, p.triangles)[1]))]
     group = _touching(open_pieces)
     bodies: list[tuple[str, list[_Piece]]] = []
     shared = sum(group.count(g) > 1 for g in set(group))
@@ -207,10 +307,7 @@ def _shape(path: Path, pieces: list[_Piece], tolerance: Tolerance) -> RawShape |
     good = np.linalg.norm(triangle_area_vectors(points, corners), axis=1) > 0.0
     if not good.any():
         return None
-    closed = is_closed(corners)
-    if not closed:
-        notes.append("the mesh is open or wound inconsistently: its volume is not to be trusted")
-    elif mass_properties(points, corners)[0] < 0.0:
+    if not len(open_edges(corners)) and mass_properties(points, corners)[0] < 0.0:
         corners = corners[:, [0, 2, 1]]
         notes.append("the mesh was wound inside out and has been turned")
     flat = int((~good).sum())
@@ -220,7 +317,7 @@ def _shape(path: Path, pieces: list[_Piece], tolerance: Tolerance) -> RawShape |
     if len(pieces) > 1:
         kept, numbers = np.unique(owner, return_inverse=True)
         faces = [RawFace(pieces[k].name, color=pieces[k].color) for k in kept]
-        return RawShape(points, corners, numbers.reshape(-1).astype(np.int32), faces, notes=notes, closed=closed)
+        return RawShape(points, corners, numbers.reshape(-1).astype(np.int32), faces, notes=notes)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     segments = segment(points, corners, min(tolerance.fit, tolerance.segment_relative * diagonal), tolerance)
     surface = np.empty(len(corners), np.int32)
@@ -229,12 +326,4 @@ def _shape(path: Path, pieces: list[_Piece], tolerance: Tolerance) -> RawShape |
         surface[s.triangles] = i
         kind, values = raw_numbers(s.geometry)
         faces.append(RawFace(f"surface_{i + 1}", kind, values))
-    return RawShape(points, corners, surface, faces, notes=notes, closed=closed)
-
-
-def raw_numbers(geometry: Geometry) -> tuple[str, tuple[float, ...]]:
-    """Kind and numbers as `RawFace` has them."""
-    if geometry.kind == "freeform":
-        return "", ()
-    values = (np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in vars(geometry).values())
-    return geometry.kind, tuple(float(x) for v in values for x in v)
+    return RawShape(points, corners, surface, faces, notes=notes)

@@ -1,6 +1,6 @@
 """Plain values that cross from the CAD kernel to the scene: arrays, numbers and strings, nothing of the kernel.
 
-They are pickled by the reading process, so this module imports numpy alone. Lengths are metres.
+The reading process makes them, so this module imports numpy alone. Lengths are metres.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Color = tuple[float, float, float, float]
+"""red, green, blue (sRGB, as drawn) and opacity, each in 0 … 1"""
 
 
 class UnreadableError(Exception):
@@ -30,10 +31,12 @@ class RawFace:
     """plane: point, normal · cylinder: point, axis, radius · cone: apex, axis, half angle · sphere: centre, radius ·
     torus: centre, axis, major, minor"""
     typed: bool = False
-    """whether the file itself gives the type"""
+    """whether the type is settled: the file itself gives it, or it was fitted"""
     samples: Array = field(default_factory=lambda: np.empty((0, 3)))
     """(k, 3) points of the true surface inside the face; only for faces the file leaves untyped"""
     color: Color | None = None
+    residual: float = 0.0
+    """m, of a typed face: greatest distance of its points to the surface that was fitted to them"""
 
 
 @dataclass
@@ -58,9 +61,9 @@ class RawShape:
     """m³; None when it is not known other than from the mesh"""
     center: Array = field(default_factory=lambda: np.zeros(3))
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    closed: bool | None = None
-    """whether the mesh bounds a volume; None when that is still to be found"""
     notes: list[str] = field(default_factory=list)
+    settled: bool = False
+    """whether all is decided that takes time, as `build.settled` does"""
 
 
 @dataclass
@@ -87,3 +90,5 @@ class RawScene:
     faces: Counter[str] = field(default_factory=Counter)
     """how many faces all instances of each product have together"""
     notes: list[str] = field(default_factory=list)
+    whole: bool = True
+    """False where parts were left out that crashed the kernel, or took too much time or memory: that may go better"""

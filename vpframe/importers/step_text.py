@@ -17,6 +17,13 @@ _STRING = re.compile(rb"'(?:[^']++|'')*+'")
 _SIMPLE = re.compile(rb"([A-Z][A-Z0-9_]*)\s*\(")
 _BODY = re.compile(rb"(?:[A-Z][A-Z0-9_]*\s*)?\([A-Z0-9_#$*.,()+\-\s\"/!]*\)", re.DOTALL)
 _SHELLS = (b"CLOSED_SHELL", b"OPEN_SHELL")
+_CONTEXT = re.compile(rb"GLOBAL_UNIT_ASSIGNED_CONTEXT\(\(([#\d,]*)\)\)")
+_SI_LENGTH = re.compile(
+    rb"SI_UNIT\((?:\$|\.(?:EXA|PETA|TERA|GIGA|MEGA|KILO|HECTO|DECA|DECI|CENTI|MILLI|MICRO|NANO|PICO|FEMTO|ATTO)\.),"
+    rb"\.METRE\.\)"
+)
+_CONVERSION = re.compile(rb"CONVERSION_BASED_UNIT\(,#(\d+)\)")
+_FACTOR = re.compile(rb"LENGTH_MEASURE_WITH_UNIT\((?:[A-Z_]+\()?(\d+\.?\d*(?:[Ee][-+]?\d+)?)\)?,#(\d+)\)")
 _SHOWN = 3
 
 
@@ -32,6 +39,10 @@ class StepText:
     """names of the files it refers to"""
     damage: list[str] = field(default_factory=list)
     """one line a damaged statement, in the file's order"""
+    unit_fault: str = ""
+    """the length unit that the kernel would take for another one; "" when there is none"""
+    no_unit: bool = False
+    """whether there is a shape without any length unit: the kernel takes millimetres"""
 
     def damage_summary(self) -> str:
         """The damage in one line; "" when there is none."""
@@ -69,13 +80,14 @@ def scan(data: bytes) -> StepText:
     start += len(b"DATA;")
     end = data.rfind(b"ENDSEC;")
     end = len(data) if end < start else end
-    statements = _statements(data, start, end, text)
+    statements, lines = _statements(data, start, end, text)
     _products(statements, text)
+    _length_units(statements, lines, text)
     return text
 
 
-def _statements(data: bytes, start: int, end: int, text: StepText) -> dict[int, bytes]:
-    """Entity number -> what it is defined as; what cannot be read goes to `text.damage`."""
+def _statements(data: bytes, start: int, end: int, text: StepText) -> tuple[dict[int, bytes], dict[int, int]]:
+    """Entity number -> what it is defined as, and its line; what cannot be read goes to `text.damage`."""
     statements: dict[int, bytes] = {}
     lines: dict[int, int] = {}
     damage: list[tuple[int, str]] = []
@@ -102,7 +114,47 @@ def _statements(data: bytes, start: int, end: int, text: StepText) -> dict[int, 
         if missing is not None:
             damage.append((lines[number], f"line {lines[number]}: #{number} names #{missing}, which does not exist"))
     text.damage = [message for _, message in sorted(damage)]
-    return statements
+    return statements, lines
+
+
+def _length_units(statements: dict[int, bytes], lines: dict[int, int], text: StepText) -> None:
+    """Check the unit of every shape: the kernel takes one it does not know for metres or millimetres, without a word.
+
+    It knows metres with an SI prefix, and what is converted to these by a number.
+    """
+
+    def bare(n: int) -> bytes:
+        return b"".join(_STRING.sub(b"", statements.get(n, b"")).split())
+
+    def is_si(body: bytes) -> bool:
+        return b"LENGTH_UNIT()" in body and _SI_LENGTH.search(body) is not None
+
+    def is_known(body: bytes) -> bool:
+        conversion = _CONVERSION.search(body)
+        if conversion is None:
+            return is_si(body)
+        factor = _FACTOR.fullmatch(bare(int(conversion[1])))
+        known = factor is not None and 0.0 < float(factor[1]) < float("inf") and is_si(bare(int(factor[2])))
+        return b"LENGTH_UNIT()" in body and known
+
+    contexts = {
+        int(references[-1])
+        for body in statements.values()
+        if (kind := _SIMPLE.match(body)) is not None
+        and kind[1].endswith(b"SHAPE_REPRESENTATION")
+        and kind[1] != b"CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"
+        and (references := _REFERENCE.findall(_STRING.sub(b"", body)))
+    }
+    for context in sorted(contexts, key=lambda n: lines.get(n, 0)):
+        assigned = _CONTEXT.search(bare(context))
+        units = [int(n) for n in _REFERENCE.findall(assigned[1])] if assigned is not None else []
+        units = [n for n in units if b"LENGTH_UNIT" in bare(n) or b"METRE" in bare(n)]
+        unknown = next((n for n in units if not is_known(bare(n))), None)
+        text.no_unit |= not units
+        if unknown is not None and not text.unit_fault:
+            said = statements[unknown].decode("ascii", "replace")
+            said = " ".join(said.split())[:100]
+            text.unit_fault = f"line {lines[unknown]}: #{unknown} is no length unit that is known: {said}"
 
 
 def _products(statements: dict[int, bytes], text: StepText) -> None:

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from vpframe.errors import TaskError
 
+FAR = 20.0
+"""1: no part goes farther in one motion than so many times the size of the scene; no thread is so coarse"""
 RIGID = 1e-6
 """1: greatest entry of |RᵀR - I| of a rotation that was typed or read"""
 
@@ -27,6 +29,23 @@ def number(value: Any, what: str, least: float = -math.inf, above: float = -math
         bound = f" more than {above:g}" if above > -math.inf else f", at least {least:g}" if least > -math.inf else ""
         raise TaskError(f"{what}={value!r}; give a finite number{bound}")
     return x
+
+
+def metres(length: float, what: str, of: str, size: float, most: float) -> None:
+    """Refuse a length over `most` (m): it can only be meant in millimetres.
+
+    what, of, size: for the message: the length, and whose size (m) it exceeds by far.
+
+    Raises
+    ------
+    TaskError: naming `what`, with the hint that lengths are metres.
+    """
+    x = abs(length)
+    if x > most:
+        raise TaskError(
+            f"{what}: {x:g} m is {x / size:.0f} times the size of {of} ({size:.3g} m); lengths are metres, "
+            f"write {x / 1e3:g} for {x:g} mm"
+        )
 
 
 def vector(value: ArrayLike, what: str) -> NDArray[np.float64]:

@@ -20,7 +20,8 @@ class Assist:
     snap_angle: float = 0.1
     """rad: directions that differ by less count as meant to be parallel when snapping"""
     slow_within: float = 0.0
-    """m: nearer than this to anything but its mates, the hand slows to `slow_to` of its speed"""
+    """m: nearer than this to anything but its mates, the hand slows to `slow_to` of its speed (the clearance is
+    measured for it at every step, whether the session shows it or not)"""
     slow_to: float = 0.2
     """1, in (0, 1]"""
     hold_orientation: bool = False

@@ -10,10 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from constraints.features import Feature
 from constraints.geometry import Cylinder, Plane
+from constraints.views import Limits
 from vpframe.errors import TaskError
 from vpframe.interaction.arguments import vector
 
 if TYPE_CHECKING:
+    from collision import Tolerance
     from vpframe.events import ConstraintView
     from vpframe.interaction.hand import Hand
     from vpframe.scene import Part
@@ -79,25 +81,35 @@ def _axial(hand: Hand, part: str) -> ConstraintView:
     return min(fits, key=lambda c: (_AXIAL.index(c.kind), c.id))
 
 
-def best_fit(part: Part, target: Part, clearance: float) -> tuple[Feature, Feature]:
+def best_fit(part: Part, target: Part, tolerance: Tolerance) -> tuple[Feature, Feature]:
     """The shaft of `part` and the bore of `target` (or the other way round: a ring over a pin) that fit best.
 
-    Radii within `clearance`; of those the largest shared surface; of equal ones (within 1 %) the nearest.
+    Radii that fit: within `Tolerance.clearance`, else as clearance holes do; of those the largest shared surface; of
+    equal ones (within 1 %) the nearest.
     """
+    limits = Limits.offer(tolerance)
 
     def cylinders(of: Part, sense: int) -> list[Feature]:
         return [f for f in of.features if isinstance(f.geometry, Cylinder) and f.sense == sense]
 
     pairs = [(s, b) for s in cylinders(part, 1) for b in cylinders(target, -1)]
     pairs += [(s, b) for s in cylinders(part, -1) for b in cylinders(target, 1)]
-    fits = [(s, b) for s, b in pairs if abs(_radius(s) - _radius(b)) <= clearance]
+    loose = [(s, b) for s, b in pairs if limits.fit(*_shaft_and_clearance(s, b))]
+    fits = [(s, b) for s, b in loose if abs(_radius(s) - _radius(b)) <= tolerance.clearance] or loose
     if not fits:
         raise TaskError(
-            f"nothing of {part.name} fits into {target.name}: no shaft and bore with radii within "
-            f"{clearance * 1e3:g} mm (Tolerance.clearance)"
+            f"nothing of {part.name} fits into {target.name}: no shaft and bore with a radial clearance of at most "
+            f"{tolerance.clearance * 1e3:g} mm, or {tolerance.clearance_relative:.2g} of the shaft's diameter "
+            "(Tolerance.clearance, clearance_relative)"
         )
     largest = max(min(s.area, b.area) for s, b in fits)
     return min((f for f in fits if min(f[0].area, f[1].area) > 0.99 * largest), key=lambda f: _aside(part, target, *f))
+
+
+def _shaft_and_clearance(s: Feature, b: Feature) -> tuple[float, float]:
+    """m: radius of the solid one of two cylinders, and how much wider the hollow one is."""
+    shaft, bore = (s, b) if s.sense > 0 else (b, s)
+    return _radius(shaft), _radius(bore) - _radius(shaft)
 
 
 def _aside(part: Part, target: Part, shaft: Feature, bore: Feature) -> float:

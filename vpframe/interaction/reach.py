@@ -56,12 +56,14 @@ def half_size(mesh: SurfaceMesh) -> float:
     return 0.5 * float(np.linalg.norm(used.max(0) - used.min(0)))
 
 
+def bounds(scene: Scene) -> tuple[Array, Array]:
+    """(3,) lower and upper corner of the box that holds all parts as they stand, m."""
+    placed = [part.mesh.vertices @ part.pose.rotation.T + part.pose.translation for part in scene.parts]
+    return np.min([v.min(0) for v in placed], axis=0), np.max([v.max(0) for v in placed], axis=0)
+
+
 def above(scene: Scene) -> Array:
     """A point over the middle of a scene, a fifth of its size clear of it: where a hand comes in."""
-    tops = []
-    for part in scene.parts:
-        v = part.mesh.vertices @ part.pose.rotation.T + part.pose.translation
-        tops.append(np.concatenate([v.min(0), v.max(0)]))
-    low, high = np.min(tops, axis=0)[:3], np.max(tops, axis=0)[3:]
+    low, high = bounds(scene)
     middle = 0.5 * (low + high)
     return np.array([middle[0], middle[1], high[2] + 0.2 * float(np.linalg.norm(high - low))])

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from vpframe.errors import TaskError
 from vpframe.interaction import paths
-from vpframe.interaction.arguments import as_pose, number, vector
+from vpframe.interaction.arguments import FAR, as_pose, metres, number, vector
 from vpframe.interaction.bearings import best_fit, direction, extent, held_part, in_front, line, other_part, top_of, who
 from vpframe.interaction.conditions import Condition, as_condition, constraint, contact
 from vpframe.interaction.reach import half_size, surface_distances
@@ -77,6 +77,7 @@ def move_to(
     from vpframe.interaction.hand import Stroke
 
     goal = as_pose(pose, hand.subject)
+    _in_metres(hand, goal.translation - hand.subject.translation, "move_to")
     where = ", ".join(f"{x * 1e3:.1f}" for x in goal.translation)
     path = _straight(hand, goal, duration, None)
     return (yield Stroke(f"{who(hand)}.move_to([{where}] mm)", path, as_condition(until), required))
@@ -89,6 +90,7 @@ def move_by(
     from vpframe.interaction.hand import Stroke
 
     by = vector(shift, "move_by")
+    _in_metres(hand, by, "move_by")
     where = ", ".join(f"{x * 1e3:.1f}" for x in by)
     path = _straight(hand, paths.lifted(hand.subject, by), duration, None)
     return (yield Stroke(f"{who(hand)}.move_by([{where}] mm)", path, as_condition(until), required))
@@ -108,6 +110,8 @@ def follow(
         name, way = str(path), paths.read_track(path)
     elif isinstance(path, Sequence | np.ndarray):
         poses = [as_pose(pose, hand.subject) for pose in path]
+        for pose in poses:
+            _in_metres(hand, pose.translation - hand.subject.translation, "follow")
         name, way = f"{len(poses)} poses", paths.Spline(poses, hand.speed, hand.turn_speed)
     elif hasattr(path, "pose") and hasattr(path, "duration"):
         name, way = type(path).__name__, path
@@ -137,6 +141,8 @@ def slide(
     if distance is None and end is None:
         raise TaskError(f"{hand.name}.{verb} needs a distance or until=a condition")
     far = _scene_size(hand) if distance is None else number(distance, f"{hand.name}.{verb}: distance")
+    if distance is not None:
+        _in_metres(hand, far, f"{verb}: distance={distance!r}")
     pace = 0.4 * hand.speed if speed is None else number(speed, f"{hand.name}.{verb}: speed", above=0.0)
     way = direction(hand, along, outward)
     goal = paths.lifted(hand.subject, far * way)
@@ -207,7 +213,8 @@ def insert(
     """In front of the best fitting bore of a part, then in: `Hand.insert`."""
     part, target = held_part(hand, "insert"), other_part(hand, "insert", into)
     gap = number(gap, f"{who(hand)}.insert: gap", least=0.0)
-    shaft, bore = best_fit(part, target, hand.session.tolerance.clearance)
+    _in_metres(hand, gap, f"insert: gap={gap!r}")
+    shaft, bore = best_fit(part, target, hand.session.tolerance)
     way, aligned = in_front(part, target, shaft, bore, gap)
     yield from move_to(hand, aligned, None, None, True)
     end = as_condition(until) or constraint("against", other=into)
@@ -258,6 +265,8 @@ def _lead(hand: Hand, pitch: float | None, verb: str) -> float:
         lead = number(pitch, f"{who(hand)}.{verb}: pitch")
         if lead == 0.0:
             raise TaskError(f"{who(hand)}.{verb}: pitch=0; give metres a turn, negative for a left-hand thread")
+        size = 2.0 * hand.session.half_size(part)
+        metres(lead, f"{who(hand)}.{verb}: pitch={pitch!r}", part, size, FAR * size)
         return lead
     known = hand.session.pitch_of(part)
     if known is None:
@@ -272,6 +281,7 @@ def place(hand: Hand, on: str, at: ArrayLike | None, height: float, let_go: bool
     """Down on the highest flat top of a part, and let go: `Hand.place`."""
     part, target = held_part(hand, "place"), other_part(hand, "place", on)
     height = number(height, f"{who(hand)}.place: height", least=0.0)
+    _in_metres(hand, height, f"place: height={height!r}")
     top, middle = top_of(target)
     try:
         over = middle if at is None else np.asarray(at, dtype=np.float64)
@@ -324,6 +334,14 @@ def _straight(
         turned = float(np.linalg.norm(pin.log3(start.rotation.T @ goal.rotation)))
         duration = max(far / (speed or hand.speed), turned / hand.turn_speed)
     return paths.Straight(pin.SE3(start), goal, _seconds(hand, duration), eased)
+
+
+def _in_metres(hand: Hand, way: ArrayLike, what: str) -> None:
+    """Refuse a way (m, or (3,) m) so much longer than the scene that millimetres must be meant; never a way back."""
+    low, high = hand.session.bounds
+    astray = float(np.linalg.norm(hand.subject.translation - 0.5 * (low + high)))
+    size = float(np.linalg.norm(high - low))
+    metres(float(np.linalg.norm(way)), f"{who(hand)}.{what}", "the scene", size, max(1.0, FAR * size + astray))
 
 
 def _seconds(hand: Hand, duration: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import nan
+from math import isnan, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from vpframe.clash_status import ClashKey
 from vpframe.events import Event, Frame
+from vpframe.report.series import Series
 from vpframe.scene import Scene
 from vpframe.visualization.history import History
 from vpframe.visualization.symbols import DRAWN
@@ -79,7 +80,7 @@ class Mate:
 class SessionLog:
     """Keeps stages, clashes, constraints, freedom, clearance, timings and events of a session; changes nothing.
 
-    A step costs a few microseconds, and memory does not grow with the length of a run but for its numbers.
+    A step costs a few microseconds, and memory does not grow with the length of a run but for its events.
     """
 
     def __init__(self) -> None:
@@ -91,14 +92,16 @@ class SessionLog:
         self.mates: dict[int, Mate] = {}
         self.freedom: dict[str, list[tuple[float, int, str]]] = {}
         """by part, whenever it changed: time (s), degrees of freedom, the lower pair's name"""
-        self.clearance: list[tuple[float, float]] = []
+        self.clearance: Series[tuple[float, float]] = Series(_nearer)
         """time (s), least clearance (m), NaN while there is none to measure"""
         self.least: Frame | None = None
         """the step of least clearance"""
         self.colliding: list[tuple[float, int]] = []
         """whenever it changed: time (s), number of colliding surface pairs"""
-        self.timings: dict[str, list[float]] = {}
+        self.timings: dict[str, Series[float]] = {}
         """s, one number a step"""
+        self.totals: dict[str, float] = {}
+        """s, of the whole run"""
         self.moments: list[tuple[Event, Frame]] = []
         """events that get a picture"""
         self.history = History()
@@ -164,13 +167,14 @@ class SessionLog:
                 known.append((now, freedom, joint))
         if frame.clearance is None:
             if self.clearance:
-                self.clearance.append((now, nan))
+                self.clearance.add((now, nan))
         else:
-            self.clearance.append((now, frame.clearance))
+            self.clearance.add((now, frame.clearance))
             if self.least is None or self.least.clearance is None or frame.clearance < self.least.clearance:
                 self.least = frame
         for name, seconds in frame.timings.items():
-            self.timings.setdefault(name, []).append(seconds)
+            self.timings.setdefault(name, Series()).add(seconds)
+            self.totals[name] = self.totals.get(name, 0.0) + seconds
         first = frame.step <= 1 and not frame.held  # what the assembly is before anything happens is no moment
         self.moments.extend(
             (event, frame)
@@ -210,3 +214,8 @@ class SessionLog:
             else:
                 mate.spans.append((view.state, frame.time, frame.time))
         self._last_time = frame.time
+
+
+def _nearer(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    """The less clearance of two; a gap in the measurements does not hide any."""
+    return b if isnan(a[1]) or b[1] < a[1] else a

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Sequence
-from html import escape
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -13,6 +12,7 @@ from vpframe.clash_status import ClashKey
 from vpframe.events import Event
 from vpframe.report import plots
 from vpframe.report.log import SessionLog
+from vpframe.text import escape
 from vpframe.visualization import palette
 
 HERE = Path(__file__).parent
@@ -26,6 +26,11 @@ OPEN_LANES = 12
 """of more constraints than this those that last from beginning to end are not drawn"""
 CAPTIONED = 3
 """events that the caption of a picture names"""
+_VERDICTS = {
+    "can be done": "The task can be done",
+    "cannot be done": "The task cannot be done",
+    "not decided": "Not decided",
+}
 
 
 def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) -> str:
@@ -33,6 +38,7 @@ def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) 
     sections = [
         _head(document),
         _figure(pictures.get("end"), "at the end", "wide"),
+        _section("Notes on the model", "".join(f"<div>{escape(note)}</div>" for note in document["notes"])),
         _section("Steps", _stages(document["stages"])),
         _section("What happened", _events(log.events) + _moments(log, pictures)),
         _section("Constraints", _constraints(document, log)),
@@ -48,7 +54,7 @@ def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) 
 
 def _head(document: dict[str, Any]) -> str:
     good = document["can_be_done"]
-    verdict = "The task can be done." if good else f"The task cannot be done: {document['reason']}"
+    verdict = _VERDICTS[document["verdict"]] + (f": {document['reason']}" if document["reason"] else ".")
     open_clashes = sum(clash["status"] in ("new", "persistent") for clash in document["clashes"])
     least = document["clearance"]
     facts = [

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from itertools import groupby
 from math import ceil, floor, isfinite, log10
 
+from vpframe.text import escape
 from vpframe.visualization import palette
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 860, 48, 150, 22, 26

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
+import io
 import json
+import os
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vpframe import clash_status
+from vpframe import clash_status, files
 from vpframe.clash_status import ClashKey, ClashRecord
-from vpframe.errors import VpframeError
 from vpframe.events import Frame
+from vpframe.outputs import GENERATOR, MESH, REPORT_FILES, claimed_folder
 from vpframe.progress import Progress
 from vpframe.report import page
 from vpframe.report.depth import Depth, depths
@@ -39,54 +41,54 @@ CSV_COLUMNS = (
 
 
 def write(
-    directory: str | Path,
+    directory: str | os.PathLike[str],
     log: SessionLog,
     *,
     failure: str = "",
+    undecided: str = "",
+    complete: bool = True,
     task: str = "",
     authorised: Sequence[tuple[str, str]] = (),
     swept: Sequence[SweptVolume] = (),
 ) -> Path:
-    """Write the report of what `log` saw into `directory` and return its path.
+    """Write the report of what `log` saw into `directory` (a path, or the `OutputFolder` of one) and return its path.
 
     Parameters
     ----------
-    failure: why the task cannot be done; empty when it can.
+    failure: why the task cannot be done; empty when nothing says so.
+    undecided: why it was not decided; with neither, it can be done.
+    complete: whether the task ran to its end; the status of known clashes changes only then.
     task: its name on the page; the model's by default.
     authorised: pairs of part names that may overlap (a press fit); they are listed as such.
     swept: volumes that moved parts swept, written as STL.
 
     Raises
     ------
-    VpframeError: the folder cannot be written, or an old `clashes.json` in it cannot be read.
+    VpframeError: the folder cannot be written, another run writes it, a file of such a name in it is none that an
+        earlier report left, or an old `clashes.json` in it cannot be read.
     """
-    folder = Path(directory)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise VpframeError(f"{folder}: cannot be made a folder: {error.strerror}") from None
-    status = folder / clash_status.FILE
-    known = clash_status.read_authorised(status)
-    records = clash_status.updated(clash_status.read(status), log.clashes)
-    with Progress("measuring clashes and clearance") as progress:
-        found = depths(log, progress)
-        gap = least_gap(log)
-    document = _document(log, records, found, gap, failure, task, authorised, swept)
-    with Progress("drawing the report") as progress:
-        pictures = _pictures(log, gap, progress)
-    for volume in swept:
-        write_stl(
-            folder / _stl_name(volume), volume.vertices, volume.triangles,
-            MILLIMETRES, "vpframe swept volume, millimetres",
-        )  # fmt: skip
-    clash_status.write(status, records, known)
-    _write_csv(folder / "clashes.csv", document["clashes"])
-    (folder / "report.json").write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    left_out = log.uninvolved()
-    shown = ((_without(frame, left_out), events) for frame, events in log.history)
-    write_page(log.scene, shown, folder / "scene.html", log.start)
-    (folder / "index.html").write_text(page.html(document, log, pictures), encoding="utf-8")
-    return folder
+    with claimed_folder(directory, REPORT_FILES) as folder:
+        file = folder.file
+        status = file(clash_status.FILE)
+        meshes = [(volume, file(_stl_name(volume), MESH)) for volume in swept]
+        known = clash_status.read_authorised(status)
+        records = clash_status.updated(clash_status.read(status), log.clashes, complete)
+        with Progress("measuring clashes and clearance") as progress:
+            found = depths(log, progress)
+            gap = least_gap(log)
+        document = _document(log, records, found, gap, failure, undecided, task, authorised, swept)
+        with Progress("drawing the report") as progress:
+            pictures = _pictures(log, gap, progress)
+        for volume, path in meshes:
+            write_stl(path, volume.vertices, volume.triangles, MILLIMETRES, "vpframe swept volume, millimetres")
+        files.replace(file("clashes.csv"), _csv(document["clashes"]))
+        files.replace(file("report.json"), json.dumps(document, indent=2, allow_nan=False) + "\n")
+        left_out = log.uninvolved()
+        shown = ((_without(frame, left_out), events) for frame, events in log.history)
+        write_page(log.scene, shown, file("scene.html"), log.start)
+        files.replace(file("index.html"), page.html(document, log, pictures))
+        clash_status.write(status, records, known)  # once all else is there
+    return folder.path
 
 
 def _document(
@@ -95,17 +97,21 @@ def _document(
     found: dict[ClashKey, Depth],
     gap: Gap | None,
     failure: str,
+    undecided: str,
     task: str,
     authorised: Sequence[tuple[str, str]],
     swept: Sequence[SweptVolume],
 ) -> dict[str, Any]:
     least = log.least
     return {
+        "generator": GENERATOR,
         "task": task or (Path(log.scene.source).stem if log.scene.source else "session"),
         "model": log.scene.source,
         "parts": len(log.scene),
-        "can_be_done": not failure,
-        "reason": failure,
+        "notes": list(log.scene.all_notes()),
+        "verdict": "cannot be done" if failure else "not decided" if undecided else "can be done",
+        "can_be_done": not failure and not undecided,
+        "reason": failure or undecided,
         "duration": log.duration,
         "steps": log.steps,
         "stages": [{"text": s.text, "start": s.start, "end": s.end} for s in log.stages],
@@ -158,9 +164,9 @@ def _document(
         ],
         "timings": {
             name: {
-                "median": float(np.median(values)),
-                "p99": float(np.quantile(values, 0.99)),
-                "total": float(np.sum(values)),
+                "median": float(np.median(list(values))),
+                "p99": float(np.quantile(list(values), 0.99)),
+                "total": log.totals[name],
             }
             for name, values in log.timings.items()
         },
@@ -230,7 +236,7 @@ def _without(frame: Frame, left_out: frozenset[int]) -> Frame:
     """The frame without the constraints of these ids."""
     if not left_out:
         return frame
-    return replace(frame, constraints=tuple(view for view in frame.constraints if view.id not in left_out))
+    return dataclasses.replace(frame, constraints=tuple(view for view in frame.constraints if view.id not in left_out))
 
 
 def _trails(log: SessionLog) -> list[Symbol]:
@@ -242,19 +248,20 @@ def _trails(log: SessionLog) -> list[Symbol]:
     return [trail_symbol(name, points) for name, points in places.items() if len(points) > 1]
 
 
-def _write_csv(path: Path, clashes: Sequence[dict[str, Any]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
-        rows.writerow(CSV_COLUMNS)
-        for clash in clashes:
-            (part_a, part_b), (surface_a, surface_b) = clash["parts"], clash["surfaces"]
-            rows.writerow(
-                [
-                    clash["status"], part_a, surface_a, part_b, surface_b, *clash["names"],
-                    clash["first_time"], clash["last_time"], clash["steps"], clash["depth"],
-                    *(clash["point"] or (None, None, None)), clash["remark"], clash["runs"],
-                ]
-            )  # fmt: skip
+def _csv(clashes: Sequence[dict[str, Any]]) -> str:
+    text = io.StringIO(newline="")
+    rows = csv.writer(text)
+    rows.writerow(CSV_COLUMNS)
+    for clash in clashes:
+        (part_a, part_b), (surface_a, surface_b) = clash["parts"], clash["surfaces"]
+        rows.writerow(
+            [
+                clash["status"], part_a, surface_a, part_b, surface_b, *clash["names"],
+                clash["first_time"], clash["last_time"], clash["steps"], clash["depth"],
+                *(clash["point"] or (None, None, None)), clash["remark"], clash["runs"],
+            ]
+        )  # fmt: skip
+    return text.getvalue()
 
 
 def _stl_name(volume: SweptVolume) -> str:

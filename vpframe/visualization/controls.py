@@ -37,6 +37,7 @@ class Controls:
         self._paused = False
         self._steps = 0
         self._requests: list[Request] = []
+        self._go = threading.Event()
 
     @property
     def paused(self) -> bool:
@@ -47,6 +48,7 @@ class Controls:
         """Take a request in (any thread)."""
         with self._change:
             if request.action == "play":
+                self._go.set()
                 self._paused, self._steps = False, 0
             elif request.action == "pause":
                 self._paused = True
@@ -61,6 +63,10 @@ class Controls:
         with self._change:
             taken, self._requests = tuple(self._requests), []
         return taken
+
+    def asked_to_go(self, timeout: float) -> bool:
+        """Whether anybody has ever asked for "play", waiting for it for `timeout` s at most."""
+        return self._go.wait(timeout)
 
     def wait(self, timeout: float | None = None) -> bool:
         """Hold the caller while paused; each "step" lets one call through. False when `timeout` (s) ran out."""

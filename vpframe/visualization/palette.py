@@ -1,4 +1,4 @@
-"""One set of colours for the page, the recording and the pictures: linear meaning, sRGB values in 0 … 1."""
+"""One set of colours for the page, the recording and the pictures: sRGB values in 0 … 1, as parts have them."""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 Geometry is written once; poses, highlights, constraints, events and plots follow in columns, every two seconds and from
 a thread of its own, so that the session does not wait for the disk and a recording that is killed loses no more than
-its last seconds. Positions are single precision, as rerun keeps them.
+its last seconds. rerun encodes in memory and the file is written here: its own writer may wait for ever on a full disk.
+Positions are single precision, as rerun keeps them.
 Of more than `crowd.SEPARATE` parts those that stand still are instances of their shape until they move or their
 surfaces begin or cease to collide; of more than `symbols.DRAWN` constraints those are left out that were there when the
 session began, have not changed since, and are of parts that no hand has held.
@@ -11,12 +12,15 @@ Timelines: `step` and `time` (s since the session began). Plots are in the units
 
 from __future__ import annotations
 
+import contextlib
+import os
 import queue
 import re
 import threading
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,13 +29,15 @@ import pinocchio as pin
 import rerun as rr
 from numpy.typing import NDArray
 
-from vpframe.errors import VpframeError
+from vpframe.errors import OutputError
 from vpframe.events import ConstraintView, Event, Frame
+from vpframe.outputs import RECORDING, append, claimed
 from vpframe.visualization import palette
 from vpframe.visualization.blueprint import blueprint
 from vpframe.visualization.camera import first_view, frame_scene
 from vpframe.visualization.columns import COLUMNS, entity, geometry, rgba, rgbas, surface_path
 from vpframe.visualization.crowd import SEPARATE, crowds
+from vpframe.visualization.replay import HEADER, messages_end
 from vpframe.visualization.symbols import DRAWN, frame_symbols, hand_symbols
 
 if TYPE_CHECKING:
@@ -54,28 +60,33 @@ Buffered = dict[tuple[str, str], list[tuple[int, float, Any]]]
 
 
 class RerunRecorder:
-    """Writes what a session shows to `path` (an `.rrd` file; folders are made, an older file is replaced).
+    """Writes what a session shows to `path` (an `.rrd` file, or the `Output` of one; folders are made).
+
+    An older recording of vpframe is replaced when the session begins.
 
     Raises
     ------
-    VpframeError: the file cannot be written.
+    OutputError: the file is no recording of ours, being recorded to by another run, or cannot be written. On a disk
+        that fills up it is raised by `frame` and `end`, and what was written can be read.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
-        try:
+        with contextlib.suppress(OSError):  # what is wrong with the folder is wrong with the file
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self.path.open("wb").close()
-        except OSError as error:
-            raise VpframeError(f"{path}: cannot be written: {error.strerror}; give another file") from None
+        self._output = claimed(path, RECORDING)
         self._stream: rr.RecordingStream | None = None
+        self._failure: Exception | None = None
 
     def begin(self, session: Session) -> None:
         """Write the geometry and how to look at it."""
         scene = session.scene
+        self._file = self._output.open()
+        self._empty = True
         self._stream = stream = rr.RecordingStream("vpframe", recording_id=None, send_properties=True)
+        self._encoded = rr.binary_stream(stream)
         camera = first_view(scene)
-        stream.save(self.path, default_blueprint=blueprint(camera))
+        stream.send_blueprint(blueprint(camera), make_active=False, make_default=True)
         stream.send_recording_name(Path(scene.source).name if scene.source else "session")
         self._scene = scene
         self._names = scene.names
@@ -106,7 +117,6 @@ class RerunRecorder:
             for part in scene.parts:
                 for path, drawn in geometry(part):
                     stream.log(path, drawn, static=True)
-        self._failure: Exception | None = None
         self._queue: queue.Queue[Buffered | None] = queue.Queue(maxsize=BACKLOG)
         self._writer = threading.Thread(target=self._write, args=(stream,), name="vpframe recorder", daemon=True)
         self._writer.start()
@@ -159,12 +169,19 @@ class RerunRecorder:
             self._flush()
             self._queue.put(None)
             self._writer.join()
-            camera = frame_scene(self._scene, *self._seen)  # all that was seen is known now
-            self._stream.send_blueprint(blueprint(camera), make_default=True)
+            if self._failure is None:
+                camera = frame_scene(self._scene, *self._seen)  # all that was seen is known now
+                self._stream.send_blueprint(blueprint(camera), make_default=True)
+                try:
+                    self._append()
+                except OutputError as error:
+                    self._failure = error
             self._stream.disconnect()
             self._stream = None
-            if self._failure is not None:
-                raise self._failure
+            self._file.close()
+        self._output.close()
+        if self._failure is not None:
+            raise self._failure
 
     def _gather(self, frame: Frame | None) -> None:
         """Draw what stands still in the first frame as instances, and the rest each for itself."""
@@ -322,11 +339,25 @@ class RerunRecorder:
                     steps, times, values = (list(column) for column in zip(*entries, strict=True))
                     index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("time", duration=times)]
                     stream.send_columns(path, index, COLUMNS[kind](values))
-                stream.flush()
+                self._append()
         except Exception as error:
             self._failure = error
+            self._encoded.read()  # or rerun complains that nobody did
             while self._queue.get() is not None:  # the session must not wait for a writer that is gone
                 pass
+
+    def _append(self) -> None:
+        """Write what is encoded to the file: all of it, or nothing."""
+        whole = self._encoded.read()
+        if whole is None:
+            return
+        begin = 0 if self._empty else HEADER
+        try:
+            append(self._file, memoryview(whole)[begin : messages_end(BytesIO(whole))])
+        except OSError as error:
+            text = f"{self.path}: cannot be written: {error.strerror}; what was recorded before can be replayed"
+            raise OutputError(text, str(self.path)) from None
+        self._empty = False
 
 
 class _Rows:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
@@ -11,10 +12,14 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from vpframe.errors import LoadError
+from vpframe.text import plain
 from vpframe.visualization.screen import has_screen
+
+HEADER = 12
+"""bytes before the first message of a recording"""
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ def replay(path: str | Path, script: bool = False) -> int:
     path = Path(path)
     if script:
         for line in lines(path):
-            print(f"{line.time:10.3f} s  step {line.step:6d}  {line.kind:11s} {line.text}")
+            print(f"{line.time:10.3f} s  step {line.step:6d}  {plain(line.kind):11s} {plain(line.text)}")
         return 0
     _check(path)
     with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
@@ -93,29 +98,36 @@ def tables(path: str | Path, entities: tuple[str, ...] | None = None) -> Iterato
 
 def _whole(path: Path, folder: Path) -> Path:
     """The recording itself, or a copy without the message it breaks off in, which neither rerun's reader nor its viewer
-    forgives.
-
-    The format (RRF2): 12 bytes of header; messages that begin with 16 bytes, whose last 8 say how many follow; and,
-    when the recorder was closed, 32 bytes that end in RRF2FOOT and a version.
-    """
+    forgives."""
     size = path.stat().st_size
-    end = 12
     with path.open("rb") as file:
         file.seek(max(size - 12, 0))
         if file.read(8) == b"RRF2FOOT":
             return path
-        while end + 16 <= size:
-            file.seek(end + 8)
-            after = end + 16 + int.from_bytes(file.read(8), "little")
-            if after > size:
-                break
-            end = after
-    if end == size or end <= 12:
+        end = messages_end(file)
+    if end == size or end <= HEADER:
         return path
     copy = folder / path.name
     shutil.copyfile(path, copy)
     os.truncate(copy, end)
     return copy
+
+
+def messages_end(file: BinaryIO) -> int:
+    """Where the last whole message of a recording ends, in bytes; an index of its messages is not counted.
+
+    The format (RRF2): 12 bytes of header; messages that begin with 16 bytes, their kind and how many bytes follow; and,
+    when rerun closed the stream itself, the index, of kind 0, with 32 bytes behind it that end in RRF2FOOT and a
+    version. Recordings without an index are read just as well.
+    """
+    size, end = file.seek(0, os.SEEK_END), HEADER
+    while end + 16 <= size:
+        file.seek(end)
+        kind, length = struct.unpack("<QQ", file.read(16))
+        if kind == 0 or end + 16 + length > size:
+            break
+        end += 16 + length
+    return end
 
 
 def _rows(batch: Any) -> list[dict[str, Any]]:

@@ -2,12 +2,20 @@
 
 A page answers each message when it has drawn it; the next frame goes out after that, and is then the latest there is.
 A page that does not answer for `PATIENCE` seconds is dropped.
+
+A session is shown to, and hears, only who was given its address: a token in it is asked for with every page and every
+socket. Both are answered under this machine's own names and addresses only, so that another site's name that is made
+to resolve to this machine (DNS rebinding) does not reach them.
 """
 
 from __future__ import annotations
 
 import asyncio
+import hmac
+import ipaddress
 import json
+import secrets
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -22,12 +30,19 @@ from vpframe.errors import VpframeError
 from vpframe.visualization.controls import Controls, Request
 
 PATIENCE = 10.0
+LONGEST_MESSAGE = 1 << 12
+"""bytes of a message from a page, at most"""
+EVERYWHERE = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
+"""hosts that stand for every address of this machine, and the address that it reaches itself at"""
 RATE = 90.0
 """frames a second to a page, at most: above 60, so that every frame of a 60 Hz session can pass"""
 
 
 class Server:
     """Serves `page` at `url`, and what `opening` and `latest` return to each page that connects.
+
+    `url` is the page's address on this machine, token included; `outside` the same for other machines, None where only
+    this one is listened to.
 
     Parameters
     ----------
@@ -59,15 +74,33 @@ class Server:
             self._sockets = tornado.netutil.bind_sockets(port, host)
         except OSError as error:
             raise VpframeError(f"cannot listen on {host}:{port}: {error}; give another host or port") from None
-        self._hosts = {host, "localhost", "127.0.0.1", "[::1]"}
         self.port: int = self._sockets[0].getsockname()[1]
-        self.url = f"http://{host}:{self.port}/"
+        self._token = secrets.token_urlsafe(32)
+        here = socket.gethostname().lower()
+        self._names = {"localhost", host.lower(), here, f"{here.split('.')[0]}.local"}
+        self.url = self._address(EVERYWHERE.get(host, host))
+        self.outside = self._address(here) if host in EVERYWHERE else None
         ready = threading.Event()
         self._thread = threading.Thread(
             target=lambda: asyncio.run(self._run(ready)), name="vpframe viewer", daemon=True
         )
         self._thread.start()
         ready.wait()
+
+    def _address(self, host: str) -> str:
+        """The page's address under a name or address of this machine."""
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/?token={self._token}"
+
+    def refusal(self, host: str, token: str) -> str:
+        """Why a request that came for `host` with `token` is not answered; empty if it is."""
+        try:
+            ipaddress.ip_address(host.strip("[]"))  # nobody can make an address mean another machine
+        except ValueError:
+            if host.lower() not in self._names:
+                return "served under this machine's own names and addresses only"
+        if not hmac.compare_digest(token.encode(), self._token.encode()):
+            return "open the whole address that vpframe printed, with its token"
+        return ""
 
     @property
     def clients(self) -> int:
@@ -94,7 +127,10 @@ class Server:
         self._loop = asyncio.get_running_loop()
         self._stop = asyncio.Event()
         handlers: list[Any] = [(r"/", _Page, {"server": self}), (r"/socket", _Socket, {"server": self})]
-        server = tornado.httpserver.HTTPServer(tornado.web.Application(handlers, log_function=lambda _: None))
+        application = tornado.web.Application(
+            handlers, log_function=lambda _: None, websocket_max_message_size=LONGEST_MESSAGE
+        )
+        server = tornado.httpserver.HTTPServer(application)
         server.add_sockets(self._sockets)
         ready.set()
         while not self._stop.is_set():
@@ -115,23 +151,28 @@ class Server:
             client.send_latest()
 
 
-class _Page(tornado.web.RequestHandler):
+class _Guarded(tornado.web.RequestHandler):
+    """A request that is answered only to those who were given the address."""
+
     def initialize(self, server: Server) -> None:
         self.server = server
 
     def prepare(self) -> None:
-        # another site's name that resolves to this machine must not reach the session
-        if self.request.host_name not in self.server._hosts and self.server._hosts & {"127.0.0.1", "localhost"}:
-            raise tornado.web.HTTPError(403)
+        refusal = self.server.refusal(self.request.host_name, self.get_query_argument("token", ""))
+        if refusal:
+            raise tornado.web.HTTPError(403, reason=refusal)
 
+
+class _Page(_Guarded):
     def get(self) -> None:
         self.set_header("Cache-Control", "no-store")
+        self.set_header("Referrer-Policy", "no-referrer")  # the address is a key
         self.write(self.server._page)
 
 
-class _Socket(tornado.websocket.WebSocketHandler):
+class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
     def initialize(self, server: Server) -> None:
-        self.server = server
+        super().initialize(server)
         self.seen: Any = None
         self.owed = 0
         """messages sent that the page has not drawn"""
@@ -192,6 +233,10 @@ class _Socket(tornado.websocket.WebSocketHandler):
         self.owed += len(messages)
         try:
             for message in messages:
-                self.write_message(message)
+                self.write_message(message).add_done_callback(self._written)
         except tornado.websocket.WebSocketClosedError:
+            self.server._clients.discard(self)
+
+    def _written(self, message: asyncio.Future[None]) -> None:
+        if not message.cancelled() and message.exception() is not None:  # the page went while it was sent
             self.server._clients.discard(self)

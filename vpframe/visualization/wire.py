@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from vpframe.events import Event, Frame
 from vpframe.scene import Scene, Shape
+from vpframe.text import plain
 from vpframe.visualization import palette
 from vpframe.visualization.camera import Camera, frame_scene
 from vpframe.visualization.display import display_mesh
@@ -58,7 +59,7 @@ class Encoder:
             places.append(matrix(symbol.pose))
             drawn.append(
                 {
-                    "name": symbol.name,
+                    "name": plain(symbol.name),
                     "strips": number,
                     "color": palette.hex_color(symbol.color),
                 }
@@ -74,20 +75,20 @@ class Encoder:
                 {
                     "id": view.id,
                     "kind": view.kind,
-                    "parts": view.parts,
+                    "parts": [plain(part) for part in view.parts],
                     "state": view.state,
                     "residual": view.residual,
-                    "why": view.why,
+                    "why": plain(view.why),
                 }
                 for view in frame.constraints
             ],
             "symbols": drawn,
             "symbol_poses": pack(np.array(places, dtype=np.float32)),
-            "freedom": {name: [freedom, frame.joint.get(name, "")] for name, freedom in frame.freedom.items()},
+            "freedom": {plain(name): [freedom, frame.joint.get(name, "")] for name, freedom in frame.freedom.items()},
             "clearance": frame.clearance,
-            "held": frame.held,
-            "hands": {name: pose.translation.tolist() for name, pose in frame.hands.items()},
-            "script": frame.script,
+            "held": [plain(name) for name in frame.held],
+            "hands": {plain(name): pose.translation.tolist() for name, pose in frame.hands.items()},
+            "script": plain(frame.script),
             "events": [event_message(event) for event in events],
         }
         return fresh, message
@@ -101,16 +102,16 @@ def scene_message(scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera) ->
     colors = palette.part_colors(scene)
     return {
         "type": "scene",
-        "title": scene.source or "vpframe",
+        "title": plain(scene.source or "vpframe"),
         "shapes": [shape_message(shape) for shape in shapes],
         "parts": [
             {
-                "name": part.name,
+                "name": plain(part.name),
                 "shape": shapes[part.shape],
                 "color": palette.hex_color(colors[part.name]),
                 "fixed": part.fixed,
                 "pose": _matrix(poses[part.name]),
-                "surfaces": [surface.name for surface in part.surfaces],
+                "surfaces": [plain(surface.name) for surface in part.surfaces],
             }
             for part in scene.parts
         ],
@@ -158,7 +159,7 @@ def event_message(event: Event) -> Message:
         "time": event.time,
         "kind": event.kind,
         "tone": palette.tone(event),
-        "text": event.text or " – ".join(event.parts),
+        "text": plain(event.text or " – ".join(event.parts)),
     }
 
 

@@ -377,19 +377,22 @@ function receive(message) {
   else if (message.type === "strips") keepStrips(message);
   else if (message.type === "frame") showFrame(message);
   else if (message.type === "events") message.events.forEach(addEvent);
+  else if (message.type === "over") over();
+}
+
+function over() {
+  $("status").textContent = "session ended";
+  for (const made of document.querySelectorAll("#transport button, #constraints button")) made.disabled = true;
 }
 
 function live() {
   $("scrub").hidden = true;
-  socket = new WebSocket(`ws://${location.host}/socket`);
+  socket = new WebSocket(`ws://${location.host}/socket${location.search}`); // with the token
   socket.onmessage = (event) => {
     receive(JSON.parse(event.data));
     socket.send('{"action": "drawn"}');
   };
-  socket.onclose = () => {
-    $("status").textContent = "session ended";
-    for (const made of document.querySelectorAll("#transport button, #constraints button")) made.disabled = true;
-  };
+  socket.onclose = over;
 }
 
 function replay(messages) {

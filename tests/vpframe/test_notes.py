@@ -1,0 +1,133 @@
+"""What a model lost, or was guessed of it, is told by every command that rests on it."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+import vpframe as vp
+from collision.containment import is_closed
+from vpframe import cli
+from vpframe import modelling as m
+
+OPEN = "note: plate (and 1 more of its shape): open: at 72 edges, the first near ("
+
+
+@pytest.fixture(scope="module")
+def holed(tmp_path_factory) -> Path:
+    """A pin in a plate whose bore lost its face: the shell does not list it, all statements are sound. Twice."""
+    plate = m.box(0.1, 0.1, 0.01) - m.cylinder(0.004, 0.01).translated(0.05, 0.05)
+    parts = {
+        "plate": plate,
+        "pin": m.cylinder(0.004, 0.03).translated(0.05, 0.05),
+        "other": m.box(0.01, 0.01, 0.01).translated(0.3),
+        "plate 2": (plate, m.pin.SE3(m.np.eye(3), m.np.array([0.0, 0.5, 0.0]))),
+    }
+    path = m.write_step(tmp_path_factory.mktemp("step") / "holed.step", parts)
+    text = path.read_text().replace("\n  ", " ")
+    bore = re.search(r"#(\d+) = CYLINDRICAL_SURFACE", text)[1]
+    face = re.search(rf"(#\d+) = ADVANCED_FACE\('',\(#[\d,#]+\),#{bore},", text)[1]
+    text, times = re.subn(rf"(CLOSED_SHELL\(''[^;]*?),?{face}(?=[,)])", r"\1", text)
+    assert times == 1
+    path.write_text(text)
+    return path
+
+
+def test_a_solid_that_lost_a_face_says_that_it_is_open_and_where(holed):
+    scene = vp.load(holed)
+    plate = scene["plate"].shape
+    assert not plate.closed and not is_closed(plate.mesh)
+    assert [part.shape.closed for part in scene.parts] == [False, True, True, False]
+    (note,) = scene.all_notes()
+    assert f"note: {note}".startswith(OPEN)
+    x, y, z = map(float, re.search(r"near \((.*)\) mm", note)[1].split(", "))
+    assert ((x - 50.0) ** 2 + (y - 50.0) ** 2) ** 0.5 == pytest.approx(4.0, abs=0.1) and z in (0.0, 10.0)
+    assert 1e-4 - 3.15 * 0.004**2 * 0.01 < plate.volume < 1e-4
+
+
+@pytest.mark.parametrize("command", ["clash", "mates", "view", "new", "run"])
+def test_every_command_prints_every_note(command, holed, tmp_path, capsys):
+    script = tmp_path / "task.py"
+    script.write_text(f"FILE = {str(holed)!r}\ndef task(session):\n    session.run(0.01)\n")
+    arguments = {
+        "clash": ["clash", holed],
+        "mates": ["mates", holed],
+        "view": ["view", holed, "--html", tmp_path / "page.html"],
+        "new": ["new", tmp_path / "new.py", "--from", holed],
+        "run": ["run", script, "--report", tmp_path / "report"],
+    }[command]
+    assert cli.main([str(a) for a in arguments]) in (0, 1)
+    printed = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note: ")]
+    assert len(printed) == 1 and printed[0].startswith(OPEN)
+    if command == "run":
+        assert json.loads((tmp_path / "report" / "report.json").read_text())["notes"] == [printed[0][6:]]
+        assert "Notes on the model" in (tmp_path / "report" / "index.html").read_text()
+    elif command in ("clash", "mates"):
+        cli.main([*(str(a) for a in arguments), "--json"])
+        assert json.loads(capsys.readouterr().out)["notes"] == [printed[0][6:]]
+
+
+MM = "#9001=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.));\n#9009=DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);\n"
+CONVERTED = "(CONVERSION_BASED_UNIT('INCH',#9002)LENGTH_UNIT()NAMED_UNIT(#9009))"
+
+
+def in_unit(path: Path, unit: str, more: str = "") -> Path:
+    """A block of 100 units, written with a length unit of its own."""
+    text = m.write_step(path, {"block": m.box(0.1, 0.1, 0.1)}).read_text()
+    *_, last = re.finditer(r"(#\d+) = \( LENGTH_UNIT\(\) NAMED_UNIT\(\*\) SI_UNIT\(.MILLI.,.METRE.\) \);", text)
+    path.write_text(text[: last.start()] + f"{last[1]} = {unit};\n{more}" + text[last.end() :])
+    return path
+
+
+@pytest.mark.parametrize(
+    ("unit", "more", "size"),
+    [
+        ("(NAMED_UNIT(*)SI_UNIT($,.METRE.)LENGTH_UNIT())", "", 100.0),
+        ("( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT( .MICRO. , .METRE. ) )", "", 1e-4),
+        (CONVERTED, MM + "#9002=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#9001);\n", 2.54),
+        (CONVERTED, MM + "#9002=LENGTH_MEASURE_WITH_UNIT(2.54E1,#9001);\n", 2.54),
+    ],
+)
+def test_known_length_units_are_read_right(tmp_path, unit, more, size):
+    (part,) = vp.load(in_unit(tmp_path / "a.step", unit, more)).parts
+    assert part.mesh.vertices.max() == pytest.approx(size, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("unit", "more"),
+    [
+        ("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.FOO.,.METRE.))", ""),
+        ("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METER.))", ""),
+        ("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.milli.,.metre.))", ""),
+        ("(CONTEXT_DEPENDENT_UNIT('ELL')LENGTH_UNIT()NAMED_UNIT(#9009))", MM),
+        (CONVERTED, MM + "#9002=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(0.),#9001);\n"),
+        (CONVERTED, MM + "#9002=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(-25.4),#9001);\n"),
+        (CONVERTED, MM + "#9002=(LENGTH_MEASURE_WITH_UNIT()MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#9001));\n"),
+        (  # the kernel takes a foot of twelve such inches for a millimetre
+            CONVERTED,
+            MM.replace("#9001=", "#9005=")
+            + "#9004=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#9005);\n"
+            + CONVERTED.replace("9002", "9004").join(("#9001=", ";\n"))
+            + "#9002=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(12.),#9001);\n",
+        ),
+    ],
+)
+def test_a_length_unit_that_is_not_known_is_refused(tmp_path, unit, more):
+    path = in_unit(tmp_path / "a.step", unit, more)
+    with pytest.raises(vp.LoadError, match=r"line \d+: #\d+ is no length unit that is known: .*UNIT") as error:
+        vp.load(path)
+    assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
+    top = m.write_step(tmp_path / "top.step", {"plate": m.box(0.1, 0.1, 0.1)}, external=True)
+    (tmp_path / "top_plate.stp").write_text(path.read_text())
+    with pytest.raises(vp.LoadError, match=r"top_plate\.stp: line \d+: #\d+ is no length unit"):
+        vp.load(top)
+
+
+def test_a_shape_without_a_length_unit_is_told(tmp_path):
+    unit = "(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))"
+    scene = vp.load(in_unit(tmp_path / "a.step", unit))
+    assert scene.notes == ("names no length unit for some of its shapes: millimetres are taken",)
+    assert scene["block"].mesh.vertices.max() == pytest.approx(0.1)

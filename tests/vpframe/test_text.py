@@ -1,0 +1,205 @@
+"""Names out of files are shown as text: on the terminal, in scripts, in URDF. In pages: see `test_pages`."""
+
+from __future__ import annotations
+
+import ast
+import io
+import json
+import re
+import time
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physics import Gravity
+from tests.vpframe.watching import box, fake_session, hostile_frames, hostile_scene, place
+from vpframe import clash, first_task, mates, modelling
+from vpframe.progress import WIPE, Progress, say, warn
+from vpframe.scene import Part, Scene
+from vpframe.session import Session
+from vpframe.text import escape, plain, plain_lines, with_part_names
+from vpframe.visualization import replay
+from vpframe.visualization.recorder import RerunRecorder
+
+NAMES = {
+    "clear": "\x1b[2J\x1b[Hrod",
+    "title": "\x1b]0;owned\x07rod",
+    "lines": "rod\nvpframe: done",
+    "back": "rod\r\x9b1A",
+    "turned": "rod\u202egpj.exe",
+    "half": "rod\ud800",
+    "quotes": 'rod"""\\',
+}
+hostile = pytest.mark.parametrize("name", NAMES.values(), ids=NAMES.keys())
+
+
+def harmless(text):
+    """Whether a terminal only prints the text."""
+    return all(line.isprintable() for line in text.split("\n"))
+
+
+@given(st.text())
+def test_plain_text_is_printed_and_printable_text_is_left(text):
+    shown = plain(text)
+    assert shown.isprintable()
+    assert (shown == text) == text.isprintable()
+    assert ast.literal_eval(first_task.quoted(text)) == text
+
+
+@given(st.text())
+def test_markup_is_text(text):
+    shown = escape(text)
+    assert not re.search("[<>\"']|&(?!amp;|lt;|gt;|quot;|#x27;)", shown) and shown.isprintable()
+    assert ElementTree.fromstring(f'<a b="{shown}">{shown}</a>').text in (plain(text), None)
+
+
+def test_lines_stay_lines():
+    assert plain_lines("a\n\tb\x07\nc") == "a\n    b\\x07\nc"
+
+
+@hostile
+def test_what_is_said_cannot_order_the_terminal(name, capsys):
+    say(f"holds {name}")
+    warn(f"failed: {name}")
+    told = capsys.readouterr()
+    assert harmless(told.out) and harmless(told.err) and "rod" in told.out and "rod" in told.err
+
+
+class Screen(io.StringIO):
+    """What a terminal is sent."""
+
+    def isatty(self):
+        return True
+
+
+def test_a_line_of_progress_is_plain_but_for_its_wiping():
+    screen = Screen()
+    with Progress("load", screen, delay=0.0) as progress:
+        progress(0.5, "part \x1b[2J\x1b[H")
+        time.sleep(0.5)
+    sent = screen.getvalue()
+    assert "part \\x1b[2J" in sent
+    assert harmless(sent.replace(WIPE, ""))
+
+
+def at(x):
+    return pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
+
+
+@hostile
+def test_tables_print_names_as_text_and_a_row_a_line(name):
+    scene = Scene([Part("plate", box((0.02, 0.02, 0.02)), at(0.0)), Part(name, box((0.02, 0.02, 0.02)), at(0.019))])
+    for table, document in ((clash.table, clash.clash(scene)), (mates.table, mates.mates(scene))):
+        shown = table(document)
+        assert harmless(shown)
+        assert plain(name) in shown
+
+
+def test_the_clash_table_gives_the_reason_in_part_names():
+    scene = Scene([Part("housing", box((0.04, 0.04, 0.04)), at(0.0)), Part("bolt", box((0.01, 0.01, 0.01)), at(0.0))])
+    document = clash.clash(scene)
+    assert [pair["reason"] for pair in document["pairs"]] == ["bolt lies wholly inside housing"]
+    assert clash.table(document).endswith("bolt lies wholly inside housing")
+    twice = Scene([Part(name, box((0.04, 0.04, 0.04)), at(0.0)) for name in ("one", "two")])
+    shown = clash.table(clash.clash(twice))
+    assert "one and two have material in common" in shown and "object" not in shown
+
+
+def test_a_fit_gives_its_reason():
+    block = modelling.box(0.04, 0.04, 0.03).translated(-0.02, -0.02, 0.0) - modelling.cylinder(0.010, 0.03)
+    shaft = modelling.cylinder(0.01002, 0.06).translated(0.0, 0.0, -0.015)
+    parts = {"block": (block, pin.SE3.Identity()), "shaft": (shaft, pin.SE3.Identity())}
+    shown = clash.table(clash.clash(modelling.scene(parts)))
+    assert "radial interference" in shown
+
+
+@hostile
+def test_the_mechanism_is_xml(name, tmp_path):
+    scene = Scene([Part("plate", box((0.02, 0.02, 0.02)), at(0.0)), Part(name, box((0.02, 0.02, 0.02)), at(0.02))])
+    mates.write_urdf(scene, tmp_path / "a.urdf")
+    links = [link.get("name") for link in ElementTree.parse(tmp_path / "a.urdf").getroot().iter("link")]
+    assert plain(name) in links
+
+
+@hostile
+def test_a_first_script_is_python_whatever_parts_and_model_are_called(name, tmp_path):
+    scene = Scene([Part("plate", box((0.02, 0.02, 0.02)), at(0.0), fixed=True), Part(name, box((0.01,) * 3), at(0.05))])
+    first_task.new_task(tmp_path / "task.py", scene, tmp_path / f"{name.replace('/', '_')}.step")
+    text = (tmp_path / "task.py").read_text()
+    assert harmless(text)
+    grabbed = [
+        node.args[0].value
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "grab"
+    ]
+    assert grabbed == [name]
+
+
+@hostile
+def test_the_events_of_a_recording_are_printed_as_text(name, tmp_path, capsys):
+    if name == NAMES["half"]:
+        pytest.skip("rerun keeps Unicode only")
+    recorder = RerunRecorder(tmp_path / "run.rrd")
+    recorder.begin(fake_session(hostile_scene(name)))
+    for frame in hostile_frames(name):
+        recorder.frame(frame)
+    recorder.end()
+    replay.replay(tmp_path / "run.rrd", script=True)
+    printed = capsys.readouterr().out
+    assert harmless(printed) and f"plate and {plain(name)} collide" in printed
+
+
+def test_a_model_with_such_names_on_the_command_line(tmp_path, vpframe):
+    cube = modelling.box(0.02, 0.02, 0.02)
+    name = "\x1b[2Jcube<img onerror>"
+    model = modelling.write_step(tmp_path / "m.step", {"plate": (cube, at(0.0)), name: (cube, at(0.02))})
+    for command in ("clash", "mates"):
+        done = vpframe(command, model, cwd=tmp_path)
+        assert "cube<img onerror>" in done.stdout
+        assert harmless(done.stdout) and harmless(done.stderr)
+        document = json.loads(vpframe(command, model, "--json", cwd=tmp_path).stdout)
+        (found,) = {part for row in document.get("pairs", document.get("constraints")) for part in row["parts"]} - {
+            "plate"
+        }
+        assert found.endswith("cube<img onerror>"), "documents keep names as they are"
+
+
+def test_errors_of_the_packages_below_name_parts(tmp_path):
+    scene = Scene(
+        [Part("plate", box((0.1, 0.1, 0.01)), place(), fixed=True), Part("bolt_2", box((0.01,) * 3), place(z=1))]
+    )
+
+    class Broken(Gravity):
+        def wrench(self, view):
+            return "strange"
+
+    class Late(Gravity):
+        constant = False
+
+        def wrench(self, view):
+            return np.zeros(6) if view.time < 0.05 else "strange"
+
+    with Session(scene) as session:
+        with pytest.raises(ValueError, match=r"^bolt_2: 3 is no Behaviour"):
+            session.behave("bolt_2", 3)
+        with pytest.raises(ValueError, match=r"^bolt_2: Broken\.wrench returned 'strange'"):
+            session.behave("bolt_2", Broken())
+        session.behave("bolt_2", Late())
+        with pytest.raises(ValueError, match=r"^bolt_2: Late\.wrench returned 'strange'"):
+            session.run(0.1)
+
+
+def test_numbers_of_objects_become_names_and_other_numbers_stay():
+    scene = Scene([Part("plate", box(name="slab"), place()), Part("rod (2)", box(name="bar (x)"), place(z=3))])
+    for text, named in (
+        ("object 1 (bar (x)): bad", "rod (2): bad"),
+        ("objects 0 and 1 meet", "plate and rod (2) meet"),
+        ("the pose of body 0 is odd", "the pose of plate is odd"),
+        ("no object 7; ids are 0 … 1", "no object 7; ids are 0 … 1"),
+        ("12 objects, 1 body", "12 objects, 1 body"),
+    ):
+        assert with_part_names(text, scene) == named

@@ -1,0 +1,212 @@
+""" "Can be done" is said only of a task that ran to its end and of which every expectation held."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.vpframe.bench_scene import scene
+from vpframe import study
+from vpframe.errors import TaskError, VpframeError
+from vpframe.session import Session
+
+SCRIPT = """
+from tests.vpframe.bench_scene import scene
+
+def deeper(session, what):
+    return {}[what]
+
+def task(session):
+    session.run(0.05)
+"""
+"""lines 1 to 8; the task's own lines follow"""
+
+
+def written(tmp_path: Path, *lines: str) -> Path:
+    path = tmp_path / "task.py"
+    path.write_text(SCRIPT + "".join(f"    {line}\n" for line in lines))
+    return path
+
+
+def report_of(folder: Path) -> dict:
+    return json.loads((folder / "report.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("{}['key']", "KeyError: 'key'"),
+        ("assert session.time > 9.0", "AssertionError"),
+        ("assert False, 'it is\\nso'", "AssertionError: it is so"),
+        ("raise SystemExit", "sys.exit() before the end of the task"),
+        ("import sys; sys.exit(0)", "sys.exit(0) before the end of the task"),
+        ("import sys; sys.exit('all well')", "sys.exit('all well') before the end of the task"),
+        ("raise BaseException('odd')", "BaseException: odd"),
+        ("raise MemoryError", "MemoryError"),
+        ("(lambda f: f(f))(lambda f: f(f))", "RecursionError: maximum recursion depth exceeded"),
+        ("session.hand().grab('pegg')", "no part 'pegg' in the scene; did you mean 'peg'?"),
+        ("session.hand().seize('peg')", "AttributeError: 'Hand' object has no attribute 'seize'"),
+        ("session.run('long')", "TypeError: unsupported operand type(s) for /: 'str' and 'float'"),
+        ("session.close(); session.step()", "the session is closed; open a new one"),
+        ("session.close(); 1 / 0", "ZeroDivisionError: division by zero"),
+        ("session.behave('cube', 3)", "cube: 3 is no Behaviour"),
+    ],
+)
+def test_a_script_that_dies_decides_nothing(tmp_path: Path, capsys, line: str, why: str) -> None:
+    assert study.run_task(written(tmp_path, line), report=tmp_path / "report") == 1
+    told = capsys.readouterr()
+    last = told.err.splitlines()[-1]
+    assert last.startswith(f"not decided: script error: {tmp_path / 'task.py'}:9: ")
+    assert why in last
+    assert told.out.splitlines()[-2].startswith("not decided: 0.05 s of the task in 3 steps")
+    document = report_of(tmp_path / "report")
+    assert (document["verdict"], document["can_be_done"]) == ("not decided", False)
+    assert document["reason"].startswith(f"script error: {tmp_path / 'task.py'}:9: ")
+    page = (tmp_path / "report" / "index.html").read_text()
+    assert "Not decided: script error: " in page
+    assert "can be done" not in page
+    assert "Traceback" not in document["reason"] and "\n" not in document["reason"]
+
+
+def test_a_fault_of_the_script_is_shown_with_its_own_frames_only(tmp_path: Path, capsys, monkeypatch) -> None:
+    path = written(tmp_path, "session.expect(deeper(session, 'axis') == 3)")
+    assert study.run_task(path) == 1
+    error = capsys.readouterr().err
+    assert error.splitlines() == [
+        "Traceback (most recent call last):",
+        f'  File "{path}", line 9, in task',
+        "    session.expect(deeper(session, 'axis') == 3)",
+        "                   ^^^^^^^^^^^^^^^^^^^^^^^",
+        f'  File "{path}", line 5, in deeper',
+        "    return {}[what]",
+        "           ~~^^^^^^",
+        "KeyError: 'axis'",
+        f"not decided: script error: {path}:5: KeyError: 'axis'",
+    ]
+    monkeypatch.setenv("VPFRAME_TRACEBACK", "1")
+    assert study.run_task(path) == 1
+    assert "vpframe/study.py" in capsys.readouterr().err
+
+
+def test_what_vpframe_calls_back_in_the_script_is_its_own_frame_too(tmp_path: Path, capsys) -> None:
+    path = written(
+        tmp_path,
+        "from vpframe.interaction import Condition",
+        "late = Condition('late', lambda session, hand: 1 / 0)",
+        "session.run_until(late)",
+    )
+    assert study.run_task(path) == 1
+    error = capsys.readouterr().err
+    assert [line.strip() for line in error.splitlines() if line.startswith("  File")] == [
+        f'File "{path}", line 11, in task',
+        f'File "{path}", line 10, in <lambda>',
+    ]
+    assert "raised inside" not in error
+
+
+def test_an_error_raised_inside_says_how_to_see_more(tmp_path: Path, capsys) -> None:
+    assert study.run_task(written(tmp_path, "session.run('long')")) == 1
+    error = capsys.readouterr().err
+    assert "raised inside vpframe; set VPFRAME_TRACEBACK=1" in error
+    assert "session.py" not in error
+
+
+@pytest.mark.parametrize("caught", ["TaskError", "Exception"])
+def test_an_expectation_that_failed_is_not_undone_by_catching_it(tmp_path: Path, capsys, caught: str) -> None:
+    path = written(
+        tmp_path,
+        "from vpframe import TaskError",
+        "try:",
+        "    session.expect_freedom('peg', 2)",
+        f"except {caught}:",
+        "    pass",
+        "session.run(0.05)",
+    )
+    assert study.run_task(path, report=tmp_path / "report") == 1
+    assert "failed: expected peg has 2 degrees of freedom (it has 6)" in capsys.readouterr().err
+    document = report_of(tmp_path / "report")
+    assert (document["verdict"], document["can_be_done"]) == ("cannot be done", False)
+    assert document["steps"] == 6, "the script goes on"
+
+
+def test_a_script_that_gives_up_by_itself_has_failed(tmp_path: Path) -> None:
+    assert study.run_task(written(tmp_path, "session.fail('no way found')"), report=tmp_path / "report") == 1
+    assert report_of(tmp_path / "report")["reason"] == "no way found"
+
+
+def test_ctrl_c_that_the_script_catches_decides_nothing(tmp_path: Path, capsys) -> None:
+    path = written(tmp_path, "session.interrupt()", "try:", "    session.run(1.0)", "except BaseException:", "    pass")
+    assert study.run_task(path, report=tmp_path / "report") == 130
+    document = report_of(tmp_path / "report")
+    assert (document["verdict"], document["can_be_done"]) == ("not decided", False)
+    assert document["reason"] == "interrupted"
+
+
+def test_a_script_that_ends_python_while_it_is_read_is_bad_input(tmp_path: Path, capsys, vpframe) -> None:
+    path = tmp_path / "task.py"
+    path.write_text("import sys\nsys.exit(0)\n")
+    with pytest.raises(VpframeError, match=r"task\.py:2: sys\.exit\(0\) before the end"):
+        study.run_task(path)
+    done = vpframe("run", path)
+    assert done.returncode == 2
+    assert vpframe("run", path, env={"VPFRAME_TRACEBACK": "1"}).returncode != 0
+
+
+# ---- sessions that no task runner looks after
+
+
+def verdict(session: Session, folder: Path) -> tuple[str, bool, str]:
+    document = report_of(session.report(folder))
+    return document["verdict"], document["can_be_done"], document["reason"]
+
+
+def test_a_session_says_so_after_its_end_and_not_before(tmp_path: Path) -> None:
+    with Session(scene()) as session:
+        session.run(0.05)
+        assert verdict(session, tmp_path) == ("not decided", False, "the task has not ended")
+    assert verdict(session, tmp_path) == ("can be done", True, "")
+
+
+def test_a_session_that_an_error_ends_decides_nothing(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), Session(scene()) as session:
+        session.run(0.05)
+        1 / 0  # noqa: B018
+    word, can, reason = verdict(session, tmp_path)
+    assert (word, can) == ("not decided", False)
+    assert reason.startswith("script error: test_verdict.py:")
+    with pytest.raises(KeyboardInterrupt), Session(scene()) as session:
+        raise KeyboardInterrupt
+    assert verdict(session, tmp_path) == ("not decided", False, "interrupted")
+    with pytest.raises(TaskError), Session(scene()) as session:
+        session.hand().release()
+    assert verdict(session, tmp_path)[:2] == ("cannot be done", False)
+
+
+def test_closing_a_session_by_hand_ends_its_task_but_for_an_error(tmp_path: Path) -> None:
+    session = Session(scene())
+    session.run(0.05)
+    assert verdict(session, tmp_path)[0] == "not decided"
+    session.close()
+    assert verdict(session, tmp_path) == ("can be done", True, "")
+    session = Session(scene())
+    try:
+        try:
+            raise KeyError("lost")
+        finally:
+            session.close()
+            in_finally = verdict(session, tmp_path)
+    except KeyError:
+        with Session(scene()) as another:  # that another error is dealt with meanwhile is not its own
+            another.run(0.05)
+    assert in_finally[:2] == ("not decided", False)
+    assert "KeyError: 'lost'" in in_finally[2]
+    assert verdict(another, tmp_path) == ("can be done", True, "")
+
+
+def test_a_failed_expectation_stays_one_without_a_task_runner(tmp_path: Path) -> None:
+    with Session(scene()) as session, pytest.raises(TaskError):
+        session.expect_freedom("peg", 1)
+    assert verdict(session, tmp_path)[:2] == ("cannot be done", False)

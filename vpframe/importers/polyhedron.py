@@ -1,0 +1,100 @@
+"""Triangle meshes as polyhedra: area, volume, where they are open. Numpy alone, as the reading process needs it too."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Triangles = NDArray[np.int32]
+
+LONGEST = 200
+"""vertices of a loop; the triangulation takes time with their cube"""
+
+
+def triangle_area_vectors(vertices: Array, triangles: NDArray[np.int32]) -> Array:
+    """(m, 3) half cross products: the direction is the outward normal, the length the area in m²."""
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    return 0.5 * np.cross(b - a, c - a)
+
+
+def open_edges(triangles: Triangles) -> NDArray[np.int64]:
+    """(k, 2) directed edges (vertex indices) that no triangle meets the other way: the boundary, sorted.
+
+    An edge met twice one way and once the other counts once. None of them means that the mesh bounds a volume.
+    """
+    ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2).astype(np.int64)
+    ends = ends[ends[:, 0] != ends[:, 1]]
+    n = int(triangles.max(initial=0)) + 1
+    key, which = np.unique(ends.min(axis=1) * n + ends.max(axis=1), return_inverse=True)
+    excess = np.bincount(which.reshape(-1), np.where(ends[:, 0] < ends[:, 1], 1.0, -1.0), len(key))
+    pairs = np.column_stack([key // n, key % n])
+    return np.concatenate([pairs[excess > 0], pairs[excess < 0][:, ::-1]])
+
+
+def boundary_loops(triangles: Triangles) -> list[list[int]]:
+    """The vertices around each hole, in the order in which triangles that fill it are wound.
+
+    A vertex at which two holes meet leaves it open how their edges go together; such holes are left out.
+    """
+    edges = open_edges(triangles)[:, ::-1]
+    following = dict(edges.tolist())
+    starts, counts = np.unique(edges[:, 0], return_counts=True)
+    forked = set(starts[counts > 1].tolist())
+    loops = []
+    while following:
+        first, vertex = following.popitem()
+        loop = [first]
+        while vertex != first and vertex in following:
+            loop.append(vertex)
+            vertex = following.pop(vertex)
+        if vertex == first and not forked.intersection(loop):
+            loops.append(loop)
+    return sorted(loops, key=min)
+
+
+def fill(points: Array) -> Triangles:
+    """(n-2, 3) triangles of least total area that span the closed polygon of `points` (n, 3), wound as it is.
+
+    By dynamic programming over sub-polygons (Barequet and Sharir, Filling gaps in the boundary of a polyhedron, CAGD 12
+    (1995) 207, section 3). In space the triangles need not lie in one plane.
+    """
+    n = len(points)
+    least = np.zeros((n, n))
+    chosen = np.zeros((n, n), np.int64)
+    for span in range(2, n):
+        for i in range(n - span):
+            k, between = i + span, np.arange(i + 1, i + span)
+            cross = np.cross(points[between] - points[i], points[k] - points[i])
+            total = least[i, between] + least[between, k] + 0.5 * np.linalg.norm(cross, axis=1)
+            best = int(total.argmin())
+            least[i, k], chosen[i, k] = total[best], between[best]
+    triangles, waiting = [], [(0, n - 1)]
+    while waiting:
+        i, k = waiting.pop()
+        if k - i >= 2:
+            j = int(chosen[i, k])
+            triangles.append((i, j, k))
+            waiting += [(j, k), (i, j)]
+    return np.array(triangles, np.int32)
+
+
+def mass_properties(vertices: Array, triangles: NDArray[np.int32]) -> tuple[float, Array, Array]:
+    """Volume, centre and inertia about it (density 1) of a mesh, by tetrahedra to one point.
+
+    Sums of the second moments of signed tetrahedra (Tonon, J. Math. Stat. 1 (2005) 8). The point does not matter if the
+    mesh is closed; of an open one it is the middle of its border, so that a flat hole counts as if it were filled.
+    """
+    border = open_edges(triangles)
+    origin = vertices[border].mean(axis=(0, 1)) if len(border) else vertices[triangles[0, 0]]
+    corners = vertices[triangles] - origin
+    volumes = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    volume = float(volumes.sum())
+    if volume == 0.0:
+        return 0.0, np.zeros(3), np.zeros((3, 3))
+    sums = corners.sum(axis=1)
+    center = (volumes @ sums) / (4.0 * volume)
+    second = np.einsum("i,ij,ik->jk", volumes, sums, sums) + np.einsum("i,iaj,iak->jk", volumes, corners, corners)
+    second = second / 20.0 - volume * np.outer(center, center)
+    second = 0.5 * (second + second.T)
+    return volume, origin + center, np.trace(second) * np.eye(3) - second

@@ -1,0 +1,43 @@
+"""`Series`: what was measured at every step, in bounded memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Generic, TypeVar
+
+Item = TypeVar("Item")
+
+LIMIT = 8192
+"""items that are kept: all of a run of two minutes"""
+
+
+class Series(Generic[Item]):
+    """Items in order, all of them up to `LIMIT`; of more, one stands for two, four, … neighbours.
+
+    Parameters
+    ----------
+    choose: which of two neighbours stands for both, the earlier one by default.
+    """
+
+    def __init__(self, choose: Callable[[Item, Item], Item] | None = None) -> None:
+        self._choose = choose or (lambda earlier, later: earlier)
+        self._kept: list[Item] = []
+        self._stride = 1
+        self._count = 0
+
+    def add(self, item: Item) -> None:
+        """Take the next item in."""
+        if self._count % self._stride:
+            self._kept[-1] = self._choose(self._kept[-1], item)
+        else:
+            if len(self._kept) == LIMIT:
+                self._kept = list(map(self._choose, self._kept[::2], self._kept[1::2]))
+                self._stride *= 2
+            self._kept.append(item)
+        self._count += 1
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def __iter__(self) -> Iterator[Item]:
+        return iter(self._kept)

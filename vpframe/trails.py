@@ -1,0 +1,81 @@
+"""`Trails`: where parts were at every step, in memory that does not grow with the run."""
+
+from __future__ import annotations
+
+import tempfile
+import weakref
+from collections.abc import Iterator
+from typing import Any, BinaryIO
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from vpframe.errors import OutputError
+
+ROWS = 4096
+"""steps of a moved part that are held in memory; what came before them is in a temporary file"""
+_ROW = np.dtype([("step", np.int64), ("part", np.int64), ("rotation", np.float64, 9), ("translation", np.float64, 3)])
+
+
+class Trails:
+    """Poses of parts by step: 112 bytes for each step in which a part moved, most of them in a temporary file.
+
+    The file comes into being when it is needed, has no name, and is gone with this object or its process.
+    """
+
+    def __init__(self) -> None:
+        self._rows = np.zeros(0, _ROW)
+        self._count = 0
+        self._file: BinaryIO | None = None
+        self._lost = ""
+
+    def add(self, step: int, part: int, pose: pin.SE3) -> None:
+        """Keep the pose that a part has from a step on."""
+        if self._count == len(self._rows):
+            self._make_room()
+        row = self._rows[self._count]
+        row["step"], row["part"] = step, part
+        row["rotation"], row["translation"] = pose.rotation.ravel(), pose.translation
+        self._count += 1
+
+    def of(self, part: int) -> tuple[tuple[int, pin.SE3], ...]:
+        """(step, pose) whenever a part moved, to the bit.
+
+        Raises
+        ------
+        OutputError: the temporary file could not be written.
+        """
+        if self._lost:
+            raise OutputError(f"where parts have been is not known: {self._lost}", tempfile.gettempdir())
+        mine = [rows[rows["part"] == part] for rows in self._blocks()]
+        return tuple(
+            (int(row["step"]), pin.SE3(row["rotation"].reshape(3, 3), row["translation"]))
+            for rows in mine
+            for row in rows
+        )
+
+    def _blocks(self) -> Iterator[NDArray[Any]]:
+        if self._file is not None:
+            self._file.seek(0)
+            while data := self._file.read(ROWS * _ROW.itemsize):
+                yield np.frombuffer(data, _ROW)
+        yield self._rows[: self._count]
+
+    def _make_room(self) -> None:
+        """Double the rows; once they are `ROWS`, put them into the file and begin anew."""
+        if self._count < ROWS:
+            grown = np.zeros(min(max(64, 2 * self._count), ROWS), _ROW)
+            grown[: self._count] = self._rows
+            self._rows = grown
+            return
+        self._count = 0
+        try:
+            if self._file is None:
+                self._file = tempfile.TemporaryFile(prefix="vpframe-", buffering=0)  # noqa: SIM115 - for the whole run
+                weakref.finalize(self, self._file.close)
+            self._file.seek(0, 2)
+            if self._file.write(self._rows.tobytes()) != self._rows.nbytes:
+                raise OSError(0, "no room")
+        except OSError as error:  # of no matter to a run that nobody asks
+            self._lost = f"the folder for temporary files, {tempfile.gettempdir()}, cannot be written: {error.strerror}"
