@@ -4,14 +4,12 @@ Knows triangles, surfaces, poses and boxes; nothing of CAD, names, mass or viewe
 """
 
 from collision.classify import PairClass, classify
-from collision.contact import CONTACT_DTYPE
+from collision.contact import CONTACT_DTYPE, PENETRATION_DTYPE, TimeOfImpact
 from collision.errors import CollisionError, MeshError, PoseError, UnknownObjectError
 from collision.manager import CollisionManager
 from collision.mesh import SurfaceMesh
-from collision.penetration import PENETRATION_DTYPE
-from collision.query import PairQuery, colliding_surfaces
+from collision.query import colliding_surfaces
 from collision.statistics import Statistics
-from collision.sweep import TimeOfContact
 from collision.tolerance import Tolerance
 
 __all__ = [
@@ -21,11 +19,10 @@ __all__ = [
     "CollisionManager",
     "MeshError",
     "PairClass",
-    "PairQuery",
     "PoseError",
     "Statistics",
     "SurfaceMesh",
-    "TimeOfContact",
+    "TimeOfImpact",
     "Tolerance",
     "UnknownObjectError",
     "classify",

@@ -2,7 +2,7 @@
 
 With the tolerance tol = `Tolerance.linear` + the deflections of the two tessellations, two surfaces are in
 
-- clash, if they meet and reach deeper than tol into one another (see `collision.penetration`);
+- clash, if they meet and reach deeper than tol into one another (see `collision.query.penetration`);
 - contact, if they meet less deeply, or are at most `Tolerance.linear` apart: flush faces, a faceted bolt in its bore;
 - clearance, if they are farther apart than that, but nearer than the clearance asked for.
 
@@ -20,10 +20,8 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from collision.containment import contains, inside, signed_distances, solid_of
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
-from collision.penetration import penetration
 from collision.proximity import clearance as clearance_of
 from collision.proximity import pair_contacts
 
@@ -98,7 +96,7 @@ def classify(
         rows = pair_contacts(manager, i, j, max(clearance, tolerance))
         depths = {}
         if (rows["distance"] == 0.0).any():
-            depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in penetration(manager, i, j)}
+            depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in manager.penetration(i, j)}
         pairs: list[PairClass] = []
         for row in rows:
             surfaces = int(row["surface_a"]), int(row["surface_b"])
@@ -124,6 +122,8 @@ def classify(
 
 def _with_open_ones_named(manager: CollisionManager, pairs: list[PairClass], called: dict[int, str]) -> list[PairClass]:
     """The pairs of two objects; what one has inside the other says so if it is not closed."""
+    from collision.solid import solid_of
+
     gaps = [
         f"{called[i]} is not closed: what is inside it is told by its winding number"
         for i in pairs[0].objects
@@ -162,6 +162,9 @@ def _as_a_whole(
     manager: CollisionManager, i: int, j: int, touching: bool, near: float, meant: bool, called: dict[int, str]
 ) -> PairClass | None:
     """Containment, or common material of parts whose surfaces only touch."""
+    from collision.query.containment import inside
+    from collision.query.signed_distance import signed_distances
+
     mesh_i, mesh_j = manager.mesh(i), manager.mesh(j)
     world, pose = manager.pose(i), manager.relative_pose(i, j)
     if not touching:
@@ -169,7 +172,7 @@ def _as_a_whole(
             (i, j, mesh_i, mesh_j, pose),
             (j, i, mesh_j, mesh_i, pose.inverse()),
         ):
-            if contains(manager, outer, inner):
+            if manager.contains(outer, inner):
                 points = other.vertices @ move.rotation.T + move.translation
                 depths = -signed_distances(mesh, points)
                 deepest = int(np.argmax(depths))

@@ -9,23 +9,20 @@ from __future__ import annotations
 
 from typing import Final
 
-from numba import njit
-
-from collision.predicates import INNER, ORIENT3D, TINY
+from collision.numeric.kernel import inner_kernel
+from collision.predicates import ORIENT3D, TINY
 
 APART: Final = 0
 MEET: Final = 1
 IN_DOUBT: Final = -1
 
-_INLINE: Final = INNER | {"forceinline": True}
 
-
-@njit(**_INLINE)
+@inner_kernel(forceinline=True)
 def _minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@njit(**_INLINE)
+@inner_kernel(forceinline=True)
 def _plane(e, f):
     """e × f, and what its terms add up to in absolute value."""
     yz, zy = e[1] * f[2], e[2] * f[1]
@@ -34,7 +31,7 @@ def _plane(e, f):
     return (yz - zy, zx - xz, xy - yx), (abs(yz) + abs(zy), abs(zx) + abs(xz), abs(xy) + abs(yx))
 
 
-@njit(**_INLINE)
+@inner_kernel(forceinline=True)
 def _above(d, plane):
     """1 if d · (e × f) is positive, -1 if negative, 0 in doubt."""
     n, m = plane
@@ -43,7 +40,7 @@ def _above(d, plane):
     return int(det > bound) - int(det < -bound)
 
 
-@njit(**_INLINE)
+@inner_kernel(forceinline=True)
 def _turned(p, q, r, sp, sq, sr):
     """A triangle turned, keeping its sense, until p is alone on its side, and that side; no sign may be 0."""
     if sp == sq:
@@ -53,7 +50,7 @@ def _turned(p, q, r, sp, sq, sr):
     return p, q, r, sp
 
 
-@njit(**_INLINE)
+@inner_kernel(forceinline=True)
 def arranged(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr):
     """Both triangles turned until p is alone on its side of the other's plane, the other mirrored until that side is
     the positive one: Guigue & Devillers' canonical form. s, t: the signs of the corners, none of them 0."""
@@ -66,7 +63,7 @@ def arranged(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr):
     return p1, q1, r1, p2, q2, r2
 
 
-@njit(**INNER)
+@inner_kernel
 def verdict(p1, q1, r1, p2, q2, r2):
     """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common: `MEET`, `APART` or `IN_DOUBT`.
 

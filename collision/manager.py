@@ -10,22 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from collision import poses as _poses
+from collision.contact import CONTACT_DTYPE
 from collision.errors import CollisionError, PoseError, UnknownObjectError
 from collision.mesh import SurfaceMesh
-from collision.query import METHODS, Method, Remembered, ask_many, examine
-from collision.shape import ShapeMesh, mesh_of_shape
+from collision.query import METHODS, Method, examine
+from collision.reference.shape import ShapeMesh, mesh_of_shape
 from collision.statistics import Statistics
 from collision.tolerance import Tolerance
-from collision.tree import bounds_of
 
 if TYPE_CHECKING:
     import pinocchio as pin
 
-    from collision.objects import ObjectTree
-    from collision.sweep import TimeOfContact
-
-
-NONE: NDArray[np.int32] = np.empty((0, 2), np.int32)
+    from collision.contact import TimeOfImpact
 
 
 class CollisionManager:
@@ -52,18 +48,20 @@ class CollisionManager:
         """the tolerance for poses of one object in another's frame: they were checked as they came in"""
         self.method: Method = method
         self.cross_check_every = 64 if cross_check is True else int(cross_check)
+        from collision.broad_phase import BroadPhase, bodies_for
+        from collision.narrow_phase import NarrowPhase
+
         self._meshes: list[SurfaceMesh | None] = []
-        self._movable: list[bool] = []
-        self._pose, self._own = np.empty((0, 12)), np.empty((0, 7))
-        self._box, self._radius = np.empty((0, 6)), np.empty(0)
-        self._stale = np.empty(0, np.bool_)  # whose world box is behind its pose
-        self._version = np.empty(0, np.int64)  # how often each was moved
-        self._trees: tuple[ObjectTree, ObjectTree] | None = None  # of the movable objects, and of the others
-        self._remembered: dict[tuple[int, int], Remembered] = {}
-        self._ignored: set[tuple[int, int]] = set()
+        self._bodies = bodies_for(16)
+        self._version: list[int] = []  # how often each object was moved
+        self._broad, self._narrow = BroadPhase(), NarrowPhase()
+        self._shapes = False  # whether any object is or was no mesh
+        self._changed = True  # whether objects came or went since the broad phase was last asked
+        self._last: NDArray[np.int32] | None = None  # the last answer about all objects, if nothing has changed since
+        self._ignored: set[int] = set()  # 2^32·i + j
         self._ignored_surfaces: dict[tuple[int, int], set[tuple[int, int]]] = {}
         self._heeded: dict[tuple[int, int], NDArray[np.uint8]] = {}  # the same as tables, as they are asked for
-        self._statistics = Statistics()
+        self._statistics = Statistics()  # of what was not asked of the narrow phase, less what was before a reset
         self._answers = 0
 
     # --- objects -----------------------------------------------------------------------------------------------------
@@ -75,19 +73,17 @@ class CollisionManager:
             raise CollisionError(
                 f"object {i} is a {type(mesh).__name__}; give a SurfaceMesh, or a shape to `add_shape`"
             )
+        from collision.broad_phase import bodies_for
+        from collision.bvh.build import bounds_of
+
         packed = _poses.pack(pose, f"object {i} ({mesh.name})", i, self.tolerance.rigid)
+        if i == len(self._bodies.pose):
+            self._bodies = bodies_for(2 * i, self._bodies)
         self._meshes.append(mesh)
-        self._movable.append(movable)
-        if i == len(self._pose):
-            more = max(16, i)
-            self._pose = np.concatenate([self._pose, np.empty((more, 12))])
-            self._own = np.concatenate([self._own, np.empty((more, 7))])
-            self._box = np.concatenate([self._box, np.empty((more, 6))])
-            self._radius = np.concatenate([self._radius, np.empty(more)])
-            self._stale = np.concatenate([self._stale, np.zeros(more, np.bool_)])
-            self._version = np.concatenate([self._version, np.zeros(more, np.int64)])
-        self._pose[i], self._own[i], self._stale[i] = packed, bounds_of(mesh), True
-        self._trees = None
+        self._shapes |= isinstance(mesh, ShapeMesh)
+        self._version.append(0)
+        self._bodies.pose[i], self._bodies.own[i], self._bodies.movable[i] = packed, bounds_of(mesh), movable
+        self._changed, self._last = True, None
         return i
 
     def add_shape(self, shape: Any, pose: pin.SE3 | ArrayLike, movable: bool = True, name: str | None = None) -> int:
@@ -102,10 +98,9 @@ class CollisionManager:
         """Take an object out; its id is not used again."""
         self.mesh(i)
         self._meshes[i] = None
-        self._stale[i] = False
-        self._trees = None
-        self._remembered = {pair: v for pair, v in self._remembered.items() if i not in pair}
-        self._ignored = {pair for pair in self._ignored if i not in pair}
+        self._changed, self._last = True, None
+        self._narrow.forget(lambda a, b: i not in (a, b))
+        self._ignored = {key for key in self._ignored if i not in _ids(key)}
         self._ignored_surfaces = {pair: v for pair, v in self._ignored_surfaces.items() if i not in pair}
         self._heeded = {pair: v for pair, v in self._heeded.items() if i not in pair}
 
@@ -129,27 +124,26 @@ class CollisionManager:
     def movable(self, i: int) -> bool:
         """Whether an object may move."""
         self.mesh(i)
-        return self._movable[i]
+        return bool(self._bodies.movable[i])
 
     def pose(self, i: int) -> pin.SE3:
         """The pose of an object in the world."""
         self.mesh(i)
-        return _poses.unpack(self._pose[i])
+        return _poses.unpack(self._bodies.pose[i])
 
     def set_pose(self, i: int, pose: pin.SE3 | ArrayLike) -> None:
         """Move an object. An object that is not movable may be placed anew as well."""
         mesh = self.mesh(i)
-        self._pose[i] = _poses.pack(pose, f"object {i} ({mesh.name})", i, self.tolerance.rigid)
-        self._stale[i] = True
+        matrix = getattr(pose, "homogeneous", None)
+        if matrix is None or not self._broad.place(self._bodies, i, matrix, self.tolerance.rigid):
+            packed = _poses.pack(pose, f"object {i} ({mesh.name})", i, self.tolerance.rigid)
+            self._bodies.pose[i], self._bodies.stale[i] = packed, True
         self._version[i] += 1
+        self._last = None
 
     def set_poses(self, ids: Sequence[int] | NDArray[np.integer], poses: Sequence[pin.SE3] | ArrayLike) -> None:
         """Move many objects at once; poses: as many `pinocchio.SE3`, or (n, 4, 4). All are moved, or none."""
-        from collision.objects import take_poses
-
-        for k in ids.tolist() if isinstance(ids, np.ndarray) else ids:
-            self.mesh(k)
-        where = np.asarray(ids, np.int64)
+        where = self._ids(ids)
         try:
             if not isinstance(poses, np.ndarray):
                 poses = [getattr(pose, "homogeneous", pose) for pose in poses]  # type: ignore[union-attr]
@@ -158,52 +152,63 @@ class CollisionManager:
             matrices = np.empty(0)
         if where.ndim != 1 or matrices.shape != (len(where), 4, 4):
             raise PoseError(f"{where.shape} ids take as many poses, (n, 4, 4), not {matrices.shape}")
-        packed = np.empty((len(where), 12))
-        bad = take_poses(matrices, self.tolerance.rigid, packed)
+        packed, bad = self._broad.packed(matrices, self.tolerance.rigid)
         if bad >= 0:
             i = int(where[bad])
             _poses.pack(matrices[bad], f"object {i} ({self.mesh(i).name})", i, self.tolerance.rigid)  # raises
-        self._pose[where] = packed
-        self._stale[where] = True
-        self._version[where] += 1
+        self._bodies.pose[where] = packed
+        self._bodies.stale[where] = True
+        version = self._version
+        for i in where.tolist():
+            version[i] += 1
+        self._last = None
+
+    def _ids(self, ids: Sequence[int] | NDArray[np.integer]) -> NDArray[np.int64]:
+        """Checked ids as an array."""
+        for k in ids.tolist() if isinstance(ids, np.ndarray) else ids:
+            self.mesh(k)
+        return np.asarray(ids, np.int64)
 
     def world_boxes(self) -> NDArray[np.float64]:
         """(n, 6) least and greatest corners of boxes that hold the objects, by id; none too small by rounding."""
-        self._current_trees()
-        return self._box[: len(self._meshes)]
+        self._follow()
+        return self._bodies.box[: len(self._meshes)]
 
     def relative_pose(self, i: int, j: int) -> pin.SE3:
         """The pose of object j in the frame of object i, by which its vertices are moved once."""
         self.mesh(i), self.mesh(j)
-        from collision.objects import relative_poses
-
-        out = np.empty((1, 12))
-        relative_poses(self._pose, np.array([[i, j]], np.int32), out)
-        return _poses.unpack(out[0])
+        return _poses.unpack(self._broad.relative_poses(self._bodies.pose, np.array([[i, j]], np.int32))[0])
 
     # --- what is left out --------------------------------------------------------------------------------------------
 
     def ignore(self, i: int, j: int) -> None:
         """Leave the pair of objects out of every answer until `heed(i, j)`."""
-        self._ignored.add(self._pair(i, j))
+        self._ignored.add(_key(*self._pair(i, j)))
+        self._last = None
 
     def heed(self, i: int, j: int) -> None:
         """Take the pair of objects back in."""
-        self._ignored.discard(self._pair(i, j))
+        self._ignored.discard(_key(*self._pair(i, j)))
+        self._last = None
 
     def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None:
         """Leave every pair of a surface of i among `surfaces_i` and one of j among `surfaces_j` out of every answer."""
         self._ignored_surfaces.setdefault(self._pair(i, j), set()).update(self._products(i, surfaces_i, j, surfaces_j))
-        for pair in ((i, j), (j, i)):
-            self._heeded.pop(pair, None)
+        self._enabled_anew(i, j)
 
     def heed_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None:
         """Take those pairs of surfaces back in."""
         self._ignored_surfaces.get(self._pair(i, j), set()).difference_update(
             self._products(i, surfaces_i, j, surfaces_j)
         )
+        self._enabled_anew(i, j)
+
+    def _enabled_anew(self, i: int, j: int) -> None:
+        """Forget what was made of the pairs of surfaces that are left out."""
         for pair in ((i, j), (j, i)):
             self._heeded.pop(pair, None)
+        self._narrow.forget(lambda a, b: (a, b) not in ((i, j), (j, i)))
+        self._last = None
 
     @property
     def ignores(self) -> bool:
@@ -212,7 +217,7 @@ class CollisionManager:
 
     def ignored(self, i: int, j: int) -> bool:
         """Whether the pair of objects is left out as a whole."""
-        return self._pair(i, j) in self._ignored
+        return _key(*self._pair(i, j)) in self._ignored
 
     def ignored_surfaces(self, i: int, j: int) -> frozenset[tuple[int, int]]:
         """The pairs of surfaces left out, as (surface of the lower id, surface of the higher)."""
@@ -260,46 +265,39 @@ class CollisionManager:
         Pairs of which neither may move or that are ignored are left out, and, if `objects` are given, pairs without
         one of them. Conservative: never misses a pair; may hold pairs whose triangles are farther apart.
         """
-        from collision.objects import near_pairs
-
-        if not within >= 0.0:
-            raise CollisionError(f"within is {within!r}; give a distance of at least 0 m")
-        n = len(self._meshes)
-        chosen = np.full(n, objects is None)
-        for i in objects if objects is not None else ():
-            self.mesh(i)
-            chosen[i] = True
-        movers, fixed = self._current_trees()
-        pairs = np.empty((4 * n + 64, 2), np.int32)
-        arguments = (*movers.arrays, *fixed.arrays, self._box, self._radius, within, chosen)
-        while (found := near_pairs(*arguments, pairs)) > len(pairs):
-            pairs = np.empty((found, 2), np.int32)
-        pairs = pairs[:found]
-        pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-        if self._ignored:
-            pairs = pairs[[pair not in self._ignored for pair in map(tuple, pairs.tolist())]]
+        _check_within(within)
+        keys = self._near(objects, within)
+        pairs = np.empty((len(keys), 2), np.int32)
+        pairs[:, 0], pairs[:, 1] = keys >> 32, keys & 0xFFFFFFFF
         return pairs
 
-    def _current_trees(self) -> tuple[ObjectTree, ObjectTree]:
-        from collision.objects import ObjectTree, move_world_boxes
+    def _near(self, objects: Iterable[int] | None, within: float = 0.0) -> NDArray[np.int64]:
+        """The pairs of objects as 2^32·i + j, sorted."""
+        n, chosen = len(self._meshes), None
+        if objects is not None:
+            chosen = np.zeros(n, np.bool_)
+            for i in objects:
+                self.mesh(i)
+                chosen[i] = True
+        self._begin()
+        keys = self._broad.near(self._bodies, n, within, chosen)
+        if self._ignored:
+            keys = keys[[key not in self._ignored for key in keys.tolist()]]
+        return keys
 
-        stale = self._stale[: len(self._meshes)]
-        if self._trees is None:
-            ids = np.array(self.objects, np.int64)
-            movable = np.array(self._movable, np.bool_)[ids]
-            self._trees = ObjectTree(ids[movable]), ObjectTree(ids[~movable])
-            stale[ids] = True
-        behind = [tree for tree in self._trees if stale[tree.ids].any()]
-        move_world_boxes(self._own, self._pose, stale, self._box, self._radius)
-        for tree in behind:
-            tree.follow(self._box)
-        return self._trees
+    def _begin(self) -> None:
+        """Tell the broad phase of objects that came or went."""
+        if self._changed:
+            self._broad.reset(np.array(self.objects, np.int64), self._bodies)
+            self._changed = False
+
+    def _follow(self) -> None:
+        """Bring boxes in the world up to date."""
+        self._begin()
+        self._broad.near(self._bodies, len(self._meshes), 0.0, None)
 
     def _has_shape(self, i: int, j: int) -> bool:
         return isinstance(self._meshes[i], ShapeMesh) or isinstance(self._meshes[j], ShapeMesh)
-
-    def _method(self, i: int, j: int) -> Method:
-        return "coal" if self._has_shape(i, j) else self.method
 
     def colliding_surfaces(self, objects: Iterable[int] | None = None) -> NDArray[np.int32]:
         """All pairs of surfaces that meet, exactly: (k, 4) int32 rows object, surface, object, surface, sorted.
@@ -309,98 +307,155 @@ class CollisionManager:
         Pairs of objects of which neither moved since they were last asked are not asked again. With enough others, two
         threads share them; answers do not depend on it.
         """
-        object_pairs = self.object_pairs(objects)
-        answers = self._answer(object_pairs)
-        rows = np.empty((sum(map(len, answers)), 4), np.int32)
-        end = 0
-        for (i, j), pairs in zip(object_pairs.tolist(), answers, strict=True):
-            begin, end = end, end + len(pairs)
-            rows[begin:end, 0], rows[begin:end, 2] = i, j
-            rows[begin:end, 1::2] = pairs
-        if not self._ignored_surfaces:
-            return rows
-        none: set[tuple[int, int]] = set()
-        heeded = [(b, d) not in self._ignored_surfaces.get((a, c), none) for a, b, c, d in rows.tolist()]
-        return rows[np.array(heeded, np.bool_)]
+        if objects is None and self._last is not None and not self.cross_check_every:
+            return self._last.copy()
+        keys = self._near(objects).tolist()
+        by_tree = keys
+        if self.method != "best" or self._shapes:
+            by_tree = [] if self.method != "best" else [key for key in keys if not self._has_shape(*_ids(key))]
+        rows = self._narrow.intersecting(by_tree, self._meshes, self._version, self._bodies.pose, self.heeded_surfaces)
+        if by_tree is not keys:
+            answers = dict(zip(by_tree, rows, strict=True))
+            rows = [answers[key] if key in answers else self._examined(*_ids(key)) for key in keys]
+        if len(self._narrow.pairs) > 4 * len(keys) + 1024 and objects is None:  # what has long gone apart
+            near = set(keys)
+            self._narrow.forget(lambda i, j: _key(i, j) in near)
+        if self.cross_check_every:
+            self._cross_check(keys, rows)
+        answer = np.concatenate(rows) if len(rows) > 1 else rows[0].copy() if rows else np.empty((0, 4), np.int32)
+        if objects is None:
+            self._last = answer
+            return answer.copy()
+        return answer
 
-    def _answer(self, pairs: NDArray[np.int32]) -> list[NDArray[np.int32]]:
-        """For each pair of objects the pairs of surfaces that meet."""
-        from collision.objects import relative_poses
+    def _examined(self, i: int, j: int) -> NDArray[np.int32]:
+        """The rows of a pair of objects by another method than the hierarchy."""
+        method: Method = "coal" if self._has_shape(i, j) else self.method
+        pairs, cost = examine(self.mesh(i), self.mesh(j), self.relative_pose(i, j), method, self.checked)
+        self._statistics += cost
+        enabled = self.heeded_surfaces(i, j)
+        if enabled is not None:
+            pairs = pairs[enabled[pairs[:, 0], pairs[:, 1]] != 0]
+        rows = np.empty((len(pairs), 4), np.int32)
+        rows[:, 0], rows[:, 2], rows[:, 1::2] = i, j, pairs
+        return rows
 
-        poses = np.empty((len(pairs), 12))
-        relative_poses(self._pose, pairs, poses)
-        answers: list[NDArray[np.int32]] = [NONE] * len(pairs)
-        fast = []
-        for k, (i, j) in enumerate(pairs.tolist()):
-            if self._method(i, j) != "best":
-                pose = _poses.unpack(poses[k])
-                answers[k], cost = examine(self.mesh(i), self.mesh(j), pose, self._method(i, j), self.checked)
-                self._statistics += cost
-                continue
-            known = self._remembered.get((i, j))
-            if known is None:
-                known = self._remembered[i, j] = Remembered(self.mesh(i), self.mesh(j))
-            versions = int(self._version[i]), int(self._version[j])
-            if known.versions != versions:
-                known.asked = versions
-                fast.append((known, poses[k]))
-        if len(self._remembered) > 4 * len(pairs) + 1024:  # what has long gone apart
-            current = set(map(tuple, pairs.tolist()))
-            self._remembered = {pair: known for pair, known in self._remembered.items() if pair in current}
-        self._statistics += ask_many(fast)
-        for k, (i, j) in enumerate(pairs.tolist()):
-            if self._method(i, j) == "best":
-                answers[k] = self._remembered[i, j].pairs
-        self._cross_check(pairs, poses, answers)
-        return answers
+    def _cross_check(self, keys: list[int], rows: list[NDArray[np.int32]]) -> None:
+        from collision.reference.oracle import cross_check
 
-    def _cross_check(
-        self, pairs: NDArray[np.int32], poses: NDArray[np.float64], answers: list[NDArray[np.int32]]
-    ) -> None:
-        if not self.cross_check_every:
-            return
-        from collision.oracle import cross_check
-
-        for (i, j), pose, answer in zip(pairs.tolist(), poses, answers, strict=True):
+        for key, answer in zip(keys, rows, strict=True):
+            i, j = _ids(key)
             self._answers += 1
             if self._answers % self.cross_check_every == 0 and not self._has_shape(i, j):
-                cross_check(self.mesh(i), self.mesh(j), _poses.unpack(pose), answer, tolerance=self.checked)
+                pose, enabled = self.relative_pose(i, j), self.heeded_surfaces(i, j)
+                cross_check(self.mesh(i), self.mesh(j), pose, answer[:, 1::2], enabled=enabled, tolerance=self.checked)
 
     def contacts(self, within: float = 0.0, objects: Iterable[int] | None = None) -> NDArray[Any]:
-        """All pairs of surfaces at a distance of at most `within` metres: `CONTACT_DTYPE` rows with witness points."""
-        from collision.proximity import contacts
+        """All pairs of surfaces at a distance of at most `within` metres: `CONTACT_DTYPE` rows with witness points.
 
-        return contacts(self, within, objects)
+        Sorted by the four ids, in the world frame. objects: only pairs with at least one of these; None for all. Left
+        out is what `colliding_surfaces` leaves out. Pairs of objects that have not moved are not asked again.
+
+        Raises
+        ------
+        CollisionError: `within` is negative or no number.
+        """
+        _check_within(within)
+        return self._contacts(self._near(objects, within).tolist(), within)
+
+    def pair_contacts(self, i: int, j: int, within: float) -> NDArray[Any]:
+        """The rows of `contacts` for one pair of objects, i < j."""
+        return self._contacts([_key(i, j)], within)
+
+    def _contacts(self, keys: list[int], within: float) -> NDArray[Any]:
+        by_tree = keys
+        if self._shapes:
+            by_tree = [key for key in keys if not self._has_shape(*_ids(key))]
+        rows = self._narrow.contacts(
+            by_tree, self._meshes, self._version, self._bodies.pose, self.heeded_surfaces, float(within)
+        )
+        if by_tree is not keys:
+            answers = dict(zip(by_tree, rows, strict=True))
+            rows = [answers[key] if key in answers else self._shape_contacts(*_ids(key), within) for key in keys]
+        return np.concatenate(rows) if len(rows) > 1 else rows[0].copy() if rows else np.empty(0, CONTACT_DTYPE)
+
+    def _shape_contacts(self, i: int, j: int, within: float) -> NDArray[Any]:
+        from collision.reference.oracle import surface_contacts
+
+        pose, heeded = self.relative_pose(i, j), self.heeded_surfaces(i, j)
+        rows = surface_contacts(self.mesh(i), self.mesh(j), pose, within, heeded, self.checked)
+        return self._to_world(i, j, rows)
+
+    def _to_world(self, i: int, j: int, rows: NDArray[Any]) -> NDArray[Any]:
+        pose = self.pose(i)
+        rows["object_a"], rows["object_b"] = i, j
+        for point in ("point_a", "point_b"):
+            rows[point] = rows[point] @ pose.rotation.T + pose.translation
+        return rows
 
     def clearance(self, i: int, j: int, surface_i: int | None = None, surface_j: int | None = None) -> NDArray[Any]:
-        """The least distance of two objects, or of a surface of either: one `CONTACT_DTYPE` row with witness points."""
-        from collision.proximity import clearance
+        """The least distance of two objects, or of a surface of either: one `CONTACT_DTYPE` row with witness points.
 
-        return clearance(self, i, j, surface_i, surface_j)
+        In the world frame; `object_a` is the lower of the two ids, as in all rows. Nothing is left out: ignored pairs
+        have a clearance too. The distance is that of the surfaces: 0 where they meet, positive for an object wholly
+        inside another (see `contains`).
+
+        Raises
+        ------
+        UnknownObjectError, CollisionError: no such object or surface, or one object twice.
+        """
+        self._pair(i, j)
+        if i > j:
+            i, j, surface_i, surface_j = j, i, surface_j, surface_i
+        for k, surface in ((i, surface_i), (j, surface_j)):
+            if surface is not None:
+                self._surfaces(k, (surface,))
+        if self._has_shape(i, j):
+            from collision.proximity import mesh_clearance
+
+            pose = self.relative_pose(i, j)
+            row = mesh_clearance(self.mesh(i), self.mesh(j), pose, surface_i, surface_j, tolerance=self.checked)
+            assert row is not None  # nothing is beyond an infinite bound
+            return self._to_world(i, j, row)
+        surfaces = surface_i, surface_j
+        return self._narrow.clearance(_key(i, j), self._meshes, self._bodies.pose, self.heeded_surfaces, surfaces)
 
     def contains(self, i: int, j: int) -> bool:
-        """Whether object j lies wholly inside object i, no surfaces meeting; see `collision.containment`."""
-        from collision.containment import contains
+        """Whether object j lies wholly inside object i, no surfaces meeting; see `collision.query.containment`."""
+        from collision.query.containment import contains
 
         return contains(self, i, j)
 
     def penetration(self, i: int, j: int) -> NDArray[Any]:
-        """Depth and direction of every pair of surfaces of two objects that penetrate; see `collision.penetration`."""
-        from collision.penetration import penetration
+        """Depth and direction of every pair of surfaces of two objects that penetrate; see `query.penetration`."""
+        from collision.query.penetration import penetration
 
         return penetration(self, i, j)
 
-    def time_of_contact(self, moves: Mapping[int, pin.SE3], deflection: float = 0.0) -> TimeOfContact:
-        """First contact on the way of the given objects to the given poses; see `collision.sweep`."""
-        from collision.sweep import time_of_contact
+    def time_of_contact(self, moves: Mapping[int, pin.SE3], deflection: float = 0.0) -> TimeOfImpact:
+        """First contact on the way of the given objects to the given poses; see `collision.query.time_of_impact`."""
+        from collision.query.time_of_impact import time_of_impact
 
-        return time_of_contact(self, moves, deflection)
+        return time_of_impact(self, moves, deflection)
 
     @property
     def statistics(self) -> Statistics:
         """Counts of all questions since the beginning, or since `reset_statistics()`."""
-        return self._statistics
+        return self._statistics + self._narrow.statistics
 
     def reset_statistics(self) -> None:
         """Begin the counts anew."""
-        self._statistics = Statistics()
+        self._statistics = Statistics() - self._narrow.statistics
+
+
+def _key(i: int, j: int) -> int:
+    return i << 32 | j
+
+
+def _ids(key: int) -> tuple[int, int]:
+    return key >> 32, key & 0xFFFFFFFF
+
+
+def _check_within(within: float) -> None:
+    if not within >= 0.0:
+        raise CollisionError(f"within is {within!r}; give a distance of at least 0 m")

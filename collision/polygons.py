@@ -10,24 +10,17 @@ goes to `_touching`, which asks whether an edge of one meets the other.
 
 from __future__ import annotations
 
-from typing import Final
-
-from numba import njit, types
-
 from collision.filtered import IN_DOUBT, MEET, arranged, verdict
-from collision.predicates import INNER, KERNEL, orient2d, orient3d
-
-POINT: Final = types.UniTuple(types.float64, 3)
-SPACE: Final = types.float64[::1]
-_INT, _BOOL = types.int64, types.boolean
+from collision.numeric.kernel import inner_kernel
+from collision.predicates import orient2d, orient3d
 
 
-@njit(_INT(POINT, POINT, POINT, POINT, SPACE), **INNER)
+@inner_kernel
 def _side(a, b, c, d, w):
     return orient3d(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2], w)
 
 
-@njit(_INT(POINT, POINT, POINT, _INT, SPACE), **INNER)
+@inner_kernel
 def _turn(a, b, c, axis, w):
     """orient2d of the points seen along `axis` (0 … 2)."""
     if axis == 0:
@@ -37,7 +30,7 @@ def _turn(a, b, c, axis, w):
     return orient2d(a[0], a[1], b[0], b[1], c[0], c[1], w)
 
 
-@njit(_BOOL(POINT, POINT, POINT, _INT, POINT, POINT, POINT, _INT, SPACE), **INNER)
+@inner_kernel
 def _beyond_an_edge(a, b, c, turn, p, q, r, axis, w):
     """Whether an edge of the plane triangle a b c has all of p q r strictly on its outer side."""
     return (
@@ -47,12 +40,12 @@ def _beyond_an_edge(a, b, c, turn, p, q, r, axis, w):
     )
 
 
-@njit(_BOOL(POINT, POINT, POINT, POINT, _INT), **INNER)
+@inner_kernel
 def _ranges_meet(p, q, a, b, d):
     return min(p[d], q[d]) <= max(a[d], b[d]) and min(a[d], b[d]) <= max(p[d], q[d])
 
 
-@njit(_BOOL(POINT, POINT, POINT, POINT, SPACE), **INNER)
+@inner_kernel
 def _segments_meet(p, q, a, b, w):
     """Whether two closed segments in space meet; either may be a point."""
     if _side(p, q, a, b, w) != 0:
@@ -67,7 +60,7 @@ def _segments_meet(p, q, a, b, w):
     return _ranges_meet(p, q, a, b, 0) and _ranges_meet(p, q, a, b, 1) and _ranges_meet(p, q, a, b, 2)  # on one line
 
 
-@njit(_BOOL(POINT, POINT, _INT, _INT, POINT, POINT, POINT, SPACE), **INNER)
+@inner_kernel
 def _segment_meets(p, q, sp, sq, a, b, c, w):
     """Whether the segment p q, whose ends lie on the sides sp and sq of the plane of a b c, meets that triangle."""
     if sp * sq > 0:
@@ -90,7 +83,7 @@ def _segment_meets(p, q, sp, sq, a, b, c, w):
     return False
 
 
-@njit(_BOOL(POINT, POINT, POINT, _INT, _INT, _INT, POINT, POINT, POINT, _INT, _INT, _INT, SPACE), **INNER)
+@inner_kernel
 def _touching(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr, w):
     """The same where a corner lies in the other's plane: coplanar, touching or degenerate triangles."""
     if sp == 0 and sq == 0 and sr == 0 and tp == 0 and tq == 0 and tr == 0:
@@ -112,7 +105,7 @@ def _touching(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr, w):
     )
 
 
-@njit(_BOOL(POINT, POINT, POINT, POINT, POINT, POINT, SPACE), **INNER)
+@inner_kernel
 def _meet(p1, q1, r1, p2, q2, r2, w):
     """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common."""
     sp = _side(p2, q2, r2, p1, w)
@@ -131,7 +124,7 @@ def _meet(p1, q1, r1, p2, q2, r2, w):
     return _side(p1, q1, p2, q2, w) <= 0 and _side(p1, r1, r2, p2, w) <= 0
 
 
-@njit(_BOOL(POINT, POINT, POINT, POINT, POINT, POINT, SPACE), **KERNEL)
+@inner_kernel
 def triangles_meet(p1, q1, r1, p2, q2, r2, w):
     """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common, exactly, though mostly by float64."""
     known = verdict(p1, q1, r1, p2, q2, r2)

@@ -55,3 +55,10 @@ def unpack(packed: NDArray[np.float64]) -> Any:
     import pinocchio as pin
 
     return pin.SE3(packed[:9].reshape(3, 3), packed[9:].copy())
+
+
+def matrix_of(packed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The (4, 4) matrix of a (12,) pose."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = packed[:9].reshape(3, 3), packed[9:]
+    return matrix

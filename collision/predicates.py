@@ -6,25 +6,18 @@ Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997;
 Exact as long as no product over- or underflows: coordinates of magnitude 0, or from 1e-70 to 1e70.
 
 Kernels (numba, no fastmath: a fused multiply-add would break the error-free transformations). They share a workspace
-`w` of `WORKSPACE` float64, one a thread; `w[FALLBACKS]` counts the signs that needed exact arithmetic. Signatures are
-written out because numba else compiles a kernel anew for every constant argument.
+`w` of `WORKSPACE` float64, one a thread; `w[FALLBACKS]` counts the signs that needed exact arithmetic.
 """
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-import collision.compiling  # noqa: F401, says so on standard error
+from collision.numeric.kernel import inner_kernel, kernel
 
-KERNEL: Final[dict[str, Any]] = {"cache": True, "nogil": True, "_nrt": False}
-"""How kernels are compiled that allocate nothing. Without `_nrt`, numba counts references to every array at every call:
-measured, that was two thirds of a query."""
-INNER: Final[dict[str, Any]] = KERNEL | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""The same for kernels that only kernels call: a third less to compile."""
 WORKSPACE: Final = 1024
 """float64 a thread needs"""
 FALLBACKS: Final = WORKSPACE - 1
@@ -55,7 +48,7 @@ def workspace() -> NDArray[np.float64]:
     return np.zeros(WORKSPACE)
 
 
-@njit("int64(float64[::1], int64, float64, float64)", **INNER)
+@inner_kernel
 def _difference(w, h, a, b):
     """Place a - b at `w[h]` without error; its length, 0 … 2 (figure 6, Two-Diff)."""
     x = a - b
@@ -72,7 +65,7 @@ def _difference(w, h, a, b):
     return n
 
 
-@njit("int64(float64[::1], int64, int64, int64, int64, float64, int64)", **INNER)
+@inner_kernel
 def _sum(w, e, ne, f, nf, sign, h):
     """Place e + sign·f at `w[h]`, zeros left out; its length (figure 8, Fast-Expansion-Sum)."""
     if ne == 0:
@@ -109,7 +102,7 @@ def _sum(w, e, ne, f, nf, sign, h):
     return n
 
 
-@njit("int64(float64[::1], int64, int64, float64, int64)", **INNER)
+@inner_kernel
 def _scale(w, e, ne, b, h):
     """Place e·b at `w[h]`, zeros left out; its length, at most 2·ne (figure 13, Scale-Expansion)."""
     c = SPLITTER * b
@@ -148,7 +141,7 @@ def _scale(w, e, ne, b, h):
     return n
 
 
-@njit("int64(float64[::1], int64, int64, int64, int64, int64)", **INNER)
+@inner_kernel
 def _product(w, e, ne, f, nf, h):
     """Place e·f at `w[h]`, where f has at most two components and e at most sixteen; its length."""
     n = 0
@@ -160,7 +153,7 @@ def _product(w, e, ne, f, nf, h):
     return n
 
 
-@njit("int64(float64[::1], int64, int64)", **INNER)
+@inner_kernel
 def _sign(w, e, ne):
     """The sign of an expansion is that of its greatest component."""
     if ne == 0:
@@ -168,7 +161,7 @@ def _sign(w, e, ne):
     return 1 if w[e + ne - 1] > 0.0 else -1
 
 
-@njit("int64(" + "float64, " * 6 + "float64[::1])", **INNER)
+@inner_kernel
 def _orient2d_exact(ax, ay, bx, by, cx, cy, w):
     w[FALLBACKS] += 1.0
     d = _DIFFERENCE
@@ -181,7 +174,7 @@ def _orient2d_exact(ax, ay, bx, by, cx, cy, w):
     return _sign(w, _MINOR, _sum(w, _LEFT, left, _RIGHT, right, -1.0, _MINOR))
 
 
-@njit("int64(" + "float64, " * 6 + "float64[::1])", **KERNEL)
+@kernel
 def orient2d(ax, ay, bx, by, cx, cy, w):
     """1 if a, b, c turn left, -1 if right, 0 if collinear."""
     left = (ax - cx) * (by - cy)
@@ -198,13 +191,13 @@ def orient2d(ax, ay, bx, by, cx, cy, w):
     return _orient2d_exact(ax, ay, bx, by, cx, cy, w)
 
 
-@njit("int64(float64[::1], int64, int64, int64)", **INNER)
+@inner_kernel
 def _entries(w, i, j, h):
     """Place the product of the differences i and j at `w[h]`; its length."""
     return _product(w, _DIFFERENCE + 2 * i, int(w[_LENGTH + i]), _DIFFERENCE + 2 * j, int(w[_LENGTH + j]), h)
 
 
-@njit("int64(" + "float64, " * 12 + "float64[::1])", **INNER)
+@inner_kernel
 def _orient3d_exact(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
     # loops, not three terms written out: the compiler would write out every step of each
     w[FALLBACKS] += 1.0
@@ -228,7 +221,7 @@ def _orient3d_exact(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
     return _sign(w, _TOTAL, total)
 
 
-@njit("int64(" + "float64, " * 12 + "float64[::1])", **KERNEL)
+@kernel
 def orient3d(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
     """1 if d lies below the plane of a, b, c (from above, a, b, c turn left), -1 if above, 0 if coplanar.
 

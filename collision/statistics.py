@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import astuple, dataclass
 
 
@@ -31,8 +30,3 @@ class Statistics:
 
     def __sub__(self, other: Statistics) -> Statistics:
         return Statistics(*(a - b for a, b in zip(astuple(self), astuple(other), strict=True)))
-
-    @staticmethod
-    def of(counts: Iterable[int]) -> Statistics:
-        """From the kernels' counters: five numbers in the order of the fields."""
-        return Statistics(*(int(c) for c in counts))

@@ -43,7 +43,7 @@ class Tolerance:
     """ISO 286 class, such as H7/g6, that a shaft and its bore have to make; empty for `clearance` alone"""
     rigid: float = 1e-6
     """1: greatest |RᵀR - I| entry of a rotation that counts as rigid."""
-    play: float = 0.1
+    slop: float = 0.1
     """1: share of `linear` by which surfaces in contact may come nearer as they slide, and a sweep's stop may be off"""
     gjk: float = 1e-10
     """m: what coal's own arithmetic is asked for (at its default of 1e-6 it reports contacts that there are not)"""

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from collision.numeric.kernel import inner_kernel, kernel
 
 Ints = NDArray[np.int64]
 
@@ -77,7 +78,7 @@ def eliminate(n: int, edges: Iterable[tuple[int, int]]) -> Elimination:
     )
 
 
-@njit(cache=True)
+@inner_kernel
 def _factor_block(blocks, k):
     """In-place Cholesky factor (lower) of the 6×6 diagonal block k; False where it is not positive."""
     D = blocks[k]
@@ -97,7 +98,7 @@ def _factor_block(blocks, k):
     return True
 
 
-@njit(cache=True)
+@kernel
 def factor(blocks, column, row, update, update_start):
     """In-place block Cholesky H = L Lᵀ; False where H is not positive definite. blocks (b, 6, 6): see `Elimination`."""
     n = len(column) - 1
@@ -130,7 +131,7 @@ def factor(blocks, column, row, update, update_start):
     return True
 
 
-@njit(cache=True)
+@kernel
 def substitute(blocks, column, row, x):
     """In-place solution of L Lᵀ x = x, x (n, 6) by columns."""
     n = len(column) - 1

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from collision.numeric.kernel import inner_kernel, kernel
 
 COINCIDENT = 0
 ON_LINE = 1
@@ -47,34 +47,34 @@ TWO_PI = 2.0 * math.pi
 NONE = (0.0, 0.0, 0.0)
 
 
-@njit(cache=True)
+@inner_kernel
 def _dot(x, y):
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
-@njit(cache=True)
+@inner_kernel
 def _cross(x, y):
     return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
 
 
-@njit(cache=True)
+@inner_kernel
 def _scaled(s, x):
     return s * x[0], s * x[1], s * x[2]
 
 
-@njit(cache=True)
+@inner_kernel
 def _plus(x, s, y):
     """x + s y."""
     return x[0] + s * y[0], x[1] + s * y[1], x[2] + s * y[2]
 
 
-@njit(cache=True)
+@inner_kernel
 def _turned(R, x):
     """R x, of a tuple of rows."""
     return _dot(R[0], x), _dot(R[1], x), _dot(R[2], x)
 
 
-@njit(cache=True)
+@inner_kernel
 def _turned_back(R, x):
     """Rᵀ x."""
     return (
@@ -84,13 +84,13 @@ def _turned_back(R, x):
     )
 
 
-@njit(cache=True)
+@inner_kernel
 def _row3(x, i, o):
     """Three numbers of x[i], from column o on."""
     return x[i, o], x[i, o + 1], x[i, o + 2]
 
 
-@njit(cache=True)
+@inner_kernel
 def _rows3(x, i):
     """Three rows of x[i] (3, 3)."""
     return (
@@ -100,7 +100,7 @@ def _rows3(x, i):
     )
 
 
-@njit(cache=True)
+@inner_kernel
 def _element(R, x, e, o):
     """Arm and frame, world axes, of the element at column o of x[e]."""
     arm = _turned(R, (x[e, o], x[e, o + 1], x[e, o + 2]))
@@ -109,13 +109,13 @@ def _element(R, x, e, o):
     return arm, (first, second, _turned(R, (x[e, o + 9], x[e, o + 10], x[e, o + 11])))
 
 
-@njit(cache=True)
+@inner_kernel
 def _along(axis, u):
     """u·X for a direction X that body a carries."""
     return _dot(axis, u), axis, _cross(axis, u), NONE
 
 
-@njit(cache=True)
+@inner_kernel
 def _aligned(A, B, sense):
     """D_b along sense·D_a: the rotation vector between them, on E1 and E2 (rad); sense 0 takes the nearer one."""
     c = _dot(A[2], B[2])
@@ -140,7 +140,7 @@ def _aligned(A, B, sense):
     return (k * x, NONE, _scaled(-1.0, first), first), (k * y, NONE, _scaled(-1.0, second), second)
 
 
-@njit(cache=True)
+@inner_kernel
 def _oriented(A, B):
     """The frames coincide: f = log(F_aᵀ F_b) (rad), df = Jlog(f) F_bᵀ (Ω_b - Ω_a)."""
     R = (_turned(B, A[0]), _turned(B, A[1]), _turned(B, A[2]))  # A Bᵀ: rows of A, B are the frames' axes
@@ -179,7 +179,7 @@ def _oriented(A, B):
     )
 
 
-@njit(cache=True)
+@inner_kernel
 def _angle(A, B):
     """Angle between D_a and D_b (rad, 0 … π)."""
     n = _cross(A[2], B[2])
@@ -188,7 +188,7 @@ def _angle(A, B):
     return math.atan2(sine, _dot(A[2], B[2])), NONE, _scaled(-1.0, turn), turn
 
 
-@njit(cache=True)
+@inner_kernel
 def _foot(A, u):
     """Unit vector from the axis of a to the point, at right angles to the axis, and how far it is."""
     out = _plus(u, -_dot(A[2], u), A[2])
@@ -196,21 +196,21 @@ def _foot(A, u):
     return (_scaled(1.0 / rho, out) if rho > 0.0 else A[0]), rho
 
 
-@njit(cache=True)
+@inner_kernel
 def _point_distance(A, u):
     """|u|."""
     f = math.sqrt(_dot(u, u))
     return f, (_scaled(1.0 / f, u) if f > 0.0 else A[0]), NONE, NONE
 
 
-@njit(cache=True)
+@inner_kernel
 def _line_distance(A, u):
     """Distance of P_b from the axis of a."""
     n, f = _foot(A, u)
     return f, n, _scaled(-_dot(A[2], u), _cross(A[2], n)), NONE
 
 
-@njit(cache=True)
+@inner_kernel
 def _lines_distance(A, B, u, side):
     """Distance between the axes of a and b along their common normal, positive on `side` (0: whichever it is on)."""
     n = _cross(A[2], B[2])
@@ -224,7 +224,7 @@ def _lines_distance(A, B, u, side):
     return s * x, _scaled(s, n), _cross(A[2], _cross(B[2], h)), _cross(B[2], _cross(h, A[2]))
 
 
-@njit(cache=True)
+@inner_kernel
 def _cone_distance(A, u, half_angle):
     """Signed distance of P_b from the cone of apex P_a, axis D_a: positive outside."""
     n, rho = _foot(A, u)
@@ -234,7 +234,7 @@ def _cone_distance(A, u, half_angle):
     return rho * c - h * s, _plus(_scaled(c, n), -s, A[2]), torque, NONE
 
 
-@njit(cache=True)
+@inner_kernel
 def _torus_distance(A, u, major):
     """Distance of P_b from the circle of radius `major` about D_a through P_a."""
     n, rho = _foot(A, u)
@@ -246,7 +246,7 @@ def _torus_distance(A, u, major):
     return q, _plus(_scaled(x, n), y, A[2]), _plus(_scaled(-x * h, _cross(A[2], n)), y, _cross(A[2], u)), NONE
 
 
-@njit(cache=True)
+@inner_kernel
 def _rim_height(A, B, u, radius):
     """Height over plane a of the lowest point of the circle of `radius` about D_b through P_b."""
     n = _cross(A[2], B[2])
@@ -255,20 +255,20 @@ def _rim_height(A, B, u, radius):
     return _dot(A[2], u) - radius * sine, A[2], _plus(_cross(A[2], u), k, n), _scaled(-k, n)
 
 
-@njit(cache=True)
+@inner_kernel
 def _wrapped(x, period):
     """x modulo the period, within half a period of nought."""
     return x - period * math.floor(x / period + 0.5)
 
 
-@njit(cache=True)
+@inner_kernel
 def _turning(x, y):
     """Slope of atan2(y, x) along its circle: 1 / (x² + y²), nought where the direction is lost."""
     square = x * x + y * y
     return 1.0 / square if square > 0.0 else 0.0
 
 
-@njit(cache=True)
+@inner_kernel
 def _helix(A, B, u, pitch, offset):
     """Advance along D_a less pitch times the turn of b's E1 about it, modulo one pitch (m)."""
     x = _dot(A[0], B[0])
@@ -279,7 +279,7 @@ def _helix(A, B, u, pitch, offset):
     return f, A[2], _plus(_cross(A[2], u), -1.0, w), w
 
 
-@njit(cache=True)
+@inner_kernel
 def _seen(F, u, k):
     """Direction of u in the frame F, as an angle about its axis, and k times its slopes by u and by the turn of F."""
     x, y = _dot(F[0], u), _dot(F[1], u)
@@ -289,7 +289,7 @@ def _seen(F, u, k):
     return math.atan2(y, x), by_u, by_turn
 
 
-@njit(cache=True)
+@inner_kernel
 def _mesh(A, B, u, teeth_a, teeth_b, sense, offset):
     """Turn of a plus sense·teeth_b/teeth_a times that of b, both counted from the line of centres, modulo a tooth."""
     ratio = sense * teeth_b / teeth_a
@@ -299,7 +299,7 @@ def _mesh(A, B, u, teeth_a, teeth_b, sense, offset):
     return f, _plus(g_a, -1.0, g_b), torque_a, torque_b
 
 
-@njit(cache=True)
+@inner_kernel
 def _rack(A, B, u, radius, teeth, sense, offset):
     """Travel of rack b along D_b less sense·radius times the turn of pinion a from the normal to the rack (m)."""
     s = _dot(B[2], u)
@@ -310,7 +310,7 @@ def _rack(A, B, u, radius, teeth, sense, offset):
     return f, _plus(h, along, B[2]), torque_a, torque_b
 
 
-@njit(cache=True)
+@inner_kernel
 def _between(low, high, row):
     """The row of a value that may lie between limits: inside them it says nothing."""
     f, g, torque_a, torque_b = row
@@ -323,7 +323,7 @@ def _between(low, high, row):
     return f - low, g, torque_a, torque_b  # 0, or what is not a number and has to be seen
 
 
-@njit(cache=True)
+@inner_kernel
 def _single(code, A, B, u, p, e):
     """The row of an equation that has but one; p[e] are its parameters."""
     if code == ON_PLANE:
@@ -351,7 +351,7 @@ def _single(code, A, B, u, p, e):
     return _between(p[e, 0], p[e, 1], row)
 
 
-@njit(cache=True)
+@inner_kernel
 def _state(k, row, r, Ja, Jb):
     """Keep f in r[k], g and τ_b in Jb[k], τ_a in Ja[k]."""
     r[k], g, torque_a, torque_b = row
@@ -360,7 +360,7 @@ def _state(k, row, r, Ja, Jb):
     Ja[k, 3], Ja[k, 4], Ja[k, 5] = torque_a
 
 
-@njit(cache=True)
+@inner_kernel
 def _rows(code, A, B, u, p, e, k, r, Ja, Jb):
     """State the rows of one equation, from row k on. Returns their number."""
     if code == COINCIDENT:
@@ -387,7 +387,7 @@ def _rows(code, A, B, u, p, e, k, r, Ja, Jb):
     return 1
 
 
-@njit(cache=True)
+@kernel
 def evaluate(code, body, element, param, start, rotation, translation, r, Ja, Jb):
     """Residuals and Jacobians of all equations at the given poses, written into r (m,), Ja and Jb (m, 6).
 

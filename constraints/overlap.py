@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from collision.numeric.kernel import inner_kernel, kernel
 from constraints.geometry import Vector, perpendicular
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ _ANGLES = 2.0 * np.pi * (np.arange(8) + 0.5) / 8.0
 _OUTWARD = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel(allocates=True)
 def _clip_area(a: Array, b: Array, slope: Array, outward: Array, far: Array) -> Any:  # pragma: no cover - compiled
     """Sum over triangle pairs of their intersection (Sutherland & Hodgman 1974): area, moment, range of the height.
 
@@ -124,7 +124,7 @@ def facing_area(
     down = float(other_normal @ normal)
     slope = -np.array([other_normal @ u, other_normal @ v, other_normal @ (origin - other_origin)]) / down
     far = np.empty((8, 2))
-    area, mx, my, low, high, count = _facing(first, second, origin, u, v, slope, _OUTWARD, far)
+    area, mx, my, low, high, count = _facing(first, second, np.array(origin), u, v, slope, _OUTWARD, far)
     if area <= 0.0:
         return FacingArea(0.0, origin, np.inf, np.inf, np.zeros((0, 3)), np.zeros(0))
     far = far[:count]
@@ -142,7 +142,7 @@ def _crossed(a: float, b: float, c: float, x: float, y: float, z: float) -> tupl
     return b * z - c * y, c * x - a * z, a * y - b * x
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(allocates=True)
 def _facing(
     first: Array, second: Array, origin: Array, u: Array, v: Array, slope: Array, outward: Array, far: Array
 ) -> Any:  # pragma: no cover - compiled
@@ -165,7 +165,7 @@ def _facing(
     return area, mx, my, low, high, count
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel(allocates=True)
 def _flattened(triangles: Array, origin: Array, u: Array, v: Array) -> Array:  # pragma: no cover - compiled
     """(n, 3, 2) triangles in the coordinates of a plane, all wound counter-clockwise."""
     out = np.empty((len(triangles), 3, 2))

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from collision.numeric.kernel import kernel
 
 
-@njit(cache=True)
+@kernel
 def first_not_rigid(pose, limit):
     """The first of poses (n, 4, 4) that is no finite rigid motion, -1 where all are; limit of |RᵀR - 1|."""
     for k in range(len(pose)):
@@ -27,7 +28,7 @@ def first_not_rigid(pose, limit):
     return -1
 
 
-@njit(cache=True)
+@kernel
 def to_centres(pose, place, center, rotation, translation):
     """Rotations (n, 3, 3) of the bodies and positions (n, 3) of their centres, from poses (u, 4, 4)[place]."""
     for i in range(len(place)):
@@ -39,7 +40,7 @@ def to_centres(pose, place, center, rotation, translation):
             translation[i, j] = pose[k, j, 3] + (x * c[0] + y * c[1] + z * c[2])
 
 
-@njit(cache=True)
+@kernel
 def from_centres(rotation, translation, center, pose):
     """Poses (n, 4, 4) of the bodies from where their centres are: the inverse of `to_centres`."""
     for i in range(len(center)):
@@ -52,7 +53,7 @@ def from_centres(rotation, translation, center, pose):
         pose[i, 3, 3] = 1.0
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def move(rotation, translation, extent, column_of, step, new_rotation, new_translation):
     """Poses after the scaled local step (n, 6): t + R v, R exp(ω), the rotation brought back to orthonormal."""
     W = np.empty((3, 3))

@@ -8,9 +8,9 @@ It needs no start, ends after finitely many rows, and tells when no y keeps them
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from collision.numeric.kernel import inner_kernel, kernel
 from constraints.errors import ConstraintsError
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def quadratic_program(
     return y, heard[bound | (force > 1e3 * VIOLATED)]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(allocates=True)
 def _goldfarb_idnani(
     h: Array, g: Array, c: Array, lower: Array, most_changes: int, y: Array, force: Array, free: Array
 ) -> int:  # pragma: no cover - compiled
@@ -108,7 +108,8 @@ def _goldfarb_idnani(
         for k in range(n):
             rest[k] = d[added, k]
             size += rest[k] * rest[k]
-        along[:] = 0.0
+        for j in range(n):
+            along[j] = 0.0
         for _again in range(2):  # twice is enough (Kahan): what is left is orthogonal to rounding
             for j in range(count):
                 total = 0.0
@@ -156,8 +157,9 @@ def _goldfarb_idnani(
         for j in range(let_go, count):
             active[j] = active[j + 1]
         for j in range(let_go, count):  # the later columns anew
-            q[:, j] = d[active[j]]
-            r[:, j] = 0.0
+            for k in range(n):
+                q[k, j] = d[active[j], k]
+                r[k, j] = 0.0
             for _again in range(2):
                 for i in range(j):
                     total = 0.0
@@ -175,7 +177,7 @@ def _goldfarb_idnani(
     return UNDECIDED
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _back(root: Array, u: Array, y: Array) -> None:  # pragma: no cover - compiled
     """y of rootᵀ·y = u, root lower triangular."""
     for i in range(len(u) - 1, -1, -1):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from collision.numeric.kernel import inner_kernel, kernel
 from constraints.block_cholesky import factor, substitute
 from constraints.jacobians import evaluate
 from constraints.pose_kernels import move
@@ -30,7 +30,7 @@ DAMPING_FLOOR = 1e-13
 """relative to the unit entries of a scaled Jacobian: what keeps a rank-deficient JᵀJ factorisable in float64"""
 
 
-@njit(cache=True)
+@inner_kernel
 def _copy2(x, out):
     """out = x, both of two dimensions (an array assignment compiles for seconds)."""
     for i in range(x.shape[0]):
@@ -38,20 +38,20 @@ def _copy2(x, out):
             out[i, j] = x[i, j]
 
 
-@njit(cache=True)
+@inner_kernel
 def _copy3(x, out):
     """out = x, both of three dimensions."""
     for i in range(len(x)):
         _copy2(x[i], out[i])
 
 
-@njit(cache=True)
+@inner_kernel
 def _scaled_row(J, k, v, w):
     """Row k of J as a tuple (see `constraints.jacobians` for why), linear part times v, angular times w."""
     return v * J[k, 0], v * J[k, 1], v * J[k, 2], w * J[k, 3], w * J[k, 4], w * J[k, 5]
 
 
-@njit(cache=True)
+@inner_kernel
 def _add_outer(blocks, b, x, y):
     """blocks[b] += x yᵀ."""
     for i in range(6):
@@ -59,7 +59,7 @@ def _add_outer(blocks, b, x, y):
             blocks[b, i, j] += x[i] * y[j]
 
 
-@njit(cache=True)
+@inner_kernel
 def assemble(body, start, weight, extent, column_of, target, r, Ja, Jb, blocks, gradient):
     """JᵀJ (blocks) and Jᵀr of the weighed, scaled rows; column_of (n,) body -> column or -1."""
     for b in range(len(blocks)):
@@ -92,7 +92,7 @@ def assemble(body, start, weight, extent, column_of, target, r, Ja, Jb, blocks, 
                     _add_outer(blocks, c, y, x)
 
 
-@njit(cache=True)
+@inner_kernel
 def _cost(r, weight):
     cost = 0.0
     worst = 0.0
@@ -103,7 +103,7 @@ def _cost(r, weight):
     return cost, worst
 
 
-@njit(cache=True)
+@kernel
 def resolution(element, translation, tolerance):
     """The residual to reach: `tolerance`, or four roundings of the largest coordinate where that is more."""
     largest = 0.0
@@ -116,7 +116,7 @@ def resolution(element, translation, tolerance):
     return max(tolerance, 4.0 * EPSILON * largest)
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def levenberg_marquardt(
     code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
     rotation, translation, length, tolerance, max_iterations, caution,
@@ -193,7 +193,7 @@ def levenberg_marquardt(
     return EXHAUSTED, max_iterations, worst
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def solve_system(
     code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
     rotation, translation, length, tolerance, max_iterations,
@@ -231,7 +231,7 @@ def solve_system(
     return status, iterations, worst
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _push_aside(rotation, translation, extent, column_of, n, attempt, new_rotation, new_translation):
     """Poses a little way off, by multiples of the golden ratio: each attempt others, each run the same."""
     push = np.empty((n, 6))
@@ -246,7 +246,7 @@ def _push_aside(rotation, translation, extent, column_of, n, attempt, new_rotati
     move(rotation, translation, extent, column_of, push, new_rotation, new_translation)
 
 
-@njit(cache=True)
+@kernel
 def solve_all(
     code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start, offset,
     length, rotation, translation, tolerance, max_iterations, status, iterations, worst,

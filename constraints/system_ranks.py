@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from collision.numeric.kernel import inner_kernel, kernel
 
 
-@njit(cache=True)
+@inner_kernel
 def _dot(x, y, n):
     a, b, c, d = 0.0, 0.0, 0.0, 0.0
     k = 0
@@ -27,7 +28,7 @@ def _dot(x, y, n):
     return (a + b) + (c + d)
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def pivoted_qr(columns, threshold):
     """QR with column pivoting (Businger and Golub 1965) of the matrix whose columns are rows of `columns` (n, m).
 
@@ -81,7 +82,7 @@ def pivoted_qr(columns, threshold):
     return order, R[:rank], rank, least
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def null_basis(order, R, rank):
     """Null vectors (k, n), one a row, independent but not orthonormal, from `pivoted_qr`."""
     n = len(order)
@@ -97,7 +98,7 @@ def null_basis(order, R, rank):
     return out
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def least_norm(columns, rhs, threshold):
     """Least-squares solution (n,) of least norm of A x = rhs, the columns of A as rows of `columns` (n, m), spoilt."""
     n, m = columns.shape
@@ -131,7 +132,7 @@ def least_norm(columns, rhs, threshold):
     return x
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def row_space(rows, threshold):
     """Which rows of (m, n) unit rows are new, in order, and of which earlier ones the others are combinations.
 

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from collision.numeric.kernel import inner_kernel, kernel
 from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector, perpendicular
 
 Array = NDArray[np.float64]
@@ -148,7 +148,7 @@ def reached(points: Array, triangles: Array, slack: float) -> NDArray[np.bool_]:
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _reach(
     points: Array, triangles: Array, slack: float, out: NDArray[np.bool_]
 ) -> None:  # pragma: no cover - compiled
@@ -163,7 +163,7 @@ def _reach(
                 break
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel(allocates=True)
 def _squared_distance(p: Array, t: Array) -> float:  # pragma: no cover - compiled
     """Of a point from a triangle, m²: to its plane over the inside, to the sides elsewhere (degenerate ones too)."""
     u, v = t[1] - t[0], t[2] - t[0]

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 from numpy.typing import NDArray
 
+from collision.numeric.kernel import kernel
 from constraints.kinds import Constraint
 from constraints.system import System, systems
 
@@ -143,7 +143,7 @@ def _rows(system: System, side: int, place: dict[int, int], center: Array) -> _R
     return _Rows(rows, block, (system.center[at[rows]] - center[block]).reshape(-1, 3))
 
 
-@njit(cache=True)
+@kernel
 def _add_rows(j, weight, rows, block, shift, radius, first, out):  # pragma: no cover - compiled
     """Add a system's Jacobian (m, 6) of one side, twists about its own centres, to the rows of `out` from `first`."""
     for k in range(len(rows)):
@@ -159,7 +159,7 @@ def _add_rows(j, weight, rows, block, shift, radius, first, out):  # pragma: no 
         out[first + row, c + 5] += scale * (j[row, 5] + a * y - b * x)
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def _add_gaps(place, points, normals, sign, rotation, translation, center, radius, out):  # pragma: no cover - compiled
     """Add to `out` (k, n) how fast points (k, 3) on moving bodies go along `sign`·normals (k, 3), all world."""
     n, arm = np.empty(3), np.empty(3)

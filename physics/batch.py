@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from collision.numeric.kernel import kernel
 from physics.bodies import Bodies
 from physics.islands import components
 from physics.joints import Joint
@@ -144,7 +144,7 @@ def _through(moved: Ints, pairs: Ints, place: Ints) -> Ints:
     return np.concatenate(out)
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def _meeting(pairs, rotations, origins, velocity, radius, shape_of, first_surface, boxes, spread, dt):
     """See `Ways.meeting`.
 

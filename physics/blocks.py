@@ -7,13 +7,14 @@ contacts: a row of bodies costs by its length. Blocks are not pivoted among one 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from collision.numeric.kernel import inner_kernel, kernel
 
 SMALL = 16
 """bodies: systems of no more are solved as one dense matrix, with pivots"""
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def structure(n, pairs):
     """Where the blocks of an elimination lie, from pairs of body numbers (c, 2) that share a block row, -1 for none.
 
@@ -75,7 +76,7 @@ def structure(n, pairs):
     return order, start, later[: start[n]], slot, count
 
 
-@njit(cache=True)
+@inner_kernel
 def _invert(a, out):
     """Inverse of a (6, 6) by Gauss and Jordan with row pivots; `a` is overwritten."""
     for i in range(6):
@@ -102,7 +103,7 @@ def _invert(a, out):
                     out[i, j] -= f * out[k, j]
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def solve_blocks(values, order, start, later, slot, right):
     """x (n, 6) with A x = `right`; `values` (blocks, 6, 6), laid out by `structure`, is overwritten."""
     n = len(order)

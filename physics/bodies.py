@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 from numpy.typing import NDArray
 
+from collision.numeric.kernel import kernel
 from physics.body import Body
 from physics.integrators import fly
 from physics.rotations import exponential, matrix, multiply
@@ -112,7 +112,7 @@ class Bodies:
         return out
 
 
-@njit(cache=True)
+@kernel
 def place(ids, center, attitude, offset, rotation, origin):
     """Rotation matrices and mesh origins of the bodies `ids` from centres and attitudes, in place."""
     for i in ids:
@@ -123,7 +123,7 @@ def place(ids, center, attitude, offset, rotation, origin):
             )
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def drift(ids, center, attitude, velocity, momentum, inertia, inverse, offset, rotation, origin, h, method):
     """Free flight of the bodies `ids` over h (n,) seconds: straight for the centre, free rotation about it."""
     for row in range(len(ids)):
@@ -144,7 +144,7 @@ def drift(ids, center, attitude, velocity, momentum, inertia, inverse, offset, r
     place(ids, center, attitude, offset, rotation, origin)
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def coast(
     ids, center, attitude, velocity, momentum, mass, inertia, inverse, offset, rotation, origin, wrench, h, method
 ):  # fmt: skip

@@ -10,8 +10,8 @@ triangles say where, the sphere or cylinder says how far and which way.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from collision.numeric.kernel import inner_kernel, kernel
 from physics.edges import edges_on_bars, edges_on_edges
 from physics.features import (
     FACE,
@@ -31,7 +31,7 @@ from physics.rotations import cross
 from physics.shapes import CYLINDER, FACETED, SPHERE
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _vertices_on_faces(
     shapes, pairs, first, last, side, fa, fb, ra, pa, rb, pb, margin, depth, n, ints, reals, stamps_v, done
 ):  # fmt: skip
@@ -102,7 +102,7 @@ def _vertices_on_faces(
     return n
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _rims_on_faces(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals, sign):
     """The point of a rim that reaches farthest towards a flat face, wherever the rim is tilted at all."""
     q = np.empty(3)
@@ -136,7 +136,7 @@ def _rims_on_faces(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, d
     return n
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _ball_on_surface(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, depth, n, ints, reals, sign):
     """A convex sphere of a against one surface of b: sphere, cylinder or the nearest of its triangles."""
     ball = shapes.analytic[row_a[0]]
@@ -190,7 +190,7 @@ def _ball_on_surface(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin,
     return _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, 4 * sa + FACE, rb, pb, p, normal, gap, -1.0)
 
 
-@njit(cache=True)
+@kernel
 def find(pairs, rotations, origins, shape_of, shapes, margins, depths, ints, reals, stamps_v, stamps_e, stamps_s):
     """Contact points of near surface pairs; returns how many (more than fit: call again with larger arrays).
 
@@ -254,7 +254,7 @@ def find(pairs, rotations, origins, shape_of, shapes, margins, depths, ints, rea
     return n
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _once(ints, reals, first, start, n):
     """Drop rows start … n-1 that name the features of an earlier row from `first` on; the new count."""
     if n > ints.shape[0]:

@@ -10,8 +10,8 @@ in front of, as for `contact.find`: a corner sunk straight down along a wall has
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from collision.numeric.kernel import inner_kernel, kernel
 from physics.features import (
     BODY_A,
     BODY_B,
@@ -32,7 +32,7 @@ NOTHING, CROSSED, SUNK = range(3)
 """verdicts: no penetration; one since the earlier pose (or a gap that is not negative); one that is older"""
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _carried(r0, o0, r1, o1, p):
     """Where the point of a body that is now at `p` (world) was when the body was at (r0, o0)."""
     x, y, z = p[0] - o1[0], p[1] - o1[1], p[2] - o1[2]
@@ -45,7 +45,7 @@ def _carried(r0, o0, r1, o1, p):
     return out
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _material(shapes, shape, feature, r, other):
     """(k, 3) unit, the ways from a vertex or an edge into its own solid, in the frame `other`; none for other features.
 
@@ -65,7 +65,7 @@ def _material(shapes, shape, feature, r, other):
     return np.dot(np.dot(local, np.ascontiguousarray(r.T)), other)
 
 
-@njit(cache=True)
+@inner_kernel
 def _before(material, n):
     """Whether all of the material's ways lead to the front of a face with the normal `n`."""
     for k in range(len(material)):
@@ -74,7 +74,7 @@ def _before(material, n):
     return True
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _shallow(shapes, shape, p, one, two, material):
     """Whether `one` or `two` is nearest to `p` (shape's frame) of all surfaces that its material is before."""
     first = shapes.first_surface[shape]
@@ -108,7 +108,7 @@ def _shallow(shapes, shape, p, one, two, material):
     return True
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _sunk(shapes, shape, surface, feature, r, o, point, other_shape, other_feature, other_r):
     """Whether `point` (world) of another body is no nearer to any other surface of a body than to the row's feature.
 
@@ -122,7 +122,7 @@ def _sunk(shapes, shape, surface, feature, r, o, point, other_shape, other_featu
     return _shallow(shapes, shape, p, one, two, _material(shapes, other_shape, other_feature, other_r, r))
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def sift(ints, reals, known, rotations, origins, before_r, before_o, shape_of, shapes, tolerance):
     """(c,) verdict on each row that `contact.find` gave.
 

@@ -7,8 +7,8 @@ its radius, wherever its facets are: the nearest point of the edge to the axis s
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from collision.numeric.kernel import inner_kernel, kernel
 from physics.features import EDGE, FACE, FRONT, TILT, _emit, _from, _listed, _over, _to, _union
 from physics.shapes import CYLINDER
 
@@ -19,7 +19,7 @@ FLUSH = 1e-2
 """1: sine of the angle between edges below which faces that lie flat on one another give a better normal"""
 
 
-@njit(cache=True)
+@inner_kernel
 def _outward(ux, uy, uz, wings, k):
     """Outward unit normal of the face along wing k of a convex edge in the direction u."""
     w, other = wings[k], wings[1 - k]
@@ -30,7 +30,7 @@ def _outward(ux, uy, uz, wings, k):
     return x / size, y / size, z / size
 
 
-@njit(cache=True)
+@inner_kernel
 def _flush(ux, uy, uz, wings_a, vx, vy, vz, wings_b, normal):
     """Whether a face at the edge u of a lies flat on one at the edge v of b; then that face's normal, into `normal`.
 
@@ -51,7 +51,7 @@ BEYOND = 0.1
 """1: part of an edge by which a crossing may lie past its end, where a curve goes on there"""
 
 
-@njit(cache=True)
+@inner_kernel
 def _goes_on(s, bend, depth):
     """Whether a crossing at `s` of an edge (0 … 1) is on it or, sunk in by `depth` (in lengths of the edge), just past.
 
@@ -63,7 +63,7 @@ def _goes_on(s, bend, depth):
     return past <= min(BEYOND, 2.0 * depth * turn)
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def edges_on_edges(
     shapes, pairs, first, last, fa, fb, ra, pa, rb, pb, margin, depth, n, ints, reals, stamps_e
 ):  # fmt: skip
@@ -176,7 +176,7 @@ def edges_on_edges(
     return n
 
 
-@njit(cache=True)
+@kernel
 def _nearest_to_axis(p0, p1, cylinder, q):
     """The point of the segment p0 p1 that is nearest to a cylinder's axis, into `q`; False where that is an end."""
     ux, uy, uz = p1[0] - p0[0], p1[1] - p0[1], p1[2] - p0[2]
@@ -196,7 +196,7 @@ def _nearest_to_axis(p0, p1, cylinder, q):
     return True
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def edges_on_bars(
     shapes, pairs, first, last, side, fa, fb, ra, pa, rb, pb, margin, depth, n, ints, reals, stamps_e, done
 ):  # fmt: skip

@@ -6,8 +6,8 @@ A row of integers names bodies, surfaces and features of a contact, one of reals
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from collision.numeric.kernel import inner_kernel
 from physics.shapes import CYLINDER, SPHERE
 
 # columns of the integer rows
@@ -24,14 +24,14 @@ FRONT = 1e-2
 """1: sine of the angle by which material may reach behind a face and still count as in front of it"""
 
 
-@njit(cache=True)
+@inner_kernel
 def _to(rotation, origin, p, out):
     """World point of `p`, into `out`."""
     for i in range(3):
         out[i] = rotation[i, 0] * p[0] + rotation[i, 1] * p[1] + rotation[i, 2] * p[2] + origin[i]
 
 
-@njit(cache=True)
+@inner_kernel
 def _from(rotation, origin, p, out):
     """Local point of the world point `p`, into `out`."""
     x, y, z = p[0] - origin[0], p[1] - origin[1], p[2] - origin[2]
@@ -39,7 +39,7 @@ def _from(rotation, origin, p, out):
         out[i] = rotation[0, i] * x + rotation[1, i] * y + rotation[2, i] * z
 
 
-@njit(cache=True)
+@inner_kernel
 def _emit(n, ints, reals, a, b, sa, sb, fa, fb, rotation, origin, p, normal, gap, sign):
     """Append a row; `p` and `normal` are in the frame (rotation, origin); `sign` -1 turns the normal from a to b round.
 
@@ -56,7 +56,7 @@ def _emit(n, ints, reals, a, b, sa, sb, fa, fb, rotation, origin, p, normal, gap
     return n + 1
 
 
-@njit(cache=True)
+@inner_kernel
 def _inside(p, a, b, c, n):
     """Whether `p`, seen along the normal `n`, lies in the triangle (its border counts)."""
     for e in range(3):
@@ -74,7 +74,7 @@ def _inside(p, a, b, c, n):
     return True
 
 
-@njit(cache=True)
+@inner_kernel
 def _over(shapes, row, p, margin, depth, normal):
     """Gap of the point `p` to the faces of one surface that it lies over, least in size; the normal into `normal`.
 
@@ -117,7 +117,7 @@ def _over(shapes, row, p, margin, depth, normal):
     return best
 
 
-@njit(cache=True)
+@inner_kernel
 def _radial(cylinder, p, margin, depth, normal):
     """Gap of `p` to an analytic cylinder (material inside for sense +1, outside for -1), outward normal."""
     x, y, z = p[0] - cylinder[0], p[1] - cylinder[1], p[2] - cylinder[2]
@@ -132,7 +132,7 @@ def _radial(cylinder, p, margin, depth, normal):
     return gap
 
 
-@njit(cache=True)
+@inner_kernel
 def _listed(pairs, first, last, sa, sb, side):
     """Whether rows first … last-1 list surface sa of the one body (column 1, or 3 for side 1) with sb of the other."""
     found = False
@@ -141,7 +141,7 @@ def _listed(pairs, first, last, sa, sb, side):
     return found
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _union(pairs, first, last, side, surface_row, start, items, stamps, kinds, analytic, surface):
     """Items (vertices or edges) of the surfaces in one column of rows first … last-1, each once; balls have none."""
     stamps[-1] += 1
@@ -169,7 +169,7 @@ def _union(pairs, first, last, side, surface_row, start, items, stamps, kinds, a
     return out[:n]
 
 
-@njit(cache=True)
+@inner_kernel
 def _belongs(shapes, pairs, first, last, side, row, v, s):
     """Whether vertex v lies on some surface that is listed with surface s of the other body."""
     for i in range(first, last):
@@ -182,12 +182,12 @@ def _belongs(shapes, pairs, first, last, side, row, v, s):
     return False
 
 
-@njit(cache=True)
+@inner_kernel
 def _dot(ax, ay, az, bx, by, bz):
     return ax * bx + ay * by + az * bz
 
 
-@njit(cache=True)
+@inner_kernel
 def _nearest(p, a, b, c, out):
     """Point of the triangle nearest to `p` (Ericson, "Real-Time Collision Detection", 5.1.5), into `out`."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]

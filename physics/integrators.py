@@ -16,8 +16,8 @@ sixth-order Magnus method on the same nodes for the attitude (Blanes, Casas, Ote
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from collision.numeric.kernel import inner_kernel
 from physics.rotations import cross, exponential, matrix, multiply
 
 METHODS = {"gauss6": 0, "rkmk4": 1, "euler": 2}
@@ -33,7 +33,7 @@ _A = np.array(
 )
 
 
-@njit(cache=True, inline="always")
+@inner_kernel(inline="always")
 def _times(m, v):
     return (
         m[0, 0] * v[0] + m[0, 1] * v[1] + m[0, 2] * v[2],
@@ -42,7 +42,7 @@ def _times(m, v):
     )
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _gauss(q, pi, inverse, h):
     """One step of length h: turns `q` (4,) and `pi` (3,) (body axes) in place."""
     stages = np.empty((3, 3))
@@ -93,7 +93,7 @@ def _gauss(q, pi, inverse, h):
     q[0], q[1], q[2], q[3] = p
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _rate(q, u, momentum, inverse, rotation):
     """ω in body axes at the attitude q exp(u), mapped to u's rate by dexp⁻¹ (enough terms for order 4)."""
     p = multiply((q[0], q[1], q[2], q[3]), exponential(u[0], u[1], u[2]))
@@ -103,7 +103,7 @@ def _rate(q, u, momentum, inverse, rotation):
     return w + 0.5 * first + np.array(cross(u, first)) / 12.0
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _rkmk4(q, momentum, inverse, h):
     rotation = np.empty((3, 3))
     k1 = _rate(q, np.zeros(3), momentum, inverse, rotation)
@@ -115,7 +115,7 @@ def _rkmk4(q, momentum, inverse, h):
     q[0], q[1], q[2], q[3] = p
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def fly(q, momentum, inverse, h, method):
     """Free rotation over `h` seconds, in place, of the attitude `q` (4,).
 
@@ -151,7 +151,7 @@ def fly(q, momentum, inverse, h, method):
         q[0], q[1], q[2], q[3] = p
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def world_inverse(q, inverse, out):
     """Inverse inertia in world axes R I⁻¹ Rᵀ (3, 3), into `out`."""
     rotation = np.empty((3, 3))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from collision.numeric.kernel import kernel
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def components(n, pairs):
     """Labels (n,) of the groups of 0 … n-1 that the rows of `pairs` (c, 2) join, and how many; -1 joins nothing.
 

@@ -7,10 +7,11 @@ steps ask nothing here. Static objects are only ever looked at from a moving one
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from collision.numeric.kernel import inner_kernel, kernel
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def near_objects(movers, others, center, radius, reach, out):
     """Pairs (lower id, higher id) of a mover and any other whose balls are within `reach` (sum of both); how many.
 
@@ -34,7 +35,7 @@ def near_objects(movers, others, center, radius, reach, out):
     return n
 
 
-@njit(cache=True)
+@inner_kernel
 def closing_speed(velocity, radius, a, b):
     """m/s that points of the bodies a and b do not exceed towards one another; velocity (n, 6), radius (n,): by id."""
     total = 0.0
@@ -47,7 +48,7 @@ def closing_speed(velocity, radius, a, b):
     return speed
 
 
-@njit(cache=True)
+@inner_kernel
 def apart(box_a, ra, pa, box_b, rb, pb, reach):
     """Whether two boxes in their own frames are farther apart than `reach` along one of their six axes."""
     for turn in range(2):
@@ -69,7 +70,7 @@ def apart(box_a, ra, pa, box_b, rb, pb, reach):
     return False
 
 
-@njit(cache=True)
+@inner_kernel
 def separation(box_a, ra, pa, box_b, rb, pb):
     """Largest gap (m) between two boxes in their own frames along one of their six axes, not above their distance."""
     most = -np.inf
@@ -91,7 +92,7 @@ def separation(box_a, ra, pa, box_b, rb, pb):
     return most
 
 
-@njit(cache=True)
+@kernel
 def near_surfaces(objects, rotations, origins, shape_of, boxes, first_surface, count, whole, reach, out):
     """Surface pairs (a, surface, b, surface) of near objects whose boxes are within reach; how many.
 
@@ -119,7 +120,7 @@ def near_surfaces(objects, rotations, origins, shape_of, boxes, first_surface, c
     return n
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def within(pairs, center, radius, rotations, origins, shape_of, boxes, first_surface, whole, reach, closest):
     """Mask (k,) of the surface pairs (k, 4), sorted, whose boxes are within `reach` (k,) m.
 

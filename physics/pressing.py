@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from collision.numeric.kernel import inner_kernel, kernel
 from physics import solver
 from physics.rotations import across, turn
 
@@ -36,7 +36,7 @@ features takes over, and what one pass leaves would only shrink slowly"""
 NO_CONTACTS = Contacts(np.zeros((0, 6), np.int64), np.zeros((0, 7)), np.zeros((0, 3)))
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def match(old, new):
     """(n,) row of `old` (m, 6) with the same bodies and features as each row of `new` (n, 6), or -1.
 
@@ -60,7 +60,7 @@ def match(old, new):
     return out
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def spanning(ints, reals, chosen):
     """Of the rows `chosen` (sorted indices, an object pair's together) those that span each patch: a mask over them.
 
@@ -107,7 +107,7 @@ def spanning(ints, reals, chosen):
     return keep
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def surface_speeds(ids, ints, reals, center, velocity, is_free, out):
     """Velocity (c, 3), world, with which bodies that are not free (kinematic ones) move apart at the contacts `ids`."""
     for row in range(len(ids)):
@@ -123,7 +123,7 @@ def surface_speeds(ids, ints, reals, center, velocity, is_free, out):
             out[row] += sign * (velocity[body, :3] + np.cross(w, r))
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def gather(ids, rotation, mass, inertia, inverse):
     """Masses, world inertias and inverses of both, of the bodies `ids`."""
     n = len(ids)
@@ -141,7 +141,7 @@ def gather(ids, rotation, mass, inertia, inverse):
     return m, im, world, inverse_world
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, is_free):
     """Bodies (c, 2), Jacobian (c, 3, 12), bias (c, 3), friction (c,) of the contacts `chosen`, for `solver.solve`."""
     n = len(chosen)
@@ -242,7 +242,7 @@ def _rubbing(bodies, contacts, impulse, held, tolerance):
     return v, pushes[:n], residual
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def normal_speeds(chosen, ints, reals, center, velocity):
     """Speed (c,) at which each contact of `chosen` parts along its normal, m/s."""
     out = np.empty(len(chosen))
@@ -257,7 +257,7 @@ def normal_speeds(chosen, ints, reals, center, velocity):
     return out
 
 
-@njit(cache=True)
+@kernel
 def shift(ids, center, attitude, move):
     """Move the bodies `ids` by small displacements (n, 6): linear, and rotation vector, world axes."""
     for k in range(len(ids)):

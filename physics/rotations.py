@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from collision.numeric.kernel import inner_kernel, kernel
 
 
-@njit(cache=True, inline="always")
+@inner_kernel(inline="always")
 def cross(a, b):
     """a × b as a tuple."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def across(n):
     """(3,) vector square to the unit vector `n` (3,), told by it alone: n × the axis that it is farthest from."""
     k = 0
@@ -24,7 +25,7 @@ def across(n):
     return np.cross(n, e)
 
 
-@njit(cache=True)
+@kernel
 def matrix(q, out):
     """Rotation matrix (3, 3) of the quaternion `q` (4,), into `out`; rounding in its length does not matter."""
     x, y, z, w = q[0], q[1], q[2], q[3]
@@ -40,7 +41,7 @@ def matrix(q, out):
     out[2, 2] = 1.0 - s * (x * x + y * y)
 
 
-@njit(cache=True)
+@kernel
 def exponential(x, y, z):
     """Unit quaternion of the rotation vector (x, y, z), as a tuple."""
     half = 0.5 * np.sqrt(x * x + y * y + z * z)
@@ -51,7 +52,7 @@ def exponential(x, y, z):
     return s * x, s * y, s * z, np.cos(half)
 
 
-@njit(cache=True)
+@kernel
 def multiply(a, b):
     """Quaternion product a b, normalised, as a tuple."""
     x = a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1]
@@ -62,7 +63,7 @@ def multiply(a, b):
     return x * n, y * n, z * n, w * n
 
 
-@njit(cache=True)
+@inner_kernel
 def turn(q, x, y, z):
     """The quaternion `q` (4,) turned in place by the world rotation vector (x, y, z)."""
     p = multiply(exponential(x, y, z), (q[0], q[1], q[2], q[3]))

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh
+from collision.numeric.kernel import kernel
 from constraints.geometry import Cylinder, Geometry, Sphere
 from physics.body import weld
 
@@ -130,7 +130,7 @@ SAMPLES = 256
 """triangles, the largest first, behind which `_wall` looks for the other side"""
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def _behind(points, directions, vertices, triangles, normals, beyond):
     """Least distance along a ray, above `beyond` (m), to a triangle that looks the same way (within 25°)."""
     least = np.inf

@@ -19,8 +19,8 @@ sliding is wrong.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from collision.numeric.kernel import inner_kernel, kernel
 from physics.blocks import solve_blocks, structure
 from physics.islands import components
 from physics.rotations import across
@@ -43,7 +43,7 @@ ROUGH_SWEEPS = 150
 OUTER = 60
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def rows_of_contacts(bodies, reals, centers, jacobian):
     """Jacobian (c, 3, 12) of the relative velocity of contacts in their frames (normal, two tangents).
 
@@ -74,7 +74,7 @@ def rows_of_contacts(bodies, reals, centers, jacobian):
                 jacobian[c, i, 6 * side + 5] = sign * (r[0] * d[1] - r[1] * d[0])
 
 
-@njit(cache=True)
+@inner_kernel
 def _speeds(bodies, jacobian, v, bias, out):
     """J v + b of blocks of rows (c, r, 12), into `out` (c, r)."""
     for c in range(jacobian.shape[0]):
@@ -88,7 +88,7 @@ def _speeds(bodies, jacobian, v, bias, out):
             out[c, i] = total
 
 
-@njit(cache=True)
+@inner_kernel
 def _push(bodies, jacobian, impulse, out):
     """Add Jᵀ λ to `out` (n, 6)."""
     for c in range(jacobian.shape[0]):
@@ -103,7 +103,7 @@ def _push(bodies, jacobian, impulse, out):
                         out[body, k] += jacobian[c, i, 6 * side + k] * f
 
 
-@njit(cache=True)
+@inner_kernel
 def _apply_inverse(inverse_mass, inverse_inertia, w, out):
     """out (n, 6) = M⁻¹ w."""
     for b in range(w.shape[0]):
@@ -116,7 +116,7 @@ def _apply_inverse(inverse_mass, inverse_inertia, w, out):
             )
 
 
-@njit(cache=True)
+@inner_kernel
 def _effective(bodies, jacobian, inverse_mass, inverse_inertia, out):
     """Largest diagonal entry of each block's J M⁻¹ Jᵀ, into `out` (c,)."""
     for c in range(jacobian.shape[0]):
@@ -136,7 +136,7 @@ def _effective(bodies, jacobian, inverse_mass, inverse_inertia, out):
         out[c] = largest
 
 
-@njit(cache=True)
+@inner_kernel
 def _project(y, mu, dry, least, impulse, slope, rho):
     """λ = Π(y) for one contact or dry joint, and H = -∂λ/∂(J v) = ρ Π'(y) (3, 3)."""
     slope[:] = 0.0
@@ -172,7 +172,7 @@ def _project(y, mu, dry, least, impulse, slope, rho):
     slope[1, 2] = slope[2, 1] = -turn * d1 * d2
 
 
-@njit(cache=True)
+@inner_kernel
 def _add_block(values, slot, bodies, jacobian, slope):
     """A += Jᵀ H J for one block of rows; A by 6x6 blocks as `blocks.structure` lays them out."""
     r = jacobian.shape[0]
@@ -196,7 +196,7 @@ def _add_block(values, slot, bodies, jacobian, slope):
                         values[at, k, m] += left * jacobian[q, 6 * other + m]
 
 
-@njit(cache=True)
+@inner_kernel
 def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, weight, impulse, jb, jj, jbias, jw, jl):
     """One nonlinear Gauss-Seidel pass over joints and contacts; the largest change of a row's impulse · weight."""
     change = 0.0
@@ -254,7 +254,7 @@ def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, weigh
     return change
 
 
-@njit(cache=True)
+@inner_kernel
 def _sweep_dry(v, inverse_mass, inverse_inertia, bodies, jacobian, bias, mu, weight, impulse):
     """`_sweep` over one dry joint."""
     change = 0.0
@@ -276,7 +276,7 @@ def _sweep_dry(v, inverse_mass, inverse_inertia, bodies, jacobian, bias, mu, wei
     return change
 
 
-@njit(cache=True)
+@inner_kernel
 def _kick(v, bodies, row, d, inverse_mass, inverse_inertia):
     """v += M⁻¹ Jᵀ d of one row."""
     if d == 0.0:
@@ -295,7 +295,7 @@ def _kick(v, bodies, row, d, inverse_mass, inverse_inertia):
             )
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _newton(
     free, v, mass, inertia, cb, cj, bias, mu, dry, least, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl,
     order, start, later, slot, blocks, limit,
@@ -353,7 +353,7 @@ def _newton(
     return 0.0 if last < 1e-9 * largest else last
 
 
-@njit(cache=True)
+@inner_kernel
 def residual(speeds, mu, dry, least, rho, impulse):
     """Largest violation of the laws of contacts and dry joints, m/s: |λ - Π(λ - ρ (J v + b))| / ρ, the true λ in Π."""
     worst = 0.0
@@ -376,7 +376,7 @@ def residual(speeds, mu, dry, least, rho, impulse):
     return worst
 
 
-@njit(cache=True)
+@kernel(allocates=True)
 def solve(
     free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, impulse, jb, jj, jbias, jl,
     tolerance,
@@ -426,7 +426,7 @@ def solve(
     return worst
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _label_of(label, bodies):
     """(c,) group of each block of rows, -1 for one that moves no body."""
     out = np.empty(bodies.shape[0], np.int64)
@@ -436,7 +436,7 @@ def _label_of(label, bodies):
     return out
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _sorted(label, count):
     """Rows by label (those of -1 left out), each label's in their order, and where each label begins (count + 1,)."""
     start = np.zeros(count + 1, np.int64)
@@ -455,7 +455,7 @@ def _sorted(label, count):
     return out, start
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _renumbered(bodies, rows, place):
     """(r, 2) bodies of the rows, as `place` numbers them."""
     out = np.empty((len(rows), 2), np.int64)
@@ -466,7 +466,7 @@ def _renumbered(bodies, rows, place):
     return out
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _solve_joined(
     free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, impulse, jb, jj, jbias, jl,
     tolerance,

@@ -19,10 +19,10 @@ is taken in one piece, after Moreau: everything moves as far as gaps allow, then
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from collision import Tolerance
+from collision.numeric.kernel import kernel
 from physics.batch import Batch, Ways, same_objects, split
 from physics.bodies import Bodies, Saved, coast, drift, point_speeds
 from physics.integrators import METHODS
@@ -575,7 +575,7 @@ def _affords(batch: Batch, total: int) -> Ints:
     return IMPACTS * FEW // (np.bincount(batch.island) * max(total, FEW))
 
 
-@njit(cache=True)
+@kernel
 def _limits(pairs, of, velocity, radius, thickness, rotations, origins, shape_of, first_surface, boxes, gaps, out):
     """Lower `out` (s, by island) to what it takes to come a quarter of the thinner thickness into one another."""
     first = 0

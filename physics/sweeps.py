@@ -9,10 +9,11 @@ Found. Comput. Math. 15, 2015). Forth alone, or forth and back in turn, it diver
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from collision.numeric.kernel import inner_kernel
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _prepare(cb, cj, inverse_mass, inverse_inertia):
     """M⁻¹ Jᵀ (c, 3, 12) by rows, and the inverse weights (c, 2) of the normal and of both tangents.
 
@@ -51,7 +52,7 @@ def _prepare(cb, cj, inverse_mass, inverse_inertia):
     return kicks, gains
 
 
-@njit(cache=True)
+@inner_kernel
 def _speed(row, va, vb):
     """J v of one row of a contact."""
     total = 0.0
@@ -60,14 +61,14 @@ def _speed(row, va, vb):
     return total
 
 
-@njit(cache=True)
+@inner_kernel
 def _move(va, vb, kick, d):
     for k in range(6):
         va[k] += kick[k] * d
         vb[k] += kick[6 + k] * d
 
 
-@njit(cache=True)
+@inner_kernel
 def _sweep(v, bodies, cj, kicks, gains, bias, mu, least, impulse, back):
     """One pass over the contacts, backwards if `back`; the largest change of an impulse, as a speed."""
     change = 0.0
@@ -102,7 +103,7 @@ def _sweep(v, bodies, cj, kicks, gains, bias, mu, least, impulse, back):
     return change
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def relax(free, v, inverse_mass, inverse_inertia, cb, cj, bias, mu, least, impulse, goal, limit):
     """Sweeps forth and back until no impulse changes by more than `goal` (m/s), at most `limit`.
 
@@ -158,7 +159,7 @@ def relax(free, v, inverse_mass, inverse_inertia, cb, cj, bias, mu, least, impul
     v[:] = now[:n]
 
 
-@njit(cache=True)
+@inner_kernel(allocates=True)
 def _velocities(free, bodies, kicks, impulse, out):
     """v = v* + M⁻¹ Jᵀ λ, into `out` (n + 1, 6), whose last row stays 0."""
     n = free.shape[0]

@@ -8,11 +8,11 @@ Threads that rub stick or slide (`rubbing`); the method's step ends early where 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
 from physics.bodies import Bodies, Saved
 from physics.joints import RANK, Law
@@ -22,14 +22,20 @@ from physics.rubbing import Dry, Rates, chosen, friction_torques, when
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_A, _B = np.ascontiguousarray(DOP853.A), np.ascontiguousarray(DOP853.B)
-_STAGES = len(_B)
 TURN = 0.15
 """rad: a step over which some joint would turn by more is split"""
 STILL = 1e-13
 """1: a thread that turns slower than this times the fastest joint is at rest"""
 EVENTS = 40
 """times that threads may begin or end to slide in one step in joint coordinates"""
+
+
+@cache
+def _dormand_prince() -> tuple[Array, Array, Array]:
+    """Nodes, weights of the stages and weights of the step (Hairer, Nørsett and Wanner, Solving ODEs I, II.5)."""
+    from scipy.integrate import DOP853  # at first use: half a second
+
+    return DOP853.C, np.ascontiguousarray(DOP853.A), np.ascontiguousarray(DOP853.B)
 
 
 class Swing:
@@ -239,13 +245,14 @@ class Swing:
 
     def _step(self, q: Array, v: Array, h: float, time: float, slip: Array) -> tuple[Array, Array] | None:
         nv = self.model.nv
-        k = np.empty((_STAGES, 2 * nv))
+        nodes, weights, b = _dormand_prince()
+        k = np.empty((len(b), 2 * nv))
         y = np.concatenate([np.zeros(nv), v])
-        for i in range(_STAGES):
-            at = y + h * (_A[i, :i] @ k[:i]) if i else y
+        for i in range(len(b)):
+            at = y + h * (weights[i, :i] @ k[:i]) if i else y
             u, vi = at[:nv], at[nv:]
             qi = q + u if self.mechanism.flat else pin.integrate(self.model, q, u)
-            a = self._acceleration(qi, vi, time + DOP853.C[i] * h, slip)
+            a = self._acceleration(qi, vi, time + nodes[i] * h, slip)
             if a is None:
                 return None
             k[i, nv:] = a
@@ -253,7 +260,7 @@ class Swing:
                 k[i, :nv] = vi
             else:  # u' = (∂(q ⊕ u)/∂u)⁻¹ v
                 k[i, :nv] = np.linalg.solve(pin.dIntegrate(self.model, q, u, pin.ARG1), vi)
-        y = y + h * (_B @ k)
+        y = y + h * (b @ k)
         return (q + y[:nv] if self.mechanism.flat else pin.integrate(self.model, q, y[:nv])), y[nv:]
 
     def _close(self, q, v):

@@ -20,6 +20,8 @@ from vpframe.units import NAMES, length
 OK, NO, BAD = 0, 1, 2
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """the disk has no room"""
+_KERNELS = {"demo": "session", "run": "session", "new": "session", "clash": "clash", "mates": "mates"}
+"""what of `vpframe.warm_up` a command needs"""
 
 
 class UsageError(Exception):
@@ -39,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments = _parser().parse_args(argv)
         command: Callable[[argparse.Namespace], int] = arguments.command
         with handled():
-            code = command(arguments)
+            code = _helped(command, arguments)
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
@@ -56,6 +58,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         if os.environ.get("VPFRAME_TRACEBACK"):
             raise
         return _complain(_one_line(error), BAD)
+
+
+def _helped(command: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
+    """Run the command while other processes compile the kernels that it will need."""
+    if arguments.kernels is None:
+        return command(arguments)
+    from vpframe import warm_up
+
+    warm_up.start(arguments.kernels)
+    code = command(arguments)
+    if code in (OK, NO):
+        warm_up.note_enough(arguments.kernels)
+    return code
 
 
 def _complain(text: str, code: int) -> int:
@@ -88,7 +103,7 @@ def _parser() -> argparse.ArgumentParser:
 
     def add(name: str, command: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=text, description=text)
-        sub.set_defaults(command=command)
+        sub.set_defaults(command=command, kernels=_KERNELS.get(name))
         return sub
 
     def add_force(sub: argparse.ArgumentParser) -> None:
@@ -191,7 +206,7 @@ def _load(path: str, arguments: argparse.Namespace) -> Any:
     from vpframe.progress import Progress
 
     given = {name: getattr(arguments, name) for name in ("deflection", "angular", "timeout", "unit")}
-    with Progress("loading " + os.path.basename(path), uses=["load"]) as progress:
+    with Progress("loading " + os.path.basename(path)) as progress:
         return vp.load(path, progress=progress, **{name: value for name, value in given.items() if value is not None})
 
 
@@ -270,7 +285,7 @@ def _clash(arguments: argparse.Namespace) -> int:
     with _document(arguments.json) as emit, _claimed(arguments, "status", STATUS, arguments.files) as status:
         scene = clash.merged([_load(path, arguments) for path in arguments.files])
         authorised = clash.authorised_pairs(arguments.authorise)
-        with Progress("looking for clashes", uses=["clash"]) as progress:
+        with Progress("looking for clashes") as progress:
             document = clash.clash(scene, arguments.clearance, authorised=authorised, progress=progress)
         if status is not None:
             clash.with_status(document, status, arguments.accept, arguments.remark)
@@ -307,7 +322,7 @@ def _mates(arguments: argparse.Namespace) -> int:
     tolerance = None if arguments.fit is None else Tolerance(clearance=arguments.fit, clearance_relative=0.0)
     with _document(arguments.json) as emit, _claimed(arguments, "urdf", URDF, [arguments.file]) as urdf:
         scene = _load(arguments.file, arguments)
-        with Progress("recognising constraints", uses=["mates"]) as progress:
+        with Progress("recognising constraints") as progress:
             document = mates.mates(scene, tolerance, progress=progress)
         emit({**document, "notes": list(scene.all_notes())})
         if not arguments.json:

@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+import importlib
+import os
+import subprocess
+import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from vpframe import outputs
 from vpframe.errors import TaskError
-from vpframe.interaction.conditions import constraint
-from vpframe.interrupts import between_steps
 from vpframe.outputs import Output, OutputFolder
 from vpframe.progress import say, warn
-from vpframe.rules import accept_kinds
-from vpframe.scene import Scene
 from vpframe.script_errors import ON_REQUEST
-from vpframe.session import Session
-from vpframe.study import FAILED, INTERRUPTED, OK, loaded
-from vpframe.visualization.meshcat_viewer import MeshcatViewer, watched
+
+if TYPE_CHECKING:
+    from vpframe.scene import Scene
+    from vpframe.session import Session
+    from vpframe.visualization.meshcat_viewer import MeshcatViewer
 
 MODEL, RECORDING, REPORT = "shaft_and_housing.step", "demo.rrd", "report"
 _EXPECTED = (6, 2, 1, 2, 6)
+_BUILD = "import sys, pathlib, vpframe.demo; vpframe.demo.build(pathlib.Path(sys.argv[1]))"
+_NEEDED_LATER = ("vpframe.visualization.recorder", "vpframe.report.writer", "vpframe.visualization.snapshot")
 _SHOWN = ("grabbed", "released", "recognised", "accepted", "satisfied", "removed", "expectation")
 
 
@@ -52,6 +58,8 @@ def build(path: Path) -> Path:
 
 def task(session: Session) -> None:
     """In until the flange sits, out until it is free, home again: with what is expected on the way."""
+    from vpframe.interaction.conditions import constraint
+
     home = pin.SE3(session.scene["shaft"].pose)
     seat = np.array([0.0, 0.0, 0.045])
     hand = session.hand(at=(0.10, 0.0, 0.12))
@@ -102,8 +110,23 @@ class _Freedom:
 
 
 def load(directory: Path) -> Scene:
-    """Build the model and read it back through the STEP reader."""
-    scene = loaded(build(directory / MODEL))
+    """Build the model and read it back through the STEP reader.
+
+    The CAD kernel builds it in a process of its own while this one imports what a session needs, and then reads it in
+    another while this one imports what recordings and reports need: half of a warm run's time were imports.
+    """
+    path = directory / MODEL
+    root = str(Path(__file__).resolve().parents[1])
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))}
+    quiet = subprocess.DEVNULL
+    with subprocess.Popen([sys.executable, "-P", "-c", _BUILD, path], env=environment, stderr=quiet) as building:
+        from vpframe.study import loaded
+    if building.returncode:
+        build(path)  # here, for the reason
+    with ThreadPoolExecutor(1) as pool:
+        for name in _NEEDED_LATER:
+            pool.submit(importlib.import_module, name)
+        scene = loaded(path)
     scene["housing"].fixed = True
     return scene
 
@@ -118,8 +141,14 @@ def run(out_dir: str | Path, view: bool = False, force: bool = False, wait: bool
         Output(folder.path / RECORDING, outputs.RECORDING, force) as recording,
         OutputFolder(folder.path / REPORT, outputs.REPORT_FILES, force) as report,
     ):
-        viewer = watched(wait) if view else None
+        viewer = None
+        if view:
+            from vpframe.visualization.meshcat_viewer import watched
+
+            viewer = watched(wait)
         code = _run(folder, recording, report, viewer)
+    from vpframe.study import INTERRUPTED
+
     if wait and viewer is not None and code != INTERRUPTED:
         viewer.stay()
     return code
@@ -129,6 +158,11 @@ def _run(folder: OutputFolder, recording: Output, report: OutputFolder, viewer: 
     began = time.perf_counter()
     out = folder.path
     scene = load(out)
+    from vpframe.interrupts import between_steps
+    from vpframe.rules import accept_kinds
+    from vpframe.session import Session
+    from vpframe.study import FAILED, INTERRUPTED, OK
+
     surfaces = ", ".join(f"{p.name} ({len(p.surfaces)} surfaces, {p.mesh.n_triangles} triangles)" for p in scene.parts)
     print(f"model      {out / MODEL}: {surfaces}")
     watch = _Freedom()

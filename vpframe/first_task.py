@@ -67,7 +67,7 @@ def new_task(path: str | os.PathLike[str], scene: Scene, model: Path) -> str:
     script = output.path
     with contextlib.suppress(ValueError):  # another drive
         model = Path(os.path.relpath(str(model), str(script.parent)))
-    with Progress("looking for a part that comes out", uses=["run"]) as progress:
+    with Progress("looking for a part that comes out") as progress:
         part, way, reason = _found(scene, progress)
     listed = [f"#   {quoted(p.name)}: {len(p.surfaces)} surfaces" for p in scene.parts[:LISTED]]
     if len(scene) > LISTED:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, TextIO, TypeVar
 from vpframe.text import plain, plain_lines
 
 if TYPE_CHECKING:
-    from vpframe.compiling import Compiling
+    from collision.numeric.kernel import Compilation
 
 Item = TypeVar("Item")
 
@@ -60,26 +60,36 @@ def report(fraction: float | None, text: str = "") -> None:
 class _Line:
     """A line that is drawn from a thread of its own, and wiped."""
 
-    def __init__(self, stream: TextIO | None, uses: Iterable[str], quiet: bool = False) -> None:
+    def __init__(self, stream: TextIO | None, quiet: bool = False) -> None:
         self.stream = stream if stream is not None else sys.stderr
-        self.uses = tuple(uses)
         self.quiet = quiet or not self.stream.isatty()
-        self.compiling: Compiling | None = None
+        self.compilation: Compilation | None = None
 
     def listen(self) -> None:
         """Hear of what is compiled from now on."""
-        if self.compiling is None:
-            import collision.compiling
-            from vpframe.compiling import listening
+        if self.compilation is None:
+            from collision.numeric.kernel import compilation
 
-            self.compiling = listening()
+            self.compilation = compilation
             if not self.quiet:
-                collision.compiling.announcer.said = True  # the line says it
+                compilation.announced = True  # the line says it
+
+    @property
+    def compiling(self) -> bool:
+        """Whether a kernel is being compiled, as far as it is known here."""
+        return self.compilation is not None and self.compilation.active
 
     @property
     def compiled(self) -> float:
         """s of compiling so far in this process."""
-        return 0.0 if self.compiling is None else self.compiling.spent
+        return 0.0 if self.compilation is None else self.compilation.seconds
+
+    def count(self) -> str:
+        """`compiling kernels, once: 34 so far`."""
+        from collision.numeric.kernel_cache import kept
+
+        compiled = 0 if self.compilation is None else self.compilation.kernels
+        return f"compiling kernels, once: {max(kept(), compiled)} so far"
 
     def draw(self, text: str) -> None:
         columns = shutil.get_terminal_size().columns - 1
@@ -109,7 +119,6 @@ class Progress:
     stream: where to draw, standard error by default.
     delay: s before anything is drawn.
     quiet: never draw.
-    uses: which of `vpframe.compiling.USES` it is, for the time left while kernels are compiled.
     """
 
     def __init__(
@@ -118,10 +127,9 @@ class Progress:
         stream: TextIO | None = None,
         delay: float = DELAY,
         quiet: bool = False,
-        uses: Iterable[str] = (),
     ) -> None:
         self.title = title
-        self._line = _Line(stream, uses, quiet)
+        self._line = _Line(stream, quiet)
         self._delay = delay
         self._fraction: float | None = None
         self._text = ""
@@ -159,9 +167,8 @@ class Progress:
 
     def line(self, elapsed: float) -> str:
         """What is drawn `elapsed` seconds after the start."""
-        compiling = self._line.compiling
-        if compiling is not None and compiling.active:
-            return f"{self.title}  {compiling.text(self._line.uses)}"
+        if self._line.compiling:
+            return f"{self.title}  {self._line.count()}"
         return f"{self.title}  {bar(self._fraction, elapsed, elapsed - (self._line.compiled - self._compiled))}" + (
             f"  {self._text}" if self._text else ""
         )
@@ -187,11 +194,10 @@ class Watch:
         text: Callable[[], str],
         stream: TextIO | None = None,
         delay: float = DELAY,
-        uses: Iterable[str] = (),
         always: bool = False,
     ) -> None:
         self.text = text
-        self._line = _Line(stream, uses)
+        self._line = _Line(stream)
         self._delay = delay
         self._always = always
         self._first: float | None = None
@@ -217,11 +223,7 @@ class Watch:
     @property
     def compiling(self) -> bool:
         """Whether a kernel is being compiled, as far as it is known here."""
-        return self._line.compiling is not None and self._line.compiling.active
-
-    def use(self, *uses: str) -> None:
-        """The work needs these of `vpframe.compiling.USES` too."""
-        self._line.uses = tuple(dict.fromkeys((*self._line.uses, *uses)))
+        return self._line.compiling
 
     def close(self) -> None:
         """Stop to look, and wipe the line."""
@@ -236,9 +238,8 @@ class Watch:
             since = self._first if self._always else began
             if since is None or now - since < self._delay:
                 continue
-            compiling = self._line.compiling
-            if compiling is not None and compiling.active:
-                text = compiling.text(self._line.uses)
+            if self._line.compiling:
+                text = self._line.count()
             else:
                 text = self.text()
                 if began is not None and now - began > self._delay:
@@ -262,9 +263,16 @@ def bar(fraction: float | None, elapsed: float, worked: float | None = None) -> 
     return f"[{'#' * filled}{'.' * (24 - filled)}] {100 * fraction:3.0f} %{left}"
 
 
+TAIL = 24
+"""characters at the end of a line that stay when it is too long"""
+
+
 def fitted(text: str, columns: int) -> str:
-    """The text in at most `columns` characters."""
-    return text if len(text) <= columns else text[: max(columns - 1, 0)] + "…"
+    """The text in at most `columns` characters: shortened before its end, where the time left stands."""
+    if len(text) <= columns:
+        return text
+    end = min(TAIL, columns // 2)
+    return text[: max(columns - 1 - end, 0)] + "…" + text[len(text) - end :]
 
 
 def duration(seconds: float) -> str:

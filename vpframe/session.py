@@ -107,7 +107,7 @@ class Session:
         self._requests: list[Request] = []
         self._hands: dict[str, Hand] = {}
         self._queues: dict[str, deque[Verb]] | None = None
-        self._watch = Watch(self._standing, uses=["run"], always=True)
+        self._watch = Watch(self._standing, always=True)
         self._frame: Frame | None = None
         self._result: Result | None = None
         self._sizes: dict[str, float] = {}
@@ -450,7 +450,6 @@ class Session:
             raise TaskError(f"{part} is fixed in the scene; set part.fixed = False before giving it behaviours")
         from vpframe.dynamics import body_of
 
-        self._watch.use("physics")
         body = body_of(self.scene[part], material, mass)
         with in_part_names(self.scene):
             self.engine.behave(i, body, behaviours)

@@ -226,7 +226,7 @@ def loaded(path: str | Path) -> Scene:
     from vpframe.importers import load
     from vpframe.progress import Progress
 
-    with Progress(f"loading {Path(path).name}", uses=["load"]) as progress:
+    with Progress(f"loading {Path(path).name}") as progress:
         return load(path, progress=progress)
 
 

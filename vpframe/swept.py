@@ -12,10 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 from numpy.typing import NDArray
 
 from collision import CollisionManager, SurfaceMesh
+from collision.numeric.kernel import kernel
 from vpframe.report.swept import SweptVolume
 from vpframe.scene import Part
 
@@ -78,7 +78,7 @@ def _dense(poses: Sequence[pin.SE3], mesh: SurfaceMesh, step: float) -> list[pin
     return out
 
 
-@njit(cache=True)
+@kernel
 def _mark(grid, triangles):  # type: ignore[no-untyped-def]
     """Mark the voxels of points on the triangles (m, 3, 3), in voxels, no more than half a voxel apart."""
     for t in range(len(triangles)):

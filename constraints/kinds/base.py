@@ -191,8 +191,8 @@ class Compiled:
 
     def evaluate(self, pose_a: pin.SE3, pose_b: pin.SE3) -> tuple[Array, Array, Array]:
         """Residual (rows,) and Jacobians (rows, 6) of both bodies."""
-        rotation = np.stack([pose_a.rotation, pose_b.rotation])
-        translation = np.stack([pose_a.translation, pose_b.translation])
+        rotation = np.array([pose_a.rotation, pose_b.rotation])
+        translation = np.array([pose_a.translation, pose_b.translation])
         r = np.empty(self.rows)
         first = np.empty((self.rows, 6))
         second = np.empty((self.rows, 6))

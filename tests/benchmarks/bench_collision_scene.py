@@ -16,8 +16,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CollisionManager, SurfaceMesh
-from collision.tree import tree_of
-from collision.wide import build_wide_trees, wide_tree_of
+from collision.bvh.build import build, bvh_of
+from collision.bvh.layout import nbytes
 
 FRAMES = 60
 
@@ -135,20 +135,20 @@ def rows(quick: bool = False) -> list[dict[str, Any]]:
 
 
 def trees(meshes: int, rounds: int = 5) -> dict[str, Any]:
-    """Building the trees of so many new meshes of 6,400 triangles, both kinds; the median of some rounds."""
+    """Building the hierarchies of so many new meshes of 6,400 triangles; the median of some rounds."""
     balls = [[bumpy_ball(1000 * r + k) for k in range(meshes)] for r in range(1, rounds + 1)]
     wall, processor = [], []
     for some in balls:
         begin = time.perf_counter(), time.process_time()
-        build_wide_trees(some)
+        build(some)
         wall.append(time.perf_counter() - begin[0])
         processor.append(time.process_time() - begin[1])
     one = balls[0][0]
     own = sum(a.nbytes for a in (one.vertices, one.triangles, one.surface_of_triangle, one.order, one.surface_start))
-    held = own + tree_of(one).nbytes + wide_tree_of(one).nbytes
+    held = own + nbytes(bvh_of(one))
     n = meshes * one.n_triangles
     return {
-        "case": "trees of both kinds",
+        "case": "trees",
         "method": "best",
         "seconds": float(np.median(wall)),
         "unit": "s",

@@ -8,7 +8,7 @@ import pytest
 
 from collision import CollisionError, CollisionManager, SurfaceMesh
 from collision.classify import KINDS, PairClass, classify
-from collision.containment import is_closed
+from collision.solid import is_closed
 from tests.collision.reference import box, sphere, turned
 from tests.collision.test_containment import with_slivers
 

@@ -11,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from collision import CollisionManager, SurfaceMesh
-from collision.containment import inside, is_closed, signed_distances
+from collision.query.containment import inside
+from collision.query.signed_distance import signed_distances
+from collision.solid import is_closed
 from tests.collision.reference import box, sphere, turned
 
 

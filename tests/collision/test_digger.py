@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from collision import colliding_surfaces
-from collision.containment import is_closed
+from collision.solid import is_closed
 from examples import digger
 
 

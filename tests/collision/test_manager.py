@@ -13,7 +13,6 @@ import pytest
 from collision import (
     CollisionError,
     CollisionManager,
-    PairQuery,
     PoseError,
     Tolerance,
     UnknownObjectError,
@@ -188,8 +187,8 @@ def test_threads_and_memory_change_no_answer(monkeypatch: pytest.MonkeyPatch) ->
         manager.set_poses(range(0, 40, 2), [anywhere(rng, 3.0) for _ in range(20)])
         answers.append((manager.colliding_surfaces(), [manager.pose(i) for i in range(40)]))
     assert len(manager.object_pairs()) > 40
-    monkeypatch.setattr("collision.query.WORTH_A_THREAD", 10**9)
-    monkeypatch.setattr("collision.query.REMEMBERED", 0)
+    monkeypatch.setattr("collision.narrow_phase.WORTH_A_THREAD", 10**9)
+    monkeypatch.setattr("collision.narrow_phase.REMEMBERED", 0)
     for rows, poses in reversed(answers):
         manager.set_poses(range(40), poses)
         assert np.array_equal(manager.colliding_surfaces(), rows) and len(rows) > 50
@@ -210,7 +209,7 @@ def test_what_does_not_move_is_not_asked_again() -> None:
 
 
 def test_relative_poses_of_many_are_those_of_each() -> None:
-    from collision.objects import relative_poses
+    from collision.numeric.poses import relative_poses
 
     def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Term by term: a library's product may round otherwise."""
@@ -280,10 +279,11 @@ def test_poses_that_the_tolerance_takes_are_taken_by_every_question(method: Meth
     assert len(colliding_surfaces(box, box, pose, method, loose))
     with pytest.raises(PoseError, match="1e-06 is allowed"):
         colliding_surfaces(box, box, pose, method)
-    query = PairQuery(box, box, loose)
-    assert len(query.colliding_surfaces(pose)) and len(copy.copy(query).colliding_surfaces(pose))
+    world = copy.deepcopy(manager)
+    world.set_pose(b, pose)
+    assert len(world.colliding_surfaces())
     with pytest.raises(PoseError, match="1e-06 is allowed"):
-        PairQuery(box, box).colliding_surfaces(pose)
+        CollisionManager().add(box, pose)
 
 
 def test_coal_is_asked_with_the_gjk_of_the_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,11 +11,12 @@ import pinocchio as pin
 import pytest
 
 from collision import CollisionError, CollisionManager, PoseError, SurfaceMesh, colliding_surfaces
-from collision import oracle as oracle_module
-from collision.containment import inside, is_closed
-from collision.oracle import OracleError, cross_check, reproduce
 from collision.proximity import clearance, surface_contacts
-from collision.shape import mesh_of_shape
+from collision.query.containment import inside
+from collision.reference import oracle as oracle_module
+from collision.reference.oracle import OracleError, cross_check, reproduce
+from collision.reference.shape import mesh_of_shape
+from collision.solid import is_closed
 from tests.collision.reference import box, random_soup, sphere
 
 

@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from collision import CollisionManager, SurfaceMesh, Tolerance
-from collision.containment import inside
-from collision.penetration import penetration
+from collision.query.containment import inside
+from collision.query.penetration import penetration
 from tests.collision.reference import box, point_distances, sphere, turned
 
 TILT = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 2.0, -0.3]))

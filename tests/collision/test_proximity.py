@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from collision import CollisionError, CollisionManager, SurfaceMesh, colliding_surfaces
-from collision.kernels_triangles import closest_features
 from collision.proximity import contacts, mesh_clearance, surface_contacts
+from collision.triangle.distance import closest_features
 from tests.collision.reference import box, random_soup, triangle_distances
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from collision import CollisionError, MeshError, PairQuery, PoseError, SurfaceMesh, colliding_surfaces
+from collision import CollisionError, CollisionManager, MeshError, PoseError, SurfaceMesh, colliding_surfaces
 from collision.query import METHODS, examine
 from tests.collision import exact, shapes
 
@@ -82,16 +82,18 @@ def test_methods_agree_on_larger_meshes() -> None:
 def test_memory_changes_no_answer() -> None:
     rng = np.random.default_rng(3)
     a, b = shapes.wave(24, 4, 1), shapes.wave(20, 3, 2)
-    query = PairQuery(a, b)
+    manager = CollisionManager()
+    manager.add(a, pin.SE3.Identity()), manager.add(b, pin.SE3.Identity())
     pose = pin.SE3.Identity()
     afresh = 0
     for step in range(120):
         pose = random_pose(rng, 0.3) if step % 30 == 0 else pose * pin.exp6(0.01 * rng.normal(size=6))
-        assert np.array_equal(query.colliding_surfaces(pose), colliding_surfaces(a, b, pose, "oaabb"))
+        manager.set_pose(1, pose)
+        assert np.array_equal(manager.colliding_surfaces()[:, 1::2], colliding_surfaces(a, b, pose, "oaabb"))
         afresh += examine(a, b, pose, "best")[1].triangle_box_tests
-    assert 0 < query.statistics.triangle_box_tests < afresh
+    assert 0 < manager.statistics.triangle_box_tests < afresh
     with pytest.raises(PoseError, match="not a rigid motion"):
-        query.colliding_surfaces(np.diag([2.0, 1.0, 1.0, 1.0]))
+        manager.set_pose(1, np.diag([2.0, 1.0, 1.0, 1.0]))
 
 
 def test_far_from_the_origin_and_small() -> None:

@@ -8,7 +8,7 @@ import pytest
 from physics_meshes import at, box_mesh, cylinder_mesh, tube_mesh
 
 from collision import CollisionManager, SurfaceMesh
-from collision.containment import signed_distances
+from collision.query.signed_distance import signed_distances
 from constraints.geometry import Cylinder
 from physics import Body, Elastic, Friction, Gravity, Sleeping, World
 from physics.contact import find

@@ -12,7 +12,7 @@ import pytest
 from physics_meshes import at, box_mesh, room, tube_mesh
 
 from collision import CollisionManager, SurfaceMesh
-from collision.containment import signed_distances
+from collision.query.signed_distance import signed_distances
 from physics import Body, Elastic, Friction, Gravity, Sleeping, World
 from physics.behaviours import STANDARD_GRAVITY as G
 from vpframe import modelling

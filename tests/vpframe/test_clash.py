@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from collision import SurfaceMesh
-from collision.containment import solid_of
+from collision.solid import solid_of
 from constraints.features import Feature
 from constraints.geometry import Cylinder, Freeform, Plane
 from vpframe import modelling as m

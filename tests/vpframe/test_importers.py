@@ -19,7 +19,7 @@ from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideAngle
 from OCP.TopoDS import TopoDS_Builder, TopoDS_Compound
 
 import vpframe as vp
-from collision.containment import is_closed
+from collision.solid import is_closed
 from vpframe import modelling as m
 from vpframe.importers import brep, build
 from vpframe.importers.polyhedron import mass_properties

@@ -59,7 +59,7 @@ def test_while_a_file_is_read(tmp_path: Path, model: Path) -> None:
     out = tmp_path / "out.json"
     with Terminal("clash", model, "--json", cwd=tmp_path, stdout=out) as terminal:
         until = time.monotonic() + 60.0
-        while not any("importers._reader" in words for words in terminal.relatives()):
+        while not any("_reader" in words for words in terminal.relatives()):
             assert time.monotonic() < until
             time.sleep(0.01)
         terminal.press(CTRL_C)
@@ -72,8 +72,8 @@ def test_while_a_file_is_read(tmp_path: Path, model: Path) -> None:
 def test_while_kernels_are_compiled(tmp_path: Path, model: Path, command: str) -> None:
     cache = str(tmp_path / "cache")
     with Terminal(command, model, cwd=tmp_path, NUMBA_CACHE_DIR=cache) as terminal:
-        told = terminal.wait_for(r"compiling kernels, once: (\d+) of about (\d+), .* left")
-        assert 0 <= int(told[1]) < int(told[2])
+        told = terminal.wait_for(r"compiling kernels, once: ([1-9]\d*) so far")
+        assert int(told[1]) < 200
         terminal.press(CTRL_C)
         ended(terminal)
         assert terminal.lines() == ["vpframe: interrupted"]
@@ -97,7 +97,7 @@ def test_while_a_task_runs(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_while_the_demo_compiles(tmp_path: Path) -> None:
     with Terminal("demo", cwd=tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache")) as terminal:
-        terminal.wait_for("compiling kernels, once: .* left")
+        terminal.wait_for("compiling kernels, once: .* so far")
         terminal.press(CTRL_C)
         ended(terminal)
     assert (tmp_path / "vpframe-demo" / "report" / "index.html").exists()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import vpframe as vp
-from collision.containment import is_closed
+from collision.solid import is_closed
 from vpframe import cli
 from vpframe import modelling as m
 

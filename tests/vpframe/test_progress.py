@@ -3,7 +3,8 @@ import time
 
 import pytest
 
-from vpframe.compiling import Compiling
+from collision.numeric.kernel import compilation
+from collision.numeric.kernel_cache import kept
 from vpframe.progress import Progress, Watch, duration, fitted, report, say
 
 
@@ -112,51 +113,17 @@ def test_what_runs_inside_tells_the_innermost():
         assert outer.line(1.0) == "outer  1 s"
 
 
-class Kernel:
-    """What numba says of a kernel."""
-
-    def __init__(self, name):
-        def function():
-            pass
-
-        function.__module__, _, function.__name__ = name.rpartition(".")
-        self.data = {"dispatcher": type("Dispatcher", (), {"py_func": staticmethod(function)})}
+def test_kernels_are_counted_while_they_are_compiled():
+    with Progress("work", Terminal(), delay=60.0) as progress:
+        with compilation.working():
+            assert progress.line(3.0) == f"work  compiling kernels, once: {max(kept(), compilation.kernels)} so far"
+        assert "compiling" not in progress.line(3.0)
 
 
-def test_compiling_counts_what_is_known_to_be_needed():
-    both = frozenset({"clash", "mates"})
-    known = {f"collision.trees.k{n}": (10.0, both) for n in range(4)} | {"physics.q": (50.0, frozenset({"physics"}))}
-    compiling = Compiling(known)
-    assert not compiling.active
-    compiling.on_start(Kernel("collision.trees.k0"))
-    compiling.on_start(Kernel("numba.np.impl"))
-    assert compiling.active
-    compiling.on_end(None)
-    assert compiling.text(["clash"]).startswith("compiling kernels, once: 0 of about 4, ")
-    compiling.on_end(None)
-    compiling._spent = 5.0  # half of what was measured: this machine is twice as fast
-    assert not compiling.active
-    assert compiling.text(["clash"]) == "compiling kernels, once: 1 of about 4, 15 s left"
-    assert compiling.text(["physics", "mates"]) == "compiling kernels, once: 1 of about 5, 40 s left"
-
-
-def test_what_lies_in_the_cache_is_not_waited_for(tmp_path, monkeypatch):
-    from numba.core import config
-
-    (tmp_path / "trees_abc").mkdir()
-    (tmp_path / "trees_abc" / "trees.k1-12.py311.nbi").touch()
-    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
-    compiling = Compiling({f"collision.trees.k{n}": (1.0, frozenset({"clash"})) for n in range(3)})
-    compiling.on_start(Kernel("collision.trees.k0"))
-    assert "0 of about 2" in compiling.text(["clash"])
-
-
-@pytest.mark.slow
-def test_the_measured_kernels_are_those_that_are_compiled():
-    from tests.vpframe.kernel_times import measured
-    from vpframe.compiling import kernel_times
-
-    found = measured("clash")["clash"]
-    known = {name for name, (_, uses) in kernel_times().items() if "clash" in uses}
-    missing = {name: seconds for name, seconds in found.items() if name not in known}
-    assert sum(missing.values()) < 0.3 * sum(found.values()), f"run tests/vpframe/kernel_times.py: {missing}"
+def test_time_of_compiling_is_not_time_of_the_work():
+    with Progress("work", Terminal(), delay=60.0) as progress:
+        progress(0.5)
+        with compilation.working():
+            time.sleep(0.2)
+        left = progress.line(10.2)
+    assert left.endswith("50 %  10 s left") and progress._line.compiled >= 0.2

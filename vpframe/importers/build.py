@@ -13,7 +13,7 @@ from constraints.errors import GeometryError
 from constraints.features import group_features
 from constraints.fits import allowed, fit_surface
 from constraints.geometry import Cone, Cylinder, Freeform, Geometry, Plane, Sphere, Torus
-from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors
+from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors, without_flat
 from vpframe.importers.raw import RawEdge, RawFace, RawScene, RawShape
 from vpframe.scene import Edge, Part, Scene, Shape, Surface
 
@@ -77,9 +77,9 @@ def settled(raw: RawShape) -> RawShape:
         )
     vectors = triangle_area_vectors(raw.vertices, triangles)
     faces = []
-    for i, k in enumerate(kept):
-        own, face = owners == i, raw.faces[k]
-        corners = triangles[own]
+    by_owner = np.split(np.argsort(owners, kind="stable"), np.cumsum(np.bincount(owners, minlength=len(kept)))[:-1])
+    for own, k in zip(by_owner, kept, strict=True):
+        corners, face = triangles[own], raw.faces[k]
         points, middles = raw.vertices[np.unique(corners)], raw.vertices[corners].mean(axis=1)
         geometry, residual = recognised(face, points, middles, vectors[own])
         kind, numbers = raw_numbers(geometry)
@@ -94,19 +94,17 @@ def settled(raw: RawShape) -> RawShape:
 
 def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDArray[np.int32], list[int]]:
     """Triangles of positive area, their surface numbers without gaps, and the raw face of each surface."""
-    area = np.linalg.norm(triangle_area_vectors(raw.vertices, raw.triangles), axis=1)
-    good = area > 0.0
-    dropped = int((~good).sum())
-    if dropped:
-        notes.append(f"{dropped} triangles of zero area dropped")
-    faces = raw.face_of_triangle[good]
+    triangles, faces = without_flat(raw.vertices, raw.triangles, raw.face_of_triangle)
+    flat = np.linalg.norm(triangle_area_vectors(raw.vertices, raw.triangles), axis=1) == 0.0
+    if flat.any():
+        notes.append(f"{flat.sum()} triangles of zero area dropped")
     kept, numbers = np.unique(faces, return_inverse=True)
     notes.extend(
         f"{raw.faces[i].name} has no triangle of positive area: it is lost"
         for i in range(len(raw.faces))
         if i not in set(kept.tolist())
     )
-    return raw.triangles[good], numbers.reshape(-1).astype(np.int32), kept.tolist()
+    return triangles, numbers.reshape(-1).astype(np.int32), kept.tolist()
 
 
 def _surface(index: int, raw: RawFace, mesh: SurfaceMesh, vectors: Array, triangles: NDArray[np.int32]) -> Surface:

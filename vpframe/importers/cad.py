@@ -36,6 +36,8 @@ CROWDED = 0.4
 """share of the address space; a crash with more of it in use is for want of memory: what grows is copied to twice its
 size"""
 
+_THRIFTY = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "8"}
+"""so that a machine of many cores does not spend the address space on threads that have nothing to do"""
 _EXTERNAL = re.compile(rb"DOCUMENT_FILE\s*\(\s*'((?:[^']|'')+)'")
 
 
@@ -146,7 +148,6 @@ def _read_without_crashing(
             "angular": angular,
             "skip": skip,
             "memory": memory,
-            "parent": os.getpid(),
             "folders": _package_folders(path.resolve().parent),
         }
         outcome, raw = _read_once(request, limit, progress, settle, said)
@@ -267,7 +268,13 @@ def _run(
     with open(os.path.join(folder, "words"), "w+", encoding="utf-8", errors="replace") as words:
         peak = 0
         process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=words, cwd=empty, encoding="utf-8"
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=words,
+            cwd=empty,
+            env={**os.environ, **_THRIFTY},
+            encoding="utf-8",
         )
         watch = threading.Timer(limit, _give_up, (process, outcome))
         watch.daemon = True  # Ctrl-C can come anywhere: what it leaves behind must not keep us from ending

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from collision.numeric.kernel import inner_kernel, kernel
 from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus
 
 PLANE, CYLINDER, CONE, SPHERE, TORUS = range(5)
@@ -42,7 +42,7 @@ def neighbours(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     return across.reshape(-1, 3)
 
 
-@njit(cache=True)
+@inner_kernel
 def _gap(kind, q, x, y, z):
     """Distance of a point to the surface, and the surface's unit normal there."""
     dx, dy, dz = x - q[0], y - q[1], z - q[2]
@@ -76,7 +76,7 @@ def _gap(kind, q, x, y, z):
     return abs(length - q[7]), rx * across + q[3] * along, ry * across + q[4] * along, rz * across + q[5] * along
 
 
-@njit(cache=True)
+@kernel
 def reach(kind, q, seed, vertices, triangles, normals, needle, across, label, tolerance, cosine, mark, stamp, out):
     """Free triangles connected to `seed` whose corners lie on the surface and whose normals agree with it.
 

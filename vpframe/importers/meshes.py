@@ -22,7 +22,7 @@ from vpframe.errors import LoadError
 from vpframe.importers.build import raw_numbers
 from vpframe.importers.checks import STL_HEADER, far_check, is_binary_stl
 from vpframe.importers.names import numbered
-from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors
+from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors, without_flat
 from vpframe.importers.raw import Array, Color, RawFace, RawPart, RawScene, RawShape
 from vpframe.importers.segmentation import segment
 from vpframe.units import METRES
@@ -313,7 +313,7 @@ def _shape(path: Path, pieces: list[_Piece], tolerance: Tolerance) -> RawShape |
     flat = int((~good).sum())
     if flat:
         notes.append(f"{flat} triangles of zero area dropped")
-    corners, owner = corners[good], owner[good]
+    corners, owner = without_flat(points, corners, owner)
     if len(pieces) > 1:
         kept, numbers = np.unique(owner, return_inverse=True)
         faces = [RawFace(pieces[k].name, color=pieces[k].color) for k in kept]

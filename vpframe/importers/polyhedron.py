@@ -18,6 +18,61 @@ def triangle_area_vectors(vertices: Array, triangles: NDArray[np.int32]) -> Arra
     return 0.5 * np.cross(b - a, c - a)
 
 
+def without_flat(vertices: Array, triangles: Triangles, owners: Triangles) -> tuple[Triangles, Triangles]:
+    """The triangles of positive area and their owners.
+
+    A flat triangle of three corners fills the gap between its longest edge and a corner of its other neighbours: with
+    it gone, the neighbour at that edge is split there, so that a closed mesh stays closed.
+    """
+    flat = np.linalg.norm(triangle_area_vectors(vertices, triangles), axis=1) == 0.0
+    thin = np.flatnonzero(flat & (triangles != np.roll(triangles, 1, axis=1)).all(axis=1))
+    if not len(thin):
+        return triangles[~flat], owners[~flat]
+    near = np.flatnonzero(
+        np.isin(triangles, triangles[thin]).any(axis=1) & (~flat | np.isin(np.arange(len(flat)), thin))
+    )
+    local = {i: (tuple(triangles[i].tolist()), int(owners[i])) for i in near.tolist()}
+    beside: dict[tuple[int, int], list[int]] = {}
+    for i, (corners, _) in local.items():
+        for edge in _edges(corners):
+            beside.setdefault(edge, []).append(i)
+    last, waiting = len(triangles), thin.tolist()
+    for _ in range(8 * len(waiting)):  # a split of what is flat itself leaves flat halves: that ends, but for rounding
+        if not waiting:
+            break
+        corners, _ = local.pop(waiting.pop(0))
+        a, c, b = max(
+            (corners, corners[1:] + corners[:1], corners[2:] + corners[:2]),
+            key=lambda t: float(np.linalg.norm(vertices[t[0]] - vertices[t[1]])),
+        )
+        neighbour = next((i for i in beside.get((c, a), ()) if i in local), None)
+        if neighbour is None:
+            continue
+        d = next(v for v in local[neighbour][0] if v not in (a, c))
+        owner = local.pop(neighbour)[1]
+        was_flat = neighbour in waiting
+        if was_flat:
+            waiting.remove(neighbour)
+        for half in ((c, b, d), (b, a, d)):
+            if b != d:
+                local[last] = half, owner
+                for edge in _edges(half):
+                    beside.setdefault(edge, []).append(last)
+                waiting += [last] * was_flat
+                last += 1
+    for i in waiting:
+        del local[i]
+    kept = ~flat
+    kept[near] = False
+    mended = np.array([corners for corners, _ in local.values()], np.int32).reshape(-1, 3)
+    owned = np.array([owner for _, owner in local.values()], np.int32)
+    return np.concatenate([triangles[kept], mended]), np.concatenate([owners[kept], owned])
+
+
+def _edges(corners: tuple[int, ...]) -> list[tuple[int, int]]:
+    return list(zip(corners, corners[1:] + corners[:1], strict=True))
+
+
 def open_edges(triangles: Triangles) -> NDArray[np.int64]:
     """(k, 2) directed edges (vertex indices) that no triangle meets the other way: the boundary, sorted.
 

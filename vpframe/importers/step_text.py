@@ -152,8 +152,8 @@ def _length_units(statements: dict[int, bytes], lines: dict[int, int], text: Ste
         unknown = next((n for n in units if not is_known(bare(n))), None)
         text.no_unit |= not units
         if unknown is not None and not text.unit_fault:
-            said = statements[unknown].decode("ascii", "replace")
-            said = " ".join(said.split())[:100]
+            said = " ".join(statements[unknown].decode("ascii", "replace").split())[:100]
+            said = "".join(c if c.isprintable() else "?" for c in said)
             text.unit_fault = f"line {lines[unknown]}: #{unknown} is no length unit that is known: {said}"
 
 

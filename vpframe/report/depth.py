@@ -21,7 +21,7 @@ class Depth:
     """The deepest known moment of a clash."""
 
     depth: float
-    """m, as `collision.penetration` defines it"""
+    """m, as `collision.query.penetration` defines it"""
     point: NDArray[np.float64]
     """(3,) world, m: the deepest point"""
     time: float

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from collision.numeric.kernel import kernel
 
-@numba.njit(cache=True)
+
+@kernel
 def fill_triangles(xy, z, keep, depth, face, weight):
     """Draw triangles into the buffers; nearer (greater z) wins, at equal depth the first triangle.
 
@@ -46,7 +47,7 @@ def fill_triangles(xy, z, keep, depth, face, weight):
                     weight[row, column, 1] = b2
 
 
-@numba.njit(cache=True)
+@kernel
 def draw_segments(ends, z, color, width, hidden, depth, image):
     """Draw segments as discs of `width` pixels swept along them; where something nearer stands, only `hidden` of them.
 

@@ -1,0 +1,360 @@
+"""Which pairs of objects come near each other, by their boxes and spheres in the world.
+
+Two trees of boxes, of the objects that may move and of the others, are kept from question to question. Boxes follow
+what has moved; the objects of a tree are grouped anew when its groups have grown too large. What may move is tested
+against both trees, what may not never against its like. If few objects have moved, only they are tested anew.
+"""
+
+# mypy: disable-error-code="call-arg, var-annotated"
+# (numba's intrinsics take one argument less than they are written with)
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision.bvh.build import nodes_over, order_groups
+from collision.bvh.layout import LANES, NODE
+from collision.bvh.traverse import Door, inline_kernel
+from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.poses import relative_poses, take_pose, take_poses
+from collision.numeric.simd import lowest, overlapping
+
+OFFSET: Final = 64.0 * 2.0**-53
+"""rounding of a moved vertex, of a relative pose and of a box in the world, a unit of length of the coordinates"""
+SKEW: Final = 8.0
+"""how far a rotation that is not quite one shifts a vertex, a unit of |RᵀR - I| and of length of its coordinates: the
+verdict is about b moved into a's frame by a's transposed rotation, boxes and spheres are in the world"""
+GROWN: Final = 1.5
+"""times the extent of the groups of eight objects when formed, beyond which they are formed anew"""
+FEW: Final = 4
+"""if at most one object in so many has moved, only those that have are tested anew"""
+
+
+class Bodies(NamedTuple):
+    """What the broad phase knows of the objects, by id; arrays with room for more objects than there are."""
+
+    pose: Any
+    """(n, 12) float64: rotation by rows, translation"""
+    own: Any
+    """(n, 7) float64, m: box at home, and the radius of the sphere about its centre"""
+    box: Any
+    """(n, 6) float64, m: box in the world"""
+    radius: Any
+    """(n,) float64, m: of the sphere about the centre of that box"""
+    stale: Any
+    """(n,) bool: whose box in the world is behind its pose"""
+    movable: Any
+    """(n,) bool"""
+
+
+class ObjectTree(NamedTuple):
+    """Boxes in the world of some objects, eight a node, from groups of eight objects up to one node."""
+
+    ids: Any
+    """(n,) int64 in the order of the tree"""
+    nodes: Any
+    """float32, see `numeric.simd`: the groups, then level by level what is above"""
+    starts: Any
+    """int64: where in `nodes` each level begins"""
+    formed: Any
+    """(1,) float64, m: extent of the groups when they were formed"""
+
+
+def bodies_for(n: int, before: Bodies | None = None) -> Bodies:
+    """Room for n objects, with what is known of those before."""
+    arrays = Bodies(
+        np.empty((n, 12)), np.empty((n, 7)), np.empty((n, 6)), np.empty(n), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    )
+    for new, old in zip(arrays, before or (), strict=False):
+        new[: len(old)] = old
+    return arrays
+
+
+def tree_of_objects(ids: NDArray[np.int64]) -> ObjectTree:
+    """The tree of these objects, not yet filled."""
+    starts, boxes = [0], -(-len(ids) // LANES)
+    while boxes > 1:
+        starts.append(starts[-1] + NODE * boxes)
+        boxes = -(-boxes // LANES)
+    nodes = np.empty(NODE * max(1, int(nodes_over(len(ids)))), np.float32)
+    return ObjectTree(ids, nodes, np.array(starts, np.int64), np.full(1, -1.0))
+
+
+class BroadPhase:
+    """The trees over a manager's objects, and the pairs that were near when last asked."""
+
+    def __init__(self) -> None:
+        self._movers = self._fixed = tree_of_objects(np.empty(0, np.int64))
+        self._stack = np.empty((128, 2), np.int64)
+        self._room = np.empty(64, np.int64)
+        self._none = np.empty(0, np.bool_)
+        self._keys: NDArray[np.int64] | None = None
+        """the pairs within 0, if their list is up to date but for the objects in `_moved`"""
+
+    def reset(self, ids: NDArray[np.int64], bodies: Bodies) -> None:
+        """Begin anew: with these objects."""
+        movable = bodies.movable[ids]
+        self._movers, self._fixed = tree_of_objects(ids[movable]), tree_of_objects(ids[~movable])
+        bodies.stale[:] = False
+        bodies.stale[ids] = True
+        self._keys = None
+
+    def place(self, bodies: Bodies, i: int, matrix: NDArray[np.float64], rigid: float) -> bool:
+        """Set the pose of object i to a (4, 4) matrix; False, and nothing changed, if that is no rigid motion."""
+        return bool(_place.call(bodies, i, matrix, rigid))
+
+    def packed(self, matrices: NDArray[np.float64], rigid: float) -> tuple[NDArray[np.float64], int]:
+        """(n, 12) poses of (n, 4, 4) matrices, and the place of the first that is no rigid motion, or -1."""
+        out = np.empty((len(matrices), 12))
+        return out, _take_poses.call(matrices, rigid, out)
+
+    def relative_poses(self, pose: NDArray[np.float64], pairs: NDArray[np.int32]) -> NDArray[np.float64]:
+        """(k, 12) poses of the second of each pair of objects (k, 2) in the frame of the first."""
+        out = np.empty((len(pairs), 12))
+        _relative_poses.call(pose, pairs, out)
+        return out
+
+    def follow(self, bodies: Bodies) -> None:
+        """Bring boxes and trees up to date with the poses."""
+        grown = _follow.call(bodies, self._movers, self._fixed, False)
+        if grown:
+            for bit, tree in ((1, self._movers), (2, self._fixed)):
+                if grown & bit:
+                    box = bodies.box[: int(tree.ids.max()) + 1]
+                    order_groups(tree.ids, np.ascontiguousarray((0.5 * box[:, :3] + 0.5 * box[:, 3:]).T))
+            _follow.call(bodies, self._movers, self._fixed, True)
+
+    def near(
+        self, bodies: Bodies, n: int, within: float = 0.0, chosen: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.int64]:
+        """The pairs i < j of the first n objects that come within `within` (m), as 2^32·i + j, sorted.
+
+        chosen: (n,) only pairs with at least one of these. Not to be written to.
+        """
+        if within == 0.0 and chosen is None:
+            return self._near_all(bodies, n)
+        if self._keys is not None and bodies.stale[:n].any():  # what has moved is known only until the trees follow
+            if FEW * np.count_nonzero(bodies.stale[:n]) <= n:
+                self._near_all(bodies, n)
+            else:
+                self._keys = None
+        self.follow(bodies)
+        return self._find(bodies, within, chosen)
+
+    def _near_all(self, bodies: Bodies, n: int) -> NDArray[np.int64]:
+        if self._keys is not None and n > 16:
+            stale = bodies.stale[:n].copy()
+            moved = np.count_nonzero(stale)
+            if FEW * moved <= n:
+                if moved:
+                    self.follow(bodies)
+                    keys = self._keys
+                    still = keys[~(stale[keys >> 32] | stale[keys & 0xFFFFFFFF])]
+                    self._keys = np.concatenate([still, self._find(bodies, 0.0, stale)])
+                    self._keys.sort()
+                return self._keys
+        self.follow(bodies)
+        self._keys = self._find(bodies, 0.0, None)
+        return self._keys
+
+    def _find(self, bodies: Bodies, within: float, chosen: NDArray[np.bool_] | None) -> NDArray[np.int64]:
+        chosen = self._none if chosen is None else chosen
+        while True:
+            found = _near_pairs.call(bodies, self._movers, self._fixed, within, chosen, self._stack, self._room)
+            if found <= len(self._room):
+                break
+            self._room = np.empty(2 * found, np.int64)
+        keys = self._room[:found].copy()
+        if found > 1:
+            keys.sort()
+        return keys
+
+
+# --- kernels ---------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def place(bodies, i, matrix, rigid):
+    """Set the pose of object i to a (4, 4) matrix, and note that it has moved; False if that is no rigid motion."""
+    if not take_pose(matrix, rigid, bodies.pose[i]):
+        return False
+    bodies.stale[i] = True
+    return True
+
+
+@inner_kernel
+def move_world_box(bodies, i):
+    """Bring the box and the sphere of object i in the world up to date."""
+    own, pose = bodies.own[i], bodies.pose[i]
+    length = size = off = 0.0
+    for d in range(3):
+        greatest = max(abs(own[d]), abs(own[d + 3]))
+        length += abs(pose[9 + d]) + greatest
+        size += greatest
+        for e in range(d, 3):
+            r = pose[d] * pose[e] + pose[3 + d] * pose[3 + e] + pose[6 + d] * pose[6 + e]
+            off = max(off, abs(r - (1.0 if d == e else 0.0)))
+    error = OFFSET * length + SKEW * off * size
+    bodies.radius[i] = own[6] + 2.0 * error
+    for d in range(3):
+        centre, half = pose[9 + d], error
+        for e in range(3):
+            r = pose[3 * d + e]
+            centre += r * (0.5 * own[e] + 0.5 * own[e + 3])
+            half += abs(r) * (0.5 * own[e + 3] - 0.5 * own[e])
+        bodies.box[i, d] = centre - half
+        bodies.box[i, d + 3] = centre + half
+
+
+@inner_kernel
+def below(x):
+    """A float32 below x; finite, if x is above all float32."""
+    y = np.float32(min(x, 3e38) - 1e-30)
+    return y - abs(y) * np.float32(1.2e-7)
+
+
+@inner_kernel
+def above(x):
+    """A float32 above x; finite, if x is below all float32."""
+    y = np.float32(max(x, -3e38) + 1e-30)
+    return y + abs(y) * np.float32(1.2e-7)
+
+
+@inline_kernel
+def set_nodes(tree, box):
+    """Fill the nodes of an `ObjectTree`; the sum of the extents of the groups of eight objects."""
+    ids, nodes = tree.ids, tree.nodes
+    groups = (len(ids) + LANES - 1) // LANES
+    extent = 0.0
+    for group in range(groups):
+        at = NODE * group
+        for d in range(3):
+            low, high = np.inf, -np.inf
+            for k in range(LANES):
+                x0, x1 = np.float32(np.inf), np.float32(-np.inf)
+                if LANES * group + k < len(ids):
+                    i = ids[LANES * group + k]
+                    x0, x1 = below(box[i, d]), above(box[i, d + 3])
+                    low, high = min(low, box[i, d]), max(high, box[i, d + 3])
+                nodes[at + LANES * d + k], nodes[at + LANES * (d + 3) + k] = x0, x1
+            extent += high - low
+    at, boxes = 0, groups
+    while boxes > 1:
+        up = at + NODE * boxes
+        for i in range(LANES * ((boxes + LANES - 1) // LANES)):
+            to = up + NODE * (i // LANES) + i % LANES
+            for d in range(3):
+                x0, x1 = np.float32(np.inf), np.float32(-np.inf)
+                if i < boxes:
+                    for k in range(LANES):
+                        x0 = min(x0, nodes[at + NODE * i + LANES * d + k])
+                        x1 = max(x1, nodes[at + NODE * i + LANES * (d + 3) + k])
+                nodes[to + LANES * d], nodes[to + LANES * (d + 3)] = x0, x1
+        at = up
+        boxes = (boxes + LANES - 1) // LANES
+    return extent
+
+
+@inline_kernel
+def follow_tree(bodies, tree, formed):
+    """Bring a tree up to date with the poses; whether its groups have grown too large, unless they are just formed."""
+    behind = formed
+    for k in range(len(tree.ids)):
+        i = tree.ids[k]
+        if bodies.stale[i]:
+            bodies.stale[i] = False
+            behind = True
+            move_world_box(bodies, i)
+    if not behind:
+        return False
+    extent = set_nodes(tree, bodies.box)
+    if formed:
+        tree.formed[0] = extent
+    return extent > GROWN * tree.formed[0]
+
+
+@kernel
+def follow(bodies, movers, fixed, formed):
+    """Bring both trees up to date; bits 1 and 2 of the result: whether the groups of either have grown too large.
+
+    formed: the groups have just been formed.
+    """
+    return 1 * follow_tree(bodies, movers, formed) + 2 * follow_tree(bodies, fixed, formed)
+
+
+@inner_kernel
+def boxes_and_spheres_meet(i, j, box, radius, within):
+    """Whether both the boxes and the spheres of two objects come within `within`."""
+    apart = 0.0
+    for d in range(3):
+        if box[i, d] - within > box[j, d + 3] or box[j, d] - within > box[i, d + 3]:
+            return False
+        apart += (0.5 * (box[i, d] + box[i, d + 3]) - 0.5 * (box[j, d] + box[j, d + 3])) ** 2
+    return apart <= (radius[i] + radius[j] + within) ** 2
+
+
+@inline_kernel
+def near_in_tree(bodies, i, after, tree, within, chosen, stack, keys, n):
+    """Add to `keys` the pairs of i with objects behind place `after` of a tree; how many pairs there are then.
+
+    Two chosen objects are a pair of the lesser one, or of the one that may move. Goes on counting where `keys` is full.
+    """
+    box, ids, starts = bodies.box, tree.ids, tree.starts
+    x0, y0, z0 = below(box[i, 0] - within), below(box[i, 1] - within), below(box[i, 2] - within)
+    x1, y1, z1 = above(box[i, 3] + within), above(box[i, 4] + within), above(box[i, 5] + within)
+    stack[0, 0], stack[0, 1] = len(starts) - 1, 0
+    top = 1
+    while top > 0:
+        top -= 1
+        level, node = stack[top, 0], stack[top, 1]
+        bits = overlapping(tree.nodes, starts[level] + NODE * node, x0, y0, z0, x1, y1, z1)
+        while bits != 0:
+            child = LANES * node + lowest(bits)
+            bits &= bits - 1
+            first, size = child << (3 * level), 1 << (3 * level)
+            if first >= len(ids) or first + size <= after:  # an empty lane is in a box without end
+                continue
+            if level > 0:
+                stack[top, 0], stack[top, 1] = level - 1, child
+                top += 1
+                continue
+            j = ids[child]
+            if j == i:
+                continue
+            if len(chosen) > 0 and chosen[j] and (not bodies.movable[i] or (bodies.movable[j] and j < i)):
+                continue
+            if boxes_and_spheres_meet(i, j, box, bodies.radius, within):
+                if n < len(keys):
+                    keys[n] = (min(i, j) << 32) | max(i, j)
+                n += 1
+    return n
+
+
+@kernel
+def near_pairs(bodies, movers, fixed, within, chosen, stack, keys):
+    """Place in `keys` the pairs i < j (2^32·i + j), at least one of which may move, that come near; how many.
+
+    Near is within `within` along every axis by boxes, and by spheres. chosen: (n,) only pairs with at least one of
+    these; (0,) for all. If there are more than `keys` takes, it is full.
+    """
+    n = np.int64(0)
+    if len(chosen) == 0:
+        for place in range(len(movers.ids)):
+            i = movers.ids[place]
+            n = near_in_tree(bodies, i, place + 1, movers, within, chosen, stack, keys, n)
+            if len(fixed.ids) > 0:
+                n = near_in_tree(bodies, i, 0, fixed, within, chosen, stack, keys, n)
+        return n
+    for i in range(len(chosen)):
+        if chosen[i]:
+            n = near_in_tree(bodies, i, 0, movers, within, chosen, stack, keys, n)
+            if bodies.movable[i] and len(fixed.ids) > 0:
+                n = near_in_tree(bodies, i, 0, fixed, within, chosen, stack, keys, n)
+    return n
+
+
+_follow, _near_pairs, _place = Door(follow), Door(near_pairs), Door(place)
+_take_poses, _relative_poses = Door(take_poses), Door(relative_poses)

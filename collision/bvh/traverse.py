@@ -1,0 +1,465 @@
+"""The traversal of two hierarchies, written once: a query is a task that is given to it.
+
+A task is a NamedTuple of what a query knows: limits, and arrays for what it finds. It implements five operations,
+chosen by its type when the kernel that uses it is compiled (numba's `overload`):
+
+- `is_bottom(task, bvh, lane)`: whether a box is not opened further (`below_packets` serves most tasks);
+- `children_of_a(task, a, b, ws, node, lane_b)` and `children_of_b(task, a, b, ws, lane_a, node)`: the node bound. Bit k
+  of the result is set if the pair of the k-th child and the other box may hold what is looked for; `ws.bounds[k]` may
+  be given how near, best or soon that can be at least;
+- `visit(task, a, b, ws, lane_a, lane_b)`: the leaf visit, for two boxes that are both at the bottom. True ends the
+  walk;
+- `is_open(task, ws, bound)`: whether a pair of that bound still matters when its turn comes.
+
+`walk` goes depth first, `walk_nearest` the same with the child of least bound first. Nodes of b are moved into a's
+frame, once a question and only where the walk comes by; their boxes are inflated by more than all rounding, that of
+float32 here and that of the float64 vertices which decide in the end. So a bound never lies, whatever it is made of.
+"""
+
+# mypy: disable-error-code="call-arg, var-annotated"
+# (numba's intrinsics take one argument less than they are written with)
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from collision.bvh.layout import LANES, NODE, PREPARED, Bvh
+from collision.numeric.kernel import inner_kernel
+from collision.numeric.simd import MOTION, lowest, move_boxes, near_lane, prepare_triangles, turn_triangles
+from collision.predicates import FALLBACKS, WORKSPACE
+
+INLINE: Final[Any] = {"nogil": True, "_nrt": False, "error_model": "numpy", "forceinline": True}
+inline_kernel = partial(inner_kernel, forceinline=True)
+"""declares a kernel that takes hierarchies and workspaces: passing one costs as many numbers as it has arrays, times
+seven, so it becomes part of its caller"""
+STACK: Final = 64 * 24
+"""pairs of boxes on the stack: up to eight at each step down either tree"""
+
+
+class Pose(NamedTuple):
+    """The pose of b in a's frame, as `start` has prepared it."""
+
+    matrix: Any
+    """(15,) float64: rotation by rows, translation; then the translation that takes boxes about b's centre to boxes
+    about a's"""
+    motion: Any
+    """(23,) float32: the same for `numeric.simd.move_boxes`"""
+
+
+class Workspace(NamedTuple):
+    """What a thread's queries work in; never part of an answer. One a thread, see `workspace`."""
+
+    pose: Pose
+    moved: Any
+    """(48 nodes of b,) float32: boxes of b in a's frame"""
+    turned: Any
+    """(168 packets of b,) float32: prepared packets of b, turned"""
+    prepared: Any
+    """(168 packets of a,) float32: prepared packets of a"""
+    fresh_nodes: Any
+    """(nodes of b,) int64: the question for which a node was moved"""
+    fresh_b: Any
+    """(packets of b,) int64: the question for which a packet was turned"""
+    fresh_a: Any
+    """(packets of a,) int64: the question for which a packet was prepared"""
+    stack: Any
+    """int64: pairs of lanes"""
+    keys: Any
+    """float32: bounds of the pairs on the stack"""
+    bounds: Any
+    """(73,) float32: bounds of the children of a node, of 64 pairs of triangles, and the limit of a `Distance`"""
+    floats: Any
+    """(11,) float64: what a `Distance` finds"""
+    pairs: Any
+    """int64: pairs of surfaces, surface of a · surfaces of b + surface of b"""
+    rows: Any
+    """(as many, 4) int32: object, surface, object, surface"""
+    counts: Any
+    """(7,) int64: see the places below"""
+    exact: Any
+    """(1024,) float64 of the exact predicates"""
+
+
+OBJECT_PAIRS, SURFACE_BOXES, TRIANGLE_BOXES, TRIANGLES, QUESTION, FOUND, MET = range(7)
+"""places in `Workspace.counts`: those of `Statistics`, the number of the question, and of the pairs of surfaces
+found"""
+
+
+def new_workspace(nodes: int, packets: int, pairs: int, before: Workspace | None = None) -> Workspace:
+    """A workspace for so many nodes and packets a mesh and so many pairs of surfaces; counts go on from `before`."""
+    counts, exact = (np.zeros(7, np.int64), np.zeros(WORKSPACE)) if before is None else (before.counts, before.exact)
+    return Workspace(
+        Pose(np.empty(15), np.empty(MOTION, np.float32)),
+        moved=np.empty(NODE * nodes, np.float32),
+        turned=np.empty(PREPARED * packets, np.float32),
+        prepared=np.empty(PREPARED * packets, np.float32),
+        fresh_nodes=np.zeros(nodes, np.int64),
+        fresh_b=np.zeros(packets, np.int64),
+        fresh_a=np.zeros(packets, np.int64),
+        stack=np.empty(STACK, np.int64),
+        keys=np.empty(STACK, np.float32),
+        bounds=np.empty(9 * LANES + 1, np.float32),
+        floats=np.empty(11),
+        pairs=np.empty(pairs, np.int64),
+        rows=np.empty((pairs, 4), np.int32),
+        counts=counts,
+        exact=exact,
+    )
+
+
+def large_enough(ws: Workspace | None, nodes: int = 1, packets: int = 1, pairs: int = 64) -> Workspace:
+    """The given workspace, or a larger one in its place where it is too small."""
+    if ws is None:
+        return new_workspace(nodes, packets, pairs)
+    has = len(ws.fresh_nodes), len(ws.fresh_a), len(ws.pairs)
+    if nodes > has[0] or packets > has[1] or pairs > has[2]:
+        return new_workspace(max(nodes, has[0]), max(packets, has[1]), max(pairs, has[2]), ws)
+    return ws
+
+
+class _Local(threading.local):
+    workspace: Workspace | None = None
+
+
+_local = _Local()
+
+
+def workspace(nodes: int = 1, packets: int = 1, pairs: int = 64) -> Workspace:
+    """This thread's workspace, large enough."""
+    ws = _local.workspace = large_enough(_local.workspace, nodes, packets, pairs)
+    return ws
+
+
+def workspace_for(a: Bvh, b: Bvh) -> Workspace:
+    """This thread's workspace, large enough for two hierarchies."""
+    return workspace(max(len(a.child), len(b.child)) // LANES, max(len(a.first), len(b.first)) - 1)
+
+
+def counts_of(ws: Workspace) -> tuple[int, ...]:
+    """The five counts of `Statistics`, of all questions of a thread so far."""
+    return (*ws.counts[:4].tolist(), int(ws.exact[FALLBACKS]))
+
+
+class Door:
+    """A kernel of one signature as Python calls it: `door.call(*arguments)`.
+
+    numba's dispatcher takes 2.4 µs a call to look at the types of two hierarchies and a workspace; the compiled
+    function itself takes 0.2 µs to read them. So arguments must always have the same types and layouts.
+    """
+
+    __slots__ = ("_kernel", "call")
+
+    def __init__(self, kernel: Any) -> None:
+        self._kernel = kernel
+        self.call: Callable[..., Any] = self._first
+
+    def _first(self, *arguments: Any) -> Any:
+        result = self._kernel(*arguments)
+        (compiled,) = self._kernel.overloads.values()
+        self.call = compiled.entry_point
+        return result
+
+
+# --- the operations of a task ----------------------------------------------------------------------------------------
+
+
+def is_bottom(task, bvh, lane):
+    """Whether the box in a lane is not opened."""
+
+
+def children_of_a(task, a, b, ws, node, lane_b):
+    """Bits: which boxes of a node of a matter with a box of b."""
+
+
+def children_of_b(task, a, b, ws, lane_a, node):
+    """Bits: which boxes of a node of b, which is moved, matter with a box of a."""
+
+
+def visit(task, a, b, ws, lane_a, lane_b):
+    """Look at two boxes at the bottom; True ends the walk."""
+
+
+def is_open(task, ws, bound):
+    """Whether a pair of that bound still matters."""
+
+
+def implements(operation: Any, *tasks: type) -> Callable[[Any], Any]:
+    """Make the decorated function the operation of tasks of these types."""
+
+    def register(function: Any) -> Any:
+        def choose(task, *rest):
+            known = isinstance(task, types.BaseNamedTuple) and getattr(task, "instance_class", None) in tasks
+            return function if known else None
+
+        overload(operation, jit_options=INLINE, strict=False)(choose)
+        return function
+
+    return register
+
+
+# --- the traversal ---------------------------------------------------------------------------------------------------
+
+
+@inline_kernel
+def box_at(lane):
+    """Where in `boxes` the first number of the box in a lane is."""
+    return NODE * (lane >> 3) + (lane & 7)
+
+
+@inline_kernel
+def fresh_node(b, ws, node):
+    """Move a node of b into a's frame, if this question has not done so."""
+    question = ws.counts[QUESTION]
+    if ws.fresh_nodes[node] != question:
+        ws.fresh_nodes[node] = question
+        move_boxes(b.boxes, NODE * node, ws.pose.motion, ws.moved, NODE * node)
+
+
+@inline_kernel
+def open_pair(task, a, b, ws, lane_a, lane_b, bottom_a, bottom_b):
+    """Open the larger box of a pair that is not at the bottom: (bits of its children, first pair, step to the next)."""
+    if bottom_b or (not bottom_a and a.size[lane_a] >= b.size[lane_b]):
+        node = np.int64(a.child[lane_a])
+        return children_of_a(task, a, b, ws, node, lane_b), (node << 35) | lane_b, 1 << 32
+    node = np.int64(b.child[lane_b])
+    fresh_node(b, ws, node)
+    return children_of_b(task, a, b, ws, lane_a, node), (lane_a << 32) | (node << 3), 1
+
+
+@inline_kernel
+def walk(task, a, b, ws, lane_a, lane_b):
+    """Visit the pairs at the bottom below two boxes, depth first; whether a visit ended it."""
+    stack = ws.stack
+    stack[0] = (np.int64(lane_a) << 32) | lane_b
+    depth = 1
+    while depth > 0:
+        depth -= 1
+        pair = stack[depth]
+        lane_a, lane_b = pair >> 32, pair & 0xFFFFFFFF
+        bottom_a, bottom_b = is_bottom(task, a, lane_a), is_bottom(task, b, lane_b)
+        if bottom_a and bottom_b:
+            if visit(task, a, b, ws, lane_a, lane_b):
+                return True
+            continue
+        bits, first, step = open_pair(task, a, b, ws, lane_a, lane_b, bottom_a, bottom_b)
+        while bits != 0:
+            stack[depth] = first + step * lowest(bits)
+            depth += 1
+            bits &= bits - 1
+    return False
+
+
+@inline_kernel
+def walk_nearest(task, a, b, ws, lane_a, lane_b, bound):
+    """The same, of the children of a pair the one of least bound first; what a visit has ruled out is left out."""
+    stack, keys, bounds = ws.stack, ws.keys, ws.bounds
+    stack[0], keys[0] = (np.int64(lane_a) << 32) | lane_b, bound
+    depth = 1
+    while depth > 0:
+        depth -= 1
+        if not is_open(task, ws, keys[depth]):
+            continue
+        pair = stack[depth]
+        lane_a, lane_b = pair >> 32, pair & 0xFFFFFFFF
+        bottom_a, bottom_b = is_bottom(task, a, lane_a), is_bottom(task, b, lane_b)
+        if bottom_a and bottom_b:
+            if visit(task, a, b, ws, lane_a, lane_b):
+                return True
+            continue
+        bits, first, step = open_pair(task, a, b, ws, lane_a, lane_b, bottom_a, bottom_b)
+        bottom = depth
+        while bits != 0:
+            k = lowest(bits)
+            bits &= bits - 1
+            key, i = bounds[k], depth
+            while i > bottom and keys[i - 1] < key:
+                stack[i], keys[i] = stack[i - 1], keys[i - 1]
+                i -= 1
+            stack[i], keys[i] = first + step * k, key
+            depth += 1
+    return False
+
+
+# --- what queries begin with -----------------------------------------------------------------------------------------
+
+
+@inner_kernel
+def prepare_motion(pose, frame_a, frame_b):
+    """Fill `pose.motion`, and the last three numbers of `pose.matrix`, from the first twelve of `pose.matrix`."""
+    matrix, motion = pose.matrix, pose.motion
+    size = 0.0
+    for d in range(3):
+        shift = matrix[9 + d] - frame_a[d]
+        for e in range(3):
+            r = matrix[3 * d + e]
+            shift += r * frame_b[e]
+            motion[3 * d + e] = r
+            motion[9 + 3 * d + e] = abs(r)
+        matrix[12 + d] = shift
+        motion[18 + d] = shift
+        size += abs(shift) + frame_a[3 + d] + 2.0 * frame_b[3 + d]
+    # at most 16 roundings of float32 in a box, and 32 of float64 in a vertex
+    reach = abs(matrix[9]) + abs(matrix[10]) + abs(matrix[11])
+    place = 32.0 * 2.0**-53 * (reach + 2.0 * frame_a[6] + 4.0 * frame_b[6])
+    motion[21] = 16.0 * 2.0**-24 * size + place + 1e-30
+    motion[22] = 4.0 * place + 1e-30
+
+
+@inline_kernel
+def start(a, b, ws):
+    """Begin a question about a and b at the pose in `ws.pose.matrix[:12]`: number it, move the box of b."""
+    ws.counts[QUESTION] += 1
+    ws.counts[OBJECT_PAIRS] += 1
+    prepare_motion(ws.pose, a.frame, b.frame)
+    move_boxes(b.boxes, 0, ws.pose.motion, ws.moved, 0)
+    ws.fresh_nodes[0] = ws.counts[QUESTION]
+
+
+@inline_kernel
+def fresh_packets(a, b, ws, p, q):
+    """Prepare packet p of a and turn packet q of b, if this question has not done so."""
+    question = ws.counts[QUESTION]
+    if ws.fresh_a[p] != question:
+        ws.fresh_a[p] = question
+        prepare_triangles(a.packets, 72 * p, ws.prepared, PREPARED * p)
+    if ws.fresh_b[q] != question:
+        ws.fresh_b[q] = question
+        turn_triangles(b.packets, 72 * q, ws.pose.motion, ws.turned, PREPARED * q)
+
+
+@inline_kernel
+def middle_and_half(boxes, at):
+    """(middle, half the edge) along one axis of the box whose least coordinate is `boxes[at]`."""
+    low, high = boxes[at], boxes[at + 3 * LANES]
+    return 0.5 * (np.float64(low) + np.float64(high)), np.float32(0.5) * (high - low)
+
+
+@inline_kernel
+def packet_errors(a, b, ws, lane_a, lane_b):
+    """Of two packets: the shift s of b's, half the box of a's, and error bounds.
+
+    Both packets are about the centre of a's box; b's is turned, and shifted by s. Coordinates there are off by at most
+    10 roundings of float32 of the packets' size (those of b turned and shifted) and by what the float64 vertices are
+    off; differences by `off`. With e, f, w off by `off` an entry, their determinant is off by no more than
+    off·(|e||f| + |f||w| + |w||e|) in sum norms, each enlarged by 2·off; its rounding adds less than 2·off·|e||f|, and
+    1 % is for the rounding of the bound: kf·(|e| + |f|) + kp·|e||f| + k.
+    """
+    m, at_a, at_b = ws.pose.matrix, box_at(lane_a), box_at(lane_b)
+    ax, hx = middle_and_half(a.boxes, at_a)
+    ay, hy = middle_and_half(a.boxes, at_a + LANES)
+    az, hz = middle_and_half(a.boxes, at_a + 2 * LANES)
+    bx, _ = middle_and_half(b.boxes, at_b)
+    by, _ = middle_and_half(b.boxes, at_b + LANES)
+    bz, _ = middle_and_half(b.boxes, at_b + 2 * LANES)
+    sx = np.float32(m[0] * bx + m[1] * by + m[2] * bz + (m[12] - ax))
+    sy = np.float32(m[3] * bx + m[4] * by + m[5] * bz + (m[13] - ay))
+    sz = np.float32(m[6] * bx + m[7] * by + m[8] * bz + (m[14] - az))
+    size_a, size_b = a.size[lane_a], b.size[lane_b]
+    half, shift = np.float32(0.5) * size_a + np.float32(0.9) * size_b, abs(sx) + abs(sy) + abs(sz)
+    # where boxes do not overlap the shift may be large against the packets
+    off = np.float32(20.0 * 2.0**-24) * (size_a + size_b + max(np.float32(0.0), shift - half)) + ws.pose.motion[22]
+    reach = half + shift + np.float32(2.0) * off  # of any difference
+    kf = np.float32(1.01) * off * (reach + np.float32(6.0) * off)
+    kp = np.float32(3.03) * off
+    k = np.float32(1.01) * off * off * (np.float32(4.0) * reach + np.float32(12.0) * off)
+    return sx, sy, sz, hx, hy, hz, off, kf, kp, k
+
+
+@inline_kernel
+def corner_of(a, i):
+    """The vertex at place i of `Bvh.corner`: (x, y, z) float64, m."""
+    v = 3 * np.int64(a.corner[i])
+    return a.vertices[v], a.vertices[v + 1], a.vertices[v + 2]
+
+
+@inline_kernel
+def moved_corner(b, i, matrix):
+    """The same of b in a's frame: the arithmetic by which all methods move vertices."""
+    x, y, z = corner_of(b, i)
+    return (
+        matrix[0] * x + matrix[1] * y + matrix[2] * z + matrix[9],
+        matrix[3] * x + matrix[4] * y + matrix[5] * z + matrix[10],
+        matrix[6] * x + matrix[7] * y + matrix[8] * z + matrix[11],
+    )
+
+
+def below_packets(task, bvh, lane):
+    """`is_bottom` of tasks whose leaf visit is one of two packets of triangles."""
+    return bvh.child[lane] < 0
+
+
+class Surfaces(NamedTuple):
+    """Task: pairs of surfaces whose boxes come near, into `ws.pairs`; how many there are, into `ws.counts[FOUND]`."""
+
+    limit: Any
+    """float32, m²: the greatest squared distance of the boxes, at most 3e38"""
+
+
+@implements(is_bottom, Surfaces)
+def below_surfaces(task, bvh, lane):
+    """Boxes of surfaces are not opened."""
+    return bvh.surface[lane] >= 0
+
+
+@implements(children_of_a, Surfaces)
+def near_children_of_a(task, a, b, ws, node, lane_b):
+    """Bits: which boxes of a node of a come within the limit of a box of b."""
+    ws.counts[SURFACE_BOXES] += LANES
+    return near_lane(a.boxes, NODE * node, ws.moved, box_at(lane_b), task.limit, ws.bounds)
+
+
+@implements(children_of_b, Surfaces)
+def near_children_of_b(task, a, b, ws, lane_a, node):
+    """Bits: which boxes of a node of b come within the limit of a box of a."""
+    ws.counts[SURFACE_BOXES] += LANES
+    return near_lane(ws.moved, NODE * node, a.boxes, box_at(lane_a), task.limit, ws.bounds)
+
+
+@implements(visit, Surfaces)
+def add_surface_pair(task, a, b, ws, lane_a, lane_b):
+    """Add a pair of surfaces, as long as there is room, and count it."""
+    found = ws.counts[FOUND]
+    if found < len(ws.pairs):
+        ws.pairs[found] = np.int64(a.surface[lane_a]) * len(b.root) + b.surface[lane_b]
+    ws.counts[FOUND] = found + 1
+    return False
+
+
+@inline_kernel
+def near_surfaces(a, b, ws, limit):
+    """Fill `ws.pairs` with the pairs of surfaces whose boxes are within `limit` (squared, m²); how many there are.
+
+    If these are more than `ws.pairs` takes, its content is undefined; the caller must ask again with more room.
+    """
+    ws.counts[FOUND] = 0
+    task = Surfaces(np.float32(min(limit * (1.0 + 2.0**-20) + 1e-37, 3e38)))
+    if len(a.root) > 1 or len(b.root) > 1:
+        walk(task, a, b, ws, 0, 0)
+        return ws.counts[FOUND]
+    ws.counts[SURFACE_BOXES] += LANES
+    if near_lane(a.boxes, 0, ws.moved, 0, task.limit, ws.bounds) & 1:
+        ws.pairs[0] = 0
+        return 1
+    return 0
+
+
+@inner_kernel
+def sort(keys, n):
+    """Sort the first n of `keys` (Shell's sort: numba's own takes seconds to compile)."""
+    gap = n // 2
+    while gap > 0:
+        for i in range(gap, n):
+            key = keys[i]
+            j = i
+            while j >= gap and keys[j - gap] > key:
+                keys[j] = keys[j - gap]
+                j -= gap
+            keys[j] = key
+        gap //= 2

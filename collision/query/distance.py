@@ -1,0 +1,349 @@
+"""How far surfaces and parts are apart, and where: nearest boxes first, then triangles.
+
+Distances are those of the triangles. Two surfaces are at distance 0 if and only if the exact test says that they meet;
+a positive distance carries the rounding of float64 arithmetic in a's frame (about 1e-15 of the coordinates). Boxes and
+float32 triangles may only rule out what is farther than the nearest triangles known; the triangles that were nearest at
+the last question are looked at first.
+"""
+
+# mypy: disable-error-code="call-arg, var-annotated"
+# (numba's intrinsics take one argument less than they are written with)
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision.bvh.build import bvh_of
+from collision.bvh.layout import LANES, NODE, PREPARED, Bvh
+from collision.bvh.traverse import (
+    MET,
+    SURFACE_BOXES,
+    TRIANGLE_BOXES,
+    TRIANGLES,
+    Door,
+    below_packets,
+    box_at,
+    children_of_a,
+    children_of_b,
+    corner_of,
+    fresh_node,
+    fresh_packets,
+    implements,
+    inline_kernel,
+    is_bottom,
+    is_open,
+    moved_corner,
+    near_surfaces,
+    packet_errors,
+    sort,
+    start,
+    visit,
+    walk,
+    walk_nearest,
+    workspace,
+    workspace_for,
+)
+from collision.contact import CONTACT_DTYPE
+from collision.mesh import SurfaceMesh
+from collision.numeric.kernel import kernel
+from collision.numeric.poses import relative_pose
+from collision.numeric.simd import lowest, near_lane, reaching, triangles_near
+from collision.numeric.vectors import dot
+from collision.polygons import triangles_meet
+from collision.query.intersection import Intersect
+from collision.triangle.distance import ROUNDING, closest_features, common_point, planes_part
+
+TINIEST: Final = float(np.finfo(np.float64).tiny)
+"""m: the distance of triangles that do not meet is never 0"""
+ALL, NOTHING = np.empty(0, np.uint8), np.empty(0, np.int64)
+
+
+class Distance(NamedTuple):
+    """Task: the nearest two triangles."""
+
+    best: Any
+    """(11,) float64, m: distance, or what it must be below; point of a, point of b, both in a's frame; the rounding of
+    distances; the unit vector from the one point to the other, or 0"""
+    limit: Any
+    """(1,) float32, m²: the greatest squared distance that still matters, rounded up"""
+    hit: Any
+    """(1,) int64: 2^32·(triangle of a) + triangle of b, in leaf order; -1 as long as nothing is within `best[0]`"""
+
+
+implements(is_bottom, Distance)(below_packets)
+
+
+@implements(children_of_a, Distance)
+def distant_children_of_a(task, a, b, ws, node, lane_b):
+    """Bits: which boxes of a node of a come within the limit of a box of b."""
+    ws.counts[TRIANGLE_BOXES] += LANES
+    return near_lane(a.boxes, NODE * node, ws.moved, box_at(lane_b), task.limit[0], ws.bounds)
+
+
+@implements(children_of_b, Distance)
+def distant_children_of_b(task, a, b, ws, lane_a, node):
+    """Bits: which boxes of a node of b come within the limit of a box of a."""
+    ws.counts[TRIANGLE_BOXES] += LANES
+    return near_lane(ws.moved, NODE * node, a.boxes, box_at(lane_a), task.limit[0], ws.bounds)
+
+
+@implements(is_open, Distance)
+def is_within_limit(task, ws, bound):
+    """Whether a pair of boxes of this squared distance (m²) still matters."""
+    return bound <= task.limit[0]
+
+
+@inline_kernel
+def set_limit(task):
+    """Set `task.limit` after `task.best[0]`.
+
+    Beyond a gap that rounding explains nothing meets, and to rounding nothing there is nearer than what is known.
+    """
+    bound, rounding = task.best[0], task.best[7]
+    reach = bound - rounding if task.hit[0] >= 0 and bound > 4.0 * rounding else bound + rounding
+    task.limit[0] = np.float32(min(reach * reach * (1.0 + 2.0**-20) + 1e-37, 3e38))
+
+
+@inline_kernel
+def look_at_triangles(task, a, b, ws, ta, tb):
+    """Better `task` by triangle ta of a and tb of b, in leaf order; whether they meet."""
+    m, best = ws.pose.matrix, task.best
+    bound, rounding = best[0], best[7]
+    u, v, w = corner_of(a, 3 * ta), corner_of(a, 3 * ta + 1), corner_of(a, 3 * ta + 2)
+    p, q, r = moved_corner(b, 3 * tb, m), moved_corner(b, 3 * tb + 1, m), moved_corner(b, 3 * tb + 2, m)
+    square = 0.0
+    for d in range(3):
+        gap = max(min(u[d], v[d], w[d]) - max(p[d], q[d], r[d]), min(p[d], q[d], r[d]) - max(u[d], v[d], w[d]))
+        if gap > 0.0:
+            square += gap * gap
+    if square > (bound + rounding) * (bound + rounding):
+        return False
+    n = (best[8], best[9], best[10])
+    ours, theirs = max(dot(n, u), dot(n, v), dot(n, w)), min(dot(n, p), dot(n, q), dot(n, r))
+    if theirs - ours - rounding > bound or planes_part(u, v, w, p, q, r, bound):
+        return False
+    ws.counts[TRIANGLES] += 1
+    # boxes that rounding cannot bring together hold no triangles that meet
+    if square <= rounding * rounding and triangles_meet(u, v, w, p, q, r, ws.exact):
+        x = common_point(u, v, w, p, q, r)
+        best[0], task.hit[0] = 0.0, (ta << 32) | tb
+        for d in range(3):
+            best[1 + d], best[4 + d] = x[d], x[d]
+        return True
+    if bound == 0.0:
+        return False
+    d2, x, y = closest_features(u, v, w, p, q, r)
+    distance = max(np.sqrt(d2), TINIEST)
+    better = distance < bound or (distance == bound and task.hit[0] < 0)
+    if better or task.hit[0] < 0:  # what lies beyond the bound has neighbours that do so along the same direction
+        for d in range(3):
+            best[8 + d] = (y[d] - x[d]) / distance if distance > 1e-140 else 0.0  # else squares may have underflowed
+    if better:
+        best[0], task.hit[0] = distance, (ta << 32) | tb
+        for d in range(3):
+            best[1 + d], best[4 + d] = x[d], y[d]
+        set_limit(task)
+    return False
+
+
+@implements(visit, Distance)
+def nearest_of_packets(task, a, b, ws, lane_a, lane_b):
+    """Better `task` by the triangles of two packets, the nearest by their bounds first; whether any meet."""
+    p, q = ~np.int64(a.child[lane_a]), ~np.int64(b.child[lane_b])
+    fresh_packets(a, b, ws, p, q)
+    sx, sy, sz, hx, hy, hz, off, kf, kp, k = packet_errors(a, b, ws, lane_a, lane_b)
+    first_a, first_b = np.int64(a.first[p]), np.int64(b.first[q])
+    reach = np.float32(1.000001) * np.sqrt(task.limit[0]) + off
+    bits_b = reaching(
+        ws.turned, PREPARED * q, -hx - sx - reach, -hy - sy - reach, -hz - sz - reach,
+        hx - sx + reach, hy - sy + reach, hz - sz + reach,
+    )  # fmt: skip
+    dx, dy, dz = np.float32(task.best[8]), np.float32(task.best[9]), np.float32(task.best[10])
+    bits, bounds = np.int64(0), ws.bounds[LANES:]  # of all 64 pairs of triangles: 8·j + i
+    while bits_b != 0:
+        j = lowest(bits_b)
+        bits_b &= bits_b - 1
+        near = triangles_near(
+            ws.prepared, PREPARED * p, ws.turned, PREPARED * q + j, sx, sy, sz, off, kf, kp, k, dx, dy, dz,
+            task.limit[0], bounds[LANES * j :],
+        )  # fmt: skip
+        bits |= near << (LANES * j)
+    while bits != 0:
+        i, rest = lowest(bits), bits & (bits - 1)
+        while rest != 0:
+            if bounds[lowest(rest)] < bounds[i]:
+                i = lowest(rest)
+            rest &= rest - 1
+        bits &= ~(np.int64(1) << i)
+        if bounds[i] > task.limit[0]:
+            break
+        if look_at_triangles(task, a, b, ws, first_a + (i & 7), first_b + (i >> 3)):
+            return True
+    return False
+
+
+@inline_kernel
+def rounding_of(a, b, matrix):
+    """m: how far a distance of points may be off, by their coordinates and the rotation's own error."""
+    reach, off = max(a.frame[6], b.frame[6]), 0.0
+    for i in range(3):
+        reach = max(reach, abs(matrix[9 + i]))
+        for j in range(3):
+            d = -1.0 if i == j else 0.0
+            for k in range(3):
+                d += matrix[3 * k + i] * matrix[3 * k + j]
+            off = max(off, abs(d))
+    return (ROUNDING + 4.0 * off) * 2.0 * reach
+
+
+@inline_kernel
+def nearest_triangles(task, a, b, ws, lane_a, lane_b, last):
+    """Find the nearest triangles below two boxes within `task.best[0]`; whether there are any.
+
+    last: where the triangles that were nearest when last asked are kept, (1,) int64, -1 for none; (0,) for nothing
+    kept.
+    """
+    task.hit[0] = -1
+    task.best[8] = task.best[9] = task.best[10] = 0.0
+    set_limit(task)
+    meet = False
+    if len(last) > 0 and last[0] >= 0:
+        meet = look_at_triangles(task, a, b, ws, last[0] >> 32, last[0] & 0xFFFFFFFF)
+    if not meet:
+        fresh_node(b, ws, lane_b >> 3)
+        if walk(Intersect(task.hit), a, b, ws, lane_a, lane_b):  # what meets is found sooner without distances
+            look_at_triangles(task, a, b, ws, task.hit[0] >> 32, task.hit[0] & 0xFFFFFFFF)
+        else:
+            walk_nearest(task, a, b, ws, lane_a, lane_b, np.float32(0.0))
+    if len(last) > 0:
+        last[0] = task.hit[0]
+    return task.hit[0] >= 0
+
+
+@inline_kernel
+def set_row(task, a, b, world, i, j, row):
+    """Write what `task` found into a row of CONTACT_DTYPE, the points moved by the pose `world` of a."""
+    best, ta, tb = task.best, task.hit[0] >> 32, task.hit[0] & 0xFFFFFFFF
+    row.object_a, row.object_b, row.distance = i, j, best[0]
+    row.triangle_a, row.triangle_b = a.order[ta], b.order[tb]
+    for d in range(3):
+        row.point_a[d] = world[3 * d] * best[1] + world[3 * d + 1] * best[2] + world[3 * d + 2] * best[3] + world[9 + d]
+        row.point_b[d] = world[3 * d] * best[4] + world[3 * d + 1] * best[5] + world[3 * d + 2] * best[6] + world[9 + d]
+
+
+@kernel
+def contacts(a, b, ws, poses, i, j, within, enabled, near, rows):
+    """Fill `rows` (CONTACT_DTYPE, world frame) with the pairs of surfaces of objects i and j at most `within` (m)
+    apart.
+
+    Sorted by surface of i, surface of j. poses: (n, 12), of the objects in the world. enabled: (ka·kb,) uint8, 0 for
+    pairs of surfaces that are left out; (0,) where none is. near: (ka·kb,) int64, the triangles that were nearest when
+    last asked, -1 for none; (0,) where nothing is remembered. How many rows, or ~n if there must be room for n pairs of
+    surfaces in `ws.pairs` and in `rows`.
+    """
+    relative_pose(poses[i], poses[j], ws.pose.matrix)
+    start(a, b, ws)
+    task = Distance(ws.floats, ws.bounds[9 * LANES :], ws.counts[MET:])
+    rounding = rounding_of(a, b, ws.pose.matrix)
+    n = near_surfaces(a, b, ws, (within + rounding) * (within + rounding))
+    if n > len(ws.pairs) or n > len(rows):
+        return ~n
+    sort(ws.pairs, n)
+    kb, found = len(b.root), 0
+    for k in range(n):
+        pair = ws.pairs[k]
+        if len(enabled) > 0 and enabled[pair] == 0:
+            continue
+        s, t = pair // kb, pair % kb
+        task.best[0], task.best[7] = within, rounding
+        last = near[pair : pair + 1] if len(near) > 0 else near[0:0]
+        if nearest_triangles(task, a, b, ws, np.int64(a.root[s]), np.int64(b.root[t]), last):
+            row = rows[found]
+            set_row(task, a, b, poses[i], i, j, row)
+            row.surface_a, row.surface_b = s, t
+            found += 1
+    return found
+
+
+@kernel
+def clearance(a, b, ws, poses, i, j, bound, last, rows):
+    """Fill `rows[0]` (CONTACT_DTYPE, world frame) with the nearest triangles of objects i and j; 1, or 0 for none.
+
+    bound: m, only what is within it is looked for. last: (3,) int64, the box of either (lane 0, or that of a surface)
+    and the triangles that were nearest when last asked, or -1. The row's surfaces are those of its triangles.
+    """
+    relative_pose(poses[i], poses[j], ws.pose.matrix)
+    start(a, b, ws)
+    task = Distance(ws.floats, ws.bounds[9 * LANES :], ws.counts[MET:])
+    task.best[0], task.best[7] = bound, rounding_of(a, b, ws.pose.matrix)
+    ws.counts[SURFACE_BOXES] += 1
+    if not nearest_triangles(task, a, b, ws, last[0], last[1], last[2:]):
+        return 0
+    set_row(task, a, b, poses[i], i, j, rows[0])
+    return 1
+
+
+_contacts, _clearance = Door(contacts), Door(clearance)
+
+
+def contacts_of(*arguments: Any) -> int:
+    """`contacts`."""
+    found: int = _contacts.call(*arguments)
+    return found
+
+
+def clearance_of(*arguments: Any) -> int:
+    """`clearance`."""
+    found: int = _clearance.call(*arguments)
+    return found
+
+
+def poses_of(pose_ab: Any) -> NDArray[np.float64]:
+    """(2, 12) poses of two objects in the frame of the first."""
+    poses = np.zeros((2, 12))
+    poses[0, 0] = poses[0, 4] = poses[0, 8] = 1.0
+    poses[1, :9], poses[1, 9:] = np.ravel(pose_ab.rotation), pose_ab.translation
+    return poses
+
+
+def contacts_at(
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, within: float, enabled: NDArray[np.uint8] | None
+) -> NDArray[Any]:
+    """CONTACT_DTYPE rows, in a's frame, of the pairs of surfaces at most `within` (m) apart; nothing remembered."""
+    a, b, poses = bvh_of(mesh_a), bvh_of(mesh_b), poses_of(pose_ab)
+    mask = ALL if enabled is None else enabled.ravel()
+    ws = workspace_for(a, b)
+    while True:
+        rows = np.zeros(len(ws.pairs), CONTACT_DTYPE)
+        found = contacts_of(a, b, ws, poses, 0, 1, float(within), mask, NOTHING, rows)
+        if found >= 0:
+            return rows[:found]
+        workspace(pairs=~found)
+        ws = workspace_for(a, b)
+
+
+def clearance_at(
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, surface_a: int | None, surface_b: int | None, bound: float
+) -> NDArray[Any]:
+    """One CONTACT_DTYPE row, in a's frame, of the nearest triangles within `bound` (m), or none; nothing remembered."""
+    a, b, rows = bvh_of(mesh_a), bvh_of(mesh_b), np.zeros(1, CONTACT_DTYPE)
+    last = lanes_of(a, b, surface_a, surface_b)
+    found = clearance_of(a, b, workspace_for(a, b), poses_of(pose_ab), 0, 1, float(bound), last, rows)
+    return with_surfaces(rows[:found], mesh_a, mesh_b)
+
+
+def lanes_of(a: Bvh, b: Bvh, surface_a: int | None, surface_b: int | None) -> NDArray[np.int64]:
+    """What `clearance` takes as `last` at the first question about two meshes, or a surface of either."""
+    lane_a = 0 if surface_a is None else int(a.root[surface_a])
+    lane_b = 0 if surface_b is None else int(b.root[surface_b])
+    return np.array([lane_a, lane_b, -1], np.int64)
+
+
+def with_surfaces(rows: NDArray[Any], mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> NDArray[Any]:
+    """Set the surfaces of rows to those of their triangles."""
+    rows["surface_a"] = mesh_a.surface_of_triangle[rows["triangle_a"]]
+    rows["surface_b"] = mesh_b.surface_of_triangle[rows["triangle_b"]]
+    return rows

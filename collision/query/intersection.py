@@ -1,0 +1,202 @@
+"""Which surfaces intersect, exactly: eight boxes a step, then triangles, told apart in float32 only beyond its error.
+
+What float32 leaves over goes to the exact test of two triangles. A surface pair is done at its first two triangles that
+meet; those are kept and tried first at the next question.
+"""
+
+# mypy: disable-error-code="call-arg, var-annotated"
+# (numba's intrinsics take one argument less than they are written with)
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision.bvh.build import bvh_of
+from collision.bvh.layout import LANES, NODE, PREPARED
+from collision.bvh.traverse import (
+    MET,
+    TRIANGLE_BOXES,
+    TRIANGLES,
+    Door,
+    Workspace,
+    below_packets,
+    box_at,
+    children_of_a,
+    children_of_b,
+    corner_of,
+    fresh_node,
+    fresh_packets,
+    implements,
+    inline_kernel,
+    is_bottom,
+    moved_corner,
+    near_surfaces,
+    packet_errors,
+    sort,
+    start,
+    visit,
+    walk,
+    workspace,
+    workspace_for,
+)
+from collision.mesh import SurfaceMesh
+from collision.numeric.kernel import kernel
+from collision.numeric.poses import relative_pose, take_pose
+from collision.numeric.simd import lowest, overlapping_lane, perhaps_meeting, reaching
+from collision.polygons import triangles_meet
+from collision.poses import matrix_of, pack
+
+
+class Intersect(NamedTuple):
+    """Task: two triangles that meet, into `met`, as 2^32·(that of a) + that of b, in leaf order."""
+
+    met: Any
+    """(1,) int64"""
+
+
+implements(is_bottom, Intersect)(below_packets)
+
+
+@implements(children_of_a, Intersect)
+def overlapping_children_of_a(task, a, b, ws, node, lane_b):
+    """Bits: which boxes of a node of a overlap a box of b."""
+    ws.counts[TRIANGLE_BOXES] += LANES
+    return overlapping_lane(a.boxes, NODE * node, ws.moved, box_at(lane_b))
+
+
+@implements(children_of_b, Intersect)
+def overlapping_children_of_b(task, a, b, ws, lane_a, node):
+    """Bits: which boxes of a node of b overlap a box of a."""
+    ws.counts[TRIANGLE_BOXES] += LANES
+    return overlapping_lane(ws.moved, NODE * node, a.boxes, box_at(lane_a))
+
+
+@inline_kernel
+def triangle_pair_meets(a, b, ws, ta, tb):
+    """Whether triangle ta of a meets triangle tb of b, moved; both in leaf order. Exact."""
+    ws.counts[TRIANGLES] += 1
+    m = ws.pose.matrix
+    return triangles_meet(
+        corner_of(a, 3 * ta), corner_of(a, 3 * ta + 1), corner_of(a, 3 * ta + 2),
+        moved_corner(b, 3 * tb, m), moved_corner(b, 3 * tb + 1, m), moved_corner(b, 3 * tb + 2, m), ws.exact,
+    )  # fmt: skip
+
+
+@implements(visit, Intersect)
+def packets_meet(task, a, b, ws, lane_a, lane_b):
+    """Whether triangles of two packets meet."""
+    p, q = ~np.int64(a.child[lane_a]), ~np.int64(b.child[lane_b])
+    fresh_packets(a, b, ws, p, q)
+    sx, sy, sz, hx, hy, hz, off, kf, kp, k = packet_errors(a, b, ws, lane_a, lane_b)
+    first_a, first_b = np.int64(a.first[p]), np.int64(b.first[q])
+    tests = LANES
+    bits_b = reaching(
+        ws.turned, PREPARED * q,
+        -hx - sx - off, -hy - sy - off, -hz - sz - off, hx - sx + off, hy - sy + off, hz - sz + off,
+    )  # fmt: skip
+    while bits_b != 0:
+        j = lowest(bits_b)
+        bits_b &= bits_b - 1
+        tests += LANES
+        bits = perhaps_meeting(ws.prepared, PREPARED * p, ws.turned, PREPARED * q + j, sx, sy, sz, off, kf, kp, k)
+        while bits != 0:
+            t = first_a + lowest(bits)
+            bits &= bits - 1
+            if triangle_pair_meets(a, b, ws, t, first_b + j):
+                task.met[0] = (t << 32) + first_b + j
+                ws.counts[TRIANGLE_BOXES] += tests
+                return True
+    ws.counts[TRIANGLE_BOXES] += tests
+    return False
+
+
+@inline_kernel
+def intersecting_surfaces(a, b, ws, met, enabled):
+    """Fill `ws.pairs` with the pairs of surfaces that intersect, sorted; how many, or if more room is needed ~how many.
+
+    b stands at the pose in `ws.pose.matrix[:12]`. met: (ka·kb,) int64, the two triangles of each pair of surfaces that
+    met last, -1 for none; they are tried first, and brought up to date; (0,) where nothing is remembered. enabled:
+    (ka·kb,) uint8, 0 for pairs of surfaces that are left out; (0,) where none is.
+    """
+    start(a, b, ws)
+    near = near_surfaces(a, b, ws, 0.0)
+    if near > len(ws.pairs):
+        return ~near
+    kb, found, task = len(b.root), 0, Intersect(ws.counts[MET:])
+    for i in range(near):
+        pair = ws.pairs[i]
+        if len(enabled) > 0 and enabled[pair] == 0:
+            continue
+        last = met[pair] if len(met) > 0 else np.int64(-1)
+        meet = last >= 0 and triangle_pair_meets(a, b, ws, last >> 32, last & 0xFFFFFFFF)
+        if not meet:
+            lane_b = np.int64(b.root[pair % kb])
+            fresh_node(b, ws, lane_b >> 3)
+            meet = walk(task, a, b, ws, np.int64(a.root[pair // kb]), lane_b)
+            if len(met) > 0:
+                met[pair] = task.met[0] if meet else -1
+        if meet:
+            ws.pairs[found] = pair
+            found += 1
+    sort(ws.pairs, found)
+    for i in range(found):
+        ws.rows[i, 1], ws.rows[i, 3] = ws.pairs[i] // kb, ws.pairs[i] % kb
+    return found
+
+
+@kernel
+def intersect(a, b, ws, matrix, rigid, met, enabled):
+    """Fill `ws.rows[:, 1::2]` with the pairs of surfaces of a and of b at a (4, 4) pose that intersect; how many.
+
+    If more room is needed, ~how many pairs of surfaces there must be room for, at most -2; -1 if the matrix is no rigid
+    motion. See `intersecting_surfaces`.
+    """
+    if not take_pose(matrix, rigid, ws.pose.matrix):
+        return -1
+    return intersecting_surfaces(a, b, ws, met, enabled)
+
+
+@kernel
+def intersect_objects(a, b, ws, poses, i, j, met, enabled):
+    """Fill `ws.rows` with the pairs of surfaces of the objects i and j, at their (12,) poses in the world, that
+    intersect; how many, or if more room is needed ~how many. See `intersecting_surfaces`."""
+    relative_pose(poses[i], poses[j], ws.pose.matrix)
+    found = intersecting_surfaces(a, b, ws, met, enabled)
+    for k in range(found):
+        ws.rows[k, 0], ws.rows[k, 2] = i, j
+    return found
+
+
+# --- from Python -----------------------------------------------------------------------------------------------------
+
+_intersect = Door(intersect)
+_objects = Door(intersect_objects)
+
+
+def intersect_of(*arguments: Any) -> int:
+    """`intersect_objects`."""
+    found: int = _objects.call(*arguments)
+    return found
+
+
+_NONE, _ALL = np.empty(0, np.int64), np.empty(0, np.uint8)
+
+
+def intersecting(
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, rigid: float
+) -> tuple[NDArray[np.int32], Workspace]:
+    """The pairs of surfaces that intersect, (k, 2) sorted, nothing remembered; and the workspace with its counts."""
+    a, b = bvh_of(mesh_a), bvh_of(mesh_b)
+    ws = workspace_for(a, b)
+    matrix = getattr(pose_ab, "homogeneous", None)
+    if matrix is None:
+        matrix = matrix_of(pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=rigid))
+    found = _intersect.call(a, b, ws, matrix, rigid, _NONE, _ALL)
+    if found < 0:
+        pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=rigid)  # raises, if that is why
+        workspace(pairs=~found)
+        return intersecting(mesh_a, mesh_b, pose_ab, rigid)
+    return ws.rows[:found, 1::2].copy(), ws

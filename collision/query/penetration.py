@@ -1,0 +1,648 @@
+"""How deep two surfaces that meet reach into one another's material, and which way out.
+
+The depth of a point x behind the boundary of a solid A is its distance to that boundary: the length of the shortest
+translation that takes x out of A. The depth of surface t of B in surface s of A is that of the deepest point of t whose
+nearest boundary point lies on s; the depth of the pair is the greater of t in A and s in B. For indentations that are
+shallow against the parts this is the translation that parts the two surfaces: the overlap d of two boxes face to face,
+the height of a sphere's cap below a plane, the interference of a peg and a bore's wall. It grows with every
+translation into the material as long as the nearest surface stays the same; it is never more than half the wall's
+thickness, for beyond the middle the other side is nearer. Surfaces that only touch have depth 0. Behind means inside
+for closed meshes; an open mesh counts as the boundary of what lies behind it, and where it ends the winding number
+tells (see `collision.query.signed_distance`).
+
+Depths are found by branch and bound, from below: none is deeper than what is returned by more than `Tolerance.depth`
+(1 %) of it and of `Tolerance.linear`, unless `BUDGET` ended the search. What is searched is the hierarchy of t, and
+below its packets triangles that are cut in two. Each piece has an upper bound of the depth of its points; the piece of
+the greatest is opened next, until no bound is above the deepest point seen by more than the precision asked for.
+
+Of a piece with middle c and radius r, no point is deeper than the depth of c plus r, for the distance to a boundary is
+1-Lipschitz. Of a triangle there are up to six convex functions of its points that are never below their depth: the
+distance to a triangle of the boundary, that which is nearest to one of its corners, and the depth of a corner plus the
+distance from it. A convex function is at most the linear one through its values in the corners, so the depth is at most
+the greatest value over the triangle of the lesser of two such linear functions (which lies in a corner or on an edge).
+With one that belongs to each side of a wall, that is tight even where the depth has its ridge, half way through. No
+point is deeper than a step by which the whole triangle comes out of the solid. And a triangle is left out if no point
+of it has its nearest boundary point on s: the distance to a triangle of s is never below its tangent at c, that to
+another triangle of the boundary never above the linear function through its values in the corners.
+"""
+
+# mypy: disable-error-code="call-arg, var-annotated"
+# (numba's intrinsics take one argument less than they are written with)
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision.bvh.build import bvh_of
+from collision.bvh.layout import LANES, NODE, PACKET, PREPARED, Bvh
+from collision.bvh.packets import box_middle
+from collision.bvh.single import ALONE, below_packets_alone, no_children, place_box
+from collision.bvh.traverse import (
+    QUESTION,
+    Door,
+    box_at,
+    children_of_a,
+    children_of_b,
+    corner_of,
+    implements,
+    inline_kernel,
+    is_bottom,
+    moved_corner,
+    visit,
+    walk,
+)
+from collision.contact import PENETRATION_DTYPE
+from collision.mesh import SurfaceMesh
+from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.simd import lowest, near_lane, overlapping_lane, prepare_triangles, reaching
+from collision.numeric.vectors import along, dot, norm, sub
+from collision.polygons import triangles_meet
+from collision.proximity import mesh_clearance
+from collision.query import colliding_surfaces
+from collision.query.containment import SolidQuery, query_about, winds
+from collision.query.signed_distance import depth_at, float_limit, nearest, nearest_on, triangle_bounds
+from collision.triangle.distance import planes_part
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+
+    from collision.manager import CollisionManager
+
+
+BUDGET: Final = 20000
+"""pieces opened for one surface in another; beyond it the deepest point seen counts"""
+TIE: Final = 1.0 + 64.0 * 2.0**-52
+"""squared distances that differ by no more than their rounding (some 30 operations each) are of one nearest point"""
+BEYOND: Final = 2.0**-44
+"""1: … and a triangle is surely not the nearest if it is farther than another by this part of the distance"""
+STEEP: Final = 0.7
+"""1: cosine of the angle between two sides from which on they count as almost parallel when a triangle is cut"""
+NEAR_END: Final = 0.05
+"""1: share of an edge that a cut leaves at least"""
+SHORT: Final = 0.8
+"""1: share of the longest edge below which another is not cut, so that no slivers come of it"""
+
+
+# --- pieces, and a heap of those that are not yet opened -------------------------------------------------------------
+
+BOUND, CORNERS, DEPTHS, PIECE = 0, 1, 10, 13
+"""places of a piece in `Pieces.value`: no point is deeper; nine coordinates; the three corners' depths; numbers"""
+LANE: Final = 3
+"""place in `Pieces.index` of the lane, -1 of a triangle; before it the nearest triangles of the three corners"""
+
+
+class Pieces(NamedTuple):
+    """The pieces of a search, and the heap of those that are not yet opened, greatest bound first."""
+
+    value: Any
+    """(n, 13) float64, see above"""
+    index: Any
+    """(n, 4) int64: triangles of the solid nearest to each corner (the first, to the middle of a box); lane or -1"""
+    heap: Any
+    """(n,) int64"""
+    size: Any
+    """(2,) int64: length of the heap, pieces made"""
+
+
+@inline_kernel
+def _new_piece(pieces, bound, lane):
+    place = pieces.size[1]
+    pieces.size[1] += 1
+    pieces.value[place, BOUND], pieces.index[place, LANE] = bound, lane
+    return place
+
+
+@inner_kernel
+def _push(pieces, place):
+    """Put a piece in the heap, by its bound."""
+    value, heap = pieces.value, pieces.heap
+    i = pieces.size[0]
+    pieces.size[0] += 1
+    while i > 0:
+        up = (i - 1) // 2
+        if value[heap[up], BOUND] >= value[place, BOUND]:
+            break
+        heap[i] = heap[up]
+        i = up
+    heap[i] = place
+
+
+@inner_kernel
+def _pop(pieces):
+    """The piece of greatest bound, which is taken out of the heap."""
+    value, heap = pieces.value, pieces.heap
+    pieces.size[0] -= 1
+    n = pieces.size[0]
+    top, last = heap[0], heap[n]
+    i = 0
+    while True:
+        child = 2 * i + 1
+        if child >= n:
+            break
+        if child + 1 < n and value[heap[child + 1], BOUND] > value[heap[child], BOUND]:
+            child += 1
+        if value[heap[child], BOUND] <= value[last, BOUND]:
+            break
+        heap[i] = heap[child]
+        i = child
+    heap[i] = last
+    return top
+
+
+# --- a search --------------------------------------------------------------------------------------------------------
+
+
+class Search(NamedTuple):
+    """A search for the deepest point of a surface of another mesh behind one surface of a solid."""
+
+    query: SolidQuery
+    """the solid; `query.ws.pose.matrix` has the pose of the other mesh in its frame"""
+    other: Bvh
+    depth: Any
+    """(n,) float64: depths of the other's vertices behind the solid, m, once they are known"""
+    nearest: Any
+    """(n,) int64: triangles of the solid nearest to them; -1, not yet known"""
+    pieces: Pieces
+    best: Any
+    """(7,) float64: greatest depth seen, its point, the nearest point of the solid's surface; m, the solid's frame"""
+    surface: Any
+    """of the solid"""
+    relative: Any
+    precision: Any
+    """1, m: what is deeper by no more than this is not looked for"""
+
+
+@inline_kernel
+def _enough(search):
+    """m: the depth above which is looked."""
+    return search.best[0] * (1.0 + search.relative) + search.precision
+
+
+@inner_kernel
+def _see(search, p, depth, t):
+    """Keep p if it is deeper than what is known and t, the triangle nearest to it, or one as near is of the surface.
+
+    A closed mesh must wind about it, too: where it meets itself, what is behind the nearest triangle may be outside.
+    """
+    best, query = search.best, search.query
+    if depth <= best[0]:
+        return
+    bvh = query.solid.bvh
+    if query.solid.surface[t] == search.surface:
+        q, _ = nearest_on(bvh, t, p)
+    elif nearest(query, np.int64(bvh.root[search.surface]), p, TIE * depth * depth) >= 0:
+        q = query.value[1], query.value[2], query.value[3]
+    else:
+        return
+    if query.solid.closed and not winds(query, p):
+        return
+    best[0] = depth
+    for d in range(3):
+        best[1 + d], best[4 + d] = p[d], q[d]
+
+
+@inner_kernel
+def _most(f):
+    return max(f[0], f[1], f[2])
+
+
+@inner_kernel
+def _peak(f, g):
+    """The greatest value, over a triangle, of the lesser of two linear functions given by their values in its corners.
+
+    The lesser is concave, and linear on either side of the line f = g: it is greatest in a corner, or where that line
+    crosses an edge.
+    """
+    top = max(min(f[0], g[0]), min(f[1], g[1]), min(f[2], g[2]))
+    for k in range(3):
+        i = (k + 1) % 3
+        u, v = f[k] - g[k], f[i] - g[i]
+        if (u > 0.0 and v < 0.0) or (u < 0.0 and v > 0.0):
+            top = max(top, f[k] + u / (u - v) * (f[i] - f[k]))
+    return top
+
+
+@inner_kernel
+def _to_triangle(bvh, t, p, known, distance):
+    """The distance of p from triangle t; `distance` if that is the triangle known to be nearest to p."""
+    if t == known:
+        return abs(distance)
+    q, _ = nearest_on(bvh, t, p)
+    return norm(sub(p, q))
+
+
+@inner_kernel
+def _bound(closed, p, q, r, depth, far, enough):
+    """No point of the triangle p q r is deeper, by its corners' depths and by `far`; less exact if `enough`.
+
+    About the rim of an open mesh the depth leaps from one side to the other; there it is the distance that is bounded.
+    """
+    dp, dq, dr = depth
+    if not closed:
+        dp, dq, dr = abs(dp), abs(dq), abs(dr)
+    pq, qr, rp = norm(sub(p, q)), norm(sub(q, r)), norm(sub(r, p))
+    cone = ((dp, dp + pq, dp + rp), (dq + pq, dq, dq + qr), (dr + rp, dr + qr, dr))
+    bound = min(_most(cone[0]), _most(cone[1]), _most(cone[2]))
+    if bound <= enough:
+        return bound
+    for i in range(3):
+        bound = min(bound, _most(far[i]), _peak(far[i], far[(i + 1) % 3]))
+    if bound <= enough:
+        return bound
+    for i in range(3):
+        for j in range(3):
+            bound = min(bound, _peak(far[i], cone[j]))
+    return bound
+
+
+class MayBeNearest(NamedTuple):
+    """Task: a triangle, below a lane, that may be the nearest of the boundary to a point of the triangle p q r."""
+
+    middle: Any
+    """of p, q, r"""
+    reach: Any
+    """m: from this distance of the middle on, no triangle is"""
+    corners: Any
+    """p, q, r less the middle"""
+    far: Any
+    """distances of p, q, r from each of three triangles of the boundary that are not below the lane"""
+
+
+implements(is_bottom, MayBeNearest)(below_packets_alone)
+implements(children_of_b, MayBeNearest)(no_children)
+
+
+@implements(children_of_a, MayBeNearest)
+def reached_children(task, a, b, ws, node, lane_b):
+    return near_lane(a.boxes, NODE * node, ws.moved, 0, float_limit(task.reach * task.reach), ws.bounds)
+
+
+@inner_kernel
+def _never_nearest(middle, corners, far, apart, q):
+    """Whether a triangle of which q, `apart` away, is nearest to the middle is nowhere as near as one of three others.
+
+    Its distance, a convex function, is nowhere below its tangent in the middle.
+    """
+    if apart == 0.0:
+        return False
+    g = sub(middle, q)
+    g = g[0] / apart, g[1] / apart, g[2] / apart
+    tangent = apart + dot(g, corners[0]), apart + dot(g, corners[1]), apart + dot(g, corners[2])
+    for i in range(3):
+        f = far[i]
+        if min(tangent[0] - f[0], tangent[1] - f[1], tangent[2] - f[2]) > BEYOND * apart:
+            return True
+    return False
+
+
+@implements(visit, MayBeNearest)
+def one_may_be_nearest(task, a, b, ws, lane_a, lane_b):
+    packet = ~np.int64(a.child[lane_a])
+    triangle_bounds(a, ws, lane_a, task.middle)
+    first = np.int64(a.first[packet])
+    for k in range(np.int64(a.first[packet + 1]) - first):
+        if ws.bounds[k] < task.reach:
+            q, _ = nearest_on(a, first + k, task.middle)
+            apart = norm(sub(task.middle, q))
+            if apart < task.reach and not _never_nearest(task.middle, task.corners, task.far, apart, q):
+                return True
+    return False
+
+
+@inner_kernel
+def _may_be_nearest(query, surface, p, q, r, far, bound):
+    """Whether the surface may have the nearest point of the boundary to one of p q r, no deeper than `bound`."""
+    c = ((p[0] + q[0] + r[0]) / 3.0, (p[1] + q[1] + r[1]) / 3.0, (p[2] + q[2] + r[2]) / 3.0)
+    corners = sub(p, c), sub(q, c), sub(r, c)
+    radius = max(norm(corners[0]), norm(corners[1]), norm(corners[2]))
+    bvh = query.solid.bvh
+    place_box(bvh, query.ws, c, c)
+    task = MayBeNearest(c, radius + bound, corners, far)
+    return walk(task, bvh, bvh, query.ws, np.int64(bvh.root[surface]), ALONE)
+
+
+@inner_kernel
+def _add_box(search, lane, guess):
+    """Put a box of the other's hierarchy among the pieces, if there may be something deeper than enough in it."""
+    query, other = search.query, search.other
+    solid, m = query.solid, query.ws.pose.matrix
+    (x, y, z), half = box_middle(other, lane)
+    radius = norm(half) * (1.0 + 2.0**-40)
+    middle = (
+        m[0] * x + m[1] * y + m[2] * z + m[9],
+        m[3] * x + m[4] * y + m[5] * z + m[10],
+        m[6] * x + m[7] * y + m[8] * z + m[11],
+    )
+    depth, t = depth_at(query, middle, guess)
+    bound = radius + (depth if solid.closed else abs(depth))
+    if bound <= _enough(search):
+        return
+    if solid.surface[t] != search.surface:
+        reach = radius + bound
+        if nearest(query, np.int64(solid.bvh.root[search.surface]), middle, reach * reach) < 0:
+            return
+    place = _new_piece(search.pieces, bound, lane)
+    search.pieces.index[place, 0] = t
+
+
+@inner_kernel
+def _add_triangle(search, p, q, r, depth, near):
+    """Put a triangle among the pieces, if there may be something deeper than enough in it."""
+    solid, enough = search.query.solid, _enough(search)
+    bvh, (dp, dq, dr), (a, b, c) = solid.bvh, depth, near
+    far = (
+        (abs(dp), _to_triangle(bvh, a, q, b, dq), _to_triangle(bvh, a, r, c, dr)),
+        (_to_triangle(bvh, b, p, a, dp), abs(dq), _to_triangle(bvh, b, r, c, dr)),
+        (_to_triangle(bvh, c, p, a, dp), _to_triangle(bvh, c, q, b, dq), abs(dr)),
+    )
+    bound = _bound(solid.closed, p, q, r, depth, far, enough)
+    if bound <= enough:
+        return
+    on, surface = solid.surface, search.surface
+    elsewhere = on[a] != surface and on[b] != surface and on[c] != surface
+    if elsewhere and not _may_be_nearest(search.query, surface, p, q, r, far, bound):
+        return
+    pieces = search.pieces
+    place = _new_piece(pieces, bound, -1)
+    for d in range(3):
+        pieces.value[place, CORNERS + d] = p[d]
+        pieces.value[place, CORNERS + 3 + d] = q[d]
+        pieces.value[place, CORNERS + 6 + d] = r[d]
+        pieces.value[place, DEPTHS + d], pieces.index[place, d] = depth[d], near[d]
+
+
+@inner_kernel
+def _open_box(search, lane, guess):
+    """Put the boxes, or the triangles, of a box of the other's hierarchy among the pieces."""
+    other, m = search.other, search.query.ws.pose.matrix
+    child = np.int64(other.child[lane])
+    if child >= 0:
+        for k in range(LANES * child, LANES * child + LANES):
+            if other.boxes[box_at(k)] < np.inf:
+                _add_box(search, k, guess)
+        return
+    for i in range(3 * np.int64(other.first[~child]), 3 * np.int64(other.first[~child + 1]), 3):
+        for c in range(i, i + 3):
+            v = other.corner[c]
+            p = moved_corner(other, c, m)
+            if search.nearest[v] < 0:
+                search.depth[v], search.nearest[v] = depth_at(search.query, p, guess)
+            guess = search.nearest[v]
+            _see(search, p, search.depth[v], guess)
+        a, b, c = other.corner[i], other.corner[i + 1], other.corner[i + 2]
+        _add_triangle(
+            search, moved_corner(other, i, m), moved_corner(other, i + 1, m), moved_corner(other, i + 2, m),
+            (search.depth[a], search.depth[b], search.depth[c]),
+            (search.nearest[a], search.nearest[b], search.nearest[c]),
+        )  # fmt: skip
+
+
+# --- whether a triangle comes out of the solid -----------------------------------------------------------------------
+
+
+class Meets(NamedTuple):
+    """Task: a triangle of the mesh that meets the triangle p q r."""
+
+    corners: Any
+    box: Any
+    """least x, y, z and greatest x, y, z of p, q, r"""
+
+
+implements(is_bottom, Meets)(below_packets_alone)
+implements(children_of_b, Meets)(no_children)
+
+
+@implements(children_of_a, Meets)
+def overlapped_children(task, a, b, ws, node, lane_b):
+    return overlapping_lane(a.boxes, NODE * node, ws.moved, 0)
+
+
+@implements(visit, Meets)
+def one_meets(task, a, b, ws, lane_a, lane_b):
+    packet = ~np.int64(a.child[lane_a])
+    if ws.fresh_a[packet] != ws.counts[QUESTION]:
+        ws.fresh_a[packet] = ws.counts[QUESTION]
+        prepare_triangles(a.packets, PACKET * packet, ws.prepared, PREPARED * packet)
+    (x, y, z), half = box_middle(a, lane_a)
+    low, high = task.box
+    p, q, r = task.corners
+    off = 2.0**-20 * (half[0] + half[1] + half[2]) + 2.0**-48 * a.frame[6]  # beyond all rounding where they overlap
+    bits = reaching(
+        ws.prepared, PREPARED * packet,
+        np.float32(max(low[0] - x, -2.0 * half[0]) - off), np.float32(max(low[1] - y, -2.0 * half[1]) - off),
+        np.float32(max(low[2] - z, -2.0 * half[2]) - off), np.float32(min(high[0] - x, 2.0 * half[0]) + off),
+        np.float32(min(high[1] - y, 2.0 * half[1]) + off), np.float32(min(high[2] - z, 2.0 * half[2]) + off),
+    )  # fmt: skip
+    first = np.int64(a.first[packet])
+    while bits != 0:
+        t = 3 * (first + lowest(bits))
+        bits &= bits - 1
+        u, v, w = corner_of(a, t), corner_of(a, t + 1), corner_of(a, t + 2)
+        if not planes_part(u, v, w, p, q, r, 0.0) and triangles_meet(u, v, w, p, q, r, ws.exact):
+            return True
+    return False
+
+
+@inner_kernel
+def _comes_out(query, p, q, r, t, step):
+    """Whether a step along the normal of the solid's triangle t takes all of p q r out of it."""
+    normal, at = query.solid.normal, 21 * t + 18
+    n = normal[at], normal[at + 1], normal[at + 2]
+    p, q, r = along(p, step, n), along(q, step, n), along(r, step, n)
+    low = min(p[0], q[0], r[0]), min(p[1], q[1], r[1]), min(p[2], q[2], r[2])
+    high = max(p[0], q[0], r[0]), max(p[1], q[1], r[1]), max(p[2], q[2], r[2])
+    bvh = query.solid.bvh
+    place_box(bvh, query.ws, low, high)
+    if walk(Meets((p, q, r), (low, high)), bvh, bvh, query.ws, 0, ALONE):
+        return False
+    depth, _ = depth_at(query, p, t)
+    return depth < 0.0
+
+
+# --- cutting triangles in two ----------------------------------------------------------------------------------------
+
+
+@inner_kernel
+def _bisector(solid, p, q, tp, tq):
+    """Where between p (0) and q (1) the planes of the triangles nearest to them are as far, if these are at an angle.
+
+    There the nearest side changes, so that one step is enough for what lies on either side. -1 where that is of no
+    use: near an end, or for sides that are almost parallel, where the middle takes fewer cuts (measured).
+    """
+    if tp == tq:
+        return -1.0
+    n, i, j = solid.normal, 21 * tp + 18, 21 * tq + 18
+    np_, nq = (n[i], n[i + 1], n[i + 2]), (n[j], n[j + 1], n[j + 2])
+    if abs(dot(np_, nq)) >= STEEP:
+        return -1.0
+    on_p, on_q = corner_of(solid.bvh, 3 * tp), corner_of(solid.bvh, 3 * tq)
+    u = dot(np_, sub(p, on_p)) - dot(nq, sub(p, on_q))
+    v = dot(np_, sub(q, on_p)) - dot(nq, sub(q, on_q))
+    if not (u < 0.0 < v or v < 0.0 < u):
+        return -1.0
+    s = u / (u - v)
+    return s if NEAR_END < s < 1.0 - NEAR_END else -1.0
+
+
+@inner_kernel
+def _cut(solid, p, q, r, tp, tq, tr):
+    """(edge 0 … 2 of p q r to cut, where on it): the longest that has a bisector and is not short, else the longest."""
+    length = (norm(sub(p, q)), norm(sub(q, r)), norm(sub(r, p)))
+    edge = 0 if length[0] >= length[1] and length[0] >= length[2] else (1 if length[1] >= length[2] else 2)
+    at, least = 0.5, SHORT * length[edge]
+    for k in range(3):
+        if length[k] >= least:
+            e, f, te, tf = (p, q, tp, tq) if k == 0 else ((q, r, tq, tr) if k == 1 else (r, p, tr, tp))
+            s = _bisector(solid, e, f, te, tf)
+            if s >= 0.0:
+                edge, at, least = k, s, length[k]
+    return edge, at
+
+
+@inner_kernel
+def _open_triangle(search, place):
+    """Cut a triangle in two, unless a step that is no longer than what counts takes it out of the solid."""
+    query, v, index = search.query, search.pieces.value[place], search.pieces.index[place]
+    p, q, r = (v[1], v[2], v[3]), (v[4], v[5], v[6]), (v[7], v[8], v[9])
+    dp, dq, dr = v[DEPTHS], v[DEPTHS + 1], v[DEPTHS + 2]
+    tp, tq, tr = index[0], index[1], index[2]
+    step = _enough(search)
+    for k in range(3):
+        t = tp if k == 0 else (tq if k == 1 else tr)
+        if (k == 0 or t != tp) and (k != 2 or t != tq) and _comes_out(query, p, q, r, t, step):
+            return
+    edge, at = _cut(query.solid, p, q, r, tp, tq, tr)
+    if edge == 1:
+        p, q, r, dp, dq, dr, tp, tq, tr = q, r, p, dq, dr, dp, tq, tr, tp
+    elif edge == 2:
+        p, q, r, dp, dq, dr, tp, tq, tr = r, p, q, dr, dp, dq, tr, tp, tq
+    m = along(p, at, sub(q, p))
+    bvh = query.solid.bvh
+    nearer = tq
+    if tp == tq or _to_triangle(bvh, tp, m, -1, 0.0) <= _to_triangle(bvh, tq, m, -1, 0.0):
+        nearer = tp
+    dm, tm = depth_at(query, m, nearer)
+    _see(search, m, dm, tm)
+    for k in range(2):
+        if k == 0:
+            _add_triangle(search, p, m, r, (dp, dm, dr), (tp, tm, tr))
+        else:
+            _add_triangle(search, m, q, r, (dm, dq, dr), (tm, tq, tr))
+
+
+@inner_kernel
+def _deepest_of(search, surface, budget):
+    """Make `search.best` the deepest point of a surface of the other; beyond `budget` pieces opened, the deepest seen.
+    Returns the pieces opened."""
+    pieces = search.pieces
+    pieces.size[0], pieces.size[1] = 0, 0
+    _add_box(search, np.int64(search.other.root[surface]), np.int64(0))
+    opened, at_hand = 0, pieces.size[1] - 1
+    while opened < budget and pieces.size[1] + LANES <= len(pieces.value):
+        enough = _enough(search)
+        if at_hand < 0 or pieces.value[at_hand, BOUND] <= enough:
+            if pieces.size[0] == 0:
+                break
+            at_hand = _pop(pieces)
+            if pieces.value[at_hand, BOUND] <= enough:
+                break
+        opened += 1
+        fresh, lane = pieces.size[1], pieces.index[at_hand, LANE]
+        if lane < 0:
+            _open_triangle(search, at_hand)
+        else:
+            _open_box(search, lane, pieces.index[at_hand, 0])
+        at_hand = -1
+        for place in range(fresh, pieces.size[1]):
+            if at_hand < 0 or pieces.value[place, BOUND] > pieces.value[at_hand, BOUND]:
+                at_hand, place = place, at_hand
+            if place >= 0:
+                _push(pieces, place)
+    return opened
+
+
+@kernel
+def deepest(query, other, depth, near, pieces, pairs, limits, out):
+    """The deepest points of the other's surfaces behind the solid, where nearest to one of its surfaces.
+
+    See `Search` for depth and near. pairs: (n, 2) surface of the solid, of the other. limits: (3,) float64, relative
+    (1), precision (m), pieces opened for a pair. Only what is deeper than out[:, 0] is looked for. out: (n, 7) as
+    `Search.best`. Returns the pieces opened.
+    """
+    query.ws.counts[QUESTION] += 1
+    opened = 0
+    for k in range(len(pairs)):
+        search = Search(query, other, depth, near, pieces, out[k], np.int64(pairs[k, 0]), limits[0], limits[1])
+        opened += _deepest_of(search, pairs[k, 1], limits[2])
+    return opened
+
+
+# --- from Python -----------------------------------------------------------------------------------------------------
+
+_deepest_points = Door(deepest)
+
+
+def penetration(manager: CollisionManager, i: int, j: int) -> NDArray[Any]:
+    """Depth and direction of every pair of surfaces of two objects that meet: PENETRATION_DTYPE rows.
+
+    Ignored pairs of surfaces are left out.
+    """
+    manager.ignored(i, j)  # raises, unless there are both, and two
+    i, j = min(i, j), max(i, j)
+    mesh_a, mesh_b = manager.mesh(i), manager.mesh(j)
+    world, pose, enabled = manager.pose(i), manager.relative_pose(i, j), manager.heeded_surfaces(i, j)
+    surfaces = colliding_surfaces(mesh_a, mesh_b, pose, tolerance=manager.checked)
+    if enabled is not None:
+        surfaces = surfaces[enabled[surfaces[:, 0], surfaces[:, 1]] != 0]
+    rows = np.zeros(len(surfaces), PENETRATION_DTYPE)
+    rows["object_a"], rows["surface_a"], rows["object_b"], rows["surface_b"] = i, surfaces[:, 0], j, surfaces[:, 1]
+    if not len(rows):
+        return rows
+    b_in_a = _deepest(manager, mesh_a, mesh_b, pose, surfaces, np.zeros(len(rows)))
+    a_in_b = _deepest(manager, mesh_b, mesh_a, pose.inverse(), surfaces[:, ::-1], b_in_a[:, 0])
+    deeper = a_in_b[:, 0] > b_in_a[:, 0]
+    back = a_in_b[:, 1:].reshape(-1, 2, 3) @ pose.rotation.T + pose.translation
+    ends = np.where(deeper[:, None, None], back, b_in_a[:, 1:].reshape(-1, 2, 3))
+    out = (ends[:, 1] - ends[:, 0]) * np.where(deeper, -1.0, 1.0)[:, None]
+    length = np.linalg.norm(out, axis=1)
+    for k in np.flatnonzero(length <= manager.tolerance.solver).tolist():
+        contact = mesh_clearance(mesh_a, mesh_b, pose, *surfaces[k].tolist())
+        assert contact is not None  # nothing is beyond an infinite bound
+        out[k], length[k], ends[k, 0] = _normal(mesh_a, int(contact["triangle_a"][0])), 1.0, contact["point_a"][0]
+    rows["depth"] = np.maximum(a_in_b[:, 0], b_in_a[:, 0])
+    rows["direction"] = out / length[:, None] @ world.rotation.T
+    rows["point"] = ends[:, 0] @ world.rotation.T + world.translation
+    return rows
+
+
+def _normal(mesh: SurfaceMesh, triangle: int) -> NDArray[np.float64]:
+    a, b, c = mesh.vertices[mesh.triangles[triangle]]
+    n = np.cross(b - a, c - a)
+    length = np.linalg.norm(n)
+    return n / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+
+
+def _deepest(
+    manager: CollisionManager, solid: SurfaceMesh, other: SurfaceMesh, pose: pin.SE3,
+    pairs: NDArray[np.int32], known: NDArray[np.float64],
+) -> NDArray[np.float64]:  # fmt: skip
+    """(n, 7) depth, point and nearest boundary point, in the frame of `solid`, in which `other` is at `pose`.
+
+    pairs: (n, 2) surface of the solid, surface of the other. known: (n,) depths above which is looked; else depth 0.
+    """
+    query, n, room = query_about(solid), len(other.vertices), 4 * BUDGET
+    query.ws.pose.matrix[:12] = [*pose.rotation.ravel(), *pose.translation]
+    relative = manager.tolerance.depth
+    pieces = Pieces(
+        np.empty((room, PIECE)), np.empty((room, LANE + 1), np.int64), np.empty(room, np.int64), np.zeros(2, np.int64)
+    )
+    out = np.zeros((len(pairs), 7))
+    out[:, 0] = known
+    _deepest_points.call(
+        query, bvh_of(other), np.empty(n), np.full(n, -1, np.int64), pieces, np.ascontiguousarray(pairs, np.int32),
+        np.array([relative, relative * manager.tolerance.linear, BUDGET]), out,
+    )  # fmt: skip
+    return out
