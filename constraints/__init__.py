@@ -1,8 +1,7 @@
 """What two touching surfaces can mean to each other, and the motion that meaning leaves."""
 
-from constraints.candidate import Candidate
 from constraints.errors import ConstraintsError, GeometryError
-from constraints.god_object import MotionResult
+from constraints.freedom.mobility import Freedom, Mobility, mobility
 from constraints.kinds import (
     Against,
     Angle,
@@ -29,10 +28,11 @@ from constraints.kinds import (
     Toroidal,
 )
 from constraints.manager import Accepted, Change, ConstraintManager, UnknownConstraintError
-from constraints.mobility import Freedom, Mobility, mobility
-from constraints.motion import Motion
-from constraints.recognition import recognise
-from constraints.solver import Solution, solve
+from constraints.motion.god_object import MotionResult
+from constraints.motion.motion import Motion
+from constraints.recognition.candidate import Candidate
+from constraints.recognition.recognise import recognise
+from constraints.solve.solver import Solution, solve
 
 __all__ = [
     "Accepted",

@@ -1,7 +1,7 @@
 """`ConstraintManager`: which constraints are offered, accepted and refused while parts move.
 
-It is the only state of this package. Each step: move the parts (`constraints.motion`), ask collision for contacts
-within `manager.within`, then `update(poses, contacts, wanted)` tells what changed.
+It is the only state of this package. Each step: move the parts (`constraints.motion.motion`), ask collision for
+contacts within `manager.within`, then `update(poses, contacts, wanted)` tells what changed.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from collision import Tolerance
-from constraints.attention import Attention, rows_about
-from constraints.candidate import Candidate, Key, Match, Pair, known_kinds
 from constraints.errors import ConstraintsError
-from constraints.features import Feature
-from constraints.geometry import Plane
-from constraints.implied import without_implied
+from constraints.freedom.lower_pairs import orthonormal
+from constraints.geometry.features import Feature
+from constraints.geometry.surfaces import Plane
+from constraints.geometry.views import Limits
 from constraints.kinds import Constraint
-from constraints.lower_pairs import orthonormal
-from constraints.pairings import FITS, rows_for
-from constraints.recognition import Near, Recogniser
-from constraints.solver import solve
-from constraints.views import Limits
+from constraints.recognition.attention import Attention, rows_about
+from constraints.recognition.candidate import Candidate, Key, Match, Pair, known_kinds
+from constraints.recognition.implied import without_implied
+from constraints.recognition.pairings import FITS, rows_for
+from constraints.recognition.recognise import Near, Recogniser
+from constraints.solve.solver import solve
 
 Rule = Callable[[Candidate], bool | None]
 """Decides on a new candidate: True accepts, False refuses, None leaves it open."""
@@ -161,7 +161,7 @@ class ConstraintManager:
         return self._note("accepted", id, candidate, candidate.why)
 
     def impose(self, candidate: Candidate, *, break_distance: float | None = None, break_force: float = np.inf) -> int:
-        """Put what the caller states (see `constraints.stated`) in force, and tell its id.
+        """Put what the caller states (see `constraints.kinds.stated`) in force, and tell its id.
 
         Of a pair of features that is on offer already, or was refused, it takes the place. It holds whatever a hand
         pulls, unless `break_distance` (m) or `break_force` (N) is given.

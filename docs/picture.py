@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 import vpframe as vp
-from vpframe import demo
-from vpframe.events import Frames
-from vpframe.visualization import snapshot
-from vpframe.visualization.camera import look_at
-from vpframe.visualization.symbols import frame_symbols
+from vpframe.app import demo
+from vpframe.session.events import Frames
+from vpframe.view import snapshot
+from vpframe.view.camera import look_at
+from vpframe.view.symbols import frame_symbols
 
 
 def main() -> None:

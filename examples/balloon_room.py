@@ -6,9 +6,9 @@ The paper's example: what is dropped falls until it stops on the floor, a balloo
 import numpy as np
 from parts import STEEL, WOOD, at
 
-import vpframe.study
+import vpframe.app.task_runner
 from physics import Buoyancy, Drag, Elastic, Friction, Gravity
-from vpframe import modelling
+from vpframe.scene import modelling
 
 ROOM = 2.4  # m high
 RADIUS = 0.15  # m, of the balloon
@@ -58,4 +58,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.study.main(__file__)
+    vpframe.app.task_runner.main(__file__)

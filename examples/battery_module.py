@@ -6,10 +6,10 @@ Clearance is watched all the way: the module must not come nearer than half a mi
 import numpy as np
 from parts import ALUMINIUM, BRASS, WOOD, at, bench
 
-import vpframe.study
-from vpframe import modelling
-from vpframe.interaction import constraint
-from vpframe.rules import accept_kinds
+import vpframe.app.task_runner
+from vpframe.hands import constraint
+from vpframe.scene import modelling
+from vpframe.session.rules import accept_kinds
 
 SIZE = np.array([0.060, 0.100, 0.050])  # m, of a module
 OPTIONS = {"rule": accept_kinds("against"), "clearance": True}
@@ -82,4 +82,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.study.main(__file__)
+    vpframe.app.task_runner.main(__file__)

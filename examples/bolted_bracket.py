@@ -3,9 +3,9 @@
 import numpy as np
 from parts import ALUMINIUM, BRASS, STEEL, WOOD, at, bench, bolt, nut, plate
 
-import vpframe.study
-from vpframe import modelling
-from vpframe.interaction import constraint
+import vpframe.app.task_runner
+from vpframe.hands import constraint
+from vpframe.scene import modelling
 
 HOLES = [(-0.02, 0.0), (0.02, 0.0)]
 PITCH = 0.0015  # m a turn, M10
@@ -88,4 +88,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.study.main(__file__)
+    vpframe.app.task_runner.main(__file__)

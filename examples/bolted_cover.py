@@ -6,9 +6,9 @@ The bolts are undone crosswise, as a fitter does it; each is laid on the tray by
 import numpy as np
 from parts import ALUMINIUM, BRASS, RUBBER, STEEL, WOOD, at, bench, bolt, plate
 
-import vpframe.study
-from vpframe import modelling
-from vpframe.interaction import constraint
+import vpframe.app.task_runner
+from vpframe.hands import constraint
+from vpframe.scene import modelling
 
 HOLES = [(0.03, 0.03), (-0.03, -0.03), (-0.03, 0.03), (0.03, -0.03)]  # crosswise
 PITCH = 0.001  # m a turn, M6
@@ -85,4 +85,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.study.main(__file__)
+    vpframe.app.task_runner.main(__file__)

@@ -6,9 +6,9 @@ Two hands: one keeps the bolt, the other runs the nut off. The nut's pitch is wh
 import numpy as np
 from parts import ALUMINIUM, BRASS, STEEL, WOOD, at, bench, bolt, nut, plate
 
-import vpframe.study
-from vpframe import modelling
-from vpframe.interaction import constraint
+import vpframe.app.task_runner
+from vpframe.hands import constraint
+from vpframe.scene import modelling
 
 HOLES = [(x, y) for y in (-0.02, 0.02) for x in (-0.035, 0.035)]
 PITCH = 0.00125  # m a turn, M8
@@ -74,4 +74,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.study.main(__file__)
+    vpframe.app.task_runner.main(__file__)

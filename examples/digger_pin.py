@@ -10,10 +10,10 @@ import numpy as np
 import pinocchio as pin
 from parts import ALUMINIUM, STEEL, at
 
-import vpframe.study
+import vpframe.app.task_runner
 from collision import Tolerance
-from constraints.geometry import Cylinder
-from vpframe import modelling
+from constraints.geometry.surfaces import Cylinder
+from vpframe.scene import modelling
 
 PIN, EYE = 0.0250, 0.0253
 LEAN = pin.SE3(pin.exp3(np.array([0.5, 0.4, 0.0])), np.zeros(3))  # machines seldom stand along the axes
@@ -82,4 +82,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.study.main(__file__)
+    vpframe.app.task_runner.main(__file__)

@@ -11,10 +11,10 @@ import numpy as np
 import pinocchio as pin
 from parts import BRASS, STEEL, at
 
-import vpframe.study
-from vpframe import modelling
-from vpframe.interaction import constraint
-from vpframe.rules import accept_kinds
+import vpframe.app.task_runner
+from vpframe.hands import constraint
+from vpframe.scene import modelling
+from vpframe.session.rules import accept_kinds
 
 DRIVER, DRIVEN, MODULE, WIDTH = 20, 30, 0.002, 0.010  # teeth, teeth, m, m
 DISTANCE = (DRIVER + DRIVEN) * MODULE / 2 + 0.0004  # m between the axes, 0.4 mm more than the pitch circles
@@ -94,4 +94,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.study.main(__file__)
+    vpframe.app.task_runner.main(__file__)

@@ -7,10 +7,10 @@ import numpy as np
 import pinocchio as pin
 from parts import BRASS, STEEL, WOOD, at
 
-import vpframe.study
+import vpframe.app.task_runner
 from physics import Friction, Gravity
-from vpframe import modelling
-from vpframe.interaction import constraint
+from vpframe.hands import constraint
+from vpframe.scene import modelling
 
 PIN, KNUCKLE = 0.0040, 0.00402
 
@@ -72,4 +72,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.study.main(__file__)
+    vpframe.app.task_runner.main(__file__)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from vpframe import modelling as m
+from vpframe.scene import modelling as m
 
 STEEL, BRASS, ALUMINIUM, WOOD, RUBBER = (
     (0.62, 0.64, 0.68),

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from collision import CollisionManager
 from physics import Behaviour, Body, Buoyancy, Drag, Gravity, World, force
-from vpframe.modelling import box, shape, sphere
+from vpframe.scene.modelling import box, shape, sphere
 
 
 class Draught(Behaviour):

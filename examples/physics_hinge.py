@@ -9,11 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from collision import CollisionManager
-from constraints.geometry import Cylinder, Plane
+from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
 from physics import Body, Gravity, Sleeping, World
-from vpframe.modelling import box, cylinder, shape
+from vpframe.scene.modelling import box, cylinder, shape
 
 
 def main(seconds: float = 2.0) -> dict[str, float]:

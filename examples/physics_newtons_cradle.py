@@ -9,12 +9,12 @@ import numpy as np
 import pinocchio as pin
 
 from collision import CollisionManager
-from constraints.geometry import Cylinder, Plane, Sphere
+from constraints.geometry.surfaces import Cylinder, Plane, Sphere
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
 from physics import Body, Elastic, Friction, Gravity, World
-from physics.behaviours import STANDARD_GRAVITY
-from vpframe.modelling import box, shape, sphere
+from physics.forces.behaviours import STANDARD_GRAVITY
+from vpframe.scene.modelling import box, shape, sphere
 
 
 def main(seconds: float = 3.0, balls: int = 5, angle: float = 0.5) -> dict[str, list[float]]:

@@ -15,12 +15,12 @@ import numpy as np
 import pinocchio as pin
 
 from collision import CollisionManager
-from constraints.geometry import Cylinder
+from constraints.geometry.surfaces import Cylinder
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.screw import Screw
 from physics import Behaviour, Body, Friction, Gravity, Motor, View, World
-from physics.behaviours import STANDARD_GRAVITY
-from vpframe.modelling import cylinder, hexagon, shape
+from physics.forces.behaviours import STANDARD_GRAVITY
+from vpframe.scene.modelling import cylinder, hexagon, shape
 
 PITCH, FLANK, MU = 0.002, np.radians(30.0), 0.15
 RADIUS = 0.5 * 0.014701  # m, of the pitch cylinder

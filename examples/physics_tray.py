@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from collision import CollisionManager
 from physics import Body, Elastic, Friction, Gravity, World
-from vpframe.modelling import Solid, box, cylinder, shape, sphere
+from vpframe.scene.modelling import Solid, box, cylinder, shape, sphere
 
 
 def tray() -> Solid:

@@ -21,11 +21,11 @@ from numpy.typing import ArrayLike, NDArray
 
 import physics
 import vpframe as vp
-from vpframe.events import Frame, Frames
-from vpframe.scene import Part, Scene, Shape
-from vpframe.visualization import snapshot
-from vpframe.visualization.camera import DIRECTION, Camera, look_at
-from vpframe.visualization.symbols import frame_symbols
+from vpframe.scene.scene import Part, Scene, Shape
+from vpframe.session.events import Frame, Frames
+from vpframe.view import snapshot
+from vpframe.view.camera import DIRECTION, Camera, look_at
+from vpframe.view.symbols import frame_symbols
 
 FOLDER = Path(__file__).parent / "pictures"
 WIDTH, HEIGHT = 600, 220  # pixels, of a strip

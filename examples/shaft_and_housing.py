@@ -6,10 +6,10 @@ The shortest tour of the verbs: grab, insert, turn, pull, place. `insert` finds 
 import numpy as np
 from parts import BRASS, STEEL, WOOD, at, bench
 
-import vpframe.study
-from vpframe import modelling
-from vpframe.interaction import constraint
-from vpframe.rules import accept_kinds
+import vpframe.app.task_runner
+from vpframe.hands import constraint
+from vpframe.scene import modelling
+from vpframe.session.rules import accept_kinds
 
 OPTIONS = {"rule": accept_kinds("concentric", "against"), "clearance": True}
 
@@ -53,4 +53,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.study.main(__file__)
+    vpframe.app.task_runner.main(__file__)

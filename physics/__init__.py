@@ -1,6 +1,7 @@
 """What is free moves: mass, forces, impulses, per-object behaviours, time stepping."""
 
-from physics.behaviours import (
+from physics.errors import BehaviourError, BodyError, PhysicsError, WorldError
+from physics.forces.behaviours import (
     Behaviour,
     Buoyancy,
     Drag,
@@ -19,9 +20,8 @@ from physics.behaviours import (
     Wind,
     force,
 )
-from physics.body import DENSITY, Body
-from physics.errors import BehaviourError, BodyError, PhysicsError, WorldError
-from physics.hands import SpringHand
+from physics.model.body import DENSITY, Body
+from physics.stepping.hands import SpringHand
 from physics.world import Snapshot, World
 
 __all__ = [

@@ -12,25 +12,25 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from collision import CollisionManager, Tolerance
-from constraints.geometry import Geometry
-from physics import starts
-from physics.answers import Answers
-from physics.batch import whole
-from physics.behaviours import Behaviour, Sleeping, Touch, View
-from physics.bodies import FREE, KINEMATIC, STATIC, Bodies, Saved, point_speeds
-from physics.body import Body
-from physics.carrying import Carrying
+from constraints.geometry.surfaces import Geometry
+from physics.contact import depenetration as starts
+from physics.contact.contact_problem import NO_CONTACTS, Contacts
+from physics.contact.neighbours import SLACK, Neighbours
 from physics.errors import BehaviourError, WorldError
-from physics.forces import Forces, touches
-from physics.hands import Grip, SpringHand
-from physics.integrators import METHODS
-from physics.islands import components
-from physics.joints import Joint
-from physics.mechanism import Mechanism
-from physics.neighbours import SLACK, Neighbours
-from physics.pressing import NO_CONTACTS, Contacts
-from physics.sleeping import rouse, settle
-from physics.stepping import Stepper
+from physics.forces.answers import Answers
+from physics.forces.behaviours import Behaviour, Sleeping, Touch, View
+from physics.forces.total import Forces, touches
+from physics.joints.mechanism import Mechanism
+from physics.joints.rows import Joint
+from physics.model.bodies import FREE, KINEMATIC, STATIC, Bodies, Saved, point_speeds
+from physics.model.body import Body
+from physics.solver.batch import whole
+from physics.solver.islands import components
+from physics.stepping.hands import Grip, SpringHand
+from physics.stepping.integrators import METHODS
+from physics.stepping.kinematic_bodies import Carrying
+from physics.stepping.sleeping import rouse, settle
+from physics.stepping.step import Stepper
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -10,11 +10,11 @@ __version__ = "0.1.0"
 # name -> module; imported at first use so that `import vpframe` and `vpframe --help` answer at once
 _LAZY = {
     "load": "vpframe.importers",
-    "Scene": "vpframe.scene",
-    "Part": "vpframe.scene",
-    "Shape": "vpframe.scene",
-    "Surface": "vpframe.scene",
-    "Session": "vpframe.session",
+    "Scene": "vpframe.scene.scene",
+    "Part": "vpframe.scene.scene",
+    "Shape": "vpframe.scene.scene",
+    "Surface": "vpframe.scene.scene",
+    "Session": "vpframe.session.session",
     "VpframeError": "vpframe.errors",
     "LoadError": "vpframe.errors",
     "UnknownPartError": "vpframe.errors",

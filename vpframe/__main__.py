@@ -2,7 +2,7 @@
 
 import sys
 
-from vpframe.cli import main
+from vpframe.app.cli import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from vpframe.scene import Scene
+    from vpframe.scene.scene import Scene
 
 NUMBERED = re.compile(r"\b(?:objects?|bodies|body|part) (\d+)\b(?: and (\d+)\b)?")
 """how messages of the packages below call what they know by number only"""

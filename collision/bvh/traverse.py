@@ -32,8 +32,8 @@ from numba.extending import overload
 
 from collision.bvh.layout import LANES, NODE, PREPARED, Bvh
 from collision.numeric.kernel import inner_kernel
+from collision.numeric.predicates import FALLBACKS, WORKSPACE
 from collision.numeric.simd import MOTION, lowest, move_boxes, near_lane, prepare_triangles, turn_triangles
-from collision.predicates import FALLBACKS, WORKSPACE
 
 INLINE: Final[Any] = {"nogil": True, "_nrt": False, "error_model": "numpy", "forceinline": True}
 inline_kernel = partial(inner_kernel, forceinline=True)

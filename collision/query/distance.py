@@ -52,9 +52,9 @@ from collision.numeric.kernel import kernel
 from collision.numeric.poses import relative_pose
 from collision.numeric.simd import lowest, near_lane, reaching, triangles_near
 from collision.numeric.vectors import dot
-from collision.polygons import triangles_meet
 from collision.query.intersection import Intersect
 from collision.triangle.distance import ROUNDING, closest_features, common_point, planes_part
+from collision.triangle.intersection import triangles_meet
 
 TINIEST: Final = float(np.finfo(np.float64).tiny)
 """m: the distance of triangles that do not meet is never 0"""

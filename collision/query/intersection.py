@@ -46,8 +46,8 @@ from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import kernel
 from collision.numeric.poses import relative_pose, take_pose
 from collision.numeric.simd import lowest, overlapping_lane, perhaps_meeting, reaching
-from collision.polygons import triangles_meet
 from collision.poses import matrix_of, pack
+from collision.triangle.intersection import triangles_meet
 
 
 class Intersect(NamedTuple):

@@ -59,12 +59,12 @@ from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import inner_kernel, kernel
 from collision.numeric.simd import lowest, near_lane, overlapping_lane, prepare_triangles, reaching
 from collision.numeric.vectors import along, dot, norm, sub
-from collision.polygons import triangles_meet
 from collision.proximity import mesh_clearance
 from collision.query import colliding_surfaces
 from collision.query.containment import SolidQuery, query_about, winds
 from collision.query.signed_distance import depth_at, float_limit, nearest, nearest_on, triangle_bounds
 from collision.triangle.distance import planes_part
+from collision.triangle.intersection import triangles_meet
 
 if TYPE_CHECKING:
     import pinocchio as pin

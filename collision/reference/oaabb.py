@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import kernel
-from collision.polygons import triangles_meet
+from collision.numeric.predicates import FALLBACKS, workspace
 from collision.poses import pack
-from collision.predicates import FALLBACKS, workspace
 from collision.reference.shape import triangles_needed
 from collision.statistics import Statistics
+from collision.triangle.intersection import triangles_meet
 
 
 def plain_pairs_of(

@@ -1,7 +1,8 @@
 """Numba kernels about two triangles: their closest points, a point they have in common, a plane between them.
 
 A corner or a vector is a tuple (x, y, z). These are numbers, right to rounding: whether triangles meet is decided by
-`collision.polygons` alone, and `planes_part` says yes only when it is so beyond the rounding of its own arithmetic.
+`collision.triangle.intersection` alone, and `planes_part` says yes only when it is so beyond the rounding of its own
+arithmetic.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ import numpy as np
 
 from collision.numeric.kernel import inner_kernel
 from collision.numeric.vectors import cross, dot, norm, sub
-from collision.polygons import triangles_meet
 from collision.triangle.distance import closest_features
+from collision.triangle.intersection import triangles_meet
 
 
 @inner_kernel

@@ -12,10 +12,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from constraints import jacobians
 from constraints.errors import GeometryError
-from constraints.geometry import LARGEST, Geometry, _positive
+from constraints.geometry.surfaces import LARGEST, Geometry, _positive
 from constraints.kinds.equations import Array, Equation
+from constraints.solve import jacobians
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ class EitherWay(Constraint):
 
 @dataclass(frozen=True, eq=False)
 class Compiled:
-    """Equations as flat arrays: see `constraints.jacobians.evaluate`."""
+    """Equations as flat arrays: see `constraints.solve.jacobians.evaluate`."""
 
     code: NDArray[np.int64]
     side: NDArray[np.int64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from constraints.geometry import Cone
+from constraints.geometry.surfaces import Cone
 from constraints.kinds.base import Constraint
 from constraints.kinds.equations import Equation, aligned, element, on_line, on_plane
 

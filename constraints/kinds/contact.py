@@ -7,7 +7,7 @@ from math import pi
 from typing import ClassVar
 
 from constraints.errors import GeometryError
-from constraints.geometry import Cone, Cylinder, Plane, Sphere, Torus
+from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere, Torus
 from constraints.kinds.base import EitherWay
 from constraints.kinds.elements import Circle, Line, Point
 from constraints.kinds.equations import (

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from constraints.errors import GeometryError
-from constraints.geometry import Cone, Cylinder, Plane, Sphere, Torus
+from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere, Torus
 from constraints.kinds.base import Constraint
 from constraints.kinds.elements import Circle, Line, Point, axis_of, plane_of, point_of
 from constraints.kinds.equations import Equation, Limits, line_distance, lines_distance, on_plane, point_distance

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from constraints.errors import GeometryError
-from constraints.geometry import (
+from constraints.geometry.surfaces import (
     Cone,
     Cylinder,
     Geometry,

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from constraints import jacobians
 from constraints.errors import GeometryError
-from constraints.geometry import cross, norm, perpendicular
+from constraints.geometry.surfaces import cross, norm, perpendicular
+from constraints.solve import jacobians
 
 Array = NDArray[np.float64]
 Limits = float | tuple[float, float]
@@ -34,7 +34,7 @@ def element(point: ArrayLike, direction: ArrayLike | None = None, reference: Arr
 
 @dataclass(frozen=True, eq=False)
 class Equation:
-    """One equation of `constraints.jacobians` between element `a` and element `b`, both (12,)."""
+    """One equation of `constraints.solve.jacobians` between element `a` and element `b`, both (12,)."""
 
     code: int
     a: Array

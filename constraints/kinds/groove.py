@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from constraints.errors import GeometryError
-from constraints.geometry import Cylinder, Sphere, Torus
+from constraints.geometry.surfaces import Cylinder, Sphere, Torus
 from constraints.kinds.base import EitherWay
 from constraints.kinds.elements import Circle, Line, Point
 from constraints.kinds.equations import Equation, element, line_distance, on_line, on_plane

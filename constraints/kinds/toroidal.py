@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from constraints.geometry import Torus
+from constraints.geometry.surfaces import Torus
 from constraints.kinds.base import Constraint
 from constraints.kinds.equations import Equation, aligned, coincident, element
 

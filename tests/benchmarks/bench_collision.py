@@ -26,7 +26,7 @@ import pinocchio as pin
 
 from collision import CollisionManager, Statistics, SurfaceMesh, colliding_surfaces
 from collision.query import examine
-from vpframe.progress import report
+from vpframe.app.progress import report
 
 PAPER = {
     "box tests, without OAABB / with": 40.0,

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from vpframe.progress import report
+from vpframe.app.progress import report
 
 HERE = Path(__file__).parent
 

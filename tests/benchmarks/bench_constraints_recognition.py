@@ -22,11 +22,11 @@ import pinocchio as pin
 import vpframe as vp
 from collision import CONTACT_DTYPE, CollisionManager, Tolerance
 from constraints import ConstraintManager, Motion, recognise
-from constraints.geometry import Cylinder
-from constraints.recognition import contacts_within
-from vpframe import modelling as m
-from vpframe.mates import base_parts
-from vpframe.standing import threaded_features
+from constraints.geometry.surfaces import Cylinder
+from constraints.recognition.recognise import contacts_within
+from vpframe.analysis.mates import base_parts
+from vpframe.analysis.static import threaded_features
+from vpframe.scene import modelling as m
 
 Truth = Counter[tuple[str, str, str]]
 Family = Callable[[np.random.Generator], tuple[dict[str, Any], Truth]]

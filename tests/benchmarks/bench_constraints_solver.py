@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from collision import Tolerance
-from constraints.mobility import mobility
-from constraints.solver import solve
+from constraints.freedom.mobility import mobility
+from constraints.solve.solver import solve
 
 HERE = Path(__file__).parent
 FAR = "10 % and 30° off"

@@ -25,10 +25,10 @@ import pinocchio as pin
 from physics_meshes import at, ball_mesh, box_mesh, cylinder_mesh, plate_with_hole, room
 
 from collision import CollisionManager
-from constraints.geometry import Cylinder, Sphere
+from constraints.geometry.surfaces import Cylinder, Sphere
 from physics import Body, Buoyancy, Drag, Elastic, Friction, Gravity, Sleeping, World
-from physics.behaviours import STANDARD_GRAVITY
-from vpframe.progress import report
+from physics.forces.behaviours import STANDARD_GRAVITY
+from vpframe.app.progress import report
 
 assert STANDARD_GRAVITY == pc.G
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 from collision import CollisionManager, Tolerance
 from constraints import Constraint, recognise
 from physics import Body, Gravity, Sleeping, World
-from vpframe.modelling import Solid, box, cylinder, scene
+from vpframe.scene.modelling import Solid, box, cylinder, scene
 
 PIN = 0.005
 """m, radius of pins and bores"""

@@ -7,8 +7,8 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from collision.polygons import triangles_meet
-from collision.predicates import FALLBACKS, orient2d, orient3d, workspace
+from collision.numeric.predicates import FALLBACKS, orient2d, orient3d, workspace
+from collision.triangle.intersection import triangles_meet
 from tests.collision import adversarial, exact
 
 FLAT = ((0.1, 0.3, 0.0), (0.2, 0.6, 0.0), (0.3, 0.9, 0.0), (0.0, 0.0, -1.0))

@@ -10,7 +10,7 @@ from math import atan, pi, sin, tan
 import numpy as np
 import pinocchio as pin
 
-from constraints.geometry import Cone, Cylinder, Plane, Sphere
+from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere
 from constraints.kinds import (
     Against,
     Angle,

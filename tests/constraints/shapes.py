@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from collision import SurfaceMesh
-from constraints.features import Feature
-from constraints.geometry import Cone, Cylinder, Plane, Sphere, Torus
+from constraints.geometry.features import Feature
+from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere, Torus
 
 
 @dataclass(frozen=True, eq=False)

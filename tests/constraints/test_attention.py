@@ -8,7 +8,7 @@ import pytest
 
 from collision import CONTACT_DTYPE, CollisionManager, Tolerance
 from constraints import ConstraintManager, ConstraintsError, Motion
-from constraints.attention import Attention
+from constraints.recognition.attention import Attention
 from tests.constraints.shapes import box, flanged_shaft, housing
 
 BODIES = (housing(0.0101), flanged_shaft(phase=0.05), housing(0.0101), flanged_shaft(phase=0.05), box(0.05, 0.05, 0.05))

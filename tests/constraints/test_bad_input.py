@@ -22,12 +22,12 @@ from constraints import (
     Point,
     RackAndPinion,
     Screw,
-    mobility,
     recognise,
     solve,
 )
-from constraints.geometry import Cylinder, Freeform, Plane
-from constraints.graph import AssemblyGraph
+from constraints.freedom import mobility
+from constraints.freedom.graph import AssemblyGraph
+from constraints.geometry.surfaces import Cylinder, Freeform, Plane
 
 Z = [0.0, 0.0, 1.0]
 UP, DOWN = Plane([0, 0, 0], Z), Plane([0, 0, 0], [0, 0, -1.0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from constraints.block_cholesky import eliminate, factor, substitute
+from constraints.solve.block_cholesky import eliminate, factor, substitute
 
 
 class TestElimination:

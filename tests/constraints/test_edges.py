@@ -8,8 +8,8 @@ import pytest
 
 from collision import CollisionManager, Tolerance
 from constraints import recognise, solve
-from constraints.geometry import Plane
-from constraints.pairings import SLIGHT, STANDING
+from constraints.geometry.surfaces import Plane
+from constraints.recognition.pairings import SLIGHT, STANDING
 from tests.constraints.shapes import Builder, box, housing, shaft, turned
 
 EXACT = replace(Tolerance(), reach=0.0, reach_angular=0.0)

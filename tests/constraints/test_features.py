@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from collision import SurfaceMesh
-from constraints.features import group_features
-from constraints.geometry import Cylinder, Freeform, Geometry, Plane, Sphere, Torus
+from constraints.geometry.features import group_features
+from constraints.geometry.surfaces import Cylinder, Freeform, Geometry, Plane, Sphere, Torus
 
 Z = np.array([0.0, 0.0, 1.0])
 

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from collision import Tolerance
-from constraints.fits import KINDS, FitError, allowed, fit_kind, fit_surface, refine
-from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus
+from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus
+from constraints.recognition.fits import KINDS, FitError, allowed, fit_kind, fit_surface, refine
 
 Z = np.array([0.0, 0.0, 1.0])
 

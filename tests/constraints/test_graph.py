@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from constraints import Against, Concentric
-from constraints.geometry import Cylinder, Plane
-from constraints.graph import AssemblyGraph, components
+from constraints.freedom.graph import AssemblyGraph, components
+from constraints.geometry.surfaces import Cylinder, Plane
 
 Z = [0.0, 0.0, 1.0]
 

@@ -7,8 +7,8 @@ import pinocchio as pin
 
 from collision import CollisionManager, Tolerance
 from constraints import recognise
-from constraints.recognition import contacts_within
-from constraints.threads import threaded
+from constraints.geometry.threads import threaded
+from constraints.recognition.recognise import contacts_within
 from tests.constraints.shapes import Builder, arc_face, box, housing, rectangles, shaft, turned
 from tests.constraints.test_threads import helix
 

@@ -8,7 +8,7 @@ import pytest
 
 from collision import CollisionManager, Tolerance
 from constraints import recognise
-from constraints.iso286 import FitClassError, fit_class
+from constraints.recognition.iso286 import FitClassError, fit_class
 from tests.constraints.shapes import housing, shaft
 
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from constraints.errors import GeometryError
-from constraints.geometry import Cone, Cylinder, Geometry, Plane, Sphere, Torus
+from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus
 from constraints.kinds import (
     Against,
     Angle,
@@ -35,7 +35,7 @@ from constraints.kinds import (
     Tangent,
     Toroidal,
 )
-from constraints.solver import solve
+from constraints.solve.solver import solve
 
 PLANES = Plane([0.1, 0.2, 0.3], [1.0, 2.0, -0.5]), Plane([-0.3, 0.1, 0.05], [0.2, 1.0, 0.7])
 CYLINDERS = Cylinder([0.1, 0.0, 0.2], [0.3, 1.0, 0.1], 0.02), Cylinder([0.0, 0.3, -0.1], [1.0, -0.4, 0.6], 0.03)

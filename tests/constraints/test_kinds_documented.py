@@ -9,7 +9,7 @@ import pytest
 
 import constraints.kinds as kinds
 from constraints.kinds import Constraint
-from constraints.pairings import PAIRINGS
+from constraints.recognition.pairings import PAIRINGS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "constraints.md").read_text(encoding="utf-8")
 CLASSES = [

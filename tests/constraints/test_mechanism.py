@@ -5,11 +5,11 @@ import pinocchio as pin
 import pytest
 
 from constraints import Against, Concentric, Coplanar, Screw, Spherical, solve
-from constraints.geometry import Cylinder, Plane, Sphere
-from constraints.graph import AssemblyGraph
+from constraints.freedom.graph import AssemblyGraph
+from constraints.geometry.surfaces import Cylinder, Plane, Sphere
 from constraints.kinds import Tangent
-from constraints.mechanism import mechanism
-from constraints.urdf import load_urdf, to_urdf
+from constraints.mechanism.model import mechanism
+from constraints.mechanism.urdf import load_urdf, to_urdf
 
 Z = np.array([0.0, 0.0, 1.0])
 

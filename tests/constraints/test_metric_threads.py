@@ -6,7 +6,7 @@ import pytest
 
 from collision import CollisionManager, Tolerance
 from constraints import recognise
-from constraints.metric_threads import PITCHES, metric_thread
+from constraints.geometry.metric_threads import PITCHES, metric_thread
 from tests.constraints.shapes import housing, shaft
 
 

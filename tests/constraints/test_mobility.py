@@ -8,7 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from constraints.geometry import Cone, Cylinder, Plane, Sphere, Torus
+from constraints.freedom.lower_pairs import name_joint
+from constraints.freedom.mobility import mobility
+from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere, Torus
 from constraints.kinds import (
     Against,
     Concentric,
@@ -27,9 +29,7 @@ from constraints.kinds import (
     Tangent,
     Toroidal,
 )
-from constraints.lower_pairs import name_joint
-from constraints.mobility import mobility
-from constraints.system import systems
+from constraints.solve.system import systems
 from tests.constraints import problems
 from tests.constraints.problems import Problem, hinge
 

@@ -8,8 +8,8 @@ import pytest
 
 from collision import CollisionManager, Tolerance
 from constraints import ConstraintManager, ConstraintsError, Motion
-from constraints.mated import adjacent_surfaces
-from constraints.quadratic_program import UndecidedError, quadratic_program
+from constraints.motion.quadratic_program import UndecidedError, quadratic_program
+from constraints.recognition.mated import adjacent_surfaces
 from tests.constraints.shapes import Body, box, flanged_shaft, housing, shaft, turned
 
 

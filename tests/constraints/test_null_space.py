@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from collision import Tolerance
-from constraints import mobility, null_space
-from constraints.system import System, systems
+from constraints.freedom import mobility
+from constraints.solve import null_space
+from constraints.solve.system import System, systems
 from tests.constraints import problems
 
 SAME = 1e-8

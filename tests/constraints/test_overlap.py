@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from constraints.overlap import facing_area, height_spans, open_angle, shared_height
+from constraints.geometry.overlap import facing_area, height_spans, open_angle, shared_height
 
 Z = np.array([0.0, 0.0, 1.0])
 

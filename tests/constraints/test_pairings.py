@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from collision import Tolerance
-from constraints.candidate import KINDS
 from constraints.errors import GeometryError
-from constraints.geometry import cross, norm
-from constraints.pairings import FITS, PAIRINGS, matches, rows_for
-from constraints.views import Extent, Limits, View
+from constraints.geometry.surfaces import cross, norm
+from constraints.geometry.views import Extent, Limits, View
+from constraints.recognition.candidate import KINDS
+from constraints.recognition.pairings import FITS, PAIRINGS, matches, rows_for
 from tests.constraints.shapes import box, flanged_shaft, housing, shaft, turned
 
 EXACT = Limits.offer(replace(Tolerance(), reach=0.0, reach_angular=0.0))

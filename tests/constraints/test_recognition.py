@@ -7,8 +7,9 @@ import pinocchio as pin
 import pytest
 
 from collision import CollisionManager, SurfaceMesh, Tolerance
-from constraints import mobility, recognise, solve
-from constraints.features import group_features
+from constraints import recognise, solve
+from constraints.freedom import mobility
+from constraints.geometry.features import group_features
 from tests.constraints.shapes import (
     Body,
     Builder,

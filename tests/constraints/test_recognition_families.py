@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vpframe import modelling
+from vpframe.scene import modelling
 
 PATH = Path(__file__).parents[1] / "benchmarks" / "bench_constraints_recognition.py"
 spec = importlib.util.spec_from_file_location("bench_constraints_recognition", PATH)

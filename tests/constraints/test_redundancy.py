@@ -6,8 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from constraints import mobility, solve
-from constraints.geometry import Cylinder, Plane
+from constraints import solve
+from constraints.freedom import mobility
+from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.kinds import Against, Angle, Concentric, Coplanar, Distance, Offset, Parallel, Point
 
 NAMES = {0: "plate", 1: "spacer", 2: "ring", 3: "pin"}

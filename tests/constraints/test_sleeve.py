@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from collision import SurfaceMesh
-from constraints.geometry import Cylinder, Plane
-from constraints.sleeve import faces_behind, faces_within, faces_without
+from constraints.geometry.sleeve import faces_behind, faces_within, faces_without
+from constraints.geometry.surfaces import Cylinder, Plane
 
 
 def turned(profile: list[tuple[float, float]], sections: int, turn: float = 0.0) -> SurfaceMesh:

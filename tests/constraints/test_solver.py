@@ -10,7 +10,7 @@ import pytest
 
 from collision import Tolerance
 from constraints.errors import ConstraintsError
-from constraints.geometry import Cylinder, Plane, Sphere
+from constraints.geometry.surfaces import Cylinder, Plane, Sphere
 from constraints.kinds import (
     Against,
     Angle,
@@ -27,7 +27,7 @@ from constraints.kinds import (
     Spherical,
     Tangent,
 )
-from constraints.solver import solve
+from constraints.solve.solver import solve
 from tests.constraints import problems
 from tests.constraints.problems import Problem
 

@@ -6,11 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from constraints.blocks import GROUND, blocks
-from constraints.geometry import Sphere
+from constraints.freedom.blocks import GROUND, blocks
+from constraints.geometry.surfaces import Sphere
 from constraints.kinds import Spherical
-from constraints.system import components, systems
-from constraints.system_ranks import least_norm, null_basis, pivoted_qr, row_space
+from constraints.solve.ranks import least_norm, null_basis, pivoted_qr, row_space
+from constraints.solve.system import components, systems
 from tests.constraints import problems
 
 BALL = (Sphere([0, 0, 0], 0.01), Sphere([0, 0, 0], 0.01))

@@ -8,7 +8,7 @@ import pytest
 
 from collision import CollisionManager, Tolerance
 from constraints import recognise
-from constraints.tangencies import reached
+from constraints.recognition.tangencies import reached
 from tests.constraints.shapes import Builder, arc_face, box, housing, shaft, turned
 
 EXACT = replace(Tolerance(), reach=0.0, reach_angular=0.0)

@@ -6,7 +6,7 @@ import pytest
 
 from collision import CollisionManager, SurfaceMesh, Tolerance
 from constraints import recognise
-from constraints.threads import find_threads, threaded
+from constraints.geometry.threads import find_threads, threaded
 from tests.constraints.shapes import housing, shaft, turned
 
 POSE = pin.SE3(pin.rpy.rpyToMatrix(0.4, -0.3, 0.2), np.array([0.1, -0.2, 0.05]))

@@ -8,7 +8,7 @@ import pytest
 from physics_meshes import at, ball_mesh, box_mesh, room
 
 from collision import CollisionManager
-from constraints.geometry import Cylinder, Plane
+from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
 from physics import (
@@ -34,7 +34,7 @@ from physics import (
     WorldError,
     force,
 )
-from physics.behaviours import STANDARD_GRAVITY as G
+from physics.forces.behaviours import STANDARD_GRAVITY as G
 
 Z = np.array([0.0, 0.0, 1.0])
 

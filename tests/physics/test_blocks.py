@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.blocks import SMALL, solve_blocks, structure
-from physics.islands import components
+from physics.solver.blocks import SMALL, solve_blocks, structure
+from physics.solver.islands import components
 
 
 def system(n, pairs, seed):

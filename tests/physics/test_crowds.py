@@ -7,7 +7,8 @@ import pytest
 from physics_heap import run
 from physics_meshes import at, box_mesh, room
 
-from physics import Body, Elastic, Friction, Gravity, Sleeping, World, stepping
+from physics import Body, Elastic, Friction, Gravity, Sleeping, World
+from physics.stepping import step as stepping
 
 
 def scattered(n, apart=0.5, seed=3):

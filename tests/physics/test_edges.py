@@ -9,11 +9,11 @@ from physics_meshes import at, box_mesh, cylinder_mesh, tube_mesh
 
 from collision import CollisionManager, SurfaceMesh
 from collision.query.signed_distance import signed_distances
-from constraints.geometry import Cylinder
+from constraints.geometry.surfaces import Cylinder
 from physics import Body, Elastic, Friction, Gravity, Sleeping, World
-from physics.contact import find
-from physics.edges import _nearest_to_axis
-from physics.shapes import make_shape, pack
+from physics.contact.edges import _nearest_to_axis
+from physics.contact.points import find
+from physics.model.shapes import make_shape, pack
 
 RADIUS, LENGTH, SIDES = 0.01, 0.3, 12
 FACET = RADIUS * (1.0 - np.cos(np.pi / SIDES))

@@ -9,11 +9,11 @@ import pinocchio as pin
 import pytest
 from physics_meshes import at, box_mesh, room
 
-from constraints.geometry import Cylinder, Plane
+from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
 from physics import Body, Friction, Gravity, PhysicsError, SpringHand, World, WorldError
-from physics.behaviours import STANDARD_GRAVITY as G
+from physics.forces.behaviours import STANDARD_GRAVITY as G
 
 
 def table(z=0.05):

@@ -8,9 +8,9 @@ import pytest
 from physics_meshes import at, ball_mesh, box_mesh, cylinder_mesh, plate_with_hole, room, tube_mesh
 
 from collision import CollisionManager, SurfaceMesh
-from constraints.geometry import Cylinder, Sphere
+from constraints.geometry.surfaces import Cylinder, Sphere
 from physics import Body, Elastic, Friction, Gravity, Sleeping, World
-from physics.behaviours import STANDARD_GRAVITY as G
+from physics.forces.behaviours import STANDARD_GRAVITY as G
 
 
 def energy(world, ids):

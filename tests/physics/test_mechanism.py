@@ -9,13 +9,13 @@ import pytest
 from physics_meshes import at, box_mesh, room
 
 from collision import CollisionManager
-from constraints.geometry import Cylinder, Plane
+from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
 from constraints.kinds.screw import Screw
 from physics import Body, Friction, Gravity, ScriptedPath, Sleeping, World
-from physics.behaviours import STANDARD_GRAVITY as G
-from physics.lower_pair import lower_pair
+from physics.forces.behaviours import STANDARD_GRAVITY as G
+from physics.joints.lower_pair import lower_pair
 
 
 def hinge(a, b, at_a, at_b, axis=(0.0, 1.0, 0.0)):

@@ -14,8 +14,8 @@ from physics_meshes import at, box_mesh, room, tube_mesh
 from collision import CollisionManager, SurfaceMesh
 from collision.query.signed_distance import signed_distances
 from physics import Body, Elastic, Friction, Gravity, Sleeping, World
-from physics.behaviours import STANDARD_GRAVITY as G
-from vpframe import modelling
+from physics.forces.behaviours import STANDARD_GRAVITY as G
+from vpframe.scene import modelling
 
 DEEPEST = 1e-9
 """m: penetration that a step may leave"""

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from physics_meshes import at, ball_mesh, box_mesh, room
 
 from collision import CollisionManager
-from constraints.geometry import Sphere
+from constraints.geometry.surfaces import Sphere
 from physics import Behaviour, BehaviourError, Body, Elastic, Friction, Gravity, Reaction, ScriptedPath, Sleeping, World
-from physics import rebound as limits
-from physics.touching import Touching
+from physics.contact import rebound as limits
+from physics.contact.contact_set import Touching
 
 LENGTH, THICKNESS = 1.0, 0.001
 

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from physics_meshes import at, box_mesh, room
 
 from collision import CollisionManager
-from constraints.geometry import Cylinder, Plane
+from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
-from physics import Body, Elastic, Friction, Gravity, ScriptedPath, Sleeping, World, stepping
-from physics.rebound import gained, share
+from physics import Body, Elastic, Friction, Gravity, ScriptedPath, Sleeping, World
+from physics.contact.rebound import gained, share
+from physics.stepping import step as stepping
 
 SHAPES = {"cube": (0.1, 0.1, 0.1), "sheet": (0.08, 0.05, 0.001), "rod": (0.3, 0.01, 0.01), "slab": (0.1, 0.06, 0.02)}
 

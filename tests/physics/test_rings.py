@@ -10,10 +10,10 @@ import pytest
 from physics_meshes import at, cylinder_mesh, tube_mesh
 
 from collision import CollisionManager
-from constraints.geometry import Cylinder
+from constraints.geometry.surfaces import Cylinder
 from constraints.kinds.concentric import Concentric
 from physics import Body, Friction, Gravity, Sleeping, World
-from physics.behaviours import STANDARD_GRAVITY as G
+from physics.forces.behaviours import STANDARD_GRAVITY as G
 
 INNER, OUTER, HEIGHT = 0.00402, 0.008, 0.024
 Z = np.array([0.0, 0.0, 1.0])

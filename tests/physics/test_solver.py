@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.solver import rows_of_contacts, solve
+from physics.solver.newton import rows_of_contacts, solve
 
 NO_JOINTS = (np.zeros((0, 2), np.int64), np.zeros((0, 1, 12)), np.zeros((0, 1)), np.zeros((0, 1)))
 

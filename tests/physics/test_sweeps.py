@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.solver import SOME, rows_of_contacts, solve
+from physics.solver.newton import SOME, rows_of_contacts, solve
 
 
 def pile(n, seed):

@@ -10,14 +10,14 @@ import pytest
 from physics_meshes import at, box_mesh
 
 from collision import CollisionManager
-from constraints.geometry import Cylinder, Plane, Sphere
+from constraints.geometry.surfaces import Cylinder, Plane, Sphere
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
 from constraints.kinds.screw import Screw
 from constraints.kinds.spherical import Spherical
 from physics import Behaviour, Body, Friction, Gravity, Motor, ScriptedPath, Sleeping, World
-from physics.behaviours import STANDARD_GRAVITY as G
-from physics.mechanism import Mechanism
+from physics.forces.behaviours import STANDARD_GRAVITY as G
+from physics.joints.mechanism import Mechanism
 
 RADIUS = 0.008
 Z = np.array([0.0, 0.0, 1.0])

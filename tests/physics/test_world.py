@@ -8,7 +8,7 @@ import pytest
 from physics_meshes import at, ball_mesh, box_mesh, room
 
 from collision import CollisionManager
-from constraints.geometry import Sphere
+from constraints.geometry.surfaces import Sphere
 from physics import (
     Behaviour,
     BehaviourError,
@@ -25,7 +25,7 @@ from physics import (
     WorldError,
     force,
 )
-from physics.behaviours import STANDARD_GRAVITY as G
+from physics.forces.behaviours import STANDARD_GRAVITY as G
 
 
 def dropped_box(height=0.5, behaviours=(), **more):

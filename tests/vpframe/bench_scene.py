@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 
-from vpframe import modelling as m
-from vpframe.scene import Part, Scene
+from vpframe.scene import modelling as m
+from vpframe.scene.scene import Part, Scene
 
 SEAT = np.array([0.0, 0.0, 0.020])
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from vpframe.events import Frame
-from vpframe.session import Session
+from vpframe.session.events import Frame
+from vpframe.session.session import Session
 
 
 class _Killed(Exception):

@@ -18,10 +18,10 @@ import pinocchio as pin
 import pytest
 
 from physics import Friction, Gravity
-from vpframe import modelling
-from vpframe.checkpoint import CODEC, CheckpointError, Journal
-from vpframe.scene import Scene
-from vpframe.session import Session
+from vpframe.scene import modelling
+from vpframe.scene.scene import Scene
+from vpframe.session.checkpoint import CODEC, CheckpointError, Journal
+from vpframe.session.session import Session
 
 RUN = {"script": "a", "model": "b"}
 
@@ -186,7 +186,7 @@ def test_no_room_is_one_line_and_what_was_written_is_kept(tmp_path) -> None:
     code = f"""
 import resource, signal
 from tests.vpframe.test_checkpoint import RUN
-from vpframe.checkpoint import Journal
+from vpframe.session.checkpoint import Journal
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 journal = Journal({str(path)!r}, RUN, every=10)
 resource.setrlimit(resource.RLIMIT_FSIZE, (4000, resource.RLIM_INFINITY))

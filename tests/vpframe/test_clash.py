@@ -6,14 +6,14 @@ import pytest
 
 from collision import SurfaceMesh
 from collision.solid import solid_of
-from constraints.features import Feature
-from constraints.geometry import Cylinder, Freeform, Plane
-from vpframe import modelling as m
-from vpframe.clash import authorised_pairs, clash, is_open, merged, table
-from vpframe.deflection import deflections
+from constraints.geometry.features import Feature
+from constraints.geometry.surfaces import Cylinder, Freeform, Plane
+from vpframe.analysis.clash import authorised_pairs, clash, is_open, merged, table
+from vpframe.analysis.mates import mates
 from vpframe.errors import VpframeError
-from vpframe.mates import mates
-from vpframe.scene import Part, Scene, Shape, Surface
+from vpframe.scene import modelling as m
+from vpframe.scene.deflection import deflections
+from vpframe.scene.scene import Part, Scene, Shape, Surface
 
 AT_HOME = pin.SE3.Identity()
 

@@ -11,10 +11,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from vpframe import modelling, study
-from vpframe.clash_status import ClashKey, accept, accept_named, read, read_authorised, updated, write
-from vpframe.cli import main
+from vpframe.analysis.clash_status import ClashKey, accept, accept_named, read, read_authorised, updated, write
+from vpframe.app import task_runner as study
+from vpframe.app.cli import main
 from vpframe.errors import VpframeError
+from vpframe.scene import modelling
 
 A, B, C = ClashKey("bolt", "plate", 1, 2), ClashKey("bolt", "plate", 3, 2), ClashKey("nut", "plate", 0, 0)
 
@@ -112,9 +113,10 @@ def test_the_command_line_keeps_the_status_over_runs(tmp_path, vpframe) -> None:
 
 TASK = """
 import numpy as np, pinocchio as pin
-from vpframe import modelling, study
-from vpframe.cli import main
-from vpframe.scene import Part, Scene
+from vpframe.scene import modelling
+from vpframe.app import task_runner as study
+from vpframe.app.cli import main
+from vpframe.scene.scene import Part, Scene
 
 def scene():
     cube = modelling.shape(modelling.box(0.02, 0.02, 0.02), name="cube")
@@ -210,7 +212,7 @@ def test_no_room_leaves_the_statuses_as_they_were(tmp_path) -> None:
     before = file.read_bytes()
     code = f"""
 import resource, signal
-from vpframe.clash_status import ClashKey, updated, write
+from vpframe.analysis.clash_status import ClashKey, updated, write
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (4096, resource.RLIM_INFINITY))
 try:

@@ -8,7 +8,7 @@ import pytest
 
 def test_help_needs_none_of_the_heavy_imports():
     code = (
-        "import sys; from vpframe.cli import main\n"
+        "import sys; from vpframe.app.cli import main\n"
         "try: main(['--help'])\n"
         "except SystemExit: pass\n"
         "heavy = {'numpy', 'numba', 'pinocchio', 'OCP', 'rerun', 'meshcat', 'trimesh'}\n"
@@ -59,7 +59,7 @@ def test_a_length_without_a_unit_is_refused_with_the_unit_it_may_have_meant(tmp_
 def test_micrometres_are_a_unit_wherever_one_is_taken(unit, tmp_path, vpframe):
     from tests.vpframe.watching import pressing_scene
     from vpframe.importers import load
-    from vpframe.stl import write_stl
+    from vpframe.scene.stl import write_stl
 
     mesh = pressing_scene()["rod"].mesh
     path = write_stl(tmp_path / "rod.stl", mesh.vertices, mesh.triangles, scale=1e6)

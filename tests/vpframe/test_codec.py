@@ -17,9 +17,9 @@ from hypothesis.extra import numpy as hnp
 
 from collision.contact import CONTACT_DTYPE
 from constraints import kinds
-from constraints.geometry import Cylinder, Geometry, Plane, Sphere
-from vpframe.checkpoint import CODEC
-from vpframe.codec import Codec, CodecError, conforms
+from constraints.geometry.surfaces import Cylinder, Geometry, Plane, Sphere
+from vpframe.session.checkpoint import CODEC
+from vpframe.session.codec import Codec, CodecError, conforms
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from vpframe import demo
+from vpframe.app import demo
 
 
 def test_the_demo_does_the_main_job(tmp_path, capsys) -> None:

@@ -11,9 +11,9 @@ import pytest
 
 from tests.vpframe.watching import fake_session, pressing_frames
 from vpframe.errors import OutputError
-from vpframe.visualization import recorder as recorder_module
-from vpframe.visualization.recorder import RerunRecorder
-from vpframe.visualization.replay import lines
+from vpframe.view import recorder as recorder_module
+from vpframe.view.recorder import RerunRecorder
+from vpframe.view.replay import lines
 
 TASK = """
 from tests.vpframe.watching import pressing_scene
@@ -105,7 +105,7 @@ def test_a_disk_of_its_own_that_fills_up(tmp_path, vpframe):
 @pytest.mark.parametrize("arguments", [[], ["--json"]], ids=["text", "json"])
 def test_standard_output_on_a_full_disk(tmp_path, full, arguments):
     from tests.vpframe.watching import pressing_scene
-    from vpframe.stl import write_stl
+    from vpframe.scene.stl import write_stl
 
     mesh = pressing_scene()["rod"].mesh
     write_stl(tmp_path / "rod.stl", mesh.vertices, mesh.triangles)

@@ -20,10 +20,10 @@ from OCP.TopoDS import TopoDS_Builder, TopoDS_Compound
 
 import vpframe as vp
 from collision.solid import is_closed
-from vpframe import modelling as m
 from vpframe.importers import brep, build
 from vpframe.importers.polyhedron import mass_properties
 from vpframe.importers.raw import RawFace
+from vpframe.scene import modelling as m
 
 
 def untyped(solid: m.Solid) -> m.Solid:

@@ -20,9 +20,9 @@ import trimesh
 
 import vpframe as vp
 from tests.vpframe.test_importers_meshes import write_glb
-from vpframe import modelling as m
 from vpframe.importers import cad
 from vpframe.importers.step_text import scan
+from vpframe.scene import modelling as m
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 import vpframe as vp
-from vpframe import modelling as m
+from vpframe.scene import modelling as m
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 

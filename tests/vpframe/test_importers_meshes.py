@@ -14,12 +14,12 @@ import trimesh
 
 import vpframe as vp
 from collision import Tolerance
-from constraints.fits import KINDS, FitError, fit_kind
-from constraints.geometry import Cylinder
-from vpframe import modelling as m
-from vpframe.importers.growth import neighbours
+from constraints.geometry.surfaces import Cylinder
+from constraints.recognition.fits import KINDS, FitError, fit_kind
 from vpframe.importers.meshes import weld
+from vpframe.importers.region_growing import neighbours
 from vpframe.importers.segmentation import segment
+from vpframe.scene import modelling as m
 
 
 def soup(shape: vp.Shape, scale: float = 1.0) -> trimesh.Trimesh:

@@ -12,13 +12,13 @@ import pytest
 
 from collision.numeric import kernel_cache
 from tests.vpframe.terminal import CTRL_C, Terminal
-from vpframe import modelling
-from vpframe.visualization.replay import lines
+from vpframe.scene import modelling
+from vpframe.view.replay import lines
 
 TASK = """
 import numpy as np, pinocchio as pin
-from vpframe import modelling
-from vpframe.scene import Part, Scene
+from vpframe.scene import modelling
+from vpframe.scene.scene import Part, Scene
 
 def scene():
     table = modelling.shape(modelling.box(0.3, 0.3, 0.01).translated(-0.15, -0.15, -0.01), name="table")

@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 
 from physics import Elastic, Friction, Gravity, SpringHand
-from vpframe import modelling
-from vpframe.rules import leave_all
-from vpframe.scene import Part, Scene
-from vpframe.session import Session
+from vpframe.scene import modelling
+from vpframe.scene.scene import Part, Scene
+from vpframe.session.rules import leave_all
+from vpframe.session.session import Session
 
 
 def at(x: float, y: float, z: float) -> pin.SE3:

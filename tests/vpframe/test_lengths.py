@@ -7,10 +7,11 @@ import pinocchio as pin
 import pytest
 
 from tests.vpframe.bench_scene import scene
-from vpframe import modelling, rules
 from vpframe.errors import TaskError
-from vpframe.scene import Scene
-from vpframe.session import Session
+from vpframe.scene import modelling
+from vpframe.scene.scene import Scene
+from vpframe.session import rules
+from vpframe.session.session import Session
 
 
 def opened() -> tuple[Session, object]:

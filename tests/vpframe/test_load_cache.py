@@ -13,8 +13,8 @@ import pytest
 import trimesh
 
 import vpframe as vp
-from vpframe import modelling as m
 from vpframe.importers import archive, cache, cad
+from vpframe.scene import modelling as m
 
 ROOT = Path(vp.__file__).parent.parent
 

@@ -12,9 +12,10 @@ import trimesh
 
 import vpframe as vp
 from collision import Tolerance
-from constraints.urdf import load_urdf
-from vpframe import mates, modelling
-from vpframe.cli import main
+from constraints.mechanism.urdf import load_urdf
+from vpframe.analysis import mates
+from vpframe.app.cli import main
+from vpframe.scene import modelling
 
 
 def bolted():

@@ -13,14 +13,14 @@ import pinocchio as pin
 import pytest
 
 from tests.vpframe.bench_scene import scene
-from vpframe import rules, trails
 from vpframe.errors import OutputError
-from vpframe.interaction.hand import Stroke
-from vpframe.interaction.paths import Straight
+from vpframe.hands.hand import Stroke
+from vpframe.hands.paths import Straight
 from vpframe.report import series
 from vpframe.report.series import Series
-from vpframe.session import Session
-from vpframe.trails import Trails
+from vpframe.session import rules, trails
+from vpframe.session.session import Session
+from vpframe.session.trails import Trails
 
 
 def allocated() -> int:

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 import vpframe as vp
-from vpframe import modelling as m
-from vpframe.visualization import palette
+from vpframe.scene import modelling as m
+from vpframe.view import palette
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import pytest
 
 import vpframe as vp
 from collision.solid import is_closed
-from vpframe import cli
-from vpframe import modelling as m
+from vpframe.app import cli
+from vpframe.scene import modelling as m
 
 OPEN = "note: plate (and 1 more of its shape): open: at 72 edges, the first near ("
 

@@ -11,14 +11,17 @@ from pathlib import Path
 import pytest
 
 from tests.vpframe.watching import fake_session, pressing_frames, pressing_scene
-from vpframe import clash_status, mates, modelling, outputs, study
-from vpframe.checkpoint import Journal
+from vpframe.analysis import clash_status, mates
+from vpframe.app import outputs
+from vpframe.app import task_runner as study
+from vpframe.app.outputs import Output, OutputFolder
 from vpframe.errors import OutputError
-from vpframe.outputs import Output, OutputFolder
 from vpframe.report import SessionLog, write
-from vpframe.session import Session
-from vpframe.visualization.meshcat_viewer import write_page
-from vpframe.visualization.recorder import RerunRecorder
+from vpframe.scene import modelling
+from vpframe.session.checkpoint import Journal
+from vpframe.session.session import Session
+from vpframe.view.meshcat_viewer import write_page
+from vpframe.view.recorder import RerunRecorder
 
 ROOT = Path(__file__).parents[2]
 FOREIGN = {
@@ -168,7 +171,7 @@ def test_what_cannot_be_written_is_one_line(tmp_path):
 
 HOLD = """
 import sys, time
-from vpframe.outputs import RECORDING, REPORT_FILES, Output, OutputFolder
+from vpframe.app.outputs import RECORDING, REPORT_FILES, Output, OutputFolder
 held = Output(sys.argv[1], RECORDING), OutputFolder(sys.argv[2], REPORT_FILES)
 print("held", flush=True)
 time.sleep(60)
@@ -232,7 +235,7 @@ ASKED = [
 @pytest.fixture
 def desk(tmp_path):
     """A folder with a task, a model and other things, and what they are."""
-    from vpframe.stl import write_stl
+    from vpframe.scene.stl import write_stl
 
     (tmp_path / "task.py").write_text(TASK)
     mesh = pressing_scene()["rod"].mesh

@@ -12,9 +12,9 @@ from tests.vpframe.browser import PROGRAM, Browser
 from tests.vpframe.watching import fake_session, hostile_frames, hostile_scene, pressing_frames, pressing_scene
 from vpframe.report import SessionLog, write
 from vpframe.text import plain
-from vpframe.visualization import palette
-from vpframe.visualization.controls import Request
-from vpframe.visualization.meshcat_viewer import MeshcatViewer, write_page
+from vpframe.view import palette
+from vpframe.view.controls import Request
+from vpframe.view.meshcat_viewer import MeshcatViewer, write_page
 
 pytestmark = [
     pytest.mark.browser,

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vpframe.errors import TaskError
-from vpframe.interaction import paths
+from vpframe.hands import paths
 
 
 def random_pose(seed: int) -> pin.SE3:

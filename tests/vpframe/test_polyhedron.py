@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vpframe import modelling as m
 from vpframe.importers.polyhedron import boundary_loops, fill, mass_properties, open_edges, without_flat
+from vpframe.scene import modelling as m
 
 
 def area(points: np.ndarray, triangles) -> float:

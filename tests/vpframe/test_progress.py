@@ -5,7 +5,7 @@ import pytest
 
 from collision.numeric.kernel import compilation
 from collision.numeric.kernel_cache import kept
-from vpframe.progress import Progress, Watch, duration, fitted, report, say
+from vpframe.app.progress import Progress, Watch, duration, fitted, report, say
 
 
 class Terminal(io.StringIO):

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from collision import SurfaceMesh
-from vpframe.interaction.reach import half_size, nearest_on_triangles, surface_distances
+from vpframe.hands.reach import half_size, nearest_on_triangles, surface_distances
 
 
 def test_nearest_points_are_no_farther_than_any_sample() -> None:

@@ -14,11 +14,11 @@ import pytest
 
 from tests.vpframe.watching import box, fake_session, pressing_frames, pressing_scene
 from vpframe.errors import LoadError, VpframeError
-from vpframe.events import ConstraintView
-from vpframe.scene import Part, Scene
-from vpframe.visualization import palette, replay
-from vpframe.visualization.display import display_mesh
-from vpframe.visualization.recorder import RerunRecorder
+from vpframe.scene.scene import Part, Scene
+from vpframe.session.events import ConstraintView
+from vpframe.view import palette, replay
+from vpframe.view.display import display_mesh
+from vpframe.view.recorder import RerunRecorder
 
 ROOT = Path(__file__).parents[2]
 
@@ -146,8 +146,8 @@ def test_the_recording_carries_a_blueprint(recorded):
 
 def test_a_real_session_is_recorded_as_it_was(tmp_path):
     from tests.vpframe.bench_scene import SEAT, scene
-    from vpframe.interaction.conditions import constraint
-    from vpframe.session import Session
+    from vpframe.hands.conditions import constraint
+    from vpframe.session.session import Session
 
     path = tmp_path / "run.rrd"
     with Session(scene(), record=path) as session:
@@ -201,7 +201,7 @@ def test_killed_at_any_moment_the_recording_can_be_read(tmp_path):
     program = textwrap.dedent("""
         import sys, time
         from tests.vpframe.watching import fake_session, pressing_frames
-        from vpframe.visualization.recorder import RerunRecorder
+        from vpframe.view.recorder import RerunRecorder
         recorder = RerunRecorder(sys.argv[1])
         recorder.begin(fake_session())
         for frame in pressing_frames(6000):
@@ -380,7 +380,7 @@ def test_a_file_that_cannot_be_written_is_said_before_the_session(tmp_path):
 
 
 def test_what_stops_the_writer_stops_the_recorder_and_not_the_session(tmp_path, monkeypatch):
-    from vpframe.visualization import recorder as module
+    from vpframe.view import recorder as module
 
     monkeypatch.setattr(module, "FLUSH_STEPS", 1)
     monkeypatch.setitem(module.COLUMNS, "scalar", lambda values: 1 / 0)

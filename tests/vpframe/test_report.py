@@ -10,13 +10,13 @@ import pinocchio as pin
 import pytest
 
 from tests.vpframe.watching import box, fake_session, place, pressing_frames, pressing_scene
-from vpframe.clash_status import ClashKey
+from vpframe.analysis.clash_status import ClashKey
 from vpframe.errors import VpframeError
-from vpframe.events import ConstraintView, Event, Frame
 from vpframe.report import SessionLog, SweptVolume, plots, write
 from vpframe.report.page import STANDING
 from vpframe.report.where import least_gap
-from vpframe.scene import Part, Scene
+from vpframe.scene.scene import Part, Scene
+from vpframe.session.events import ConstraintView, Event, Frame
 
 
 def log_of(frames, scene=None):

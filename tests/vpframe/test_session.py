@@ -8,12 +8,12 @@ import pytest
 
 from tests.vpframe.bench_scene import SEAT, at, scene
 from tests.vpframe.killed_runs import by_value, kill
-from vpframe import rules
 from vpframe.errors import TaskError, UnknownPartError, VpframeError
-from vpframe.events import Frames
-from vpframe.interaction import constraint, freedom
-from vpframe.scene import Scene
-from vpframe.session import Session
+from vpframe.hands import constraint, freedom
+from vpframe.scene.scene import Scene
+from vpframe.session import rules
+from vpframe.session.events import Frames
+from vpframe.session.session import Session
 
 
 class Watcher(Frames):

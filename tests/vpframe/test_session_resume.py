@@ -10,11 +10,11 @@ import pytest
 
 from physics import Elastic, Friction, Gravity
 from tests.vpframe.killed_runs import by_value, kill
-from vpframe import modelling
-from vpframe.checkpoint import CODEC
-from vpframe.events import Frames
-from vpframe.scene import Scene
-from vpframe.session import Session
+from vpframe.scene import modelling
+from vpframe.scene.scene import Scene
+from vpframe.session.checkpoint import CODEC
+from vpframe.session.events import Frames
+from vpframe.session.session import Session
 
 
 def scene() -> Scene:

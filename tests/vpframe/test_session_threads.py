@@ -7,15 +7,15 @@ import pinocchio as pin
 import pytest
 
 from collision import SurfaceMesh
-from constraints.geometry import Freeform
+from constraints.geometry.surfaces import Freeform
 from physics import Friction, Gravity
 from tests.constraints.test_threads import helix
 from tests.vpframe.bench_scene import SEAT, scene
-from vpframe import modelling
 from vpframe.errors import TaskError
-from vpframe.interaction import constraint
-from vpframe.scene import Part, Scene, Shape, Surface
-from vpframe.session import Session
+from vpframe.hands import constraint
+from vpframe.scene import modelling
+from vpframe.scene.scene import Part, Scene, Shape, Surface
+from vpframe.session.session import Session
 
 PITCH, HEIGHT = 2e-3, 4e-3  # m
 

@@ -8,12 +8,12 @@ import pytest
 from PIL import Image
 
 from tests.vpframe.watching import box, place, pressing_frames, pressing_scene, rod
-from vpframe.scene import Part, Scene
-from vpframe.visualization import palette, snapshot
-from vpframe.visualization.camera import Camera, frame_scene, look_at
-from vpframe.visualization.display import display_mesh
-from vpframe.visualization.raster import fill_triangles
-from vpframe.visualization.symbols import frame_symbols
+from vpframe.scene.scene import Part, Scene
+from vpframe.view import palette, snapshot
+from vpframe.view.camera import Camera, frame_scene, look_at
+from vpframe.view.display import display_mesh
+from vpframe.view.raster import fill_triangles
+from vpframe.view.symbols import frame_symbols
 
 
 def plain_fill(xy, z, keep, width, height):

@@ -15,13 +15,13 @@ import pytest
 from constraints.kinds import Line, Point
 from tests.vpframe.bench_scene import at
 from tests.vpframe.killed_runs import by_value, kill
-from vpframe import modelling as m
 from vpframe.errors import TaskError, UnknownPartError
-from vpframe.events import Frames
-from vpframe.rules import accept_kinds
-from vpframe.scene import Part, Scene
-from vpframe.session import Session
-from vpframe.statements import ContradictionError
+from vpframe.scene import modelling as m
+from vpframe.scene.scene import Part, Scene
+from vpframe.session.events import Frames
+from vpframe.session.rules import accept_kinds
+from vpframe.session.session import Session
+from vpframe.session.statements import ContradictionError
 
 APART = 0.10  # m between the pins: wide enough that the wheels never meet
 

@@ -12,15 +12,16 @@ from pathlib import Path
 
 import pytest
 
-from vpframe import first_task, study
-from vpframe.checkpoint import Journal
+from vpframe.app import scaffold as first_task
+from vpframe.app import task_runner as study
 from vpframe.errors import VpframeError
+from vpframe.session.checkpoint import Journal
 
 ROOT = Path(__file__).parents[2]
 SCENE = """
-import vpframe.study
+import vpframe.app.task_runner
 from tests.vpframe.bench_scene import SEAT, scene
-from vpframe.interaction import constraint
+from vpframe.hands import constraint
 """
 LONG = (
     SCENE
@@ -101,7 +102,7 @@ def test_missing_scripts_and_lone_resume_are_bad_usage(tmp_path) -> None:
 
 
 def test_a_new_task_runs_and_is_not_overwritten(tmp_path) -> None:
-    from vpframe import modelling as m
+    from vpframe.scene import modelling as m
 
     m.write_step(
         tmp_path / "two.step",
@@ -117,7 +118,7 @@ def test_a_new_task_runs_and_is_not_overwritten(tmp_path) -> None:
 
 
 def test_a_new_task_takes_a_part_out_by_the_axis_that_holds_it(tmp_path) -> None:
-    from vpframe import modelling as m
+    from vpframe.scene import modelling as m
 
     block = m.box(0.04, 0.04, 0.02).translated(-0.02, -0.02, 0.0) - m.cylinder(0.005, 0.02)
     peg = m.revolve([(0.0, 0.0), (0.005, 0.0), (0.005, 0.02), (0.008, 0.02), (0.008, 0.025), (0.0, 0.025)])
@@ -128,7 +129,7 @@ def test_a_new_task_takes_a_part_out_by_the_axis_that_holds_it(tmp_path) -> None
 
 
 def test_a_new_task_of_which_nothing_comes_out_says_what_to_change(tmp_path) -> None:
-    from vpframe import modelling as m
+    from vpframe.scene import modelling as m
 
     shell = m.box(0.04, 0.04, 0.04) - m.box(0.02, 0.02, 0.02).translated(0.01, 0.01, 0.01)
     m.write_step(

@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from collision import SurfaceMesh
-from vpframe.scene import Part, Shape
-from vpframe.swept import swept_volume
+from vpframe.analysis.swept import swept_volume
+from vpframe.scene.scene import Part, Shape
 
 FACES = np.array([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7], [0, 1, 5], [0, 5, 4], [1, 2, 6], [1, 6, 5],
                   [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 7]])  # fmt: skip

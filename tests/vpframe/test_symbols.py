@@ -3,9 +3,9 @@ import pinocchio as pin
 import pytest
 
 from tests.vpframe.watching import pressing_frames
-from vpframe.events import ConstraintView
-from vpframe.visualization import palette
-from vpframe.visualization.symbols import constraint_symbol, frame_at, frame_symbols, freedom_symbol, hand_symbols
+from vpframe.session.events import ConstraintView
+from vpframe.view import palette
+from vpframe.view.symbols import constraint_symbol, frame_at, frame_symbols, freedom_symbol, hand_symbols
 
 KINDS = (
     "against", "coplanar", "concentric", "conical", "spherical", "toroidal", "tangent", "line", "point", "parallel",

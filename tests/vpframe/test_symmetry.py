@@ -6,11 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from vpframe import modelling as m
 from vpframe.errors import TaskError
-from vpframe.scene import Part, Scene
-from vpframe.session import Session
-from vpframe.symmetry import symmetry_of
+from vpframe.scene import modelling as m
+from vpframe.scene.scene import Part, Scene
+from vpframe.scene.symmetry import symmetry_of
+from vpframe.session.session import Session
 
 
 def prism(n: int, radius: float, height: float):

@@ -17,13 +17,15 @@ from hypothesis import strategies as st
 
 from physics import Gravity
 from tests.vpframe.watching import box, fake_session, hostile_frames, hostile_scene, place
-from vpframe import clash, first_task, mates, modelling
-from vpframe.progress import WIPE, Progress, say, warn
-from vpframe.scene import Part, Scene
-from vpframe.session import Session
+from vpframe.analysis import clash, mates
+from vpframe.app import scaffold as first_task
+from vpframe.app.progress import WIPE, Progress, say, warn
+from vpframe.scene import modelling
+from vpframe.scene.scene import Part, Scene
+from vpframe.session.session import Session
 from vpframe.text import escape, plain, plain_lines, with_part_names
-from vpframe.visualization import replay
-from vpframe.visualization.recorder import RerunRecorder
+from vpframe.view import replay
+from vpframe.view.recorder import RerunRecorder
 
 NAMES = {
     "clear": "\x1b[2J\x1b[Hrod",

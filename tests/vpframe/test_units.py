@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vpframe.units import METRES, NAMES, length
+from vpframe.scene.units import METRES, NAMES, length
 
 
 @pytest.mark.parametrize(

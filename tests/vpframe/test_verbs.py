@@ -8,10 +8,11 @@ import pytest
 
 from physics import BodyError, Gravity, SpringHand
 from tests.vpframe.bench_scene import SEAT, at, scene
-from vpframe import modelling, rules
 from vpframe.errors import TaskError, VpframeError
-from vpframe.interaction import Assist, Spline, candidate, clearance, constraint, contact
-from vpframe.session import Session
+from vpframe.hands import Assist, Spline, candidate, clearance, constraint, contact
+from vpframe.scene import modelling
+from vpframe.session import rules
+from vpframe.session.session import Session
 
 
 def holding(session: Session, part: str = "peg"):

@@ -9,10 +9,10 @@ import pinocchio as pin
 import pytest
 
 from tests.vpframe.bench_scene import at, scene
-from vpframe import rules
 from vpframe.errors import TaskError, VpframeError
-from vpframe.interaction import Assist, Resting, Reversed, Spline, Straight, Track, Turning, clearance
-from vpframe.session import Session
+from vpframe.hands import Assist, Resting, Reversed, Spline, Straight, Track, Turning, clearance
+from vpframe.session import rules
+from vpframe.session.session import Session
 
 NAN = float("nan")
 HERE, THERE = at(0.06, 0.0, 0.05), at(0.06, 0.0, 0.10)

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from tests.vpframe.bench_scene import scene
-from vpframe import study
+from vpframe.app import task_runner as study
 from vpframe.errors import TaskError, VpframeError
-from vpframe.session import Session
+from vpframe.session.session import Session
 
 SCRIPT = """
 from tests.vpframe.bench_scene import scene
@@ -88,13 +88,13 @@ def test_a_fault_of_the_script_is_shown_with_its_own_frames_only(tmp_path: Path,
     ]
     monkeypatch.setenv("VPFRAME_TRACEBACK", "1")
     assert study.run_task(path) == 1
-    assert "vpframe/study.py" in capsys.readouterr().err
+    assert "vpframe/app/task_runner.py" in capsys.readouterr().err
 
 
 def test_what_vpframe_calls_back_in_the_script_is_its_own_frame_too(tmp_path: Path, capsys) -> None:
     path = written(
         tmp_path,
-        "from vpframe.interaction import Condition",
+        "from vpframe.hands import Condition",
         "late = Condition('late', lambda session, hand: 1 / 0)",
         "session.run_until(late)",
     )

@@ -20,10 +20,10 @@ import tornado.websocket
 
 from tests.vpframe.watching import fake_session, pressing_frames, pressing_scene
 from vpframe.errors import VpframeError
-from vpframe.visualization.controls import Controls, Request
-from vpframe.visualization.display import display_mesh
-from vpframe.visualization.meshcat_viewer import MeshcatViewer, view
-from vpframe.visualization.wire import Encoder
+from vpframe.view.controls import Controls, Request
+from vpframe.view.display import display_mesh
+from vpframe.view.meshcat_viewer import MeshcatViewer, view
+from vpframe.view.page_protocol import Encoder
 
 
 @pytest.fixture
@@ -209,7 +209,7 @@ def test_two_hundred_clients_come_and_go_and_leave_nothing(viewer, caplog):
 
 
 def test_a_silent_page_is_dropped(viewer, monkeypatch):
-    from vpframe.visualization import server
+    from vpframe.view import server
 
     monkeypatch.setattr(server, "PATIENCE", 0.05)
 
@@ -406,7 +406,7 @@ def test_pause_holds_a_frame_until_play_and_step_lets_one_through(viewer):
 
 
 def test_pace_holds_the_session_to_the_clock_only_while_a_page_looks(monkeypatch):
-    from vpframe.visualization import meshcat_viewer
+    from vpframe.view import meshcat_viewer
 
     frames, slept = pressing_frames(30), []
     viewer = MeshcatViewer(pace=0.5)
@@ -422,7 +422,7 @@ def test_pace_holds_the_session_to_the_clock_only_while_a_page_looks(monkeypatch
 
 
 def test_without_a_screen_the_address_is_printed(monkeypatch, capsys):
-    monkeypatch.setattr("vpframe.visualization.meshcat_viewer.has_screen", lambda: False)
+    monkeypatch.setattr("vpframe.view.meshcat_viewer.has_screen", lambda: False)
     viewer = MeshcatViewer(open_browser=True)
     viewer.begin(fake_session())
     try:
@@ -484,7 +484,7 @@ def test_the_static_page_needs_nothing_from_outside(viewer, tmp_path):
 
 
 def test_the_static_page_survives_names_that_look_like_markup(tmp_path):
-    from vpframe.scene import Part, Scene
+    from vpframe.scene.scene import Part, Scene
 
     name = "</script><script>alert(1)</script>"
     scene = Scene([Part(name, pressing_scene()["rod"].shape, pressing_scene()["rod"].pose)])
@@ -495,7 +495,7 @@ def test_the_static_page_survives_names_that_look_like_markup(tmp_path):
 
 
 def test_a_long_run_is_thinned_evenly_and_keeps_its_end_and_its_events():
-    from vpframe.visualization.history import History
+    from vpframe.view.history import History
 
     history = History(limit=100)
     frames = pressing_frames(1000)

@@ -12,14 +12,14 @@ import pytest
 
 from collision.numeric import kernel_cache
 from collision.numeric.kernel import compilation
-from vpframe import warm_up
+from vpframe.app import warm_up
 
 ROOT = Path(__file__).parents[2]
 
 
 def share(use: str, number: int, cache: Path) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "vpframe.warm_up", use, str(number)],
+        [sys.executable, "-P", "-m", "vpframe.app.warm_up", use, str(number)],
         env=os.environ | {"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(cache)},
         stdin=subprocess.PIPE,
     )

@@ -10,10 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from collision import SurfaceMesh
-from constraints.features import Feature
-from constraints.geometry import Cylinder, Geometry, Plane
-from vpframe.events import ConstraintView, Event, Frame
-from vpframe.scene import Part, Scene, Shape, Surface
+from constraints.geometry.features import Feature
+from constraints.geometry.surfaces import Cylinder, Geometry, Plane
+from vpframe.scene.scene import Part, Scene, Shape, Surface
+from vpframe.session.events import ConstraintView, Event, Frame
 
 
 def shape(vertices, triangles, surface_of_triangle, geometries: list[Geometry], name: str = "mesh") -> Shape:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from vpframe.errors import LoadError
 from vpframe.importers.checks import checked_format, far_check
-from vpframe.units import METRES, NAMES
+from vpframe.scene.units import METRES, NAMES
 
 if TYPE_CHECKING:
-    from vpframe.scene import Scene
+    from vpframe.scene.scene import Scene
 
 READING = 0.9
 """share of the time of a load that reading and meshing take; the rest goes into surfaces and features"""

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from collision import SurfaceMesh, Tolerance
 from constraints.errors import GeometryError
-from constraints.features import group_features
-from constraints.fits import allowed, fit_surface
-from constraints.geometry import Cone, Cylinder, Freeform, Geometry, Plane, Sphere, Torus
+from constraints.geometry.features import group_features
+from constraints.geometry.surfaces import Cone, Cylinder, Freeform, Geometry, Plane, Sphere, Torus
+from constraints.recognition.fits import allowed, fit_surface
 from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors, without_flat
 from vpframe.importers.raw import RawEdge, RawFace, RawScene, RawShape
-from vpframe.scene import Edge, Part, Scene, Shape, Surface
+from vpframe.scene.scene import Edge, Part, Scene, Shape, Surface
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ from vpframe.importers.names import numbered
 from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors, without_flat
 from vpframe.importers.raw import Array, Color, RawFace, RawPart, RawScene, RawShape
 from vpframe.importers.segmentation import segment
-from vpframe.units import METRES
+from vpframe.scene.units import METRES
 
 Progress = Callable[[float, str], None]
 

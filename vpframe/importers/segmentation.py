@@ -22,9 +22,9 @@ from scipy.sparse.csgraph import connected_components
 
 from collision import Tolerance
 from constraints.errors import GeometryError
-from constraints.fits import FitError, fit_kind, refine
-from constraints.geometry import Cylinder, Freeform, Geometry, Plane, Sphere, Torus
-from vpframe.importers.growth import neighbours, packed, reach
+from constraints.geometry.surfaces import Cylinder, Freeform, Geometry, Plane, Sphere, Torus
+from constraints.recognition.fits import FitError, fit_kind, refine
+from vpframe.importers.region_growing import neighbours, packed, reach
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

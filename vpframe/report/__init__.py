@@ -2,7 +2,7 @@
 
 `SessionLog` watches a session; `write` makes the folder from what it saw. Numbers are SI in `report.json` and
 `clashes.csv`, and in the units they name on the page. `clashes.json` keeps each clash's status between runs
-(see `vpframe.clash_status`): mark a clash as accepted there and it stays accepted.
+(see `vpframe.analysis.clash_status`): mark a clash as accepted there and it stays accepted.
 """
 
 from vpframe.report.log import Clash, SessionLog, Stage

@@ -10,10 +10,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CollisionManager
-from vpframe.clash_status import ClashKey
-from vpframe.events import Frame
-from vpframe.progress import Progress
+from vpframe.analysis.clash_status import ClashKey
+from vpframe.app.progress import Progress
 from vpframe.report.log import SessionLog
+from vpframe.session.events import Frame
 
 
 @dataclass(frozen=True, eq=False)

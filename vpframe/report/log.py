@@ -10,15 +10,15 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from vpframe.clash_status import ClashKey
-from vpframe.events import Event, Frame
+from vpframe.analysis.clash_status import ClashKey
 from vpframe.report.series import Series
-from vpframe.scene import Scene
-from vpframe.visualization.history import History
-from vpframe.visualization.symbols import DRAWN
+from vpframe.scene.scene import Scene
+from vpframe.session.events import Event, Frame
+from vpframe.view.history import History
+from vpframe.view.symbols import DRAWN
 
 if TYPE_CHECKING:
-    from vpframe.session import Session
+    from vpframe.session.session import Session
 
 PICTURED = ("grabbed", "released", "accepted", "refused", "removed", "blocked", "landed")
 """kinds of events that get a picture"""

@@ -8,12 +8,12 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from vpframe.clash_status import ClashKey
-from vpframe.events import Event
+from vpframe.analysis.clash_status import ClashKey
 from vpframe.report import plots
 from vpframe.report.log import SessionLog
+from vpframe.session.events import Event
 from vpframe.text import escape
-from vpframe.visualization import palette
+from vpframe.view import palette
 
 HERE = Path(__file__).parent
 OPEN_EVENTS = 40

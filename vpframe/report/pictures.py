@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from vpframe.events import Frame
-from vpframe.scene import Scene
-from vpframe.visualization.camera import DIRECTION, Camera, look_at
-from vpframe.visualization.display import display_mesh
-from vpframe.visualization.snapshot import render
-from vpframe.visualization.symbols import Symbol, frame_symbols, hand_symbols
+from vpframe.scene.scene import Scene
+from vpframe.session.events import Frame
+from vpframe.view.camera import DIRECTION, Camera, look_at
+from vpframe.view.display import display_mesh
+from vpframe.view.snapshot import render
+from vpframe.view.symbols import Symbol, frame_symbols, hand_symbols
 
 SIZE = (480, 360)
 GHOST = 0.22

@@ -7,7 +7,7 @@ from itertools import groupby
 from math import ceil, floor, isfinite, log10
 
 from vpframe.text import escape
-from vpframe.visualization import palette
+from vpframe.view import palette
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 860, 48, 150, 22, 26
 LANE_LABEL, LEGEND_LABEL = 44, 19

@@ -13,22 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from vpframe import clash_status, files
-from vpframe.clash_status import ClashKey, ClashRecord
-from vpframe.events import Frame
-from vpframe.outputs import GENERATOR, MESH, REPORT_FILES, claimed_folder
-from vpframe.progress import Progress
+from vpframe import files
+from vpframe.analysis import clash_status
+from vpframe.analysis.clash_status import ClashKey, ClashRecord
+from vpframe.app.outputs import GENERATOR, MESH, REPORT_FILES, claimed_folder
+from vpframe.app.progress import Progress
 from vpframe.report import page
 from vpframe.report.depth import Depth, depths
 from vpframe.report.log import SessionLog
 from vpframe.report.pictures import pair_picture, scene_picture
 from vpframe.report.swept import SweptVolume
 from vpframe.report.where import Gap, least_gap
-from vpframe.stl import write_stl
-from vpframe.visualization.camera import frame_scene
-from vpframe.visualization.meshcat_viewer import write_page
-from vpframe.visualization.snapshot import png
-from vpframe.visualization.symbols import Symbol, gap_symbol, trail_symbol
+from vpframe.scene.stl import write_stl
+from vpframe.session.events import Frame
+from vpframe.view.camera import frame_scene
+from vpframe.view.meshcat_viewer import write_page
+from vpframe.view.snapshot import png
+from vpframe.view.symbols import Symbol, gap_symbol, trail_symbol
 
 CLASH_PICTURES = 24
 MOMENT_PICTURES = 12

@@ -1,0 +1,1 @@
+"""Mobility, lower pairs, redundancy and the assembly graph."""

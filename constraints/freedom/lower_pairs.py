@@ -1,0 +1,67 @@
+"""Names for spaces of relative motion: which lower pair a space of twists belongs to.
+
+A lower pair's motions form a subgroup of SE(3) (Hervé, Mechanism and Machine Theory 13, 1978); its twists are told from
+others by the rank of their angular part, their pitch and the point their axes share.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from constraints.solve.system import Array
+
+SUBGROUPS = ("rigid", "revolute", "prismatic", "screw", "cylindrical", "planar", "spherical", "translational", "free")
+"""Names whose instantaneous motions, wherever they are the same all along, compose to a motion of the same name."""
+
+
+def orthonormal(columns: Array, threshold: float) -> Array:
+    """Orthonormal basis (n, k) of the columns' span, singular values up to `threshold` left out."""
+    if columns.shape[1] == 0:
+        return columns
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return u[:, : int(np.sum(s > threshold))]
+
+
+def name_joint(twists: Array, length: float, across: float) -> str:
+    """Lower pair of the space spanned by `twists` (6, f), linear first.
+
+    `length` (m) scales pitches and offsets; within `across` (rad, or of a length) directions are parallel, axes meet
+    and pitches vanish.
+
+    "rigid", "revolute", "prismatic", "screw", "cylindrical", "universal", "planar", "spherical",
+    "translational", "free", else "n-dof".
+    """
+    freedom = twists.shape[1]
+    if freedom == 0:
+        return "rigid"
+    if freedom == 6:
+        return "free"
+    basis = np.linalg.qr(np.vstack([twists[:3] / length, twists[3:]]))[0]
+    u, s, vt = np.linalg.svd(basis[3:])
+    rank = int(np.sum(s > across))
+    turning = basis @ vt[:rank].T  # (6, rank) motions that turn
+    sliding = (basis @ vt[rank:].T)[:3]  # (3, freedom - rank) motions that only slide
+    axis = u[:, 0]
+    if rank == 0:
+        return {1: "prismatic", 3: "translational"}.get(freedom, f"{freedom}-dof")
+    if freedom == rank and _meet(turning, across):
+        return {1: "revolute", 2: "universal", 3: "spherical"}[rank]
+    if rank > 1:
+        return f"{freedom}-dof"
+    if freedom == 1:
+        return "screw"
+    skew = np.abs(axis @ sliding)
+    pitch = abs(float(axis @ (turning[:3, 0] - sliding @ (sliding.T @ turning[:3, 0]))))
+    if freedom == 2 and skew[0] > 1.0 - across:
+        return "cylindrical"
+    if freedom == 3 and skew.max() < across and pitch < across:
+        return "planar"
+    return f"{freedom}-dof"
+
+
+def _meet(turning: Array, across: float) -> bool:
+    """Whether all the motions are rotations about axes through one point c: v = c × ω for each."""
+    rows = [np.array([[0.0, w[2], -w[1]], [-w[2], 0.0, w[0]], [w[1], -w[0], 0.0]]) for w in turning[3:].T]
+    a, b = np.vstack(rows), turning[:3].T.ravel()
+    c = np.linalg.lstsq(a, b, rcond=None)[0]
+    return float(np.abs(a @ c - b).max()) < across * (1.0 + float(np.abs(c).max()))

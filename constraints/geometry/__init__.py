@@ -1,0 +1,1 @@
+"""Analytic surfaces of parts, their features and how they overlap."""

@@ -1,0 +1,1 @@
+"""A recognised mechanism as a Pinocchio model and as URDF."""

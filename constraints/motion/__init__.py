@@ -1,0 +1,1 @@
+"""The nearest allowed motion among solid bodies."""

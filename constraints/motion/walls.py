@@ -1,0 +1,144 @@
+"""The solid surfaces near a moving part as walls: contact rows, and for each the direction and the gap that it leaves.
+
+A pair of facing planes gives a row a corner of the area they share: one witness alone would let the part tilt about it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import SurfaceMesh, Tolerance
+from constraints.geometry.overlap import FacingArea, facing_area
+from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere
+from constraints.recognition.recognise import Recogniser
+
+Array = NDArray[np.float64]
+
+TOUCHING = 1e-3
+"""Of `Tolerance.linear`: nearer than this two witnesses no longer tell a direction."""
+FACING = 0.99
+"""Cosine of the angle up to which two planes count as facing each other (8°)."""
+
+
+class Near(Protocol):
+    """What is asked of `collision.CollisionManager`."""
+
+    def mesh(self, i: int) -> SurfaceMesh: ...
+    def contacts(self, within: float = 0.0, objects: Iterable[int] | None = None) -> NDArray[Any]: ...
+
+
+class Walls:
+    """Looks for what is near, with the features that the surfaces belong to."""
+
+    def __init__(self, collision: Near, recogniser: Recogniser, tolerance: Tolerance) -> None:
+        self.collision = collision
+        self.recogniser = recogniser
+        self.tolerance = tolerance
+
+    def near(self, reach: float, bodies: Iterable[int], poses: Sequence[pin.SE3]) -> NDArray[Any]:
+        """Contact rows of `bodies` with all others within `reach` m, those of facing planes as one a corner."""
+        rows = self.collision.contacts(reach, bodies)
+        names = ("object_a", "surface_a", "object_b", "surface_b", "distance")
+        shared = {}
+        for k, (a, sa, b, sb, distance) in enumerate(zip(*(rows[name].tolist() for name in names), strict=True)):
+            found = self._shared(a, sa, b, sb, distance, poses)
+            if found is not None:
+                shared[k] = found
+        if not shared:
+            return rows
+        out = np.repeat(rows, [len(shared[k][0].gaps) if k in shared else 1 for k in range(len(rows))])
+        at = 0
+        for k in range(len(rows)):
+            if k not in shared:
+                at += 1
+                continue
+            region, normal = shared[k]
+            end = at + len(region.gaps)
+            out["distance"][at:end] = np.maximum(region.gaps, 0.0)
+            out["point_a"][at:end] = region.corners
+            out["point_b"][at:end] = region.corners + region.gaps[:, None] * normal
+            at = end
+        return out
+
+    def _shared(
+        self, a: int, sa: int, b: int, sb: int, distance: float, poses: Sequence[pin.SE3]
+    ) -> tuple[FacingArea, Array] | None:
+        """The area that two facing planes share and the normal of the first; None for any other pair of surfaces."""
+        recogniser = self.recogniser
+        fa, fb = recogniser.feature_of(a, sa), recogniser.feature_of(b, sb)
+        if fa is None or fb is None:
+            return None
+        p, q = recogniser.features[a][fa].geometry, recogniser.features[b][fb].geometry
+        if not (isinstance(p, Plane) and isinstance(q, Plane)):
+            return None
+        normal, other = poses[a].rotation @ p.normal, poses[b].rotation @ q.normal
+        if normal @ other > -FACING:
+            return None
+        first, second = recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b])
+        origins = poses[a].act(p.origin), poses[b].act(q.origin)
+        region = facing_area(origins[0], normal, first.triangles, second.triangles, origins[1], other)
+        apart = distance > TOUCHING * self.tolerance.linear
+        if not len(region.gaps) or (apart and region.gap_min < 0.0):  # back to back through a thin plate
+            return None
+        return region, normal
+
+    def parted(self, rows: NDArray[Any], poses: Sequence[pin.SE3]) -> tuple[Array, Array]:
+        """For each row the direction (k, 3), unit, world, from a to b, along which its gap (k,) opens.
+
+        A row that has none is left to the sweep: its gap is infinite.
+        """
+        gaps = np.array(rows["distance"])
+        normals = np.zeros((len(rows), 3))
+        apart = gaps > TOUCHING * self.tolerance.linear
+        normals[apart] = (rows["point_b"] - rows["point_a"])[apart] / gaps[apart, None]
+        for i in np.flatnonzero(~apart).tolist():
+            normal = self._parting(rows[i], poses)
+            if normal is None:
+                gaps[i] = np.inf
+            else:
+                normals[i] = normal
+        return normals, gaps
+
+    def hollow(self, rows: NDArray[Any], poses: Sequence[pin.SE3]) -> tuple[NDArray[np.bool_], Array]:
+        """Which contact rows are with a bore, or another hollow surface around a convex room, and the directions
+        (k, 3), from a to b, of the facets of these that are met."""
+        keep, normals = np.zeros(len(rows), bool), []
+        for i, row in enumerate(rows):
+            for side, sign in (("a", 1.0), ("b", -1.0)):
+                body = int(row["object_" + side])
+                place = self.recogniser.feature_of(body, int(row["surface_" + side]))
+                feature = None if place is None else self.recogniser.features[body][place]
+                if feature is not None and feature.sense < 0 and isinstance(feature.geometry, Cylinder | Cone | Sphere):
+                    keep[i] = True
+                    normals.append(sign * self._triangle(body, int(row["triangle_" + side]), poses[body])[1])
+                    break
+        return keep, np.reshape(normals, (-1, 3))
+
+    def _parting(self, row: Any, poses: Sequence[pin.SE3]) -> Array | None:
+        """(3,) unit, from a to b, where two surfaces touch.
+
+        It is the outward normal of the triangle that parts the two best, of those that have the other's material in
+        front of them; None where neither has (edges side by side).
+        """
+        a, b = int(row["object_a"]), int(row["object_b"])
+        ta, na = self._triangle(a, int(row["triangle_a"]), poses[a])
+        tb, nb = self._triangle(b, int(row["triangle_b"]), poses[b])
+        if na @ nb > self.tolerance.angular:
+            return None
+        beneath_a = -float(((tb - ta[0]) @ na).min())
+        beneath_b = -float(((ta - tb[0]) @ nb).min())
+        return na if beneath_a <= beneath_b else -nb
+
+    def _triangle(self, body: int, triangle: int, pose: pin.SE3) -> tuple[Array, Array]:
+        """Corners (3, 3) and outward normal (3,) in the world."""
+        mesh = self.collision.mesh(body)
+        t = mesh.vertices[mesh.triangles[triangle]] @ pose.rotation.T + pose.translation
+        (ax, ay, az), (bx, by, bz) = (t[1] - t[0]).tolist(), (t[2] - t[0]).tolist()
+        n = np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+        length = float(np.sqrt(n @ n))
+        return t, n / length if length > 0 else np.array([0.0, 0.0, 1.0])

@@ -1,0 +1,1 @@
+"""What two surfaces can mean to each other: the table of pairings, candidates, fits."""

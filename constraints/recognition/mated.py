@@ -1,0 +1,112 @@
+"""Which surfaces a constraint in force keeps out of collision: the two it mates, and the faces beside each of them.
+
+The faces next to a mated one meet the other part only along the rim, where facets would overlap. Everything else of
+both parts stays solid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision import SurfaceMesh, Tolerance
+from constraints.geometry.sleeve import sleeve
+from constraints.kinds.stated import mates_surfaces
+from constraints.manager import ConstraintManager
+from constraints.recognition.candidate import Candidate
+
+Pairing = tuple[int, tuple[int, ...], int, tuple[int, ...]]
+"""Body a, surfaces of it, body b, surfaces of it: each of the first with each of the second."""
+
+
+Faces = tuple[int, ...]
+
+
+class Ignoring(Protocol):
+    """What is asked of `collision.CollisionManager`."""
+
+    def mesh(self, i: int) -> SurfaceMesh: ...
+    def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
+    def heed_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
+
+
+class MatedSurfaces:
+    """Tells collision which surfaces to leave out, as constraints come and go."""
+
+    def __init__(self, collision: Ignoring, constraints: ConstraintManager, tolerance: Tolerance) -> None:
+        self.collision = collision
+        self.constraints = constraints
+        self.tolerance = tolerance
+        self._of: dict[int, Candidate] = {}
+        self._mated: dict[int, tuple[Pairing, ...]] = {}
+        self._beside: dict[int, Pairing] = {}
+
+    def sync(self) -> None:
+        """Bring collision up to date with the constraints in force."""
+        now = {id: entry.candidate for id, entry in self.constraints.accepted.items()}
+        gone = [id for id, candidate in self._of.items() if now.get(id) is not candidate]
+        fresh = [id for id, candidate in now.items() if self._of.get(id) is not candidate]
+        heeded = {self._of[id].bodies for id in gone}
+        for id in gone:
+            del self._of[id], self._beside[id]
+            for row in self._mated.pop(id):
+                self.collision.heed_surfaces(*row)
+        sleeves: dict[Hashable, tuple[Faces, Faces] | None] = {}
+        for id in fresh:
+            candidate = self._of[id] = now[id]
+            if not mates_surfaces(candidate, self.constraints.recogniser.features):
+                self._mated[id], self._beside[id] = (), (0, (), 0, ())
+                continue
+            a, b = candidate.bodies
+            sa, sb = candidate.surfaces
+            beside_a = adjacent_surfaces(self.collision.mesh(a), sa)
+            beside_b = adjacent_surfaces(self.collision.mesh(b), sb)
+            self._beside[id] = (a, beside_a, b, beside_b)
+            self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb), *self._sleeve(candidate, sleeves))
+        # what was left out by a constraint still in force is so again: its pair may share surfaces with one just heeded
+        for id in [*fresh, *(i for i, c in self._of.items() if heeded and c.bodies in heeded)]:
+            for row in self._mated[id]:
+                self.collision.ignore_surfaces(*row)
+
+    def _sleeve(self, candidate: Candidate, known: dict[Hashable, tuple[Faces, Faces] | None]) -> tuple[Pairing, ...]:
+        """The faces that cannot meet while a shaft shares its bore's axis, or planes are face to face.
+
+        known: what was found for the same two meshes and features: four hundred equal bolts are asked about once.
+        """
+        a, fa, b, fb, kind = candidate.key
+        meshes = self.collision.mesh(a), self.collision.mesh(b)
+        features = self.constraints.recogniser.features
+        alike = (*map(id, (*meshes, features[a][fa], features[b][fb], *candidate.geometries)), kind)
+        if alike not in known:
+            known[alike] = sleeve(candidate, features, meshes, self.tolerance.fit)
+        faces = known[alike]
+        return () if faces is None else ((a, faces[0], b, faces[1]),)
+
+    def beside(self, a: int, sa: int, b: int, sb: int) -> bool:
+        """Whether surface sa of body a and sb of b both lie next to the surfaces of one mate."""
+        return any((i, j) == (a, b) and sa in si and sb in sj for i, si, j, sj in self._beside.values())
+
+
+def adjacent_surfaces(mesh: SurfaceMesh, surfaces: Iterable[int]) -> tuple[int, ...]:
+    """Surfaces that share a vertex position with one of `surfaces`, these left out; ascending."""
+    table = mesh._cache.get("surface_adjacency")
+    if table is None:
+        table = mesh._cache["surface_adjacency"] = _adjacency(mesh)
+    mine = set(surfaces)
+    return tuple(sorted({int(t) for s in mine for t in table[s]} - mine))
+
+
+def _adjacency(mesh: SurfaceMesh) -> list[NDArray[Any]]:
+    corners = mesh.vertices[mesh.triangles].reshape(-1, 3)
+    scale = float(np.abs(corners).max()) or 1.0
+    _, point = np.unique(np.round(corners / (1e-9 * scale)), axis=0, return_inverse=True)
+    pairs = np.unique(np.stack([point.reshape(-1), np.repeat(mesh.surface_of_triangle, 3)], axis=1), axis=0)
+    groups = np.split(pairs[:, 1], np.flatnonzero(np.diff(pairs[:, 0])) + 1)
+    table: list[set[int]] = [set() for _ in range(mesh.n_surfaces)]
+    for group in groups:
+        for s in group:
+            table[s].update(group.tolist())
+    return [np.array(sorted(t - {s}), dtype=np.int64) for s, t in enumerate(table)]

@@ -1,0 +1,380 @@
+"""The pairing table: which two features mean which constraint, and how well they do.
+
+One row a pair of surface types; the rule measures the two features where they are and returns a `Match`, or None
+when they are out of limits. Names follow Mukherjee, Sacks and Joskowicz (contact pairs) and the mates of D-Cubed
+and SolidWorks.
+
+===================  =====================  ==============  =========================================================
+solid surface        the other              kind            measured
+===================  =====================  ==============  =========================================================
+plane                plane, facing          against         gap over the shared area
+cylinder             hollow cylinder        screw           offset of the axes, where the two stand for a metric thread
+cylinder             hollow cylinder        concentric      offset of the axes over the shared length, radial fit
+cone                 hollow cone            conical         offset of the apexes across the surface, half angles
+sphere               hollow sphere          spherical       offset of the centres, radial fit
+torus                hollow torus           toroidal        offset of the centres, axes, radial fit
+sphere               hollow cylinder, torus groove          offset of the centre from the groove's, radial fit
+cylinder, cone,      plane                  tangent         gap at the line or point where they come nearest
+sphere, torus
+cylinder             cylinder               tangent         gap: outside or inside where parallel, else crossed
+sphere               cylinder, cone, torus, tangent         gap, outside or inside
+                     sphere
+===================  =====================  ==============  =========================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence, Set
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from constraints.geometry.metric_threads import metric_thread
+from constraints.geometry.overlap import facing_area, shared_height
+from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector, cross, norm
+from constraints.geometry.views import Limits, View, millimetres
+from constraints.recognition.candidate import Match
+from constraints.recognition.tangencies import TANGENCIES, reached, sag
+
+
+def _fit_words(fit: float) -> str:
+    if f"{abs(fit) * 1e6:.2f}" == "0.00":
+        return "same radius"
+    return f"{millimetres(abs(fit))} radial {'clearance' if fit > 0 else 'interference'}"
+
+
+def _gap_words(gap: float) -> str:
+    if abs(gap) < 1e-9:
+        return "no gap"
+    return f"{millimetres(abs(gap))} {'apart' if gap > 0 else 'into each other'}"
+
+
+def _angle(u: Vector, v: Vector) -> float:
+    """Angle (rad) between two lines along u and v, accurate near 0."""
+    return float(np.arctan2(norm(cross(u, v)), abs(u @ v)))
+
+
+def against(a: View[Plane], b: View[Plane], limits: Limits) -> Match | None:
+    """Two planes that face each other and share a real area."""
+    p, q = a.geometry, b.geometry
+    angle = _angle(p.normal, q.normal)
+    if p.normal @ q.normal >= 0.0 or angle > limits.angular:
+        return None
+    region = facing_area(p.origin, p.normal, a.triangles, b.triangles, q.origin, q.normal)
+    smaller = min(a.feature.area, b.feature.area)
+    width = float(np.sqrt(smaller))
+    if region.area <= min(limits.strip, 0.1 * width) * width:
+        return None
+    gap = float((q.origin - region.centroid) @ q.normal / (p.normal @ q.normal))
+    # a slight tilt of large faces is judged by `angle`; as it stands (no reach) the whole region must be flush
+    residual = max(abs(region.gap_min), abs(region.gap_max)) if angle <= limits.linear / width else abs(gap)
+    if residual > limits.linear:
+        return None
+    share = min(1.0, region.area / smaller)
+    words = f"planes face each other, {_gap_words(gap)}, over {region.area * 1e6:.4g} mm² ({share:.0%} of the smaller)"
+    return Match(
+        kind="against",
+        residual=residual,
+        angle=angle,
+        fit=None,
+        overlap=region.area,
+        share=share,
+        closed=False,
+        approach=p.normal,
+        origin=region.centroid,
+        local=a.pose.actInv(region.centroid),
+        direction=p.normal,
+        size=0.5 * float(np.sqrt(region.area)),
+        words=words,
+    )
+
+
+def _round(
+    kind: str, solid: View, hollow: View, axis: Vector, offset: float, angle: float, fit: float,
+    shared: tuple[float, float, float], origin: Vector, size: float, words: str,
+) -> Match:  # fmt: skip
+    """A match of two surfaces of revolution; `shared` is (overlap, smaller length, open angle of the hollow one)."""
+    overlap, smaller, hollow_open = shared
+    along = float((hollow.center - solid.center) @ axis)
+    return Match(
+        kind=kind,
+        residual=offset,
+        angle=angle,
+        fit=fit,
+        overlap=overlap,
+        share=min(1.0, max(0.0, overlap / smaller)) if smaller > 0 else 1.0,
+        closed=hollow_open < np.pi * (1 - 1e-6),
+        approach=axis if along >= 0 else -axis,
+        origin=origin,
+        local=solid.pose.actInv(origin),
+        direction=axis,
+        size=size,
+        words=f"{words}, {_fit_words(fit)}",
+    )
+
+
+def concentric(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) -> Match | None:
+    """A solid cylinder in a hollow one: radii fit, axes coincide, lengths overlap."""
+    s, h = solid.geometry, hollow.geometry
+    fit = h.radius - s.radius
+    angle = _angle(s.axis, h.axis)
+    if not limits.fit(s.radius, fit) or angle > limits.angular:
+        return None
+    axis = h.axis
+    sign = 1.0 if s.axis @ axis >= 0 else -1.0
+    start = float((s.origin - h.origin) @ axis)
+    overlap, low, high = shared_height(start + sign * solid.extent.spans[:, :: int(sign)], hollow.extent.spans)
+    if overlap <= limits.overlap:
+        return None
+    direction = s.axis / (s.axis @ axis)
+    heights = np.array([low, high])
+    on_solid = s.origin + (heights[:, None] - start) * direction
+    on_hollow = h.origin + heights[:, None] * axis
+    offset = float(np.linalg.norm(on_solid - on_hollow, axis=1).max())
+    if offset > limits.linear + max(fit, 0.0):
+        return None
+    if fit > limits.clearance and abs(offset - fit) <= limits.slack:
+        return None  # a loose shaft at the wall of its bore: tangent
+    smaller = min(solid.extent.length, hollow.extent.length)
+    words = (
+        f"Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm over {millimetres(max(overlap, 0.0))}, "
+        f"axes {millimetres(offset)} apart{', ' + limits.fit_class if limits.fit_class else ''}"
+    )
+    shared = (overlap, smaller, hollow.extent.open)
+    return _round(
+        "concentric", solid, hollow, axis, offset, angle, fit, shared, on_hollow.mean(axis=0), h.radius, words
+    )
+
+
+def screw(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) -> Match | None:
+    """A screw in its tapped hole, both drawn as plain cylinders: on one axis, overlapping by the depth of a thread."""
+    s, h = solid.geometry, hollow.geometry
+    thread = metric_thread(2.0 * s.radius, 2.0 * h.radius)
+    if thread is None:
+        return None
+    found = concentric(solid, hollow, replace(limits, clearance=s.radius, fit_class=""))
+    if found is None:
+        return None
+    words = (
+        f"thread {thread.name} drawn as Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm "
+        f"over {millimetres(max(found.overlap, 0.0))}, axes {millimetres(found.residual)} apart"
+    )
+    return replace(found, kind="screw", words=words, parameters={"pitch": thread.pitch})
+
+
+def conical(solid: View[Cone], hollow: View[Cone], limits: Limits) -> Match | None:
+    """A solid cone in a hollow one of the same half angle, pushed home."""
+    s, h = solid.geometry, hollow.geometry
+    angle = _angle(s.axis, h.axis)
+    flare = abs(s.half_angle - h.half_angle)
+    if s.axis @ h.axis <= 0.0 or max(angle, flare) > limits.angular:
+        return None
+    along = float((s.apex - h.apex) @ h.axis)
+    fit = along * float(np.sin(h.half_angle))  # an apex further in leaves that much air across the surface
+    overlap, low, high = shared_height(solid.extent.spans + along, hollow.extent.spans)
+    if overlap <= limits.overlap:
+        return None
+    height = 0.5 * (low + high)  # offset of the axes where the surfaces meet: the apexes may lie far off
+    middle = h.apex + height * h.axis
+    offset = float(np.linalg.norm(s.apex + (height - along) / (s.axis @ h.axis) * s.axis - middle))
+    residual = max(offset, abs(fit))
+    if residual > limits.linear:
+        return None
+    smaller = min(solid.extent.length, hollow.extent.length)
+    words = f"cones of half angle {np.degrees(h.half_angle):.4g}° over {millimetres(max(overlap, 0.0))}"
+    shared = (overlap, smaller, hollow.extent.open)
+    size = height * float(np.tan(h.half_angle))
+    return _round("conical", solid, hollow, h.axis, residual, max(angle, flare), fit, shared, middle, size, words)
+
+
+def spherical(solid: View[Sphere], hollow: View[Sphere], limits: Limits) -> Match | None:
+    """A ball in its socket."""
+    s, h = solid.geometry, hollow.geometry
+    fit = h.radius - s.radius
+    offset = float(np.linalg.norm(s.center - h.center))
+    if abs(fit) > limits.clearance or offset > limits.linear + max(fit, 0.0):
+        return None
+    toward = hollow.center - solid.center
+    length = float(np.linalg.norm(toward))
+    axis = toward / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    words = f"ball Ø{2e3 * s.radius:.6g} in socket Ø{2e3 * h.radius:.6g} mm, centres {millimetres(offset)} apart"
+    depth = hollow.feature.area / (2 * np.pi * h.radius)  # Archimedes: height of the socket's zone
+    shared = (min(depth, 2 * h.radius), min(depth, 2 * h.radius), 0.0 if depth > h.radius else 2 * np.pi)
+    return _round("spherical", solid, hollow, axis, offset, 0.0, fit, shared, h.center, h.radius, words)
+
+
+def toroidal(solid: View[Torus], hollow: View[Torus], limits: Limits) -> Match | None:
+    """A ring in its groove."""
+    s, h = solid.geometry, hollow.geometry
+    fit = h.minor - s.minor
+    angle = _angle(s.axis, h.axis)
+    offset = float(np.linalg.norm(s.center - h.center))
+    if abs(fit) > limits.clearance or abs(h.major - s.major) > limits.clearance or angle > limits.angular:
+        return None
+    if offset > limits.linear + max(fit, 0.0):
+        return None
+    words = f"tori Ø{2e3 * h.major:.6g} × Ø{2e3 * h.minor:.6g} mm, centres {millimetres(offset)} apart"
+    depth = hollow.extent.length
+    shared = (depth, min(depth, solid.extent.length), hollow.extent.open)
+    return _round("toroidal", solid, hollow, h.axis, offset, angle, fit, shared, h.center, h.major, words)
+
+
+def groove(ball: View[Sphere], hollow: View[Cylinder] | View[Torus], limits: Limits) -> Match | None:
+    """A ball in a groove of its own radius, straight or around an axis."""
+    s, h = ball.geometry, hollow.geometry
+    fit = _radius(h) - s.radius
+    way = np.asarray(h.normals(s.center)[0])
+    offset = float(h.distance(s.center)[0]) + _radius(h)  # of the centre from the groove's centre line
+    middle = s.center - offset * way
+    if abs(fit) > limits.clearance or offset > limits.linear + max(fit, 0.0):
+        return None
+    triangles = hollow.triangles
+    if not reached(middle[None], triangles, _radius(h) + 2.0 * sag(h, triangles) + limits.linear)[0]:
+        return None  # the groove ends before
+    axis = h.axis if isinstance(h, Cylinder) else np.cross(h.axis, middle - h.center) / h.major
+    what = "straight" if isinstance(h, Cylinder) else f"ring Ø{2e3 * h.major:.6g} mm"
+    words = (
+        f"ball Ø{2e3 * s.radius:.6g} in groove Ø{2e3 * _radius(h):.6g} mm, {what}, centres {millimetres(offset)} apart"
+    )
+    shared = (1.0, 1.0, hollow.extent.open if isinstance(h, Cylinder) else 2.0 * np.pi)
+    return _round("groove", ball, hollow, axis, offset, 0.0, fit, shared, middle, s.radius, words)
+
+
+def _radius(geometry: Geometry) -> float:
+    """m: radius of curvature where a ball lies in it; infinite where it widens (a cone)."""
+    match geometry:
+        case Cylinder() | Sphere():
+            return geometry.radius
+        case Torus():
+            return geometry.minor
+    return np.inf
+
+
+def tangent(first: View, second: View, limits: Limits) -> Match | None:
+    """Surfaces that touch along a line or in a point, where both really are; `second` is solid."""
+    hollow = first.feature.sense < 0
+    if hollow and _radius(first.geometry) - _radius(second.geometry) <= limits.clearance:
+        return None  # that near it is a fit, good or bad
+    rule = TANGENCIES[type(first.geometry), type(second.geometry)]
+    touch = rule(first.geometry, second.geometry, _span(first, second), hollow)
+    if touch is None or abs(touch.gap) > limits.linear or touch.angle > limits.angular:
+        return None
+    both = np.ones(len(touch.points), bool)
+    for view in (first, second):
+        triangles = view.triangles
+        both &= reached(touch.points, triangles, 2.0 * sag(view.geometry, triangles) + limits.linear + abs(touch.gap))
+    if not both.any():
+        return None
+    points = touch.points[both]
+    middle = points.mean(axis=0)
+    length = float(np.linalg.norm(points[-1] - points[0]))
+    if len(touch.points) > 1 and length < limits.linear:
+        return None  # the end of a line touches: an edge contact, not a tangency
+    where = f"along {millimetres(length)}" if len(touch.points) > 1 else "in a point"
+    return Match(
+        kind="tangent",
+        residual=abs(touch.gap),
+        angle=touch.angle,
+        fit=None,
+        overlap=length,
+        share=float(both.mean()),
+        closed=False,
+        approach=-touch.normal if hollow else touch.normal,
+        origin=middle,
+        local=first.pose.actInv(middle),
+        direction=touch.normal,
+        size=max(0.5 * length, limits.linear),
+        words=(
+            f"{first.geometry.kind} and {second.geometry.kind} touch {where}, {touch.mode}, {_gap_words(touch.gap)}"
+        ),
+        parameters={"mode": touch.mode},
+    )
+
+
+def _span(first: View, second: View) -> tuple[float, float]:
+    """m: heights along the second's axis between which a line contact may lie: of a cylinder only beside the first."""
+    low, high = float(second.extent.spans[0, 0]), float(second.extent.spans[-1, 1])
+    g = second.geometry
+    if isinstance(g, Cylinder):
+        heights = (first.triangles - g.origin) @ g.axis
+        low, high = max(low, float(heights.min())), min(high, float(heights.max()))
+    return (low, high) if low <= high else (0.5 * (low + high),) * 2
+
+
+F = TypeVar("F", bound=Geometry)
+S = TypeVar("S", bound=Geometry)
+
+
+@dataclass(frozen=True)
+class Pairing(Generic[F, S]):
+    """A row of the table."""
+
+    kind: str
+    first: type[F]
+    second: type[S]
+    senses: tuple[tuple[int, int], ...]
+    """the senses of the first and the second that fit: +1 solid, -1 hollow"""
+    rule: Callable[[View[F], View[S], Limits], Match | None]
+    """called with the features in the order of the row"""
+
+    def match(self, a: View, b: View, limits: Limits) -> Match | None:
+        """What the rule says of two features, whichever comes first; None where they are not of this row."""
+        if self._is_of(a, b):
+            return self.rule(a, b, limits)
+        if not self._is_of(b, a):
+            return None
+        found = self.rule(b, a, limits)
+        return found and replace(found, approach=-found.approach, local=a.pose.actInv(found.origin))
+
+    def _is_of(self, a: View, b: View) -> bool:
+        first, second = a.feature, b.feature
+        return (
+            type(first.geometry) is self.first
+            and type(second.geometry) is self.second
+            and (first.sense, second.sense) in self.senses
+        )
+
+
+_SOLID = ((1, 1),)
+_IN_HOLLOW = ((1, -1),)
+_ON_OR_IN = ((1, 1), (-1, 1))
+PAIRINGS: tuple[Pairing[Any, Any], ...] = (
+    Pairing("against", Plane, Plane, _SOLID, against),
+    Pairing("screw", Cylinder, Cylinder, _IN_HOLLOW, screw),
+    Pairing("concentric", Cylinder, Cylinder, _IN_HOLLOW, concentric),
+    Pairing("conical", Cone, Cone, _IN_HOLLOW, conical),
+    Pairing("spherical", Sphere, Sphere, _IN_HOLLOW, spherical),
+    Pairing("toroidal", Torus, Torus, _IN_HOLLOW, toroidal),
+    Pairing("groove", Sphere, Cylinder, _IN_HOLLOW, groove),
+    Pairing("groove", Sphere, Torus, _IN_HOLLOW, groove),
+    Pairing("tangent", Plane, Cylinder, _SOLID, tangent),
+    Pairing("tangent", Plane, Cone, _SOLID, tangent),
+    Pairing("tangent", Plane, Sphere, _SOLID, tangent),
+    Pairing("tangent", Plane, Torus, _SOLID, tangent),
+    Pairing("tangent", Cylinder, Cylinder, _ON_OR_IN, tangent),
+    Pairing("tangent", Cylinder, Sphere, _ON_OR_IN, tangent),
+    Pairing("tangent", Cone, Sphere, _ON_OR_IN, tangent),
+    Pairing("tangent", Torus, Sphere, _ON_OR_IN, tangent),
+    Pairing("tangent", Sphere, Sphere, _ON_OR_IN, tangent),
+)
+FITS = ("against", "concentric", "conical", "groove", "screw", "spherical", "toroidal")
+"""Kinds whose surfaces coincide: what is offered to a hand, which would not want every tangency on its way."""
+
+
+STANDING = (*FITS, "tangent")
+"""Kinds of an assembly as it stands: what `recognise` offers if not told otherwise."""
+SLIGHT = ("contact", "coplanar")
+"""Kinds that two bodies often make without being meant to: edges and vertices that touch, faces that lie flush."""
+
+
+def rows_for(kinds: Set[str]) -> tuple[Pairing[Any, Any], ...]:
+    """The table as far as it may tell one of these kinds: a row counts only where none before it fits."""
+    last = max((n for n, row in enumerate(PAIRINGS, 1) if row.kind in kinds), default=0)
+    return PAIRINGS[:last]
+
+
+def matches(a: View, b: View, limits: Limits, rows: Sequence[Pairing[Any, Any]] = PAIRINGS) -> Match | None:
+    """What the first fitting row of the table says of two features; None when no row does."""
+    found = (row.match(a, b, limits) for row in rows)
+    return next((match for match in found if match is not None), None)

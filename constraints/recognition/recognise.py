@@ -1,0 +1,252 @@
+"""Recognition: contacts between surfaces become candidates for constraints, one a pair of features.
+
+Only what touches counts (Iacob, Mitrouchev and Léon: collisions between surfaces, not between their boxes): a pair
+of features without a contact row is never looked at. Whether the two fit is then judged on their analytic
+geometry, so faceting neither hides a clearance nor invents one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import Tolerance
+from constraints.geometry.edges import as_match, not_said_yet, touching
+from constraints.geometry.features import Feature
+from constraints.geometry.metric_threads import metric_thread
+from constraints.geometry.surfaces import Cylinder
+from constraints.geometry.threads import ALIKE
+from constraints.geometry.views import Extent, Limits, View, millimetres
+from constraints.recognition.candidate import KINDS, Candidate, Key, Match, Pair, known_kinds
+from constraints.recognition.implied import Found, without_implied
+from constraints.recognition.pairings import PAIRINGS, SLIGHT, STANDING, Pairing, matches
+
+Near = tuple[int, int, float]
+"""a face of body a, one of body b, and their distance (m)"""
+Pairs = dict[Pair, list[Near]]
+"""the faces that are near each other, by pair of features"""
+
+
+FLANK = 0.25
+"""Of a pitch: how much the mean radii of two threads that fit each other may differ."""
+
+
+class Recogniser:
+    """Knows the features of every body; measures pairs of them at given poses.
+
+    Parameters
+    ----------
+    features: one sequence of `Feature` a body, in the order of the object ids.
+    threads: pitch (m a turn, positive for right-handed) of features that are threads, by (body, feature).
+    """
+
+    def __init__(
+        self, features: Sequence[Sequence[Feature]], threads: Mapping[tuple[int, int], float] | None = None
+    ) -> None:
+        self.features: tuple[tuple[Feature, ...], ...] = tuple(tuple(f) for f in features)
+        self.threads = dict(threads or {})
+        self._of_surface = [{s: i for i, f in enumerate(fs) for s in f.surfaces} for fs in self.features]
+        self._extents: dict[tuple[int, int], Extent] = {}
+        self._shared: dict[int, Extent] = {}
+        self._known: dict[tuple[Pair, Limits, int], tuple[tuple[bytes, bytes], Match | None]] = {}
+
+    def feature_of(self, body: int, surface: int) -> int | None:
+        """Place of the feature a face belongs to; None for faces without analytic geometry."""
+        return self._of_surface[body].get(surface)
+
+    def near(self, contacts: NDArray[Any], within: float = np.inf) -> Pairs:
+        """The pairs of features with contact rows at a distance of at most `within`, and these distances."""
+        pairs: Pairs = {}
+        near = contacts[contacts["distance"] <= within]
+        rows = zip(
+            *(near[c].tolist() for c in ("object_a", "surface_a", "object_b", "surface_b", "distance")), strict=True
+        )
+        for a, sa, b, sb, distance in rows:
+            if a >= len(self.features) or b >= len(self.features):
+                continue
+            fa, fb = self._of_surface[a].get(sa), self._of_surface[b].get(sb)
+            if fa is not None and fb is not None:
+                pairs.setdefault((a, fa, b, fb), []).append((sa, sb, distance))
+        return pairs
+
+    def widest(self, limits: Limits) -> float:
+        """Greatest difference of radii (m) at which one of the shafts fits one of the bores, or makes a thread with it.
+
+        As far apart as that their faces may be: contacts have to be asked for within it.
+        """
+        radii: dict[int, set[float]] = {1: set(), -1: set()}
+        for feature in (feature for own in self.features for feature in own):
+            if isinstance(feature.geometry, Cylinder):
+                radii[feature.sense].add(feature.geometry.radius)
+        shafts, bores = (np.array(sorted(radii[sense])) for sense in (1, -1))
+        most = np.array([limits.loosest(radius) + limits.slack for radius in shafts])
+        clearance = bores[None, :] - shafts[:, None]
+        fits = (clearance >= 0.0) & (clearance <= most[:, None])
+        for i, j in np.argwhere((clearance < 0.0) & (clearance > -0.25 * shafts[:, None])).tolist():
+            fits[i, j] = metric_thread(2.0 * shafts[i], 2.0 * bores[j]) is not None
+        return float(np.abs(clearance[fits]).max(initial=0.0))
+
+    def view(self, body: int, feature: int, pose: pin.SE3) -> View:
+        """A feature where it is when its body is at `pose`."""
+        return View(self._extent(body, feature), pose)
+
+    def matches(
+        self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits, rows: tuple[Pairing[Any, Any], ...] = PAIRINGS
+    ) -> Match | None:
+        """What two features mean to each other at `poses`; of a thread and its nut a screw.
+
+        rows: of the table of pairings; others are not looked at.
+        """
+        a, fa, b, fb = pair
+        state = (_bytes(poses[a]), _bytes(poses[b]))
+        asked = (pair, limits, len(rows))
+        known = self._known.get(asked)
+        if known is not None and known[0] == state:  # most pairs stand still from one step to the next
+            return known[1]
+        pitch = self.pitch(pair)
+        if pitch is not None:  # flanks meet though mean radii differ, as crests are cut otherwise
+            limits = replace(limits, clearance=max(limits.clearance, FLANK * abs(pitch)), fit_class="")
+        found = matches(self.view(a, fa, poses[a]), self.view(b, fb, poses[b]), limits, rows)
+        if found is not None and pitch is not None and found.kind == "concentric":
+            words = f"threads on one axis over {millimetres(max(found.overlap, 0.0))}"
+            found = replace(found, kind="screw", fit=None, words=words, parameters={"pitch": pitch})
+        self._known[asked] = (state, found)
+        return found
+
+    def match(self, key: Key, poses: Sequence[pin.SE3], limits: Limits) -> Match | None:
+        """What the kind and the two features of `key` amount to at `poses`; None when they are out of limits."""
+        found = self.matches(key[:4], poses, limits)
+        return found if found is not None and found.kind == key[4] else None
+
+    def pitch(self, pair: Pair) -> float | None:
+        """m a turn, where two features are threads of one pitch, or one is a thread that reaches into the other."""
+        a, fa, b, fb = pair
+        first, second = self.threads.get((a, fa)), self.threads.get((b, fb))
+        if first is not None and second is not None:
+            return first if abs(first - second) <= ALIKE * abs(first) else None
+        pitch = second if first is None else first
+        if pitch is None:
+            return None
+        shaft, bore = sorted((self._extent(a, fa), self._extent(b, fb)), key=lambda e: -e.feature.sense)
+        return pitch if shaft.radii[1] >= bore.radii[0] * (1.0 - ALIKE) else None
+
+    def candidate(
+        self, pair: Pair, match: Match, near: Sequence[Near], limits: Limits, poses: Sequence[pin.SE3]
+    ) -> Candidate:
+        """The candidate that `match` amounts to, with its score and reasons; `near` has the contacts of the pair."""
+        a, fa, b, fb = pair
+        first, second = self.features[a][fa], self.features[b][fb]
+        closeness = max(0.0, 1.0 - match.residual / (limits.linear + max(match.fit or 0.0, 0.0)))
+        faces = len(first.surfaces) * len(second.surfaces)
+        touch = sum(distance <= limits.slack for _, _, distance in near)
+        least = min(distance for _, _, distance in near)
+        sags = self._extent(a, fa).sag + self._extent(b, fb).sag
+        together = max(least, match.residual + max(match.fit or 0.0, 0.0)) + limits.slack + 2.0 * sags
+        if match.kind == "screw" and not touch:
+            nearness = "drawn into each other"
+        elif not touch:
+            nearness = f"within reach, {millimetres(least)} apart at the nearest"
+        else:
+            nearness = f"{touch} of {faces} pairs of faces touch" if faces > 1 else "their faces touch"
+        pitch = match.parameters.get("pitch")
+        thread = ""
+        if pitch is not None:
+            thread = f"; {'left-hand ' if pitch < 0.0 else ''}thread of pitch {1e3 * abs(pitch):.4g} mm"
+        constraint = KINDS[match.kind](
+            (a, b),
+            match.features or (first.geometry, second.geometry),
+            (first.surfaces, second.surfaces),
+            match.size,
+            **match.parameters,
+        )
+        return Candidate(
+            key=(*pair, match.kind),
+            match=match,
+            constraint=constraint,
+            near=tuple(sorted(x for x in near if x[2] <= together)),
+            score=0.5 * (closeness + match.share),
+            why=f"{match.words}; {nearness}{thread}",
+            pitch=pitch,
+        ).engaged(poses)
+
+    def _extent(self, body: int, feature: int) -> Extent:
+        extent = self._extents.get((body, feature))
+        if extent is None:
+            f = self.features[body][feature]
+            extent = self._shared.get(id(f))  # instances of one shape share their features
+            if extent is None:
+                extent = self._shared[id(f)] = Extent.of(f)
+            self._extents[(body, feature)] = extent
+        return extent
+
+
+def _bytes(pose: pin.SE3) -> bytes:
+    return np.asarray(pose.homogeneous).tobytes()
+
+
+def contacts_within(features: Sequence[Sequence[Feature]], tolerance: Tolerance) -> float:
+    """m: how near contacts `recognise` needs of these features, under this tolerance."""
+    limits = Limits.offer(tolerance)
+    return max(limits.clearance, float(np.hypot(Recogniser(features).widest(limits), limits.linear)))
+
+
+def recognise(
+    features: Sequence[Sequence[Feature]],
+    poses: Sequence[pin.SE3],
+    contacts: NDArray[Any],
+    tolerance: Tolerance | None = None,
+    *,
+    threads: Mapping[tuple[int, int], float] | None = None,
+    kinds: Iterable[str] | None = None,
+    implied: bool = False,
+    tell: Callable[[float], None] = lambda fraction: None,
+) -> tuple[Candidate, ...]:
+    """Candidates for constraints between bodies that touch, best score first.
+
+    Parameters
+    ----------
+    features: one sequence of `Feature` a body, body frame.
+    poses: one `pin.SE3` a body, body to world.
+    contacts: (n,) rows of `collision.CONTACT_DTYPE`, from `CollisionManager.contacts(within=…)`; ask for at least
+        what `contacts_within` says, so that the faces of a loose fit are near enough to be seen.
+    tolerance: `reach` and `reach_angular` say how far from exact a mate may be; `replace(t, reach=0.0,
+        reach_angular=0.0)` judges an assembly as it stands.
+    threads: pitch in m a turn of threaded features, by (body, feature).
+    kinds: only these kinds; None for all of `pairings.STANDING`. With "contact" or "coplanar" among them (`pairings.
+        SLIGHT`) edges and vertices that touch within `tolerance.linear` are looked at too, and faces that lie flush:
+        ranked below what fits, and left out where a fit of the same two bodies says as much.
+    implied: whether what others imply is returned, too (see `constraints.recognition.implied`).
+    tell: hears the fraction done, before each pair of features.
+
+    Returns
+    -------
+    One `Candidate` a pair of features, sorted by falling score, then by key.
+    """
+    tolerance = tolerance or Tolerance()
+    recogniser = Recogniser(features, threads)
+    limits = Limits.offer(tolerance)
+    wanted = known_kinds(STANDING if kinds is None else kinds)
+    near = recogniser.near(contacts)
+    said: list[Found] = []
+    slight = []
+    for number, (pair, rows) in enumerate(sorted(near.items())):
+        tell(number / len(near))
+        found = recogniser.matches(pair, poses, limits)
+        said += [] if found is None else [(pair, found)]
+        if found is None and not wanted.isdisjoint(SLIGHT) and min(x[2] for x in rows) <= limits.slack:
+            a, fa, b, fb = pair
+            touch = touching(recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b]), limits)
+            slight += [] if touch is None else [(pair, touch)]
+    news = said if implied else without_implied(said, recogniser.features, recogniser.threads, limits)
+    out = [recogniser.candidate(pair, match, near[pair], limits, poses) for pair, match in news]
+    every = [(pair, match.fit) for pair, match in said]
+    for pair, touch in not_said_yet(slight, every, lambda body, f: recogniser.view(body, f, poses[body])):
+        a, fa, b, fb = pair
+        match = as_match(touch, recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b]), limits)
+        out.append(recogniser.candidate(pair, match, near[pair], limits, poses))
+    return tuple(sorted((c for c in out if c.kind in wanted), key=lambda c: (-c.score, c.key)))

@@ -1,0 +1,197 @@
+"""Tangency rules of the pairing table: where two surfaces touch along a line or in a point, and whether both are there.
+
+Each rule gives where the two analytic surfaces come nearest, how far apart they are there (signed; negative is
+interference), and which points of the contact there are. A tangency counts only where both features really have
+material: their triangles reach one of these points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision.numeric.kernel import inner_kernel, kernel
+from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector, perpendicular
+
+Array = NDArray[np.float64]
+SAMPLES = 17
+"""Points tried along a line contact."""
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """Two analytic surfaces at their nearest."""
+
+    gap: float
+    """m: distance along the common normal, negative where they interfere"""
+    angle: float
+    """rad: how far from the direction that makes it a tangency"""
+    points: Array
+    """(k, 3) world: a point contact, or points along the line"""
+    normal: Vector
+    """(3,) world, common normal, towards the second surface"""
+    mode: str
+    """"outside", "inside" or "crossed\""""
+
+
+def plane_cylinder(p: Plane, c: Cylinder, span: tuple[float, float], hollow: bool) -> Touch:
+    """Along a line parallel to the axis."""
+    angle = abs(float(np.arcsin(np.clip(c.axis @ p.normal, -1.0, 1.0))))
+    heights = np.linspace(*span, SAMPLES)
+    line = c.origin + heights[:, None] * c.axis - c.radius * p.normal
+    middle = c.origin + 0.5 * (span[0] + span[1]) * c.axis
+    return Touch(float((middle - p.origin) @ p.normal) - c.radius, angle, line, p.normal, "outside")
+
+
+def plane_sphere(p: Plane, s: Sphere, span: tuple[float, float], hollow: bool) -> Touch:
+    """In a point."""
+    gap = float((s.center - p.origin) @ p.normal) - s.radius
+    return Touch(gap, 0.0, (s.center - s.radius * p.normal)[None], p.normal, "outside")
+
+
+def plane_cone(p: Plane, c: Cone, span: tuple[float, float], hollow: bool) -> Touch:
+    """Along a line through the apex: the cone lies on its side."""
+    lean = float(np.arcsin(np.clip(c.axis @ p.normal, -1.0, 1.0)))
+    flat = c.axis - (c.axis @ p.normal) * p.normal
+    length = float(np.linalg.norm(flat))
+    along = flat / length if length > 0 else perpendicular(p.normal)
+    run = np.linspace(*span, SAMPLES) / np.cos(c.half_angle)
+    gap = float((c.apex - p.origin) @ p.normal)
+    return Touch(gap, abs(lean - c.half_angle), c.apex + run[:, None] * along, p.normal, "outside")
+
+
+def plane_torus(p: Plane, t: Torus, span: tuple[float, float], hollow: bool) -> Touch:
+    """In a point of the rim, or around it where the ring lies flat."""
+    out = p.normal - (p.normal @ t.axis) * t.axis
+    length = float(np.linalg.norm(out))
+    if length > 1e-6:
+        ring = t.center[None] - t.major * (out / length)
+    else:
+        u = perpendicular(t.axis)
+        v = np.cross(t.axis, u)
+        a = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+        ring = t.center + t.major * (np.cos(a)[:, None] * u + np.sin(a)[:, None] * v)
+    points = ring - t.minor * p.normal
+    return Touch(float((points[0] - p.origin) @ p.normal), 0.0, points, p.normal, "outside")
+
+
+def cylinder_cylinder(a: Cylinder, b: Cylinder, span: tuple[float, float], hollow: bool) -> Touch | None:
+    """Along a line where the axes are parallel, in a point where they cross."""
+    cross = np.cross(a.axis, b.axis)
+    sine = float(np.linalg.norm(cross))
+    shift = b.origin - a.origin
+    if sine < 0.1:  # parallel, within what an angular limit may allow; `span` is of the solid one, b
+        middle = shift + 0.5 * (span[0] + span[1]) * b.axis
+        out = middle - (middle @ a.axis) * a.axis
+        distance = float(np.linalg.norm(out))
+        if distance == 0.0:
+            return None
+        normal = out / distance
+        gap = a.radius - b.radius - distance if hollow else distance - a.radius - b.radius
+        side = b.radius if hollow else -b.radius
+        line = b.origin + np.linspace(*span, SAMPLES)[:, None] * b.axis + side * normal
+        return Touch(gap, float(np.arcsin(sine)), line, normal, "inside" if hollow else "outside")
+    if hollow:
+        return None
+    normal = cross / sine
+    distance = float(shift @ normal)
+    if distance < 0.0:
+        normal, distance = -normal, -distance
+    t = float(np.cross(shift, b.axis) @ cross) / sine**2
+    point = a.origin + t * a.axis + a.radius * normal
+    return Touch(distance - a.radius - b.radius, 0.0, point[None], normal, "crossed")
+
+
+def ball(
+    nearest: Callable[[Geometry, Vector], tuple[float, Vector]],
+) -> Callable[[Geometry, Sphere, tuple[float, float], bool], Touch | None]:
+    """The rule of a ball on or in a surface; `nearest` gives distance from its skeleton's wall and the way out."""
+
+    def rule(a: Geometry, s: Sphere, span: tuple[float, float], hollow: bool) -> Touch | None:
+        distance, out = nearest(a, s.center)
+        if not np.isfinite(out).all():
+            return None
+        gap = -distance - s.radius if hollow else distance - s.radius
+        side = s.radius if hollow else -s.radius
+        return Touch(gap, 0.0, (s.center + side * out)[None], out, "inside" if hollow else "outside")
+
+    return rule
+
+
+def _wall(surface: Geometry, point: Vector) -> tuple[float, Vector]:
+    """Signed distance of a point from a surface, and the surface's outward normal towards it."""
+    return float(surface.distance(point)[0]), np.asarray(surface.normals(point)[0])
+
+
+Rule = Callable[..., Touch | None]
+TANGENCIES: dict[tuple[type[Geometry], type[Geometry]], Rule] = {
+    (Plane, Cylinder): plane_cylinder,
+    (Plane, Sphere): plane_sphere,
+    (Plane, Cone): plane_cone,
+    (Plane, Torus): plane_torus,
+    (Cylinder, Cylinder): cylinder_cylinder,
+    (Cylinder, Sphere): ball(_wall),
+    (Cone, Sphere): ball(_wall),
+    (Torus, Sphere): ball(_wall),
+    (Sphere, Sphere): ball(_wall),
+}
+"""By the types of the larger or simpler surface and of the solid one that touches it."""
+
+
+def reached(points: Array, triangles: Array, slack: float) -> NDArray[np.bool_]:
+    """(k,) whether each point is within `slack` (m) of one of `triangles` (t, 3, 3)."""
+    out = np.zeros(len(points), bool)
+    _reach(np.ascontiguousarray(points), np.ascontiguousarray(triangles), slack, out)
+    return out
+
+
+@kernel
+def _reach(
+    points: Array, triangles: Array, slack: float, out: NDArray[np.bool_]
+) -> None:  # pragma: no cover - compiled
+    for k in range(len(points)):
+        for t in range(len(triangles)):
+            far = False
+            for i in range(3):
+                x, y, z = triangles[t, 0, i], triangles[t, 1, i], triangles[t, 2, i]
+                far |= points[k, i] < min(x, y, z) - slack or points[k, i] > max(x, y, z) + slack
+            if not far and _squared_distance(points[k], triangles[t]) <= slack * slack:
+                out[k] = True
+                break
+
+
+@inner_kernel(allocates=True)
+def _squared_distance(p: Array, t: Array) -> float:  # pragma: no cover - compiled
+    """Of a point from a triangle, m²: to its plane over the inside, to the sides elsewhere (degenerate ones too)."""
+    u, v = t[1] - t[0], t[2] - t[0]
+    n = np.array([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+    size = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
+    inside, best = size > 0.0, np.inf
+    for i in range(3):
+        a, b = t[i], t[(i + 1) % 3]
+        length = along = 0.0
+        for j in range(3):
+            length += (b[j] - a[j]) ** 2
+            along += (p[j] - a[j]) * (b[j] - a[j])
+        s = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
+        off = 0.0
+        for j in range(3):
+            off += (p[j] - a[j] - s * (b[j] - a[j])) ** 2
+        best = min(best, off)
+        side = 0.0  # of the side's own plane, upright on the triangle
+        for j in range(3):
+            x, y = (j + 1) % 3, (j + 2) % 3
+            side += ((b[x] - a[x]) * (p[y] - a[y]) - (b[y] - a[y]) * (p[x] - a[x])) * n[j]
+        inside &= side >= 0.0
+    if inside:
+        height = (p[0] - t[0, 0]) * n[0] + (p[1] - t[0, 1]) * n[1] + (p[2] - t[0, 2]) * n[2]
+        return height * height / size
+    return best
+
+
+def sag(geometry: Geometry, triangles: Array) -> float:
+    """m: how far facets fall short of the surface they stand for."""
+    return float(np.abs(geometry.distance(triangles.mean(axis=1))).max())

@@ -1,0 +1,1 @@
+"""The system of constraint equations and its solution."""

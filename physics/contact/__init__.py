@@ -1,0 +1,1 @@
+"""Contact points, contact sets and the contact problem."""

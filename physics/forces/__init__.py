@@ -1,0 +1,1 @@
+"""Behaviours of objects, and the forces that they exert."""

@@ -1,0 +1,1 @@
+"""Bodies: mass, inertia, shapes for contact, and their state as arrays."""

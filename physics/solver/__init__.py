@@ -1,0 +1,1 @@
+"""Islands and the solvers of their velocities."""

@@ -1,0 +1,1 @@
+"""Time stepping: free flight, impacts, kinematic bodies, sleep."""

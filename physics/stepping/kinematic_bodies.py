@@ -1,0 +1,87 @@
+"""`Carrying`: bodies that hands and scripted paths take along, and what it took."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from physics.contact.contact_problem import Contacts
+from physics.forces.answers import Answers
+from physics.forces.behaviours import Behaviour
+from physics.forces.total import Forces, touches
+from physics.model.bodies import FREE, KINEMATIC, STATIC, Bodies
+from physics.stepping.hands import Grip
+
+Array = NDArray[np.float64]
+
+
+class Carrying:
+    """Moves kinematic bodies. grips: hands by object id, the world's own, which it changes."""
+
+    def __init__(self, bodies: Bodies, forces: Forces, grips: Mapping[int, Grip], answers: Answers) -> None:
+        self.path: dict[int, Behaviour] = {}
+        """by object id: the behaviour that says where it is"""
+        self._bodies = bodies
+        self._forces = forces
+        self._grips = grips
+        self._answers = answers
+
+    def targets(self, time: float) -> tuple[dict[int, pin.SE3], bool]:
+        """Where objects are to be at `time`, by id, and whether a path has just begun to lead one, or ended.
+
+        An object whose path has ended is free; one without a body stands still.
+        """
+        b = self._bodies
+        out = {i: grip.target for i, grip in self._grips.items() if grip.hand is None}
+        ways = {i: self._answers.pose(i, path, time) for i, path in self.path.items() if i not in self._grips}
+        changed = False
+        for i, target in ways.items():
+            kind = KINEMATIC if target is not None else FREE if b.mass[i] > 0.0 else STATIC
+            if b.kind[i] != kind:
+                b.kind[i] = kind
+                b.wake(i)
+                changed = True
+            if target is not None:
+                out[i] = target
+        return dict(sorted(out.items())), changed
+
+    def begin(self, targets: Mapping[int, pin.SE3], dt: float) -> list[int]:
+        """Give objects the velocity that takes them to their targets in `dt` seconds; those that move, ascending."""
+        b = self._bodies
+        moving = []
+        for i, target in targets.items():
+            if i in self._grips:
+                self._grips[i].before = b.velocity[i].copy()
+            turn = pin.log3(target.rotation @ b.rotation[i].T)
+            shift = target.rotation @ b.offset[i] + target.translation - b.center[i]
+            b.velocity[i, :3] = shift / dt
+            b.velocity[i, 3:] = turn / dt
+            if b.velocity[i].any():
+                moving.append(i)
+        return moving
+
+    def end(self, targets: Mapping[int, pin.SE3], contacts: Contacts, time: float, dt: float) -> None:
+        """Put them there to the bit, and say what it took the hands. contacts: of the step, which began at `time`."""
+        felt = {i: self._felt(i, self._grips[i], contacts, time, dt) for i in targets if i in self._grips}
+        for i, target in targets.items():
+            if self._bodies.velocity[i].any():
+                self._bodies.set_pose(i, target)
+            if i in felt:
+                self._grips[i].wrench = felt[i]
+
+    def _felt(self, i: int, grip: Grip, contacts: Contacts, time: float, dt: float) -> Array:
+        """(6,) what it took to carry object i through the step: its inertia, less what contacts and behaviours gave."""
+        b = self._bodies
+        change = (b.velocity[i] - grip.before) / dt
+        r = b.rotation[i]
+        w = np.concatenate([b.mass[i] * change[:3], r @ b.inertia[i] @ r.T @ change[3:]])
+        omega = b.velocity[i, 3:]
+        w[3:] += np.cross(omega, r @ b.inertia[i] @ r.T @ omega)
+        w -= self._forces.wrenches(np.array([i]), time)[0]
+        for touch in touches(i, contacts, dt):
+            w[:3] -= touch.impulse / dt
+            w[3:] -= np.cross(touch.point - b.center[i], touch.impulse / dt)
+        return w

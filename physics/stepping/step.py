@@ -1,0 +1,599 @@
+"""Islands over one step: kicks and free flight, contacts that press, impacts at their time.
+
+A sub-step of length h is half a kick, free flight, half a kick. Each kick solves for the impulses of joints and of the
+contacts that touch, so that a constant force, resting and sliding with friction are exact. Flight ends early at the
+first new contact: its time is found to rounding, the impact happens there, and the rest of the step goes on from it.
+
+Islands are advanced side by side, each by its own clock: what is done once a sub-step is done for all of them at once,
+and an impact stops the bodies that it can reach within the step and no others.
+
+Where bodies hang on joints, or roll or turn in contact, and none slides with friction, the first half kick of a step is
+the mirror image of the last half kick of the step before, so that it is the velocity between the two that obeys joints
+and contacts (the reversible nonholonomic leapfrog of McLachlan & Perlmutter, J. Nonlinear Sci. 16, 2006): no energy is
+lost to their turning.
+
+Impacts in one step are as many as an island's size affords (`_affords`). What is left of the step when they are spent
+is taken in one piece, after Moreau: everything moves as far as gaps allow, then whatever touches rebounds at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision import Tolerance
+from collision.numeric.kernel import kernel
+from physics.contact.candidates import closing_speed, separation
+from physics.contact.contact_problem import NO_CONTACTS, Contacts, match
+from physics.contact.contact_set import Touching, Wrench, merged, rows
+from physics.joints.articulated_motion import Swing
+from physics.joints.mechanism import Mechanism
+from physics.joints.rows import assemble
+from physics.model.bodies import Bodies, Saved, coast, drift, point_speeds
+from physics.solver.batch import Batch, Ways, same_objects, split
+from physics.solver.newton import MANY
+from physics.stepping.integrators import METHODS
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+IMPACTS = 32
+"""impacts that a few bodies may have in one step, each at its time"""
+FEW = 8
+"""bodies: above it the cost of an impact counts: the more bodies there are and the more it stops, the fewer"""
+CROWD = 64
+"""bodies: among more, blows are expected before they are seen"""
+CLOSE = 1e-6
+"""m: gaps that a step in one piece leaves at loaded contacts and that are closed after it"""
+PASSES = 12
+"""corrections of what has sunk in while a step was taken in one piece"""
+TRIALS = 24
+"""flights with which the time of an impact is looked for; the last one counts, however deep"""
+STRAY = 0.025
+"""1: part of the thinnest wall by which forces may take a body off its way within a sub-step"""
+MOVING = 1e-6
+"""m/s, rad/s: islands slower than this are at rest, and solved anew in each half kick"""
+ROUNDING = 1e-13
+"""m: to which impacts are located and pressed contacts are kept closed (plus the rounding of the coordinates)"""
+COARSE = 1e-5
+"""1: residual, relative to the largest speed, with which steps in one piece are solved"""
+ROUGH_WAY = 1e-3
+"""1: the same of the way to go in a step in one piece, and of what is moved apart after it"""
+
+
+class Stepper:
+    """Moves islands. It holds no state of its own but scratch arrays; the state is in `bodies` and the contacts."""
+
+    def __init__(self, bodies: Bodies, tolerance: Tolerance, integrator: str) -> None:
+        self.bodies = bodies
+        self.tolerance = tolerance
+        self.touching = Touching(bodies, tolerance)
+        self.method = METHODS[integrator]
+        self._impacts = np.zeros(0, np.int64)
+        self._blunted = np.zeros(0, bool)
+        self._total = 0
+        self._first_rate = np.zeros((0, 6))
+        self._left = np.zeros(0)  # m by which bodies have left their free flight in this step, and now do a second
+        self._off = np.zeros(0)
+        self._flight = np.zeros((0, 6))
+
+    def coast(self, ids: Ints, wrench: Array, dt: float) -> None:
+        """A step of bodies that are near to nothing and under constant wrenches (n, 6)."""
+        b = self.bodies
+        coast(
+            ids, b.center, b.attitude, b.velocity, b.momentum, b.mass, b.inertia, b.inverse, b.offset, b.rotation,
+            b.origin, wrench, dt, self.method,
+        )  # fmt: skip
+        b.steady[ids] = False
+
+    # --- one step ---------------------------------------------------------------------------------------------------
+
+    def advance_apart(
+        self, ids: Ints, pairs: Ints, moved: Ints, before: Contacts, kept: bool, time: float, dt: float, wrench: Wrench,
+        gain: Array,
+    ) -> Contacts:  # fmt: skip
+        """`advance` bodies under constant forces and without joints, as the islands that they make in this step.
+
+        gain: (n,) m, the most that forces alone move the bodies `ids` off their free flight.
+        """
+        b = self.bodies
+        spread = np.zeros(b.n)
+        spread[ids] = gain + self.tolerance.linear
+        if len(ids) > CROWD:  # guess high: the islands' impacts are few anyway, and a second run costs as much again
+            spread[ids] += 2.0 * dt * _speeds_near(b, ids, pairs)
+        shapes = self.touching.shapes
+        assert shapes is not None
+        way = Ways(b, self.touching.shape_of, shapes, dt)
+        start, steady, rate = Saved(b, ids), b.steady[ids], b.rate[ids]
+        near = way.meeting(pairs, spread)
+        left_out = ~same_objects(pairs, pairs[near])
+        if left_out.any():
+            way.keep()
+        self._total = len(ids)
+        batch = split(ids, pairs[near], moved, b)
+        out = self.advance(batch, before, kept, time, dt, wrench)
+        while True:
+            spread[batch.ids] = np.maximum(spread[batch.ids], self._left[batch.ids])
+            unseen = np.flatnonzero(left_out)
+            unseen = unseen[way.meeting(pairs[unseen], spread)]
+            if len(unseen) == 0:
+                return out
+            near[unseen] = True
+            left_out[same_objects(pairs, pairs[unseen])] = False
+            batch = split(ids, pairs[near], moved, b)
+            again = np.zeros(batch.count, bool)
+            again[batch.of_rows(pairs[unseen][:, [0, 2]])] = True
+            out = rows(out, ~again[batch.of_rows(out.ints)])
+            batch = batch.part(again)
+            redone = np.isin(ids, batch.ids)
+            start.restore(b, redone)
+            b.steady[batch.ids], b.rate[batch.ids] = steady[redone], rate[redone]
+            ended = self.advance(batch, before, kept, time, dt, wrench)
+            out = Contacts(*(np.concatenate(c) for c in zip(out, ended, strict=True)))
+
+    def advance(self, batch: Batch, before: Contacts, kept: bool, time: float, dt: float, wrench: Wrench) -> Contacts:
+        """Move islands from `time` over `dt` seconds; the contacts at the end.
+
+        before: contacts at the end of the last step; `kept` says that they still are what would be found.
+        """
+        b = self.bodies
+        self._begin(batch)
+        rest = Saved(b, batch.moved)
+        mine = rows(before, batch.of_rows(before.ints) >= 0)
+        if kept and len(batch.moved) == 0:
+            now = merged(batch, [mine, NO_CONTACTS])
+        else:
+            now = self.touching.inherit(self.touching.find(batch, self._way(batch, np.full(batch.count, dt))), mine)
+            now, _ = self.touching.sift(now, self.touching.touched(mine, now))
+        t = np.zeros(batch.count)
+        while (active := dt - t > 1e-12 * dt).any():
+            part = batch.part(active)
+            own = now if part is batch else rows(now, part.of_rows(now.ints) >= 0)
+            h = dt - t[active]
+            limit = self._limit(part, h)
+            shorter = limit < h
+            h[shorter] /= np.ceil(h[shorter] / limit[shorter])
+            taken, after = self._take(part, own, rest, time, t[active], h, wrench)
+            t[active] += taken
+            self._left[part.ids] += taken[part.island] * self._off[part.ids]
+            now = after if part is batch else merged(batch, [rows(now, ~active[batch.of_rows(now.ints)]), after])
+        return now
+
+    def _begin(self, batch: Batch) -> None:
+        b = self.bodies
+        n = b.n
+        self._impacts = np.zeros(n, np.int64)  # by an island's first body, like the next
+        self._blunted = np.zeros(n, bool)
+        self._first_rate = np.zeros((n, 6))
+        self._left = np.zeros(n)
+        self._off = np.zeros(n)
+        self._flight = np.zeros((n, 6))
+        self._flight[batch.ids] = b.velocity[batch.ids]
+
+    def _take(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench):
+        """One sub-step: how long (count,) it was, and the contacts after it."""
+        b = self.bodies
+        if batch.mechanism is not None and len(batch.moved) == 0 and self._least(batch, now)[0] > self.tolerance.touch:
+            smooth = self._smooth(batch, batch.mechanism, time + float(t[0]), float(h[0]), wrench)
+            if smooth is not None:
+                return h, smooth
+        moving = batch.largest(point_speeds(b.velocity[batch.ids], b.radius[batch.ids])) > self.tolerance.sleep_speed
+        blunt = self._blunted[batch.ids[batch.start]] | (_crowds(batch) & moving)
+        if blunt.all():
+            return self._blunt(batch, now, rest, time, t, h, wrench)
+        if blunt.any():
+            ended = []
+            for chosen in (blunt, ~blunt):
+                part = batch.part(chosen)
+                own = rows(now, part.of_rows(now.ints) >= 0)
+                h[chosen], after = self._take(part, own, rest, time, t[chosen], h[chosen], wrench)
+                ended.append(after)
+            return h, merged(batch, ended)
+        start = Saved(b, batch.ids)
+        after, fresh = self._fly(batch, now, rest, time, t, h, wrench)
+        while (strayed := self._strayed(batch, start, h)).any():  # forces were greater than the first speed could tell
+            h[strayed] *= 0.5
+            start.restore(b)
+            after, fresh = self._fly(batch, now, rest, time, t, h, wrench)
+        hit = self._least(batch, after, fresh) < -self._rounding(batch)
+        if not hit.any():
+            return h, self._arrive(batch, now, after, fresh, start, rest, time, t, h, wrench)
+        spent = hit & (self._impacts[batch.ids[batch.start]] >= _affords(batch, self._total))
+        self._blunted[batch.ids[batch.start[spent]]] = True
+        ended = []
+        for chosen, how in ((~hit, "whole"), (hit & ~spent, "impact"), (spent, "blunt")):
+            if not chosen.any():
+                continue
+            part = batch.part(chosen)
+            own = now if part is batch else rows(now, part.of_rows(now.ints) >= 0)
+            of = chosen[batch.island]
+            if how == "blunt":
+                start.restore(b, of)
+                h[chosen], own_after = self._blunt(part, own, rest, time, t[chosen], h[chosen], wrench)
+                ended.append(own_after)
+                continue
+            mine = slice(None) if part is batch else part.of_rows(after.ints) >= 0
+            own_after, own_fresh = rows(after, mine), fresh[mine]
+            begin = start.of(of)
+            if how == "impact":
+                self._impacts[part.ids[part.start]] += 1
+                h[chosen], own_after, own_fresh = self._first_impact(
+                    part, own, own_after, own_fresh, begin, rest, time, t[chosen], h[chosen], wrench
+                )
+            ended.append(self._arrive(part, own, own_after, own_fresh, begin, rest, time, t[chosen], h[chosen], wrench))
+        return h, merged(batch, ended)
+
+    def _smooth(self, batch: Batch, mechanism: Mechanism, time: float, h: float, wrench: Wrench) -> Contacts | None:
+        """h seconds without contact, at high order; None (and nothing moved) if it would touch something."""
+        b = self.bodies
+        start = Saved(b, batch.ids)
+        way = self._way(batch, np.array([h]))
+        if not Swing(mechanism, b, time, wrench, batch.constant, self.touching.pair_values).advance(h):
+            start.restore(b)
+            return None
+        after = self.touching.find(batch, way)
+        after, _ = self.touching.sift(after, np.zeros(len(after.ints), bool), start)
+        half = np.array([0.5 * h])
+        if self._least(batch, after)[0] > self.tolerance.touch and self._limit(batch, half)[0] >= half[0]:
+            b.steady[batch.ids] = False
+            return after
+        start.restore(b)
+        return None
+
+    def _way(self, batch: Batch, h: Array) -> Array:
+        """(count,) m: how far any point of an island, or what meets it, may move in h (count,) seconds."""
+        b = self.bodies
+        speed = batch.largest(point_speeds(b.velocity[batch.ids], b.radius[batch.ids]))
+        moved = point_speeds(b.velocity[batch.moved], b.radius[batch.moved])
+        np.maximum.at(speed, batch.moved_island, moved)
+        return 2.0 * h * speed + 10.0 * h * h + 1e-6
+
+    def _limit(self, batch: Batch, h: Array, gaps: bool = True) -> Array:
+        """(count,) s: the longest sub-step in which nothing near passes through anything unseen, if below h (count,).
+
+        gaps: whether it counts how far things have to go before they meet.
+        """
+        b = self.bodies
+        out = h.copy()
+        shapes = self.touching.shapes
+        if shapes is not None:
+            _limits(
+                batch.pairs, batch.of, b.velocity, b.radius, b.thickness, b.rotation, b.origin, self.touching.shape_of,
+                shapes.first_surface, shapes.boxes, gaps, out,
+            )  # fmt: skip
+        return out
+
+    def _strayed(self, batch: Batch, start: Saved, h: Array) -> Mask:
+        """(count,) islands whose bodies have left the way on which `_limit` counted, and may pass something unseen."""
+        b = self.bodies
+        off = h[batch.island] * point_speeds(b.velocity[batch.ids] - start.velocity, b.radius[batch.ids])
+        thinnest = np.full(batch.count, np.inf)
+        island = np.maximum(batch.of[batch.pairs[:, 0]], batch.of[batch.pairs[:, 2]])
+        for side in (0, 2):
+            np.minimum.at(thinnest, island, b.thickness[batch.pairs[:, side]])
+        return batch.largest(off) > STRAY * thinnest
+
+    def _rounding(self, batch: Batch) -> Array:
+        return ROUNDING + 1e-15 * batch.largest(np.abs(self.bodies.center[batch.ids]).max(axis=1))
+
+    def _least(self, batch: Batch, contacts: Contacts, mask: Mask | slice = slice(None)) -> Array:
+        """(count,) least gap of the contacts of a mask."""
+        out = np.full(batch.count, np.inf)
+        np.minimum.at(out, batch.of_rows(contacts.ints[mask]), contacts.reals[mask, 6])
+        return out
+
+    # --- flight -----------------------------------------------------------------------------------------------------
+
+    def _fly(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench: Wrench):
+        """Half a kick and free flight over h; contacts there, and which of them did not touch before."""
+        b = self.bodies
+        touch = self.tolerance.touch
+        ids = batch.ids
+        mirrored = batch.all(b.steady[ids])
+        if mirrored.any():
+            of = mirrored[batch.island]
+            b.velocity[ids[of]] += 0.5 * h[batch.island][of, None] * b.rate[ids[of]]
+        if not mirrored.all():
+            part = batch.part(~mirrored)
+            half = 0.5 * h[~mirrored]
+            before = b.velocity[part.ids]
+            pressed = np.flatnonzero((now.reals[:, 6] <= touch) & ~mirrored[batch.of_rows(now.ints)])
+            self.touching.kick(part, now, pressed, time + float(t[0]), half, wrench, 2.0 * float(half.max()))
+            self._first_rate[part.ids] = (b.velocity[part.ids] - before) / half[part.island][:, None]
+        begin = Saved(b, np.concatenate([ids, batch.moved]))
+        self._drift(batch, rest, t + h, h)
+        way = self._way(batch, h)
+        rounding = self._rounding(batch)
+        to_find = batch
+        after, touched, off = self._matched(batch, now, begin, way)
+        for _ in range(5):
+            worst = np.zeros(batch.count)
+            np.maximum.at(worst, batch.of_rows(after.ints[off]), np.abs(after.reals[off, 6]))
+            jb, jj, jr, _ = assemble(batch.joints, b, ids)
+            worst = np.maximum(worst, np.abs(jr).max(initial=0.0))
+            # what an impact has ended too deep is flown again: its pressed contacts need no closing, if that is too
+            # little to undo the depth (else the time of impact is looked for where the gap jumps)
+            deep = self._least(batch, after, ~touched) < -np.maximum(1e-6, 20.0 * worst)
+            open_ = (worst > rounding) & ~deep
+            if not open_.any():
+                break
+            to_find = batch.part(open_)
+            own = open_[batch.of_rows(after.ints)]
+            self.touching.correct(to_find, after, np.flatnonzero(off & own), np.flatnonzero(~off & own), jb, jj, jr)
+            if to_find is batch:
+                after, touched, off = self._matched(batch, now, begin, way)
+            else:
+                again, again_touched, again_off = self._matched(to_find, now, begin, way[open_])
+                flags = np.concatenate(
+                    [np.stack([touched, off], axis=1)[~own], np.stack([again_touched, again_off], 1)]
+                )
+                ints, reals, force = (np.concatenate(c) for c in zip(rows(after, ~own), again, strict=True))
+                order = np.argsort(batch.of_rows(ints), kind="stable")
+                after = Contacts(ints[order], reals[order], force[order])
+                touched, off = flags[order].T
+        return after, ~touched
+
+    def _matched(self, batch: Batch, now: Contacts, begin: Saved, way: Array):
+        """Contacts as the bodies stand, those that touched in `now`, and those of them that are to be closed.
+
+        begin: the bodies when the flight began.
+        """
+        touching = self.touching
+        after = touching.inherit(touching.find(batch, way), now)
+        after, touched = touching.sift(after, touching.touched(now, after), begin)
+        gaps = after.reals[:, 6]
+        return after, touched, touched & (((after.force[:, 0] > 0.0) & (gaps != 0.0)) | (gaps < 0.0))
+
+    def _drift(self, batch: Batch, rest: Saved, time: Array, h: Array) -> None:
+        """Free flight of h (count,) seconds, to `time` (count,) in the step."""
+        b = self.bodies
+        ids = batch.ids
+        each = h[batch.island]
+        off = b.velocity[ids] - self._flight[ids]
+        self._off[ids] = point_speeds(off, b.radius[ids])
+        drift(
+            ids, b.center, b.attitude, b.velocity, b.momentum, b.inertia, b.inverse, b.offset, b.rotation, b.origin,
+            each, self.method,
+        )  # fmt: skip
+        if len(batch.moved):
+            rest.carry(b, batch.moved, time[batch.moved_island])
+
+    def _first_impact(
+        self, batch: Batch, now: Contacts, after: Contacts, fresh: Mask, start: Saved, rest: Saved, time: float,
+        t: Array, h: Array, wrench: Wrench,
+    ):  # fmt: skip
+        """When (count,) each island first touches something new, and the contacts then; it was flown over h and does.
+
+        Newton's method from above on the gap of the deepest contact, with false position and bisection to hold it.
+        """
+        low, high = np.zeros(batch.count), h.copy()
+        low_gap = np.full(batch.count, np.inf)
+        gap = self._least(batch, after, fresh)
+        found: list[tuple[Contacts, Mask]] = []
+        part, names = batch, np.arange(batch.count)  # islands that are still searched
+        for k in range(TRIALS):
+            cut = high + gap / np.maximum(self._closing(part, after, fresh, gap), 1e-300)
+            if k % 3 == 2:
+                with np.errstate(invalid="ignore"):
+                    cut = np.where(low_gap < np.inf, low + (high - low) * low_gap / (low_gap - gap), cut)
+            # what sinks in from the very start (a feature that comes into view) is not worth halving for
+            cut = np.where((low < cut) & (cut < high), cut, np.where((low == 0.0) & (k > 1), 1e-3, 0.5) * (low + high))
+            last = ~((low < cut) & (cut < high)) | (high < 1e-9 * h[names]) | (k == TRIALS - 1)
+            cut = np.where(last, high, cut)
+            of = np.isin(batch.island, names)
+            start.restore(self.bodies, of)
+            own = rows(now, part.of_rows(now.ints) >= 0)
+            trial, trial_fresh = self._fly(part, own, rest, time, t[names], cut, wrench)
+            g = self._least(part, trial, trial_fresh)
+            tolerance = self._rounding(part)
+            over, done = g < -tolerance, last | (np.abs(g) <= tolerance)
+            h[names[done]] = cut[done]
+            of_done = done[part.of_rows(trial.ints)]
+            found.append((rows(trial, of_done), trial_fresh[of_done]))
+            if done.all():
+                break
+            early = ~over & ~done
+            low, low_gap = np.where(early, cut, low), np.where(early, g, low_gap)
+            # an island that stopped early keeps the contacts of its last flight too far
+            high, gap = np.where(over, cut, high), np.where(over, g, gap)
+            keep_old = early[part.of_rows(after.ints)]
+            take_new = over[part.of_rows(trial.ints)] & ~of_done
+            ints, reals, force = (
+                np.concatenate(c) for c in zip(rows(after, keep_old), rows(trial, take_new), strict=True)
+            )
+            fresh = np.concatenate([fresh[keep_old], trial_fresh[take_new]])
+            after = Contacts(ints, reals, force)
+            going = ~done
+            part, names = part.part(going), names[going]
+            low, high, low_gap, gap = low[going], high[going], low_gap[going], gap[going]
+        ints, reals, force = (np.concatenate(c) for c in zip(*(c for c, _ in found), strict=True))
+        fresh = np.concatenate([f for _, f in found])
+        order = np.argsort(batch.of_rows(ints), kind="stable")
+        return h, Contacts(ints[order], reals[order], force[order]), fresh[order]
+
+    def _closing(self, batch: Batch, contacts: Contacts, fresh: Mask, gap: Array) -> Array:
+        """(count,) m/s at which the deepest fresh contact of each island closes."""
+        island = batch.of_rows(contacts.ints)
+        which = np.flatnonzero(fresh & (contacts.reals[:, 6] == gap[island]))
+        _, first = np.unique(island[which], return_index=True)
+        out = np.zeros(batch.count)
+        out[island[which[first]]] = -self.touching.speeds(which[first], contacts)
+        return out
+
+    # --- arrival ----------------------------------------------------------------------------------------------------
+
+    def _arrive(self, batch, now, after, fresh, start, rest, time, t, h, wrench) -> Contacts:
+        """What is to be done at the end of a flight of h seconds; the contacts there."""
+        b = self.bodies
+        mirrored = batch.all(b.steady[batch.ids])
+        self._land(batch, after, fresh, time + float(t[0]), 0.5 * h, wrench)
+        new = np.zeros(batch.count, bool)
+        new[batch.of_rows(after.ints[fresh & (after.reals[:, 6] <= self.tolerance.touch)])] = True
+        again = ~mirrored & batch.all(b.steady[batch.ids]) & ~new
+        if not again.any():
+            return after
+        # the first of mirrored half kicks has none to mirror: the mean of both halves serves, to second order
+        part = batch.part(again)
+        rate = 0.5 * (b.rate[part.ids] + self._first_rate[part.ids])
+        start.restore(b, again[batch.island])
+        if part.joints:  # what they add pulls along the joints as they stand at the start (as in RATTLE)
+            added = rate - self._first_rate[part.ids]
+            velocity = b.velocity[part.ids]
+            self.touching.press(part, NO_CONTACTS, np.zeros(0, np.int64), added, h, np.zeros(0))
+            rate -= b.velocity[part.ids]
+            b.velocity[part.ids] = velocity
+        b.rate[part.ids] = rate
+        own = rows(now, part.of_rows(now.ints) >= 0)
+        flown, fresh = self._fly(part, own, rest, time, t[again], h[again], wrench)
+        self._land(part, flown, fresh, time + float(t[again][0]), 0.5 * h[again], wrench)
+        return merged(batch, [rows(after, part.of_rows(after.ints) < 0), flown])
+
+    def _land(self, batch: Batch, contacts: Contacts, fresh: Mask, t: float, h: Array, wrench: Wrench) -> None:
+        """The second half of the kick, h (count,) seconds, then impacts of what has just come to touch."""
+        b = self.bodies
+        ids = batch.ids
+        touching = contacts.reals[:, 6] <= self.tolerance.touch
+        closing = np.zeros(len(touching), bool)
+        new = np.flatnonzero(touching & fresh)
+        if len(new):
+            closing[new] = self.touching.speeds(new, contacts) < -self.tolerance.rest_speed
+        before = b.velocity[ids]
+        self.touching.kick(batch, contacts, np.flatnonzero(touching & ~closing), t, h, wrench)
+        now = b.velocity[ids]
+        b.rate[ids] = (now - before) / h[batch.island][:, None]
+        struck = np.zeros(batch.count, bool)
+        struck[batch.of_rows(contacts.ints[closing])] = True
+        steady = ~struck & (batch.largest(np.abs(now).max(axis=1)) > MOVING) & self.touching.sticks(batch, contacts)
+        b.steady[ids] = steady[batch.island]
+        if struck.any():
+            part = batch.part(struck)
+            self.touching.impact(part, contacts, np.flatnonzero(touching & struck[batch.of_rows(contacts.ints)]))
+
+    def _blunt(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench):
+        """A step in one piece: as far as gaps allow, then the rebound of what touches.
+
+        Of the h (count,) seconds only as many as turning leaves exact enough; how many, and the contacts then.
+        """
+        b = self.bodies
+        h = self._limit(batch, h, gaps=False)
+        touching = self.touching
+        way = self._way(batch, h)
+        found = touching.inherit(touching.find(batch, way, 1.0), now)
+        now, _ = touching.sift(found, touching.touched(now, found))
+        begin = Saved(b, np.concatenate([batch.ids, batch.moved]))
+        free = touching.free(batch, time + float(t[0]), h, wrench)
+        before = b.velocity[batch.ids]
+        b.velocity[batch.ids] = free
+        near = np.arange(len(now.ints))
+        came = touching.speeds(near, now)
+        each = h[batch.of_rows(now.ints)]
+        target = -np.maximum(now.reals[:, 6], -CLOSE) / each  # what is deeper is put right afterwards, without speed
+        near = np.flatnonzero(target > came - 0.5 * way[batch.of_rows(now.ints)] / each)
+        left = touching.residual  # of velocities: what is wrong with the way to go is put right when it has been gone
+        touching.press(batch, now, near, free, h, target, ROUGH_WAY if _crowds(batch).any() else COARSE)
+        touching.residual = left
+        reached = now.force[:, 0] > 0.0
+        self._drift(batch, rest, t + h, h)
+        after = self._settled(batch, now, begin, way)
+        row = match(now.ints, after.ints)
+        known = row >= 0
+        met = after.reals[:, 6] <= np.where(_crowds(batch), CLOSE, self.tolerance.touch)[batch.of_rows(after.ints)]
+        met[known] |= reached[row[known]]
+        _, restitution = touching.pair_values(after.ints)
+        every = np.arange(len(after.ints))
+        b.velocity[batch.ids] = before
+        began = touching.speeds(every, after)
+        b.velocity[batch.ids] = free
+        came = touching.speeds(every, after)
+        # what had just a little way to go does not come with all the speed that forces give in a whole step
+        near = np.flatnonzero(known & (came < np.minimum(began, 0.0)))
+        gap = np.maximum(now.reals[row[near], 6], 0.0)
+        pull = (began - came)[near] / h[batch.of_rows(after.ints[near])]
+        came[near] = np.maximum(came[near], -np.sqrt(began[near] ** 2 + 2.0 * pull * gap))
+        back = np.where(came < -self.tolerance.rest_speed, -restitution * came, 0.0)
+        touching.rebound(batch, after, np.flatnonzero(met), free, h, back, COARSE)
+        b.rate[batch.ids] = (b.velocity[batch.ids] - before) / h[batch.island][:, None]
+        b.steady[batch.ids] = False
+        return h, after
+
+    def _settled(self, batch: Batch, now: Contacts, begin: Saved, way: Array) -> Contacts:
+        """Move the bodies until what carries just touches and joints hold, as far as a few passes can; the contacts.
+
+        Of a crowd only what stands in one another by more than `linear` is moved apart.
+        """
+        touching = self.touching
+        done: list[Contacts] = []
+        part = batch
+        for k in range(PASSES + 1):
+            after = touching.inherit(touching.find(part, way), now)
+            after, _ = touching.sift(after, touching.touched(now, after), begin)
+            own = part.of_rows(after.ints)
+            jb, jj, jr, _ = assemble(part.joints, self.bodies, part.ids)
+            gaps = after.reals[:, 6]
+            off = (gaps < 0.0) | ((gaps != 0.0) & (gaps < CLOSE) & (after.force[:, 0] > 0.0))
+            wrong = np.full(part.count, len(jr) > 0 and np.abs(jr).max() > ROUNDING)
+            allowed = np.where(_crowds(part), self.tolerance.linear, self._rounding(part))
+            wrong[own[off & (np.abs(gaps) > allowed[own])]] = True
+            if k == PASSES or not wrong.any():
+                break
+            done.append(rows(after, ~wrong[own]))
+            after, off = rows(after, wrong[own]), off[wrong[own]]
+            part, way = part.part(wrong), way[wrong]
+            own = part.of_rows(after.ints)
+            deepest = -self._least(part, after)
+            sunk = (deepest > self.tolerance.linear) & (len(jr) == 0)
+            if sunk.any():
+                near = sunk[own] & (after.reals[:, 6] < 2.0 * deepest[own])
+                touching.push_apart(part.part(sunk), after, np.flatnonzero(near), ROUGH_WAY)
+            if not sunk.all():
+                rest = ~sunk[own]
+                few = part.part(~sunk)
+                touching.correct(few, after, np.flatnonzero(off & rest), np.flatnonzero(~off & rest), jb, jj, jr)
+        return merged(batch, [*done, after])
+
+
+def _speeds_near(b: Bodies, ids: Ints, pairs: Ints) -> Array:
+    """(n,) m/s that no point of the bodies `ids`, and of those near to them, exceeds: a blow may bring them to that."""
+    speed = np.zeros(b.n)
+    speed[ids] = point_speeds(b.velocity[ids], b.radius[ids])
+    out = speed.copy()
+    near = pairs[:, [0, 2]]
+    near = near[np.append(True, (near[1:] != near[:-1]).any(axis=1))] if len(near) else near
+    np.maximum.at(out, near[:, 0], speed[near[:, 1]])
+    np.maximum.at(out, near[:, 1], speed[near[:, 0]])
+    return out[ids]
+
+
+def _crowds(batch: Batch) -> Mask:
+    """(count,) islands that are stepped in one piece as long as they move, their contacts solved by sweeps."""
+    return (np.bincount(batch.island) > MANY) & (len(batch.joints) == 0)
+
+
+def _affords(batch: Batch, total: int) -> Ints:
+    """(count,) impacts that each island may have in a step in which `total` bodies are near to something."""
+    return IMPACTS * FEW // (np.bincount(batch.island) * max(total, FEW))
+
+
+@kernel
+def _limits(pairs, of, velocity, radius, thickness, rotations, origins, shape_of, first_surface, boxes, gaps, out):
+    """Lower `out` (s, by island) to what it takes to come a quarter of the thinner thickness into one another."""
+    first = 0
+    while first < len(pairs):
+        a, b = pairs[first, 0], pairs[first, 2]
+        last = first + 1
+        while last < len(pairs) and pairs[last, 0] == a and pairs[last, 2] == b:
+            last += 1
+        speed = closing_speed(velocity, radius, a, b)
+        island = max(of[a], of[b])
+        way = 0.25 * min(thickness[a], thickness[b])
+        if way < out[island] * speed:  # then it matters how far they have to go before they meet
+            gap = np.inf if gaps else 0.0
+            for i in range(first, last):
+                if gap <= 0.0:
+                    break
+                box_a = boxes[first_surface[shape_of[a]] + pairs[i, 1]]
+                box_b = boxes[first_surface[shape_of[b]] + pairs[i, 3]]
+                gap = min(gap, separation(box_a, rotations[a], origins[a], box_b, rotations[b], origins[b]))
+            out[island] = min(out[island], (way + max(gap, 0.0)) / speed)
+        first = last

@@ -1,0 +1,1 @@
+"""What an assembly is as it stands: clashes, mates, clearance, swept volumes."""

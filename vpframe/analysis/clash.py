@@ -1,0 +1,201 @@
+"""Clash, contact, clearance and containment of a scene as it stands: what `vpframe clash FILE...` prints.
+
+Triangles are judged with the deflection of their surfaces in mind. Round surfaces that fit each other, a shaft in its
+bore, are judged on their radii and axes instead, because tessellation alone is off by more than such a fit is wide;
+planes that face each other on the distance between them, because planes are exact. Threads are a kind of their own:
+drawn as cylinders or out of phase, a screw and its nut overlap by design.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from collision import Tolerance
+from collision.classify import KINDS as CLASSIFIED
+from collision.classify import classify
+from vpframe.analysis import clash_status
+from vpframe.analysis.clash_status import ClashKey
+from vpframe.analysis.fits import BAD_KINDS, Key, Row, fits_of
+from vpframe.analysis.static import world_of
+from vpframe.app.outputs import STATUS, claimed
+from vpframe.errors import VpframeError
+from vpframe.scene.deflection import deflections
+from vpframe.scene.planes import facing_overlaps, is_exact_overlap
+from vpframe.scene.scene import Scene
+from vpframe.text import plain
+
+KINDS = (*CLASSIFIED[: CLASSIFIED.index("contact")], "thread", *CLASSIFIED[CLASSIFIED.index("contact") :])
+"""from the gravest to the least"""
+INSIDE_KINDS = ("clash", "containment", "authorised", "thread")
+"""kinds of rows that say what is inside what"""
+OPEN_WORDS = "is not closed"
+OPEN = "{} " + OPEN_WORDS + ": what is inside it is told by its winding number"
+SHOWN = 5e-7
+"""m: the least length that a person is told; a smaller one would read 0.000 mm"""
+TRIANGLES = 0.9
+"""share of the time that the tests of triangles take"""
+
+
+def merged(scenes: Sequence[Scene]) -> Scene:
+    """Several scenes as one, each in its own coordinates; parts are then called `file/part`."""
+    if len(scenes) == 1:
+        return scenes[0]
+    out = Scene()
+    stems: dict[str, int] = {}
+    for scene in scenes:
+        stem = Path(scene.source or "scene").stem
+        stems[stem] = stems.get(stem, 0) + 1
+        prefix = stem if stems[stem] == 1 else f"{stem}_{stems[stem]}"
+        for part in scene.parts:
+            out.add(replace(part, name=f"{prefix}/{part.name}"))
+    out.notes = tuple(f"{scene.source}: {note}" for scene in scenes for note in scene.notes)
+    return out
+
+
+def clash(
+    scene: Scene,
+    clearance: float = 0.0,
+    tolerance: Tolerance | None = None,
+    authorised: Iterable[tuple[str, str]] = (),
+    progress: Callable[[float, str], None] = lambda fraction, text: None,
+) -> dict[str, Any]:
+    """Every pair of surfaces that clashes, touches or is nearer than `clearance` (m).
+
+    Parameters
+    ----------
+    tolerance: surfaces that reach at most `tolerance.linear` into each other are in contact, not in clash.
+    authorised: pairs of parts, by name, whose clash is meant: a press fit.
+    progress: hears the fraction done and what is being done.
+
+    Returns
+    -------
+    {"pairs": [{"kind", "parts": [a, b], "surfaces": [i, j], "distance", "depth", "reason"}]}, lengths in metres, in the
+    order of parts and surfaces; `surfaces` is empty where the parts as a whole are meant (containment, coincidence).
+    `kind` is one of `KINDS`; "thread" is the overlap of a screw with its nut or tapped hole, and no clash.
+    """
+    world = world_of(scene, tolerance)
+    t = world.tolerance
+    meant = [(scene.index(a), scene.index(b)) for a, b in authorised]
+    sag = {shape: deflections(shape) for shape in {part.shape for part in scene.parts}}
+    sags = [sag[part.shape] for part in scene.parts]
+    names = scene.names
+    found = classify(
+        world, clearance, sags, meant, names=names,
+        tell=lambda fraction: progress(TRIANGLES * fraction, "pairs of parts"),
+    )  # fmt: skip
+    allowed = {frozenset(pair) for pair in meant}
+    rows: dict[Key, Row] = {}
+    deepest = {(*p.objects, *(p.surfaces or ())): p.witness for p in found}
+    shapes = [part.shape for part in scene.parts]
+    for p in found:
+        kind: str = p.kind
+        if kind == "contact" and is_exact_overlap(p, shapes, world, sags):
+            kind = "authorised" if frozenset(p.objects) in allowed else "clash"
+        rows[(*p.objects, *(p.surfaces or ()))] = (kind, p.distance, p.depth, p.reason)
+    for overlap in facing_overlaps(scene, world, sags):
+        kind = "authorised" if frozenset(overlap.key[:2]) in allowed else "clash"
+        rows[overlap.key] = (kind, 0.0, overlap.depth, overlap.why)
+    fits, threads = fits_of(scene, world, lambda done: progress(TRIANGLES + (1.0 - TRIANGLES) * done, "fits"))
+    for fit in fits:
+        for key in fit.mated | (fit.beside & rows.keys()):
+            rows.pop(key, None)
+            if fit.gap > max(t.linear, clearance):
+                continue
+            kind = "clash" if fit.gap < -t.linear else "contact" if fit.gap <= t.linear else "clearance"
+            if kind == "clash" and frozenset(key[:2]) in allowed:
+                kind = "authorised"
+            rows[key] = (kind, max(fit.gap, 0.0), max(-fit.gap, 0.0), fit.why)
+    for thread in threads:  # after the fits: crests in roots are such, too
+        a, b = thread.parts
+        slack = t.linear + float(sags[a].max(initial=0.0) + sags[b].max(initial=0.0))
+        rows.update(thread.claimed(rows, deepest, slack))
+    for key, (kind, distance, depth, reason) in rows.items():
+        words = [reason, *(OPEN.format(names[i]) for i in key[:2] if not shapes[i].closed)]
+        if kind in INSIDE_KINDS and OPEN_WORDS not in reason:
+            rows[key] = (kind, distance, depth, "; ".join(filter(None, words)))
+    return {
+        "pairs": [
+            {
+                "kind": kind,
+                "parts": [names[key[0]], names[key[1]]],
+                "surfaces": list(key[2:]),
+                "distance": distance,
+                "depth": depth,
+                "reason": reason,
+            }
+            for key, (kind, distance, depth, reason) in sorted(rows.items())
+        ]
+    }
+
+
+def with_status(
+    document: dict[str, Any], path: str | os.PathLike[str], accept: Iterable[str] = (), remark: str = ""
+) -> None:
+    """Keep the status of each clash over runs in a file: clashes in `document` get "status" and "remark".
+
+    Parameters
+    ----------
+    path: the status file, as `vpframe.analysis.clash_status` has it, or the `Output` of one; made if there is none.
+    accept: clashes to mark as accepted, as `A:B` or with surfaces as `A:3:B:12`.
+    remark: kept with them.
+
+    Raises
+    ------
+    VpframeError: it is not a status file, or a clash that is to be accepted is not there.
+    """
+    keys = {_key(pair): pair for pair in document["pairs"] if pair["kind"] in BAD_KINDS}
+    with claimed(path, STATUS) as output:
+        file = output.path
+        known, pairs = (clash_status.read(file), clash_status.read_authorised(file)) if output.ours else ((), ())
+        records = clash_status.updated(known, keys)
+        for text in accept:
+            records = clash_status.accept(records, clash_status.named(records, text), remark)
+        clash_status.write(file, records, pairs)
+    for record in records:
+        if record.key in keys:
+            keys[record.key].update(status=record.status, remark=record.remark)
+
+
+def _key(pair: dict[str, Any]) -> ClashKey:
+    (a, b), (i, j) = pair["parts"], pair["surfaces"] or (clash_status.WHOLE, clash_status.WHOLE)
+    return ClashKey.of(a, i, b, j)
+
+
+def is_open(pair: dict[str, Any]) -> bool:
+    """Whether a row of `clash` is a clash that nobody has accepted."""
+    return pair["kind"] in BAD_KINDS and pair.get("status") != "accepted"
+
+
+def table(document: dict[str, Any]) -> str:
+    """What `clash` found, for a person: a line a pair of surfaces, the gravest and deepest first."""
+    pairs = document["pairs"]
+    if not pairs:
+        return "no two parts touch"
+    counts = ((kind, sum(p["kind"] == kind for p in pairs)) for kind in KINDS)
+    lines = [", ".join(f"{n} {kind}" for kind, n in counts if n)]
+    for pair in sorted(pairs, key=lambda p: (KINDS.index(p["kind"]), -p["depth"], p["distance"])):
+        where = "surfaces {} – {}".format(*pair["surfaces"]) if pair["surfaces"] else "as a whole"
+        if pair["kind"] == "contact" and pair["depth"] >= SHOWN:
+            size = f"touching, their facets {pair['depth'] * 1e3:.3f} mm into each other, no more than they stray"
+        elif pair["depth"] >= SHOWN:
+            size = f"{pair['depth'] * 1e3:.3f} mm deep"
+        else:
+            size = f"{pair['distance'] * 1e3:.3f} mm apart" if pair["distance"] >= SHOWN else "touching"
+        told = "".join(f", {pair[name]}" for name in ("status", "remark", "reason") if pair.get(name))
+        lines.append(f"  {pair['kind']:11}  {pair['parts'][0]} – {pair['parts'][1]}: {where}, {size}{told}")
+    return "\n".join(map(plain, lines))
+
+
+def authorised_pairs(text: Iterable[str]) -> list[tuple[str, str]]:
+    """Pairs of part names written `a:b`. Raises VpframeError where there are not two."""
+    out = []
+    for entry in text:
+        a, colon, b = entry.partition(":")
+        if not (a and colon and b):
+            raise VpframeError(f"authorised pair {entry!r}: write two part names as A:B")
+        out.append((a, b))
+    return out

@@ -1,0 +1,57 @@
+"""An assembly as it stands: the world that its parts are in, and what their features are to one another there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from collision import CollisionManager, Tolerance
+from constraints import Candidate, recognise
+from constraints.geometry.features import Feature
+from constraints.geometry.threads import threaded
+from constraints.recognition.recognise import contacts_within
+from vpframe.scene.scene import Scene
+
+
+def world_of(scene: Scene, tolerance: Tolerance | None = None) -> CollisionManager:
+    """The parts of a scene where they are, under a tolerance without reach: nothing is about to come nearer."""
+    manager = CollisionManager(replace(tolerance or Tolerance(), reach=0.0, reach_angular=0.0))
+    for part in scene.parts:
+        manager.add(part.mesh, part.pose)
+    return manager
+
+
+def candidates(
+    scene: Scene,
+    world: CollisionManager,
+    tell: Callable[[float], None] = lambda fraction: None,
+    *,
+    implied: bool = False,
+) -> tuple[Candidate, ...]:
+    """What the features of parts that touch are to one another, best first.
+
+    Parameters
+    ----------
+    world: of the scene, from `world_of`.
+    tell: hears the fraction done.
+    implied: whether what others imply is returned, too (see `constraints.recognition.implied`).
+    """
+    t = world.tolerance
+    features, pitches = threaded_features(scene)
+    contacts = world.contacts(within=contacts_within(features, t))
+    return recognise(
+        features, [part.pose for part in scene.parts], contacts, t, threads=pitches, implied=implied, tell=tell
+    )
+
+
+def threaded_features(scene: Scene) -> tuple[list[tuple[Feature, ...]], dict[tuple[int, int], float]]:
+    """Features of each part, those threads among them that are real geometry, and their pitches by (part, feature)."""
+    known: dict[int, tuple[tuple[Feature, ...], dict[int, float]]] = {}
+    features, threads = [], {}
+    for i, part in enumerate(scene.parts):
+        key = id(part.shape)
+        if key not in known:
+            known[key] = threaded(part.mesh, part.features)
+        features.append(known[key][0])
+        threads.update({(i, place): pitch for place, pitch in known[key][1].items()})
+    return features, threads

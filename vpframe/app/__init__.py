@@ -1,0 +1,1 @@
+"""The command line, the task runner, progress and what a run may write."""

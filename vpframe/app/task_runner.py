@@ -1,0 +1,285 @@
+"""Running task scripts: what `vpframe run` and `vpframe new` do.
+
+A task script is a Python file with two names in it:
+
+- where the parts come from: `FILE = "model.step"` (beside the script), or `def scene() -> vpframe.Scene`;
+- `def task(session)`: the task, in the hands' verbs, with what it expects.
+
+`OPTIONS = {...}`, if there, goes to `vpframe.Session` (`rule`, `dt`, `tolerance`, …). Ending the file with
+
+    if __name__ == "__main__":
+        vpframe.app.task_runner.main(__file__)
+
+lets it run by itself too, with the options of `vpframe run`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import hashlib
+import importlib.util
+import os
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from vpframe.analysis import clash_status
+from vpframe.app.outputs import CHECKPOINT, RECORDING, REPORT_FILES, SCRIPT, Output, OutputFolder
+from vpframe.app.progress import say, warn
+from vpframe.app.script_errors import ON_REQUEST, in_one_line, is_ours, place, raised_inside, script_traceback
+from vpframe.errors import CheckpointError, OutputError, TaskError, VpframeError
+from vpframe.session.interrupts import between_steps, handled
+from vpframe.text import plain
+
+if TYPE_CHECKING:
+    from vpframe.scene.scene import Scene
+    from vpframe.session.session import Session
+    from vpframe.view.meshcat_viewer import MeshcatViewer
+
+OK, FAILED, BAD, INTERRUPTED = 0, 1, 2, 130
+TRACEBACK = "VPFRAME_TRACEBACK"
+"""environment variable: set it to see where in this program an error was raised"""
+
+_SHOWN = (
+    "grabbed",
+    "released",
+    "accepted",
+    "refused",
+    "removed",
+    "collided",
+    "blocked",
+    "landed",
+    "expectation",
+    "note",
+)
+
+
+def run_task(
+    path: str | Path,
+    view: bool = False,
+    record: str | Path | None = None,
+    report: str | Path | None = None,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    force: bool = False,
+    wait: bool = False,
+) -> int:
+    """Run one task script; 0 it can be done, 1 it cannot (or the script has a fault, see stderr), 130 interrupted.
+
+    Parameters
+    ----------
+    path: the script.
+    view: open the live view.
+    record: a `.rrd` file to record to.
+    report: a folder for the report.
+    checkpoint: a file that keeps where the run is; `resume` goes on from it.
+    force: write there whatever is there; otherwise only over what vpframe wrote.
+    wait: with `view`, wait for the first browser, and show the end until Ctrl-C.
+
+    Raises
+    ------
+    VpframeError: bad input, in one line that names the file and the place; OutputError: a file that cannot be written.
+    """
+    from vpframe.session.session import Session
+
+    if resume and checkpoint is None:
+        raise VpframeError("--resume needs --checkpoint FILE, the one that the earlier run wrote")
+    script = Path(path)
+    if not script.is_file():
+        raise VpframeError(f"{script}: no such task script")
+    with contextlib.ExitStack() as claims:
+        recording = None if record is None else claims.enter_context(Output(record, RECORDING, force, [script]))
+        saved = None if checkpoint is None else claims.enter_context(Output(checkpoint, CHECKPOINT, force, [script]))
+        folder = None if report is None else claims.enter_context(OutputFolder(report, REPORT_FILES, force, [script]))
+        module = claims.enter_context(_imported(script))
+        with _located(script):
+            scene = _scene(module, script)
+        for output in (recording, saved, folder):
+            if output is not None and scene.source:
+                output.spare(scene.source)
+        options = dict(getattr(module, "OPTIONS", {}))
+        if saved is not None:
+            options.update(checkpoint=saved, resume=resume, run={"script": _digest(script)})
+        began = time.perf_counter()
+        viewer = _viewer(wait) if view else None
+        with _located(script):
+            session = Session(scene, viewer=viewer, record=recording, **{"name": script.stem, **options})
+        for note in session.scene.all_notes():
+            say(f"note: {note}")
+        session.on_event(_print_event)
+        if folder is not None:  # what a person authorised after an earlier run
+            for a, b in clash_status.read_authorised(folder.path / clash_status.FILE):
+                if a in scene and b in scene:
+                    session.authorise(a, b)
+        try:
+            code, word = _perform(module, session, script)
+        finally:
+            try:
+                session.close()
+            finally:
+                if folder is not None:
+                    session.report(folder)
+    spent = time.perf_counter() - began
+    say(f"{word}: {session.time:.2f} s of the task in {session.step_count} steps, {spent:.1f} s to compute")
+    for what, where in (("recording", record), ("report", report), ("checkpoint", checkpoint)):
+        if where is not None:
+            say(f"{what}: {where}")
+    if wait and viewer is not None and code != INTERRUPTED:
+        viewer.stay()
+    return code
+
+
+def _viewer(wait: bool) -> MeshcatViewer:
+    from vpframe.view.meshcat_viewer import watched
+
+    return watched(wait)
+
+
+def _perform(module: ModuleType, session: Session, script: Path) -> tuple[int, str]:
+    """Run the task to its end, whatever that is; exit code and word for it, the reason being printed.
+
+    Raises
+    ------
+    CheckpointError, OutputError: of a file that the run was given, which is not the script's fault.
+    """
+    try:
+        with between_steps(session):
+            module.task(session)
+        session.conclude()
+    except BaseException as error:  # `sys.exit` in a script is no success either
+        session.conclude(error, script)
+        if isinstance(error, CheckpointError | OutputError):
+            raise
+        if not isinstance(error, TaskError | KeyboardInterrupt):
+            _show(error)
+    if session.failure:
+        warn(f"failed: {session.failure}")
+        return FAILED, "failed"
+    if session.undecided == ON_REQUEST:
+        warn("interrupted; what was done so far is kept")
+        return INTERRUPTED, "interrupted"
+    if session.undecided:
+        warn(f"not decided: {session.undecided}")
+        return FAILED, "not decided"
+    return OK, "done"
+
+
+def _show(error: BaseException) -> None:
+    """Print where a script failed by its own fault, frame by frame; ours are left out unless they are asked for."""
+    if os.environ.get(TRACEBACK):
+        warn("".join(traceback.format_exception(error)).rstrip())
+    elif not is_ours(error):
+        warn(script_traceback(error))
+        if raised_inside(error):
+            warn(f"(raised inside vpframe; set {TRACEBACK}=1 to see where)")
+
+
+def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
+    """Run a task script as a program of its own; never returns."""
+    parser = argparse.ArgumentParser(prog=os.path.basename(script))
+    parser.add_argument(
+        "--view", action="store_true", help="open the live view, wait for a browser, show the end until Ctrl-C"
+    )
+    parser.add_argument("--no-wait", dest="wait", action="store_false", help="with --view: do not wait for anybody")
+    parser.add_argument("--record", metavar="RUN.rrd", help="record to this file")
+    parser.add_argument("--report", metavar="DIR", help="write the report to this folder")
+    parser.add_argument("--checkpoint", metavar="FILE", help="save where the run is, once a second")
+    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint of a run that was cut off")
+    parser.add_argument("--force", action="store_true", help="write there whatever is there")
+    given = parser.parse_args(argv)
+    try:
+        with handled():
+            code = run_task(script, **vars(given))
+    except KeyboardInterrupt:
+        warn("interrupted")
+        code = INTERRUPTED
+    except VpframeError as error:
+        warn(str(error))
+        code = BAD
+    sys.exit(code)
+
+
+def new_task(path: str | Path, from_file: str | Path, force: bool = False) -> str:
+    """Write a first task script for the parts of a model; returns why it stops, empty when it runs to its end.
+
+    Raises
+    ------
+    OutputError: the script exists already (and is not to be replaced by `force`), or cannot be written; LoadError: the
+        model cannot be read.
+    """
+    with Output(path, SCRIPT, force, [from_file]) as script:
+        from vpframe.app.scaffold import new_task as write
+
+        scene = loaded(from_file)
+        for note in scene.all_notes():
+            say(f"note: {note}")
+        return write(script, scene, Path(from_file))
+
+
+def loaded(path: str | Path) -> Scene:
+    """`vpframe.load`, with a line of progress on the terminal."""
+    from vpframe.app.progress import Progress
+    from vpframe.importers import load
+
+    with Progress(f"loading {Path(path).name}") as progress:
+        return load(path, progress=progress)
+
+
+@contextlib.contextmanager
+def _imported(script: Path) -> Iterator[ModuleType]:
+    """The module of a task script; inside, `import` finds what lies beside the script, and the module by its name."""
+    name = f"vpframe_task_{script.stem}"
+    spec = importlib.util.spec_from_file_location(name, script)
+    if spec is None or spec.loader is None:
+        raise VpframeError(f"{script}: not a Python file; a task script ends in .py")
+    module = importlib.util.module_from_spec(spec)
+    folder = str(script.resolve().parent)
+    sys.path.insert(0, folder)
+    sys.modules[name] = module
+    try:
+        with _located(script):
+            spec.loader.exec_module(module)
+        if not callable(getattr(module, "task", None)):
+            raise VpframeError(f"{script}: defines no task; write `def task(session): …`")
+        yield module
+    finally:
+        sys.modules.pop(name, None)
+        with contextlib.suppress(ValueError):  # the script took it away itself
+            sys.path.remove(folder)
+
+
+def _scene(module: ModuleType, script: Path) -> Any:
+    make: Callable[[], Any] | None = getattr(module, "scene", None)
+    file = getattr(module, "FILE", None)
+    if callable(make):
+        return make()
+    if isinstance(file, str | Path):
+        return loaded(script.parent / file)
+    raise VpframeError(f"{script}: says not what to work on; write FILE = 'model.step' or `def scene(): …`")
+
+
+@contextlib.contextmanager
+def _located(script: Path) -> Iterator[None]:
+    """Give errors raised while a script is read the line they come from, and turn foreign ones into one line."""
+    try:
+        yield
+    except SyntaxError as error:
+        raise VpframeError(f"{error.filename or script}:{error.lineno}: {error.msg}") from error
+    except (Exception, SystemExit) as error:
+        if not os.environ.get(TRACEBACK):  # else whoever catches what is raised here shows all of it
+            _show(error)
+        raise VpframeError(f"{place(error, script)}{in_one_line(error)}") from error
+
+
+def _print_event(event: Any) -> None:
+    if event.kind in _SHOWN:
+        say(f"{event.time:8.3f} s  {event.kind:<11} {plain(event.text)}")
+
+
+def _digest(script: Path) -> str:
+    return hashlib.sha256(script.read_bytes()).hexdigest()

@@ -1,0 +1,194 @@
+"""Compile in two further processes what a command will need, while the first process reads its file.
+
+They ask toy questions of the packages, one process of `collision`, the other of what builds on it. What they compile is
+kept on disk, and whoever needs a kernel that another process is at waits for it (`collision.numeric.kernel_cache`), so
+that the processes need nothing else from each other; one that dies costs nothing. They end with the first process.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collision import CollisionManager, SurfaceMesh
+
+_helpers: list[subprocess.Popen[bytes]] = []
+
+
+def start(use: str) -> None:
+    """Start the processes for a use of USES, unless it is noted that they have nothing to do."""
+    from collision.numeric import kernel_cache
+
+    folder = kernel_cache.folder("vpframe")
+    if folder is None or kernel_cache.config.DISABLE_JIT or (os.cpu_count() or 1) < 2:
+        return
+    root = str(Path(__file__).resolve().parents[2])
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))}
+    for share in range(len(USES[use])):
+        if not _done(folder, use, share).exists():
+            command = [sys.executable, "-P", "-m", __name__, use, str(share)]
+            quiet = subprocess.DEVNULL
+            helper = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, env=environment)
+            _helpers.append(helper)  # its standard input is open as long as we live
+
+
+def note_enough(use: str) -> None:
+    """Note, where this process had to compile nothing, that the processes for the use have nothing more to do."""
+    from collision.numeric import kernel_cache
+    from collision.numeric.kernel import compilation
+
+    folder = kernel_cache.folder("vpframe")
+    if folder is not None and not compilation.kernels:
+        for share in range(len(USES[use])):
+            _done(folder, use, share).touch()
+
+
+def main(use: str, share: int) -> None:
+    """Do one process's share of a use, and note that it was done."""
+    from collision.numeric import kernel_cache
+
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    for ask in USES[use][share]:
+        ask()
+    folder = kernel_cache.folder("vpframe")
+    if folder is not None:
+        _done(folder, use, share).touch()
+
+
+def _done(folder: Path, use: str, share: int) -> Path:
+    return folder / f"{use}-{share}.done"
+
+
+def _end_with_parent() -> None:
+    os.read(sys.stdin.fileno(), 1)  # it says nothing, and closes when it ends
+    os._exit(0)
+
+
+def _box(size: float) -> SurfaceMesh:
+    import numpy as np
+
+    from collision import SurfaceMesh
+
+    corners = np.array([[x, y, z] for x in (0.0, size) for y in (0.0, size) for z in (0.0, size)])
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
+    return SurfaceMesh(corners, triangles, np.repeat(np.arange(6), 2))
+
+
+def _boxes(gap: float) -> CollisionManager:
+    """A box of 10 mm, and one of 4 mm at a distance from it."""
+    import numpy as np
+
+    from collision import CollisionManager
+
+    world = CollisionManager()
+    world.add(_box(0.010), np.eye(4))
+    world.add(_box(0.004), _shifted(0.010 + gap))
+    return world
+
+
+def _shifted(x: float) -> object:
+    import numpy as np
+    import pinocchio as pin
+
+    return pin.SE3(np.eye(3), np.array([x, 0.003, 0.003]))
+
+
+def _contacts() -> None:
+    world = _boxes(0.0005)
+    world.object_pairs([0], within=0.001)
+    world.contacts(0.001)
+    world.clearance(0, 1)
+
+
+def _collisions() -> None:
+    world = _boxes(-0.001)
+    world.colliding_surfaces()
+    world.set_pose(1, _shifted(0.02))  # type: ignore[arg-type]
+    world.colliding_surfaces([1])
+
+
+def _motions() -> None:
+    _boxes(0.005).time_of_contact({1: _shifted(0.005)})  # type: ignore[dict-item]
+
+
+def _depths() -> None:
+    _boxes(-0.001).penetration(0, 1)
+
+
+def _classes() -> None:
+    from collision.classify import classify
+
+    classify(_boxes(-0.001))
+    classify(_boxes(-0.007))
+
+
+def _solutions() -> None:
+    import numpy as np
+    import pinocchio as pin
+
+    from collision import Tolerance
+    from constraints import Against, Concentric
+    from constraints.freedom.mobility import mobility
+    from constraints.geometry.surfaces import Cylinder, Plane
+    from constraints.motion.unknowns import Unknowns
+
+    z = np.array([0.0, 0.0, 1.0])
+    on, bore = Plane(np.zeros(3), z), Cylinder(np.zeros(3), z, 0.01)
+    constraints = (
+        Concentric((0, 1), (bore, bore)),
+        Against((0, 1), (on, Plane(np.zeros(3), -z))),
+    )
+    poses = [pin.SE3.Identity(), pin.SE3(np.eye(3), np.full(3, 1e-3))]
+    mobility(constraints, poses, [0])
+    unknowns = Unknowns.of(constraints, frozenset({1}), frozenset({1}), lambda body: (np.zeros(3), 0.01))
+    unknowns.linearised(poses, Tolerance().rigid)
+    rows = np.zeros(1, [("object_a", int), ("object_b", int), ("point_a", float, 3), ("point_b", float, 3)])
+    rows["object_b"] = 1
+    unknowns.gap_rows(rows, np.zeros((1, 3)), poses)
+
+
+def _programs() -> None:
+    import numpy as np
+
+    from constraints.motion.quadratic_program import quadratic_program
+
+    quadratic_program(np.eye(2), np.ones(2), np.ones((1, 2)), np.ones(1))
+
+
+def _overlaps() -> None:
+    import numpy as np
+
+    from constraints.geometry.overlap import facing_area
+
+    z, triangle = np.array([0.0, 0.0, 1.0]), np.eye(3)[None]
+    facing_area(np.zeros(3), z, triangle, triangle, np.zeros(3), -z)
+
+
+def _pictures() -> None:
+    import numpy as np
+
+    from vpframe.view import raster
+
+    depth, image = np.full((2, 2), -np.inf), np.zeros((2, 2, 3), np.float32)
+    face, weight = np.full((2, 2), -1, np.int32), np.zeros((2, 2, 2), np.float32)
+    raster.fill_triangles(np.zeros((1, 3, 2)), np.zeros((1, 3)), np.zeros((1, 3)), depth, face, weight)
+    ends, one = np.zeros((1, 2, 2)), np.ones(1)
+    raster.draw_segments(ends, np.zeros((1, 2)), np.zeros((1, 3)), one, one, depth, image)
+
+
+USES: dict[str, tuple[tuple[Callable[[], None], ...], ...]] = {
+    "session": ((_contacts, _collisions, _motions), (_solutions, _programs, _overlaps, _pictures)),
+    "clash": ((_contacts,), (_depths, _overlaps, _classes)),
+    "mates": ((_contacts,), (_overlaps, _solutions)),
+}
+"""what each of the processes asks, in the order in which the command will"""
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]))

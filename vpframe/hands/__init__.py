@@ -1,0 +1,39 @@
+"""Hands, their verbs and paths, and the conditions that end a motion."""
+
+from vpframe.hands.arguments import pose_from
+from vpframe.hands.assist import Assist
+from vpframe.hands.conditions import (
+    Condition,
+    blocked,
+    candidate,
+    clearance,
+    constraint,
+    contact,
+    free,
+    freedom,
+)
+from vpframe.hands.hand import Hand, Outcome
+from vpframe.hands.paths import Path, Resting, Reversed, Spline, Straight, Track, Turning, read_track
+
+__all__ = [
+    "Assist",
+    "Condition",
+    "Hand",
+    "Outcome",
+    "Path",
+    "Resting",
+    "Reversed",
+    "Spline",
+    "Straight",
+    "Track",
+    "Turning",
+    "blocked",
+    "candidate",
+    "clearance",
+    "constraint",
+    "contact",
+    "free",
+    "freedom",
+    "pose_from",
+    "read_track",
+]

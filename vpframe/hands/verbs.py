@@ -1,0 +1,352 @@
+"""What hands do: each verb is a generator of strokes, so that several hands can be at work in the same steps.
+
+A verb yields `Stroke`s and is sent the `Outcome` of each; it returns the outcome of the whole. Everything a verb
+decides, it decides from the scene as it stands when the stroke begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from vpframe.errors import TaskError
+from vpframe.hands import paths
+from vpframe.hands.arguments import FAR, as_pose, metres, number, vector
+from vpframe.hands.conditions import Condition, as_condition, constraint, contact
+from vpframe.hands.directions import best_fit, direction, extent, held_part, in_front, line, other_part, top_of, who
+from vpframe.hands.reach import half_size, surface_distances
+
+if TYPE_CHECKING:
+    from vpframe.hands.hand import Hand, Outcome, Stroke
+
+Verb = Generator["Stroke", "Outcome", "Outcome"]
+
+# ---- motion
+
+
+def approach(hand: Hand, part: str, surface: int | None, duration: float | None) -> Verb:
+    """To the nearest point of a part, or of one of its surfaces: `Hand.approach`."""
+    from vpframe.hands.hand import Stroke
+
+    if hand.held is not None:
+        raise TaskError(f"{hand.name} holds {hand.held}; only an empty hand approaches, use move_to")
+    body = hand.session.scene[part]
+    distances, points = surface_distances(body.mesh, body.pose, hand.pose.translation)
+    if surface is not None and surface not in range(len(distances)):
+        raise TaskError(f"{part} has no surface {surface!r}; it has 0 … {len(distances) - 1}")
+    goal = points[int(np.argmin(distances)) if surface is None else surface]
+    path = _straight(hand, pin.SE3(hand.pose.rotation, goal), duration, None)
+    return (yield Stroke(f"{hand.name}.approach({part!r})", path))
+
+
+def grab(hand: Hand, part: str, surface: int | None, carried: tuple[str, ...]) -> Verb:
+    """Take a part that the hand touches, after going there if need be: `Hand.grab`."""
+    session = hand.session
+    if hand.held is not None:
+        raise TaskError(f"{hand.name} already holds {hand.held}; release it before grabbing {part}")
+    if len({part, *carried}) != 1 + len(carried):
+        raise TaskError(f"{hand.name}.grab({part!r}, carry={list(carried)}): name each part that comes along once")
+    for name in (part, *carried):
+        if session.scene[name].fixed:
+            raise TaskError(f"{name} is fixed in the scene; set part.fixed = False before grabbing it")
+        holder = session.holder(name)
+        if holder is not None:
+            raise TaskError(f"{name} is already held by {holder.name}")
+    if not hand.touched(part) or surface is not None:
+        yield from approach(hand, part, surface, None)
+    hand.take(part, surface, carried)
+    return _outcome(hand, f"holds {part}")
+
+
+def release(hand: Hand) -> Verb:
+    """Let go of what is held: `Hand.release`."""
+    hand.let_go()
+    return _outcome(hand, "released")
+    yield  # pragma: no cover - makes this a generator, as all verbs are
+
+
+def move_to(
+    hand: Hand, pose: pin.SE3 | ArrayLike, duration: float | None, until: Condition | str | None, required: bool
+) -> Verb:
+    """Straight to a world pose: `Hand.move_to`."""
+    from vpframe.hands.hand import Stroke
+
+    goal = as_pose(pose, hand.subject)
+    _in_metres(hand, goal.translation - hand.subject.translation, "move_to")
+    where = ", ".join(f"{x * 1e3:.1f}" for x in goal.translation)
+    path = _straight(hand, goal, duration, None)
+    return (yield Stroke(f"{who(hand)}.move_to([{where}] mm)", path, as_condition(until), required))
+
+
+def move_by(
+    hand: Hand, shift: ArrayLike, duration: float | None, until: Condition | str | None, required: bool
+) -> Verb:
+    """Straight by a vector (3,), m, without turning: `Hand.move_by`."""
+    from vpframe.hands.hand import Stroke
+
+    by = vector(shift, "move_by")
+    _in_metres(hand, by, "move_by")
+    where = ", ".join(f"{x * 1e3:.1f}" for x in by)
+    path = _straight(hand, paths.lifted(hand.subject, by), duration, None)
+    return (yield Stroke(f"{who(hand)}.move_by([{where}] mm)", path, as_condition(until), required))
+
+
+def follow(
+    hand: Hand,
+    path: paths.Path | str | FilePath | Sequence[pin.SE3 | ArrayLike],
+    until: Condition | str | None,
+    required: bool,
+) -> Verb:
+    """Along a path or track, from where it begins: `Hand.follow`."""
+    from vpframe.hands.hand import Stroke
+
+    way: paths.Path
+    if isinstance(path, str | FilePath):
+        name, way = str(path), paths.read_track(path)
+    elif isinstance(path, Sequence | np.ndarray):
+        poses = [as_pose(pose, hand.subject) for pose in path]
+        for pose in poses:
+            _in_metres(hand, pose.translation - hand.subject.translation, "follow")
+        name, way = f"{len(poses)} poses", paths.Spline(poses, hand.speed, hand.turn_speed)
+    elif hasattr(path, "pose") and hasattr(path, "duration"):
+        name, way = type(path).__name__, path
+    else:
+        raise TaskError(f"{who(hand)}.follow({path!r}): give a path, the name of a track file, or a list of poses")
+    number(way.duration, f"{who(hand)}.follow({name}): duration", least=0.0)
+    start, here = way.pose(0.0), hand.subject
+    if np.linalg.norm(start.translation - here.translation) > hand.slack or not start.isApprox(here, 1e-6):
+        yield from move_to(hand, start, None, None, True)
+    return (yield Stroke(f"{who(hand)}.follow({name})", way, as_condition(until), required))
+
+
+def slide(
+    hand: Hand,
+    along: str | ArrayLike,
+    distance: float | None,
+    until: Condition | str | None,
+    speed: float | None,
+    required: bool,
+    verb: str = "slide",
+    outward: bool = False,
+) -> Verb:
+    """Along a direction, for a distance (m) or until a condition holds: `Hand.slide`."""
+    from vpframe.hands.hand import Stroke
+
+    end = as_condition(until)
+    if distance is None and end is None:
+        raise TaskError(f"{hand.name}.{verb} needs a distance or until=a condition")
+    far = _scene_size(hand) if distance is None else number(distance, f"{hand.name}.{verb}: distance")
+    if distance is not None:
+        _in_metres(hand, far, f"{verb}: distance={distance!r}")
+    pace = 0.4 * hand.speed if speed is None else number(speed, f"{hand.name}.{verb}: speed", above=0.0)
+    way = direction(hand, along, outward)
+    goal = paths.lifted(hand.subject, far * way)
+    path = _straight(hand, goal, None, pace, eased=distance is not None)
+    how = f"{along if isinstance(along, str) else np.round(way, 3).tolist()}"
+    if distance is not None:
+        how += f", {distance * 1e3:g} mm"
+    if end is not None:
+        how += f", until {end}"
+    return (yield Stroke(f"{who(hand)}.{verb}({how})", path, end, required))
+
+
+def pull(
+    hand: Hand,
+    along: str | ArrayLike,
+    distance: float | None,
+    until: Condition | str | None,
+    speed: float | None,
+    required: bool,
+) -> Verb:
+    """Like `slide`, with "axis" pointing away from the partner: `Hand.pull`."""
+    return (
+        yield from slide(
+            hand, along, distance, None if distance is not None else until, speed, required, "pull", outward=True
+        )
+    )
+
+
+def turn(
+    hand: Hand,
+    angle: float,
+    about: str | ArrayLike | tuple[ArrayLike, ArrayLike],
+    until: Condition | str | None,
+    duration: float | None,
+    required: bool,
+) -> Verb:
+    """By an angle (rad) about an axis or line: `Hand.turn`."""
+    from vpframe.hands.hand import Stroke
+
+    angle = number(angle, f"{who(hand)}.turn: angle")
+    origin, axis = line(hand, about)
+    seconds = abs(angle) / hand.turn_speed if duration is None else duration
+    path = paths.Turning(hand.subject, origin, axis, angle, _seconds(hand, seconds))
+    end = as_condition(until)
+    text = f"{who(hand)}.turn({np.degrees(angle):g}°" + (f", until {end})" if end else ")")
+    return (yield Stroke(text, path, end, required))
+
+
+def wait(hand: Hand, seconds: float | None, until: Condition | str | None) -> Verb:
+    """Stay, for a time (s) or until a condition holds: `Hand.wait`."""
+    from vpframe.hands.hand import Stroke
+
+    end = as_condition(until)
+    if seconds is not None:
+        seconds = number(seconds, f"{hand.name}.wait: seconds", least=0.0)
+    elif end is None:
+        raise TaskError(f"{hand.name}.wait needs seconds or until=a condition")
+    path = paths.Resting(hand.subject, _seconds(hand, 60.0 if seconds is None else seconds))
+    return (yield Stroke(f"{hand.name}.wait({end or f'{seconds:g} s'})", path, end))
+
+
+# ---- putting together, taking apart
+
+
+def insert(
+    hand: Hand, into: str, until: Condition | str | None, speed: float | None, gap: float, required: bool
+) -> Verb:
+    """In front of the best fitting bore of a part, then in: `Hand.insert`."""
+    part, target = held_part(hand, "insert"), other_part(hand, "insert", into)
+    gap = number(gap, f"{who(hand)}.insert: gap", least=0.0)
+    _in_metres(hand, gap, f"insert: gap={gap!r}")
+    shaft, bore = best_fit(part, target, hand.session.tolerance)
+    way, aligned = in_front(part, target, shaft, bore, gap)
+    yield from move_to(hand, aligned, None, None, True)
+    end = as_condition(until) or constraint("against", other=into)
+    return (yield from slide(hand, way, None, end, speed, required, f"insert({into!r})"))
+
+
+def screw(
+    hand: Hand, turns: float | None, pitch: float | None, until: Condition | str | None, rate: float, required: bool
+) -> Verb:
+    """In by turns or until a condition holds, at `rate` turns a second: `Hand.screw`."""
+    end = as_condition(until) or (None if turns else constraint("against"))
+    return (yield from _screw(hand, turns, pitch, end, rate, required, "screw"))
+
+
+def unscrew(
+    hand: Hand, turns: float | None, pitch: float | None, until: Condition | str | None, rate: float, required: bool
+) -> Verb:
+    """Out by turns or until a condition holds, at `rate` turns a second: `Hand.unscrew`."""
+    end = as_condition(until) or (None if turns else as_condition("free"))
+    return (yield from _screw(hand, turns, pitch, end, rate, required, "unscrew"))
+
+
+def _screw(
+    hand: Hand, turns: float | None, pitch: float | None, end: Condition | None, rate: float, required: bool, verb: str
+) -> Verb:
+    from vpframe.hands.hand import Stroke
+
+    lead = _lead(hand, pitch, verb)
+    rate = number(rate, f"{who(hand)}.{verb}: rate", above=0.0)
+    if turns is not None:
+        turns = number(turns, f"{who(hand)}.{verb}: turns", above=0.0)
+    axis = direction(hand, "axis", outward=verb == "unscrew")
+    origin, _ = line(hand, "axis")
+    n = _scene_size(hand) / abs(lead) if turns is None else turns
+    # positive turns about a direction advance along it in a right-hand thread, against it in a left-hand one
+    angle = np.copysign(2.0 * np.pi * n, lead)
+    path = paths.Turning(
+        hand.subject, origin, axis, angle, _seconds(hand, n / rate), pitch=lead, eased=turns is not None
+    )
+    how = f"{turns:g} turns" if turns is not None else f"until {end}"
+    return (yield Stroke(f"{who(hand)}.{verb}({how})", path, end, required))
+
+
+def _lead(hand: Hand, pitch: float | None, verb: str) -> float:
+    """m a turn, negative for a left-hand thread: as the script says, else as the thread is that holds the part."""
+    part = held_part(hand, verb).name
+    if pitch is not None:
+        lead = number(pitch, f"{who(hand)}.{verb}: pitch")
+        if lead == 0.0:
+            raise TaskError(f"{who(hand)}.{verb}: pitch=0; give metres a turn, negative for a left-hand thread")
+        size = 2.0 * hand.session.half_size(part)
+        metres(lead, f"{who(hand)}.{verb}: pitch={pitch!r}", part, size, FAR * size)
+        return lead
+    known = hand.session.pitch_of(part)
+    if known is None:
+        raise TaskError(
+            f"{who(hand)}.{verb}: no thread holds {part} that is real geometry; "
+            f"give pitch= in metres a turn, or say so with session.thread({part!r}, pitch)"
+        )
+    return known
+
+
+def place(hand: Hand, on: str, at: ArrayLike | None, height: float, let_go: bool) -> Verb:
+    """Down on the highest flat top of a part, and let go: `Hand.place`."""
+    part, target = held_part(hand, "place"), other_part(hand, "place", on)
+    height = number(height, f"{who(hand)}.place: height", least=0.0)
+    _in_metres(hand, height, f"place: height={height!r}")
+    top, middle = top_of(target)
+    try:
+        over = middle if at is None else np.asarray(at, dtype=np.float64)
+    except (TypeError, ValueError):
+        over = np.empty(0)
+    if over.shape != (2,) or not np.isfinite(over).all():
+        raise TaskError(f"place(on={on!r}, at={at!r}): at is two finite numbers, x and y in metres")
+    low, mid = extent(part, part.pose)
+    above = np.array([over[0] - mid[0], over[1] - mid[1], top + height - low])
+    highest = max(above[2], 0.0)
+    yield from move_by(hand, (0.0, 0.0, highest), None, None, True)
+    yield from move_by(hand, (above[0], above[1], 0.0), None, None, True)
+    down = constraint("against", other=on) | contact
+    outcome = yield from slide(hand, "down", None, down, None, True, f"place({on!r})")
+    if let_go:
+        yield from release(hand)
+    return outcome
+
+
+def snap(hand: Hand, kind: str | None) -> Verb:
+    """Accept the best candidate within the assist's reach: `Hand.snap`."""
+    from vpframe.hands.hand import Stroke
+
+    part = held_part(hand, "snap").name
+    session = hand.session
+    if hand.assist.snap <= 0.0:
+        raise TaskError(f"{hand.name}.snap(): set the reach first, hand.assist = Assist(snap=0.003)")
+    settle = paths.Resting(hand.subject, 2.0 * session.dt)
+    yield Stroke(f"{hand.name}.snap()", settle, None, False)  # a step, so that candidates are those of here and now
+    offers = [c for c in session.candidates if part in c.parts and kind in (None, c.kind)]
+    if not offers:
+        return _outcome(hand, f"nothing{f' {kind}' if kind else ''} to snap to within reach", done=False)
+    session.accept(offers[0])
+    yield Stroke(f"{hand.name}.snap({offers[0].kind})", paths.Resting(hand.subject, 2.0 * session.dt), None, False)
+    return _outcome(hand, f"snapped: {offers[0].kind}")
+
+
+def _outcome(hand: Hand, reason: str, done: bool = True) -> Outcome:
+    from vpframe.hands.hand import Outcome
+
+    return Outcome(done, reason, hand.session.time)
+
+
+def _straight(
+    hand: Hand, goal: pin.SE3, duration: float | None, speed: float | None, eased: bool = True
+) -> paths.Straight:
+    start = hand.subject
+    if duration is None:
+        far = float(np.linalg.norm(goal.translation - start.translation))
+        turned = float(np.linalg.norm(pin.log3(start.rotation.T @ goal.rotation)))
+        duration = max(far / (speed or hand.speed), turned / hand.turn_speed)
+    return paths.Straight(pin.SE3(start), goal, _seconds(hand, duration), eased)
+
+
+def _in_metres(hand: Hand, way: ArrayLike, what: str) -> None:
+    """Refuse a way (m, or (3,) m) so much longer than the scene that millimetres must be meant; never a way back."""
+    low, high = hand.session.bounds
+    astray = float(np.linalg.norm(hand.subject.translation - 0.5 * (low + high)))
+    size = float(np.linalg.norm(high - low))
+    metres(float(np.linalg.norm(way)), f"{who(hand)}.{what}", "the scene", size, max(1.0, FAR * size + astray))
+
+
+def _seconds(hand: Hand, duration: float) -> float:
+    return max(number(duration, f"{hand.name}: duration", least=0.0), hand.session.dt)
+
+
+def _scene_size(hand: Hand) -> float:
+    return 2.0 * max(half_size(p.mesh) for p in hand.session.scene.parts)

@@ -1,0 +1,86 @@
+"""How far a surface's triangles stray from the surface itself."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from constraints.geometry.surfaces import Freeform, Plane
+from vpframe.scene.scene import Shape
+
+_TINY = np.finfo(np.float64).tiny
+_FLAT = 1e-9
+"""m: an edge that strays by less is straight"""
+_BORDERS: WeakKeyDictionary[Shape, dict[int, NDArray[np.float64]]] = WeakKeyDictionary()
+
+
+def deflections(shape: Shape) -> NDArray[np.float64]:
+    """(surfaces,) m: greatest distance between each surface's triangles and the true surface.
+
+    Measured at the middles of triangles and of their edges. An edge between two surfaces counts for both: the border of
+    a flat face that a bore cuts strays within its plane by as much as the bore's facets do. Of a freeform surface only
+    the triangles are known: two that meet at an angle θ over heights h sag by about h θ / 8 from an arc through their
+    corners.
+    """
+    edge, shared, inner = _sags(shape)
+    mesh = shape.mesh
+    return np.array(
+        [shared[edge[mesh.triangles_of(i)]].max(initial=least) for i, least in enumerate(inner)], dtype=np.float64
+    )
+
+
+def curved_borders(shape: Shape) -> dict[int, NDArray[np.float64]]:
+    """Of each planar surface that has any, the edges (k, 2, 3), m, that it shares with facets of curved surfaces."""
+    if shape not in _BORDERS:
+        edge, shared, _ = _sags(shape)
+        mesh = shape.mesh
+        ends = np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=2)
+        out = {}
+        for surface in shape.surfaces:
+            own = mesh.triangles_of(surface.index)
+            curved = shared[edge[own]] > np.maximum(surface.residual, _FLAT)
+            if isinstance(surface.geometry, Plane) and curved.any():
+                out[surface.index] = mesh.vertices[ends[own][curved]]
+        _BORDERS[shape] = out
+    return _BORDERS[shape]
+
+
+def _sags(shape: Shape) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """The edge (t, 3) at each side of each triangle, by number; how far each edge, and each surface, strays (m)."""
+    mesh = shape.mesh
+    corners = mesh.vertices[mesh.triangles]
+    # a triangle's edges; `edge` numbers them, the same for the triangles on either side
+    ends = np.sort(np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=2), axis=2)
+    edge = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 3)
+    middles = (corners + np.roll(corners, -1, axis=1)) / 2.0
+    sag = np.zeros((mesh.n_triangles, 3))
+    inner = np.zeros(len(shape.surfaces))
+    for surface in shape.surfaces:
+        own = mesh.triangles_of(surface.index)
+        if isinstance(surface.geometry, Freeform):
+            sag[own] = _estimate(corners[own], edge[own])
+        else:
+            sag[own] = np.abs(surface.geometry.distance(middles[own].reshape(-1, 3))).reshape(-1, 3)
+            centroids = np.abs(surface.geometry.distance(corners[own].mean(axis=1)))
+            inner[surface.index] = centroids.max(initial=surface.residual)
+    shared = np.zeros(edge.max(initial=-1) + 1)
+    np.maximum.at(shared, edge, sag)
+    return edge, shared, inner
+
+
+def _estimate(corners: NDArray[np.float64], edge: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(t, 3): h θ / 8 at each edge of each triangle, 0 where its other side is another surface."""
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(cross, axis=1)
+    normals = cross / np.maximum(length, _TINY)[:, None]
+    base = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    height = (length[:, None] / np.maximum(base, _TINY)).reshape(-1)
+    order = np.argsort(edge, axis=None, kind="stable")
+    twins = edge.reshape(-1)[order][:-1] == edge.reshape(-1)[order][1:]
+    first, second = order[:-1][twins], order[1:][twins]
+    cosine = (normals[first // 3] * normals[second // 3]).sum(axis=1)
+    out = np.zeros(edge.size)
+    out[first] = np.maximum(height[first], height[second]) * np.arccos(np.clip(cosine, -1.0, 1.0)) / 8.0
+    return out.reshape(-1, 3)

@@ -1,0 +1,108 @@
+"""Overlap of planes, exactly: what the deflection of round faces at their rims must not hide.
+
+The border of a plane that a bore cuts is a polygon and strays from the true circle, but within the plane: across it a
+plane is exact. Planes that face each other are therefore judged on their distance over the area they share, and any
+other two on the depth of their triangles, save at a curved border.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision import CollisionManager, SurfaceMesh
+from collision.classify import PairClass
+from constraints.geometry.overlap import facing_area
+from constraints.geometry.surfaces import Plane
+from constraints.geometry.views import millimetres
+from vpframe.scene.deflection import curved_borders
+from vpframe.scene.scene import Scene, Shape
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PlaneOverlap:
+    """Two planar faces that reach into each other."""
+
+    key: tuple[int, int, int, int]
+    """part a, part b, surface of a, surface of b"""
+    depth: float
+    """m"""
+    why: str
+
+
+def facing_overlaps(scene: Scene, world: CollisionManager, sags: Sequence[Array]) -> list[PlaneOverlap]:
+    """Planes that face each other and overlap by more than `Tolerance.linear`, but by less than deflections hide.
+
+    sags: of every part the deflections of its surfaces, m. An overlap counts where the area shared is more than what
+    the borders of the two faces may be off.
+    """
+    worst = [float(sag.max(initial=0.0)) for sag in sags]
+    linear, angular = world.tolerance.linear, world.tolerance.angular
+    found = []
+    for row in world.contacts(within=linear + 2.0 * max(worst, default=0.0)) if any(worst) else ():
+        a, i, b, j = (int(row[name]) for name in ("object_a", "surface_a", "object_b", "surface_b"))
+        first, second = scene.parts[a].surfaces[i], scene.parts[b].surfaces[j]
+        p, q = first.geometry, second.geometry
+        if not (isinstance(p, Plane) and isinstance(q, Plane)):
+            continue
+        p, q = p.transformed(scene.parts[a].pose), q.transformed(scene.parts[b].pose)
+        if p.normal @ q.normal > -np.cos(angular):
+            continue
+        one, other = _triangles(world, a, i), _triangles(world, b, j)
+        region = facing_area(p.origin, p.normal, one, other, q.origin, q.normal)
+        exactly = linear + first.residual + second.residual
+        depth = -region.gap_min
+        if not exactly < depth <= linear + worst[a] + worst[b]:
+            continue
+        border = min(_perimeter(world.mesh(a), i), _perimeter(world.mesh(b), j))
+        if region.area > (sags[a][i] + sags[b][j] + linear) * border:
+            why = f"planes {millimetres(depth)} into each other over {region.area * 1e6:.4g} mm²"
+            found.append(PlaneOverlap((a, b, i, j), depth, why))
+    return found
+
+
+def is_exact_overlap(pair: PairClass, shapes: Sequence[Shape], world: CollisionManager, sags: Sequence[Array]) -> bool:
+    """Whether two planar faces reach into each other deeper than `Tolerance.linear`, away from their curved borders."""
+    if pair.surfaces is None or pair.depth == 0.0:
+        return False
+    limit = world.tolerance.linear
+    for part, surface in zip(pair.objects, pair.surfaces, strict=True):
+        face = shapes[part].surfaces[surface]
+        if not isinstance(face.geometry, Plane):
+            return False
+        limit += face.residual
+    for part, surface in zip(pair.objects, pair.surfaces, strict=True):
+        near = pair.depth + float(sags[part][surface]) + limit
+        borders = curved_borders(shapes[part]).get(surface)
+        if borders is not None and _distance(world.pose(part).actInv(pair.witness), borders) <= near:
+            return False
+    return pair.depth > limit
+
+
+def _triangles(world: CollisionManager, part: int, surface: int) -> Array:
+    """(t, 3, 3) m, world."""
+    mesh, pose = world.mesh(part), world.pose(part)
+    corners = mesh.vertices[mesh.triangles[mesh.triangles_of(surface)]]
+    return np.asarray(corners @ pose.rotation.T + pose.translation)
+
+
+def _perimeter(mesh: SurfaceMesh, surface: int) -> float:
+    """m: length of the border of a surface's triangles."""
+    triangles = mesh.triangles[mesh.triangles_of(surface)]
+    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    border, count = np.unique(sides, axis=0, return_counts=True)
+    ends = mesh.vertices[border[count == 1]]
+    return float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+
+
+def _distance(point: Array, segments: Array) -> float:
+    """m: of a point (3,) from the nearest of segments (k, 2, 3)."""
+    along = segments[:, 1] - segments[:, 0]
+    square = np.maximum((along * along).sum(axis=1), np.finfo(np.float64).tiny)
+    t = np.clip(((point - segments[:, 0]) * along).sum(axis=1) / square, 0.0, 1.0)
+    return float(np.linalg.norm(segments[:, 0] + t[:, None] * along - point, axis=1).min())

@@ -1,0 +1,1 @@
+"""A session: its state, its step, and what it tells."""

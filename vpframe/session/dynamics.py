@@ -1,0 +1,178 @@
+"""`Dynamics`: the physics of a session. It exists from the first part that is given behaviours, and not before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import CollisionManager, Tolerance
+from constraints.geometry.surfaces import Freeform
+from constraints.kinds import Constraint
+from physics import Behaviour, Body, BodyError, Snapshot, SpringHand, World
+from vpframe.scene.scene import Part, Scene
+from vpframe.session.codec import conforms
+
+Array = NDArray[np.float64]
+
+
+class Dynamics:
+    """A `physics.World` over the scene's parts, told what hands hold and which constraints are in force."""
+
+    def __init__(self, scene: Scene, collision: CollisionManager, tolerance: Tolerance) -> None:
+        self.scene = scene
+        self.world = World(collision, tolerance)
+        self.bodies: set[int] = set()
+        """parts that move under forces when no hand holds them"""
+        self._held: set[int] = set()
+        self._springs: set[int] = set()
+        self._joined: tuple[int, ...] | None = None
+
+    def add(self, i: int, body: Body, behaviours: Sequence[Behaviour]) -> None:
+        """Give a part mass and behaviours."""
+        part = self.scene.parts[i]
+        known = {s.index: s.geometry for s in part.surfaces if not isinstance(s.geometry, Freeform)}
+        self.world.add(i, body, behaviours, known)
+        self.bodies.add(i)
+
+    def join(self, constraints: Mapping[int, Constraint]) -> None:
+        """The constraints in force, by id."""
+        ids = tuple(sorted(constraints))
+        if ids != self._joined:
+            self._joined = ids
+            self.world.set_joints([constraints[i] for i in ids if self.bodies & set(constraints[i].bodies)])
+
+    def hold(self, carried: Mapping[int, pin.SE3], springs: Mapping[int, SpringHand]) -> None:
+        """What hands hold in this step: `carried` to a pose that nothing can hinder, `springs` as far as they can."""
+        for i in sorted(self._held - set(carried) - set(springs)):
+            self.world.let_go(i)
+        self._held = (set(carried) | set(springs)) & self.bodies
+        for i, pose in sorted(carried.items()):
+            if i in self.bodies:
+                self.world.hold(i, pose)
+            else:
+                self.world.set_pose(i, pose)
+        self._springs = set(springs)
+        for i, spring in sorted(springs.items()):
+            self.world.hold(i, spring)
+
+    def step(self, dt: float) -> tuple[dict[int, pin.SE3], set[int]]:
+        """Go on by `dt` seconds: new poses of what moved, and which parts have come to rest."""
+        before = set(self.world.awake)
+        if not before and not self._held:
+            self.world.step(dt)
+            return {}, set()
+        self.world.step(dt)
+        after = set(self.world.awake)
+        moved = {i: self.world.pose(i) for i in sorted((before | after) - self._held)}
+        moved |= {i: self.world.pose(i) for i in sorted(self._held)}
+        return moved, before - after - self._held
+
+    def pull(self) -> dict[int, float]:
+        """How hard (N) springs pulled in the last step on what they hold; other hands are as strong as need be."""
+        return {i: float(np.linalg.norm(self.world.wrench(i)[:3])) for i in sorted(self._springs & self._held)}
+
+    def resting_on(self, i: int) -> tuple[int, ...]:
+        """Parts that press on a part."""
+        return tuple(sorted({touch.other for touch in self.world.touches(i)}))
+
+    def state(self) -> dict[str, Any]:
+        """All that the next step depends on, as values that `vpframe.session.checkpoint.CODEC` knows."""
+        return {"world": dict(self.world.state().data), "held": self._held, "springs": self._springs}
+
+    def restore(self, state: Mapping[str, Any], constraints: Mapping[int, Constraint]) -> None:
+        """Go back to what `state` returned, in this or another process; the same parts have behaviours.
+
+        Raises
+        ------
+        ValueError, TypeError, LookupError: it is no such state, or of other parts.
+        """
+        self.join(constraints)
+        self._require(state["world"])
+        self.world.restore(Snapshot(state["world"]))
+        self._held = set(state["held"])
+        self._springs = set(state["springs"])
+
+    def _require(self, data: Mapping[str, Any]) -> None:
+        """ValueError for a state of the world whose arrays kernels could not go through."""
+        own = self.world.state().data
+        n, surfaces = own["n"], np.array([part.mesh.n_surfaces for part in self.scene.parts])
+
+        def require(holds: bool, what: str) -> None:
+            if not holds:
+                raise ValueError(f"{what} of the bodies is not of this scene")
+
+        def fits(value: Any, like: Any) -> bool:
+            """The same types all through; arrays of the same kind, and of the same shape from the second axis on."""
+            if isinstance(like, np.ndarray):
+                return (
+                    type(value) is np.ndarray
+                    and value.dtype == like.dtype
+                    and value.ndim == like.ndim
+                    and value.shape[1:] == like.shape[1:]
+                )
+            if isinstance(like, tuple):
+                return type(value) is tuple and len(value) == len(like) and all(map(fits, value, like))
+            return isinstance(value, type(like))
+
+        require(data.keys() == own.keys() and data["near"].keys() == own["near"].keys(), "the state")
+        for name, like in own.items():
+            if name in ("grips", "members", "joints", "mechanisms", "moving", "near"):
+                continue
+            require(fits(data[name], like), name)
+            require(not isinstance(like, np.ndarray) or data[name].shape == like.shape, name)
+        near = data["near"]
+        require(all(fits(near[name], like) for name, like in own["near"].items() if name != "listed"), "near")
+        require(len(near["listed"]) == 2, "near")
+        for array, shape in zip((near["reach"], *near["listed"]), ((n,), (n, 3), (n, 3, 3)), strict=True):
+            require(type(array) is np.ndarray and array.dtype == np.float64, "near")
+            require(near["stale"] or array.shape == shape, "near")
+        rows = near["pairs"]
+        require(rows.ndim == 2 and rows.shape[1:] == (4,) and rows.dtype == np.int64, "near")
+        ints, reals, force = data["contacts"]
+        require(len(ints) == len(reals) == len(force), "contacts")
+        for objects, faces in (
+            (rows[:, 0], rows[:, 1]),
+            (rows[:, 2], rows[:, 3]),
+            (ints[:, 0], ints[:, 2]),
+            (ints[:, 1], ints[:, 3]),
+        ):
+            require(bool(((objects >= 0) & (objects < n)).all()), "an object's number")
+            require(bool(((faces >= 0) & (faces < surfaces[objects])).all()), "a surface's number")
+        require(conforms(data["moving"], tuple[int, ...]) and set(data["moving"]) <= set(own["members"]), "moving")
+        require(conforms(data["grips"], dict[int, tuple[SpringHand | None, Array, Array]]), "grips")
+        for i, (_, target, wrench) in data["grips"].items():
+            require(i in own["members"] and target.shape == (4, 4) and wrench.shape == (6,), "grips")
+        require(conforms(data["mechanisms"], list[tuple[tuple[int, ...], list[int], dict[int, Array]]]), "mechanisms")
+        for ids, places, poses in data["mechanisms"]:
+            require({*ids, *poses} <= set(range(n)), "mechanisms")
+            require(set(places) <= set(range(len(own["joints"]))), "mechanisms")
+            require(all(pose.shape == (4, 4) and np.isfinite(pose).all() for pose in poses.values()), "mechanisms")
+
+
+def body_of(part: Part, material: str | float | None, mass: float | None) -> Body:
+    """Mass properties of a part.
+
+    material: a name from `physics.DENSITY`, or kg/m³; without it the part's own density counts, else that of steel.
+    mass: kg; scales mass and inertia.
+    """
+    density = material if material is not None else part.density if part.density is not None else "steel"
+    shape = part.shape
+    if shape.closed and shape.volume > 0.0:
+        body = Body.from_volume(shape.volume, shape.center, shape.inertia, density, part.name)
+    else:
+        body = Body.from_mesh(part.mesh, density, part.name)
+    if mass is None:
+        return body
+    if isinstance(mass, bool) or not isinstance(mass, int | float | np.number):
+        raise BodyError(f"{part.name}: mass is {mass!r}; give kg, a positive number", part.name, "mass")
+    return replace(body, mass=mass, inertia=body.inertia * (mass / body.mass))
+
+
+def spring(target: pin.SE3, like: SpringHand) -> SpringHand:
+    """The same hand, elsewhere."""
+    return replace(like, target=target)

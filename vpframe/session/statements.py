@@ -1,0 +1,325 @@
+"""What a script states: a constraint by its kind, between parts and surfaces that it names.
+
+    session.constrain("gear", "driver", "driven", teeth=(20, 41))
+    session.constrain("rack-and-pinion", "pinion", ("rack", 4), radius=0.012, teeth=24)
+    session.constrain("distance", ("lid", 2), ("box", "rim"), at=0.004)
+
+A part's name alone will do where the part turns about one axis only, or where the whole part is meant.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from math import isfinite
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import Tolerance
+from constraints import kinds
+from constraints.errors import ConstraintsError
+from constraints.geometry.features import Feature
+from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Torus
+from constraints.kinds import Constraint, Line
+from constraints.kinds.stated import contradiction, parameter_names, stated
+from constraints.recognition.candidate import KINDS
+from vpframe.errors import TaskError
+from vpframe.hands.reach import half_size
+from vpframe.scene.scene import Part, Scene
+from vpframe.session.events import ConstraintView
+from vpframe.session.step import Engine, Request
+
+Place = str | tuple[str, int | str | Geometry]
+"""A part; or a part and a surface of it, by index or name, or geometry in the part's frame that no surface has"""
+
+STATED: dict[str, type[Constraint]] = {
+    kind.kind: kind
+    for kind in (getattr(kinds, name) for name in kinds.__all__)
+    if isinstance(kind, type) and issubclass(kind, Constraint) and kind is not Constraint
+}
+"""every kind there is, by name"""
+NEEDED = {
+    "angle": "at", "distance": "at", "offset": "at", "gear": "teeth", "belt": "teeth", "screw": "pitch",
+    "rack-and-pinion": "radius",
+}  # fmt: skip
+"""the parameter without which a kind means nothing"""
+WHEELS = ("gear", "belt")
+ABOUT_AXES = (*WHEELS, "screw", "concentric", "rack-and-pinion")
+"""kinds for which a part's name will do where all its round surfaces share one axis"""
+HIDDEN = ("phase", "relative", "teeth_a", "teeth_b")
+"""parameters that are taken from how the parts stand, or given under another name"""
+ROUND = (Cylinder, Cone, Torus)
+
+
+class ContradictionError(TaskError):
+    """A constraint of two `parts` that cannot hold with those in force: `off` by so much, in `unit` "m" or "rad"."""
+
+    def __init__(self, message: str, parts: tuple[str, ...], off: float, unit: str) -> None:
+        super().__init__(message)
+        self.parts = parts
+        self.off = off
+        self.unit = unit
+
+
+def state(
+    engine: Engine,
+    pending: Sequence[Request],
+    kind: str,
+    a: Place,
+    b: Place,
+    parameters: Mapping[str, Any],
+    bears: tuple[tuple[str, float], ...],
+) -> tuple[Request, ConstraintView]:
+    """The request that stating a constraint amounts to, and the constraint as observers will see it.
+
+    pending: what else was decided since the last step. bears: what ends it, see `limits`.
+
+    Raises
+    ------
+    As `statement` does; and ContradictionError where it cannot hold with what will be in force.
+    """
+    engine.start()
+    mates, scene, poses = engine.mates, engine.scene, engine.poses
+    features = mates.recogniser.features
+    constraint = statement(scene, features, poses, kind, a, b, parameters, engine.tolerance)
+    held, imposed = {id: e.candidate for id, e in mates.accepted.items()}, 0
+    for request in pending:
+        if request.stated is not None:
+            held[request.id], imposed = request.stated, imposed + 1
+        elif request.verb == "accept":
+            offered = mates.candidates.get(request.id) or mates.refused.get(request.id)
+            held |= {} if offered is None else {request.id: offered}
+        else:
+            held.pop(request.id, None)
+    candidate = stated(constraint, poses, features, mates.known + imposed, words(constraint))
+    id = mates.id_of(candidate, imposed)
+    names = tuple(scene.names[i] for i in constraint.bodies)
+    if any(c.key == candidate.key for c in held.values()):
+        raise TaskError(f"constrain {constraint.kind}: these surfaces of {' and '.join(names)} have it already")
+    fixed = [i for i, part in enumerate(scene.parts) if part.fixed]
+    others = [c.constraint for c in held.values()]
+    off = contradiction(constraint, others, poses, fixed, engine.tolerance, scene.names)
+    if off is not None:
+        said = f"constrain {constraint.kind} of {' and '.join(names)}: refused, {off.text}"
+        raise ContradictionError(said, names, off.off, off.unit)
+    return Request("impose", id, bears, candidate), engine.view(id, candidate, "active")
+
+
+def limits(verb: str, break_distance: float | None, break_force: float | None) -> tuple[tuple[str, float], ...]:
+    """What a constraint bears, as far as it is given."""
+    given = (("break_distance", break_distance), ("break_force", break_force))
+    for name, value in given:
+        if value is not None and not value > 0.0:
+            raise TaskError(f"{verb}: {name} is {value!r}; give a positive number")
+    return tuple((n, v) for n, v in given if v is not None)
+
+
+def statement(
+    scene: Scene,
+    features: Sequence[Sequence[Feature]],
+    poses: Sequence[pin.SE3],
+    kind: str,
+    a: Place,
+    b: Place,
+    parameters: Mapping[str, Any],
+    tolerance: Tolerance,
+) -> Constraint:
+    """The constraint that a script's words mean; threads, teeth and welds engage as the parts stand at `poses`.
+
+    features: of every part, in scene order, as recognition knows them.
+
+    Raises
+    ------
+    UnknownPartError, or TaskError: the kind, a surface or a parameter is none that there is.
+    """
+    name = str(kind).replace("_", "-").replace(" ", "-")
+    if name not in STATED:
+        near = difflib.get_close_matches(name, STATED, n=2)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"there are: {', '.join(sorted(STATED))}"
+        raise TaskError(f"constrain: there is no constraint {kind!r}; {hint}")
+    parts = [_part(scene, name, place) for place in (a, b)]
+    if parts[0] is parts[1]:
+        raise TaskError(f"constrain {name}: both ends are {parts[0].name}; name two parts")
+    if all(part.fixed for part in parts):
+        raise TaskError(f"constrain {name}: {parts[0].name} and {parts[1].name} are both fixed in the scene")
+    bodies = (scene.index(parts[0].name), scene.index(parts[1].name))
+    given = _parameters(name, parameters)
+    try:
+        if name == "fixed":
+            if not (isinstance(a, str) and isinstance(b, str)):
+                raise TaskError("constrain fixed: it holds whole parts; name no surfaces")
+            return kinds.Fixed.between(bodies, poses[bodies[0]], poses[bodies[1]], min(map(_size, parts)))
+        ends = [
+            _end(name, part, place, features[i], which, tolerance)
+            for part, place, i, which in zip(parts, (a, b), bodies, (0, 1), strict=True)
+        ]
+        if name in KINDS and bodies[0] > bodies[1]:  # as recognition has them, so that it knows them again
+            bodies, ends = (bodies[1], bodies[0]), ends[::-1]
+        here = (poses[bodies[0]], poses[bodies[1]])
+        (first, surfaces_a, size_a), (second, surfaces_b, size_b) = ends
+        geometries = (first, second)
+        if name in WHEELS:
+            geometries = _same_way(geometries, here)
+        elif name == "rack-and-pinion" and "sense" not in given:
+            given["sense"] = _rack_side(geometries, here, scene.parts[bodies[1]])
+        made = STATED[name](bodies, geometries, (surfaces_a, surfaces_b), min(size_a, size_b), **given)
+        return made.engaged(*here) if isinstance(made, kinds.Screw | kinds.Gear | kinds.RackAndPinion) else made
+    except ConstraintsError as error:
+        raise TaskError(f"constrain {name} of {parts[0].name} and {parts[1].name}: {error}") from None
+
+
+def words(constraint: Constraint) -> str:
+    """What is stated, in a few words."""
+    shown = [n for n in parameter_names(type(constraint)) if n not in ("phase", "relative")]
+    told = ", ".join(f"{n} {getattr(constraint, n)}" for n in shown)
+    return "stated by the script" + (f": {told}" if told else "")
+
+
+def _part(scene: Scene, kind: str, place: Place) -> Part:
+    if isinstance(place, str):
+        return scene[place]
+    if isinstance(place, tuple | list) and len(place) == 2 and isinstance(place[0], str):
+        return scene[place[0]]
+    raise TaskError(f'constrain {kind}: {place!r} names no part; give "part" or ("part", surface)')
+
+
+def _size(part: Part) -> float:
+    return half_size(part.mesh)
+
+
+def _parameters(kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """The kind's own parameters from those a script gives."""
+    out = dict(given)
+    known = [n for n in parameter_names(STATED[kind]) if n not in HIDDEN]
+    if kind in WHEELS:
+        known += ["teeth", "ratio"]
+    unknown = sorted(set(out) - set(known))
+    if unknown:
+        raise TaskError(f"constrain {kind}: it has no {unknown[0]!r}; it takes {', '.join(known) or 'no parameters'}")
+    needed = NEEDED.get(kind)
+    if needed is not None and needed not in out and "ratio" not in out:
+        also = "=(of a, of b), or ratio" if kind in WHEELS else ""
+        raise TaskError(f"constrain {kind}: {needed} is missing; give {needed}{also}")
+    if kind in WHEELS:
+        if "teeth" in out and "ratio" in out:
+            raise TaskError(f"constrain {kind}: teeth and ratio say the same; give one of them")
+        out["teeth_a"], out["teeth_b"] = _teeth(kind, out.pop("teeth", None), out.pop("ratio", None))
+    elif kind == "rack-and-pinion":
+        out.setdefault("teeth", 1)  # a wheel that rolls
+    return out
+
+
+def _teeth(kind: str, teeth: Any, ratio: Any) -> tuple[int, int]:
+    """Numbers of teeth, from themselves or from the turns of a for one turn of b."""
+    if ratio is not None:
+        try:
+            value = float(ratio)
+        except (TypeError, ValueError):
+            value = 0.0
+        if not (isfinite(value) and value > 0.0):
+            raise TaskError(f"constrain {kind}: ratio is {ratio!r}; give the turns of a for one turn of b, above 0")
+        exact = Fraction(value).limit_denominator(1000)
+        if float(exact) != value:
+            raise TaskError(f"constrain {kind}: ratio is {ratio!r}, no ratio of whole numbers; give teeth=(of a, of b)")
+        return exact.denominator, exact.numerator
+    try:
+        of_a, of_b = teeth
+        if not (int(of_a) == of_a and int(of_b) == of_b and min(of_a, of_b) >= 1):
+            raise ValueError
+    except (TypeError, ValueError, OverflowError):
+        raise TaskError(f"constrain {kind}: teeth is {teeth!r}; give two whole numbers, (of a, of b)") from None
+    return int(of_a), int(of_b)
+
+
+def _end(
+    kind: str, part: Part, place: Place, features: Sequence[Feature], which: int, tolerance: Tolerance
+) -> tuple[Geometry, tuple[int, ...], float]:
+    """Geometry in the part's frame, the surfaces it is of, and its half width (m)."""
+    if isinstance(place, str):
+        if kind not in ABOUT_AXES or (kind == "rack-and-pinion" and which == 1):
+            raise TaskError(f'constrain {kind}: which surface of {part.name}? give ("{part.name}", index or name)')
+        feature = _only_axis(kind, part, features, tolerance)
+    elif isinstance(place[1], Geometry):
+        return place[1], (), _size(part)
+    else:
+        index = _surface(kind, part, place[1])
+        found = next((f for f in features if index in f.surfaces), None)
+        if found is None:
+            raise TaskError(f"constrain {kind}: surface {index} of {part.name} is freeform; name one that is analytic")
+        feature = found
+    extent = feature.samples - feature.samples.mean(axis=0)
+    size = getattr(feature.geometry, "radius", float(np.sqrt((extent**2).sum(axis=1).max())))
+    if kind in WHEELS and isinstance(feature.geometry, ROUND):
+        return _axis(feature), feature.surfaces, size
+    return feature.geometry, feature.surfaces, size
+
+
+def _surface(kind: str, part: Part, which: int | str) -> int:
+    """Index of a surface named by index or name."""
+    n = len(part.surfaces)
+    if isinstance(which, int | np.integer) and not isinstance(which, bool) and 0 <= which < n:
+        return int(which)
+    named = [s.index for s in part.surfaces if s.name == which] if isinstance(which, str) else []
+    if len(named) != 1:
+        what = f"{len(named)} surfaces {which!r}; give one's index" if named else f"no surface {which!r}"
+        names = sorted({s.name for s in part.surfaces if s.name})[:8]
+        there = f"it has 0 to {n - 1}" + (f", among them {', '.join(names)}" if names else "")
+        raise TaskError(f"constrain {kind}: {part.name} has {what}; {there}")
+    return named[0]
+
+
+def _only_axis(kind: str, part: Part, features: Sequence[Feature], tolerance: Tolerance) -> Feature:
+    """The round feature of a part whose round features all share one axis: the largest."""
+    found = [f for f in features if isinstance(f.geometry, ROUND)]
+    if not found:
+        raise TaskError(f"constrain {kind}: {part.name} has no round surface, so no axis; name a surface or a Line")
+    first = _axis(found[0])
+    for feature in found[1:]:
+        axis = _axis(feature)
+        away = np.linalg.norm(np.cross(axis.origin - first.origin, first.axis))
+        turned = np.linalg.norm(np.cross(axis.axis, first.axis))
+        if turned > tolerance.angular or away > tolerance.linear:
+            which = ", ".join(str(f.surfaces[0]) for f in found[:8])
+            raise TaskError(
+                f'constrain {kind}: {part.name} has several axes (surfaces {which}); give ("{part.name}", surface)'
+            )
+    return max(found, key=lambda f: (f.area, -f.surfaces[0]))
+
+
+def _axis(feature: Feature) -> Line:
+    """The axis of a round feature, from the middle of it."""
+    g: Any = feature.geometry
+    origin = g.origin if isinstance(g, Cylinder) else g.apex if isinstance(g, Cone) else g.center
+    along = (feature.samples - origin) @ g.axis
+    return Line(origin + 0.5 * (along.min() + along.max()) * g.axis, g.axis)
+
+
+def _same_way(geometries: tuple[Geometry, Geometry], poses: tuple[pin.SE3, pin.SE3]) -> tuple[Geometry, Geometry]:
+    """Axes in one half space of the world, so that `sense` +1 is an external mesh however files direct them."""
+    a, b = geometries
+    if not (isinstance(a, Line) and isinstance(b, Line)):
+        return geometries
+    facing = float((poses[0].rotation @ a.axis) @ (poses[1].rotation @ b.axis))
+    return (a, Line(b.origin, -b.axis)) if facing < 0.0 else geometries
+
+
+def _rack_side(geometries: tuple[Geometry, Geometry], poses: tuple[pin.SE3, pin.SE3], rack: Part) -> int:
+    """+1 where a rack on that side of the pinion goes along its direction as the pinion turns."""
+    a, b = geometries
+    axis, direction = _directed(a, poses[0]), _directed(b, poses[1])
+    v = rack.mesh.vertices
+    arm = poses[1].act(0.5 * (v.min(axis=0) + v.max(axis=0))) - poses[0].act(_origin(a))
+    return 1 if np.cross(axis, arm) @ direction >= 0.0 else -1
+
+
+def _directed(geometry: Geometry, pose: pin.SE3) -> NDArray[np.float64]:
+    vector = geometry.normal if isinstance(geometry, Plane) else getattr(geometry, "axis", np.zeros(3))
+    return np.asarray(pose.rotation @ vector)
+
+
+def _origin(geometry: Any) -> NDArray[np.float64]:
+    return np.asarray(next(getattr(geometry, n) for n in ("origin", "apex", "center") if hasattr(geometry, n)))

@@ -1,0 +1,177 @@
+"""Scenes and frames as the page reads them: JSON, with arrays as base64 of little-endian numbers."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from vpframe.scene.scene import Scene, Shape
+from vpframe.session.events import Event, Frame
+from vpframe.text import plain
+from vpframe.view import palette
+from vpframe.view.camera import Camera, frame_scene
+from vpframe.view.display import display_mesh
+from vpframe.view.symbols import Symbol, frame_symbols, hand_symbols
+
+Message = dict[str, Any]
+
+
+class Encoder:
+    """Turns the frames of one scene into messages. Strips of symbols are sent once and referred to by a number."""
+
+    def __init__(self, scene: Scene, start: Mapping[str, pin.SE3] | None = None, camera: Camera | None = None) -> None:
+        self.scene = scene
+        self.start = {part.name: (start or {}).get(part.name, part.pose).copy() for part in scene.parts}
+        self.camera = camera or frame_scene(scene, self.start)
+        self._index = {name: i for i, name in enumerate(scene.names)}
+        self._known: dict[str, pin.SE3] = {}
+        self._moved: dict[int, pin.SE3] = {}
+        self._strips: dict[tuple[object, ...], int] = {}
+
+    def begin(self) -> Message:
+        """The scene: shapes once, parts with their poses and colours, the camera."""
+        return scene_message(self.scene, self.start, self.camera)
+
+    def frame(self, frame: Frame, events: Iterable[Event] = ()) -> tuple[list[Message], Message]:
+        """Messages with strips that are new, and the frame's own.
+
+        A page that has all strips can join at any frame: a frame names the pose of every part that ever moved.
+        """
+        for name, pose in frame.poses.items():
+            if self._known.get(name) is pose:  # what nothing moves costs one look-up a frame
+                continue
+            self._known[name] = pose
+            place = self._index[name]
+            if place in self._moved or pose != self.start[name]:
+                self._moved[place] = pose
+        fresh: list[Message] = []
+        drawn, places = [], []
+        for symbol in (*frame_symbols(frame), *hand_symbols(frame.hands, 0.06 * self.camera.radius)):
+            number = self._strips.get(symbol.key)
+            if number is None:
+                number = self._strips[symbol.key] = len(self._strips)
+                fresh.append(strips_message(number, symbol))
+            places.append(matrix(symbol.pose))
+            drawn.append(
+                {
+                    "name": plain(symbol.name),
+                    "strips": number,
+                    "color": palette.hex_color(symbol.color),
+                }
+            )
+        message = {
+            "type": "frame",
+            "step": frame.step,
+            "time": frame.time,
+            "moved": list(self._moved),
+            "poses": pack(np.array([matrix(pose) for pose in self._moved.values()], dtype=np.float32)),
+            "colliding": frame.colliding.tolist(),
+            "constraints": [
+                {
+                    "id": view.id,
+                    "kind": view.kind,
+                    "parts": [plain(part) for part in view.parts],
+                    "state": view.state,
+                    "residual": view.residual,
+                    "why": plain(view.why),
+                }
+                for view in frame.constraints
+            ],
+            "symbols": drawn,
+            "symbol_poses": pack(np.array(places, dtype=np.float32)),
+            "freedom": {plain(name): [freedom, frame.joint.get(name, "")] for name, freedom in frame.freedom.items()},
+            "clearance": frame.clearance,
+            "held": [plain(name) for name in frame.held],
+            "hands": {plain(name): pose.translation.tolist() for name, pose in frame.hands.items()},
+            "script": plain(frame.script),
+            "events": [event_message(event) for event in events],
+        }
+        return fresh, message
+
+
+def scene_message(scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera) -> Message:
+    """Everything a page needs before the first frame."""
+    shapes: dict[Shape, int] = {}
+    for part in scene.parts:
+        shapes.setdefault(part.shape, len(shapes))
+    colors = palette.part_colors(scene)
+    return {
+        "type": "scene",
+        "title": plain(scene.source or "vpframe"),
+        "shapes": [shape_message(shape) for shape in shapes],
+        "parts": [
+            {
+                "name": plain(part.name),
+                "shape": shapes[part.shape],
+                "color": palette.hex_color(colors[part.name]),
+                "fixed": part.fixed,
+                "pose": _matrix(poses[part.name]),
+                "surfaces": [plain(surface.name) for surface in part.surfaces],
+            }
+            for part in scene.parts
+        ],
+        "camera": {
+            "eye": camera.eye.tolist(),
+            "target": camera.target.tolist(),
+            "radius": camera.radius,
+        },
+        "colors": {
+            "colliding": palette.hex_color(palette.COLLIDING),
+            "edge": palette.hex_color(palette.EDGE),
+            "trail": palette.hex_color(palette.TRAIL),
+            "background": [palette.hex_color(color) for color in palette.BACKGROUND],
+            "state": {state: palette.hex_color(color) for state, color in palette.STATE.items()},
+        },
+    }
+
+
+def shape_message(shape: Shape) -> Message:
+    """Triangles of a shape by surface, and its lines."""
+    mesh = display_mesh(shape)
+    return {
+        "positions": pack(mesh.positions),
+        "normals": pack(mesh.normals),
+        "triangles": pack(mesh.triangles),
+        "vertex_start": mesh.vertex_start.tolist(),
+        "lines": pack(mesh.lines),
+    }
+
+
+def strips_message(number: int, symbol: Symbol) -> Message:
+    """The polylines of a symbol, in its own frame."""
+    return {
+        "type": "strips",
+        "number": number,
+        "width": symbol.width,
+        "hidden": symbol.hidden,
+        "strips": [pack(strip.astype(np.float32)) for strip in symbol.strips],
+    }
+
+
+def event_message(event: Event) -> Message:
+    """An event as a line in the page's log."""
+    return {
+        "time": event.time,
+        "kind": event.kind,
+        "tone": palette.tone(event),
+        "text": plain(event.text or " – ".join(event.parts)),
+    }
+
+
+def matrix(pose: pin.SE3) -> NDArray[np.float64]:
+    """(16,) the homogeneous matrix by columns, as three.js wants it."""
+    return pose.homogeneous.T.ravel()
+
+
+def _matrix(pose: pin.SE3) -> list[float]:
+    return [float(x) for x in matrix(pose)]
+
+
+def pack(array: NDArray[Any]) -> str:
+    """Base64 of the array's bytes, little-endian."""
+    return base64.b64encode(np.ascontiguousarray(array).astype(array.dtype.newbyteorder("<")).tobytes()).decode("ascii")

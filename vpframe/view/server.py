@@ -1,0 +1,242 @@
+"""A web server for the page, in a thread of its own. Nobody ever waits for a browser.
+
+A page answers each message when it has drawn it; the next frame goes out after that, and is then the latest there is.
+A page that does not answer for `PATIENCE` seconds is dropped.
+
+A session is shown to, and hears, only who was given its address: a token in it is asked for with every page and every
+socket. Both are answered under this machine's own names and addresses only, so that another site's name that is made
+to resolve to this machine (DNS rebinding) does not reach them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import ipaddress
+import json
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import tornado.httpserver
+import tornado.netutil
+import tornado.web
+import tornado.websocket
+
+from vpframe.errors import VpframeError
+from vpframe.view.controls import Controls, Request
+
+PATIENCE = 10.0
+LONGEST_MESSAGE = 1 << 12
+"""bytes of a message from a page, at most"""
+EVERYWHERE = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
+"""hosts that stand for every address of this machine, and the address that it reaches itself at"""
+RATE = 90.0
+"""frames a second to a page, at most: above 60, so that every frame of a 60 Hz session can pass"""
+
+
+class Server:
+    """Serves `page` at `url`, and what `opening` and `latest` return to each page that connects.
+
+    `url` is the page's address on this machine, token included; `outside` the same for other machines, None where only
+    this one is listened to.
+
+    Parameters
+    ----------
+    page: the HTML document.
+    opening: messages for a page that has just connected, each a JSON text, and a mark of what it has then seen.
+    latest: called in the server's thread when a page can take more, with its mark; returns messages and the new mark.
+    controls: where requests from pages go.
+    host, port: the address to listen on; loopback unless told otherwise, port 0 takes any that is free.
+    """
+
+    def __init__(
+        self,
+        page: str,
+        opening: Callable[[], tuple[list[str], Any]],
+        latest: Callable[[Any], tuple[list[str], Any]],
+        controls: Controls,
+        host: str = "127.0.0.1",
+        port: int = 0,
+    ) -> None:
+        self._page = page
+        self._opening = opening
+        self._latest = latest
+        self._controls = controls
+        self._clients: set[_Socket] = set()
+        self._news = threading.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._stop: asyncio.Event | None = None
+        try:
+            self._sockets = tornado.netutil.bind_sockets(port, host)
+        except OSError as error:
+            raise VpframeError(f"cannot listen on {host}:{port}: {error}; give another host or port") from None
+        self.port: int = self._sockets[0].getsockname()[1]
+        self._token = secrets.token_urlsafe(32)
+        here = socket.gethostname().lower()
+        self._names = {"localhost", host.lower(), here, f"{here.split('.')[0]}.local"}
+        self.url = self._address(EVERYWHERE.get(host, host))
+        self.outside = self._address(here) if host in EVERYWHERE else None
+        ready = threading.Event()
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._run(ready)), name="vpframe viewer", daemon=True
+        )
+        self._thread.start()
+        ready.wait()
+
+    def _address(self, host: str) -> str:
+        """The page's address under a name or address of this machine."""
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/?token={self._token}"
+
+    def refusal(self, host: str, token: str) -> str:
+        """Why a request that came for `host` with `token` is not answered; empty if it is."""
+        try:
+            ipaddress.ip_address(host.strip("[]"))  # nobody can make an address mean another machine
+        except ValueError:
+            if host.lower() not in self._names:
+                return "served under this machine's own names and addresses only"
+        if not hmac.compare_digest(token.encode(), self._token.encode()):
+            return "open the whole address that vpframe printed, with its token"
+        return ""
+
+    @property
+    def clients(self) -> int:
+        """Pages that are connected."""
+        return len(self._clients)
+
+    def notify(self) -> None:
+        """Say that there is something new; returns at once (any thread)."""
+        if self._clients and not self._news.is_set() and self._loop is not None:
+            self._news.set()
+            self._loop.call_soon_threadsafe(self._pump)
+
+    def close(self, linger: float = 1.0) -> None:
+        """Let pages see the last frame, for `linger` seconds at most, and stop."""
+        if self._loop is None or self._stop is None or not self._thread.is_alive():
+            return
+        until = time.monotonic() + linger
+        while time.monotonic() < until and any(client.behind for client in list(self._clients)):
+            time.sleep(0.01)
+        self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join(timeout=5.0)
+
+    async def _run(self, ready: threading.Event) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._stop = asyncio.Event()
+        handlers: list[Any] = [(r"/", _Page, {"server": self}), (r"/socket", _Socket, {"server": self})]
+        application = tornado.web.Application(
+            handlers, log_function=lambda _: None, websocket_max_message_size=LONGEST_MESSAGE
+        )
+        server = tornado.httpserver.HTTPServer(application)
+        server.add_sockets(self._sockets)
+        ready.set()
+        while not self._stop.is_set():
+            for client in list(self._clients):
+                client.drop_if_gone()
+            try:
+                await asyncio.wait_for(self._stop.wait(), timeout=1.0)
+            except TimeoutError:
+                continue
+        server.stop()
+        for client in list(self._clients):
+            client.close()
+        await server.close_all_connections()
+
+    def _pump(self) -> None:
+        self._news.clear()
+        for client in list(self._clients):
+            client.send_latest()
+
+
+class _Guarded(tornado.web.RequestHandler):
+    """A request that is answered only to those who were given the address."""
+
+    def initialize(self, server: Server) -> None:
+        self.server = server
+
+    def prepare(self) -> None:
+        refusal = self.server.refusal(self.request.host_name, self.get_query_argument("token", ""))
+        if refusal:
+            raise tornado.web.HTTPError(403, reason=refusal)
+
+
+class _Page(_Guarded):
+    def get(self) -> None:
+        self.set_header("Cache-Control", "no-store")
+        self.set_header("Referrer-Policy", "no-referrer")  # the address is a key
+        self.write(self.server._page)
+
+
+class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
+    def initialize(self, server: Server) -> None:
+        super().initialize(server)
+        self.seen: Any = None
+        self.owed = 0
+        """messages sent that the page has not drawn"""
+        self.heard = time.monotonic()
+        self.sent = 0.0
+        self.behind = False
+
+    def open(self, *args: str, **kwargs: str) -> None:
+        messages, self.seen = self.server._opening()
+        self.server._clients.add(self)
+        self._send(messages)
+
+    def on_close(self) -> None:
+        self.server._clients.discard(self)
+
+    def on_message(self, message: str | bytes) -> None:
+        self.heard = time.monotonic()
+        try:
+            content = json.loads(message)
+        except ValueError:
+            return
+        if content == {"action": "drawn"}:
+            self.owed = max(self.owed - 1, 0)
+            if self.behind and self.owed == 0:
+                self.send_latest()
+            return
+        request = Request.read(content)
+        if request is not None:
+            self.server._controls.put(request)
+
+    def send_latest(self) -> None:
+        """Send what is new, now or when the page has drawn what it has."""
+        self.behind = True
+        wait = self.sent + 1.0 / RATE - time.monotonic()
+        if self.owed > 0:
+            return
+        if wait > 0:
+            asyncio.get_running_loop().call_later(wait, self._send_later)
+            return
+        messages, self.seen = self.server._latest(self.seen)
+        self.behind = False
+        self.sent = time.monotonic()
+        self._send(messages)
+
+    def _send_later(self) -> None:
+        if self.behind and self in self.server._clients:
+            self.send_latest()
+
+    def drop_if_gone(self) -> None:
+        """Close when the page owes an answer for too long."""
+        if self.owed and time.monotonic() - self.heard > PATIENCE:
+            self.server._clients.discard(self)
+            self.close(1001, "no answer")
+
+    def _send(self, messages: list[str]) -> None:
+        if messages and self.owed == 0:
+            self.heard = time.monotonic()
+        self.owed += len(messages)
+        try:
+            for message in messages:
+                self.write_message(message).add_done_callback(self._written)
+        except tornado.websocket.WebSocketClosedError:
+            self.server._clients.discard(self)
+
+    def _written(self, message: asyncio.Future[None]) -> None:
+        if not message.cancelled() and message.exception() is not None:  # the page went while it was sent
+            self.server._clients.discard(self)

@@ -1,0 +1,320 @@
+"""Still pictures without a screen: a small software renderer, and PNG files through zlib.
+
+Shading is two lights over smooth normals; lines are drawn where neighbouring pixels see different features (Saito and
+Takahashi 1990, G-buffers), so silhouettes and feature edges come out alike at any scale. Every pixel is the mean of
+`supersample`² samples.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from vpframe.scene.scene import Part, Scene
+from vpframe.view import palette
+from vpframe.view.camera import Camera, box_corners, frame_scene
+from vpframe.view.display import display_mesh
+from vpframe.view.symbols import Symbol
+
+KEY_LIGHT = np.array([0.35, 0.55, 0.76])
+FILL_LIGHT = np.array([-0.80, -0.10, 0.59])
+"""unit vectors in the camera's frame: right, up, towards the eye"""
+
+
+def render(
+    scene: Scene,
+    poses: Mapping[str, pin.SE3] | None = None,
+    highlight: Iterable[tuple[str, int]] = (),
+    size: tuple[int, int] = (800, 600),
+    camera: Camera | None = None,
+    symbols: Iterable[Symbol] = (),
+    opacity: Mapping[str, float] | None = None,
+    section: tuple[ArrayLike, ArrayLike] | None = None,
+    colors: Mapping[str, palette.Color] | None = None,
+    supersample: int = 2,
+) -> NDArray[np.uint8]:
+    """Picture (height, width, 3) of a scene.
+
+    Parameters
+    ----------
+    poses: pose of parts by name; a part not named is drawn at its own pose.
+    highlight: (part, surface) pairs drawn in the colour of collision.
+    size: width and height in pixels.
+    camera: as `camera.look_at` makes it; the whole scene from front right by default.
+    symbols: lines drawn on top, faint where hidden.
+    opacity: of parts by name, 0 (not drawn) … 1 (the default).
+    section: a point and a normal (3,), world: what lies on the normal's side is cut away, cut solids are filled.
+    colors: of parts by name, over the palette's.
+    """
+    poses = poses or {}
+    opacity = opacity or {}
+    width, height = size[0] * supersample, size[1] * supersample
+    camera = camera or frame_scene(scene)
+    tints = {**palette.part_colors(scene), **(colors or {})}
+    marked: dict[str, set[int]] = {}
+    for name, surface in highlight:
+        marked.setdefault(name, set()).add(surface)
+
+    solid = _Buffers(width, height)
+    seen = _in_picture(scene, poses, camera, (height, width))
+    for name, part in seen:
+        if opacity.get(name, 1.0) >= 1.0:
+            solid.draw(name, part.shape, poses.get(name, part.pose), camera, section)
+    solid.fill()
+    image = _background(width, height)
+    solid.shade(image, tints, marked, 1.0, section is not None)
+    depth = solid.depth
+    for name, part in seen:
+        alpha = opacity.get(name, 1.0)
+        if 0.0 < alpha < 1.0:
+            ghost = _Buffers(width, height)
+            ghost.draw(name, part.shape, poses.get(name, part.pose), camera, section)
+            ghost.fill()
+            if not ghost.count:
+                continue
+            ghost.face[ghost.depth <= depth] = -1
+            ghost.shade(image, tints, marked, alpha, section is not None)
+    _draw_symbols(image, depth, symbols, camera, supersample)
+    mean = image.reshape(size[1], supersample, size[0], supersample, 3).mean(axis=(1, 3))
+    return (np.clip(mean, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
+def _in_picture(
+    scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera, shape: tuple[int, int]
+) -> list[tuple[str, Part]]:
+    """The parts whose boxes reach into the picture: of a large scene seen from near by these are few."""
+    if not len(scene):
+        return []
+    boxes = {part.shape: box_corners(part, pin.SE3.Identity()) for part in {p.shape: p for p in scene.parts}.values()}
+    placed = ((part.shape, poses.get(name, part.pose)) for name, part in scene.items())
+    corners = np.array([boxes[shape] @ pose.rotation.T + pose.translation for shape, pose in placed])
+    at = project(corners, camera, shape)[..., :2]
+    low, high = at.min(axis=1), at.max(axis=1)
+    inside = (high >= -1.0).all(axis=1) & (low <= np.add(shape[::-1], 1.0)).all(axis=1)
+    return [item for item, kept in zip(scene.items(), inside.tolist(), strict=True) if kept]
+
+
+class _Buffers:
+    """Depth, triangle and barycentrics of every pixel, and the table of all triangles drawn."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self.depth = np.full((height, width), -np.inf)
+        self.wall = np.full((height, width), -np.inf)  # of what lies under a fill
+        self.face = np.full((height, width), -1, dtype=np.int32)
+        self.weight = np.zeros((height, width, 2), dtype=np.float32)
+        self.names: list[str] = []
+        self.normals: list[NDArray[np.float64]] = []  # (m, 3, 3) in the camera's frame
+        self.owner: list[NDArray[np.int64]] = []  # (m, 3): part, surface, feature
+        self.back: list[NDArray[np.bool_]] = []  # (m,) whether the eye sees the triangle from within
+        self.waiting: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []  # (m, 3, 2) pixels and (m, 3) depths
+        self.count = 0
+
+    def draw(
+        self,
+        name: str,
+        shape: object,
+        pose: pin.SE3,
+        camera: Camera,
+        section: tuple[ArrayLike, ArrayLike] | None,
+    ) -> None:
+        """Take a part in, if it is in the picture. What is not cut is filled in at once, by `fill`."""
+        mesh = display_mesh(shape)  # type: ignore[arg-type]
+        world = mesh.positions.astype(np.float64) @ pose.rotation.T + pose.translation
+        corners = project(world, camera, self.depth.shape)[mesh.triangles]
+        low, high = corners[:, :, :2].min(axis=(0, 1)), corners[:, :, :2].max(axis=(0, 1))
+        if (high < 0.0).any() or (low > self.depth.shape[::-1]).any():
+            return  # out of the picture
+        xy, z = np.ascontiguousarray(corners[:, :, :2]), np.ascontiguousarray(corners[:, :, 2])
+        back = _cross(xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]) > 0.0  # rows count downwards
+        if section is None:
+            self.waiting.append((xy, z))
+        else:
+            point, normal = (np.asarray(v, dtype=np.float64) for v in section)
+            keep = np.ascontiguousarray(((world - point) @ normal)[mesh.triangles])
+            self._fill_cut(xy, z, keep, back, _plane_depth(section, camera, self.depth.shape))
+        self.back.append(back)
+        turn = camera.axes() @ pose.rotation
+        self.normals.append((mesh.normals.astype(np.float64) @ turn.T)[mesh.triangles])
+        surface = mesh.surface_of_triangle
+        part = np.full(len(surface), len(self.names))
+        self.owner.append(np.stack([part, surface, mesh.feature_of_surface[surface]], axis=1))
+        self.names.append(name)
+        self.count += len(surface)
+
+    def fill(self) -> None:
+        """Fill in all triangles that wait, in the order in which they came: at equal depth the first is seen."""
+        from vpframe.view.raster import fill_triangles
+
+        if self.waiting:
+            xy, z = (np.concatenate(arrays) for arrays in zip(*self.waiting, strict=True))
+            fill_triangles(xy, z, np.full(z.shape, -1.0), self.depth, self.face, self.weight)
+            self.waiting = []
+
+    def _fill_cut(
+        self,
+        xy: NDArray[np.float64],
+        z: NDArray[np.float64],
+        keep: NDArray[np.float64],
+        back: NDArray[np.bool_],
+        plane: NDArray[np.float64],
+    ) -> None:
+        """Fill in a part that is cut: where the eye sees it from within, its cut is in front, in the section plane."""
+        from vpframe.view.raster import fill_triangles
+
+        face = np.full_like(self.face, -1)
+        depth, weight = np.full_like(self.depth, -np.inf), np.zeros_like(self.weight)
+        fill_triangles(xy, z, keep, depth, face, weight)
+        filled = face >= 0
+        filled[filled] = back[face[filled]]
+        wall = depth.copy()
+        depth[filled] = plane[filled]
+        # of two solids that are cut at one place the inner one is seen: its wall is nearer
+        drawn = (face >= 0) & ((depth > self.depth) | ((depth == self.depth) & (wall > self.wall)))
+        self.depth[drawn], self.wall[drawn], self.weight[drawn] = depth[drawn], wall[drawn], weight[drawn]
+        self.face[drawn] = face[drawn] + self.count
+
+    def shade(
+        self,
+        image: NDArray[np.float32],
+        tints: Mapping[str, palette.Color],
+        marked: Mapping[str, set[int]],
+        alpha: float,
+        cut: bool,
+    ) -> None:
+        """Blend what was drawn over `image`."""
+        seen = self.face >= 0
+        if not seen.any():
+            return
+        face = self.face[seen]
+        owner = np.concatenate(self.owner)
+        b = self.weight[seen].astype(np.float64)
+        weights = np.stack([1.0 - b.sum(axis=1), b[:, 0], b[:, 1]], axis=1)
+        normal = np.einsum("pi,pij->pj", weights, np.concatenate(self.normals)[face])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        inside = np.concatenate(self.back)[face]  # an open mesh, or the fill of a cut
+
+        plain = np.array([tints[name] for name in self.names])[owner[:, 0]]
+        table = plain.copy()
+        surfaces = int(owner[:, 1].max()) + 1
+        red = [place * surfaces + s for place, name in enumerate(self.names) for s in marked.get(name, ())]
+        table[np.isin(owner[:, 0] * surfaces + owner[:, 1], red)] = palette.COLLIDING
+        color = table[face]
+        lit = np.where(normal[:, 2:] < 0.0, -normal, normal)
+        key = np.clip(lit @ KEY_LIGHT, 0.0, None)
+        half = KEY_LIGHT + np.array([0.0, 0.0, 1.0])
+        shine = np.clip(lit @ (half / np.linalg.norm(half)), 0.0, None) ** 40
+        light = 0.50 + 0.50 * key + 0.18 * np.clip(lit @ FILL_LIGHT, 0.0, None)
+        shaded = color * light[:, None] + 0.13 * shine[:, None]
+        if cut:
+            rows, columns = np.nonzero(seen)
+            hatch = ((rows + columns) // 5) % 3 == 0
+            fill = plain[face] * np.where(hatch, 0.62, 0.80)[:, None]
+            shaded = np.where(inside[:, None], fill, shaded)
+        image[seen] += (alpha * (shaded - image[seen])).astype(np.float32)
+
+        # one number a feature of a part; -1 is background
+        label = np.full(self.face.shape, -1, dtype=np.int64)
+        label[seen] = owner[face, 0] * (int(owner[:, 2].max()) + 2) + owner[face, 2]
+        if cut:
+            label[seen] = np.where(inside, owner[face, 0] * (int(owner[:, 2].max()) + 2) - 1 - len(owner), label[seen])
+        line = np.zeros(label.shape, dtype=bool)
+        across, down = label[:, 1:] != label[:, :-1], label[1:] != label[:-1]
+        line[:, 1:] |= across
+        line[1:] |= down
+        line[:, :-1] |= across & ~seen[:, 1:]
+        line[:-1] |= down & ~seen[1:]
+        image[line & seen] *= np.float32(1.0 - 0.75 * alpha)
+
+
+def project(points: ArrayLike, camera: Camera, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """World points (n, 3) to (column, row, depth towards the eye) for a picture of `shape` = (height, width) pixels."""
+    height, width = shape
+    q = (np.asarray(points, dtype=np.float64) - camera.target) @ camera.axes().T
+    scale = 0.5 * min(width, height) / camera.radius
+    return np.stack([0.5 * width + scale * q[..., 0], 0.5 * height - scale * q[..., 1], q[..., 2]], axis=-1)
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def _plane_depth(section: tuple[ArrayLike, ArrayLike], camera: Camera, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """(h, w) depth of the section plane under each pixel; -inf everywhere when it is seen edge on."""
+    height, width = shape
+    axes = camera.axes()
+    point, normal = (np.asarray(v, dtype=np.float64) for v in section)
+    n = axes @ normal
+    if n[2] == 0.0:
+        return np.full(shape, -np.inf)
+    offset = axes @ (point - camera.target)
+    scale = 0.5 * min(width, height) / camera.radius
+    x = (np.arange(width) + 0.5 - 0.5 * width) / scale
+    y = (0.5 * height - np.arange(height) - 0.5) / scale
+    return (n @ offset - n[0] * x[None, :] - n[1] * y[:, None]) / n[2]
+
+
+def _background(width: int, height: int) -> NDArray[np.float32]:
+    top, bottom = (np.array(c, dtype=np.float32) for c in palette.BACKGROUND)
+    fade = np.linspace(0.0, 1.0, height, dtype=np.float32)[:, None, None]
+    return np.ascontiguousarray(np.broadcast_to(top + fade * (bottom - top), (height, width, 3)))
+
+
+def _draw_symbols(
+    image: NDArray[np.float32],
+    depth: NDArray[np.float64],
+    symbols: Iterable[Symbol],
+    camera: Camera,
+    supersample: int,
+) -> None:
+    from vpframe.view.raster import draw_segments
+
+    ends, color, width, hidden = [], [], [], []
+    for symbol in symbols:
+        strips = symbol.world()
+        flat = project(np.concatenate(strips), camera, depth.shape)
+        for points in np.split(flat, np.cumsum([len(strip) for strip in strips])[:-1]):
+            ends.append(np.stack([points[:-1], points[1:]], axis=1))
+            color.append(np.tile(symbol.color, (len(points) - 1, 1)))
+            width.append(np.full(len(points) - 1, symbol.width * supersample))
+            hidden.append(np.full(len(points) - 1, symbol.hidden))
+    if not ends:
+        return
+    segment = np.concatenate(ends)
+    draw_segments(
+        np.ascontiguousarray(segment[:, :, :2]),
+        np.ascontiguousarray(segment[:, :, 2]) + 0.01 * camera.radius,  # a line that lies on a surface is in front
+        np.concatenate(color),
+        np.concatenate(width),
+        np.concatenate(hidden),
+        depth,
+        image,
+    )
+
+
+def png(image: NDArray[np.uint8]) -> bytes:
+    """The bytes of a PNG file of `image` (h, w, 3) uint8 (PNG specification, third edition: 8-bit RGB, filter Up)."""
+    height, width, _ = image.shape
+    rows = image.reshape(height, width * 3)
+    filtered = np.empty((height, width * 3 + 1), dtype=np.uint8)
+    filtered[:, 0] = 2  # filter type "Up": the byte above is subtracted
+    filtered[0, 1:] = rows[0]
+    filtered[1:, 1:] = rows[1:] - rows[:-1]
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(filtered.tobytes(), 6)), (b"IEND", b""))
+    body = b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+    )
+    return b"\x89PNG\r\n\x1a\n" + body
+
+
+def save_png(image: NDArray[np.uint8], path: str | Path) -> Path:
+    """Write `image` (h, w, 3) uint8 to `path`."""
+    path = Path(path)
+    path.write_bytes(png(image))
+    return path
