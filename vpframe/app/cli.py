@@ -182,7 +182,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-SUITES = ("collision", "constraints", "physics")
+SUITES = ("collision", "constraints", "physics", "session")
 
 
 def _length(text: str) -> float:
