@@ -21,9 +21,9 @@ import numpy as np
 import pinocchio as pin
 
 import vpframe as vp
-from vpframe.scene import modelling as m
-from vpframe.hands.paths import smooth
 from vpframe.app.progress import report
+from vpframe.hands.paths import smooth
+from vpframe.scene import modelling as m
 
 STAGES = ("motion", "collision", "constraints", "physics", "observers")
 METALS = {"plate": (0.6, 0.6, 0.65), "bolt": (0.8, 0.7, 0.3)}
