@@ -22,7 +22,7 @@ from constraints.freedom.blocks import GROUND, Block, blocks
 from constraints.freedom.lower_pairs import SUBGROUPS, name_joint, orthonormal
 from constraints.freedom.redundancy import Conflict, Names, Redundancy, conflicts, labels, redundancies
 from constraints.kinds.base import Constraint
-from constraints.solve import kernels as kernels
+from constraints.solve import kernels
 from constraints.solve.null_space import null_space
 from constraints.solve.pose_kernels import move
 from constraints.solve.solver import run, solve

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from collision import Tolerance
 from constraints.kinds.base import Constraint
-from constraints.solve import kernels as kernels
+from constraints.solve import kernels
 from constraints.solve.pose_kernels import move
 from constraints.solve.ranks import least_norm
 from constraints.solve.system import Array, Poses, System, plan, scatter

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision.numeric.kernel import inner_kernel, kernel
-from physics.solver import newton as solver
+from physics.solver import newton
 from physics.stepping.rotations import across, turn
 
 Array = NDArray[np.float64]
@@ -143,7 +143,7 @@ def gather(ids, rotation, mass, inertia, inverse):
 
 @kernel(allocates=True)
 def contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, is_free):
-    """Bodies (c, 2), Jacobian (c, 3, 12), bias (c, 3), friction (c,) of the contacts `chosen`, for `solver.solve`."""
+    """Bodies (c, 2), Jacobian (c, 3, 12), bias (c, 3), friction (c,) of the contacts `chosen`, for `newton.solve`."""
     n = len(chosen)
     cb = np.empty((n, 2), np.int64)
     rows = np.empty((n, 7))
@@ -158,7 +158,7 @@ def contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, 
     for k in range(len(ids)):
         middles[k] = center[ids[k]]
     cj = np.empty((n, 3, 12))
-    solver.rows_of_contacts(cb, rows, middles, cj)
+    newton.rows_of_contacts(cb, rows, middles, cj)
     bias = np.zeros((n, 3))
     moving = np.empty((n, 3))
     surface_speeds(chosen, ints, reals, center, velocity, is_free, moving)
@@ -216,7 +216,7 @@ def _stuck(bodies, contacts, impulse, held, tolerance):
     jj = np.concatenate([held.jacobian, held.dry_jacobian.reshape(-1, 1, 12)])
     jbias = np.concatenate([held.bias, held.dry_bias.reshape(-1, 1)])
     v, pushes, jl = np.empty_like(free), impulse.copy(), np.zeros((len(jj), 1))
-    residual = solver.solve(
+    residual = newton.solve(
         free, v, m, world, im, inverse_world, cb, cj, bias, friction, np.zeros(len(cb), np.bool_), least, pushes,
         jb, jj, jbias, jl, tolerance,
     )  # fmt: skip
@@ -235,7 +235,7 @@ def _rubbing(bodies, contacts, impulse, held, tolerance):
         bias, friction = np.concatenate([bias, held.dry_bias]), np.concatenate([friction, held.dry_friction])
         least = np.concatenate([least, np.zeros(d)])
     v, pushes, jl = np.empty_like(free), np.concatenate([impulse, np.zeros((d, 3))]), np.zeros((len(held.jacobian), 1))
-    residual = solver.solve(
+    residual = newton.solve(
         free, v, m, world, im, inverse_world, cb, cj, bias, friction, np.arange(n + d) >= n, least, pushes,
         held.bodies, held.jacobian, held.bias, jl, tolerance,
     )  # fmt: skip
@@ -288,7 +288,7 @@ def correct(
     move = np.empty((len(ids), 6))
     for _ in range(8):
         push = np.zeros((int(held.sum()), 3))
-        solver.solve(
+        newton.solve(
             np.zeros((len(ids), 6)), move, m, world, im, inverse_world, ob[held], oj[held], keep[held], smooth[held],
             np.zeros(len(push), np.bool_), np.zeros(len(push)), push, blocks, jacobian, bias,
             np.zeros((len(blocks), 1)), 1e-13,
@@ -320,7 +320,7 @@ def push_apart(
     gaps = reals[chosen, 6]
     bias[:, 0] = np.where(gaps < 0.0, WIDER * gaps, gaps)
     move = np.empty((len(ids), 6))
-    solver.solve(
+    newton.solve(
         np.zeros((len(ids), 6)), move, m, world, im, inverse_world, cb, cj, bias, friction, np.zeros(len(cb), np.bool_),
         np.zeros(len(cb)), np.zeros((len(cb), 3)), np.zeros((0, 2), np.int64), np.zeros((0, 1, 12)), np.zeros((0, 1)),
         np.zeros((0, 1)), tolerance,

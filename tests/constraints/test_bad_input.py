@@ -25,8 +25,8 @@ from constraints import (
     recognise,
     solve,
 )
-from constraints.freedom import mobility
 from constraints.freedom.graph import AssemblyGraph
+from constraints.freedom.mobility import mobility
 from constraints.geometry.surfaces import Cylinder, Freeform, Plane
 
 Z = [0.0, 0.0, 1.0]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from collision import Tolerance
-from constraints.freedom import mobility
+from constraints.freedom.mobility import mobility
 from constraints.solve import null_space
 from constraints.solve.system import System, systems
 from tests.constraints import problems

@@ -8,7 +8,7 @@ import pytest
 
 from collision import CollisionManager, SurfaceMesh, Tolerance
 from constraints import recognise, solve
-from constraints.freedom import mobility
+from constraints.freedom.mobility import mobility
 from constraints.geometry.features import group_features
 from tests.constraints.shapes import (
     Body,

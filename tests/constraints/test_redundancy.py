@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from constraints import solve
-from constraints.freedom import mobility
+from constraints.freedom.mobility import mobility
 from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.kinds import Against, Angle, Concentric, Coplanar, Distance, Offset, Parallel, Point
 
