@@ -8,7 +8,7 @@ from collision.contact import CONTACT_DTYPE, PENETRATION_DTYPE, TimeOfImpact
 from collision.errors import CollisionError, MeshError, PoseError, UnknownObjectError
 from collision.manager import CollisionManager
 from collision.mesh import SurfaceMesh
-from collision.query import colliding_surfaces
+from collision.methods import colliding_surfaces
 from collision.statistics import Statistics
 from collision.tolerance import Tolerance
 

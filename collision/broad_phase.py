@@ -1,8 +1,8 @@
-"""Which pairs of objects come near each other, by their boxes and spheres in the world.
+"""The broad phase: the pairs of objects whose boxes and spheres in the world come near each other.
 
-Two trees of boxes, of the objects that may move and of the others, are kept from question to question. Boxes follow
-what has moved; the objects of a tree are grouped anew when its groups have grown too large. What may move is tested
-against both trees, what may not never against its like. If few objects have moved, only they are tested anew.
+Two trees of boxes, one of the movable objects and one of the others, are kept between queries. Boxes are refitted after
+their objects have moved, and a tree is rebuilt when its groups have grown too large. Movable objects are tested against
+both trees; the others are not tested against each other. If few objects have moved, only those are tested.
 """
 
 # mypy: disable-error-code="call-arg, var-annotated"
@@ -10,6 +10,7 @@ against both trees, what may not never against its like. If few objects have mov
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -19,35 +20,37 @@ from collision.bvh.build import nodes_over, order_groups
 from collision.bvh.layout import LANES, NODE
 from collision.bvh.traverse import Door, inline_kernel
 from collision.numeric.kernel import inner_kernel, kernel
-from collision.numeric.poses import relative_poses, take_pose, take_poses
+from collision.numeric.rigid_transforms import relative_poses, take_pose, take_poses
 from collision.numeric.simd import lowest, overlapping
 
 OFFSET: Final = 64.0 * 2.0**-53
-"""rounding of a moved vertex, of a relative pose and of a box in the world, a unit of length of the coordinates"""
+"""1: rounding of a moved vertex, of a relative pose and of a box in the world, a unit of the coordinates"""
 SKEW: Final = 8.0
-"""how far a rotation that is not quite one shifts a vertex, a unit of |RᵀR - I| and of length of its coordinates: the
-verdict is about b moved into a's frame by a's transposed rotation, boxes and spheres are in the world"""
+"""1: shift of a vertex by a rotation that is not orthogonal, a unit of |RᵀR - I| and of the coordinates: triangles are
+tested with b moved into a's frame by a's transposed rotation, boxes and spheres in the world frame"""
 GROWN: Final = 1.5
-"""times the extent of the groups of eight objects when formed, beyond which they are formed anew"""
+"""1: a tree is rebuilt when its groups of eight objects have grown by more than this factor"""
 FEW: Final = 4
-"""if at most one object in so many has moved, only those that have are tested anew"""
+"""if at most one object in so many has moved, only those are tested"""
 
 
 class Bodies(NamedTuple):
-    """What the broad phase knows of the objects, by id; arrays with room for more objects than there are."""
+    """Arrays by object id, longer than there are objects."""
 
     pose: Any
     """(n, 12) float64: rotation by rows, translation"""
     own: Any
-    """(n, 7) float64, m: box at home, and the radius of the sphere about its centre"""
+    """(n, 7) float64, m: box in the object's frame, and the radius of the sphere about its centre"""
     box: Any
     """(n, 6) float64, m: box in the world"""
     radius: Any
     """(n,) float64, m: of the sphere about the centre of that box"""
     stale: Any
-    """(n,) bool: whose box in the world is behind its pose"""
+    """(n,) bool: whether the box in the world is out of date"""
     movable: Any
     """(n,) bool"""
+    group: Any
+    """(n,) int64: objects of one number move as one and are no pairs; -1 for objects of no group"""
 
 
 class ObjectTree(NamedTuple):
@@ -56,25 +59,26 @@ class ObjectTree(NamedTuple):
     ids: Any
     """(n,) int64 in the order of the tree"""
     nodes: Any
-    """float32, see `numeric.simd`: the groups, then level by level what is above"""
+    """float32, see `numeric.simd`: the groups, then the levels above them in order"""
     starts: Any
     """int64: where in `nodes` each level begins"""
     formed: Any
-    """(1,) float64, m: extent of the groups when they were formed"""
+    """(1,) float64, m: sum of the extents of the groups when the tree was built"""
 
 
 def bodies_for(n: int, before: Bodies | None = None) -> Bodies:
-    """Room for n objects, with what is known of those before."""
+    """Return arrays for n objects; the first rows are those of `before`."""
     arrays = Bodies(
-        np.empty((n, 12)), np.empty((n, 7)), np.empty((n, 6)), np.empty(n), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-    )
+        np.empty((n, 12)), np.empty((n, 7)), np.empty((n, 6)), np.empty(n), np.zeros(n, np.bool_),
+        np.zeros(n, np.bool_), np.full(n, -1, np.int64),
+    )  # fmt: skip
     for new, old in zip(arrays, before or (), strict=False):
         new[: len(old)] = old
     return arrays
 
 
 def tree_of_objects(ids: NDArray[np.int64]) -> ObjectTree:
-    """The tree of these objects, not yet filled."""
+    """Return an empty tree for objects of these ids, (n,)."""
     starts, boxes = [0], -(-len(ids) // LANES)
     while boxes > 1:
         starts.append(starts[-1] + NODE * boxes)
@@ -84,41 +88,48 @@ def tree_of_objects(ids: NDArray[np.int64]) -> ObjectTree:
 
 
 class BroadPhase:
-    """The trees over a manager's objects, and the pairs that were near when last asked."""
+    """The two trees over all objects, and the pairs of the last query."""
 
     def __init__(self) -> None:
         self._movers = self._fixed = tree_of_objects(np.empty(0, np.int64))
         self._stack = np.empty((128, 2), np.int64)
-        self._room = np.empty(64, np.int64)
+        self._found = np.empty(64, np.int64)
         self._none = np.empty(0, np.bool_)
         self._keys: NDArray[np.int64] | None = None
-        """the pairs within 0, if their list is up to date but for the objects in `_moved`"""
+        """keys of the pairs within 0; None if they do not hold, except for objects that are stale"""
 
     def reset(self, ids: NDArray[np.int64], bodies: Bodies) -> None:
-        """Begin anew: with these objects."""
+        """Rebuild both trees with the objects of these ids, (n,)."""
         movable = bodies.movable[ids]
         self._movers, self._fixed = tree_of_objects(ids[movable]), tree_of_objects(ids[~movable])
         bodies.stale[:] = False
         bodies.stale[ids] = True
         self._keys = None
 
+    def set_groups(self, bodies: Bodies, groups: Iterable[Iterable[int]]) -> None:
+        """Leave out the pairs within each of these groups of objects, and no others."""
+        bodies.group[:] = -1
+        for number, group in enumerate(groups):
+            bodies.group[list(group)] = number
+        self._keys = None
+
     def place(self, bodies: Bodies, i: int, matrix: NDArray[np.float64], rigid: float) -> bool:
-        """Set the pose of object i to a (4, 4) matrix; False, and nothing changed, if that is no rigid motion."""
+        """Set the pose of object i to a (4, 4) matrix; return False, nothing changed, if it is no rigid motion."""
         return bool(_place.call(bodies, i, matrix, rigid))
 
     def packed(self, matrices: NDArray[np.float64], rigid: float) -> tuple[NDArray[np.float64], int]:
-        """(n, 12) poses of (n, 4, 4) matrices, and the place of the first that is no rigid motion, or -1."""
+        """Return (n, 12) poses of (n, 4, 4) matrices, and the index of the first that is no rigid motion, or -1."""
         out = np.empty((len(matrices), 12))
         return out, _take_poses.call(matrices, rigid, out)
 
     def relative_poses(self, pose: NDArray[np.float64], pairs: NDArray[np.int32]) -> NDArray[np.float64]:
-        """(k, 12) poses of the second of each pair of objects (k, 2) in the frame of the first."""
+        """Return (k, 12) poses of the second of each pair of objects (k, 2) in the frame of the first."""
         out = np.empty((len(pairs), 12))
         _relative_poses.call(pose, pairs, out)
         return out
 
     def follow(self, bodies: Bodies) -> None:
-        """Bring boxes and trees up to date with the poses."""
+        """Refit boxes and trees to the poses."""
         grown = _follow.call(bodies, self._movers, self._fixed, False)
         if grown:
             for bit, tree in ((1, self._movers), (2, self._fixed)):
@@ -130,13 +141,13 @@ class BroadPhase:
     def near(
         self, bodies: Bodies, n: int, within: float = 0.0, chosen: NDArray[np.bool_] | None = None
     ) -> NDArray[np.int64]:
-        """The pairs i < j of the first n objects that come within `within` (m), as 2^32·i + j, sorted.
+        """Return the keys, 2³²·i + j, of the pairs i < j of the first n objects that come within `within` (m), sorted.
 
-        chosen: (n,) only pairs with at least one of these. Not to be written to.
+        chosen: (n,) bool, only pairs with at least one of these. The result is read-only.
         """
         if within == 0.0 and chosen is None:
             return self._near_all(bodies, n)
-        if self._keys is not None and bodies.stale[:n].any():  # what has moved is known only until the trees follow
+        if self._keys is not None and bodies.stale[:n].any():  # refitting clears what is stale
             if FEW * np.count_nonzero(bodies.stale[:n]) <= n:
                 self._near_all(bodies, n)
             else:
@@ -163,11 +174,11 @@ class BroadPhase:
     def _find(self, bodies: Bodies, within: float, chosen: NDArray[np.bool_] | None) -> NDArray[np.int64]:
         chosen = self._none if chosen is None else chosen
         while True:
-            found = _near_pairs.call(bodies, self._movers, self._fixed, within, chosen, self._stack, self._room)
-            if found <= len(self._room):
+            found = _near_pairs.call(bodies, self._movers, self._fixed, within, chosen, self._stack, self._found)
+            if found <= len(self._found):
                 break
-            self._room = np.empty(2 * found, np.int64)
-        keys = self._room[:found].copy()
+            self._found = np.empty(2 * found, np.int64)
+        keys = self._found[:found].copy()
         if found > 1:
             keys.sort()
         return keys
@@ -178,7 +189,7 @@ class BroadPhase:
 
 @kernel
 def place(bodies, i, matrix, rigid):
-    """Set the pose of object i to a (4, 4) matrix, and note that it has moved; False if that is no rigid motion."""
+    """Set the pose of object i to a (4, 4) matrix, and its box to stale; return False if it is no rigid motion."""
     if not take_pose(matrix, rigid, bodies.pose[i]):
         return False
     bodies.stale[i] = True
@@ -187,7 +198,7 @@ def place(bodies, i, matrix, rigid):
 
 @inner_kernel
 def move_world_box(bodies, i):
-    """Bring the box and the sphere of object i in the world up to date."""
+    """Refit the box and the sphere of object i in the world to its pose."""
     own, pose = bodies.own[i], bodies.pose[i]
     length = size = off = 0.0
     for d in range(3):
@@ -211,21 +222,21 @@ def move_world_box(bodies, i):
 
 @inner_kernel
 def below(x):
-    """A float32 below x; finite, if x is above all float32."""
+    """Return a float32 below x; finite, if x is above all float32."""
     y = np.float32(min(x, 3e38) - 1e-30)
     return y - abs(y) * np.float32(1.2e-7)
 
 
 @inner_kernel
 def above(x):
-    """A float32 above x; finite, if x is below all float32."""
+    """Return a float32 above x; finite, if x is below all float32."""
     y = np.float32(max(x, -3e38) + 1e-30)
     return y + abs(y) * np.float32(1.2e-7)
 
 
 @inline_kernel
 def set_nodes(tree, box):
-    """Fill the nodes of an `ObjectTree`; the sum of the extents of the groups of eight objects."""
+    """Fill the nodes of an `ObjectTree`; return the sum of the extents of its groups of eight objects."""
     ids, nodes = tree.ids, tree.nodes
     groups = (len(ids) + LANES - 1) // LANES
     extent = 0.0
@@ -260,15 +271,15 @@ def set_nodes(tree, box):
 
 @inline_kernel
 def follow_tree(bodies, tree, formed):
-    """Bring a tree up to date with the poses; whether its groups have grown too large, unless they are just formed."""
-    behind = formed
+    """Refit a tree to the poses; return whether its groups have grown too large. formed: it has just been built."""
+    outdated = formed
     for k in range(len(tree.ids)):
         i = tree.ids[k]
         if bodies.stale[i]:
             bodies.stale[i] = False
-            behind = True
+            outdated = True
             move_world_box(bodies, i)
-    if not behind:
+    if not outdated:
         return False
     extent = set_nodes(tree, bodies.box)
     if formed:
@@ -278,16 +289,16 @@ def follow_tree(bodies, tree, formed):
 
 @kernel
 def follow(bodies, movers, fixed, formed):
-    """Bring both trees up to date; bits 1 and 2 of the result: whether the groups of either have grown too large.
+    """Refit both trees; bits 1 and 2 of the result: whether the groups of either have grown too large.
 
-    formed: the groups have just been formed.
+    formed: the trees have just been built.
     """
     return 1 * follow_tree(bodies, movers, formed) + 2 * follow_tree(bodies, fixed, formed)
 
 
 @inner_kernel
 def boxes_and_spheres_meet(i, j, box, radius, within):
-    """Whether both the boxes and the spheres of two objects come within `within`."""
+    """Whether the boxes and the spheres of two objects come within `within` (m)."""
     apart = 0.0
     for d in range(3):
         if box[i, d] - within > box[j, d + 3] or box[j, d] - within > box[i, d + 3]:
@@ -298,9 +309,10 @@ def boxes_and_spheres_meet(i, j, box, radius, within):
 
 @inline_kernel
 def near_in_tree(bodies, i, after, tree, within, chosen, stack, keys, n):
-    """Add to `keys` the pairs of i with objects behind place `after` of a tree; how many pairs there are then.
+    """Append to the n `keys` the pairs of i with objects from index `after` of a tree on; return their new number.
 
-    Two chosen objects are a pair of the lesser one, or of the one that may move. Goes on counting where `keys` is full.
+    A pair of two chosen objects is added for the lower id, or for the movable one. Pairs are counted beyond the end of
+    `keys`.
     """
     box, ids, starts = bodies.box, tree.ids, tree.starts
     x0, y0, z0 = below(box[i, 0] - within), below(box[i, 1] - within), below(box[i, 2] - within)
@@ -322,7 +334,7 @@ def near_in_tree(bodies, i, after, tree, within, chosen, stack, keys, n):
                 top += 1
                 continue
             j = ids[child]
-            if j == i:
+            if j == i or (bodies.group[i] >= 0 and bodies.group[i] == bodies.group[j]):
                 continue
             if len(chosen) > 0 and chosen[j] and (not bodies.movable[i] or (bodies.movable[j] and j < i)):
                 continue
@@ -335,10 +347,10 @@ def near_in_tree(bodies, i, after, tree, within, chosen, stack, keys, n):
 
 @kernel
 def near_pairs(bodies, movers, fixed, within, chosen, stack, keys):
-    """Place in `keys` the pairs i < j (2^32·i + j), at least one of which may move, that come near; how many.
+    """Fill `keys` with the pairs i < j (2³²·i + j), one of them movable, whose boxes and spheres come within `within`.
 
-    Near is within `within` along every axis by boxes, and by spheres. chosen: (n,) only pairs with at least one of
-    these; (0,) for all. If there are more than `keys` takes, it is full.
+    Returns their number, which may exceed the length of `keys`. chosen: (n,) bool, only pairs with at least one of
+    these; (0,) for all.
     """
     n = np.int64(0)
     if len(chosen) == 0:

@@ -1,32 +1,28 @@
-"""Clash, contact, clearance, containment: what a user of DMU tools calls the nearness of two parts.
+"""Clash, contact, clearance, containment: the relations of two parts that digital mock-up tools report.
 
 With the tolerance tol = `Tolerance.linear` + the deflections of the two tessellations, two surfaces are in
 
 - clash, if they meet and reach deeper than tol into one another (see `collision.query.penetration`);
 - contact, if they meet less deeply, or are at most `Tolerance.linear` apart: flush faces, a faceted bolt in its bore;
-- clearance, if they are farther apart than that, but nearer than the clearance asked for.
+- clearance, if they are farther apart than that, but nearer than the wanted clearance.
 
-Two parts are in containment if one lies wholly inside the other. They clash without any pair of surfaces that does so
-if they touch and have material in common nevertheless, as two identical parts in one place have. What lies inside a
-mesh that is not closed, a part that lost a face, is told by its winding number; the reason of such a row says so.
+Two parts are in containment if one lies wholly inside the other. Two parts whose surfaces only touch, but which have
+material in common, clash as a whole: two identical parts in one place do. The winding number decides what lies inside a
+mesh that is not closed, such as a part that lost a face; the reason of such a row names the open mesh.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from collision.errors import CollisionError
+from collision.manager import CollisionManager
 from collision.mesh import SurfaceMesh
-from collision.proximity import clearance as clearance_of
-from collision.proximity import pair_contacts
-
-if TYPE_CHECKING:
-    from collision.manager import CollisionManager
 
 Kind = Literal["clash", "containment", "contact", "clearance", "authorised"]
 KINDS: tuple[Kind, ...] = ("clash", "containment", "authorised", "contact", "clearance")
@@ -40,7 +36,7 @@ SAMPLES: Final = 512
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairClass:
-    """What two surfaces, or two parts as a whole, are to each other."""
+    """The relation of two surfaces, or of two parts as a whole."""
 
     kind: Kind
     objects: tuple[int, int]
@@ -50,11 +46,11 @@ class PairClass:
     distance: float
     """m; 0 where surfaces meet"""
     depth: float
-    """m, how deep they reach into each other; 0 if they do not"""
+    """m, the penetration depth; 0 if they do not penetrate"""
     witness: NDArray[np.float64]
     """(3,) world frame: the deepest point, or the middle between the nearest points"""
     reason: str = ""
-    """for what no pair of surfaces tells: which part is inside which, and which of them is not closed"""
+    """which part is inside which, and which of them is not closed; empty for other rows"""
 
 
 def classify(
@@ -66,7 +62,7 @@ def classify(
     tell: Callable[[float], None] = lambda fraction: None,
     names: Sequence[str] | None = None,
 ) -> list[PairClass]:
-    """Every pair of surfaces, and of parts, that clashes, touches or comes within the clearance.
+    """Return every pair of surfaces, and of parts, that clashes, touches or comes within the clearance.
 
     Parameters
     ----------
@@ -76,12 +72,16 @@ def classify(
     authorised: pairs of objects (i, j), or of surfaces (i, surface of i, j, surface of j), whose clash is meant, such
         as a press fit: they are listed as "authorised".
     objects: only pairs with at least one of these; None for all.
-    tell: hears the fraction done, before each pair of objects.
-    names: what reasons call the objects, by id; "object 0", … if they are not given.
+    tell: called with the fraction done, in [0, 1), before each pair of objects.
+    names: the objects' names in reasons, by id; "object 0", … if they are not given.
 
     Returns
     -------
-    Sorted by objects, the parts' own kind (surfaces None) before their surfaces' pairs.
+    Rows sorted by objects, that of the parts as a whole (surfaces None) before those of their surfaces.
+
+    Raises
+    ------
+    CollisionError: a clearance or deflection that is negative or not finite; an authorised pair that is neither.
     """
     if not 0.0 <= clearance < np.inf:
         raise CollisionError(f"clearance is {clearance!r}; give a finite length of at least 0 m")
@@ -93,7 +93,7 @@ def classify(
     for number, (i, j) in enumerate(neighbours):
         tell(number / len(neighbours))
         nearness = tolerance + slack[i][:, None] + slack[j][None, :]
-        rows = pair_contacts(manager, i, j, max(clearance, tolerance))
+        rows = manager.pair_contacts(i, j, max(clearance, tolerance))
         depths = {}
         if (rows["distance"] == 0.0).any():
             depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in manager.penetration(i, j)}
@@ -121,7 +121,7 @@ def classify(
 
 
 def _with_open_ones_named(manager: CollisionManager, pairs: list[PairClass], called: dict[int, str]) -> list[PairClass]:
-    """The pairs of two objects; what one has inside the other says so if it is not closed."""
+    """Add to the reasons of pairs of two objects, where one is inside the other, which of them is not closed."""
     from collision.solid import solid_of
 
     gaps = [
@@ -136,7 +136,7 @@ def _with_open_ones_named(manager: CollisionManager, pairs: list[PairClass], cal
 
 
 def _deflections(manager: CollisionManager, deflection: float | Sequence[ArrayLike]) -> dict[int, NDArray[np.float64]]:
-    """Of every surface of every object; half of a deflection that is given for both of a pair."""
+    """The deflection of every surface, by object; half of one that is given for both surfaces of a pair."""
     out = {}
     for i in manager.objects:
         given = deflection / 2.0 if isinstance(deflection, (int, float)) else deflection[i]
@@ -176,7 +176,7 @@ def _as_a_whole(
                 points = other.vertices @ move.rotation.T + move.translation
                 depths = -signed_distances(mesh, points)
                 deepest = int(np.argmax(depths))
-                row = clearance_of(manager, i, j)[0]
+                row = manager.clearance(i, j)[0]
                 return PairClass(
                     "authorised" if meant else "containment",
                     (i, j), None, float(row["distance"]), float(depths[deepest]),

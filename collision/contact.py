@@ -1,8 +1,8 @@
-"""What the queries answer: rows of contacts and of penetrations, and the time of impact of a motion."""
+"""Results of queries: rows of contacts and of penetrations, and the first impact of a motion."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,19 @@ CONTACT_DTYPE = np.dtype(
     ]
 )
 """One row a surface pair, `object_a < object_b`, rows sorted by the four ids."""
+_WHOLE = np.dtype((np.void, CONTACT_DTYPE.itemsize))
+
+
+def joined(blocks: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Contact rows of several blocks, one after another (numpy would copy them field by field)."""
+    whole = [block.view(_WHOLE) for block in blocks]
+    return (np.concatenate(whole) if whole else np.empty(0, _WHOLE)).view(CONTACT_DTYPE)
+
+
+def picked(rows: NDArray[Any], which: NDArray[Any]) -> NDArray[Any]:
+    """A copy of contact rows by a mask (n,) or by places (k,)."""
+    return rows.view(_WHOLE)[which].view(CONTACT_DTYPE)
+
 
 PENETRATION_DTYPE = np.dtype(
     [
@@ -34,35 +47,31 @@ PENETRATION_DTYPE = np.dtype(
         ("object_b", np.int32),
         ("surface_b", np.int32),
         ("depth", np.float64),  # m, 0 where the surfaces only touch
-        (
-            "direction",
-            np.float64,
-            3,
-        ),  # unit, world frame: moving b along it by `depth` takes the deepest point out of a
+        ("direction", np.float64, 3),  # 1, world frame: b moved along it by `depth` has the deepest point out of a
         ("point", np.float64, 3),  # the deepest point, world frame, m
     ]
 )
-"""One row a pair of surfaces that meet, `object_a < object_b`, rows sorted by the four ids."""
+"""One row a pair of surfaces that intersect, `object_a < object_b`, rows sorted by the four ids."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeOfImpact:
-    """The first impact on the way of some objects to their targets."""
+    """The first impact of objects on their way to target poses."""
 
     t: float
-    """in [0, 1]: how far along the motion; 1 where nothing stops it"""
+    """1, in [0, 1]: part of the motion before the impact; 1 without one"""
     contacts: NDArray[Any]
-    """CONTACT_DTYPE rows of the surface pairs that stop it, at that time, world frame; none where nothing does"""
+    """CONTACT_DTYPE rows of the pairs of surfaces that stop the motion, at time t, world frame; empty without impact"""
     poses: Mapping[int, pin.SE3]
-    """where the moving objects are at that time"""
+    """poses of the moving objects at time t, by id"""
 
     @property
     def hit(self) -> bool:
-        """Whether something stops the motion."""
+        """Whether there is an impact."""
         return len(self.contacts) > 0
 
     @property
     def rows(self) -> NDArray[np.int32]:
-        """(k, 4) object, surface, object, surface of the pairs that stop the motion, sorted."""
+        """Return (k, 4) int32 object, surface, object, surface of the pairs that stop the motion, sorted."""
         names = ("object_a", "surface_a", "object_b", "surface_b")
         return np.stack([self.contacts[name] for name in names], axis=1).astype(np.int32).reshape(-1, 4)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class CollisionError(ValueError):
-    """Root of all errors that `collision` raises; its message names what was given, what is allowed, what to do."""
+    """Root of all errors of `collision`; the message names the value given, the values allowed and the remedy."""
 
 
 class MeshError(CollisionError):

@@ -18,7 +18,7 @@ class SurfaceMesh:
     vertices: (n, 3) finite float64, metres.
     triangles: (m, 3) int, indices into `vertices`; wound so that normals point out of the material.
     surface_of_triangle: (m,) int, the surface of each triangle; numbers 0 … k-1, none left empty.
-    name: what errors call this mesh.
+    name: the mesh's name in errors.
 
     Raises
     ------
@@ -67,11 +67,11 @@ class SurfaceMesh:
         return len(self.triangles)
 
     def triangles_of(self, surface: int) -> NDArray[np.int32]:
-        """(j,) indices of the triangles of one surface, ascending."""
+        """Return (j,) indices of the triangles of one surface, ascending."""
         return self.order[self.surface_start[surface] : self.surface_start[surface + 1]]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # the cache holds addresses of its own arrays: a copy, or another process, builds its own
+        # without the cache: a copy, or another process, derives its own
         return SurfaceMesh, (self.vertices, self.triangles, self.surface_of_triangle, self.name)
 
     def __repr__(self) -> str:

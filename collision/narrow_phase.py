@@ -1,7 +1,7 @@
-"""The pairs of objects of a manager that have come near: what was answered about them, and when.
+"""The narrow phase: a cache of the pairs of objects that have come near, and their queries on two threads.
 
-Pairs of which neither object has moved since are not asked again; of the others the triangles that met, or were
-nearest, are looked at first. With enough pairs, two threads share them; answers do not depend on it.
+A pair of which neither object has moved since its last query is not tested again; of the others the triangles that
+intersected, or were nearest, are tested first. Answers do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, partial
 from typing import Any, Final
 
 import numpy as np
@@ -18,65 +18,58 @@ from numpy.typing import NDArray
 from collision.bvh.build import build, bvh_of
 from collision.bvh.layout import LANES, Bvh
 from collision.bvh.traverse import Workspace, counts_of, large_enough
-from collision.contact import CONTACT_DTYPE
+from collision.contact import CONTACT_DTYPE, picked
 from collision.query.distance import clearance_of, contacts_of, lanes_of, with_surfaces
-from collision.query.intersection import intersect_of
+from collision.query.intersection import ALL_ENABLED, NO_TRIANGLES, intersect_of
 from collision.statistics import Statistics
 
-REMEMBERED: Final = 1 << 16
-"""pairs of surfaces beyond which nothing is remembered of a pair of objects"""
+MOST_CACHED: Final = 1 << 16
+"""pairs of surfaces beyond which no triangles are kept for a pair of objects"""
 WORTH_A_THREAD: Final = 4
-"""pairs of objects that take longer than handing them to a thread"""
-NO_PAIRS, ALL, NO_ROWS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty((0, 4), np.int32)
+"""pairs of objects whose queries take longer than handing them to a thread"""
+NO_ROWS: Final = np.empty((0, 4), np.int32)
 Enabled = Callable[[int, int], NDArray[np.uint8] | None]
 """(ka, kb), 0 for the pairs of surfaces of two objects that are left out; None if none is"""
 
 
 class PairCache:
-    """A pair of objects: what was answered, when, and which triangles met or were nearest."""
+    """A pair of objects: its last answers, their versions, and which triangles intersected or were nearest."""
 
     __slots__ = (
-        "a",
-        "asked",
-        "b",
-        "contacts",
-        "enabled",
-        "i",
-        "j",
-        "met",
-        "near",
-        "nearest",
-        "rows",
-        "version",
-        "within",
-    )
+        "a", "b", "contacts", "enabled", "i", "j", "met", "near", "nearest", "rows", "version", "within",
+    )  # fmt: skip
 
     def __init__(self, i: int, j: int, a: Bvh, b: Bvh, enabled: NDArray[np.uint8] | None) -> None:
         self.i, self.j, self.a, self.b = i, j, a, b
-        self.enabled = ALL if enabled is None else enabled.ravel()
-        self.met = self.near = NO_PAIRS
+        self.enabled = ALL_ENABLED if enabled is None else enabled.ravel()
+        self.met = self.near = NO_TRIANGLES
         self.nearest: dict[tuple[int | None, int | None], NDArray[np.int64]] = {}
-        """what `query.distance.clearance` takes as `last`, for the surfaces asked about"""
+        """`last` of `query.distance.clearance`, by surfaces"""
         self.rows: NDArray[np.int32] = NO_ROWS
         """(k, 4) object, surface, object, surface"""
         self.contacts: NDArray[Any] = np.empty(0, CONTACT_DTYPE)
         self.within = (-1, -1.0)
-        """when, and within what distance (m), `contacts` was answered"""
-        self.version = self.asked = -1
-        """how often both had been moved when `rows` was answered; the same of the question that is being answered"""
+        """the version, and the distance (m), of `contacts`"""
+        self.version = -1
+        """how often both had been moved when `rows` was made"""
 
-    def remembering(self) -> NDArray[np.int64]:
-        """A table for two triangles a pair of surfaces, if there are not too many."""
+    def rows_within(self, within: float) -> NDArray[Any]:
+        """Return the rows of `contacts` at most `within` (m) apart, which is no more than was asked for."""
+        rows = self.contacts
+        return rows if within == self.within[1] else picked(rows, rows["distance"] <= within)
+
+    def table(self) -> NDArray[np.int64]:
+        """Return a table for two triangles a pair of surfaces, empty if there are more than MOST_CACHED."""
         pairs = len(self.a.root) * len(self.b.root)
-        return np.full(pairs, -1, np.int64) if pairs <= REMEMBERED else NO_PAIRS
+        return np.full(pairs, -1, np.int64) if pairs <= MOST_CACHED else NO_TRIANGLES
 
 
 class NarrowPhase:
-    """The pairs of objects that have come near, and the workspaces of two threads; a copy of it is empty."""
+    """The cache of the pairs of objects that have come near, and the workspaces of two threads; a copy is empty."""
 
     def __init__(self) -> None:
         self.pairs: dict[int, PairCache] = {}
-        """by 2^32·i + j"""
+        """by key, 2³²·i + j"""
         self._workspaces: list[Workspace | None] = [None, None]
         self._sizes = 1, 1
 
@@ -87,48 +80,36 @@ class NarrowPhase:
         self, keys: list[int], meshes: Sequence[Any], version: Sequence[int], poses: NDArray[np.float64],
         enabled: Enabled,
     ) -> list[NDArray[np.int32]]:  # fmt: skip
-        """Of each pair the rows object, surface, object, surface that intersect; not to be written to.
+        """Return (k, 4) object, surface, object, surface of the surfaces that intersect, for each pair; read-only.
 
-        version: how often each object has been moved.
+        version: how often each object has been moved. poses: (n, 12), world frame, m.
         """
         pairs = self.pairs
         self._add(keys, meshes, enabled)
-        asked = []
-        for key in keys:
-            pair = pairs[key]
-            pair.asked = version[pair.i] + version[pair.j]
-            if pair.asked != pair.version:
-                asked.append(pair)
-        self._share(self._intersect, asked, poses)
+        moved = [pair for key in keys if (pair := pairs[key]).version != version[pair.i] + version[pair.j]]
+        self._share(self._intersect, moved, version, poses)
         return [pairs[key].rows for key in keys]
 
     def contacts(
         self, keys: list[int], meshes: Sequence[Any], version: Sequence[int], poses: NDArray[np.float64],
         enabled: Enabled, within: float,
     ) -> list[NDArray[Any]]:  # fmt: skip
-        """Of each pair the surfaces at most `within` (m) apart, CONTACT_DTYPE rows; not to be written to."""
+        """Return CONTACT_DTYPE rows of the surfaces at most `within` (m) apart, for each pair; read-only."""
         pairs = self.pairs
         self._add(keys, meshes, enabled)
-        asked = []
+        moved = []
         for key in keys:
             pair = pairs[key]
-            wanted = version[pair.i] + version[pair.j], within
-            if pair.within != wanted:
-                pair.within = wanted
-                asked.append(pair)
-        try:
-            self._share(self._contacts, asked, poses)
-        except BaseException:
-            for pair in asked:
-                pair.within = (-1, -1.0)
-            raise
-        return [pairs[key].contacts for key in keys]
+            if pair.within[0] != version[pair.i] + version[pair.j] or pair.within[1] < within:
+                moved.append(pair)
+        self._share(partial(self._contacts, within), moved, version, poses)
+        return [pairs[key].rows_within(within) for key in keys]
 
     def clearance(
         self, key: int, meshes: Sequence[Any], poses: NDArray[np.float64], enabled: Enabled,
         surfaces: tuple[int | None, int | None],
     ) -> NDArray[Any]:  # fmt: skip
-        """One CONTACT_DTYPE row: the nearest triangles of a pair of objects, or of a surface of either."""
+        """Return one CONTACT_DTYPE row: the nearest triangles of a pair of objects, or of a surface of either."""
         self._add([key], meshes, enabled)
         pair = self.pairs[key]
         last = pair.nearest.get(surfaces)
@@ -153,47 +134,53 @@ class NarrowPhase:
             packets = max(packets, len(a.first) - 1, len(b.first) - 1)
         self._sizes = nodes, packets
 
-    def _share(self, work: Callable[..., None], asked: list[PairCache], poses: NDArray[np.float64]) -> None:
-        if len(asked) >= 2 * WORTH_A_THREAD:
-            other = _pool().submit(work, asked[1::2], 1, poses)
-            work(asked[::2], 0, poses)
+    def _share(
+        self, work: Callable[..., None], pairs: list[PairCache], version: Sequence[int], poses: NDArray[np.float64]
+    ) -> None:
+        """Run a query for these pairs, on two threads if there are enough."""
+        if len(pairs) >= 2 * WORTH_A_THREAD:
+            other = _pool().submit(work, pairs[1::2], 1, version, poses)
+            work(pairs[::2], 0, version, poses)
             other.result()
-        elif asked:
-            work(asked, 0, poses)
+        elif pairs:
+            work(pairs, 0, version, poses)
 
-    def _intersect(self, asked: list[PairCache], which: int, poses: NDArray[np.float64]) -> None:
-        ws = self._workspaces[which] = large_enough(self._workspaces[which], *self._sizes)
-        for pair in asked:
+    def _intersect(
+        self, pairs: list[PairCache], thread: int, version: Sequence[int], poses: NDArray[np.float64]
+    ) -> None:
+        ws = self._workspaces[thread] = large_enough(self._workspaces[thread], *self._sizes)
+        for pair in pairs:
             if not len(pair.met):
-                pair.met = pair.remembering()
+                pair.met = pair.table()
             while True:
                 found = intersect_of(pair.a, pair.b, ws, poses, pair.i, pair.j, pair.met, pair.enabled)
                 if found >= 0:
                     break
-                ws = self._workspaces[which] = large_enough(ws, *self._sizes, pairs=~found)
-            pair.rows, pair.version = ws.rows[:found].copy(), pair.asked
+                ws = self._workspaces[thread] = large_enough(ws, *self._sizes, pairs=~found)
+            pair.rows, pair.version = ws.rows[:found].copy(), version[pair.i] + version[pair.j]
 
-    def _contacts(self, asked: list[PairCache], which: int, poses: NDArray[np.float64]) -> None:
-        ws = self._workspaces[which] = large_enough(self._workspaces[which], *self._sizes)
-        for pair in asked:
+    def _contacts(
+        self, within: float, pairs: list[PairCache], thread: int, version: Sequence[int], poses: NDArray[np.float64]
+    ) -> None:
+        ws = self._workspaces[thread] = large_enough(self._workspaces[thread], *self._sizes)
+        for pair in pairs:
             if not len(pair.near):
-                pair.near = pair.remembering()
-            within = pair.within[1]
+                pair.near = pair.table()
             while True:
                 rows = np.zeros(len(ws.pairs), CONTACT_DTYPE)
                 found = contacts_of(pair.a, pair.b, ws, poses, pair.i, pair.j, within, pair.enabled, pair.near, rows)
                 if found >= 0:
                     break
-                ws = self._workspaces[which] = large_enough(ws, *self._sizes, pairs=~found)
-            pair.contacts = rows[:found].copy()
+                ws = self._workspaces[thread] = large_enough(ws, *self._sizes, pairs=~found)
+            pair.contacts, pair.within = rows[:found].copy(), (version[pair.i] + version[pair.j], within)
 
-    def forget(self, keep: Callable[[int, int], bool]) -> None:
-        """Forget the pairs that are not to be kept."""
-        self.pairs = {key: pair for key, pair in self.pairs.items() if keep(pair.i, pair.j)}
+    def forget(self, outdated: Callable[[int, int], bool]) -> None:
+        """Drop the pairs (i, j) of objects that are outdated."""
+        self.pairs = {key: pair for key, pair in self.pairs.items() if not outdated(pair.i, pair.j)}
 
     @property
     def statistics(self) -> Statistics:
-        """Counts of all questions so far."""
+        """Counts of all queries so far."""
         return sum((Statistics(*counts_of(ws)) for ws in self._workspaces if ws is not None), Statistics())
 
 

@@ -1,7 +1,6 @@
-"""A mesh as the boundary of a solid: whether it is closed, its pseudonormals, and its triangles seen from far.
+"""A mesh as the boundary of a solid: whether it is closed, its pseudonormals, and the dipoles of its triangles.
 
-A mesh is closed if every edge, taken with its direction, is met by its opposite once corners of equal coordinates are
-made one.
+A mesh is closed if every directed edge has its opposite, once vertices of equal coordinates are welded.
 """
 
 from __future__ import annotations
@@ -18,36 +17,36 @@ from collision.mesh import SurfaceMesh
 from collision.reference.shape import ShapeMesh
 
 SLIVER: Final = 1e-3
-"""1: triangles of a smaller height, as part of their longest side, are slivers: real ones fold over their neighbours"""
+"""1: a triangle is a sliver if its height is below this part of its longest side"""
 ROUNDING: Final = 1e-12
-"""1: …, or as part of their coordinates"""
+"""1: … or below this part of its coordinates"""
 FOLD: Final = 0.2
-"""1: a shorter pseudonormal, of unit normals or a unit of angle, is of a fold (of less than 12°) or a needle"""
+"""1: a shorter pseudonormal, the sum of unit normals or a unit of angle, belongs to a fold of less than 12°"""
 
 
 class Solid(NamedTuple):
-    """What is derived from a mesh of m triangles as the boundary of a solid; read-only, triangles in leaf order."""
+    """Arrays derived from a mesh of m triangles as the boundary of a solid; read-only, triangles in leaf order."""
 
     bvh: Bvh
     normal: Any
     """(21 m,) float64: seven pseudonormals a triangle. The sums of the unit normals at the edges ab, bc, ca; their sums
     about the corners, each weighted by its angle there; the unit normal, 0 for a triangle of no area"""
     sure: Any
-    """(7 m,) bool: which of them tell inside from outside: not those of slivers and folds, whose normals are rounding
-    or turned over, nor where the surface ends or meets itself in an edge or a corner"""
+    """(7 m,) bool: whether the sign of a distance may be taken from each of them. Not from those of slivers and folds,
+    whose normals are rounding or turned over, nor where the surface ends or meets itself in an edge or a vertex"""
     cluster: Any
     """(7 lanes,) float64: of the triangles below each lane the vector area, m², a middle, m, and the radius about it;
     radius -1 for an empty lane"""
     seeds: Any
-    """int32: one vertex of each connected shell"""
+    """(s,) int32: one vertex of each of the s connected shells"""
     surface: Any
     """(m,) int32: the surface of each triangle"""
     closed: Any
-    """whether every directed edge is met by its opposite"""
+    """bool: whether every directed edge has its opposite"""
 
 
 def solid_of(mesh: SurfaceMesh) -> Solid:
-    """The mesh as the boundary of a solid, derived at the first call and kept on the mesh.
+    """Return the solid that a mesh bounds, derived at the first call and kept on the mesh.
 
     Raises
     ------
@@ -112,7 +111,7 @@ def _sure(
     t: NDArray[np.int_], corners: NDArray[np.float64], edge: NDArray[np.int64], way: NDArray[np.int64],
     at_edge: NDArray[np.float64], at_vertex: NDArray[np.float64], angle: NDArray[np.float64],
 ) -> NDArray[np.bool_]:  # fmt: skip
-    """`Solid.sure`, of welded corners t (m, 3); `way`: which way each edge is run along, 0 where it has no length."""
+    """`Solid.sure`, of welded corners t (m, 3); `way`: the direction of each edge, 0 where it has no length."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -127,7 +126,7 @@ def _sure(
     edge_sure = two & ~fold
     edge_sure[edge[sliver]] = False
 
-    half = np.flatnonzero(two[flat])  # an edge's two sides one after the other: the corners that it joins
+    half = np.flatnonzero(two[flat])  # the two sides of each edge in sequence: the corners that it joins
     first, second = half[np.argsort(flat[half], kind="stable")].reshape(-1, 2).T
     after = np.roll(np.arange(flat.size).reshape(-1, 3), -1, axis=1).reshape(-1)
     graph = coo_array(
@@ -173,5 +172,5 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def is_closed(mesh: SurfaceMesh) -> bool:
-    """Whether the mesh bounds a volume: every directed edge is met by its opposite."""
+    """Whether a mesh bounds a volume: every directed edge has its opposite."""
     return bool(solid_of(mesh).closed)

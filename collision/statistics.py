@@ -1,8 +1,9 @@
-"""What a query cost: the counts by which the stages of the algorithm are compared."""
+"""Counts of box and triangle tests, by which the methods are compared."""
 
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass
+from operator import add, sub
 
 
 @dataclass(frozen=True, slots=True)
@@ -10,15 +11,15 @@ class Statistics:
     """Counts of one query, or of many added up."""
 
     object_pairs: int = 0
-    """pairs of objects whose surfaces were looked at (stage 1 let them through)"""
+    """pairs of objects that the broad phase let through"""
     surface_box_tests: int = 0
-    """tests of a surface's box, or of a group of surfaces, against another or against an OAABB"""
+    """tests of the box of a surface, or of a group of surfaces, with another or with an OAABB"""
     triangle_box_tests: int = 0
-    """tests of a triangle's box, or of a group of triangles of one surface, against another or against an OAABB"""
+    """tests of the box of a triangle, or of a group of triangles of one surface, with another or with an OAABB"""
     triangle_tests: int = 0
     """exact triangle-triangle tests"""
     exact_fallbacks: int = 0
-    """signs that float64 could not decide, computed in exact arithmetic"""
+    """signs within the error bound of float64, computed in exact arithmetic"""
 
     @property
     def box_tests(self) -> int:
@@ -26,7 +27,7 @@ class Statistics:
         return self.surface_box_tests + self.triangle_box_tests
 
     def __add__(self, other: Statistics) -> Statistics:
-        return Statistics(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+        return Statistics(*map(add, astuple(self), astuple(other)))
 
     def __sub__(self, other: Statistics) -> Statistics:
-        return Statistics(*(a - b for a, b in zip(astuple(self), astuple(other), strict=True)))
+        return Statistics(*map(sub, astuple(self), astuple(other)))

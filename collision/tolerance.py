@@ -46,9 +46,9 @@ class Tolerance:
     slop: float = 0.1
     """1: share of `linear` by which surfaces in contact may come nearer as they slide, and a sweep's stop may be off"""
     gjk: float = 1e-10
-    """m: what coal's own arithmetic is asked for (at its default of 1e-6 it reports contacts that there are not)"""
-    doubt: float = 1e-8
-    """1: share of the parts' size within which coal cannot tell touching from not touching"""
+    """m: precision of coal's GJK (at its default of 1e-6 it reports contacts of surfaces that do not touch)"""
+    oracle: float = 1e-8
+    """1: error bound of coal's verdicts, a unit of the parts' size"""
     depth: float = 1e-2
     """1: depths of penetration are found to within this part of themselves and of `linear`"""
     solver: float = 1e-12

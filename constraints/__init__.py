@@ -1,4 +1,4 @@
-"""What two touching surfaces can mean to each other, and the motion that meaning leaves."""
+"""Geometric constraints between analytic surfaces: recognised from contact, solved, and the motion they leave."""
 
 from constraints.errors import ConstraintsError, GeometryError
 from constraints.freedom.mobility import Freedom, Mobility, mobility

@@ -6,8 +6,9 @@ contacts within `manager.within`, then `update(poses, contacts, wanted)` tells w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from collision import Tolerance
+from collision.contact import picked
 from constraints.errors import ConstraintsError
 from constraints.freedom.lower_pairs import orthonormal
 from constraints.geometry.features import Feature
@@ -24,9 +26,12 @@ from constraints.kinds import Constraint
 from constraints.recognition.attention import Attention, rows_about
 from constraints.recognition.candidate import Candidate, Key, Match, Pair, known_kinds
 from constraints.recognition.implied import without_implied
-from constraints.recognition.pairings import FITS, rows_for
+from constraints.recognition.pairings import FITS, PAIRINGS, rows_for
+from constraints.recognition.pulls import Pulls
 from constraints.recognition.recognise import Near, Recogniser
+from constraints.solve.groups import ALONE, Groups
 from constraints.solve.solver import solve
+from constraints.solve.together import Together
 
 Rule = Callable[[Candidate], bool | None]
 """Decides on a new candidate: True accepts, False refuses, None leaves it open."""
@@ -63,6 +68,61 @@ class Accepted:
     """m; None: `Tolerance.break_distance`, and a closed fit is never pulled apart across its axis"""
     break_force: float = np.inf
     """N: greatest force of a hand that it bears"""
+
+
+@dataclass(frozen=True, eq=False)
+class InForce:
+    """The constraints in force at one moment, and what is asked of them again and again."""
+
+    accepted: Mapping[int, Accepted]
+    """by id, in the order of acceptance"""
+
+    @cached_property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """In the order of acceptance."""
+        return tuple(a.candidate.constraint for a in self.accepted.values())
+
+    @cached_property
+    def together(self) -> Together:
+        """`constraints` as arrays."""
+        return Together.of(self.constraints)
+
+    @cached_property
+    def stated(self) -> tuple[Candidate, ...]:
+        """Those that the caller stated."""
+        return tuple(a.candidate for a in self.accepted.values() if a.candidate.stated)
+
+    @cached_property
+    def unseen(self) -> tuple[int, ...]:
+        """Ids of those that the parts have not been seen to obey."""
+        return tuple(id for id, a in self.accepted.items() if not a.satisfied)
+
+    @cached_property
+    def of_body(self) -> Mapping[int, tuple[int, ...]]:
+        """Ids by body."""
+        out: dict[int, list[int]] = {}
+        for id, entry in self.accepted.items():
+            for body in entry.candidate.bodies:
+                out.setdefault(body, []).append(id)
+        return {body: tuple(ids) for body, ids in out.items()}
+
+    @cached_property
+    def place(self) -> Mapping[int, int]:
+        """Id -> place in the order of acceptance."""
+        return {id: k for k, id in enumerate(self.accepted)}
+
+    def about(self, bodies: Collection[int], groups: Groups) -> list[int]:
+        """Ids of those on some bodies, in the order of acceptance; those between bodies that move as one left out."""
+        found = {id for body in bodies for id in self.of_body.get(body, ())}
+        entries = ((id, self.accepted[id].candidate.bodies) for id in sorted(found, key=self.place.__getitem__))
+        return [id for id, pair in entries if not groups.within(pair)]
+
+
+@lru_cache(maxsize=16)
+def _limits(tolerance: Tolerance) -> tuple[Limits, Limits, Limits]:
+    """Within which a candidate is offered, stays offered, and what is in force still overlaps."""
+    keep = Limits.keep(tolerance)
+    return Limits.offer(tolerance), keep, replace(keep, linear=np.inf, angular=np.pi / 2)
 
 
 def _borne(candidate: Candidate, body: int, poses: Sequence[pin.SE3], force: ArrayLike) -> float:
@@ -118,11 +178,18 @@ class ConstraintManager:
         """in force, by id, in the order of acceptance"""
         self.refused: dict[int, Candidate] = {}
         """refused until their parts part, by id"""
+        self.groups: Groups = ALONE
+        """what is carried (see `Motion.carry`): among bodies that move as one nothing is looked at"""
         self._ids: dict[Key, int] = {}
         self._pulled: dict[int, Candidate] = {}  # broken by a pull that has not relaxed yet
         self._pending: list[Change] = []
         self._poses: tuple[pin.SE3, ...] = ()
         self._unproven: list[int] = []  # accepted since the last update
+        self._given: set[str] = {"accepted"}  # dicts that others hold: they are copied before they are changed
+        self._in_force = InForce(self.accepted)
+        self._known_matched: tuple[Any, tuple[tuple[int, ...], tuple[Pair, ...], list[str | None]]] = None, ((), (), [])
+        self._known_pulls: tuple[Any, tuple[tuple[int, ...], Pulls]] = None, ((), Pulls((), ()))
+        self._known_pairs: dict[int, tuple[NDArray[np.int64], dict[Pair, None]]] = {}
         self._attention = Attention()
         self._known_widest: tuple[tuple[float, ...], float] = ((), 0.0)
 
@@ -143,21 +210,37 @@ class ConstraintManager:
         return max(t.release * t.clearance, as_far, float(np.hypot(self._widest, as_far)))
 
     @property
+    def in_force(self) -> InForce:
+        """The constraints in force; the same object as long as they are the same."""
+        if self._in_force.accepted is not self.accepted:
+            self._in_force = InForce(self.accepted)
+            self._given.add("accepted")
+        return self._in_force
+
+    def _own(self, name: str) -> dict[Any, Any]:
+        """One of the dicts, to be changed: a copy where the one there is was given away."""
+        if name in self._given:
+            setattr(self, name, dict(getattr(self, name)))
+            self._given.discard(name)
+        own: dict[Any, Any] = getattr(self, name)
+        return own
+
+    @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """The constraints in force, in the order of acceptance."""
-        return tuple(a.candidate.constraint for a in self.accepted.values())
+        """The constraints in force, in the order of acceptance; the same object as long as they are the same."""
+        return self.in_force.constraints
 
     # -- decisions
 
     def accept(self, id: int, *, break_distance: float | None = None, break_force: float = np.inf) -> Change:
         """Put a candidate (or a refused one) in force. The change is also reported by the next `update`."""
-        candidate = self.candidates.pop(id, None) or self.refused.pop(id, None)
+        candidate = self._own("candidates").pop(id, None) or self._own("refused").pop(id, None)
         if candidate is None:
             raise UnknownConstraintError(self._unknown(id, "candidate", [*self.candidates, *self.refused]), id)
         if self._poses:
             candidate = candidate.engaged(self._poses)
         self._unproven.append(id)
-        self.accepted[id] = Accepted(candidate, break_distance=break_distance, break_force=break_force)
+        self._own("accepted")[id] = Accepted(candidate, break_distance=break_distance, break_force=break_force)
         return self._note("accepted", id, candidate, candidate.why)
 
     def impose(self, candidate: Candidate, *, break_distance: float | None = None, break_force: float = np.inf) -> int:
@@ -169,11 +252,11 @@ class ConstraintManager:
         id = self.id_of(candidate)
         if id in self.accepted:
             raise ConstraintsError(f"{candidate.kind} of these two features is in force already, as constraint {id}")
-        self._ids[candidate.key] = id
-        for known in (self.candidates, self.refused, self._pulled):
-            known.pop(id, None)
+        self._own("_ids")[candidate.key] = id
+        for known in ("candidates", "refused", "_pulled"):
+            self._own(known).pop(id, None)
         self._unproven.append(id)
-        self.accepted[id] = Accepted(candidate, break_distance=break_distance, break_force=break_force)
+        self._own("accepted")[id] = Accepted(candidate, break_distance=break_distance, break_force=break_force)
         self._note("accepted", id, candidate, candidate.why)
         return id
 
@@ -190,14 +273,14 @@ class ConstraintManager:
         """Turn a candidate down: it is not offered again before its two parts have parted."""
         if id not in self.candidates:
             raise UnknownConstraintError(self._unknown(id, "candidate", list(self.candidates)), id)
-        candidate = self.refused[id] = self.candidates.pop(id)
+        candidate = self._own("refused")[id] = self._own("candidates").pop(id)
         return self._note("refused", id, candidate, "refused until the parts part")
 
     def remove(self, id: int, reason: str = "removed on request") -> Change:
         """Take a constraint out of force; it may be offered again."""
         if id not in self.accepted:
             raise UnknownConstraintError(self._unknown(id, "constraint in force", list(self.accepted)), id)
-        return self._note("removed", id, self.accepted.pop(id).candidate, reason)
+        return self._note("removed", id, self._own("accepted").pop(id).candidate, reason)
 
     @staticmethod
     def _unknown(id: int, what: str, known: list[int]) -> str:
@@ -217,13 +300,15 @@ class ConstraintManager:
         contacts: NDArray[Any],
         wanted: Mapping[int, pin.SE3] | None = None,
         force: Mapping[int, ArrayLike] | None = None,
+        versions: NDArray[np.int64] | None = None,
     ) -> tuple[Change, ...]:
         """Bring candidates and constraints up to date with where the parts are now.
 
         poses: one a body, after the motion. contacts: rows within `self.within`. wanted: the poses hands ask for,
         by body: what pulls constraints apart. force: N, with which hands pull, by body: a (3,) vector in the world's
         frame, of which the part that a constraint bears counts against its `break_force` (faces bear what parts them,
-        an axis what is across it); or a number, which counts in full.
+        an axis what is across it); or a number, which counts in full. versions: (n,) one number a body, another one
+        whenever its pose may be (`CollisionManager.versions`); without, poses are compared.
 
         Returns the changes since the last call, decisions of `accept`, `refuse` and `remove` first. Only bodies that
         moved, whose rows are other ones, or about which something was decided are looked at: the rest is as it was.
@@ -231,8 +316,8 @@ class ConstraintManager:
         if len(poses) < len(self.recogniser.features):
             count = len(self.recogniser.features)
             raise ConstraintsError(f"{len(poses)} poses for {count} bodies; give one a body, by id")
-        self._poses = tuple(poses)
-        about = self._attention.begin((self.tolerance, self.kinds), poses, contacts)
+        self._poses = poses if isinstance(poses, tuple) else tuple(poses)
+        about = self._attention.begin((self.tolerance, self.kinds), poses, contacts, versions)
         self._remove_broken(about | (force or {}).keys(), poses, wanted or {}, force or {})
         about |= self._attention.noted().union(*(candidate.bodies for candidate in self._pulled.values()))
         self._offer(about, poses, contacts, wanted or {})
@@ -249,102 +334,163 @@ class ConstraintManager:
         wanted: Mapping[int, pin.SE3],
         force: Mapping[int, ArrayLike],
     ) -> None:
-        overlapping = replace(Limits.keep(self.tolerance), linear=np.inf, angular=np.pi / 2)
-        for id, entry in [(i, e) for i, e in self.accepted.items() if not about.isdisjoint(e.candidate.bodies)]:
-            a, b = entry.candidate.bodies
-            if not entry.candidate.stated and self.recogniser.match(entry.candidate.key, poses, overlapping) is None:
-                self.remove(id, "the surfaces no longer overlap")
-                continue
-            hardest = max((_borne(entry.candidate, x, poses, force[x]) for x in (a, b) if x in force), default=0.0)
-            if hardest > entry.break_force:
-                self._break(id, f"pulled with {hardest:.4g} N, more than {entry.break_force:.4g} N")
-        at = dict(enumerate(poses)) | dict(wanted)
-        strained = [
-            id
-            for id, entry in self.accepted.items()
-            if not wanted.keys().isdisjoint(entry.candidate.bodies) and self._pulled_apart(entry, at) is not None
-        ]
-        if strained:
+        overlapping = _limits(self.tolerance)[2]
+        ids, pairs, kinds = self._matched(about)
+        found = self.recogniser.verdicts.kinds("in force", pairs, poses, overlapping, PAIRINGS)
+        if found != kinds or force:
+            gone = {id for id, kind, now in zip(ids, kinds, found, strict=True) if kind != now}
+            for id in self.in_force.about(about, self.groups):
+                entry = self.accepted[id]
+                if id in gone:
+                    self.remove(id, "the surfaces no longer overlap")
+                    continue
+                bodies = [body for body in entry.candidate.bodies if body in force]
+                hardest = max((_borne(entry.candidate, x, poses, force[x]) for x in bodies), default=0.0)
+                if hardest > entry.break_force:
+                    self._break(id, f"pulled with {hardest:.4g} N, more than {entry.break_force:.4g} N")
+        ids, pulls = self._pulled_at(wanted.keys())
+        if not ids:
+            return
+        at = list(poses)
+        for body, pose in wanted.items():
+            at[body] = pose
+        reasons = self._reasons(ids, pulls, at)
+        if reasons:
             # what the other constraints bear is no pull on these: a bore takes a tilt off the face beside it
-            others = [e.candidate.constraint for id, e in self.accepted.items() if id not in strained]
-            at |= solve(others, at, wanted, self.tolerance).poses
-        for id in strained:
-            reason = self._pulled_apart(self.accepted[id], at)
-            if reason is not None:
-                self._break(id, reason)
+            rest = (e.candidate.constraint for id, e in self.accepted.items() if id not in reasons)
+            held = wanted.keys() - self.groups.seats.keys()
+            borne = solve(self.groups.constraints(rest), at, held, self.tolerance).poses
+            for body, pose in self.groups.followed(borne, poses).items():
+                at[body] = pose
+            now = self._reasons(ids, pulls, at)
+            for id in reasons:
+                if id in now:
+                    self._break(id, now[id])
+
+    def _matched(self, about: Set[int]) -> tuple[tuple[int, ...], tuple[Pair, ...], list[str | None]]:
+        """Of the constraints on some bodies that are not stated: ids, pairs of features, kinds."""
+        key = self.in_force, self.groups, frozenset(about)
+        if self._known_matched[0] != key:
+            ids = self.in_force.about(about, self.groups)
+            keys = {id: c.key for id in ids if not (c := self.accepted[id].candidate).stated}
+            kinds: list[str | None] = [k[4] for k in keys.values()]
+            self._known_matched = key, (tuple(keys), tuple(k[:4] for k in keys.values()), kinds)
+        return self._known_matched[1]
+
+    def _pulled_at(self, held: Collection[int]) -> tuple[tuple[int, ...], Pulls]:
+        """The constraints that a pull on these bodies may break: ids, and what measures it."""
+        t = self.tolerance
+        key = self.in_force, self.groups, frozenset(held), t.break_distance
+        if self._known_pulls[0] != key:
+            entries = {id: self.accepted[id] for id in self.in_force.about(held, self.groups)}
+            entries = {
+                id: e for id, e in entries.items() if not e.candidate.match.closed or e.break_distance is not None
+            }
+            limits = [t.break_distance if e.break_distance is None else e.break_distance for e in entries.values()]
+            pulls = Pulls([e.candidate for e in entries.values()], limits)
+            self._known_pulls = key, (tuple(entries), pulls)
+        return self._known_pulls[1]
+
+    def _reasons(self, ids: Sequence[int], pulls: Pulls, at: Sequence[pin.SE3]) -> dict[int, str]:
+        """Why the hands' pull breaks constraints, of those that it does."""
+        distance, turn = pulls.apart(at)
+        most = self.tolerance.break_angular
+        out = {}
+        for k in np.flatnonzero((distance > pulls.distances) | (turn > most)).tolist():
+            if distance[k] > pulls.distances[k]:
+                limit = pulls.distances[k]
+                out[ids[k]] = f"pulled {1e3 * distance[k]:.4g} mm apart, more than {1e3 * limit:.4g} mm"
+            else:
+                out[ids[k]] = f"turned {np.degrees(turn[k]):.3g}° apart, more than {np.degrees(most):.3g}°"
+        return out
 
     def _break(self, id: int, reason: str) -> None:
         if not self.accepted[id].candidate.stated:
-            self._pulled[id] = self.accepted[id].candidate
+            self._own("_pulled")[id] = self.accepted[id].candidate
         self.remove(id, reason)
 
-    def _pulled_apart(self, entry: Accepted, at: Mapping[int, pin.SE3]) -> str | None:
-        """Why the hand's pull breaks a constraint, or None while it holds."""
-        candidate, t = entry.candidate, self.tolerance
-        limit = t.break_distance if entry.break_distance is None else entry.break_distance
-        if candidate.match.closed and entry.break_distance is None:
-            return None
-        a, b = candidate.bodies
-        constraint = candidate.constraint
-        residual = constraint.residual(at[a], at[b])
-        turn = float(np.linalg.norm(residual[constraint.angular]))
-        distance = float(np.linalg.norm(residual[~constraint.angular]))
-        first, second = candidate.geometries
-        if candidate.kind == "against" and isinstance(first, Plane) and isinstance(second, Plane):
-            p, q = first.transformed(at[a]), second.transformed(at[b])
-            middle = at[a].act(candidate.match.local)
-            facing = float(p.normal @ q.normal)
-            # only parting counts: pressing together is what the faces are for
-            distance = max(0.0, float((q.origin - middle) @ q.normal) / facing) if facing < 0 else np.inf
-        if distance > limit:
-            return f"pulled {1e3 * distance:.4g} mm apart, more than {1e3 * limit:.4g} mm"
-        if turn > t.break_angular:
-            return f"turned {np.degrees(turn):.3g}° apart, more than {np.degrees(t.break_angular):.3g}°"
-        return None
-
     def _note_satisfied(self, about: Set[int], poses: Sequence[pin.SE3]) -> None:
-        for id, entry in self.accepted.items():
-            if entry.satisfied or about.isdisjoint(entry.candidate.bodies):
+        for id in self.in_force.unseen:
+            entry = self.accepted[id]
+            if about.isdisjoint(entry.candidate.bodies):
                 continue
             a, b = entry.candidate.bodies
             residual = float(np.abs(entry.candidate.constraint.residual(poses[a], poses[b])).max())
             if residual <= self.tolerance.satisfied:
-                self.accepted[id] = replace(entry, satisfied=True)
-                self._note("satisfied", id, entry.candidate, f"holds to {residual:.1e}")
+                self._own("accepted")[id] = replace(entry, satisfied=True)
+                self._note("satisfied", id, entry.candidate, f"the parts are in place, within {residual * 1e3:.1g} mm")
 
     def _offer(
         self, about: Set[int], poses: Sequence[pin.SE3], contacts: NDArray[Any], wanted: Mapping[int, pin.SE3]
     ) -> None:
-        t = self.tolerance
-        offer, keep = Limits.offer(t), Limits.keep(t)
-        contacts = rows_about(contacts, about)
-        near = self.recogniser.near(contacts, self.within)
-        offered = self.recogniser.near(contacts, max(offer.clearance, float(np.hypot(self._widest, offer.linear))))
-        together = {(k[0], k[2]) for k in near} | {e.candidate.bodies for e in self.accepted.values()}
-        for id, candidate in [(i, c) for i, c in self.candidates.items() if not about.isdisjoint(c.bodies)]:
-            if candidate.key[:4] not in near or self.recogniser.match(candidate.key, poses, keep) is None:
-                del self.candidates[id]
+        t, recogniser, within = self.tolerance, self.recogniser, self.groups.within
+        offer, keep, _ = _limits(t)
+        contacts = self._between_groups(contacts, rows_about(contacts["object_a"], contacts["object_b"], about))
+        codes = recogniser.codes(contacts)
+        distance = contacts["distance"]
+        near = self._pairs(0, codes[distance <= self.within])
+        reach = max(offer.clearance, float(np.hypot(self._widest, offer.linear)))
+        offered = self._pairs(1, codes[distance <= reach])
+        mine = [(id, c) for id, c in self.candidates.items() if not (about.isdisjoint(c.bodies) or within(c.bodies))]
+        kinds = recogniser.verdicts.kinds("offered", tuple(c.key[:4] for _, c in mine), poses, keep, PAIRINGS)
+        for (id, candidate), kind in zip(mine, kinds, strict=True):
+            if kind != candidate.kind or candidate.key[:4] not in near:
+                del self._own("candidates")[id]
                 self._note("withdrawn", id, candidate, "the surfaces no longer fit each other")
-        self.refused = {i: c for i, c in self.refused.items() if c.bodies in together or about.isdisjoint(c.bodies)}
-        at = [wanted.get(i, pose) for i, pose in enumerate(poses)] if self._pulled else poses
-        for id, candidate in list(self._pulled.items()):
-            if candidate.bodies not in together or self.recogniser.match(candidate.key, at, offer) is not None:
-                del self._pulled[id]
+        if self.refused or self._pulled:
+            together = {(k[0], k[2]) for k in near} | {e.candidate.bodies for e in self.accepted.values()}
+            self.refused = {
+                i: c
+                for i, c in self.refused.items()
+                if c.bodies in together or about.isdisjoint(c.bodies) or within(c.bodies)
+            }
+            at = [wanted.get(i, pose) for i, pose in enumerate(poses)] if self._pulled else poses
+            for id, candidate in [(i, c) for i, c in self._pulled.items() if not within(c.bodies)]:
+                if candidate.bodies not in together or recogniser.match(candidate.key, at, offer) is not None:
+                    del self._own("_pulled")[id]
         told = self.kinds | {"concentric"} if "screw" in self.kinds else self.kinds  # a screw is a fit with pitch
         rows = rows_for(told)
-        found = [(pair, self.recogniser.matches(pair, poses, offer, rows)) for pair in sorted(offered)]
+        kinds = recogniser.verdicts.kinds("near", tuple(offered), poses, offer, rows)
+        if all(
+            kind not in self.kinds or self._is_known((*pair, kind)) for pair, kind in zip(offered, kinds, strict=True)
+        ):
+            return
+        found = [(pair, recogniser.matches(pair, poses, offer, rows)) for pair in offered]
         matches = [(pair, match) for pair, match in found if match is not None]
-        for pair, match in without_implied(matches, self.recogniser.features, self.recogniser.threads, offer):
+        faces = recogniser.near(contacts, reach)
+        for pair, match in without_implied(matches, recogniser.features, recogniser.threads, offer):
             if match.kind in self.kinds:
-                self._recognise(pair, match, offered[pair], poses)
+                self._recognise(pair, match, faces[pair], poses)
+
+    def _pairs(self, which: int, codes: NDArray[np.int64]) -> dict[Pair, None]:
+        """The pairs of features of contact rows by their codes, ascending; `which` question it is that comes again."""
+        codes = np.unique(codes[codes >= 0])
+        known = self._known_pairs.get(which)
+        if known is None or not np.array_equal(known[0], codes):
+            known = self._known_pairs[which] = codes, dict.fromkeys(map(self.recogniser.pair, codes.tolist()))
+        return known[1]
+
+    def _is_known(self, key: Key) -> bool:
+        """Whether a pair is offered, in force, refused or pulled apart already."""
+        id = self._ids.get(key)
+        return id is not None and any(id in d for d in (self.candidates, self.accepted, self.refused, self._pulled))
+
+    def _between_groups(self, contacts: NDArray[Any], chosen: NDArray[np.bool_]) -> NDArray[Any]:
+        """Those of the chosen contact rows (n,) that are not between bodies that move as one."""
+        if self.groups.seats:
+            carrier = self.groups.carriers(len(self.recogniser.features))
+            chosen = chosen & (carrier[contacts["object_a"]] != carrier[contacts["object_b"]])
+        return picked(contacts, chosen)
 
     def _recognise(self, pair: Pair, match: Match, near: Sequence[Near], poses: Sequence[pin.SE3]) -> None:
         """Offer a match that is not known yet, and ask the rules."""
-        id = self._ids.setdefault((*pair, match.kind), len(self._ids))
-        if any(id in known for known in (self.candidates, self.accepted, self.refused, self._pulled)):
+        id = self._ids.get((*pair, match.kind), len(self._ids))
+        if id == len(self._ids):
+            self._own("_ids")[*pair, match.kind] = id
+        if self._is_known((*pair, match.kind)):
             return
         candidate = self.recogniser.candidate(pair, match, near, Limits.offer(self.tolerance), poses)
-        self.candidates[id] = candidate
+        self._own("candidates")[id] = candidate
         self._note("recognised", id, candidate, candidate.why)
         verdict = next((v for v in (rule(candidate) for rule in self.rules) if v is not None), None)
         if verdict is not None:
@@ -365,8 +511,8 @@ class ConstraintManager:
             mine = self.accepted[id].candidate
             stated = [i for i in proven if self.accepted[i].candidate.stated]
             if stated and not mine.stated and not self._holds([*stated, id], poses):
-                del self.accepted[id]
-                self.refused[id] = mine  # else it would be offered again in the next step
+                del self._own("accepted")[id]
+                self._own("refused")[id] = mine  # else it would be offered again in the next step
                 self._note("refused", id, mine, "cannot hold together with what is stated; until the parts part")
                 continue
             older = [i for i in reversed(proven) if i != id and i not in stated]
@@ -386,14 +532,24 @@ class ConstraintManager:
 
     # -- checkpoint
 
+    def mark(self) -> tuple[Any, ...]:
+        """What decisions and updates change, to `undo` them."""
+        return self.tolerance, self.state()
+
+    def undo(self, mark: tuple[Any, ...]) -> None:
+        """Go back to a mark, whatever was interrupted since."""
+        self.tolerance, state = mark
+        self.restore(state)
+
     def state(self) -> dict[str, Any]:
-        """Everything needed to go on later, as plain values; the features and rules are not in it."""
+        """Everything needed to go on later, as plain values not to be written to; features and rules are not in it."""
+        self._given |= {"_ids", "candidates", "accepted", "refused", "_pulled"}
         return {
-            "ids": dict(self._ids),
-            "candidates": dict(self.candidates),
-            "accepted": dict(self.accepted),
-            "refused": dict(self.refused),
-            "pulled": dict(self._pulled),
+            "ids": self._ids,
+            "candidates": self.candidates,
+            "accepted": self.accepted,
+            "refused": self.refused,
+            "pulled": self._pulled,
             "pending": list(self._pending),
             "poses": self._poses,
             "unproven": list(self._unproven),
@@ -401,12 +557,11 @@ class ConstraintManager:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to what `state` returned."""
-        self._ids = dict(state["ids"])
-        self.candidates = dict(state["candidates"])
-        self.accepted = dict(state["accepted"])
-        self.refused = dict(state["refused"])
-        self._pulled = dict(state["pulled"])
+        self._given |= {"_ids", "candidates", "accepted", "refused", "_pulled"}
+        self._ids, self.candidates, self.accepted = state["ids"], state["candidates"], state["accepted"]
+        self.refused, self._pulled = state["refused"], state["pulled"]
         self._pending = list(state["pending"])
         self._poses = state["poses"]
         self._unproven = list(state["unproven"])
         self._attention.forget()
+        self.recogniser.verdicts.forget()

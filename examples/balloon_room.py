@@ -6,23 +6,21 @@ The paper's example: what is dropped falls until it stops on the floor, a balloo
 import numpy as np
 from parts import STEEL, WOOD, at
 
-import vpframe.app.task_runner
-from physics import Buoyancy, Drag, Elastic, Friction, Gravity
-from vpframe.scene import modelling
+import vpframe as vp
 
 ROOM = 2.4  # m high
 RADIUS = 0.15  # m, of the balloon
 
 
 def scene():
-    slab = modelling.box(2.0, 2.0, 0.1).translated(-1.0, -1.0, 0.0)
-    made = modelling.scene(
+    slab = vp.modelling.box(2.0, 2.0, 0.1).translated(-1.0, -1.0, 0.0)
+    made = vp.modelling.scene(
         {
             "floor": (slab, at(z=-0.1), WOOD),
             "ceiling": (slab, at(z=ROOM), (0.9, 0.9, 0.9)),
-            "ball": (modelling.sphere(0.05), at(-0.5, 0.0, 1.0), (0.8, 0.3, 0.2), 1100.0),
-            "box": (modelling.box(0.2, 0.2, 0.2).translated(-0.1, -0.1, 0.0), at(0.5, 0.0, 0.8), STEEL, 300.0),
-            "balloon": (modelling.sphere(RADIUS), at(0.0, 0.4, 0.3), (0.3, 0.5, 0.9)),
+            "ball": (vp.modelling.sphere(0.05), at(-0.5, 0.0, 1.0), (0.8, 0.3, 0.2), 1100.0),
+            "box": (vp.modelling.box(0.2, 0.2, 0.2).translated(-0.1, -0.1, 0.0), at(0.5, 0.0, 0.8), STEEL, 300.0),
+            "balloon": (vp.modelling.sphere(RADIUS), at(0.0, 0.4, 0.3), (0.3, 0.5, 0.9)),
         },
         deflection=2e-3,
     )
@@ -33,10 +31,10 @@ def scene():
 def task(session):
     hand = session.hand(at=(0.5, 0.0, 1.2))
     hand.grab("box")
-    session.behave("ball", Gravity(), Elastic(0.7), Friction(0.4))
-    session.behave("box", Gravity(), Friction(0.6))
+    session.behave("ball", vp.Gravity(), vp.Elastic(0.7), vp.Friction(0.4))
+    session.behave("box", vp.Gravity(), vp.Friction(0.6))
     mass = 0.1664 * 4.0 / 3.0 * np.pi * RADIUS**3 + 0.003  # helium and 3 g of rubber, kg
-    session.behave("balloon", Gravity(), Buoyancy(1.204), Drag(area=np.pi * RADIUS**2), mass=mass)
+    session.behave("balloon", vp.Gravity(), vp.Buoyancy(1.204), vp.Drag(area=np.pi * RADIUS**2), mass=mass)
 
     hand.move_by((0.0, 0.0, 0.3))
     hand.release()
@@ -58,4 +56,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.app.task_runner.main(__file__)
+    vp.main(__file__)

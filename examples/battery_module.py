@@ -6,24 +6,21 @@ Clearance is watched all the way: the module must not come nearer than half a mi
 import numpy as np
 from parts import ALUMINIUM, BRASS, WOOD, at, bench
 
-import vpframe.app.task_runner
-from vpframe.hands import constraint
-from vpframe.scene import modelling
-from vpframe.session.rules import accept_kinds
+import vpframe as vp
 
 SIZE = np.array([0.060, 0.100, 0.050])  # m, of a module
-OPTIONS = {"rule": accept_kinds("against"), "clearance": True}
+OPTIONS = {"rule": vp.accept_kinds("against"), "clearance": True}
 
 
 def scene():
-    tray = modelling.box(0.22, 0.13, 0.08).translated(-0.11, -0.065, 0.0)
-    tray = tray - modelling.box(0.20, 0.11, 0.075).translated(-0.10, -0.055, 0.005)
-    block = modelling.box(*SIZE).translated(-SIZE[0] / 2, -SIZE[1] / 2, 0.0)
-    handle = modelling.box(0.03, 0.008, 0.012).translated(-0.015, 0.0, SIZE[2])
+    tray = vp.modelling.box(0.22, 0.13, 0.08).translated(-0.11, -0.065, 0.0)
+    tray = tray - vp.modelling.box(0.20, 0.11, 0.075).translated(-0.10, -0.055, 0.005)
+    block = vp.modelling.box(*SIZE).translated(-SIZE[0] / 2, -SIZE[1] / 2, 0.0)
+    handle = vp.modelling.box(0.03, 0.008, 0.012).translated(-0.015, 0.0, SIZE[2])
     module = block + handle.translated(0.0, 0.035, 0.0) + handle.translated(0.0, -0.043, 0.0)
-    busbar = modelling.box(0.16, 0.012, 0.003).translated(-0.08, -0.006, 0.0)
-    lid = modelling.box(0.22, 0.13, 0.004).translated(-0.11, -0.065, 0.0)
-    made = modelling.scene(
+    busbar = vp.modelling.box(0.16, 0.012, 0.003).translated(-0.08, -0.006, 0.0)
+    lid = vp.modelling.box(0.22, 0.13, 0.004).translated(-0.11, -0.065, 0.0)
+    made = vp.modelling.scene(
         {
             "tray": (tray, at(), ALUMINIUM),
             "bench": (bench(0.4, 0.3), at(x=0.40), WOOD),
@@ -69,17 +66,17 @@ def task(session):
     two.pull(along="up", until="free")
     two.move_by((0.0, 0.0, 0.15))
     two.move_to(home.translation + np.array([0.0, 0.0, 0.15]))
-    two.slide("down", until=constraint("against", other="tray"))
+    two.slide("down", until=vp.constraint("against", other="tray"))
     session.expect_at("spare", home, within=1e-5)
     session.expect(session.clearance("spare", "right") > 5e-4, "room to the cells on the right")
     two.release()
     one.move_by((0.0, 0.0, 0.05))
     one.move_by((0.0, 0.25, 0.0))
-    one.slide("down", until=constraint("against", other="spare"))
+    one.slide("down", until=vp.constraint("against", other="spare"))
     session.expect_at("busbar", bar, within=1e-4)
     one.release()
     session.expect_no_clash()
 
 
 if __name__ == "__main__":
-    vpframe.app.task_runner.main(__file__)
+    vp.main(__file__)

@@ -3,9 +3,7 @@
 import numpy as np
 from parts import ALUMINIUM, BRASS, STEEL, WOOD, at, bench, bolt, nut, plate
 
-import vpframe.app.task_runner
-from vpframe.hands import constraint
-from vpframe.scene import modelling
+import vpframe as vp
 
 HOLES = [(-0.02, 0.0), (0.02, 0.0)]
 PITCH = 0.0015  # m a turn, M10
@@ -14,10 +12,10 @@ PITCH = 0.0015  # m a turn, M10
 def scene():
     base = plate(0.18, 0.08, 0.020, HOLES, 0.0104)
     foot = plate(0.08, 0.06, 0.010, HOLES, 0.0104)
-    web = modelling.box(0.08, 0.010, 0.07).translated(-0.04, 0.020, 0.0)
-    eye = modelling.cylinder(0.00502, 0.010).rotated((1.0, 0.0, 0.0), -np.pi / 2).translated(0.0, 0.020, 0.05)
+    web = vp.modelling.box(0.08, 0.010, 0.07).translated(-0.04, 0.020, 0.0)
+    eye = vp.modelling.cylinder(0.00502, 0.010).rotated((1.0, 0.0, 0.0), -np.pi / 2).translated(0.0, 0.020, 0.05)
     bracket = foot + web - eye
-    rod = modelling.revolve(
+    rod = vp.modelling.revolve(
         [(0.0, -0.06), (0.0042, -0.06), (0.005, -0.0592), (0.005, 0.0), (0.009, 0.0), (0.009, 0.006), (0.0, 0.006)]
     ).rotated((1.0, 0.0, 0.0), np.pi / 2)
     m10, m10_nut = bolt(0.010, 0.042, 0.016, 0.0064), nut(0.010, 0.016, 0.008)
@@ -30,7 +28,7 @@ def scene():
     for i, (x, y) in enumerate(HOLES, start=1):
         parts[f"bolt_{i}"] = (m10, at(x, y, 0.030), STEEL)
         parts[f"nut_{i}"] = (m10_nut, at(x, y, -0.008), BRASS)
-    made = modelling.scene(parts)
+    made = vp.modelling.scene(parts)
     made["plate"].fixed = made["bench"].fixed = True
     return made
 
@@ -64,23 +62,23 @@ def task(session):
     session.expect_freedom("bracket", 6)
     session.expect_no_clash()
 
-    top.slide("down", until=constraint("against", other="plate"))
+    top.slide("down", until=vp.constraint("against", other="plate"))
     top.move_to(homes["bracket"], duration=0.3)
     top.release()
     for i in (2, 1):
         top.grab(f"bolt_{i}")
         top.move_to(homes[f"bolt_{i}"].translation + np.array([0.0, 0.0, 0.06]))
-        top.slide("down", until=constraint("concentric", other="plate"))
-        top.slide("down", until=constraint("against", other="bracket"))
+        top.slide("down", until=vp.constraint("concentric", other="plate"))
+        top.slide("down", until=vp.constraint("against", other="bracket"))
         below.grab(f"nut_{i}")
         below.move_to(homes[f"nut_{i}"].translation - np.array([0.0, 0.0, 0.05]))
-        below.slide("up", until=constraint("concentric", other=f"bolt_{i}"))
-        below.screw(pitch=PITCH, until=constraint("against", other="plate"), rate=8.0)
+        below.slide("up", until=vp.constraint("concentric", other=f"bolt_{i}"))
+        below.screw(pitch=PITCH, until=vp.constraint("against", other="plate"), rate=8.0)
         below.release()
         top.release()
     top.grab("rod")
     top.move_to(homes["rod"].translation + np.array([0.0, -0.09, 0.0]))
-    top.slide("y", until=constraint("against", other="bracket"))
+    top.slide("y", until=vp.constraint("against", other="bracket"))
     top.release()
     for name in names:
         session.expect_at(name, homes[name], within=1e-4, angle=4.0)
@@ -88,4 +86,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.app.task_runner.main(__file__)
+    vp.main(__file__)

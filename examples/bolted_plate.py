@@ -6,9 +6,7 @@ Two hands: one keeps the bolt, the other runs the nut off. The nut's pitch is wh
 import numpy as np
 from parts import ALUMINIUM, BRASS, STEEL, WOOD, at, bench, bolt, nut, plate
 
-import vpframe.app.task_runner
-from vpframe.hands import constraint
-from vpframe.scene import modelling
+import vpframe as vp
 
 HOLES = [(x, y) for y in (-0.02, 0.02) for x in (-0.035, 0.035)]
 PITCH = 0.00125  # m a turn, M8
@@ -25,7 +23,7 @@ def scene():
     for i, (x, y) in enumerate(HOLES, start=1):
         parts[f"bolt_{i}"] = (m8, at(x, y, 0.016), STEEL)
         parts[f"nut_{i}"] = (m8_nut, at(x, y, -0.0065), BRASS)
-    made = modelling.scene(parts)
+    made = vp.modelling.scene(parts)
     for name in ("lower", "upper", "bench"):
         made[name].fixed = True
     return made
@@ -53,8 +51,8 @@ def task(session):
     left.move_to((0.2, 0.0, 0.05))
     left.move_to(home.translation + np.array([0.0, 0.0, 0.05]))
 
-    left.slide("down", until=constraint("concentric", other="upper"))
-    left.slide("down", until=constraint("against", other="upper"))
+    left.slide("down", until=vp.constraint("concentric", other="upper"))
+    left.slide("down", until=vp.constraint("against", other="upper"))
     session.expect_at("bolt_1", home, within=1e-6, angle=4.0)
 
     right.approach("nut_1")
@@ -63,7 +61,7 @@ def task(session):
     right.move_to((-0.035, -0.1, 0.0))
     right.move_to((-0.035, -0.1, -0.04))
     right.move_to(nut_home.translation - np.array([0.0, 0.0, 0.03]))
-    right.slide("up", until=constraint("concentric", other="bolt_1"))
+    right.slide("up", until=vp.constraint("concentric", other="bolt_1"))
     right.screw(rate=6.0)
     session.expect_constraint("against", "nut_1", "lower")
     right.release()
@@ -74,4 +72,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.app.task_runner.main(__file__)
+    vp.main(__file__)

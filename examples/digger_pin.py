@@ -10,28 +10,25 @@ import numpy as np
 import pinocchio as pin
 from parts import ALUMINIUM, STEEL, at
 
-import vpframe.app.task_runner
-from collision import Tolerance
-from constraints.geometry.surfaces import Cylinder
-from vpframe.scene import modelling
+import vpframe as vp
 
 PIN, EYE = 0.0250, 0.0253
 LEAN = pin.SE3(pin.exp3(np.array([0.5, 0.4, 0.0])), np.zeros(3))  # machines seldom stand along the axes
-OPTIONS = {"tolerance": Tolerance(clearance=5e-4)}
+OPTIONS = {"tolerance": vp.Tolerance(clearance=5e-4)}
 
 
 def scene():
-    lug = modelling.box(0.22, 0.10, 0.025).translated(-0.05, -0.05, 0.0)
+    lug = vp.modelling.box(0.22, 0.10, 0.025).translated(-0.05, -0.05, 0.0)
     for x in (0.0, 0.085):  # the eye, and one beside it for a longer stroke
-        lug = lug - modelling.cylinder(EYE, 0.025).translated(x, 0.0, 0.0)
-    web = modelling.box(0.05, 0.10, 0.131).translated(0.17, -0.05, -0.106)
+        lug = lug - vp.modelling.cylinder(EYE, 0.025).translated(x, 0.0, 0.0)
+    web = vp.modelling.box(0.05, 0.10, 0.131).translated(0.17, -0.05, -0.106)
     fork = lug.translated(0.0, 0.0, 0.0) + lug.translated(0.0, 0.0, -0.106) + web
-    arm = modelling.cylinder(0.05, 0.078) + modelling.box(0.4, 0.06, 0.06).translated(-0.4, -0.03, 0.009)
-    arm = arm - modelling.cylinder(EYE, 0.078)
-    bolt = modelling.revolve([(0.0, -0.115), (0.021, -0.115), (PIN, -0.109), (PIN, 0.0), (0.0, 0.0)]) + modelling.box(
-        0.11, 0.07, 0.01
-    ).translated(-0.035, -0.035, 0.0)
-    made = modelling.scene(
+    arm = vp.modelling.cylinder(0.05, 0.078) + vp.modelling.box(0.4, 0.06, 0.06).translated(-0.4, -0.03, 0.009)
+    arm = arm - vp.modelling.cylinder(EYE, 0.078)
+    bolt = vp.modelling.revolve(
+        [(0.0, -0.115), (0.021, -0.115), (PIN, -0.109), (PIN, 0.0), (0.0, 0.0)]
+    ) + vp.modelling.box(0.11, 0.07, 0.01).translated(-0.035, -0.035, 0.0)
+    made = vp.modelling.scene(
         {
             "fork": (fork, LEAN, (0.85, 0.62, 0.15)),
             "arm": (arm, LEAN * at(z=-0.08), ALUMINIUM),
@@ -47,7 +44,7 @@ def boxes_overlap(session, a, b):
     found = set()
     for i, j in np.ndindex(len(a.features), len(b.features)):
         f, g = a.features[i], b.features[j]
-        if not (isinstance(f.geometry, Cylinder) and isinstance(g.geometry, Cylinder)):
+        if not (isinstance(f.geometry, vp.Cylinder) and isinstance(g.geometry, vp.Cylinder)):
             continue
         if f.sense * g.sense > 0 or abs(f.geometry.radius - g.geometry.radius) > session.tolerance.clearance:
             continue
@@ -82,4 +79,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.app.task_runner.main(__file__)
+    vp.main(__file__)

@@ -11,14 +11,11 @@ import numpy as np
 import pinocchio as pin
 from parts import BRASS, STEEL, at
 
-import vpframe.app.task_runner
-from vpframe.hands import constraint
-from vpframe.scene import modelling
-from vpframe.session.rules import accept_kinds
+import vpframe as vp
 
 DRIVER, DRIVEN, MODULE, WIDTH = 20, 30, 0.002, 0.010  # teeth, teeth, m, m
 DISTANCE = (DRIVER + DRIVEN) * MODULE / 2 + 0.0004  # m between the axes, 0.4 mm more than the pitch circles
-OPTIONS = {"rule": accept_kinds("concentric")}
+OPTIONS = {"rule": vp.accept_kinds("concentric")}
 
 
 def gear(teeth):
@@ -29,17 +26,19 @@ def gear(teeth):
     for k in range(teeth):
         outline += [(radius, (k - half) * step) for radius, half in flank]
         outline += [(radius, (k + half) * step) for radius, half in reversed(flank)]
-    solid = modelling.extrude([(r * np.cos(a), r * np.sin(a)) for r, a in outline], WIDTH)
-    return solid - modelling.cylinder(0.00502, WIDTH)
+    solid = vp.modelling.extrude([(r * np.cos(a), r * np.sin(a)) for r, a in outline], WIDTH)
+    return solid - vp.modelling.cylinder(0.00502, WIDTH)
 
 
 def scene():
-    base = modelling.box(0.12, 0.05, 0.01).translated(-0.03, -0.025, -0.0121)
-    shaft = modelling.revolve([(0.0, 0.0), (0.005, 0.0), (0.005, 0.029), (0.004, 0.030), (0.0, 0.030)])
+    base = vp.modelling.box(0.12, 0.05, 0.01).translated(-0.03, -0.025, -0.0121)
+    shaft = vp.modelling.revolve([(0.0, 0.0), (0.005, 0.0), (0.005, 0.029), (0.004, 0.030), (0.0, 0.030)])
     for x in (0.0, DISTANCE):
-        base = base + shaft.translated(x, 0.0, -0.0021) + modelling.cylinder(0.007, 0.002).translated(x, 0.0, -0.0021)
+        base = (
+            base + shaft.translated(x, 0.0, -0.0021) + vp.modelling.cylinder(0.007, 0.002).translated(x, 0.0, -0.0021)
+        )
     turned = pin.SE3(pin.exp3(np.array([0.0, 0.0, np.pi / DRIVEN])), np.array([DISTANCE, 0.0, 0.060]))
-    made = modelling.scene(
+    made = vp.modelling.scene(
         {
             "base": (base, at(), (0.5, 0.52, 0.55)),
             "driver": (gear(DRIVER), at(), STEEL),
@@ -52,7 +51,8 @@ def scene():
 
 def turned(session, part, since):
     """rad that a part has turned about its shaft since a step."""
-    poses = [pose for step, pose in session.trail(part) if step >= since]
+    trail = session.trail(part)  # a row for each step in which the part moved
+    poses = [pose for step, pose in trail if step <= since][-1:] + [pose for step, pose in trail if step > since]
     return sum(pin.log3(a.rotation.T @ b.rotation)[2] for a, b in pairwise(poses))
 
 
@@ -61,7 +61,7 @@ def task(session):
     hand.grab("driven")
     # a tooth points at a tooth: the gear goes onto the shaft, but not down between the driver's teeth
     hand.turn(np.pi / DRIVEN, about="up")
-    hand.slide("down", until=constraint("concentric", other="base"))
+    hand.slide("down", until=vp.constraint("concentric", other="base"))
     outcome = hand.slide("down", distance=0.050, required=False)
     session.expect(not outcome and "driver" in outcome.reason, "tooth meets tooth, and the gear is stopped")
     session.expect_at("driven", (DISTANCE, 0.0, WIDTH), within=1e-4, angle=4.0)
@@ -94,4 +94,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.app.task_runner.main(__file__)
+    vp.main(__file__)

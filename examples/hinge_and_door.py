@@ -7,38 +7,35 @@ import numpy as np
 import pinocchio as pin
 from parts import BRASS, STEEL, WOOD, at
 
-import vpframe.app.task_runner
-from physics import Friction, Gravity
-from vpframe.hands import constraint
-from vpframe.scene import modelling
+import vpframe as vp
 
 PIN, KNUCKLE = 0.0040, 0.00402
 
 
 def knuckle(z, height):
-    return modelling.cylinder(0.008, height).translated(0.0, 0.0, z)
+    return vp.modelling.cylinder(0.008, height).translated(0.0, 0.0, z)
 
 
 def scene():
     # the hinge's axis is z through the origin, and leans by 8 degrees against the vertical
-    frame = modelling.box(0.04, 0.03, 0.30).translated(-0.06, -0.015, 0.0)
-    strap = modelling.box(0.045, 0.006, 0.024)
+    frame = vp.modelling.box(0.04, 0.03, 0.30).translated(-0.06, -0.015, 0.0)
+    strap = vp.modelling.box(0.045, 0.006, 0.024)
     for z in (0.050, 0.226):
         frame = frame + knuckle(z, 0.024) + strap.translated(-0.05, -0.003, z)
-    door = modelling.box(0.20, 0.02, 0.29).translated(0.02, -0.01, 0.005)
+    door = vp.modelling.box(0.20, 0.02, 0.29).translated(0.02, -0.01, 0.005)
     for z in (0.077, 0.199):
         door = door + knuckle(z, 0.024) + strap.translated(0.0, -0.003, z)
-    bore = modelling.cylinder(KNUCKLE, 0.30)
-    rod = modelling.revolve(
+    bore = vp.modelling.cylinder(KNUCKLE, 0.30)
+    rod = vp.modelling.revolve(
         [(0.0, -0.22), (0.003, -0.22), (PIN, -0.219), (PIN, 0.0), (0.007, 0.0), (0.007, 0.004), (0.0, 0.004)]
     )
     lean = pin.SE3(pin.exp3(np.radians([0.0, 8.0, 0.0])), np.zeros(3))
-    made = modelling.scene(
+    made = vp.modelling.scene(
         {
             "frame": (frame - bore, lean, (0.55, 0.57, 0.60)),
             "door": (door - bore, lean, WOOD, 700.0),
             "pin": (rod, lean * at(z=0.48), BRASS, 8500.0),
-            "stop": (modelling.box(0.02, 0.05, 0.05), lean * at(0.17, 0.012, 0.12), STEEL),
+            "stop": (vp.modelling.box(0.02, 0.05, 0.05), lean * at(0.17, 0.012, 0.12), STEEL),
         }
     )
     made["frame"].fixed = made["stop"].fixed = True
@@ -49,7 +46,7 @@ def task(session):
     lean = session.scene["frame"].pose.rotation
     hand = session.hand(at=(0.0, -0.05, 0.58))
     hand.grab("pin")
-    hand.slide(lean @ np.array([0.0, 0.0, -1.0]), until=constraint("against"))
+    hand.slide(lean @ np.array([0.0, 0.0, -1.0]), until=vp.constraint("against"))
     for part in ("frame", "door"):
         session.expect_constraint("concentric", "pin", part)
     hand.release()
@@ -60,7 +57,7 @@ def task(session):
     hand.turn(np.radians(-70.0), about=(np.zeros(3), lean @ np.array([0.0, 0.0, 1.0])), duration=1.5)
     opened = session.scene["door"].pose.copy()
     session.expect_no_clash()
-    session.behave("door", Gravity(), Friction(0.0))
+    session.behave("door", vp.Gravity(), vp.Friction(0.0))
     hand.release()
     session.run(3.0)
     shut = pin.log3(lean.T @ session.scene["door"].pose.rotation)
@@ -72,4 +69,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.app.task_runner.main(__file__)
+    vp.main(__file__)

@@ -23,6 +23,7 @@ import physics
 import vpframe as vp
 from vpframe.scene.scene import Part, Scene, Shape
 from vpframe.session.events import Frame, Frames
+from vpframe.studies.variants import bound, nominal
 from vpframe.view import snapshot
 from vpframe.view.camera import DIRECTION, Camera, look_at
 from vpframe.view.symbols import frame_symbols
@@ -82,6 +83,8 @@ class Watched(physics.World):
 def run_task(name: str) -> tuple[Scene, list[Frame]]:
     """A task's scene and its frames."""
     module = importlib.import_module(name)
+    if hasattr(module, "VARIANTS"):
+        module = bound(module, FOLDER.parent / f"{name}.py", nominal(module.VARIANTS))
     scene, kept = module.scene(), Frames()
     with vp.Session(scene, observers=[kept], **getattr(module, "OPTIONS", {})) as session:
         module.task(session)
@@ -167,7 +170,11 @@ STRIPS: dict[str, Strip] = {
         symbols=True,
     ),
     "digger_pin": Strip(
-        [Shot("note", "boxes would offer"), Shot("accepted", "concentric of arm", 20), Shot("accepted", "against")],
+        [
+            Shot("note", "boxes would offer"),
+            Shot("accepted", "concentric between arm", 20),
+            Shot("accepted", "against"),
+        ],
         (-0.10, -0.05, -0.11),
         (0.22, 0.05, 0.17),
         (0.3, -1.0, 0.25),
@@ -177,25 +184,43 @@ STRIPS: dict[str, Strip] = {
     ),
     "bolted_plate": Strip(
         [
-            Shot("removed", "concentric of bolt_1 and nut_1", 12),
-            Shot("removed", "concentric of upper and bolt_1", 12),
-            Shot("accepted", "against of lower and nut_1"),
+            Shot("removed", "concentric between bolt_1 and nut_1", 12),
+            Shot("removed", "concentric between upper and bolt_1", 12),
+            Shot("accepted", "against between lower and nut_1"),
         ],
         (-0.055, -0.045, -0.045),
         (0.175, 0.04, 0.05),
         (0.35, -1.0, 0.22),
     ),
     "bolted_bracket": Strip(
-        [Shot(after=10), Shot("removed", "concentric of bracket and bolt_1", 18), Shot("grabbed", "holds bracket", 20)],
+        [
+            Shot(after=10),
+            Shot("removed", "concentric between bracket and bolt_1", 18),
+            Shot("grabbed", "holds bracket", 20),
+        ],
         (-0.09, -0.05, -0.03),
         (0.09, 0.05, 0.15),
         (0.55, -0.8, 0.4),
     ),
     "bolted_cover": Strip(
-        [Shot("removed", "of housing and old_seal", 22), Shot("accepted", "against of housing and new_seal")],
+        [Shot("removed", "of housing and old_seal", 22), Shot("accepted", "against between housing and new_seal")],
         (-0.05, -0.08, 0.0),
         (0.34, 0.08, 0.08),
         (0.25, -0.7, 0.6),
+    ),
+    "tolerance_study": Strip(
+        [Shot("grabbed", "shaft", 5), Shot("accepted", "concentric", 6), Shot("accepted", "against")],
+        (-0.03, -0.03, -0.003),
+        (0.03, 0.03, 0.085),
+        (0.45, -0.8, 0.4),
+        cut=((0.0, 0.0, 0.0), (0.0, -1.0, 0.0)),
+        symbols=True,
+    ),
+    "position_study": Strip(
+        [Shot("grabbed", "bolt_1", 8), Shot("released", "bolt_2", 8), Shot("released", "bolt_4")],
+        (-0.05, -0.05, -0.02),
+        (0.05, 0.05, 0.068),
+        (0.45, -0.8, 0.5),
     ),
     "hinge_and_door": Strip(
         [Shot("accepted", "concentric", 75), Shot("grabbed", "door", 90), Shot("released", "door", 170)],
@@ -204,7 +229,7 @@ STRIPS: dict[str, Strip] = {
         (0.35, -0.9, 0.7),
     ),
     "gear_pair": Strip(
-        [Shot("blocked", "driven", 0), Shot("satisfied", "gear of driver and driven"), Shot(after=50)],
+        [Shot("blocked", "driven", 0), Shot("satisfied", "gear between driver and driven"), Shot(after=50)],
         (-0.022, -0.033, -0.012),
         (0.084, 0.033, 0.03),
         (0.35, -0.6, 0.8),

@@ -6,21 +6,18 @@ The shortest tour of the verbs: grab, insert, turn, pull, place. `insert` finds 
 import numpy as np
 from parts import BRASS, STEEL, WOOD, at, bench
 
-import vpframe.app.task_runner
-from vpframe.hands import constraint
-from vpframe.scene import modelling
-from vpframe.session.rules import accept_kinds
+import vpframe as vp
 
-OPTIONS = {"rule": accept_kinds("concentric", "against"), "clearance": True}
+OPTIONS = {"rule": vp.accept_kinds("concentric", "against"), "clearance": True}
 
 
 def scene():
-    housing = modelling.box(0.08, 0.08, 0.045).translated(-0.04, -0.04, 0.0) - modelling.cylinder(0.01002, 0.045)
-    shaft = modelling.revolve(
+    housing = vp.modelling.box(0.08, 0.08, 0.045).translated(-0.04, -0.04, 0.0) - vp.modelling.cylinder(0.01002, 0.045)
+    shaft = vp.modelling.revolve(
         [(0.0, -0.040), (0.0085, -0.040), (0.010, -0.0385), (0.010, 0.0), (0.022, 0.0), (0.022, 0.006),
          (0.014, 0.006), (0.014, 0.022), (0.008, 0.022), (0.008, 0.045), (0.0, 0.045)]
     )  # fmt: skip
-    made = modelling.scene(
+    made = vp.modelling.scene(
         {
             "bench": (bench(0.4, 0.2), at(), WOOD),
             "housing": (housing, at(), STEEL),
@@ -42,7 +39,7 @@ def task(session):
     session.expect_at("shaft", (0.0, 0.0, 0.045), within=1e-6)
 
     hand.turn(np.pi / 2, about="axis")
-    hand.pull(along="axis", until=~constraint("against"))
+    hand.pull(along="axis", until=~vp.constraint("against"))
     session.expect_freedom("shaft", 2)
     hand.pull(along="axis", until="free")
     session.expect_freedom("shaft", 6)
@@ -53,4 +50,4 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.app.task_runner.main(__file__)
+    vp.main(__file__)

@@ -1,4 +1,4 @@
-"""What is free moves: mass, forces, impulses, per-object behaviours, time stepping."""
+"""Rigid-body dynamics: mass, forces, materials, joints, contact with impulses, time stepping."""
 
 from physics.errors import BehaviourError, BodyError, PhysicsError, WorldError
 from physics.forces.behaviours import (
@@ -20,12 +20,15 @@ from physics.forces.behaviours import (
     Wind,
     force,
 )
-from physics.model.body import DENSITY, Body
-from physics.stepping.hands import SpringHand
+from physics.forces.hands import SpringHand
+from physics.model.body import Body
+from physics.model.material import DENSITY, MATERIALS, PAIRS, Material, Pair
 from physics.world import Snapshot, World
 
 __all__ = [
     "DENSITY",
+    "MATERIALS",
+    "PAIRS",
     "Behaviour",
     "BehaviourError",
     "Body",
@@ -36,7 +39,9 @@ __all__ = [
     "Friction",
     "Gravity",
     "Magnet",
+    "Material",
     "Motor",
+    "Pair",
     "PhysicsError",
     "Reaction",
     "ScriptedPath",

@@ -1,4 +1,4 @@
-"""`World`: bodies with behaviours in, their motion out. The one door of the package, and the one place with state."""
+"""`World`: moves bodies under forces, joints and contacts. The public door of the package; it holds all its state."""
 
 from __future__ import annotations
 
@@ -13,23 +13,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from collision import CollisionManager, Tolerance
 from constraints.geometry.surfaces import Geometry
-from physics.contact import depenetration as starts
 from physics.contact.contact_problem import NO_CONTACTS, Contacts
-from physics.contact.neighbours import SLACK, Neighbours
+from physics.contact.depenetration import depenetrate
+from physics.contact.neighbour_list import SLACK, NeighbourList
 from physics.errors import BehaviourError, WorldError
-from physics.forces.answers import Answers
-from physics.forces.behaviours import Behaviour, Sleeping, Touch, View
-from physics.forces.total import Forces, touches
-from physics.joints.mechanism import Mechanism
+from physics.forces.behaviours import Behaviour, Gravity, Reaction, Sleeping, Touch, View
+from physics.forces.checked_behaviours import CheckedBehaviours
+from physics.forces.hands import Grip, SpringHand
+from physics.forces.wrenches import Forces, touches, wrenches_by_pair
+from physics.joints.articulated_body import ArticulatedBody
 from physics.joints.rows import Joint
-from physics.model.bodies import FREE, KINEMATIC, STATIC, Bodies, Saved, point_speeds
+from physics.model.bodies import ABSENT, FREE, KINEMATIC, STATIC, Bodies, point_speeds
 from physics.model.body import Body
+from physics.model.free_rotation import METHODS
+from physics.model.material import PAIRS, Material, Pair
+from physics.model.material import material as material_of
 from physics.solver.batch import whole
 from physics.solver.islands import components
-from physics.stepping.hands import Grip, SpringHand
-from physics.stepping.integrators import METHODS
-from physics.stepping.kinematic_bodies import Carrying
-from physics.stepping.sleeping import rouse, settle
+from physics.stepping.kinematic_bodies import KinematicBodies
+from physics.stepping.sleeping import put_to_sleep, wake_neighbours
 from physics.stepping.step import Stepper
 
 Array = NDArray[np.float64]
@@ -38,9 +40,41 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """State of a world at one instant, by value; opaque. `World.restore` gives the same future, bit for bit."""
+    """State of a world at one instant, by value; opaque. After `World.restore` its future is the same, bit for bit."""
 
     data: Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """State of one world at one instant, for `World.rollback`; opaque. Not for files: see `Snapshot`."""
+
+    time: float
+    residual: float
+    last_step: float
+    model: _Saved
+    motion: _Saved
+
+
+_Saved = Mapping[str, Mapping[str, Any]]
+"""Read-only values of attributes, by the attribute of the world that has them ("": the world itself)."""
+_MODEL = {
+    "": ("_joints", "_body", "_behaviours", "_may_sleep", "_geometries", "_materials", "_pairs"),
+    "_bodies": ("n", *Bodies.CONSTANTS),
+    "_contact_set": ("friction", "restitution", "poisson", "material", "pair_table"),
+    "_forces": ("gravity", "own", "heavy", "constant", "varying"),
+    "_kinematic_bodies": ("path",),
+    "_neighbours": ("solid",),
+}
+"""attributes that change when objects or joints are added or removed"""
+_MOTION = {
+    "": ("_moving", "_mechanisms", "_grips"),
+    "_bodies": Bodies.STATE,
+    "_contact_set": ("shape_of",),
+    "_forces": ("contacts",),
+    "_neighbours": ("pairs", "reach", "center", "rotation", "stale", "placed"),
+}
+"""attributes that change in a step"""
 
 
 class World:
@@ -48,16 +82,26 @@ class World:
 
     Parameters
     ----------
-    collision: holds meshes and poses; ids are its ids. Objects that were not added here stand still and are solid.
-    tolerance: `touch`, `rest_speed` and the two for sleeping are used; the manager's own if not given.
+    collision: meshes and poses; object ids are its ids. Objects that were not added here are static and solid.
+    tolerance: `touch`, `rest_speed`, `sleep_speed` and `sleep_time` are used; the manager's own if not given.
     integrator: one of `METHODS`, for free rotation.
+    gravity: (3,) m/s², acts on every body that is free and has no `Gravity` of its own among its behaviours.
+    pairs: friction and restitution of pairs of materials, by their names in either order; they come before the values
+        of the materials. None: `PAIRS`, for materials that state no value.
 
-    A body falls asleep with its island when every point of it has stayed below `tolerance.sleep_speed` for
-    `tolerance.sleep_time`; it then costs nothing until something that moves comes near, or it is touched through here.
+    An island falls asleep when every point of its bodies has stayed below `tolerance.sleep_speed` for
+    `tolerance.sleep_time`. It then costs nothing until a moving object comes near, or a call here wakes it.
+
+    Raises WorldError: unknown integrator, bad gravity.
     """
 
     def __init__(
-        self, collision: CollisionManager, tolerance: Tolerance | None = None, integrator: str = "gauss6"
+        self,
+        collision: CollisionManager,
+        tolerance: Tolerance | None = None,
+        integrator: str = "gauss6",
+        gravity: ArrayLike = (0.0, 0.0, 0.0),
+        pairs: Mapping[tuple[str, str], Pair] | None = None,
     ) -> None:
         if not isinstance(integrator, str) or integrator not in METHODS:
             raise WorldError(f"no integrator {integrator!r}; there are: {', '.join(METHODS)}")
@@ -66,22 +110,29 @@ class World:
         self.time = 0.0
         """s since the world began"""
         self.residual = 0.0
-        """m/s: largest violation of joints and contact laws that the last step's solver left"""
+        """m/s: largest violation of joints and contact laws that the solver left in the last step"""
         self._bodies = Bodies()
         self._stepper = Stepper(self._bodies, self.tolerance, integrator)
-        self._touching = self._stepper.touching
+        self._contact_set = self._stepper.contact_set
         self._body: dict[int, Body] = {}
         self._behaviours: dict[int, tuple[Behaviour, ...]] = {}
         self._may_sleep: dict[int, bool] = {}
         self._geometries: dict[int, Mapping[int, Geometry]] = {}
         self._joints: list[Joint] = []
         self._grips: dict[int, Grip] = {}
-        self._mechanisms: dict[tuple, tuple[dict[int, pin.SE3], Mechanism | None]] = {}
+        self._mechanisms: dict[tuple, tuple[dict[int, pin.SE3], ArticulatedBody | None]] = {}
         self._moving: tuple[int, ...] = ()
-        self._answers = Answers(collision, self._body, self.tolerance)
-        self._forces = Forces(self._bodies, self._body, self._grips, self._answers)
-        self._carrying = Carrying(self._bodies, self._forces, self._grips, self._answers)
-        self._neighbours = Neighbours(collision, self._bodies, self._touching, self._geometries)
+        self._model: _Saved | None = None  # copies of the last `mark`, None after a change
+        self._motion: _Saved | None = None
+        self._entered: dict[int, Array] = {}  # (4, 4) pose at which each object came into this world
+        self._checked = CheckedBehaviours(collision, self._body, self.tolerance)
+        self._forces = Forces(self._bodies, self._body, self._grips, self._checked)
+        self._kinematic_bodies = KinematicBodies(self._bodies, self._forces, self._grips, self._checked)
+        self._neighbours = NeighbourList(collision, self._bodies, self._contact_set, self._geometries)
+        self._materials: dict[str, int] = {}  # numbers in the table of pairs, by name
+        self._default_pairs = pairs is None
+        self._pairs = {frozenset(names): pair for names, pair in (PAIRS if pairs is None else pairs).items()}
+        self.gravity = gravity
 
     # --- objects ------------------------------------------------------------------------------------------------------
 
@@ -92,22 +143,23 @@ class World:
         behaviours: Sequence[Behaviour] = (),
         geometries: Mapping[int, Geometry] | None = None,
         velocity: ArrayLike = (0.0,) * 6,
+        material: Material | str | None = None,
     ) -> None:
         """Give an object of the collision manager mass and behaviours; adding it again replaces both.
 
-        body: None makes it static: it never moves, but its behaviours say how it meets others.
-        geometries: surfaces known analytically (mesh frame); contacts on them are judged exactly.
+        body: None makes the object static; its behaviours and material still affect contact.
+        geometries: analytic surfaces (mesh frame), by surface; contact on them is exact, not faceted.
         velocity: (6,) of the centre of mass and angular, world axes, m/s and rad/s.
-        Raises WorldError, BehaviourError: before anything moves, naming the object.
+        material: friction and restitution where no behaviour states them; pairs are found by its name.
+        Raises WorldError, BehaviourError, BodyError, which name the object; the world is unchanged then.
         """
         i = self._known(object_id)
-        twist = np.array(velocity, dtype=np.float64)
-        if twist.shape != (6,) or not np.isfinite(twist).all():
-            raise WorldError(f"object {i}: velocity is {velocity!r}; give six finite numbers", i)
+        twist = _finite(velocity, 6, f"object {i}: velocity", i)
         for behaviour in behaviours:
             if not isinstance(behaviour, Behaviour):
                 raise BehaviourError(f"object {i}: {behaviour!r} is no Behaviour", i, type(behaviour).__name__)
-        reaction = self._answers.reaction(i, behaviours)
+        reaction = self._checked.reaction(i, behaviours)
+        stuff = material_of(material) if material is not None else None
         pose = self.collision.pose(i)
         constant, varying = np.zeros(6), tuple[Behaviour, ...]()
         if body is not None:
@@ -115,19 +167,21 @@ class World:
             constant, varying = self._forces.sort(behaviours, view)
         path = next((x for x in reversed(behaviours) if type(x).pose is not Behaviour.pose), None)
         if path is not None:
-            self._answers.pose(i, path, self.time)
+            self._checked.pose(i, path, self.time)
         b = self._reserve(i)
+        if b.kind[i] == ABSENT:
+            self._entered[i] = pose.homogeneous
         b.set_constants(i, body, self.collision.mesh(i).vertices)
         b.set_pose(i, pose)
+        b.published[i] = pose.homogeneous
         self._geometries[i] = dict(geometries or {})
         self._behaviours[i] = tuple(behaviours)
-        self._touching.friction[i] = np.nan if reaction.friction is None else reaction.friction
-        self._touching.restitution[i] = np.nan if reaction.restitution is None else reaction.restitution
-        self._touching.poisson[i] = reaction.law == "poisson"
-        self._touching.shape_of[i] = -1
+        self._set_reaction(i, reaction, stuff)
+        self._contact_set.shape_of[i] = -1
         self._neighbours.solid[i] = reaction.solid
-        self._carrying.path.pop(i, None)
-        self._forces.set(i, constant, varying)
+        self._kinematic_bodies.path.pop(i, None)
+        heavy = 0.0 if body is None or any(isinstance(x, Gravity) for x in behaviours) else body.mass
+        self._forces.set(i, constant, varying, heavy)
         b.velocity[i] = 0.0
         if body is None:
             b.kind[i] = STATIC
@@ -138,38 +192,69 @@ class World:
             b.velocity[i] = twist
             self._may_sleep[i] = all(x.allowed for x in behaviours if isinstance(x, Sleeping))
         if path is not None:
-            self._carrying.path[i] = path
+            self._kinematic_bodies.path[i] = path
             b.kind[i] = KINEMATIC
         self._mechanisms.clear()  # they have its mass in them
         self.wake(i)
         self.refresh()
 
+    def _set_reaction(self, i: int, reaction: Reaction, stuff: Material | None) -> None:
+        """Store friction and restitution of an object: its behaviours' where they say them, else its material's."""
+        own = (reaction.friction, reaction.restitution)
+        number = 0 if stuff is None else self._number_of(stuff.name)
+        values = [
+            x if x is not None else getattr(stuff, name, None)
+            for x, name in zip(own, ("friction", "restitution"), strict=True)
+        ]
+        t = self._contact_set
+        t.friction[i], t.restitution[i] = (np.nan if x is None else x for x in values)
+        t.material[i] = [number if x is None else 0 for x in (values if self._default_pairs else own)]
+        law = reaction.law if own[1] is not None or stuff is None else stuff.law
+        t.poisson[i] = law == "poisson"
+
+    def _number_of(self, name: str) -> int:
+        """Number of a material in the table of pairs, which grows by it if it is new."""
+        if name not in self._materials:
+            self._materials[name] = number = len(self._materials) + 1
+            table = np.full((number + 1, number + 1, 2), np.nan)
+            table[:number, :number] = self._contact_set.pair_table
+            for other, k in self._materials.items():
+                pair = self._pairs.get(frozenset((name, other)))
+                if pair is not None:
+                    values = [np.nan if x is None else x for x in (pair.friction, pair.restitution)]
+                    table[number, k] = table[k, number] = values
+            self._contact_set.pair_table = table
+        return self._materials[name]
+
     def refresh(self) -> None:
-        """Take notice of objects that were added to the manager, or placed by it, while they have no body here."""
+        """Notice objects that were added or moved in the collision manager without going through this world."""
+        self._model = self._motion = None
         self._neighbours.stale = self._neighbours.placed = True
 
     def remove(self, object_id: int) -> None:
-        """Take mass and behaviours from an object: if the manager still holds it, it stands still."""
+        """Remove mass and behaviours of an object; it is static if the manager still holds it."""
         i = self._member(object_id)
         self._wake_near(i)
         self._forces.remove(i)
-        for table in (self._body, self._behaviours, self._carrying.path, self._geometries, self._grips):
+        self._model = self._motion = None
+        for table in (self._body, self._behaviours, self._kinematic_bodies.path, self._geometries, self._grips):
             table.pop(i, None)
-        self._bodies.kind[i] = 0
+        self._bodies.kind[i] = ABSENT
         self._bodies.awake[i] = False
-        self._touching.friction[i] = self._touching.restitution[i] = np.nan
+        self._set_reaction(i, Reaction(), None)
         self._neighbours.solid.pop(i, None)
         self._neighbours.stale = True
 
     def set_joints(self, joints: Iterable[Joint]) -> None:
-        """The accepted constraints that hold from now on, all of them; bodies of new or lost ones wake."""
+        """Replace all joints by these accepted constraints; wakes bodies of new and removed ones."""
         new = list(joints)
+        self._model = self._motion = None
         for joint in new:
             for i in joint.bodies:
                 self._known(i)
                 self._reserve(i)
-                if self._bodies.kind[i] == 0:
-                    self._stand(i)
+                if self._bodies.kind[i] == ABSENT:
+                    self._add_static(i)
         old = {id(joint): joint for joint in self._joints}
         now = {id(joint): joint for joint in new}
         for key in old.keys() ^ now.keys():
@@ -178,6 +263,20 @@ class World:
         self._joints = new
         self._mechanisms.clear()
         self._neighbours.stale = True
+
+    @property
+    def gravity(self) -> Array:
+        """(3,) m/s², acting on every free body that has no `Gravity` of its own. Setting it wakes all bodies."""
+        return self._forces.gravity.copy()
+
+    @gravity.setter
+    def gravity(self, acceleration: ArrayLike) -> None:
+        new = _finite(acceleration, 3, "gravity")
+        if (new != self._forces.gravity).any():
+            self._forces.set_gravity(new)
+            self._model = None
+            for i in self._body:
+                self.wake(i)
 
     # --- state --------------------------------------------------------------------------------------------------------
 
@@ -194,32 +293,39 @@ class World:
         """(6,) velocity of the centre of mass (m/s) and angular velocity (rad/s), world axes."""
         return self._bodies.velocity[self._member(object_id)].copy()
 
+    @property
+    def velocities(self) -> Array:
+        """(n, 6) velocities as `velocity` returns them, by object id; 0 for objects without a body."""
+        return self._bodies.velocity[: self._bodies.n].copy()
+
     def set_velocity(self, object_id: int, velocity: ArrayLike) -> None:
-        """Set what `velocity` returns; wakes the object."""
+        """Set the velocity (6,) of an object, as `velocity` returns it; wakes the object."""
         i = self._member(object_id)
-        twist = np.array(velocity, dtype=np.float64)
-        if twist.shape != (6,) or not np.isfinite(twist).all():
-            raise WorldError(f"object {i}: velocity is {velocity!r}; give six finite numbers", i)
+        twist = _finite(velocity, 6, f"object {i}: velocity", i)
         self._bodies.velocity[i] = twist
         self.wake(i)
 
     def set_pose(self, object_id: int, pose: pin.SE3) -> None:
-        """Place an object anew (it keeps its velocity); wakes it and what is near."""
+        """Move an object and keep its velocity; wakes it and bodies near it. Does nothing if it is there already."""
         i = self._member(object_id)
-        self._wake_near(i)
+        if self._bodies.stands_at(i, pose) and self.collision.pose(i) == pose:
+            return
         self.collision.set_pose(i, pose)
+        self._wake_near(i)
         self._bodies.set_pose(i, pose)
+        self._bodies.published[i] = pose.homogeneous
         self.refresh()
         self.wake(i)
 
     @property
     def awake(self) -> tuple[int, ...]:
-        """Ids of the free bodies that are moving, or have not been at rest for long enough to sleep."""
+        """Ids of the free bodies that are awake, ascending."""
         return tuple(self._free_awake().tolist())
 
     def wake(self, object_id: int) -> None:
         """Wake an object."""
         i = self._member(object_id)
+        self._motion = None
         self._bodies.wake(i)
 
     def energy(self, object_id: int) -> float:
@@ -230,14 +336,22 @@ class World:
         return 0.5 * float(b.mass[i] * (b.velocity[i, :3] @ b.velocity[i, :3]) + w @ b.inertia[i] @ w)
 
     def touches(self, object_id: int) -> tuple[Touch, ...]:
-        """Contact points of an object that carry force, as of the last step; `impulse` is force times the step."""
+        """Loaded contact points of an object in the last step; `impulse` is force times the step's length."""
         return touches(self._member(object_id), self._forces.contacts, self._forces.last_step)
 
+    def contact_wrenches(self) -> tuple[Ints, Array]:
+        """Contact forces of the last step, summed by pairs of objects.
+
+        Returns pairs (k, 2) of object ids, i < j, sorted; and wrenches (k, 6) on the first of each by the second: force
+        and torque about the world's origin, world axes, N and N·m. The second feels the opposite.
+        """
+        return wrenches_by_pair(self._forces.contacts)
+
     def state(self) -> Snapshot:
-        """Everything that changes while the world runs (behaviours of a user keep their own state)."""
+        """All state of the world, by value; without state that a user's behaviours keep."""
         b = self._bodies
         place = {id(joint): k for k, joint in enumerate(self._joints)}
-        data = {name: getattr(b, name)[: b.n] for name in Bodies._PER_OBJECT}
+        data = {name: getattr(b, name)[: b.n] for name in Bodies.ARRAYS}
         data.update(
             n=b.n, time=self.time, contacts=tuple(self._forces.contacts), last_step=self._forces.last_step,
             moving=self._moving, near=self._neighbours.state(),
@@ -251,20 +365,25 @@ class World:
         return Snapshot(copy.deepcopy(data))
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a snapshot of this world, or of one like it: same objects, same joints in the same order."""
+        """Restore a snapshot of this world, or of one with the same objects and the same joints in the same order.
+
+        Raises WorldError: the snapshot has other objects or joints.
+        """
         data = copy.deepcopy(dict(snapshot.data))
         self._take_in()
         if data["members"] != tuple(sorted(self._behaviours)) or data["n"] != self._bodies.n:
             raise WorldError("the snapshot is of other objects; add what it had, remove what it had not")
         if data["joints"] != [joint.bodies for joint in self._joints]:
             raise WorldError("the snapshot is of other joints; call set_joints with those it had")
+        self._model = self._motion = None
         b = self._bodies
-        for name in Bodies._PER_OBJECT:
+        for name in Bodies.ARRAYS:
             getattr(b, name)[: b.n] = data[name]
         self.time = data["time"]
         self._forces.contacts = Contacts(*data["contacts"])
         self._forces.last_step = data["last_step"]
         self._moving = data["moving"]
+        self._contact_set.shape_of[: b.n] = -1  # walls are measured when they first matter, as there
         self._neighbours.restore(data["near"])
         self._grips.clear()
         self._grips.update({i: Grip.of(d) for i, d in data["grips"].items()})
@@ -272,37 +391,95 @@ class World:
         for ids, places, homogeneous in data["mechanisms"]:
             poses = {i: pin.SE3(m) for i, m in homogeneous.items()}
             joints = [self._joints[k] for k in places]
-            self._mechanisms[ids, tuple(map(id, joints))] = (poses, Mechanism.build(np.array(ids), joints, b, poses))
-        for i in self._behaviours:
-            self.collision.set_pose(i, b.pose(i))
+            self._mechanisms[ids, tuple(map(id, joints))] = (
+                poses,
+                ArticulatedBody.build(np.array(ids), joints, b, poses),
+            )
+        ids = np.array(sorted(self._behaviours), np.int64)
+        self.collision.set_poses(ids, b.published[ids])
+
+    def mark(self) -> Mark:
+        """The state at this instant, for `rollback`. Copies only what has changed since the last mark.
+
+        Does not cover state that a user's behaviours keep, nor poses that others set in the collision manager.
+        """
+        if self._model is None:
+            self._model = self._save(_MODEL)
+        if self._motion is None:
+            self._motion = self._save(_MOTION)
+        return Mark(self.time, self.residual, self._forces.last_step, self._model, self._motion)
+
+    def rollback(self, mark: Mark) -> None:
+        """Undo all changes of this world since `mark`, to the bit, with the poses it set in the collision manager.
+
+        Objects added to or removed from the manager since are left to the caller. A mark can be used more than once.
+        """
+        b = self._bodies
+        self.time, self.residual, self._forces.last_step = mark.time, mark.residual, mark.last_step
+        if mark.motion is not self._motion:
+            before = b.published[: b.n].copy()
+            known = mark.motion["_bodies"]["kind"] != ABSENT
+            n = min(b.n, len(known))
+            before[:n][known[:n]] = mark.motion["_bodies"]["published"][:n][known[:n]]
+            for i in {*range(b.n)} - {*np.flatnonzero(known).tolist()}:
+                before[i] = self._entered.get(i, before[i])
+            moved = np.flatnonzero((before != b.published[: b.n]).any(axis=(1, 2)))
+            moved = np.intersect1d(moved, self.collision.objects)
+            self._load(mark.motion)
+            if len(moved):
+                self.collision.set_poses(moved, before[moved])
+        if mark.model is not self._model:
+            self._load(mark.model)
+        self._model, self._motion = mark.model, mark.motion
+
+    def _save(self, attributes: Mapping[str, tuple[str, ...]]) -> _Saved:
+        holders = {holder: getattr(self, holder) if holder else self for holder in attributes}
+        return {k: {name: _copied(getattr(holders[k], name)) for name in names} for k, names in attributes.items()}
+
+    def _load(self, saved: _Saved) -> None:
+        for holder, values in saved.items():
+            owner = getattr(self, holder) if holder else self
+            for name, value in values.items():
+                if isinstance(value, dict):  # shared by those who read it
+                    own = getattr(owner, name)
+                    own.clear()
+                    own.update(_copied(value))
+                else:
+                    setattr(owner, name, _copied(value))
 
     # --- hands --------------------------------------------------------------------------------------------------------
 
     def hold(self, object_id: int, grip: pin.SE3 | SpringHand) -> None:
-        """Hold an object: at a pose, to which it is carried over the next step and which nothing can hinder, or by a
-        spring hand, which feels weight and contact and slips when its limit is reached. Called again, it moves on.
+        """Hold an object, or move the hand that holds it.
+
+        grip: a pose, which the object reaches within the next step against any resistance; or a spring hand, which
+        feels weight and contact and pulls up to its limit. Raises WorldError for a static object.
         """
         i = self._member(object_id)
         if i not in self._body:
             raise WorldError(f"object {i} is static; a hand can hold what has a body", i)
         spring = isinstance(grip, SpringHand)
-        self._answers.rigid(i, grip.target if spring else grip, "hold")
+        self._checked.rigid(i, grip.target if spring else grip, "hold")
+        self._motion = None
         self._bodies.kind[i] = FREE if spring else KINEMATIC
         self._grips[i] = Grip(grip)
         self.wake(i)
 
     def let_go(self, object_id: int) -> None:
-        """End a hold; the object keeps its velocity."""
+        """End a hold; the object keeps its velocity. Raises WorldError if it is not held."""
         i = self._member(object_id)
-        if self._grips.pop(i, None) is None:
+        if i not in self._grips:
             raise WorldError(f"object {i} is not held", i)
-        self._bodies.kind[i] = KINEMATIC if i in self._carrying.path else FREE
+        self._motion = None
+        del self._grips[i]
+        self._bodies.kind[i] = KINEMATIC if i in self._kinematic_bodies.path else FREE
         self.wake(i)
         self._neighbours.stale = True
 
     def wrench(self, object_id: int) -> Array:
-        """(6,) force and torque about the centre of mass, world axes, with which a hand held the object in the last
-        step: the spring's own, or what it took to carry it (weight, inertia and contacts).
+        """(6,) force and torque of a hand on the object in the last step, about its centre of mass, world axes.
+
+        Of a spring its own; of a pose the reaction to weight, inertia and contacts. Raises WorldError if not held.
         """
         i = self._member(object_id)
         if i not in self._grips:
@@ -312,56 +489,53 @@ class World:
     # --- the step -----------------------------------------------------------------------------------------------------
 
     def step(self, dt: float) -> None:
-        """Move everything by `dt` seconds (> 0).
+        """Advance the world by `dt` seconds (> 0).
 
-        Raises BehaviourError if a behaviour fails, or returns what is no wrench or pose, WorldError if the motion of an
-        object is not finite. Nothing has moved then, nor when the step is interrupted.
+        Raises BehaviourError if a behaviour raises or returns no wrench or pose, WorldError if motion is not finite.
+        The world is unchanged then, and also when the step is interrupted.
         """
         if not (np.isfinite(dt) and dt > 0.0):
             raise WorldError(f"dt is {dt!r} s; give a positive number")
         dt = self._forces.dt = float(dt)
         b = self._bodies
-        targets, changed = self._carrying.targets(self.time + dt)
-        self._neighbours.stale |= changed
-        before = {i: b.velocity[i].copy() for i in targets}
-        carried = self._carrying.begin(targets, dt)
-        ids = self._free_awake()
-        start: Saved | None = None
+        begin = self.mark()
         try:
+            targets, changed = self._kinematic_bodies.targets(self.time + dt)
+            ids = self._free_awake()
+            if targets or changed or len(ids) or self._grips:
+                self._motion = None
+            self._neighbours.stale |= changed
+            carried = self._kinematic_bodies.begin(targets, dt)
             if len(ids) or carried or self._grips:
                 if self._neighbours.placed:
-                    self._part_deep(ids)
-                kept = self._list_near(ids, carried, dt)
+                    self._depenetrate(ids)
+                kept = self._update_neighbours(ids, carried, dt)
                 links = self._links()
-                while len(woken := rouse(b, ids, links)) > len(ids):  # pairs among sleepers were not listed
+                while len(woken := wake_neighbours(b, ids, links)) > len(ids):  # pairs among sleepers were not listed
                     ids = woken
                     self._neighbours.stale = True
-                    kept = self._list_near(ids, carried, dt)
+                    kept = self._update_neighbours(ids, carried, dt)
                     links = self._links()
                 label, count = self._islands(ids, links)
                 kept = kept and tuple(ids) == self._moving
                 self._moving = tuple(ids)
-                self._touching.residual = 0.0
+                self._contact_set.residual = 0.0
                 moved = np.union1d(ids, np.array(carried, np.int64))
-                start, steady, rate = Saved(b, moved), b.steady[moved], b.rate[moved]
                 contacts = self._advance(ids, label, count, kept, dt)
                 self._check(moved)
-                self._carrying.end(targets, contacts, self.time, dt)
-                self.residual = self._touching.residual
+                self._kinematic_bodies.end(targets, contacts, self.time, dt)
+                self.residual = self._contact_set.residual
                 self._forces.contacts = contacts
                 may = np.array([i not in self._grips and self._may_sleep[i] for i in ids.tolist()], bool)
-                if settle(b, ids, label, links, may, self.tolerance, dt):
+                if put_to_sleep(b, ids, label, links, may, self.tolerance, dt):
                     self._neighbours.stale = True  # the list is of those that are awake
-                self.collision.set_poses(moved, b.homogeneous(moved))
+                b.published[moved] = b.homogeneous(moved)
+                self.collision.set_poses(moved, b.published[moved])
+            self.time += dt
+            self._forces.last_step = dt
         except BaseException:
-            for i, velocity in before.items():
-                b.velocity[i] = velocity
-            if start is not None:
-                start.restore(b)
-                b.steady[moved], b.rate[moved] = steady, rate
+            self.rollback(begin)
             raise
-        self.time += dt
-        self._forces.last_step = dt
 
     def _free_awake(self) -> Ints:
         b = self._bodies
@@ -372,19 +546,25 @@ class World:
         lost = ~(np.isfinite(b.center[moved]).all(axis=1) & np.isfinite(b.velocity[moved]).all(axis=1))
         if lost.any():
             i = int(moved[np.argmax(lost)])
-            raise WorldError(f"{self._answers.called(i)}: its motion is not finite; a force or a speed is too great", i)
+            raise WorldError(f"{self._checked.called(i)}: its motion is not finite; a force or a speed is too great", i)
 
-    def _part_deep(self, free: Ints) -> None:
-        """Bring awake bodies out of what they were put into too deep for contact to see."""
+    def _depenetrate(self, free: Ints) -> None:
+        """Move awake bodies out of overlaps that are too deep for contact search."""
         self._take_in()
         solid = self._neighbours.solid
         near = self.collision.object_pairs(free.tolist()).tolist()
         pairs = [(i, j) for i, j in near if solid.get(i, True) and solid.get(j, True)]
         self._neighbours.use(np.array(pairs, np.int64))
-        starts.part(self._bodies, self.collision, pairs, frozenset(i for joint in self._joints for i in joint.bodies))
+        bound = frozenset(i for joint in self._joints for i in joint.bodies)
+        depenetrate(self._bodies, self.collision, self._place, pairs, bound)
 
-    def _list_near(self, free: Ints, carried: list[int], dt: float) -> bool:
-        """Renew the list of near surface pairs if it must be; True if not."""
+    def _place(self, i: int, pose: pin.SE3) -> None:
+        self._bodies.set_pose(i, pose)
+        self._bodies.published[i] = pose.homogeneous
+        self.collision.set_pose(i, pose)
+
+    def _update_neighbours(self, free: Ints, carried: list[int], dt: float) -> bool:
+        """Rebuild the list of near surface pairs if it may have become incomplete; returns whether it was kept."""
         b = self._bodies
         movers = np.union1d(free, np.array(carried, np.int64))
         step = dt * point_speeds(b.velocity[movers], b.radius[movers]) + self._gain(movers, dt)
@@ -395,44 +575,53 @@ class World:
         return False
 
     def _gain(self, movers: Ints, dt: float) -> Array:
-        """m that forces may add to a body's way in one step (as they are now)."""
+        """(n,) m: ways that present forces add to free flight in one step."""
         mass = np.where(self._bodies.mass[movers] > 0.0, self._bodies.mass[movers], np.inf)
         force = np.sqrt((self._forces.wrenches(movers, self.time)[:, :3] ** 2).sum(axis=1))
         return dt * dt * force / mass
 
     def _links(self) -> Ints:
-        """(k, 2) objects that are near to or joined with one another."""
+        """(k, 2) pairs of objects that are near to or joined with one another."""
         joined = np.array([joint.bodies for joint in self._joints], np.int64).reshape(-1, 2)
         return np.concatenate([self._neighbours.objects(), joined])
 
     def _take_in(self) -> None:
-        """Take in objects that were added to the manager or placed anew since; those without a body stand still."""
+        """Add objects of the manager that have no body here as static ones; follow poses of those it moved."""
         for i in self.collision.objects:
             self._reserve(i)
             if i not in self._behaviours:
-                self._stand(i)
+                self._add_static(i)
 
-    def _stand(self, i: int) -> None:
+    def _add_static(self, i: int) -> None:
         b = self._bodies
-        if b.kind[i] == 0:
+        if b.kind[i] == ABSENT:
             b.set_constants(i, None, self.collision.mesh(i).vertices)
             b.kind[i] = STATIC
-        b.set_pose(i, self.collision.pose(i))
+            self._entered[i] = self.collision.pose(i).homogeneous
+        pose = self.collision.pose(i)
+        if (b.published[i] != pose.homogeneous).any() or not b.stands_at(i, pose):
+            self._model = self._motion = None
+            b.set_pose(i, pose)
+            b.published[i] = pose.homogeneous
 
     def _islands(self, ids: Ints, links: Ints) -> tuple[Ints, int]:
-        """Labels (n,) of the awake bodies by who is near to or joined with whom, and how many there are."""
+        """Island labels (n,) of the awake bodies `ids`, connected by `links`, and the number of islands."""
         place = np.full(self._bodies.n, -1, np.int64)
         place[ids] = np.arange(len(ids))
         return components(len(ids), place[links])
 
     def _advance(self, ids: Ints, label: Ints, count: int, kept: bool, dt: float) -> Contacts:
-        """Move the awake bodies; contacts at the end. Those under constant forces without joints go all together."""
+        """Move the awake bodies; returns the contacts at the end.
+
+        Bodies under constant forces without joints are advanced together, other islands one by one.
+        """
         b, stepper, before, wrenches = self._bodies, self._stepper, self._forces.contacts, self._forces.wrenches
         bound = np.zeros(b.n, bool)
         bound[self._neighbours.pairs[:, [0, 2]]] = True
         special = np.zeros(b.n, bool)
         special[[*self._forces.varying, *self._grips, *(i for joint in self._joints for i in joint.bodies)]] = True
         alone = ~(bound | special)[ids]
+        stepper.near = len(ids) - int(alone.sum())
         own = np.zeros(count, bool)
         own[label[special[ids]]] = True
         ended = []
@@ -456,17 +645,17 @@ class World:
         return _joined(ended)
 
     def _kinematic(self, ids: ArrayLike) -> Ints:
-        """The kinematic ones of some objects, ascending."""
+        """Ids of the kinematic bodies among `ids` that move in this step, ascending."""
         unique = np.unique(np.asarray(ids, np.int64))
-        return unique[self._bodies.kind[unique] == KINEMATIC]
+        return unique[(self._bodies.kind[unique] == KINEMATIC) & self._bodies.velocity[unique].any(axis=1)]
 
-    def _mechanism(self, ids: NDArray[np.int64], joints: Sequence[Joint]) -> Mechanism | None:
-        """The island's model, made once for these bodies and joints."""
+    def _mechanism(self, ids: NDArray[np.int64], joints: Sequence[Joint]) -> ArticulatedBody | None:
+        """Articulated body of an island, built once for the same bodies and joints; None if it has none."""
         key = (tuple(ids.tolist()), tuple(map(id, joints)))
         if key not in self._mechanisms:
             members = {*key[0], *(i for joint in joints for i in joint.bodies)}
             poses = {i: self._bodies.pose(i) for i in sorted(members)}
-            self._mechanisms[key] = (poses, Mechanism.build(ids, joints, self._bodies, poses))
+            self._mechanisms[key] = (poses, ArticulatedBody.build(ids, joints, self._bodies, poses))
         return self._mechanisms[key][1]
 
     # --- small things -------------------------------------------------------------------------------------------------
@@ -480,25 +669,48 @@ class World:
         if object_id not in self._behaviours:
             if object_id in self.collision.objects:
                 self._reserve(object_id)
-                self._stand(int(object_id))
+                self._add_static(int(object_id))
                 return int(object_id)
             raise WorldError(f"no object {object_id!r} in this world; add it first", object_id)
         return int(object_id)
 
     def _reserve(self, i: int) -> Bodies:
         b = self._bodies
+        if i >= b.n:
+            self._model = self._motion = None
         b.reserve(i + 1)
-        self._touching.reserve(len(b.kind))
+        self._contact_set.reserve(len(b.kind))
         self._forces.reserve(len(b.kind))
         return b
 
     def _wake_near(self, i: int) -> None:
-        """Wake what may rest on object i."""
+        """Wake free bodies near object i."""
         b = self._bodies
         d = np.sqrt(((b.center[: b.n] - b.center[i]) ** 2).sum(axis=1))
         near = (d <= b.radius[: b.n] + b.radius[i] + SLACK) & (b.kind[: b.n] == FREE)
         b.awake[: b.n][near] = True
         b.quiet[: b.n][near] = 0.0
+
+
+def _finite(value: ArrayLike, n: int, what: str, object_id: int | None = None) -> Array:
+    """`value` as (n,) finite numbers. Raises WorldError that names it `what`."""
+    try:
+        out = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        out = np.zeros(0)
+    if out.shape != (n,) or not np.isfinite(out).all():
+        raise WorldError(f"{what} is {value!r}; give {n} finite numbers", object_id)
+    return out
+
+
+def _copied(value: Any) -> Any:
+    """A copy of an array or of a dictionary and its grips; other values as they are."""
+    if isinstance(value, np.ndarray):
+        return value.copy()
+    if isinstance(value, dict):
+        grips = {key: copy.copy(v) for key, v in value.items() if isinstance(v, Grip)} if len(value) else {}
+        return value | grips
+    return value
 
 
 def _joined(contacts: list[Contacts]) -> Contacts:

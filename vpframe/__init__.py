@@ -1,4 +1,8 @@
-"""vpframe: load a CAD assembly, take a part in hand, and find out whether it can be serviced."""
+"""vpframe: load a CAD assembly, take a part in hand, and find out whether it can be serviced.
+
+All that a task script needs is here; `import vpframe as vp` is enough. Names are imported at first use, so that
+`import vpframe` and `vpframe --help` answer at once.
+"""
 
 from __future__ import annotations
 
@@ -7,27 +11,69 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-# name -> module; imported at first use so that `import vpframe` and `vpframe --help` answer at once
-_LAZY = {
-    "load": "vpframe.importers",
-    "Scene": "vpframe.scene.scene",
-    "Part": "vpframe.scene.scene",
-    "Shape": "vpframe.scene.scene",
-    "Surface": "vpframe.scene.scene",
-    "Session": "vpframe.session.session",
-    "VpframeError": "vpframe.errors",
-    "LoadError": "vpframe.errors",
-    "UnknownPartError": "vpframe.errors",
-    "TaskError": "vpframe.errors",
-}
+_NAMES: dict[str, tuple[str, ...]] = {
+    # scene
+    "vpframe.importers": ("load",),
+    "vpframe.scene.scene": ("Edge", "Part", "Scene", "Shape", "Surface"),
+    "vpframe.scene.units": ("length",),
+    "vpframe.scene.boxes": ("bounds", "half_size"),
+    "constraints.geometry.surfaces": ("Cone", "Cylinder", "Freeform", "Plane", "Sphere", "Torus"),
+    # session
+    "vpframe.session.session": ("Session",),
+    "vpframe.session.state": ("State", "StateError"),
+    "vpframe.session.events": ("ConstraintView", "ContactPoint", "Event", "Frame", "Frames", "Observer"),
+    "vpframe.session.rules": (
+        "accept_all", "accept_between", "accept_kinds", "ask", "first_of", "leave_all", "refuse_between",
+        "refuse_kinds",
+    ),
+    "collision": ("Tolerance",),
+    # hands
+    "vpframe.hands.hand": ("Hand",),
+    "vpframe.hands.segment": ("MotionSegment", "Outcome"),
+    "vpframe.hands.assist": ("Assist",),
+    "vpframe.hands.arguments": ("pose_from",),
+    "vpframe.hands.paths": ("Path", "Resting", "Reversed", "Spline", "Straight", "Track", "Turning", "read_track"),
+    "vpframe.hands.conditions": (
+        "Condition", "blocked", "candidate", "clearance", "constraint", "contact", "free", "freedom",
+    ),
+    # constraint kinds
+    "constraints.kinds": (
+        "Against", "Angle", "Belt", "Circle", "Concentric", "Conical", "Constraint", "Contact", "Coplanar", "Distance",
+        "Fixed", "Gear", "Groove", "Line", "Offset", "Parallel", "Perpendicular", "Point", "RackAndPinion", "Screw",
+        "Spherical", "Tangent", "Toroidal",
+    ),
+    # mass, forces, behaviours
+    "physics": (
+        "DENSITY", "MATERIALS", "PAIRS", "Behaviour", "Body", "Buoyancy", "Drag", "Elastic", "Friction", "Gravity",
+        "Magnet", "Material", "Motor", "Pair", "Reaction", "ScriptedPath", "Sleeping", "Solidity", "Spring",
+        "SpringHand", "Touch", "View", "Wind", "force",
+    ),
+    # view
+    "vpframe.view.meshcat_viewer": ("MeshcatViewer",),
+    "vpframe.view.recorder": ("RerunRecorder",),
+    # studies
+    "vpframe.studies.distributions": ("Choice", "LogNormal", "Normal", "Triangular", "Uniform"),
+    # errors
+    "vpframe.errors": (
+        "CheckpointError", "LoadError", "OutputError", "TaskError", "UnknownPartError", "VpframeError",
+    ),
+    "vpframe.session.statements": ("ContradictionError",),
+    # the last line of a script
+    "vpframe.app.task_runner": ("main",),
+}  # fmt: skip
+_LAZY = {name: module for module, names in _NAMES.items() for name in names}
+_MODULES = {"modelling": "vpframe.scene.modelling", "rules": "vpframe.session.rules"}
 
-__all__ = ["__version__", *_LAZY]
+__all__ = ["__version__", *_LAZY, *_MODULES]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LAZY:
+    if name in _MODULES:
+        value: Any = importlib.import_module(_MODULES[name])
+    elif name in _LAZY:
+        value = getattr(importlib.import_module(_LAZY[name]), name)
+    else:
         raise AttributeError(f"module 'vpframe' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_LAZY[name]), name)
     globals()[name] = value
     return value
 

@@ -8,8 +8,17 @@ from __future__ import annotations
 import numpy as np
 
 from collision.bvh.layout import LANES, PREPARED
-from collision.bvh.traverse import TRIANGLE_BOXES, box_at, fresh_packets, inline_kernel
-from collision.numeric.simd import lowest, perhaps_meeting, reaching
+from collision.bvh.traverse import (
+    TRIANGLE_BOXES,
+    box_at,
+    corner_of,
+    fresh_packets,
+    inline_kernel,
+    moved_corner,
+    packet_errors,
+    reached,
+)
+from collision.numeric.simd import edges_cross, edges_near, lowest, triangles_near
 
 
 @inline_kernel
@@ -26,45 +35,51 @@ def box_middle(bvh, lane):
 
 
 @inline_kernel
-def near_triangles(a, b, ws, lane_a, lane_b, distance, out):
-    """Place in `out` (64,) the pairs of triangles of two packets that may be within a distance (m), as 2^32·(that of a)
-    + that of b in leaf order; how many.
+def triangle_of(a, t):
+    """The corners of triangle t of a, in leaf order."""
+    return corner_of(a, 3 * t), corner_of(a, 3 * t + 1), corner_of(a, 3 * t + 2)
 
-    Left out are pairs that are farther apart along an axis, or all corners of one on one side of the other's plane. The
-    error bounds are those of `collision.query.intersection.packets_meet`. A determinant of edges e, f and a difference
-    is the distance from the plane times |e × f|, which is at most |e||f|.
+
+@inline_kernel
+def moved_triangle(b, t, matrix):
+    """The same of b in a's frame."""
+    return moved_corner(b, 3 * t, matrix), moved_corner(b, 3 * t + 1, matrix), moved_corner(b, 3 * t + 2, matrix)
+
+
+@inline_kernel
+def near_triangles(a, b, ws, lane_a, lane_b, limit, direction, meeting):
+    """Bit 8·j + i: whether the signed distance of triangle i of a packet of a from triangle j of one of b may be at
+    most `limit` (float32, m); `ws.bounds[8 + 8·j + i]` is how little it can be.
+
+    direction: (x, y, z) float32, one along which they may be apart, or 0. meeting: whether triangles that meet are of
+    interest; for those that are apart the bounds are better without.
     """
     p, q = ~np.int64(a.child[lane_a]), ~np.int64(b.child[lane_b])
     fresh_packets(a, b, ws, p, q)
-    m = ws.pose.matrix
-    middle_a, half = box_middle(a, lane_a)
-    (bx, by, bz), _ = box_middle(b, lane_b)
-    sx = np.float32(m[0] * bx + m[1] * by + m[2] * bz + (m[9] - middle_a[0]))
-    sy = np.float32(m[3] * bx + m[4] * by + m[5] * bz + (m[10] - middle_a[1]))
-    sz = np.float32(m[6] * bx + m[7] * by + m[8] * bz + (m[11] - middle_a[2]))
-    hx, hy, hz = np.float32(half[0]), np.float32(half[1]), np.float32(half[2])
-    size_a, size_b = a.size[lane_a], b.size[lane_b]
-    gap = np.float32(min(distance * (1.0 + 2.0**-20) + 1e-37, 3e38))
-    off = np.float32(20.0 * 2.0**-24) * (size_a + size_b + gap) + ws.pose.motion[22]
-    reach = size_a + np.float32(1.8) * size_b + np.float32(2.0) * off + np.float32(3.0) * gap  # of any difference
-    kf = np.float32(1.01) * off * (reach + np.float32(6.0) * off + np.float32(2.0) * gap)
-    kp = np.float32(3.03) * off + np.float32(1.01) * gap
-    k = np.float32(1.01) * off * off * (np.float32(4.0) * (reach + gap) + np.float32(12.0) * off)
-    wide = off + gap
-    first_a, first_b = np.int64(a.first[p]), np.int64(b.first[q])
-    found = 0
-    bits_b = reaching(
-        ws.turned, PREPARED * q,
-        -hx - sx - wide, -hy - sy - wide, -hz - sz - wide, hx - sx + wide, hy - sy + wide, hz - sz + wide,
-    )  # fmt: skip
-    ws.counts[TRIANGLE_BOXES] += LANES
+    shift, half, errors = packet_errors(a, b, ws, lane_a, lane_b)
+    off = errors[0]
+    bits, bits_b = np.int64(0), reached(ws, q, shift, half, max(limit, np.float32(0.0)) + off)
     while bits_b != 0:
         j = lowest(bits_b)
         bits_b &= bits_b - 1
+        at, to, out = PREPARED * p, PREPARED * q + j, ws.bounds[LANES + LANES * j :]
         ws.counts[TRIANGLE_BOXES] += LANES
-        bits = perhaps_meeting(ws.prepared, PREPARED * p, ws.turned, PREPARED * q + j, sx, sy, sz, wide, kf, kp, k)
-        while bits != 0:
-            out[found] = ((first_a + lowest(bits)) << 32) + first_b + j
-            found += 1
-            bits &= bits - 1
-    return found
+        near = triangles_near(ws.prepared, at, ws.turned, to, shift, off, direction, limit, out)
+        if near != 0:
+            if meeting:
+                near = edges_cross(ws.prepared, at, ws.turned, to, shift, off, limit, out)
+            else:
+                near = edges_near(ws.prepared, at, ws.turned, to, shift, off, limit, out)
+        bits |= near << (LANES * j)
+    return bits
+
+
+@inline_kernel
+def nearest_of(ws, bits):
+    """The bit of the pair of triangles of least bound."""
+    i, rest, bounds = lowest(bits), bits & (bits - 1), ws.bounds[LANES:]
+    while rest != 0:
+        if bounds[lowest(rest)] < bounds[i]:
+            i = lowest(rest)
+        rest &= rest - 1
+    return i

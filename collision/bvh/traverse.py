@@ -33,7 +33,7 @@ from numba.extending import overload
 from collision.bvh.layout import LANES, NODE, PREPARED, Bvh
 from collision.numeric.kernel import inner_kernel
 from collision.numeric.predicates import FALLBACKS, WORKSPACE
-from collision.numeric.simd import MOTION, lowest, move_boxes, near_lane, prepare_triangles, turn_triangles
+from collision.numeric.simd import MOTION, lowest, move_boxes, near_lane, prepare_triangles, reaching, turn_triangles
 
 INLINE: Final[Any] = {"nogil": True, "_nrt": False, "error_model": "numpy", "forceinline": True}
 inline_kernel = partial(inner_kernel, forceinline=True)
@@ -74,7 +74,7 @@ class Workspace(NamedTuple):
     keys: Any
     """float32: bounds of the pairs on the stack"""
     bounds: Any
-    """(73,) float32: bounds of the children of a node, of 64 pairs of triangles, and the limit of a `Distance`"""
+    """(74,) float32: bounds of the children of a node, of 64 pairs of triangles, and the limits of a `Distance`"""
     floats: Any
     """(11,) float64: what a `Distance` finds"""
     pairs: Any
@@ -105,7 +105,7 @@ def new_workspace(nodes: int, packets: int, pairs: int, before: Workspace | None
         fresh_a=np.zeros(packets, np.int64),
         stack=np.empty(STACK, np.int64),
         keys=np.empty(STACK, np.float32),
-        bounds=np.empty(9 * LANES + 1, np.float32),
+        bounds=np.empty(9 * LANES + 2, np.float32),
         floats=np.empty(11),
         pairs=np.empty(pairs, np.int64),
         rows=np.empty((pairs, 4), np.int32),
@@ -343,9 +343,9 @@ def middle_and_half(boxes, at):
 
 @inline_kernel
 def packet_errors(a, b, ws, lane_a, lane_b):
-    """Of two packets: the shift s of b's, half the box of a's, and error bounds.
+    """Of two packets, float32: shift of b's and half the box of a's, (x, y, z); error bounds (off, kf, kp, k).
 
-    Both packets are about the centre of a's box; b's is turned, and shifted by s. Coordinates there are off by at most
+    Both packets are about the centre of a's box; b's is turned, and shifted. Coordinates there are off by at most
     10 roundings of float32 of the packets' size (those of b turned and shifted) and by what the float64 vertices are
     off; differences by `off`. With e, f, w off by `off` an entry, their determinant is off by no more than
     off·(|e||f| + |f||w| + |w||e|) in sum norms, each enlarged by 2·off; its rounding adds less than 2·off·|e||f|, and
@@ -369,7 +369,18 @@ def packet_errors(a, b, ws, lane_a, lane_b):
     kf = np.float32(1.01) * off * (reach + np.float32(6.0) * off)
     kp = np.float32(3.03) * off
     k = np.float32(1.01) * off * off * (np.float32(4.0) * reach + np.float32(12.0) * off)
-    return sx, sy, sz, hx, hy, hz, off, kf, kp, k
+    return (sx, sy, sz), (hx, hy, hz), (off, kf, kp, k)
+
+
+@inline_kernel
+def reached(ws, q, shift, half, reach):
+    """Bits: which triangles of packet q of b, turned and shifted, come with their boxes within `reach` (float32, m) of
+    the box of half edges `half` about the origin."""
+    return reaching(
+        ws.turned, PREPARED * q,
+        -half[0] - shift[0] - reach, -half[1] - shift[1] - reach, -half[2] - shift[2] - reach,
+        half[0] - shift[0] + reach, half[1] - shift[1] + reach, half[2] - shift[2] + reach,
+    )  # fmt: skip
 
 
 @inline_kernel

@@ -1,1 +1,1 @@
-"""Numbers that the rest is built on: vectors, poses, exact predicates, eight lanes at once."""
+"""Numerics: vectors, rigid transforms, exact predicates, SIMD, and the compilation of kernels."""

@@ -1,4 +1,4 @@
-"""Decorators for compiled functions: `kernel` for those that Python calls, `inner_kernel` for those that kernels call.
+"""Decorators for compiled functions: `kernel` for functions that Python calls, `inner_kernel` for those of kernels.
 
     @kernel
     def closest(a, b): ...
@@ -7,8 +7,8 @@
     def rows(n):
         return np.empty((n, 3))
 
-A kernel is compiled at its first call (numba, nopython, without the GIL), kept on disk (by `kernel_cache`) and compiled
-once for all integers: numba by itself compiles anew for each constant argument and for int32 beside int64.
+A kernel is compiled at its first call (numba, nopython, without the GIL) and kept on disk by `kernel_cache`. Signed
+integers and constants count as int64, where numba alone would compile once more for each of them.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from collision.numeric.kernel_code import kernel_code
 _Dispatcher: Any = CPUDispatcher  # numba's own annotations do not name all that it has
 
 _UNCOUNTED = ("NRT required but not enabled", "Only accept returning of array passed")
-"""what numba says of an array that is made where no references are counted"""
+"""numba's messages about an array that is made where no references are counted"""
 
 
 def kernel(
@@ -43,30 +43,34 @@ def kernel(
     error_model: str = "numpy",
     **options: Any,
 ) -> Any:
-    """Compile a function that Python calls.
+    """Compile a function that Python calls; a decorator.
 
     Parameters
     ----------
-    allocates: whether it makes or returns arrays. Without, no references to arrays are counted; numba counts them at
-        every call, which was measured as two thirds of a collision query.
-    error_model: "numpy", dividing by zero gives inf or NaN, or "python", it raises ZeroDivisionError.
+    allocates: whether the function makes or returns arrays. If not, no references to arrays are counted; counting them
+        at every call took two thirds of a collision query.
+    error_model: "numpy", division by zero gives inf or NaN, or "python", it raises ZeroDivisionError.
     options: further options of `numba.njit`.
+
+    Raises
+    ------
+    TypeError: at the first call of a kernel that makes or returns arrays and is not declared to.
     """
 
     def made(function: Callable[..., Any]) -> Any:
         if config.DISABLE_JIT:
             return function
         settings = {"nopython": True, "nogil": True, "boundscheck": None, "_nrt": allocates, "error_model": error_model}
-        settings["forceinline"] = False  # else numba takes it from the caller, and on from callee to callee
+        settings["forceinline"] = False  # else callees inherit it from their caller
         return _Kernel(function, targetoptions=settings | options)
 
     return made if function is None else made(function)
 
 
 def inner_kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
-    """Compile a function that only kernels call, which takes a third less time; Python cannot call it.
+    """Compile a function that only kernels call: without wrappers for Python, which take a third of the time.
 
-    Takes the parameters of `kernel`.
+    Takes the parameters of `kernel`. A call from Python raises TypeError.
     """
     return kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
 
@@ -110,34 +114,38 @@ class _Kernel(_Dispatcher):
 
 
 class Compilation(event.Listener):
-    """What this process has compiled so far."""
+    """Number and seconds of the kernels that this process has compiled."""
 
     def __init__(self) -> None:
         self.kernels = 0
         """kernels compiled by this process"""
         self.announced = False
-        """set it where something else tells the user why they wait"""
+        """set to True by a progress display, in place of the line on standard error"""
+        self.listeners: list[Callable[[bool], None]] = []
+        """called with True when `active` begins, with False when it ends"""
         self._depth = 0  # of kernels that call each other
         self._spent = self._began = 0.0
 
     @property
     def active(self) -> bool:
-        """Whether a kernel is being compiled, loaded or waited for."""
+        """Whether a kernel is being compiled or loaded, or another process compiles it."""
         return self._depth > 0
 
     @property
     def seconds(self) -> float:
-        """Seconds that went into it."""
+        """Seconds spent on compiling, loading and waiting."""
         return self._spent + (time.monotonic() - self._began if self._depth else 0.0)
 
     @contextlib.contextmanager
     def working(self) -> Iterator[None]:
-        """Count the time of what is done inside, where numba's compiler lock is held."""
+        """Count the time of a `with` block, inside which numba's compiler lock is held."""
         outermost = not self._depth
         collecting = outermost and gc.isenabled()
         if outermost:
             self._began = time.monotonic()
-            gc.disable()  # a twelfth of the time went into looking for garbage that is not there
+            gc.disable()  # collecting took a twelfth of the time and found nothing
+            for listener in self.listeners:
+                listener(True)
         self._depth += 1
         try:
             yield
@@ -145,11 +153,13 @@ class Compilation(event.Listener):
             self._depth -= 1
             if outermost:
                 self._spent += time.monotonic() - self._began
+                for listener in self.listeners:
+                    listener(False)
             if collecting:
                 gc.enable()
 
     def on_start(self, event: event.Event) -> None:
-        """Say at the first kernel why the first call takes long."""
+        """Print at the first kernel why the first call takes long."""
         compiled = event.data["dispatcher"]
         if isinstance(compiled, _Kernel) and not self.announced:
             self.announced = True
@@ -174,7 +184,7 @@ def _general(kind: Any) -> Any:
 
 
 def _check_no_references(compiled: Any) -> None:
-    """Raise TypeError if a kernel that counts no references passes on an array that somebody must count."""
+    """Raise TypeError if a kernel that counts no references returns an array, or calls a kernel that does."""
     name = compiled.fndesc.qualname
     if _holds_array(compiled.signature.return_type):
         raise TypeError(f"{name} returns an array: declare it with allocates=True")

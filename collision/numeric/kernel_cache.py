@@ -1,10 +1,10 @@
 """Compiled kernels on disk: a file for each kernel and signature, in a folder named by a hash of the sources.
 
-numba's own cache looks only at the file of the caller: after an update that changes only a callee, old code answers.
-Here the folder's name is a hash of every kernel source of the kernel's package and of the packages it builds on, and of
-the versions of Python, numba and llvmlite; the processor is part of the file's name. A file begins with a checksum of
-the rest, is written beside its place and then moved there: no process reads half of one, and a damaged one counts as
-missing. While one process compiles a kernel, others that need it wait for it.
+numba's own cache checks only the file of the caller, so that old code answers after a change of a callee. Here the name
+of the folder is a hash of all kernel sources of the kernel's package and of the packages before it, and of the versions
+of Python, numba and llvmlite; the processor is part of the name of the file. A file begins with a checksum of the rest,
+is written under another name and then renamed: no process reads half a file, and a damaged file counts as missing.
+While one process compiles a kernel, other processes wait for it.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ config: Any = numba.core.config
 types: Any = numba.core.types  # numba's own annotations do not name all that its types have
 
 PACKAGES: Final = ("collision", "constraints", "physics", "vpframe")
-"""packages with kernels; a kernel calls kernels of its own package and of those before it"""
+"""packages with kernels; a kernel may call kernels of its own package and of those before it"""
 KEPT: Final = 8
-"""folders of a package that are kept, the latest used"""
+"""number of folders of a package to keep, the last used"""
 PATIENCE: Final = 120.0
 """s to wait for a kernel that another process compiles"""
 _ROOT: Final = Path(__file__).resolve().parents[2]
@@ -55,7 +55,7 @@ _CONSTANTS: Final = re.compile(rb"^from (\S+) import [^\n]*?(?:\([^)]*)?\b_?[A-Z
 
 
 class KernelCache(_Cache):
-    """The compiled forms of one function on disk; numba asks it before it compiles, and hands it what was compiled."""
+    """The compiled forms of one function on disk: the interface of numba's `_Cache`."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
@@ -65,40 +65,40 @@ class KernelCache(_Cache):
 
     @property
     def cache_path(self) -> str | None:
-        """The folder of this kernel, None where nothing is kept."""
+        """Folder of this kernel, None if kernels cannot be kept."""
         found = self._folder(())
         return None if found is None else str(found)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The compiled kernel for a signature, None if there is none or it is damaged."""
+        """Return the compiled kernel for a signature, None if there is none or it is damaged."""
         target_context.refresh()
         path = self._path(sig, target_context)
         data = None if path is None else _read(path)
         return None if data is None else compiler.CompileResult._rebuild(target_context, *pickle.loads(data))
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a compiled kernel; a file system that does not let us costs a line on standard error."""
+        """Write a compiled kernel; print a line on standard error if that fails."""
         path = self._path(sig, data.target_context)
         if path is not None and not data.lifted and not data.library.has_dynamic_globals:
             _write(path, dumps(data._reduce()))
 
     def enable(self) -> None:
-        """Use the cache from now on."""
+        """Use the cache."""
         self._enabled = True
 
     def disable(self) -> None:
-        """Leave the cache alone from now on."""
+        """Do not use the cache."""
         self._enabled = False
 
     def flush(self) -> None:
-        """Remove all that is kept of this kernel."""
+        """Remove all files of this kernel."""
         folder = self._folder(())
         for path in [] if folder is None else folder.glob(f"{self._name}-*.nbc"):
             path.unlink(missing_ok=True)
 
     @contextlib.contextmanager
     def locked(self, sig: Any, target_context: Any) -> Iterator[None]:
-        """Hold the right to compile for a signature, unless it is compiled already; wait for a process that has it."""
+        """Lock a signature for a `with` block, unless it is compiled; wait for a process that has the lock."""
         path = self._path(sig, target_context)
         if path is None or fcntl is None or path in self._locked or path.exists():
             yield
@@ -124,7 +124,7 @@ class KernelCache(_Cache):
         return f"{self._function.__module__}.{self._function.__qualname__}".replace("<", "").replace(">", "")
 
     def _folder(self, sig: Any) -> Path | None:
-        """The folder for a signature: a type in it may bring code from a package above that of the kernel."""
+        """The folder for a signature: a type in it may bring code of a package after that of the kernel."""
         if not self._enabled or self._file not in _sources():
             return None
         packages = [_sources()[self._file][0], *(module.partition(".")[0] for module in _modules(sig))]
@@ -141,10 +141,10 @@ class KernelCache(_Cache):
 
 @cache
 def folder(package: str) -> Path | None:
-    """The folder for the kernels of a package; None, and one line on standard error, where none can be made.
+    """Return the folder for the kernels of a package; None, and one line on standard error, if none can be made.
 
-    It lies in `NUMBA_CACHE_DIR` if that is set, else in the user's cache folder (`XDG_CACHE_HOME`), else in a folder of
-    the user's own among the temporary files.
+    It is in `NUMBA_CACHE_DIR` if that is set, else in the user's cache folder (`XDG_CACHE_HOME`), else in a private
+    folder among the temporary files.
     """
     name = f"{package}-{digest(package)}"
     reasons = []
@@ -163,18 +163,18 @@ def folder(package: str) -> Path | None:
             return found
         except OSError as error:
             reasons.append(f"{root}: {error.strerror or error}")
-    _say(f"compiled kernels cannot be kept and are compiled in every run ({'; '.join(reasons)})")
+    _warn(f"compiled kernels cannot be kept and are compiled in every run ({'; '.join(reasons)})")
     return None
 
 
 def kept() -> int:
-    """Kernels that are kept by now for the code as it is, whichever process compiled them."""
+    """Return the number of kernels on disk for the present sources, by whichever process."""
     folders = [found for package in PACKAGES if (found := folder(package)) is not None]
     return sum(name.endswith(".nbc") for found in folders if found.is_dir() for name in os.listdir(found))
 
 
 def digest(package: str) -> str:
-    """Hash of the kernel sources of a package and of those before it, and of the versions of the compiler."""
+    """Return a hash of the kernel sources of a package and of those before it, and of the versions of the compiler."""
     known = PACKAGES[: PACKAGES.index(package) + 1]
     hashed = hashlib.sha256(repr((sys.version, platform.machine(), numba.__version__, llvmlite.__version__)).encode())
     for path, (owner, text) in sorted(_sources().items(), key=lambda item: (item[1][0], item[0])):
@@ -184,7 +184,7 @@ def digest(package: str) -> str:
 
 
 def signature_text(sig: Any) -> str:
-    """A text for a signature, the same in every process and different for different types."""
+    """Return a text for a signature, the same in every process and different for different types."""
     if isinstance(sig, types.Dispatcher):
         function = sig.dispatcher.py_func
         return f"{function.__module__}.{function.__qualname__}"
@@ -210,8 +210,8 @@ def _modules(sig: Any) -> Iterator[str]:
 
 @cache
 def _sources() -> dict[str, tuple[str, bytes]]:
-    """By path, package and text of every file that a kernel may be made of: all that import numba or our
-    decorators, and those that such a file imports constants (names in capitals) from."""
+    """Package and text, by path, of every file that may contribute to a kernel: files that import numba or the
+    decorators, and files from which such a file imports constants (names in capitals)."""
     texts: dict[str, tuple[str, str, bytes]] = {}
     for package in PACKAGES:
         for base, folders, names in os.walk(_ROOT / package):
@@ -234,7 +234,7 @@ def _sources() -> dict[str, tuple[str, bytes]]:
 
 
 def _roots() -> list[tuple[Path, bool]]:
-    """Where kernels may be kept, best first, and whether it must be a folder that nobody else can write to."""
+    """Folders for kernels, in order of preference, and whether each must be private."""
     if config.CACHE_DIR:
         return [(Path(config.CACHE_DIR), False)]
     user = getattr(os, "getuid", lambda: "user")()
@@ -245,7 +245,7 @@ def _roots() -> list[tuple[Path, bool]]:
 
 
 def _is_private(root: Path) -> bool:
-    """Whether a folder is ours alone: what is loaded from it is run."""
+    """Whether only this user can write to a folder: files of it are executed."""
     if not hasattr(os, "getuid"):
         return True
     found = os.lstat(root)
@@ -253,7 +253,7 @@ def _is_private(root: Path) -> bool:
 
 
 def _prune(root: Path, package: str) -> None:
-    """Remove the folders of a package that were not used for longest."""
+    """Remove all but the KEPT folders of a package that were last used."""
     olds = [path for path in root.glob(f"{package}-*") if re.fullmatch(r"[0-9a-f]{16}", path.name[len(package) + 1 :])]
     for old in sorted(olds, key=lambda path: -path.stat().st_mtime)[KEPT:]:
         shutil.rmtree(old, ignore_errors=True)
@@ -265,7 +265,7 @@ def _read(path: Path) -> bytes | None:
     except OSError:
         return None
     if hashlib.sha256(data[32:]).digest() != data[:32]:
-        _say(f"{path}: damaged; the kernel is compiled again")
+        _warn(f"{path}: damaged; the kernel is compiled again")
         return None
     return data[32:]
 
@@ -280,11 +280,11 @@ def _write(path: Path, data: bytes) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
-        _say(f"compiled kernels cannot be kept in {path.parent}: {error.strerror or error}")
+        _warn(f"compiled kernels cannot be kept in {path.parent}: {error.strerror or error}")
 
 
 def _wait_for(descriptor: int) -> None:
-    """Take a file's lock, or go on without it when it cannot be had in time."""
+    """Acquire a file's lock, or return without it after PATIENCE seconds."""
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
         try:
@@ -296,12 +296,12 @@ def _wait_for(descriptor: int) -> None:
             return
 
 
-_said: set[str] = set()
+_printed: set[str] = set()
 
 
-def _say(text: str) -> None:
-    """One line on standard error; of one kind only the first."""
+def _warn(text: str) -> None:
+    """Print one line on standard error, the first of its kind only."""
     kind = text.rpartition(":")[2] if ": damaged" in text else text
-    if kind not in _said:
-        _said.add(kind)
+    if kind not in _printed:
+        _printed.add(kind)
         print(f"vpframe: {text}", file=sys.stderr, flush=True)

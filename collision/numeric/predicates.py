@@ -1,12 +1,12 @@
 """Exact signs: on which side of a plane, or of a line, a point lies, for float64 coordinates as given.
 
-A filter first: the determinant in float64 with an a-priori bound of its error. Where the sign is not beyond doubt, the
-determinant is computed without error as an expansion, a sum of floats that do not overlap (Shewchuk, "Adaptive
-Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997; theorem and figure numbers are his).
-Exact as long as no product over- or underflows: coordinates of magnitude 0, or from 1e-70 to 1e70.
+A floating-point filter decides first: the determinant in float64 and an a-priori error bound. A determinant within the
+bound is computed without error as an expansion, a sum of floats that do not overlap (Shewchuk, "Adaptive Precision
+Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997; figure numbers are his). Exact as long as no
+product over- or underflows: coordinates of magnitude 0, or from 1e-70 to 1e70.
 
-Kernels (numba, no fastmath: a fused multiply-add would break the error-free transformations). They share a workspace
-`w` of `WORKSPACE` float64, one a thread; `w[FALLBACKS]` counts the signs that needed exact arithmetic.
+Kernels without fastmath: a fused multiply-add would break the error-free transformations. They share a workspace `w` of
+`WORKSPACE` float64, one a thread; `w[FALLBACKS]` counts the signs that needed exact arithmetic.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from collision.numeric.kernel import inner_kernel, kernel
 WORKSPACE: Final = 1024
 """float64 a thread needs"""
 FALLBACKS: Final = WORKSPACE - 1
-"""where in the workspace the exact evaluations are counted"""
+"""index in the workspace of the number of exact evaluations"""
 
 SPLITTER: Final = 134217729.0  # 2^27 + 1
 ORIENT2D: Final = (3.0 + 16.0 * 2.0**-53) * 2.0**-53  # Shewchuk's ccwerrboundA
 ORIENT3D: Final = (7.0 + 56.0 * 2.0**-53) * 2.0**-53  # Shewchuk's o3derrboundA
 TINY: Final = 1e-280
-"""A filter bound below this may have lost bits to underflow; one that is 0 is right, every product is 0."""
+"""An error bound below this may have lost bits to underflow; a bound of 0 is right, since every product is 0."""
 
-# Places in the workspace, each as long as what it may hold.
+# Offsets in the workspace; each part is as long as the longest expansion in it.
 _DIFFERENCE: Final = 0
 _LEFT: Final = 32
 _RIGHT: Final = 48
@@ -44,13 +44,13 @@ _LENGTH: Final = 784
 
 
 def workspace() -> NDArray[np.float64]:
-    """A workspace for the kernels of this module, its count of exact evaluations at zero."""
+    """Return a workspace for the kernels of this module, its count of exact evaluations at zero."""
     return np.zeros(WORKSPACE)
 
 
 @inner_kernel
 def _difference(w, h, a, b):
-    """Place a - b at `w[h]` without error; its length, 0 … 2 (figure 6, Two-Diff)."""
+    """Place a - b at `w[h]` without error; return its length, 0 … 2 (figure 6, Two-Diff)."""
     x = a - b
     bv = a - x
     av = x + bv
@@ -67,7 +67,7 @@ def _difference(w, h, a, b):
 
 @inner_kernel
 def _sum(w, e, ne, f, nf, sign, h):
-    """Place e + sign·f at `w[h]`, zeros left out; its length (figure 8, Fast-Expansion-Sum)."""
+    """Place e + sign·f at `w[h]`, zeros left out; return its length (figure 8, Fast-Expansion-Sum)."""
     if ne == 0:
         for i in range(nf):
             w[h + i] = sign * w[f + i]
@@ -104,7 +104,7 @@ def _sum(w, e, ne, f, nf, sign, h):
 
 @inner_kernel
 def _scale(w, e, ne, b, h):
-    """Place e·b at `w[h]`, zeros left out; its length, at most 2·ne (figure 13, Scale-Expansion)."""
+    """Place e·b at `w[h]`, zeros left out; return its length, at most 2·ne (figure 13, Scale-Expansion)."""
     c = SPLITTER * b
     b_high = c - (c - b)
     b_low = b - b_high
@@ -143,7 +143,7 @@ def _scale(w, e, ne, b, h):
 
 @inner_kernel
 def _product(w, e, ne, f, nf, h):
-    """Place e·f at `w[h]`, where f has at most two components and e at most sixteen; its length."""
+    """Place e·f at `w[h]`, where f has at most two components and e at most sixteen; return its length."""
     n = 0
     for i in range(nf):
         m = _scale(w, e, ne, w[f + i], _SCALED)
@@ -155,7 +155,7 @@ def _product(w, e, ne, f, nf, h):
 
 @inner_kernel
 def _sign(w, e, ne):
-    """The sign of an expansion is that of its greatest component."""
+    """Return the sign of an expansion, that of its greatest component."""
     if ne == 0:
         return 0
     return 1 if w[e + ne - 1] > 0.0 else -1
@@ -176,7 +176,7 @@ def _orient2d_exact(ax, ay, bx, by, cx, cy, w):
 
 @kernel
 def orient2d(ax, ay, bx, by, cx, cy, w):
-    """1 if a, b, c turn left, -1 if right, 0 if collinear."""
+    """Return 1 if a, b, c turn left, -1 if right, 0 if collinear."""
     left = (ax - cx) * (by - cy)
     right = (ay - cy) * (bx - cx)
     det = left - right
@@ -193,7 +193,7 @@ def orient2d(ax, ay, bx, by, cx, cy, w):
 
 @inner_kernel
 def _entries(w, i, j, h):
-    """Place the product of the differences i and j at `w[h]`; its length."""
+    """Place the product of the differences i and j at `w[h]`; return its length."""
     return _product(w, _DIFFERENCE + 2 * i, int(w[_LENGTH + i]), _DIFFERENCE + 2 * j, int(w[_LENGTH + j]), h)
 
 
@@ -223,9 +223,9 @@ def _orient3d_exact(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
 
 @kernel
 def orient3d(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
-    """1 if d lies below the plane of a, b, c (from above, a, b, c turn left), -1 if above, 0 if coplanar.
+    """Return the sign of det[a - d, b - d, c - d].
 
-    The sign of det[a - d, b - d, c - d].
+    1 if d lies below the plane of a, b, c (from above, a, b, c turn left), -1 if above, 0 if coplanar.
     """
     adx, ady, adz = ax - dx, ay - dy, az - dz
     bdx, bdy, bdz = bx - dx, by - dy, bz - dz

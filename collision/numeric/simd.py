@@ -7,6 +7,7 @@ corners p, q, r). Both lie in flat arrays and are named by the place of their fi
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from llvmlite import ir
@@ -246,9 +247,9 @@ def _time_above(gap, speed, growth):
     return closing.where(two * gap / (speed + root), (root - speed) / growth) * _constant(gap.builder, 1.0 - 2.0**-18)
 
 
-def _times_apart(builder, a, b, rate, level, aim):
-    """Times for which boxes a and b, six rows each, surely stay `aim` apart if they are more than `level` apart, or
-    overlap by less; else 0. See `collision.triangle.motion`."""
+def _times_apart(builder, a, b, rate, aim):
+    """Times for which boxes a and b, six rows each, surely stay `aim` apart if they are farther apart, or overlap by
+    less; else 0. See `collision.triangle.motion`."""
     zero, half = _constant(builder, 0.0), _constant(builder, 0.5)
     more = _constant(builder, 1.0 + 2.0**-18)
     middle = [half * (b[d] + b[d + 3]) for d in range(3)]
@@ -269,12 +270,12 @@ def _times_apart(builder, a, b, rate, level, aim):
         spread = (rate[3 + e].abs() * extent[f] + rate[3 + f].abs() * extent[e]) * more + slack
         closing = (ahead > behind).where(zero - velocity[d], velocity[d]) + spread
         growth = (rate[15 + d] * ever + rate[18 + d] * pace) * more
-        time = _longer((gap > level), _time_above(gap - aim, closing, growth), time)
+        time = _longer(gap > aim, _time_above(gap - aim, closing, growth), time)
         gap = zero.max(gap)
         square = square + gap * gap
     distance = square.sqrt() * _constant(builder, 1.0 - 2.0**-20)
     growth = (turn_a * ever + rate[21] * pace) * more
-    return _longer(distance > zero.max(level), _time_above(distance - aim, fastest, growth), time)
+    return _longer(distance > zero.max(aim), _time_above(distance - aim, fastest, growth), time)
 
 
 def _longer(condition, time, before):
@@ -283,30 +284,30 @@ def _longer(condition, time, before):
 
 
 def _apart_lane(moving):
-    def code(typingctx, nodes, at, others, lane, rates, level, aim, until, out):
-        signature = types.int64(nodes, types.int64, others, types.int64, rates, *(types.float32,) * 3, out)
+    def code(typingctx, nodes, at, others, lane, rates, aim, until, out):
+        signature = types.int64(nodes, types.int64, others, types.int64, rates, *(types.float32,) * 2, out)
 
         def generate(context, builder, signature, args):
             row, x = _node_and_lane(context, builder, signature, args)
             rates = _Rows(context, builder, signature.args[4], args[4], ir.Constant(_INT, 0))
             rate = [rates.number(i).splat() for i in range(RATES)]
-            level, aim, until = (_Vector(builder, y).splat() for y in args[5:8])
-            time = _times_apart(builder, *((x, row) if moving else (row, x)), rate, level, aim)
-            _Rows(context, builder, signature.args[8], args[8], ir.Constant(_INT, 0)).store(0, time)
+            aim, until = (_Vector(builder, y).splat() for y in args[5:7])
+            time = _times_apart(builder, *((x, row) if moving else (row, x)), rate, aim)
+            _Rows(context, builder, signature.args[7], args[7], ir.Constant(_INT, 0)).store(0, time)
             there = _constant(builder, 3e38) > row[0]  # neither inf nor NaN: no empty lane
             return (there & ~(until <= time)).bits()
 
         return signature, generate
 
     code.__doc__ = """Place in `out[:8]` times for which the boxes of a node, at `nodes[at]`, and the box in a lane of
-    another, at `others[lane]`, surely stay `aim` (m) apart; 0 where they are `level` (m) apart or less. Bit k is set
+    another, at `others[lane]`, surely stay `aim` (m) apart; 0 where they are no farther apart. Bit k is set
     unless that of the k-th is at least `until`. rates: see `RATES`."""
     return intrinsic(code)
 
 
-TERMS: Final = 11
+TERMS: Final = 10
 """float32 of `perhaps_nearing`: shift of the single triangle (3), velocity of b against a about the packet's centre
-(3), error bound of distances, bound of the acceleration, level, aim, until"""
+(3), error bound of distances, bound of the acceleration, aim, until"""
 
 
 @intrinsic
@@ -326,38 +327,31 @@ def perhaps_nearing(typingctx, packets, at, other, to, rates, terms):
         terms = _Rows(context, builder, signature.args[5], args[5], ir.Constant(_INT, 0))
         term = [terms.number(i) for i in range(TERMS)]
         turn, slack = [rates.number(3 + d) for d in range(3)], rates.number(22).splat()
-        error, growth, level, aim, until = (x.splat() for x in term[6:])
-        zero, one = _constant(builder, 0.0), _constant(builder, 1.0)
+        error, growth, aim, until = (x.splat() for x in term[6:])
+        zero, one, time = _constant(builder, 0.0), _constant(builder, 1.0), _constant(builder, 0.0)
         corner = [[single.number(LANES * (3 * i + d)) + term[d] for d in range(3)] for i in range(3)]
         speed = [[x + y for x, y in zip(term[3:6], _cross(turn, c), strict=True)] for c in corner]
         corner, speed = ([[x.splat() for x in c] for c in y] for y in (corner, speed))
         of_a = [[node.row(3 * i + d) for d in range(3)] for i in range(3)]
 
-        def least(x):
-            return x[0].min(x[1]).min(x[2])
-
-        def greatest(x):
-            return x[0].max(x[1]).max(x[2])
-
-        def held(time, low, high, there, speeds):
-            ahead, behind = least(there) - high, low - greatest(there)
+        def held(low, high, there, speeds, known):
+            ahead, behind = _least(there) - high, low - _greatest(there)
             forward = ahead > behind
             gap = ahead.max(behind)
             gap = gap - gap.abs() * _constant(builder, 2.0**-18) - error
-            closing = forward.where(zero - least(speeds), greatest(speeds)) + slack
-            return _longer(gap > level, _time_above(gap - aim, closing, growth), time)
+            closing = forward.where(zero - _least(speeds), _greatest(speeds)) + slack
+            return _longer((gap > aim) & known, _time_above(gap - aim, closing, growth), time)
 
-        time = zero
         for d in range(3):
             there, speeds = [c[d] for c in corner], [v[d] for v in speed]
-            time = held(time, node.row(9 + d), node.row(12 + d), there, speeds)
+            time = held(node.row(9 + d), node.row(12 + d), there, speeds, one > zero)
         other_normal = [single.number(LANES * (15 + d)).splat() for d in range(3)]
         for normal in ([node.row(15 + d) for d in range(3)], other_normal):
             square = _dot(normal, normal)
-            scale = (square > _constant(builder, 1e-30)).where(one / square.sqrt(), zero)
+            scale = one / square.sqrt()
             n = [scale * x for x in normal]
-            here = [_dot(n, c) for c in of_a]
-            time = held(time, least(here), greatest(here), [_dot(n, c) for c in corner], [_dot(n, v) for v in speed])
+            here, there, speeds = ([_dot(n, x) for x in y] for y in (of_a, corner, speed))
+            time = held(_least(here), _greatest(here), there, speeds, square > _constant(builder, 1e-30))
         valid = _constant(builder, 3e38) > node.row(9)
         return (valid & ~(until <= time)).bits()
 
@@ -392,10 +386,10 @@ def point_lane(typingctx, packets, at, scale, x, y, z, slack, out):
         sides = [e[0].abs() + e[1].abs() + e[2].abs() for e in edge]
         length = sides[0] + sides[1] + sides[2]
         reach = to[0][0].abs() + to[0][1].abs() + to[0][2].abs() + length
-        doubt = _constant(builder, 2.0**-18) * length * length * reach
+        error = _constant(builder, 2.0**-18) * length * length * reach
         beyonds, squares = [], []
         for k in range(3):
-            beyonds.append(zero > _dot(_cross(normal, edge[k]), to[k]) + doubt)
+            beyonds.append(zero > _dot(_cross(normal, edge[k]), to[k]) + error)
             along = (_dot(to[k], edge[k]) / _dot(edge[k], edge[k])).max(zero)
             along = (one > along).where(along, one)
             off = [to[k][d] - along * edge[k][d] for d in range(3)]
@@ -502,21 +496,22 @@ def reaching(typingctx, packets, at, x0, y0, z0, x1, y1, z1):
 
 
 @intrinsic
-def perhaps_meeting(typingctx, packets, at, other, to, sx, sy, sz, off, kf, kp, k):
+def perhaps_meeting(typingctx, packets, at, other, to, shift, errors):
     """Bit i is set unless triangle i of the prepared packet at `packets[at]` is certainly apart from one other
-    triangle, that in the lane at `other[to]` of another prepared packet, shifted by (sx, sy, sz): by boxes or by
+    triangle, that in the lane at `other[to]` of another prepared packet, shifted by (x, y, z) float32: by boxes or by
     either's plane.
 
-    `off` bounds the error of every difference of two coordinates, kf·(|e| + |f|) + kp·|e||f| + k that of the
-    determinant of two edges e, f and a difference (see `collision.query.intersection`).
+    errors: (off, kf, kp, k) float32. `off` bounds the error of every difference of two coordinates,
+    kf·(|e| + |f|) + kp·|e||f| + k that of the determinant of two edges e, f and a difference (see
+    `collision.bvh.traverse.packet_errors`).
     """
-    signature = types.int64(packets, types.int64, other, types.int64, *(types.float32,) * 7)
+    signature = types.int64(packets, types.int64, other, types.int64, shift, errors)
 
     def generate(context, builder, signature, args):
         node = _Rows(context, builder, signature.args[0], args[0], args[1])
         single = _Rows(context, builder, signature.args[2], args[2], args[3])
-        shift = [_Vector(builder, x) for x in args[4:7]]
-        off, kf, kp, k = (_Vector(builder, x) for x in args[7:])
+        shift = [_Vector(builder, builder.extract_value(args[4], d)) for d in range(3)]
+        off, kf, kp, k = (_Vector(builder, builder.extract_value(args[5], i)) for i in range(4))
         low = [(single.number(LANES * (9 + d)) + shift[d] - off).splat() for d in range(3)]
         high = [(single.number(LANES * (12 + d)) + shift[d] + off).splat() for d in range(3)]
         near = _overlap([node.row(9 + d) for d in range(3)], [node.row(12 + d) for d in range(3)], low, high)
@@ -542,61 +537,140 @@ def perhaps_meeting(typingctx, packets, at, other, to, sx, sy, sz, off, kf, kp, 
     return signature, generate
 
 
-def _sqrt(x):
-    kind = ir.FunctionType(_VECTOR, [_VECTOR])
-    root = cgutils.get_or_insert_function(x.builder.module, kind, f"llvm.sqrt.v{LANES}f32")
-    return _Vector(x.builder, x.builder.call(root, [x.value]))
+def _pairs_of_triangles(context, builder, signature, args):
+    """Boxes and corners of eight triangles; those of one other, shifted, in all lanes; the normals of both."""
+    node = _Rows(context, builder, signature.args[0], args[0], args[1])
+    single = _Rows(context, builder, signature.args[2], args[2], args[3])
+    shift = [_Vector(builder, builder.extract_value(args[4], d)).splat() for d in range(3)]
+
+    def of_both(row):
+        return [node.row(row + d) for d in range(3)], [single.number(LANES * (row + d)).splat() for d in range(3)]
+
+    corners = [of_both(3 * i) for i in range(3)]
+    boxes = [of_both(9), of_both(12)]
+    here, there = [mine for mine, _ in corners], [[x + s for x, s in zip(c, shift, strict=True)] for _, c in corners]
+    low, high = ([x + s for x, s in zip(box, shift, strict=True)] for _, box in boxes)
+    return [box for box, _ in boxes], (low, high), here, there, of_both(15)
 
 
-def _divided(x, y):
-    return _Vector(x.builder, x.builder.fdiv(x.value, y.value))
+def _least(x):
+    return x[0].min(x[1]).min(x[2])
+
+
+def _greatest(x):
+    return x[0].max(x[1]).max(x[2])
+
+
+def _gap_along(direction, here, there, error):
+    """Lower bounds of how far triangles are apart along a direction of any length, negative where they overlap; -inf
+    where the direction is too short, or too long, to be known."""
+    square = _dot(direction, direction)
+    builder = square.builder
+    one, low, high = _constant(builder, 1.0), _constant(builder, 1e-30), _constant(builder, 1e37)
+    scale = one / square.sqrt()
+    n = [scale * x for x in direction]
+    ours, theirs = [_dot(n, c) for c in here], [_dot(n, c) for c in there]
+    gap = (_least(theirs) - _greatest(ours)).max(_least(ours) - _greatest(theirs)) - error
+    return ((square > low) & (high > square)).where(gap, _constant(builder, -math.inf))
+
+
+def _kept(builder, bound, limit, out):
+    """Store bounds, rounded down by more than the lengths of the directions are off; bits of those within a limit."""
+    bound = bound - bound.abs() * _constant(builder, 2.0**-18)
+    out.store(0, bound)
+    return (bound <= limit).bits()
 
 
 @intrinsic
-def triangles_near(typingctx, packets, at, other, to, sx, sy, sz, off, kf, kp, k, dx, dy, dz, limit, out):
-    """Place in `out[:8]` lower bounds of the squared distances of the triangles of the prepared packet at `packets[at]`
-    from one other triangle (as in `perhaps_meeting`): by boxes, by either's plane, and along the direction d from a to
-    b, a unit vector or 0. Bit i is set if the i-th is at most `limit`.
+def triangles_near(typingctx, packets, at, other, to, shift, off, direction, limit, out):
+    """Place in `out[:8]` lower bounds of the signed distances of the triangles of the prepared packet at `packets[at]`
+    from one other triangle, that in the lane at `other[to]` of another prepared packet, shifted: their distance, or
+    where they meet minus the shortest translation that parts them. Bit i is set if the i-th is at most `limit`.
 
-    The normal that `off` leaves possible is no longer than |e × f| + 4·off·(|e| + |f| + off).
+    shift, direction: (x, y, z) float32. The bounds are the separations of the boxes, along either's normal, and along
+    the direction (of any length). Whatever a direction is made of, what is separated along it is as far apart. Along a
+    unit vector the separation is off by less than 4·off, `off` bounding the error of a difference of two coordinates.
     """
-    signature = types.int64(packets, types.int64, other, types.int64, *(types.float32,) * 11, out)
+    signature = types.int64(
+        packets, types.int64, other, types.int64, shift, types.float32, direction, types.float32, out
+    )
 
     def generate(context, builder, signature, args):
-        node = _Rows(context, builder, signature.args[0], args[0], args[1])
-        single = _Rows(context, builder, signature.args[2], args[2], args[3])
-        shift = [_Vector(builder, x).splat() for x in args[4:7]]
-        off, kf, kp, k, dx, dy, dz, limit = (_Vector(builder, x).splat() for x in args[7:15])
-        zero, four = _constant(builder, 0.0), _constant(builder, 4.0)
-        corner = [[single.number(LANES * (3 * i + d)).splat() + shift[d] for d in range(3)] for i in range(3)]
-        low = [single.number(LANES * (9 + d)).splat() + shift[d] - off for d in range(3)]
-        high = [single.number(LANES * (12 + d)).splat() + shift[d] + off for d in range(3)]
-        gap = _separation([node.row(9 + d) for d in range(3)], [node.row(12 + d) for d in range(3)], low, high)
-        gap = [zero.max(g) for g in gap]
-        by_boxes = square = _dot(gap, gap)
-
-        def beyond(normal, plane, points, sums, product):
-            bound = kf * sums + kp * product + k
-            side = [_dot(normal, x) for x in points]
-            above = side[0].min(side[1]).min(side[2]) - plane
-            below = plane - side[0].max(side[1]).max(side[2])
-            length = _sqrt(_dot(normal, normal) + _constant(builder, 1e-36)) + four * off * (sums + off)
-            gap = _divided(zero.max(above.max(below) - bound), length)
-            return gap * gap
-
-        normal = [single.number(LANES * (15 + d)).splat() for d in range(3)]
-        plane = single.number(LANES * 18).splat() + _dot(normal, shift)
-        points = [[node.row(3 * i + d) for d in range(3)] for i in range(3)]
-        sums, product = single.number(LANES * 19).splat(), single.number(LANES * 20).splat()
-        square = square.max(beyond(normal, plane, points, sums, product))
-        normal = [node.row(15 + d) for d in range(3)]
-        square = square.max(beyond(normal, node.row(18), corner, node.row(19), node.row(20)))
-        ours = [_dot((dx, dy, dz), x) for x in points]
-        theirs = [_dot((dx, dy, dz), x) for x in corner]
-        gap = theirs[0].min(theirs[1]).min(theirs[2]) - ours[0].max(ours[1]).max(ours[2]) - four * off
-        gap = zero.max(gap)
-        square = square.max(gap * gap) * _constant(builder, 1.0 - 2.0**-18)
-        _Rows(context, builder, signature.args[15], args[15], ir.Constant(_INT, 0)).store(0, square)
-        return ((by_boxes <= limit) & (square <= limit)).bits()  # of an empty lane only the box is known: inf
+        (low, high), (other_low, other_high), here, there, normals = _pairs_of_triangles(
+            context, builder, signature, args
+        )
+        off, limit = (_Vector(builder, x).splat() for x in (args[5], args[7]))
+        zero, error = _constant(builder, 0.0), _constant(builder, 4.0) * off
+        gap = [g - off for g in _separation(low, high, other_low, other_high)]
+        beyond = [zero.max(g) for g in gap]
+        deepest = _greatest(gap)
+        bound = (deepest > zero).where(_dot(beyond, beyond).sqrt(), deepest)
+        given = [_Vector(builder, builder.extract_value(args[6], d)).splat() for d in range(3)]
+        for n in (*normals, given):
+            gap = _gap_along(n, here, there, error)
+            bound = (gap > bound).where(gap, bound)  # an empty lane keeps inf
+        out = _Rows(context, builder, signature.args[8], args[8], ir.Constant(_INT, 0))
+        return _kept(builder, bound, limit, out)
 
     return signature, generate
+
+
+def _between_edges(here, there):
+    """Rows d: from the nearest point of the edges of one triangle to that of the edges of another, or near it.
+
+    Ericson, *Real-Time Collision Detection*, 2005, 5.1.9, for all nine pairs of edges.
+    """
+    builder = here[0][0].builder
+    zero, one, best = _constant(builder, 0.0), _constant(builder, 1.0), _constant(builder, math.inf)
+    nearest = [zero, zero, zero]
+
+    def within(x):
+        return x.max(zero).min(one)
+
+    ours, theirs = ([(c[i], _minus(c[(i + 1) % 3], c[i])) for i in range(3)] for c in (here, there))
+    lengths = [_dot(v, v) for _, v in theirs]
+    for p, u in ours:
+        uu = _dot(u, u)
+        for (q, v), vv in zip(theirs, lengths, strict=True):
+            r = _minus(p, q)
+            c, f, b = _dot(u, r), _dot(v, r), _dot(u, v)
+            s = within((b * f - c * vv) / (uu * vv - b * b))
+            t = within((b * s + f) / vv)
+            s = within((b * t - c) / uu)
+            w = [r[d] + s * u[d] - t * v[d] for d in range(3)]
+            square = _dot(w, w)
+            closer = best > square
+            best, nearest = square.min(best), [closer.where(x, y) for x, y in zip(w, nearest, strict=True)]
+    return nearest
+
+
+def _by_edges(directions):
+    def code(typingctx, packets, at, other, to, shift, off, limit, out):
+        signature = types.int64(packets, types.int64, other, types.int64, shift, types.float32, types.float32, out)
+
+        def generate(context, builder, signature, args):
+            *_, here, there, _ = _pairs_of_triangles(context, builder, signature, args)
+            off, limit = (_Vector(builder, x).splat() for x in args[5:7])
+            out = _Rows(context, builder, signature.args[7], args[7], ir.Constant(_INT, 0))
+            bound, error = out.row(0), _constant(builder, 4.0) * off
+            for n in directions(here, there):
+                gap = _gap_along(n, here, there, error)
+                bound = (gap > bound).where(gap, bound)
+            return _kept(builder, bound, limit, out)
+
+        return signature, generate
+
+    code.__doc__ = """Raise the bounds in `out[:8]` (see `triangles_near`) by what edges tell; the same bits.
+
+    For triangles that are apart, along the way from the nearest edge to the nearest edge; for such as meet, along the
+    common normals of edges."""
+    return intrinsic(code)
+
+
+def _common_normals(here, there):
+    ours, theirs = ([_minus(c[(i + 1) % 3], c[i]) for i in range(3)] for c in (here, there))
+    return [_cross(u, v) for u in ours for v in theirs]
+
+
+edges_near = _by_edges(lambda here, there: [_between_edges(here, there)])
+edges_cross = _by_edges(_common_normals)

@@ -1,10 +1,10 @@
-"""Inside and outside: whether a mesh winds about a point, and whether one part lies wholly inside another.
+"""Whether a point is inside a mesh, and whether one object lies wholly inside another.
 
-A point is inside a mesh that winds about it: if the sum of the triangles' signed solid angles over 4π, the generalised
-winding number (Jacobson et al., "Robust Inside-Outside Segmentation using Generalized Winding Numbers", 2013), is above
-1/2. That needs no ray, so no ray can hit an edge; overlapping closed shells count as their union, an inner shell with
-its normals turned inwards as a cavity. Of an open mesh the winding number tells what its missing faces would bound, the
-surface on which it is 1/2 taking their place; a sheet bounds nothing.
+A point is inside a mesh if its generalised winding number is above 1/2: the sum of the triangles' signed solid angles
+over 4π (Jacobson et al., "Robust Inside-Outside Segmentation using Generalized Winding Numbers", 2013). No ray is cast,
+so no ray can hit an edge. Overlapping closed shells count as their union; an inner shell with its normals turned
+inwards is a cavity. The surface on which the winding number is 1/2 takes the place of an open mesh's missing faces; a
+sheet bounds nothing.
 """
 
 # mypy: disable-error-code="call-arg, var-annotated"
@@ -12,7 +12,7 @@ surface on which it is 1/2 taking their place; a sheet bounds nothing.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,12 +35,10 @@ from collision.bvh.traverse import (
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import inner_kernel, kernel
 from collision.numeric.vectors import dot, norm, sub
-from collision.query import colliding_surfaces
+from collision.objects import Objects
+from collision.query.intersection import intersecting
 from collision.solid import Solid, solid_of
 from collision.triangle.point import solid_angle
-
-if TYPE_CHECKING:
-    from collision.manager import CollisionManager
 
 FAR: Final = ((2.0, 0.25), (4.0, 0.03), (np.inf, 0.0))
 """1: from how many radii on a cluster of triangles is seen as a dipole, and how far from 1/2 winding numbers are then
@@ -50,7 +48,7 @@ MOUTH: Final = 0.01
 
 
 class SolidQuery(NamedTuple):
-    """A solid, and what questions about points and it work in; one a thread."""
+    """A solid, and the workspace of queries about points and it; one a thread."""
 
     solid: Solid
     ws: Workspace
@@ -61,7 +59,7 @@ class SolidQuery(NamedTuple):
 
 
 def query_about(mesh: SurfaceMesh) -> SolidQuery:
-    """What kernels ask about the solid that a mesh bounds; raises as `solid_of`."""
+    """Return the query of the solid that a mesh bounds; raises as `solid_of`."""
     solid = solid_of(mesh)
     return SolidQuery(solid, workspace_for(solid.bvh, solid.bvh), np.zeros(4), np.zeros(2, np.int64))
 
@@ -70,7 +68,7 @@ def query_about(mesh: SurfaceMesh) -> SolidQuery:
 
 
 class Winding(NamedTuple):
-    """Task: the sum of the solid angles of all triangles seen from a point, clusters from afar as dipoles."""
+    """Task: sum the solid angles of all triangles about a point, those of far clusters as dipoles."""
 
     point: Any
     far: Any
@@ -87,6 +85,7 @@ implements(children_of_b, Winding)(no_children)
 
 @implements(children_of_a, Winding)
 def add_dipoles(task, a, b, ws, node, lane_b):
+    """Add the solid angles of the clusters of a node that are far enough; return the bits of the others."""
     bits = 0
     for k in range(LANES):
         at = 7 * (LANES * node + k)
@@ -105,6 +104,7 @@ def add_dipoles(task, a, b, ws, node, lane_b):
 
 @implements(visit, Winding)
 def add_solid_angles(task, a, b, ws, lane_a, lane_b):
+    """Add the solid angles of the triangles of a packet."""
     packet = ~np.int64(a.child[lane_a])
     for i in range(3 * np.int64(a.first[packet]), 3 * np.int64(a.first[packet + 1]), 3):
         p, q, r = corner_of(a, i), corner_of(a, i + 1), corner_of(a, i + 2)
@@ -114,10 +114,10 @@ def add_solid_angles(task, a, b, ws, lane_a, lane_b):
 
 @inner_kernel
 def _winding_number(query, p, far):
-    """How often the mesh winds about p: 1 inside and 0 outside a closed mesh with outward normals.
+    """Return the winding number of the mesh about p: 1 inside and 0 outside a closed mesh with outward normals.
 
-    Clusters farther than `far` of their radii count as a dipole (Barill et al., "Fast Winding Numbers for Soups and
-    Clouds", 2018, its first term).
+    A cluster farther than `far` of its radii counts as a dipole: the first term of Barill et al., "Fast Winding Numbers
+    for Soups and Clouds", 2018.
     """
     query.value[0] = 0.0
     bvh = query.solid.bvh
@@ -127,7 +127,7 @@ def _winding_number(query, p, far):
 
 @inner_kernel
 def winds(query, p):
-    """Whether p is inside by the winding number."""
+    """Whether p (x, y, z), m, is inside by the winding number."""
     number = 0.5
     for far, sure in FAR:
         number = _winding_number(query, p, far)
@@ -138,7 +138,7 @@ def winds(query, p):
 
 @kernel
 def which_wind(query, points, out):
-    """`winds` of points (n, 3), into `out` (n,) bool."""
+    """Fill `out` (n,) bool with `winds` of points (n, 3), m."""
     for i in range(len(points)):
         out[i] = winds(query, (points[i, 0], points[i, 1], points[i, 2]))
 
@@ -149,26 +149,35 @@ _which_wind = Door(which_wind)
 
 
 def inside(mesh: SurfaceMesh, points: ArrayLike) -> NDArray[np.bool_]:
-    """(n,) which of the points (n, 3), in the mesh's frame, the mesh winds about; an open mesh by more than a half."""
+    """Return (n,) bool: which of the points (n, 3), m, in the mesh's frame, are inside the mesh.
+
+    Raises
+    ------
+    CollisionError: the mesh stands for a shape without triangles.
+    """
     p = np.array(points, np.float64).reshape(-1, 3)
     out = np.empty(len(p), np.bool_)
     _which_wind.call(query_about(mesh), p, out)
     return out
 
 
-def contains(manager: CollisionManager, i: int, j: int) -> bool:
-    """Whether object j lies wholly inside the solid of object i, their surfaces not meeting anywhere.
+def contains(objects: Objects, i: int, j: int) -> bool:
+    """Whether object j lies wholly inside the solid of object i, and no surfaces intersect.
 
-    Of an open mesh the winding number tells; a sheet contains nothing. Ignored pairs are answered too.
+    Each shell of j must have a vertex inside i. A sheet contains nothing. Ignored pairs are not left out.
+
+    Raises
+    ------
+    UnknownObjectError, CollisionError: no such object; one object twice; a shape without triangles.
     """
-    manager.ignored(i, j)  # raises, unless there are both, and two
-    mesh_i, mesh_j = manager.mesh(i), manager.mesh(j)
-    pose = manager.relative_pose(i, j)
-    solid_of(mesh_i)  # raises for a shape of coal's
+    objects.ignored(i, j)  # raises unless these are two objects
+    mesh_i, mesh_j = objects.mesh(i), objects.mesh(j)
+    pose = objects.relative_pose(i, j)
+    solid_of(mesh_i)  # raises for a shape without triangles
     seeds = mesh_j.vertices[solid_of(mesh_j).seeds] @ pose.rotation.T + pose.translation
     box = bounds_of(mesh_i)
     if (seeds < box[:3]).any() or (seeds > box[3:6]).any():
         return False
-    if len(colliding_surfaces(mesh_i, mesh_j, pose, tolerance=manager.checked)):
+    if len(intersecting(mesh_i, mesh_j, pose, objects.checked.rigid)[0]):
         return False
     return bool(inside(mesh_i, seeds).all())

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision.bvh.build import bvh_of
-from collision.bvh.layout import LANES, NODE, PREPARED, Bvh
+from collision.bvh.layout import LANES, NODE, Bvh
+from collision.bvh.packets import moved_triangle, near_triangles, nearest_of, triangle_of
 from collision.bvh.traverse import (
     MET,
     SURFACE_BOXES,
@@ -28,16 +29,12 @@ from collision.bvh.traverse import (
     box_at,
     children_of_a,
     children_of_b,
-    corner_of,
     fresh_node,
-    fresh_packets,
     implements,
     inline_kernel,
     is_bottom,
     is_open,
-    moved_corner,
     near_surfaces,
-    packet_errors,
     sort,
     start,
     visit,
@@ -49,16 +46,14 @@ from collision.bvh.traverse import (
 from collision.contact import CONTACT_DTYPE
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import kernel
-from collision.numeric.poses import relative_pose
-from collision.numeric.simd import lowest, near_lane, reaching, triangles_near
-from collision.numeric.vectors import dot
-from collision.query.intersection import Intersect
-from collision.triangle.distance import ROUNDING, closest_features, common_point, planes_part
+from collision.numeric.rigid_transforms import relative_pose
+from collision.numeric.simd import near_lane
+from collision.query.intersection import ALL_ENABLED, NO_TRIANGLES, Intersect
+from collision.triangle.distance import ROUNDING, closest_features, common_point
 from collision.triangle.intersection import triangles_meet
 
 TINIEST: Final = float(np.finfo(np.float64).tiny)
 """m: the distance of triangles that do not meet is never 0"""
-ALL, NOTHING = np.empty(0, np.uint8), np.empty(0, np.int64)
 
 
 class Distance(NamedTuple):
@@ -68,7 +63,7 @@ class Distance(NamedTuple):
     """(11,) float64, m: distance, or what it must be below; point of a, point of b, both in a's frame; the rounding of
     distances; the unit vector from the one point to the other, or 0"""
     limit: Any
-    """(1,) float32, m²: the greatest squared distance that still matters, rounded up"""
+    """(2,) float32: the greatest squared distance (m²), and distance (m), that still matters, rounded up"""
     hit: Any
     """(1,) int64: 2^32·(triangle of a) + triangle of b, in leaf order; -1 as long as nothing is within `best[0]`"""
 
@@ -105,25 +100,21 @@ def set_limit(task):
     bound, rounding = task.best[0], task.best[7]
     reach = bound - rounding if task.hit[0] >= 0 and bound > 4.0 * rounding else bound + rounding
     task.limit[0] = np.float32(min(reach * reach * (1.0 + 2.0**-20) + 1e-37, 3e38))
+    task.limit[1] = np.float32(min(reach * (1.0 + 2.0**-20) + 1e-37, 3e38))
 
 
 @inline_kernel
 def look_at_triangles(task, a, b, ws, ta, tb):
     """Better `task` by triangle ta of a and tb of b, in leaf order; whether they meet."""
-    m, best = ws.pose.matrix, task.best
+    best = task.best
     bound, rounding = best[0], best[7]
-    u, v, w = corner_of(a, 3 * ta), corner_of(a, 3 * ta + 1), corner_of(a, 3 * ta + 2)
-    p, q, r = moved_corner(b, 3 * tb, m), moved_corner(b, 3 * tb + 1, m), moved_corner(b, 3 * tb + 2, m)
+    (u, v, w), (p, q, r) = triangle_of(a, ta), moved_triangle(b, tb, ws.pose.matrix)
     square = 0.0
     for d in range(3):
         gap = max(min(u[d], v[d], w[d]) - max(p[d], q[d], r[d]), min(p[d], q[d], r[d]) - max(u[d], v[d], w[d]))
         if gap > 0.0:
             square += gap * gap
     if square > (bound + rounding) * (bound + rounding):
-        return False
-    n = (best[8], best[9], best[10])
-    ours, theirs = max(dot(n, u), dot(n, v), dot(n, w)), min(dot(n, p), dot(n, q), dot(n, r))
-    if theirs - ours - rounding > bound or planes_part(u, v, w, p, q, r, bound):
         return False
     ws.counts[TRIANGLES] += 1
     # boxes that rounding cannot bring together hold no triangles that meet
@@ -152,33 +143,14 @@ def look_at_triangles(task, a, b, ws, ta, tb):
 @implements(visit, Distance)
 def nearest_of_packets(task, a, b, ws, lane_a, lane_b):
     """Better `task` by the triangles of two packets, the nearest by their bounds first; whether any meet."""
-    p, q = ~np.int64(a.child[lane_a]), ~np.int64(b.child[lane_b])
-    fresh_packets(a, b, ws, p, q)
-    sx, sy, sz, hx, hy, hz, off, kf, kp, k = packet_errors(a, b, ws, lane_a, lane_b)
-    first_a, first_b = np.int64(a.first[p]), np.int64(b.first[q])
-    reach = np.float32(1.000001) * np.sqrt(task.limit[0]) + off
-    bits_b = reaching(
-        ws.turned, PREPARED * q, -hx - sx - reach, -hy - sy - reach, -hz - sz - reach,
-        hx - sx + reach, hy - sy + reach, hz - sz + reach,
-    )  # fmt: skip
-    dx, dy, dz = np.float32(task.best[8]), np.float32(task.best[9]), np.float32(task.best[10])
-    bits, bounds = np.int64(0), ws.bounds[LANES:]  # of all 64 pairs of triangles: 8·j + i
-    while bits_b != 0:
-        j = lowest(bits_b)
-        bits_b &= bits_b - 1
-        near = triangles_near(
-            ws.prepared, PREPARED * p, ws.turned, PREPARED * q + j, sx, sy, sz, off, kf, kp, k, dx, dy, dz,
-            task.limit[0], bounds[LANES * j :],
-        )  # fmt: skip
-        bits |= near << (LANES * j)
+    best = task.best
+    along = np.float32(best[8]), np.float32(best[9]), np.float32(best[10])
+    bits = near_triangles(a, b, ws, lane_a, lane_b, task.limit[1], along, False)
+    first_a, first_b = np.int64(a.first[~a.child[lane_a]]), np.int64(b.first[~b.child[lane_b]])
     while bits != 0:
-        i, rest = lowest(bits), bits & (bits - 1)
-        while rest != 0:
-            if bounds[lowest(rest)] < bounds[i]:
-                i = lowest(rest)
-            rest &= rest - 1
+        i = nearest_of(ws, bits)
         bits &= ~(np.int64(1) << i)
-        if bounds[i] > task.limit[0]:
+        if ws.bounds[LANES + i] > task.limit[1]:
             break
         if look_at_triangles(task, a, b, ws, first_a + (i & 7), first_b + (i >> 3)):
             return True
@@ -310,15 +282,19 @@ def poses_of(pose_ab: Any) -> NDArray[np.float64]:
 
 
 def contacts_at(
-    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, within: float, enabled: NDArray[np.uint8] | None
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, within: float, enabled: NDArray[np.uint8] | None = None
 ) -> NDArray[Any]:
-    """CONTACT_DTYPE rows, in a's frame, of the pairs of surfaces at most `within` (m) apart; nothing remembered."""
+    """Return CONTACT_DTYPE rows, in a's frame, of the pairs of surfaces at most `within` (m) apart.
+
+    pose_ab: `pinocchio.SE3`, of b in a's frame. enabled: (ka, kb), 0 for pairs of surfaces to leave out. `object_a` is
+    0 and `object_b` is 1.
+    """
     a, b, poses = bvh_of(mesh_a), bvh_of(mesh_b), poses_of(pose_ab)
-    mask = ALL if enabled is None else enabled.ravel()
+    mask = ALL_ENABLED if enabled is None else enabled.ravel()
     ws = workspace_for(a, b)
     while True:
         rows = np.zeros(len(ws.pairs), CONTACT_DTYPE)
-        found = contacts_of(a, b, ws, poses, 0, 1, float(within), mask, NOTHING, rows)
+        found = contacts_of(a, b, ws, poses, 0, 1, float(within), mask, NO_TRIANGLES, rows)
         if found >= 0:
             return rows[:found]
         workspace(pairs=~found)
@@ -326,9 +302,13 @@ def contacts_at(
 
 
 def clearance_at(
-    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, surface_a: int | None, surface_b: int | None, bound: float
-) -> NDArray[Any]:
-    """One CONTACT_DTYPE row, in a's frame, of the nearest triangles within `bound` (m), or none; nothing remembered."""
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, surface_a: int | None = None, surface_b: int | None = None,
+    bound: float = np.inf,
+) -> NDArray[Any]:  # fmt: skip
+    """Return one CONTACT_DTYPE row, in a's frame, of the nearest triangles within `bound` (m), or no row.
+
+    pose_ab: `pinocchio.SE3`, of b in a's frame. A mesh wholly inside another has the distance of their surfaces.
+    """
     a, b, rows = bvh_of(mesh_a), bvh_of(mesh_b), np.zeros(1, CONTACT_DTYPE)
     last = lanes_of(a, b, surface_a, surface_b)
     found = clearance_of(a, b, workspace_for(a, b), poses_of(pose_ab), 0, 1, float(bound), last, rows)

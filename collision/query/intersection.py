@@ -1,7 +1,8 @@
-"""Which surfaces intersect, exactly: eight boxes a step, then triangles, told apart in float32 only beyond its error.
+"""Which surfaces intersect, exactly: eight boxes at a time, then triangles.
 
-What float32 leaves over goes to the exact test of two triangles. A surface pair is done at its first two triangles that
-meet; those are kept and tried first at the next question.
+A floating-point filter in float32 rejects triangles that are apart by more than its error bound; the exact test decides
+the others. A pair of surfaces is done at its first two triangles that intersect; these are kept, and tested first in
+the next query.
 """
 
 # mypy: disable-error-code="call-arg, var-annotated"
@@ -9,7 +10,7 @@ meet; those are kept and tried first at the next question.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,7 @@ from collision.bvh.traverse import (
     moved_corner,
     near_surfaces,
     packet_errors,
+    reached,
     sort,
     start,
     visit,
@@ -44,14 +46,21 @@ from collision.bvh.traverse import (
 )
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import kernel
-from collision.numeric.poses import relative_pose, take_pose
-from collision.numeric.simd import lowest, overlapping_lane, perhaps_meeting, reaching
+from collision.numeric.rigid_transforms import relative_pose, take_pose
+from collision.numeric.simd import lowest, overlapping_lane, perhaps_meeting
 from collision.poses import matrix_of, pack
 from collision.triangle.intersection import triangles_meet
 
+NO_TRIANGLES: Final = np.empty(0, np.int64)
+"""in place of a table of triangles, where none is kept"""
+ALL_ENABLED: Final = np.empty(0, np.uint8)
+"""in place of a table of enabled pairs of surfaces, where all are; read-only as those of `Objects`, for numba compiles
+a kernel once more for an array that is not"""
+ALL_ENABLED.setflags(write=False)
+
 
 class Intersect(NamedTuple):
-    """Task: two triangles that meet, into `met`, as 2^32·(that of a) + that of b, in leaf order."""
+    """Task: find two triangles that intersect; place 2³²·(that of a) + (that of b), in leaf order, in `met`."""
 
     met: Any
     """(1,) int64"""
@@ -76,7 +85,7 @@ def overlapping_children_of_b(task, a, b, ws, lane_a, node):
 
 @inline_kernel
 def triangle_pair_meets(a, b, ws, ta, tb):
-    """Whether triangle ta of a meets triangle tb of b, moved; both in leaf order. Exact."""
+    """Whether triangle ta of a intersects triangle tb of b, moved; both in leaf order. Exact."""
     ws.counts[TRIANGLES] += 1
     m = ws.pose.matrix
     return triangles_meet(
@@ -87,21 +96,18 @@ def triangle_pair_meets(a, b, ws, ta, tb):
 
 @implements(visit, Intersect)
 def packets_meet(task, a, b, ws, lane_a, lane_b):
-    """Whether triangles of two packets meet."""
+    """Whether any triangles of two packets intersect."""
     p, q = ~np.int64(a.child[lane_a]), ~np.int64(b.child[lane_b])
     fresh_packets(a, b, ws, p, q)
-    sx, sy, sz, hx, hy, hz, off, kf, kp, k = packet_errors(a, b, ws, lane_a, lane_b)
+    shift, half, errors = packet_errors(a, b, ws, lane_a, lane_b)
     first_a, first_b = np.int64(a.first[p]), np.int64(b.first[q])
     tests = LANES
-    bits_b = reaching(
-        ws.turned, PREPARED * q,
-        -hx - sx - off, -hy - sy - off, -hz - sz - off, hx - sx + off, hy - sy + off, hz - sz + off,
-    )  # fmt: skip
+    bits_b = reached(ws, q, shift, half, errors[0])
     while bits_b != 0:
         j = lowest(bits_b)
         bits_b &= bits_b - 1
         tests += LANES
-        bits = perhaps_meeting(ws.prepared, PREPARED * p, ws.turned, PREPARED * q + j, sx, sy, sz, off, kf, kp, k)
+        bits = perhaps_meeting(ws.prepared, PREPARED * p, ws.turned, PREPARED * q + j, shift, errors)
         while bits != 0:
             t = first_a + lowest(bits)
             bits &= bits - 1
@@ -115,11 +121,12 @@ def packets_meet(task, a, b, ws, lane_a, lane_b):
 
 @inline_kernel
 def intersecting_surfaces(a, b, ws, met, enabled):
-    """Fill `ws.pairs` with the pairs of surfaces that intersect, sorted; how many, or if more room is needed ~how many.
+    """Fill `ws.pairs` with the pairs of surfaces that intersect, sorted; return their number n, or ~n for the number of
+    pairs that the workspace must have room for.
 
-    b stands at the pose in `ws.pose.matrix[:12]`. met: (ka·kb,) int64, the two triangles of each pair of surfaces that
-    met last, -1 for none; they are tried first, and brought up to date; (0,) where nothing is remembered. enabled:
-    (ka·kb,) uint8, 0 for pairs of surfaces that are left out; (0,) where none is.
+    b is at the pose in `ws.pose.matrix[:12]`. met: (ka·kb,) int64, the two triangles of each pair of surfaces that
+    intersected in the last query, -1 for none; tested first, and updated; or `NO_TRIANGLES`. enabled: (ka·kb,) uint8, 0
+    for pairs of surfaces to leave out; or `ALL_ENABLED`.
     """
     start(a, b, ws)
     near = near_surfaces(a, b, ws, 0.0)
@@ -149,10 +156,9 @@ def intersecting_surfaces(a, b, ws, met, enabled):
 
 @kernel
 def intersect(a, b, ws, matrix, rigid, met, enabled):
-    """Fill `ws.rows[:, 1::2]` with the pairs of surfaces of a and of b at a (4, 4) pose that intersect; how many.
+    """Fill `ws.rows[:, 1::2]` with the pairs of surfaces of a and of b at a (4, 4) pose that intersect.
 
-    If more room is needed, ~how many pairs of surfaces there must be room for, at most -2; -1 if the matrix is no rigid
-    motion. See `intersecting_surfaces`.
+    Returns as `intersecting_surfaces`, at most -2 for want of room; -1 if the matrix is no rigid motion.
     """
     if not take_pose(matrix, rigid, ws.pose.matrix):
         return -1
@@ -161,8 +167,10 @@ def intersect(a, b, ws, matrix, rigid, met, enabled):
 
 @kernel
 def intersect_objects(a, b, ws, poses, i, j, met, enabled):
-    """Fill `ws.rows` with the pairs of surfaces of the objects i and j, at their (12,) poses in the world, that
-    intersect; how many, or if more room is needed ~how many. See `intersecting_surfaces`."""
+    """Fill `ws.rows` with object, surface, object, surface of the surfaces of objects i and j that intersect.
+
+    poses: (n, 12), world frame, m. Returns as `intersecting_surfaces`.
+    """
     relative_pose(poses[i], poses[j], ws.pose.matrix)
     found = intersecting_surfaces(a, b, ws, met, enabled)
     for k in range(found):
@@ -182,19 +190,19 @@ def intersect_of(*arguments: Any) -> int:
     return found
 
 
-_NONE, _ALL = np.empty(0, np.int64), np.empty(0, np.uint8)
-
-
 def intersecting(
     mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, rigid: float
 ) -> tuple[NDArray[np.int32], Workspace]:
-    """The pairs of surfaces that intersect, (k, 2) sorted, nothing remembered; and the workspace with its counts."""
+    """Return (k, 2) int32, sorted: the pairs of surfaces that intersect; and the workspace with its counts.
+
+    pose_ab: pose of b in a's frame, `pinocchio.SE3` or (4, 4), m. rigid: see `poses.pack`, which raises PoseError.
+    """
     a, b = bvh_of(mesh_a), bvh_of(mesh_b)
     ws = workspace_for(a, b)
     matrix = getattr(pose_ab, "homogeneous", None)
     if matrix is None:
         matrix = matrix_of(pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=rigid))
-    found = _intersect.call(a, b, ws, matrix, rigid, _NONE, _ALL)
+    found = _intersect.call(a, b, ws, matrix, rigid, NO_TRIANGLES, ALL_ENABLED)
     if found < 0:
         pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=rigid)  # raises, if that is why
         workspace(pairs=~found)

@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from collision.bvh.build import bvh_of
 from collision.bvh.layout import LANES, NODE, PACKET, PREPARED, Bvh
-from collision.bvh.packets import box_middle
+from collision.bvh.packets import box_middle, triangle_of
 from collision.bvh.single import ALONE, below_packets_alone, no_children, place_box
 from collision.bvh.traverse import (
     QUESTION,
@@ -59,17 +59,16 @@ from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import inner_kernel, kernel
 from collision.numeric.simd import lowest, near_lane, overlapping_lane, prepare_triangles, reaching
 from collision.numeric.vectors import along, dot, norm, sub
-from collision.proximity import mesh_clearance
-from collision.query import colliding_surfaces
+from collision.objects import Objects
 from collision.query.containment import SolidQuery, query_about, winds
+from collision.query.distance import clearance_at
+from collision.query.intersection import intersecting
 from collision.query.signed_distance import depth_at, float_limit, nearest, nearest_on, triangle_bounds
 from collision.triangle.distance import planes_part
 from collision.triangle.intersection import triangles_meet
 
 if TYPE_CHECKING:
     import pinocchio as pin
-
-    from collision.manager import CollisionManager
 
 
 BUDGET: Final = 20000
@@ -182,18 +181,22 @@ def _enough(search):
 
 
 @inner_kernel
+def _nearest_below(query, lane, p, bound):
+    """`nearest`, not made part of its callers."""
+    return nearest(query, lane, p, bound)
+
+
+@inner_kernel
 def _see(search, p, depth, t):
-    """Keep p if it is deeper than what is known and t, the triangle nearest to it, or one as near is of the surface.
+    """Keep p, which is deeper than what is known, if t, the triangle nearest to it, or one as near is of the surface.
 
     A closed mesh must wind about it, too: where it meets itself, what is behind the nearest triangle may be outside.
     """
     best, query = search.best, search.query
-    if depth <= best[0]:
-        return
     bvh = query.solid.bvh
     if query.solid.surface[t] == search.surface:
         q, _ = nearest_on(bvh, t, p)
-    elif nearest(query, np.int64(bvh.root[search.surface]), p, TIE * depth * depth) >= 0:
+    elif _nearest_below(query, np.int64(bvh.root[search.surface]), p, TIE * depth * depth) >= 0:
         q = query.value[1], query.value[2], query.value[3]
     else:
         return
@@ -225,7 +228,7 @@ def _peak(f, g):
     return top
 
 
-@inner_kernel
+@inline_kernel
 def _to_triangle(bvh, t, p, known, distance):
     """The distance of p from triangle t; `distance` if that is the triangle known to be nearest to p."""
     if t == known:
@@ -234,9 +237,10 @@ def _to_triangle(bvh, t, p, known, distance):
     return norm(sub(p, q))
 
 
-@inner_kernel
-def _bound(closed, p, q, r, depth, far, enough):
-    """No point of the triangle p q r is deeper, by its corners' depths and by `far`; less exact if `enough`.
+@inline_kernel
+def _cones(closed, p, q, r, depth):
+    """Three linear functions that no point of the triangle p q r is deeper than: the depth of a corner and the distance
+    from it, by their values in the corners.
 
     About the rim of an open mesh the depth leaps from one side to the other; there it is the distance that is bounded.
     """
@@ -244,17 +248,21 @@ def _bound(closed, p, q, r, depth, far, enough):
     if not closed:
         dp, dq, dr = abs(dp), abs(dq), abs(dr)
     pq, qr, rp = norm(sub(p, q)), norm(sub(q, r)), norm(sub(r, p))
-    cone = ((dp, dp + pq, dp + rp), (dq + pq, dq, dq + qr), (dr + rp, dr + qr, dr))
-    bound = min(_most(cone[0]), _most(cone[1]), _most(cone[2]))
-    if bound <= enough:
-        return bound
+    return (dp, dp + pq, dp + rp), (dq + pq, dq, dq + qr), (dr + rp, dr + qr, dr)
+
+
+@inner_kernel
+def _bound(bound, cone, far, enough):
+    """No point of a triangle is deeper, by `bound`, its corners' cones and `far`; less exact if `enough`."""
     for i in range(3):
-        bound = min(bound, _most(far[i]), _peak(far[i], far[(i + 1) % 3]))
-    if bound <= enough:
-        return bound
+        bound = min(bound, _peak(far[i], far[(i + 1) % 3]))
+        if bound <= enough:
+            return bound
     for i in range(3):
         for j in range(3):
             bound = min(bound, _peak(far[i], cone[j]))
+            if bound <= enough:
+                return bound
     return bound
 
 
@@ -277,6 +285,7 @@ implements(children_of_b, MayBeNearest)(no_children)
 
 @implements(children_of_a, MayBeNearest)
 def reached_children(task, a, b, ws, node, lane_b):
+    """Bits: which boxes of a node come within the reach of the middle."""
     return near_lane(a.boxes, NODE * node, ws.moved, 0, float_limit(task.reach * task.reach), ws.bounds)
 
 
@@ -300,6 +309,7 @@ def _never_nearest(middle, corners, far, apart, q):
 
 @implements(visit, MayBeNearest)
 def one_may_be_nearest(task, a, b, ws, lane_a, lane_b):
+    """Whether a triangle of a packet may be nearest to a point of p q r; that ends the walk."""
     packet = ~np.int64(a.child[lane_a])
     triangle_bounds(a, ws, lane_a, task.middle)
     first = np.int64(a.first[packet])
@@ -312,7 +322,7 @@ def one_may_be_nearest(task, a, b, ws, lane_a, lane_b):
     return False
 
 
-@inner_kernel
+@inline_kernel
 def _may_be_nearest(query, surface, p, q, r, far, bound):
     """Whether the surface may have the nearest point of the boundary to one of p q r, no deeper than `bound`."""
     c = ((p[0] + q[0] + r[0]) / 3.0, (p[1] + q[1] + r[1]) / 3.0, (p[2] + q[2] + r[2]) / 3.0)
@@ -342,7 +352,7 @@ def _add_box(search, lane, guess):
         return
     if solid.surface[t] != search.surface:
         reach = radius + bound
-        if nearest(query, np.int64(solid.bvh.root[search.surface]), middle, reach * reach) < 0:
+        if _nearest_below(query, np.int64(solid.bvh.root[search.surface]), middle, reach * reach) < 0:
             return
     place = _new_piece(search.pieces, bound, lane)
     search.pieces.index[place, 0] = t
@@ -353,12 +363,18 @@ def _add_triangle(search, p, q, r, depth, near):
     """Put a triangle among the pieces, if there may be something deeper than enough in it."""
     solid, enough = search.query.solid, _enough(search)
     bvh, (dp, dq, dr), (a, b, c) = solid.bvh, depth, near
-    far = (
-        (abs(dp), _to_triangle(bvh, a, q, b, dq), _to_triangle(bvh, a, r, c, dr)),
-        (_to_triangle(bvh, b, p, a, dp), abs(dq), _to_triangle(bvh, b, r, c, dr)),
-        (_to_triangle(bvh, c, p, a, dp), _to_triangle(bvh, c, q, b, dq), abs(dr)),
-    )
-    bound = _bound(solid.closed, p, q, r, depth, far, enough)
+    cone = _cones(solid.closed, p, q, r, depth)
+    bound = min(_most(cone[0]), _most(cone[1]), _most(cone[2]))
+    if bound <= enough:
+        return
+    of_a = abs(dp), _to_triangle(bvh, a, q, b, dq), _to_triangle(bvh, a, r, c, dr)
+    bound = min(bound, _most(of_a))
+    if bound <= enough:
+        return
+    of_b = _to_triangle(bvh, b, p, a, dp), abs(dq), _to_triangle(bvh, b, r, c, dr)
+    of_c = _to_triangle(bvh, c, p, a, dp), _to_triangle(bvh, c, q, b, dq), abs(dr)
+    far = of_a, of_b, of_c
+    bound = _bound(min(bound, _most(of_b), _most(of_c)), cone, far, enough)
     if bound <= enough:
         return
     on, surface = solid.surface, search.surface
@@ -374,7 +390,7 @@ def _add_triangle(search, p, q, r, depth, near):
         pieces.value[place, DEPTHS + d], pieces.index[place, d] = depth[d], near[d]
 
 
-@inner_kernel
+@inline_kernel
 def _open_box(search, lane, guess):
     """Put the boxes, or the triangles, of a box of the other's hierarchy among the pieces."""
     other, m = search.other, search.query.ws.pose.matrix
@@ -391,7 +407,8 @@ def _open_box(search, lane, guess):
             if search.nearest[v] < 0:
                 search.depth[v], search.nearest[v] = depth_at(search.query, p, guess)
             guess = search.nearest[v]
-            _see(search, p, search.depth[v], guess)
+            if search.depth[v] > search.best[0]:
+                _see(search, p, search.depth[v], guess)
         a, b, c = other.corner[i], other.corner[i + 1], other.corner[i + 2]
         _add_triangle(
             search, moved_corner(other, i, m), moved_corner(other, i + 1, m), moved_corner(other, i + 2, m),
@@ -417,11 +434,13 @@ implements(children_of_b, Meets)(no_children)
 
 @implements(children_of_a, Meets)
 def overlapped_children(task, a, b, ws, node, lane_b):
+    """Bits: which boxes of a node overlap that of p q r."""
     return overlapping_lane(a.boxes, NODE * node, ws.moved, 0)
 
 
 @implements(visit, Meets)
 def one_meets(task, a, b, ws, lane_a, lane_b):
+    """Whether a triangle of a packet meets p q r, exactly; that ends the walk."""
     packet = ~np.int64(a.child[lane_a])
     if ws.fresh_a[packet] != ws.counts[QUESTION]:
         ws.fresh_a[packet] = ws.counts[QUESTION]
@@ -438,15 +457,14 @@ def one_meets(task, a, b, ws, lane_a, lane_b):
     )  # fmt: skip
     first = np.int64(a.first[packet])
     while bits != 0:
-        t = 3 * (first + lowest(bits))
+        u, v, w = triangle_of(a, first + lowest(bits))
         bits &= bits - 1
-        u, v, w = corner_of(a, t), corner_of(a, t + 1), corner_of(a, t + 2)
-        if not planes_part(u, v, w, p, q, r, 0.0) and triangles_meet(u, v, w, p, q, r, ws.exact):
+        if not planes_part((u, v, w), task.corners, 0.0) and triangles_meet(u, v, w, p, q, r, ws.exact):
             return True
     return False
 
 
-@inner_kernel
+@inline_kernel
 def _comes_out(query, p, q, r, t, step):
     """Whether a step along the normal of the solid's triangle t takes all of p q r out of it."""
     normal, at = query.solid.normal, 21 * t + 18
@@ -465,7 +483,7 @@ def _comes_out(query, p, q, r, t, step):
 # --- cutting triangles in two ----------------------------------------------------------------------------------------
 
 
-@inner_kernel
+@inline_kernel
 def _bisector(solid, p, q, tp, tq):
     """Where between p (0) and q (1) the planes of the triangles nearest to them are as far, if these are at an angle.
 
@@ -487,7 +505,7 @@ def _bisector(solid, p, q, tp, tq):
     return s if NEAR_END < s < 1.0 - NEAR_END else -1.0
 
 
-@inner_kernel
+@inline_kernel
 def _cut(solid, p, q, r, tp, tq, tr):
     """(edge 0 … 2 of p q r to cut, where on it): the longest that has a bisector and is not short, else the longest."""
     length = (norm(sub(p, q)), norm(sub(q, r)), norm(sub(r, p)))
@@ -502,7 +520,7 @@ def _cut(solid, p, q, r, tp, tq, tr):
     return edge, at
 
 
-@inner_kernel
+@inline_kernel
 def _open_triangle(search, place):
     """Cut a triangle in two, unless a step that is no longer than what counts takes it out of the solid."""
     query, v, index = search.query, search.pieces.value[place], search.pieces.index[place]
@@ -525,7 +543,8 @@ def _open_triangle(search, place):
     if tp == tq or _to_triangle(bvh, tp, m, -1, 0.0) <= _to_triangle(bvh, tq, m, -1, 0.0):
         nearer = tp
     dm, tm = depth_at(query, m, nearer)
-    _see(search, m, dm, tm)
+    if dm > search.best[0]:
+        _see(search, m, dm, tm)
     for k in range(2):
         if k == 0:
             _add_triangle(search, p, m, r, (dp, dm, dr), (tp, tm, tr))
@@ -533,7 +552,7 @@ def _open_triangle(search, place):
             _add_triangle(search, m, q, r, (dm, dq, dr), (tm, tq, tr))
 
 
-@inner_kernel
+@inline_kernel
 def _deepest_of(search, surface, budget):
     """Make `search.best` the deepest point of a surface of the other; beyond `budget` pieces opened, the deepest seen.
     Returns the pieces opened."""
@@ -585,32 +604,31 @@ def deepest(query, other, depth, near, pieces, pairs, limits, out):
 _deepest_points = Door(deepest)
 
 
-def penetration(manager: CollisionManager, i: int, j: int) -> NDArray[Any]:
+def penetration(objects: Objects, i: int, j: int) -> NDArray[Any]:
     """Depth and direction of every pair of surfaces of two objects that meet: PENETRATION_DTYPE rows.
 
     Ignored pairs of surfaces are left out.
     """
-    manager.ignored(i, j)  # raises, unless there are both, and two
+    objects.ignored(i, j)  # raises, unless there are both, and two
     i, j = min(i, j), max(i, j)
-    mesh_a, mesh_b = manager.mesh(i), manager.mesh(j)
-    world, pose, enabled = manager.pose(i), manager.relative_pose(i, j), manager.heeded_surfaces(i, j)
-    surfaces = colliding_surfaces(mesh_a, mesh_b, pose, tolerance=manager.checked)
+    mesh_a, mesh_b = objects.mesh(i), objects.mesh(j)
+    world, pose, enabled = objects.pose(i), objects.relative_pose(i, j), objects.enabled_surfaces(i, j)
+    surfaces = intersecting(mesh_a, mesh_b, pose, objects.checked.rigid)[0]
     if enabled is not None:
         surfaces = surfaces[enabled[surfaces[:, 0], surfaces[:, 1]] != 0]
     rows = np.zeros(len(surfaces), PENETRATION_DTYPE)
     rows["object_a"], rows["surface_a"], rows["object_b"], rows["surface_b"] = i, surfaces[:, 0], j, surfaces[:, 1]
     if not len(rows):
         return rows
-    b_in_a = _deepest(manager, mesh_a, mesh_b, pose, surfaces, np.zeros(len(rows)))
-    a_in_b = _deepest(manager, mesh_b, mesh_a, pose.inverse(), surfaces[:, ::-1], b_in_a[:, 0])
+    b_in_a = _deepest(objects, mesh_a, mesh_b, pose, surfaces, np.zeros(len(rows)))
+    a_in_b = _deepest(objects, mesh_b, mesh_a, pose.inverse(), surfaces[:, ::-1], b_in_a[:, 0])
     deeper = a_in_b[:, 0] > b_in_a[:, 0]
     back = a_in_b[:, 1:].reshape(-1, 2, 3) @ pose.rotation.T + pose.translation
     ends = np.where(deeper[:, None, None], back, b_in_a[:, 1:].reshape(-1, 2, 3))
     out = (ends[:, 1] - ends[:, 0]) * np.where(deeper, -1.0, 1.0)[:, None]
     length = np.linalg.norm(out, axis=1)
-    for k in np.flatnonzero(length <= manager.tolerance.solver).tolist():
-        contact = mesh_clearance(mesh_a, mesh_b, pose, *surfaces[k].tolist())
-        assert contact is not None  # nothing is beyond an infinite bound
+    for k in np.flatnonzero(length <= objects.tolerance.solver).tolist():
+        contact = clearance_at(mesh_a, mesh_b, pose, *surfaces[k].tolist())
         out[k], length[k], ends[k, 0] = _normal(mesh_a, int(contact["triangle_a"][0])), 1.0, contact["point_a"][0]
     rows["depth"] = np.maximum(a_in_b[:, 0], b_in_a[:, 0])
     rows["direction"] = out / length[:, None] @ world.rotation.T
@@ -626,7 +644,7 @@ def _normal(mesh: SurfaceMesh, triangle: int) -> NDArray[np.float64]:
 
 
 def _deepest(
-    manager: CollisionManager, solid: SurfaceMesh, other: SurfaceMesh, pose: pin.SE3,
+    objects: Objects, solid: SurfaceMesh, other: SurfaceMesh, pose: pin.SE3,
     pairs: NDArray[np.int32], known: NDArray[np.float64],
 ) -> NDArray[np.float64]:  # fmt: skip
     """(n, 7) depth, point and nearest boundary point, in the frame of `solid`, in which `other` is at `pose`.
@@ -635,7 +653,7 @@ def _deepest(
     """
     query, n, room = query_about(solid), len(other.vertices), 4 * BUDGET
     query.ws.pose.matrix[:12] = [*pose.rotation.ravel(), *pose.translation]
-    relative = manager.tolerance.depth
+    relative = objects.tolerance.depth
     pieces = Pieces(
         np.empty((room, PIECE)), np.empty((room, LANE + 1), np.int64), np.empty(room, np.int64), np.zeros(2, np.int64)
     )
@@ -643,6 +661,6 @@ def _deepest(
     out[:, 0] = known
     _deepest_points.call(
         query, bvh_of(other), np.empty(n), np.full(n, -1, np.int64), pieces, np.ascontiguousarray(pairs, np.int32),
-        np.array([relative, relative * manager.tolerance.linear, BUDGET]), out,
+        np.array([relative, relative * objects.tolerance.linear, BUDGET]), out,
     )  # fmt: skip
     return out

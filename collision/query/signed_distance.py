@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from collision.bvh.layout import LANES, NODE, PACKET, Bvh
-from collision.bvh.packets import box_middle, near_triangles
+from collision.bvh.packets import box_middle, moved_triangle, near_triangles, nearest_of, triangle_of
 from collision.bvh.single import ALONE, below_packets_alone, no_children, place_box
 from collision.bvh.traverse import (
     TRIANGLES,
@@ -31,12 +31,9 @@ from collision.bvh.traverse import (
     inline_kernel,
     is_bottom,
     is_open,
-    moved_corner,
-    near_surfaces,
     start,
     visit,
     walk_nearest,
-    workspace,
     workspace_for,
 )
 from collision.mesh import SurfaceMesh
@@ -45,8 +42,7 @@ from collision.numeric.simd import near_lane, point_lane, signed_lane
 from collision.numeric.vectors import dot, sub
 from collision.query.containment import query_about, winds
 from collision.query.distance import rounding_of
-from collision.triangle.distance import planes_part
-from collision.triangle.motion import pair_step
+from collision.triangle.motion import STILL, pair_step
 from collision.triangle.point import closest_on_triangle
 
 FAR: Final = 1e12
@@ -75,11 +71,13 @@ def float_limit(square):
 
 @implements(is_open, Nearest)
 def may_be_nearer(task, ws, bound):
+    """Whether a box at this squared distance (m²) may hold a nearer triangle."""
     return bound < task.value[0]
 
 
 @implements(children_of_a, Nearest)
 def nearer_children(task, a, b, ws, node, lane_b):
+    """Bits: which boxes of a node may hold a nearer triangle."""
     return near_lane(a.boxes, NODE * node, ws.moved, 0, float_limit(task.value[0]), ws.bounds)
 
 
@@ -107,6 +105,7 @@ def triangle_bounds(bvh, ws, lane, point):
 
 @implements(visit, Nearest)
 def nearest_in_packet(task, a, b, ws, lane_a, lane_b):
+    """Better `task` by the triangles of a packet."""
     packet = ~np.int64(a.child[lane_a])
     triangle_bounds(a, ws, lane_a, task.point)
     first = np.int64(a.first[packet])
@@ -125,7 +124,7 @@ def nearest_in_packet(task, a, b, ws, lane_a, lane_b):
     return False
 
 
-@inner_kernel
+@inline_kernel
 def nearest(query, lane, p, bound):
     """Place in `query.value` and `query.place` the triangle below a lane that is nearest to p, if its squared distance
     is below `bound` (m²), else triangle -1. Returns the triangle."""
@@ -170,8 +169,6 @@ class SignedDistance(NamedTuple):
 
     least: Any
     """(2,) float64, m: the least signed distance; how far a float64 distance may be off"""
-    found: Any
-    """(64,) int64: pairs of triangles"""
 
 
 implements(is_bottom, SignedDistance)(below_packets)
@@ -186,64 +183,71 @@ def _signed_limit(least):
 
 @implements(is_open, SignedDistance)
 def may_be_less(task, ws, bound):
+    """Whether a pair of boxes of this signed distance (m) still matters."""
     return bound <= task.least[0] + task.least[1]
 
 
 @implements(children_of_a, SignedDistance)
 def less_children_of_a(task, a, b, ws, node, lane_b):
+    """Bits: which boxes of a node of a may be at a lesser signed distance from a box of b."""
     return signed_lane(a.boxes, NODE * node, ws.moved, box_at(lane_b), _signed_limit(task.least), ws.bounds)
 
 
 @implements(children_of_b, SignedDistance)
 def less_children_of_b(task, a, b, ws, lane_a, node):
+    """Bits: which boxes of a node of b may be at a lesser signed distance from a box of a."""
     return signed_lane(ws.moved, NODE * node, a.boxes, box_at(lane_a), _signed_limit(task.least), ws.bounds)
+
+
+@inner_kernel
+def boxes_apart(one, other):
+    """m: how far the boxes of two triangles are apart along an axis, negative where they overlap along all."""
+    (a, b, c), (p, q, r) = one, other
+    gap = -np.inf
+    for d in range(3):
+        gap = max(gap, min(p[d], q[d], r[d]) - max(a[d], b[d], c[d]), min(a[d], b[d], c[d]) - max(p[d], q[d], r[d]))
+    return gap
 
 
 @implements(visit, SignedDistance)
 def less_in_packets(task, a, b, ws, lane_a, lane_b):
-    m, still, rounding = ws.pose.matrix, (0.0, 0.0, 0.0), task.least[1]
-    reach = max(0.0, task.least[0]) + rounding
-    for i in range(near_triangles(a, b, ws, lane_a, lane_b, reach, task.found)):
-        ta, tb = 3 * (task.found[i] >> 32), 3 * (task.found[i] & 0xFFFFFFFF)
-        x, y, z = corner_of(a, ta), corner_of(a, ta + 1), corner_of(a, ta + 2)
-        p, q, r = moved_corner(b, tb, m), moved_corner(b, tb + 1, m), moved_corner(b, tb + 2, m)
-        least = task.least[0]
-        beyond = -np.inf  # what parts their boxes parts the triangles: a lower bound of their signed distance
-        for d in range(3):
-            low_a, high_a = min(x[d], y[d], z[d]), max(x[d], y[d], z[d])
-            low_b, high_b = min(p[d], q[d], r[d]), max(p[d], q[d], r[d])
-            beyond = max(beyond, low_b - high_a, low_a - high_b)
-        if beyond < least and not planes_part(x, y, z, p, q, r, max(0.0, least)):
-            ws.counts[TRIANGLES] += 1
-            enough = least - rounding
-            d, _ = pair_step(
-                x, y, z, p, q, r, still, still, still, 0.0, 0.0, enough, enough, 0.0, rounding, ws.exact
-            )  # fmt: skip
-            task.least[0] = min(least, d)
+    """Lower `task.least` by the triangles of two packets, those of the least bounds first."""
+    least, m, rounding, still = task.least, ws.pose.matrix, task.least[1], np.float32(0.0)
+    bits = near_triangles(a, b, ws, lane_a, lane_b, _signed_limit(least), (still, still, still), True)
+    first_a, first_b = np.int64(a.first[~a.child[lane_a]]), np.int64(b.first[~b.child[lane_b]])
+    while bits != 0:
+        i = nearest_of(ws, bits)
+        bits &= ~(np.int64(1) << i)
+        if ws.bounds[LANES + i] > _signed_limit(least):
+            break
+        one, other = triangle_of(a, first_a + (i & 7)), moved_triangle(b, first_b + (i >> 3), m)
+        if boxes_apart(one, other) >= least[0]:
+            continue
+        ws.counts[TRIANGLES] += 1
+        d, _ = pair_step(one, other, STILL, least[0] - rounding, 0.0, rounding, ws.exact)
+        least[0] = min(least[0], d)
     return False
 
 
-@kernel
-def near_pairs(a, b, ws, distance):
-    """Fill `ws.pairs` with the pairs of surfaces whose boxes are within a distance (m), b at the pose in
-    `ws.pose.matrix[:12]`; how many, which may be more than there is room for."""
-    start(a, b, ws)
-    reach = distance + rounding_of(a, b, ws.pose.matrix)
-    return near_surfaces(a, b, ws, reach * reach)
+@inner_kernel
+def least_signed_distance(a, b, ws, pair, within, least):
+    """The signed distance (m) of a pair of surfaces, surface of a · surfaces of b + surface of b, or `within` where it
+    is more; after `start`. least: see `SignedDistance`."""
+    lane_a, lane_b = np.int64(a.root[pair // len(b.root)]), np.int64(b.root[pair % len(b.root)])
+    least[0] = within
+    fresh_node(b, ws, lane_b >> 3)
+    walk_nearest(SignedDistance(least), a, b, ws, lane_a, lane_b, np.float32(-np.inf))
+    return least[0]
 
 
 @kernel
-def signed_distances_of_pairs(a, b, ws, pairs, within, out, least, found):
+def signed_distances_of_pairs(a, b, ws, pairs, within, out, least):
     """Fill `out` (n,) with the signed distances (m) of pairs (n, 2) of surfaces, or `within` where they are more, b at
-    the pose in `ws.pose.matrix[:12]`; least, found: see `SignedDistance`."""
+    the pose in `ws.pose.matrix[:12]`; least: see `SignedDistance`."""
     start(a, b, ws)
     least[1] = rounding_of(a, b, ws.pose.matrix)
     for k in range(len(pairs)):
-        least[0] = within
-        lane_a, lane_b = np.int64(a.root[pairs[k, 0]]), np.int64(b.root[pairs[k, 1]])
-        fresh_node(b, ws, lane_b >> 3)
-        walk_nearest(SignedDistance(least, found), a, b, ws, lane_a, lane_b, np.float32(-np.inf))
-        out[k] = least[0]
+        out[k] = least_signed_distance(a, b, ws, pairs[k, 0] * len(b.root) + pairs[k, 1], within, least)
 
 
 @kernel
@@ -255,20 +259,7 @@ def depths_at(query, points, out):
 
 
 _depths_at = Door(depths_at)
-
-
-_near_pairs = Door(near_pairs)
 _signed_distances = Door(signed_distances_of_pairs)
-
-
-def near_surface_pairs(a: Bvh, b: Bvh, pose: NDArray[np.float64], distance: float) -> NDArray[np.int64]:
-    """(n, 2) pairs of surfaces whose boxes are within a distance (m), b at a (12,) pose in a's frame; sorted."""
-    ws, near = workspace_for(a, b), -1
-    while near < 0 or near > len(ws.pairs):
-        ws = workspace(pairs=near)
-        ws.pose.matrix[:12] = pose
-        near = _near_pairs.call(a, b, ws, distance)
-    return np.stack(np.divmod(np.sort(ws.pairs[:near]), len(b.root)), axis=1)
 
 
 def signed_distances_of(
@@ -279,7 +270,7 @@ def signed_distances_of(
     ws, out = workspace_for(a, b), np.empty(len(pairs))
     ws.pose.matrix[:12] = pose
     pairs = np.ascontiguousarray(pairs, np.int64)
-    _signed_distances.call(a, b, ws, pairs, within, out, np.empty(2), np.empty(64, np.int64))
+    _signed_distances.call(a, b, ws, pairs, within, out, np.empty(2))
     return out
 
 

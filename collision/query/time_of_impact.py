@@ -27,6 +27,7 @@ motion along a surface be told from motion towards it).
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -37,7 +38,7 @@ from numpy.typing import NDArray
 from collision import poses
 from collision.bvh.build import bounds_of, bvh_of
 from collision.bvh.layout import LANES, NODE, PREPARED
-from collision.bvh.packets import box_middle
+from collision.bvh.packets import box_middle, moved_triangle, triangle_of
 from collision.bvh.traverse import (
     TRIANGLE_BOXES,
     TRIANGLES,
@@ -46,39 +47,40 @@ from collision.bvh.traverse import (
     box_at,
     children_of_a,
     children_of_b,
-    corner_of,
     fresh_packets,
     implements,
     inline_kernel,
     is_bottom,
     is_open,
-    moved_corner,
+    near_surfaces,
     start,
     visit,
     walk_nearest,
+    workspace,
     workspace_for,
 )
 from collision.contact import CONTACT_DTYPE, TimeOfImpact
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import inner_kernel, kernel
-from collision.numeric.poses import relative_pose, screw_pose
+from collision.numeric.rigid_transforms import relative_pose, screw_pose
 from collision.numeric.simd import RATES, TERMS, apart_lane_a, apart_lane_b, lowest, perhaps_nearing
 from collision.numeric.vectors import cross, norm, sub
-from collision.proximity import mesh_clearance, surface_contacts
-from collision.query.distance import rounding_of
-from collision.query.signed_distance import near_surface_pairs, signed_distances_of
+from collision.objects import Objects
+from collision.query.distance import clearance_of, contacts_of, lanes_of, poses_of, rounding_of
+from collision.query.intersection import ALL_ENABLED, NO_TRIANGLES
+from collision.query.signed_distance import least_signed_distance, signed_distances_of
 from collision.reference.shape import ShapeMesh
-from collision.triangle.distance import planes_part
-from collision.triangle.motion import pair_step
+from collision.triangle.motion import Motion, pair_step
 
 if TYPE_CHECKING:
     import pinocchio as pin
 
-    from collision.manager import CollisionManager
 
 ROUNDING: Final = 64.0 * 2.0**-53
 """of a box moved by a pose: three products and three sums a coordinate, and the pose's own error, generously"""
+LESS: Final = 1.0 - 2.0**-20
+"""1: … of the time a pair holds is the step, so that what holds as long but for rounding needs no second look"""
 STEPS = 20000
 """advancements after which a pair counts as in contact at the time reached: a guard that stays on the safe side"""
 
@@ -90,7 +92,7 @@ class Sweep(NamedTuple):
     """Task: how long all pairs of triangles surely stay above the signed distances at which they stop."""
 
     level: Any
-    """(ka, kb) float64, m: where a pair of surfaces stops the motion, -inf where it never does; (0, 0): all at
+    """(ka·kb,) float64, m: where a pair of surfaces stops the motion, -inf where it never does; (0,): all at
     `tolerance`"""
     tolerance: Any
     slop: Any
@@ -109,11 +111,17 @@ class Sweep(NamedTuple):
 
 
 @inner_kernel
-def _stops(level, s, u, tolerance, slop):
-    """(signed distance at which a pair of boxes, of surfaces s and u or of several (-1), stops; what steps aim at)."""
-    if level.shape[0] > 0 and s >= 0 and u >= 0 and level[s, u] < tolerance:
-        return level[s, u], level[s, u] - 0.5 * slop
+def _stops(level, pair, tolerance, slop):
+    """(signed distance at which a pair of surfaces stops, or of boxes of several, pair -1; what steps aim at)."""
+    if pair >= 0 and len(level) > 0 and level[pair] < tolerance:
+        return level[pair], level[pair] - 0.5 * slop
     return tolerance, tolerance - slop  # no level lies above, which is safe for boxes of several surfaces
+
+
+@inline_kernel
+def _pair_of(b, s, u):
+    """The pair of surfaces s of a and u of b; -1 if either is -1."""
+    return np.int64(s) * len(b.root) + u if s >= 0 and u >= 0 else np.int64(-1)
 
 
 @inner_kernel
@@ -127,59 +135,70 @@ implements(is_bottom, Sweep)(below_packets)
 
 @implements(is_open, Sweep)
 def may_hold_less(task, ws, bound):
+    """Whether a pair of boxes that stays apart for this time may shorten the step."""
     return bound < task.step[0]
 
 
 @implements(children_of_a, Sweep)
 def shorter_children_of_a(task, a, b, ws, node, lane_b):
+    """Bits: which boxes of a node of a may come near a box of b within the step."""
     s, u = a.surface[LANES * node], b.surface[lane_b]
     if s != a.surface[LANES * node + 1]:  # an empty lane has -1, a node of one lane is of surfaces
         s = -1
-    stop, aim = _stops(task.level, s, u, task.tolerance, task.slop)
+    stop, aim = _stops(task.level, _pair_of(b, s, u), task.tolerance, task.slop)
     if stop == -np.inf:
         return 0
     ws.counts[TRIANGLE_BOXES] += LANES
     return apart_lane_a(
-        a.boxes, NODE * node, ws.moved, box_at(lane_b), task.rates, _up(stop), _up(aim), _up(task.step[0]), ws.bounds
+        a.boxes, NODE * node, ws.moved, box_at(lane_b), task.rates, _up(aim), _up(task.step[0]), ws.bounds
     )
 
 
 @implements(children_of_b, Sweep)
 def shorter_children_of_b(task, a, b, ws, lane_a, node):
+    """Bits: which boxes of a node of b may come near a box of a within the step."""
     s, u = a.surface[lane_a], b.surface[LANES * node]
     if u != b.surface[LANES * node + 1]:
         u = -1
-    stop, aim = _stops(task.level, s, u, task.tolerance, task.slop)
+    stop, aim = _stops(task.level, _pair_of(b, s, u), task.tolerance, task.slop)
     if stop == -np.inf:
         return 0
     ws.counts[TRIANGLE_BOXES] += LANES
     return apart_lane_b(
-        ws.moved, NODE * node, a.boxes, box_at(lane_a), task.rates, _up(stop), _up(aim), _up(task.step[0]), ws.bounds
+        ws.moved, NODE * node, a.boxes, box_at(lane_a), task.rates, _up(aim), _up(task.step[0]), ws.bounds
     )
 
 
-@inner_kernel
-def _speeds(matrix, motion, middle, half):
-    """(speed of the fastest point of a box of b against a at any time up to 1, that now, that by b's own motion)."""
+@inline_kernel
+def _motion_of(matrix, motion, middle, half):
+    """The `Motion` of the points of a box of b."""
     m = matrix
     x = (
         m[0] * middle[0] + m[1] * middle[1] + m[2] * middle[2] + m[9],
         m[3] * middle[0] + m[4] * middle[1] + m[5] * middle[2] + m[10],
         m[6] * middle[0] + m[7] * middle[1] + m[8] * middle[2] + m[11],
     )
-    dw, wb = (motion[3], motion[4], motion[5]), (motion[12], motion[13], motion[14])
-    u, own = cross(dw, x), cross(wb, middle)
+    velocity, turn, turn_a = _vector(motion, 0), _vector(motion, 3), _vector(motion, 6)
+    u, own = cross(turn, x), cross(_vector(motion, 12), middle)
     u = u[0] + motion[0], u[1] + motion[1], u[2] + motion[2]
     own = own[0] + motion[9], own[1] + motion[10], own[2] + motion[11]
     radius = norm(half)
-    fastest, pace = norm(u) + norm(dw) * radius, norm(own) + norm(wb) * radius
-    return fastest + norm(dw) * pace, fastest, pace
+    now, pace = norm(u) + norm(turn) * radius, norm(own) + norm(_vector(motion, 12)) * radius
+    return Motion(velocity, turn, turn_a, now + norm(turn) * pace, pace)
+
+
+@inner_kernel
+def _vector(x, at):
+    return x[at], x[at + 1], x[at + 2]
 
 
 @inline_kernel
-def _set_terms(task, a, b, ws, lane_a, lane_b, most, level, aim):
-    """Fill the task's terms for two packets, all but the last. The error bound: 20 roundings of float32 of coordinates
-    about the middle of a's box, and what float64 vertices are off, along any direction."""
+def _set_terms(task, a, b, ws, lane_a, lane_b, most, aim):
+    """Fill the task's terms for two packets, all but the last. most: bound of the acceleration.
+
+    The error bound: 20 roundings of float32 of coordinates about the middle of a's box, and what float64 vertices are
+    off, along any direction.
+    """
     m, motion, terms = ws.pose.matrix, task.motion, task.terms
     (ax, ay, az), _ = box_middle(a, lane_a)
     (x, y, z), _ = box_middle(b, lane_b)
@@ -193,47 +212,42 @@ def _set_terms(task, a, b, ws, lane_a, lane_b, most, level, aim):
         terms[d], terms[3 + d] = shift[d], motion[d] + velocity[d]
     size = a.size[lane_a] + b.size[lane_b] + abs(shift[0]) + abs(shift[1]) + abs(shift[2])
     terms[6] = 4.0 * (20.0 * 2.0**-24 * size + ws.pose.motion[22])
-    terms[7], terms[8], terms[9] = _up(most), _up(level), _up(aim)
+    terms[7], terms[8] = _up(most), _up(aim)
 
 
 @implements(visit, Sweep)
 def step_of_packets(task, a, b, ws, lane_a, lane_b):
+    """Shorten the step by the triangles of two packets; whether any are at their level now."""
     s, u = a.surface[lane_a], b.surface[lane_b]
-    level, aim = _stops(task.level, s, u, task.tolerance, task.slop)
+    level, aim = _stops(task.level, _pair_of(b, s, u), task.tolerance, task.slop)
     if level == -np.inf:
         return False
-    m, motion, rounding = ws.pose.matrix, task.motion, task.step[1]
-    dv, dw = (motion[0], motion[1], motion[2]), (motion[3], motion[4], motion[5])
-    wa = motion[6], motion[7], motion[8]
+    m, rounding = ws.pose.matrix, task.step[1]
     middle, half = box_middle(b, lane_b)
-    ever, fastest, pace = _speeds(m, motion, middle, half)
-    most = norm(wa) * ever + (norm(dw) + norm(cross(wa, dw))) * pace
+    motion = _motion_of(m, task.motion, middle, half)
+    turn, turn_a = motion.turn, motion.turn_a
+    most = norm(turn_a) * motion.fastest + (norm(turn) + norm(cross(turn_a, turn))) * motion.own
     step = task.step[0]
     p, q = ~np.int64(a.child[lane_a]), ~np.int64(b.child[lane_b])
     fresh_packets(a, b, ws, p, q)
-    _set_terms(task, a, b, ws, lane_a, lane_b, most, level, aim)
+    _set_terms(task, a, b, ws, lane_a, lane_b, most, aim)
     first_a, first_b = np.int64(a.first[p]), np.int64(b.first[q])
     for tb in range(first_b, np.int64(b.first[q + 1])):
-        task.terms[10] = _up(step)
+        task.terms[9], at, to = _up(step), PREPARED * p, PREPARED * q + tb - first_b
         ws.counts[TRIANGLE_BOXES] += LANES
-        bits = perhaps_nearing(
-            ws.prepared, PREPARED * p, ws.turned, PREPARED * q + tb - first_b, task.rates, task.terms
-        )  # fmt: skip
+        bits = perhaps_nearing(ws.prepared, at, ws.turned, to, task.rates, task.terms)
         if bits == 0:
             continue
-        k = moved_corner(b, 3 * tb, m), moved_corner(b, 3 * tb + 1, m), moved_corner(b, 3 * tb + 2, m)
+        other = moved_triangle(b, tb, m)
         while bits != 0:
-            ta = 3 * (first_a + lowest(bits))
+            one = triangle_of(a, first_a + lowest(bits))
             bits &= bits - 1
-            x, y, z = corner_of(a, ta), corner_of(a, ta + 1), corner_of(a, ta + 2)
-            reach = max(0.0, level + fastest * step + 0.5 * most * step * step) + rounding
-            if planes_part(x, y, z, k[0], k[1], k[2], reach):
-                continue
             ws.counts[TRIANGLES] += 1
-            d, hold = pair_step(x, y, z, k[0], k[1], k[2], dv, dw, wa, ever, pace, level, aim, step, rounding, ws.exact)
-            if d <= level or hold < step:
-                step = hold
-                task.hit[0], task.hit[1], task.hit[2], task.hit[3] = s, u, lane_a, lane_b
+            d, hold = pair_step(one, other, motion, aim, step, rounding, ws.exact)
+            if hold >= step:
+                continue
+            step = LESS * hold
+            task.hit[0], task.hit[1], task.hit[2], task.hit[3] = s, u, lane_a, lane_b
             if d <= level:
                 task.step[0] = 0.0
                 return True
@@ -242,13 +256,14 @@ def step_of_packets(task, a, b, ws, lane_a, lane_b):
 
 
 @inner_kernel
-def _set_rates(a_frame, b_frame, matrix, twist_a, twist_b, motion, rates):
-    """Fill `motion` and `rates` for body twists (v, w) and the pose of b in a's frame in `matrix`.
+def _set_rates(a_frame, b_frame, matrix, screws, task):
+    """Fill the task's `motion` and `rates` for two screws and the pose of b in a's frame in `matrix`.
 
     motion: velocity and angular velocity of b against a in a's frame, angular velocity of a; velocity and angular
     velocity of b in b's frame.
     """
-    m, v, w = matrix, twist_b[:3], twist_b[3:]
+    motion, rates, twist_a = task.motion, task.rates, screws[0, 12:]
+    m, v, w = matrix, screws[1, 12:15], screws[1, 15:]
     moved = (
         m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
         m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
@@ -283,45 +298,137 @@ def _set_rates(a_frame, b_frame, matrix, twist_a, twist_b, motion, rates):
     rates[22] = _up(2.0**-19 * (speed + (norm(dw) + norm(turned)) * extent) + 1e-30)
 
 
-@kernel
-def sweep(a, b, ws, screws, limits, level, task_arrays):
-    """The first time in [0, until] at which a pair of surfaces comes to its level, or infinity.
+class Room(NamedTuple):
+    """What `impact` works in, and where it places what it finds."""
 
-    screws: (2, 18) float64, pose at t = 0 and body twist (v, w) over the unit of time, of a and of b. limits: (4,)
-    float64, until, tolerance and slop (m), advancements. level: see `Sweep`. hit: the surface pair in the first two
-    places, also where the advancements do not suffice and it counts as met where they end.
+    task: Sweep
+    """its `level` long enough for any pair of objects"""
+    poses: Any
+    """(2, 12) float64"""
+    least: Any
+    """(2,) float64, see `SignedDistance`"""
+    found: Any
+    """(2,) float64: time, or infinity; whether `task.level` is in use"""
 
-    Returns (time, time of the advancement before it).
+
+@inline_kernel
+def _move_to(a, b, ws, screws, t, room):
+    """Begin a question about a and b at a time; `task.step[1]` and `least[1]` become its rounding."""
+    screw_pose(screws[0], t, room.poses[0])
+    screw_pose(screws[1], t, room.poses[1])
+    relative_pose(room.poses[0], room.poses[1], ws.pose.matrix)
+    start(a, b, ws)
+    room.task.step[1] = room.least[1] = rounding_of(a, b, ws.pose.matrix)
+
+
+@inner_kernel
+def _set_levels(a, b, ws, near, limits, enabled, room):
+    """Fill `room.task.level`: pairs of surfaces in contact, of the first `near` of `ws.pairs`, have one of their own.
+
+    A motion that is shorter than what a pair may come nearer does not bring it to its level, so it need not be known.
     """
-    step, hit, terms, rates, motion, pose = task_arrays
-    until, tolerance, slop = limits[0], limits[1], limits[2]
-    task = Sweep(level, tolerance, slop, rates, motion, step, hit, terms)
-    t, before = 0.0, 0.0
+    task, kb = room.task, len(b.root)
+    until, deflection = limits[0], limits[1]
+    tolerance, slop = task.tolerance, task.slop
+    for pair in range(len(a.root) * kb):
+        task.level[pair] = -np.inf if len(enabled) > 0 and enabled[pair] == 0 else tolerance
+    frame = b.frame
+    motion = _motion_of(ws.pose.matrix, task.motion, _vector(frame, 0), _vector(frame, 3))
+    way = until * motion.fastest * (1.0 + 1e-9) + 4.0 * room.least[1]
+    for k in range(near):
+        pair = ws.pairs[k]
+        if task.level[pair] == -np.inf:
+            continue
+        if way < 0.01 * slop:
+            task.level[pair] = -np.inf
+            continue
+        short = way < slop
+        within = slop - tolerance if short else tolerance * (1.0 + 2.0**-50)
+        depth = least_signed_distance(a, b, ws, pair, within, room.least)
+        if short and depth >= within:
+            task.level[pair] = -np.inf
+        elif depth <= tolerance:
+            lowest_level = max(depth - slop, -tolerance) if depth > slop - tolerance else depth - 0.01 * slop
+            task.level[pair] = min(lowest_level, -deflection) if deflection > 0.0 else lowest_level
+
+
+@inner_kernel
+def _last_above(a, b, ws, screws, before, pair, room):
+    """A time from `before` on at which the signed distance of a pair of surfaces is above its level by little.
+
+    It is above at `before`, and at or below at the time found; in between nothing gets below what the advancement held
+    to.
+    """
+    level, slop, time = room.task.level[pair], room.task.slop, room.found[0]
+    within, middle, apart = max(0.0, level + 2.0 * slop), before, np.inf
+    while True:
+        _move_to(a, b, ws, screws, middle, room)
+        there = least_signed_distance(a, b, ws, pair, within, room.least)
+        if there > level or apart == np.inf:
+            before, apart = middle, there
+        else:
+            time = middle
+        middle = 0.5 * (before + time)
+        if apart <= level + 1.5 * slop or not before < middle < time:
+            return before
+
+
+@kernel
+def impact(a, b, ws, screws, limits, enabled, room):
+    """The first time in [0, until] at which a pair of surfaces comes to its level, or infinity, into `room.found`.
+
+    screws: (2, 18) float64, pose at t = 0 and body twist (v, w) over the unit of time, of a and of b. limits: (3,)
+    float64, until, deflection (m), advancements. enabled: (ka·kb,) uint8, 0 for pairs of surfaces that are left out;
+    (0,) where none is. The pair is in the first two places of `room.task.hit`, also where the advancements do not
+    suffice and it counts as met where they end. Returns how many pairs of surfaces `ws.pairs` must have room for, or 0.
+    """
+    task, found, hit = room.task, room.found, room.task.hit
     hit[:] = -1
-    for _ in range(np.int64(limits[3])):
-        screw_pose(screws[0], t, pose[0])
-        screw_pose(screws[1], t, pose[1])
-        relative_pose(pose[0], pose[1], ws.pose.matrix)
-        start(a, b, ws)
-        _set_rates(a.frame, b.frame, ws.pose.matrix, screws[0, 12:], screws[1, 12:], motion, rates)
-        step[0], step[1] = until - t, rounding_of(a, b, ws.pose.matrix)
+    found[0] = np.inf
+    _move_to(a, b, ws, screws, 0.0, room)
+    _set_rates(a.frame, b.frame, ws.pose.matrix, screws, task)
+    reach = task.tolerance + room.least[1]
+    near = near_surfaces(a, b, ws, reach * reach)
+    if near > len(ws.pairs):
+        return near
+    found[1] = near > 0 or len(enabled) > 0
+    if found[1] > 0.0:
+        _set_levels(a, b, ws, near, limits, enabled, room)
+    else:
+        task = Sweep(
+            task.level[:0], task.tolerance, task.slop, task.rates, task.motion, task.step, task.hit, task.terms
+        )  # fmt: skip
+    until, t, before, taken = limits[0], 0.0, 0.0, np.int64(limits[2])
+    stopped = False
+    while taken > 0 and not stopped:
+        taken -= 1
+        _move_to(a, b, ws, screws, t, room)
+        _set_rates(a.frame, b.frame, ws.pose.matrix, screws, task)
+        task.step[0] = until - t
         last_a, last_b = hit[2], hit[3]
         # what held the last step back is likely to hold this one back: looked at first, it rules out much
         for k in range(0 if last_a >= 0 else 1, 2):
             if k == 1:
                 last_a, last_b = 0, 0
             if walk_nearest(task, a, b, ws, last_a, last_b, np.float32(0.0)):
-                return t, before
-        if step[0] >= until - t:
-            return np.inf, t
-        before = t
-        t += step[0]
-    return t, before
+                stopped = True
+                break
+        if not stopped:
+            if task.step[0] >= until - t:
+                return 0
+            before = t
+            t += task.step[0]
+    found[0] = t
+    if found[1] > 0.0:
+        pair = _pair_of(b, hit[0], hit[1])
+        if task.level[pair] < task.tolerance:
+            found[0] = _last_above(a, b, ws, screws, before, pair, room)
+    return 0
 
 
 # --- from Python -----------------------------------------------------------------------------------------------------
 
-_sweep = Door(sweep)
+_impact = Door(impact)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -331,8 +438,6 @@ class _Mover:
     mesh: SurfaceMesh
     screw: NDArray[np.float64]
     """(18,) pose at t = 0, rotation by rows and translation; body twist (v, w) over the unit of time"""
-    end: NDArray[np.float64]
-    """(12,) pose at t = 1"""
 
     def at(self, t: float) -> pin.SE3:
         import pinocchio as pin
@@ -340,7 +445,7 @@ class _Mover:
         return poses.unpack(self.screw[:12]) * pin.exp6(pin.Motion(t * self.screw[12:]))
 
 
-def time_of_impact(manager: CollisionManager, moves: Mapping[int, Any], deflection: float = 0.0) -> TimeOfImpact:
+def time_of_impact(objects: Objects, moves: Mapping[int, Any], deflection: float = 0.0) -> TimeOfImpact:
     """The first impact while the objects `moves` go from their poses to their targets, all at once.
 
     Parameters
@@ -353,67 +458,83 @@ def time_of_impact(manager: CollisionManager, moves: Mapping[int, Any], deflecti
 
     if not 0.0 <= deflection < np.inf:
         raise CollisionError(f"deflection is {deflection!r}; give a finite length of at least 0 m")
-    moving = {i: _mover(manager, i, _target(manager, i, target)) for i, target in moves.items()}
-    movers = dict(moving)
-    first = 1.0
-    stops: list[tuple[int, int, tuple[int, int], set[tuple[int, int]]]] = []
-    for i, j in _pairs(manager, moving):
-        for k in (i, j):
-            if k not in movers:
-                movers[k] = _mover(manager, k, None)
-        t, pair, touching = _pair_time(manager, movers[i], movers[j], i, j, first, deflection)
-        if t <= first and pair[0] >= 0:
+    ends = {i: _target(objects, i, target) for i, target in moves.items()}
+    movers = {i: _mover(objects, i, end) for i, end in ends.items()}
+    pairs = _pairs(objects, movers, ends)
+    for k in {k for pair in pairs for k in pair}.difference(movers):
+        movers[k] = _mover(objects, k, None)
+    first, stops = 1.0, []
+    room = _room(objects, max((movers[i].mesh.n_surfaces * movers[j].mesh.n_surfaces for i, j in pairs), default=0))
+    for i, j in pairs:
+        t, surfaces = _pair_time(movers[i], movers[j], objects.enabled_surfaces(i, j), (first, deflection, STEPS), room)
+        if t <= first:
             if t < first:
                 stops.clear()
-            first = min(first, t)
-            stops.append((i, j, pair, touching))
-    contacts = [_contacts(manager, movers, i, j, pair, touching, first) for i, j, pair, touching in stops]
+            first = t
+            apart = room.task.level.copy() if room.found[1] else None
+            stops.append((i, j, surfaces, apart))
+    contacts = [_contacts(objects, movers, stop, first) for stop in stops]
     rows = np.concatenate([np.empty(0, CONTACT_DTYPE), *contacts])
-    return TimeOfImpact(first, rows, {i: moving[i].at(first) for i in sorted(moving)})
+    return TimeOfImpact(first, rows, {i: movers[i].at(first) for i in sorted(ends)})
 
 
-def _target(manager: CollisionManager, i: int, target: Any) -> NDArray[np.float64]:
-    return poses.pack(target, f"target of object {i} ({manager.mesh(i).name})", i, manager.tolerance.rigid)
+def _room(objects: Objects, surfaces: int) -> Room:
+    """What `impact` works in, for so many pairs of surfaces."""
+    linear = objects.tolerance.linear
+    task = Sweep(
+        np.empty(surfaces), linear, objects.tolerance.slop * linear, np.empty(RATES, np.float32), np.empty(15),
+        np.empty(2), np.empty(4, np.int64), np.empty(TERMS, np.float32),
+    )  # fmt: skip
+    return Room(task, np.empty((2, 12)), np.empty(2), np.empty(2))
 
 
-def _mover(manager: CollisionManager, i: int, end: NDArray[np.float64] | None) -> _Mover:
+def _target(objects: Objects, i: int, target: Any) -> NDArray[np.float64]:
+    return poses.pack(target, f"target of object {i} ({objects.mesh(i).name})", i, objects.tolerance.rigid)
+
+
+def _mover(objects: Objects, i: int, end: NDArray[np.float64] | None) -> _Mover:
     """An object on its way to the (12,) pose `end`, or standing."""
     import pinocchio as pin
 
-    mesh, pose = manager.mesh(i), manager.pose(i)
-    begin = np.concatenate([pose.rotation.ravel(), pose.translation])
-    twist = np.zeros(6) if end is None else np.array(pin.log6(pose.actInv(poses.unpack(end))))
-    return _Mover(mesh, np.concatenate([begin, twist]), begin if end is None else end)
+    mesh, pose, screw = objects.mesh(i), objects.pose(i), np.zeros(18)
+    screw[:9], screw[9:12] = pose.rotation.ravel(), pose.translation
+    if end is not None:
+        screw[12:] = pin.log6(pose.actInv(poses.unpack(end)))
+    return _Mover(mesh, screw)
 
 
-def _pairs(manager: CollisionManager, moving: Mapping[int, _Mover]) -> list[tuple[int, int]]:
+def _pairs(
+    objects: Objects, moving: Mapping[int, _Mover], ends: Mapping[int, NDArray[np.float64]]
+) -> list[tuple[int, int]]:
     """Pairs i < j of which one moves, that are enabled, and whose ways come near each other."""
-    box = manager.world_boxes().copy()
+    known, box, linear = frozenset(objects.objects), objects.world_boxes().copy(), objects.tolerance.linear
     for i, mover in moving.items():
-        own = bounds_of(mover.mesh)
-        center, half = 0.5 * (own[:3] + own[3:6]), 0.5 * (own[3:6] - own[:3])
-        rotation, translation = mover.end[:9].reshape(3, 3), mover.end[9:]
-        middle, reach = rotation @ center + translation, np.abs(rotation) @ half
-        reach += ROUNDING * float((np.abs(translation) + np.abs(center) + half).sum())  # for rounding
-        beyond = _sagitta(mover.screw[12:], center, float(np.sqrt(half @ half)))
-        box[i, :3] = np.minimum(box[i, :3], middle - reach) - beyond
-        box[i, 3:] = np.maximum(box[i, 3:], middle + reach) + beyond
-    objects = manager.objects
-    out = set()
+        x0, y0, z0, x1, y1, z1, _ = bounds_of(mover.mesh).tolist()
+        center = (0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1))
+        half = (0.5 * (x1 - x0), 0.5 * (y1 - y0), 0.5 * (z1 - z0))
+        end, now = ends[i].tolist(), box[i].tolist()
+        rounding = ROUNDING * (sum(map(abs, end[9:])) + sum(map(abs, center)) + sum(half))
+        beyond = _sagitta(mover.screw[12:].tolist(), center, math.hypot(*half)) + rounding
+        for d in range(3):
+            row = end[3 * d : 3 * d + 3]
+            middle = sum(map(operator.mul, row, center), end[9 + d])
+            reach = sum(abs(r) * h for r, h in zip(row, half, strict=True))
+            now[d], now[3 + d] = min(now[d], middle - reach) - beyond, max(now[3 + d], middle + reach) + beyond
+        box[i] = now
+    out, low, high = set(), box[:, :3], box[:, 3:]
     for i in moving:
-        low, high = box[i, :3] - manager.tolerance.linear, box[i, 3:] + manager.tolerance.linear
-        near = np.all((box[:, :3] <= high) & (box[:, 3:] >= low), axis=1).tolist()
-        out |= {(min(i, j), max(i, j)) for j in objects if near[j] and j != i}
-    return sorted(pair for pair in out if not manager.ignored(*pair))
+        near = ((low <= high[i] + linear) & (high >= low[i] - linear)).all(axis=1)
+        out |= {(min(i, j), max(i, j)) for j in np.flatnonzero(near).tolist() if j != i and j in known}
+    return sorted(pair for pair in out if not objects.ignored(*pair))
 
 
-def _sagitta(twist: NDArray[np.float64], center: NDArray[np.float64], radius: float) -> float:
+def _sagitta(twist: list[float], center: tuple[float, float, float], radius: float) -> float:
     """How far points of a ball stray from their chords on the screw: each turns about its axis by |w|."""
-    vx, vy, vz, wx, wy, wz = twist.tolist()
+    vx, vy, vz, wx, wy, wz = twist
     turn = math.sqrt(wx * wx + wy * wy + wz * wz)
     if turn == 0.0:
         return 0.0
-    cx, cy, cz = center.tolist()
+    cx, cy, cz = center
     x, y, z = wy * cz - wz * cy + vx, wz * cx - wx * cz + vy, wx * cy - wy * cx + vz
     along = (x * wx + y * wy + z * wz) / (turn * turn)
     arm = math.hypot(x - along * wx, y - along * wy, z - along * wz)
@@ -421,93 +542,55 @@ def _sagitta(twist: NDArray[np.float64], center: NDArray[np.float64], radius: fl
 
 
 def _pair_time(
-    manager: CollisionManager, a: _Mover, b: _Mover, i: int, j: int, until: float, deflection: float
-) -> tuple[float, tuple[int, int], set[tuple[int, int]]]:
-    """(time or infinity, the pair of surfaces, the pairs in contact at the start)."""
+    a: _Mover, b: _Mover, enabled: NDArray[np.uint8] | None, limits: tuple[float, float, int], room: Room
+) -> tuple[float, tuple[int, int]]:
+    """(time, or infinity; the pair of surfaces). limits: see `impact`."""
     for mesh in (a.mesh, b.mesh):
         if isinstance(mesh, ShapeMesh):
             raise CollisionError(f"{mesh.name}: a shape without triangles is not swept; give it as a SurfaceMesh")
-    tolerance = manager.tolerance.linear
-    slop = manager.tolerance.slop * tolerance
     bvh_a, bvh_b = bvh_of(a.mesh), bvh_of(b.mesh)
-    enabled = manager.heeded_surfaces(i, j)
-    pose = _relative(a, b, 0.0)
-    near = near_surface_pairs(bvh_a, bvh_b, pose, tolerance)
-    if enabled is not None:
-        near = near[enabled[near[:, 0], near[:, 1]] != 0]
-    depths = signed_distances_of(bvh_a, bvh_b, pose, near, float(np.nextafter(tolerance, np.inf)))
-    touching = depths <= tolerance
-    surfaces, depths = near[touching], depths[touching]
-    level = np.empty((0, 0))
-    if enabled is not None or len(surfaces):
-        level = np.full((a.mesh.n_surfaces, b.mesh.n_surfaces), tolerance)
-        if enabled is not None:
-            level[enabled == 0] = -np.inf
-        lowest = np.where(depths > slop - tolerance, np.maximum(depths - slop, -tolerance), depths - 0.01 * slop)
-        level[surfaces[:, 0], surfaces[:, 1]] = np.minimum(lowest, -deflection) if deflection > 0.0 else lowest
-    hit = np.empty(4, np.int64)
-    room = np.empty(2), hit, np.empty(TERMS, np.float32), np.empty(RATES, np.float32), np.empty(15), np.empty((2, 12))
-    time, before = _sweep.call(
-        bvh_a, bvh_b, workspace_for(bvh_a, bvh_b), np.stack([a.screw, b.screw]),
-        np.array([until, tolerance, slop, STEPS]), level, room,
-    )  # fmt: skip
-    pair, pairs = (int(hit[0]), int(hit[1])), set(map(tuple, surfaces.tolist()))
-    if pair in pairs and time <= until:
-        time = _last_above(a, b, pair, before, time, float(level[pair]), slop)
-    return float(time), pair, pairs
-
-
-def _relative(a: _Mover, b: _Mover, t: float) -> NDArray[np.float64]:
-    """(12,) the pose of b in a's frame at time t."""
-    pose = a.at(t).actInv(b.at(t))
-    return np.concatenate([pose.rotation.ravel(), pose.translation])
-
-
-def _last_above(
-    a: _Mover, b: _Mover, pair: tuple[int, int], before: float, time: float, level: float, slop: float
-) -> float:
-    """A time from `before` on at which the signed distance of a pair of surfaces is above `level` by `slop` at most.
-
-    It is above at `before`, and at or below at `time`; in between nothing gets below what the advancement held to.
-    """
-    bvh_a, bvh_b, surfaces = bvh_of(a.mesh), bvh_of(b.mesh), np.array([pair], np.int64)
-
-    def signed_distance(t: float) -> float:
-        within = max(0.0, level + 2.0 * slop)
-        return float(signed_distances_of(bvh_a, bvh_b, _relative(a, b, t), surfaces, within)[0])
-
-    apart = signed_distance(before)
-    while apart > level + 1.5 * slop:
-        middle = 0.5 * (before + time)
-        if not before < middle < time:
-            break
-        there = signed_distance(middle)
-        if there > level:
-            before, apart = middle, there
-        else:
-            time = middle
-    return before
+    screws, mask = np.stack([a.screw, b.screw]), ALL_ENABLED if enabled is None else enabled.ravel()
+    while wanted := _impact.call(bvh_a, bvh_b, workspace_for(bvh_a, bvh_b), screws, np.array(limits), mask, room):
+        workspace(pairs=wanted)
+    hit = room.task.hit
+    return float(room.found[0]), (int(hit[0]), int(hit[1]))
 
 
 def _contacts(
-    manager: CollisionManager, movers: Mapping[int, _Mover], i: int, j: int, pair: tuple[int, int],
-    touching: set[tuple[int, int]], t: float,
+    objects: Objects, movers: Mapping[int, _Mover],
+    stop: tuple[int, int, tuple[int, int], NDArray[np.float64] | None], t: float,
 ) -> NDArray[Any]:  # fmt: skip
-    """The pairs of surfaces that stop objects i and j at time t: `pair`, and those that come into contact with it."""
-    world = movers[i].at(t)
-    relative = world.actInv(movers[j].at(t))
-    rows = surface_contacts(
-        movers[i].mesh, movers[j].mesh, relative, manager.tolerance.linear, manager.heeded_surfaces(i, j)
-    )
-    chosen = []
-    for row in rows:
-        surfaces = (int(row["surface_a"]), int(row["surface_b"]))
-        chosen.append(surfaces != pair and surfaces not in touching)
-    nearest = mesh_clearance(movers[i].mesh, movers[j].mesh, relative, *pair)
-    assert nearest is not None  # nothing is beyond an infinite bound
-    rows = np.concatenate([rows[np.array(chosen, bool)], nearest])
-    rows = rows[np.lexsort((rows["surface_b"], rows["surface_a"]))]
+    """The pairs of surfaces that stop objects i and j at time t: the one found, and those that come into contact with
+    it. stop: i, j, the pair, and the levels of all pairs if any are their own."""
+    i, j, pair, level = stop
+    a, b, enabled, linear = movers[i], movers[j], objects.enabled_surfaces(i, j), objects.tolerance.linear
+    bvh_a, bvh_b, shape = bvh_of(a.mesh), bvh_of(b.mesh), (a.mesh.n_surfaces, b.mesh.n_surfaces)
+    mask = np.ones(shape, np.uint8) if enabled is None else enabled.copy()
+    if level is not None:
+        level = level[: mask.size].reshape(shape)
+        unknown = np.argwhere((level == -np.inf) & (mask != 0))
+        mask[level < linear] = 0
+        if len(unknown):  # the motion was too short for them
+            start, within = poses_of(a.at(0.0).actInv(b.at(0.0)))[1], float(np.nextafter(linear, np.inf))
+            depths = signed_distances_of(bvh_a, bvh_b, start, unknown, within)
+            mask[tuple(unknown[depths > linear].T)] = 1
+    mask[pair] = 0
+    mask = mask.ravel()
+    mask.setflags(write=False)  # as `ALL_ENABLED`
+    where = np.empty((2, 12))
+    for k, pose in enumerate((a.at(t), b.at(t))):
+        where[k, :9], where[k, 9:] = pose.rotation.ravel(), pose.translation
+    while True:
+        ws = workspace_for(bvh_a, bvh_b)
+        rows = np.zeros(len(ws.pairs) + 1, CONTACT_DTYPE)
+        found = contacts_of(bvh_a, bvh_b, ws, where, 0, 1, linear, mask, NO_TRIANGLES, rows[:-1])
+        if found >= 0:
+            break
+        workspace(pairs=~found)
+    nearest = rows[found : found + 1]
+    clearance_of(bvh_a, bvh_b, ws, where, 0, 1, np.inf, lanes_of(bvh_a, bvh_b, *pair), nearest)
+    nearest["surface_a"], nearest["surface_b"] = pair
+    rows = rows[: found + 1]
     rows["object_a"], rows["object_b"] = i, j
-    for point in ("point_a", "point_b"):
-        rows[point] = rows[point] @ world.rotation.T + world.translation
+    rows = rows[np.lexsort((rows["surface_b"], rows["surface_a"]))]
     return rows

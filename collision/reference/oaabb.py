@@ -1,12 +1,12 @@
-"""Stage 2, filter surfaces, and stage 3 within each pair: the plain algorithm, with and without OAABB. Kernels.
+"""The algorithm of Figueiredo and Fernando for two objects, with overlap boxes (OAABB) and without, and its counts.
 
-With OAABB, at both levels: of each object only the surfaces that reach into the overlap of the two objects' boxes are
-paired, and of each pair of surfaces only the triangles that reach into the overlap of the two surfaces' boxes. Without,
-all surfaces are paired, and all triangles of pairs whose boxes overlap. Either way a pair of surfaces is done at its
-first pair of triangles that meet.
+Stage 2 pairs surfaces, stage 3 the triangles of each pair of surfaces. With OAABBs, stage 2 pairs only surfaces that
+reach into the overlap of the two objects' boxes, and stage 3 only triangles that reach into the overlap of the two
+surfaces' boxes. Without, all surfaces are paired, and all triangles of surfaces whose boxes overlap. Both end a pair of
+surfaces at its first two triangles that intersect.
 
-A box is a row (least x, y, z, greatest x, y, z), closed: boxes that touch overlap. Boxes of the very coordinates that
-are tested lose nothing, so no inflation is needed here.
+A box is a row (least x, y, z, greatest x, y, z), closed: boxes that touch overlap. Boxes are made of the coordinates
+that are tested, so they need no inflation.
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ from collision.triangle.intersection import triangles_meet
 def plain_pairs_of(
     mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, rigid: float, clip: bool
 ) -> tuple[NDArray[np.int32], Statistics]:
-    """The pairs of surfaces that intersect, (k, 2) sorted, and what they cost; clip: use OAABBs."""
+    """Return the pairs of surfaces that intersect, (k, 2) int32, sorted, and the counts; clip: use OAABBs.
+
+    pose_ab: pose of b in a's frame, `pinocchio.SE3` or (4, 4). rigid: see `poses.pack`, which raises.
+    """
     pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=rigid)
     corner_a, box_a, group_a = _boxes(mesh_a)
     corner_b, _, _ = _boxes(mesh_b)
@@ -41,7 +44,7 @@ def plain_pairs_of(
 
 
 def _boxes(mesh: SurfaceMesh) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
-    """The corners and the boxes of the triangles by surface, and the boxes of the surfaces, kept on the mesh."""
+    """Vertices (m, 3) and boxes (m, 6) of the triangles by surface, boxes (k, 6) of the surfaces; kept on the mesh."""
     cached = mesh._cache.get("plain")
     if cached is None:
         triangles_needed(mesh)
@@ -60,7 +63,7 @@ def _boxes(mesh: SurfaceMesh) -> tuple[NDArray[np.int32], NDArray[np.float64], N
 def plain_pairs(
     vertices_a, corner_a, start_a, box_a, group_a, vertices_b, corner_b, start_b, pose, clip, w, counts
 ):  # fmt: skip
-    """The colliding surfaces of a and of b moved by `pose`, as rows of (surface of a, surface of b), sorted.
+    """Return the colliding surfaces of a and of b moved by `pose`, as rows of (surface of a, surface of b), sorted.
 
     `corner_*`: (m, 3) vertices of the triangles by surface, those of surface s at `start[s]` … `start[s + 1]`;
     `box_a`, `group_a`: boxes of the triangles and of the surfaces of a; `clip`: use OAABBs; `counts`: see `Statistics`.
@@ -105,7 +108,7 @@ def plain_pairs(
 
 @kernel(allocates=True)
 def _clip(boxes, begin, end, common, clip, inside, counts, counter):
-    """The boxes begin … end - 1 that reach into the OAABB `common` (all of them unless `clip`); how many."""
+    """Fill `inside` with the boxes begin … end - 1 that overlap the OAABB `common`, all unless `clip`; how many."""
     n = 0
     for i in range(begin, end):
         if not clip or overlap(boxes, i, common, 0):
@@ -144,7 +147,7 @@ def _point(vertices, i):
 
 @kernel(allocates=True)
 def transform(vertices, pose, out):
-    """Place `vertices` (n, 3), moved by the (12,) pose, in `out`: the arithmetic by which all methods move points."""
+    """Fill `out` with `vertices` (n, 3) moved by the (12,) pose, in the order of operations of all methods."""
     for i in range(len(vertices)):
         x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         out[i, 0] = pose[0] * x + pose[1] * y + pose[2] * z + pose[9]

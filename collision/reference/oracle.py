@@ -1,8 +1,9 @@
-"""coal behind the same interface: to hold our answers against, and for shapes that are no triangle meshes.
+"""coal behind the same interface: a reference for our answers, and the queries of shapes that are no meshes.
 
-coal decides in floating point, triangle against triangle by GJK; its tolerance is set to 1e-10, since at its default of
-1e-6 it reports contacts that there are not. What reaches coal has been checked: meshes when they are made, poses by
-`collision.poses`; a bad index would end the interpreter there, a pose with NaN be answered as a collision.
+coal decides in floating point, triangle against triangle by GJK. Its tolerance is set to 1e-10: at its default of 1e-6
+it reports contacts of triangles that do not touch. Meshes are checked when they are made, and poses by
+`collision.poses`, before they reach coal: a bad index would end the interpreter there, and a pose with NaN would count
+as a collision.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from collision.reference.shape import ShapeMesh
 from collision.tolerance import DEFAULT, Tolerance
 
 ROUNDING: Final = 64.0 * 2.0**-53
-"""of a box moved by a pose: a few sums and products a coordinate, and the pose's own error, generously"""
+"""1: bound of the rounding of a box moved by a pose, a unit of its coordinates"""
 
 
 class OracleError(CollisionError):
@@ -40,7 +41,7 @@ class OracleError(CollisionError):
 def colliding_surfaces(
     mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, tolerance: Tolerance = DEFAULT
 ) -> NDArray[np.int32]:
-    """Every pair of surfaces that coal finds in collision: (k, 2) int32, sorted. The pose is b's in a's frame."""
+    """Return (k, 2) int32, sorted, as `methods.colliding_surfaces`: the pairs of surfaces in collision by coal."""
     import coal
 
     pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=tolerance.rigid)
@@ -56,10 +57,10 @@ def colliding_surfaces(
 
 
 def surface_contacts(
-    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, within: float, heeded: NDArray[np.uint8] | None = None,
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, within: float, enabled: NDArray[np.uint8] | None = None,
     tolerance: Tolerance = DEFAULT,
 ) -> NDArray[Any]:  # fmt: skip
-    """The rows of `collision.proximity.surface_contacts` by coal; triangles are -1 where a surface has none."""
+    """Return the rows of `query.distance.contacts_at` by coal; triangles are -1 where a surface has none."""
     import coal
 
     pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=tolerance.rigid)
@@ -70,7 +71,7 @@ def surface_contacts(
     colliding = {(int(s), int(t)) for s, t in colliding_surfaces(mesh_a, mesh_b, pose_ab, tolerance)}
     rows = []
     for s, t in _near(mesh_a, mesh_b, pose, within):
-        if heeded is not None and heeded[s, t] == 0:
+        if enabled is not None and enabled[s, t] == 0:
             continue
         result = coal.DistanceResult()
         a, b = _surface(mesh_a, s), _surface(mesh_b, t)
@@ -94,25 +95,37 @@ def surface_contacts(
     return np.array(rows, CONTACT_DTYPE)
 
 
+def clearance(
+    mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, surface_a: int | None = None, surface_b: int | None = None,
+    tolerance: Tolerance = DEFAULT,
+) -> NDArray[Any]:  # fmt: skip
+    """Return the row of least distance of `surface_contacts`, of two meshes or of a surface of either."""
+    rows = surface_contacts(mesh_a, mesh_b, pose_ab, np.inf, tolerance=tolerance)
+    for name, surface in (("surface_a", surface_a), ("surface_b", surface_b)):
+        if surface is not None:
+            rows = rows[rows[name] == surface]
+    return rows[[int(np.argmin(rows["distance"]))]]
+
+
 def cross_check(
     mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, ours: NDArray[np.int32],
     directory: str | Path | None = None, tolerance: Tolerance = DEFAULT, enabled: NDArray[np.uint8] | None = None,
 ) -> None:  # fmt: skip
-    """Hold an answer against coal's; enabled: (ka, kb), 0 for the pairs of surfaces that are left out.
+    """Compare an answer with coal's.
 
-    Pairs of surfaces that touch or miss each other by less than coal can tell (`tolerance.doubt` of the parts' size)
-    may differ.
+    ours: (k, 2), as `colliding_surfaces`. enabled: (ka, kb), 0 for pairs of surfaces that are left out. Pairs of
+    surfaces whose signed distance is within coal's error bound (`tolerance.oracle` of the parts' size) may differ.
 
     Raises
     ------
-    OracleError: with both answers, and a .npz file (in `directory`, else in the folder for temporary files) of both
-        meshes and the pose from which `reproduce` makes them again.
+    OracleError: the answers differ; `reproduce` reads both meshes and the pose from the file it names, in `directory`
+        or else in the folder for temporary files.
     """
     theirs = colliding_surfaces(mesh_a, mesh_b, pose_ab, tolerance)
     if enabled is not None:
         theirs = theirs[enabled[theirs[:, 0], theirs[:, 1]] != 0]
     one, other = ({(int(s), int(t)) for s, t in pairs} for pairs in (ours, theirs))
-    differ = sorted(pair for pair in one ^ other if not _in_doubt(mesh_a, mesh_b, pose_ab, pair, tolerance))
+    differ = sorted(pair for pair in one ^ other if not _within_error(mesh_a, mesh_b, pose_ab, pair, tolerance))
     if not differ:
         return
     matrix = np.asarray(getattr(pose_ab, "homogeneous", pose_ab))
@@ -132,7 +145,7 @@ def cross_check(
 
 
 def reproduce(path: str | Path) -> tuple[SurfaceMesh, SurfaceMesh, NDArray[np.float64]]:
-    """The two meshes and the (4, 4) pose of the second in the first's frame from the file of an `OracleError`."""
+    """Read the two meshes and the (4, 4) pose of the second in the first's frame from the file of an `OracleError`."""
     with np.load(path) as data:
         meshes = [
             SurfaceMesh(data[f"vertices_{k}"], data[f"triangles_{k}"], data[f"surface_of_triangle_{k}"], name=k)
@@ -141,19 +154,19 @@ def reproduce(path: str | Path) -> tuple[SurfaceMesh, SurfaceMesh, NDArray[np.fl
         return meshes[0], meshes[1], np.array(data["pose"])
 
 
-def _in_doubt(
+def _within_error(
     mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, pair: tuple[int, int], tolerance: Tolerance
 ) -> bool:  # fmt: skip
     from collision.query.signed_distance import signed_distances_of
 
     if isinstance(mesh_a, ShapeMesh) or isinstance(mesh_b, ShapeMesh):
         return False
-    pose, doubt = pack(pose_ab, "pose", rigid=tolerance.rigid), tolerance.doubt
+    pose, error = pack(pose_ab, "pose", rigid=tolerance.rigid), tolerance.oracle
     size = max(float(np.ptp(mesh.vertices, axis=0).max()) for mesh in (mesh_a, mesh_b))
     (signed,) = signed_distances_of(
-        bvh_of(mesh_a), bvh_of(mesh_b), pose, np.array([pair], np.int64), 2.0 * doubt * size
+        bvh_of(mesh_a), bvh_of(mesh_b), pose, np.array([pair], np.int64), 2.0 * error * size
     )  # fmt: skip
-    return bool(abs(signed) <= doubt * size)
+    return bool(abs(signed) <= error * size)
 
 
 def _surface(mesh: SurfaceMesh, surface: int) -> Any:

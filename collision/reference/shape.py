@@ -1,4 +1,4 @@
-"""Shapes that are no triangle meshes: coal's primitives, convex hulls, height fields and octrees as objects."""
+"""Shapes that are no triangle meshes as objects: coal's primitives, convex hulls, height fields and octrees."""
 
 from __future__ import annotations
 
@@ -17,9 +17,13 @@ _SIDES = (
 
 
 class ShapeMesh(SurfaceMesh):
-    """A coal shape, solid, as an object of one surface; its triangles are those of its bounding box, and only that.
+    """A solid coal shape as an object of one surface; its triangles are those of its bounding box.
 
-    Whether it collides, and how near it is, is asked of coal and thus not exact, see `collision.reference.oracle`.
+    coal finds its collisions and distances, which are not exact; see `collision.reference.oracle`.
+
+    Raises
+    ------
+    CollisionError: no shape of coal's, a mesh of coal's, or a shape without bounds.
     """
 
     __slots__ = ("shape",)
@@ -61,14 +65,14 @@ class ShapeMesh(SurfaceMesh):
 def triangles_needed(mesh: SurfaceMesh) -> None:
     """Raise CollisionError for a `ShapeMesh`: its triangles are not those of its shape."""
     if isinstance(mesh, ShapeMesh):
-        raise CollisionError(f'{mesh.name}: a shape has no triangles to test; ask with method="coal", or a manager')
+        raise CollisionError(f'{mesh.name}: a shape has no triangles to test; give method="coal", or use a manager')
 
 
 def mesh_of_shape(shape: Any, name: str | None = None) -> SurfaceMesh:
-    """The object to add for a coal shape: a `ShapeMesh`, or the closed mesh that a height field is.
+    """Return the object for a coal shape: a `ShapeMesh`, or a closed mesh for a height field.
 
-    coal has neither a test nor a distance of height fields and meshes; as a mesh of one surface, from its heights down
-    to its least height, a height field gets exact answers to every question.
+    coal has neither a test nor a distance of a height field and a mesh. As a mesh of one surface, from its heights down
+    to its least height, a height field has exact answers to every query.
     """
     import coal
 

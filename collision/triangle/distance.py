@@ -183,8 +183,9 @@ def _beyond(n, o, p, q, r, size, bound):
 
 
 @inner_kernel
-def planes_part(a, b, c, p, q, r, bound):
+def planes_part(one, other, bound):
     """Whether the plane of one triangle proves that they are farther apart than `bound`."""
+    (a, b, c), (p, q, r) = one, other
     u, v = sub(b, a), sub(c, a)
     if _beyond(cross(u, v), a, p, q, r, greatest(u) * greatest(v), bound):
         return True

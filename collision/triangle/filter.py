@@ -51,11 +51,11 @@ def _turned(p, q, r, sp, sq, sr):
 
 
 @inner_kernel(forceinline=True)
-def arranged(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr):
+def arranged(one, s, other, t):
     """Both triangles turned until p is alone on its side of the other's plane, the other mirrored until that side is
     the positive one: Guigue & Devillers' canonical form. s, t: the signs of the corners, none of them 0."""
-    p1, q1, r1, sp = _turned(p1, q1, r1, sp, sq, sr)
-    p2, q2, r2, tp = _turned(p2, q2, r2, tp, tq, tr)
+    p1, q1, r1, sp = _turned(one[0], one[1], one[2], s[0], s[1], s[2])
+    p2, q2, r2, tp = _turned(other[0], other[1], other[2], t[0], t[1], t[2])
     if sp < 0:
         q2, r2 = r2, q2
     if tp < 0:
@@ -81,7 +81,7 @@ def verdict(p1, q1, r1, p2, q2, r2):
     if sp * sq * sr * tp * tq * tr == 0:
         return IN_DOUBT
     # its orient3d, which is positive below, is the other sign
-    p1, q1, r1, p2, q2, r2 = arranged(p1, q1, r1, -sp, -sq, -sr, p2, q2, r2, -tp, -tq, -tr)
+    p1, q1, r1, p2, q2, r2 = arranged((p1, q1, r1), (-sp, -sq, -sr), (p2, q2, r2), (-tp, -tq, -tr))
     between = _minus(p2, p1)
     left = _above(between, _plane(_minus(q1, p1), _minus(q2, p1)))
     right = _above(between, _plane(_minus(r1, p1), _minus(r2, p1)))

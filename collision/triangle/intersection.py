@@ -84,8 +84,9 @@ def _segment_meets(p, q, sp, sq, a, b, c, w):
 
 
 @inner_kernel
-def _touching(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr, w):
+def _touching(one, s, other, t, w):
     """The same where a corner lies in the other's plane: coplanar, touching or degenerate triangles."""
+    (p1, q1, r1), (sp, sq, sr), (p2, q2, r2), (tp, tq, tr) = one, s, other, t
     if sp == 0 and sq == 0 and sr == 0 and tp == 0 and tq == 0 and tr == 0:
         for axis in range(3):
             turn1 = _turn(p1, q1, r1, axis, w)
@@ -119,8 +120,8 @@ def _meet(p1, q1, r1, p2, q2, r2, w):
     if tp == tq and tq == tr and tp != 0:
         return False
     if sp == 0 or sq == 0 or sr == 0 or tp == 0 or tq == 0 or tr == 0:
-        return _touching(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr, w)
-    p1, q1, r1, p2, q2, r2 = arranged(p1, q1, r1, sp, sq, sr, p2, q2, r2, tp, tq, tr)
+        return _touching((p1, q1, r1), (sp, sq, sr), (p2, q2, r2), (tp, tq, tr), w)
+    p1, q1, r1, p2, q2, r2 = arranged((p1, q1, r1), (sp, sq, sr), (p2, q2, r2), (tp, tq, tr))
     return _side(p1, q1, p2, q2, w) <= 0 and _side(p1, r1, r2, p2, w) <= 0
 
 

@@ -15,6 +15,8 @@ where |w_a × dw| bounds how far dw can turn in a's frame within the unit of tim
 
 from __future__ import annotations
 
+from typing import Any, Final, NamedTuple
+
 import numpy as np
 
 from collision.numeric.kernel import inner_kernel
@@ -32,63 +34,83 @@ def _safe(g, s, k):
     return np.inf
 
 
+class Motion(NamedTuple):
+    """How triangles of b move against a, in a's frame; the unit of time is that of the motion."""
+
+    velocity: Any
+    """(x, y, z) m: of the point of b at a's origin"""
+    turn: Any
+    """(x, y, z) rad: angular velocity of b against a"""
+    turn_a: Any
+    """(x, y, z) rad: angular velocity of a"""
+    fastest: Any
+    """m: a bound of the speed of b's points against a at any time"""
+    own: Any
+    """m: a bound of their speed by b's own motion"""
+
+
+STILL: Final = Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
+
+
 @inner_kernel
-def _range(n, a, b, c):
-    x, y, z = dot(n, a), dot(n, b), dot(n, c)
+def _range(n, triangle):
+    x, y, z = dot(n, triangle[0]), dot(n, triangle[1]), dot(n, triangle[2])
     return min(x, y, z), max(x, y, z)
 
 
 @inner_kernel
-def _hold(n, front, p, q, r, dv, dw, wa, ever, pace, aim):
-    """How long p, q, r, which move, surely stay more than `aim` beyond the plane n·x = `front`: each by its own speed.
+def _hold(n, front, triangle, motion, aim):
+    """How long a triangle that moves surely stays more than `aim` beyond the plane n·x = `front`.
 
-    What is far beyond may come fast: a large triangle beside a small one that turns.
+    Each corner closes the gap by its own speed: what is far beyond may come fast, as a large triangle that turns.
     """
-    growth = norm(cross(n, wa)) * ever + (norm(cross(n, dw)) + norm(cross(wa, dw))) * pace
+    turn, turn_a = motion.turn, motion.turn_a
+    if turn == turn_a == (0.0, 0.0, 0.0):
+        gap, closing = _range(n, triangle)[0] - front - aim, -dot(n, motion.velocity)
+        return (gap / closing if closing > 0.0 else np.inf) if gap > 0.0 else 0.0
+    bend = norm(cross(n, turn)) + norm(cross(turn_a, turn))
+    growth = norm(cross(n, turn_a)) * motion.fastest + bend * motion.own
     hold = np.inf
-    for k in range(3):
-        x = p if k == 0 else (q if k == 1 else r)
+    for x in triangle:
         gap = dot(n, x) - front - aim
         if gap <= 0.0:
             return 0.0
-        hold = min(hold, _safe(gap, -dot(n, dv) - dot(n, cross(dw, x)), growth))
+        hold = min(hold, _safe(gap, -dot(n, motion.velocity) - dot(n, cross(turn, x)), growth))
     return hold
 
 
 @inner_kernel
-def separation(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough):
+def separation(one, other, motion, aim, enough):
     """(separation of two triangles, how long it surely stays above `aim`), over their normals and products of edges.
 
     The separation is the greatest over these axes. For triangles that meet it is minus the length of the shortest
     translation that parts them, 0 for triangles in one plane. It holds as long as along the axis that holds longest.
-    Ends with the first axis that shows it to be above `level`, and to hold for `enough`.
+    Ends with the first axis that shows it to be above `aim`, and to stay there for `enough`.
     """
-    ab, bc, ca = sub(b, a), sub(c, b), sub(a, c)
-    pq, qr, rp = sub(q, p), sub(r, q), sub(p, r)
+    (a, b, c), (p, q, r) = one, other
+    ours, theirs = (sub(b, a), sub(c, b), sub(a, c)), (sub(q, p), sub(r, q), sub(p, r))
     best, hold = -np.inf, 0.0
     for k in range(-2, 9):
         if k == -2:
-            n = cross(ab, bc)
+            n = cross(ours[0], ours[1])
         elif k == -1:
-            n = cross(pq, qr)
+            n = cross(theirs[0], theirs[1])
         else:
-            u = ab if k < 3 else (bc if k < 6 else ca)
-            v = pq if k % 3 == 0 else (qr if k % 3 == 1 else rp)
-            n = cross(u, v)
+            n = cross(ours[k // 3], theirs[k % 3])
         length = norm(n)
         if length == 0.0:
             continue
-        n = (n[0] / length, n[1] / length, n[2] / length)
-        low_a, high_a = _range(n, a, b, c)
-        low_b, high_b = _range(n, p, q, r)
+        scale = 1.0 / length
+        n = (scale * n[0], scale * n[1], scale * n[2])
+        low_a, high_a = _range(n, one)
+        low_b, high_b = _range(n, other)
         ahead, behind = low_b - high_a, low_a - high_b
         best = max(best, ahead, behind)
         if ahead > aim:
-            hold = max(hold, _hold(n, high_a, p, q, r, dv, dw, wa, ever, pace, aim))
+            hold = max(hold, _hold(n, high_a, other, motion, aim))
         if behind > aim:
-            n = (-n[0], -n[1], -n[2])
-            hold = max(hold, _hold(n, -low_a, p, q, r, dv, dw, wa, ever, pace, aim))
-        if best > level and hold >= enough:
+            hold = max(hold, _hold((-n[0], -n[1], -n[2]), -low_a, other, motion, aim))
+        if best > aim and hold >= enough:
             break
     if best == -np.inf:
         best = 0.0  # points or parallel segments, which meet in a point or along a line
@@ -96,14 +118,15 @@ def separation(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough):
 
 
 @inner_kernel
-def pair_step(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough, touching, work):
+def pair_step(one, other, motion, aim, enough, touching, work):
     """(signed distance of two triangles, how long it surely stays above `aim`); less exact if that is `enough`.
 
     Signed distance: the distance, or the separation where they meet or are nearer than `touching` (m), below which
     float64 no longer tells the direction from one witness to the other.
     """
-    s, hold = separation(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough)
-    if (s > level and hold >= enough) or triangles_meet(a, b, c, p, q, r, work):
+    s, hold = separation(one, other, motion, aim, enough)
+    (a, b, c), (p, q, r) = one, other
+    if (s > aim and hold >= enough) or triangles_meet(a, b, c, p, q, r, work):
         return s, hold
     d2, x, y = closest_features(a, b, c, p, q, r)
     d = np.sqrt(d2)
@@ -112,6 +135,6 @@ def pair_step(a, b, c, p, q, r, dv, dw, wa, ever, pace, level, aim, enough, touc
     if d > aim:
         n = sub(y, x)
         n = (n[0] / d, n[1] / d, n[2] / d)
-        _, front = _range(n, a, b, c)
-        hold = max(hold, _hold(n, front, p, q, r, dv, dw, wa, ever, pace, aim))
+        _, front = _range(n, one)
+        hold = max(hold, _hold(n, front, other, motion, aim))
     return d, hold

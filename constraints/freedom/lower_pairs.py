@@ -1,12 +1,15 @@
-"""Names for spaces of relative motion: which lower pair a space of twists belongs to.
+"""Lower pairs: name and frame of the joint whose motions a space of twists spans.
 
-A lower pair's motions form a subgroup of SE(3) (Hervé, Mechanism and Machine Theory 13, 1978); its twists are told from
-others by the rank of their angular part, their pitch and the point their axes share.
+The motions of a lower pair form a subgroup of SE(3) (Hervé, Mechanism and Machine Theory 13, 1978). Its twists are
+recognised by the rank of their angular part, their pitch and the point that their axes share.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+import pinocchio as pin
 
 from constraints.solve.system import Array
 
@@ -61,7 +64,52 @@ def name_joint(twists: Array, length: float, across: float) -> str:
 
 def _meet(turning: Array, across: float) -> bool:
     """Whether all the motions are rotations about axes through one point c: v = c × ω for each."""
+    c, error = _center(turning)
+    return error < across * (1.0 + float(np.abs(c).max()))
+
+
+def _center(turning: Array) -> tuple[Array, float]:
+    """The point c (3,) nearest to all axes of motions (6, k) that turn, and the greatest error of v = c × ω."""
     rows = [np.array([[0.0, w[2], -w[1]], [-w[2], 0.0, w[0]], [w[1], -w[0], 0.0]]) for w in turning[3:].T]
     a, b = np.vstack(rows), turning[:3].T.ravel()
     c = np.linalg.lstsq(a, b, rcond=None)[0]
-    return float(np.abs(a @ c - b).max()) < across * (1.0 + float(np.abs(c).max()))
+    return c, float(np.abs(a @ c - b).max())
+
+
+@dataclass(frozen=True, eq=False)
+class LowerPair:
+    """A joint between two bodies."""
+
+    name: str
+    """one of `name_joint`'s, but for "universal", "translational" and "n-dof\""""
+    frame: pin.SE3
+    """frame of the joint, z along its axis, in the frame of the twists"""
+    pitch: float = 0.0
+    """m/rad, of a screw"""
+
+
+def lower_pair(twists: Array, length: float, across: float) -> LowerPair | None:
+    """The lower pair of the space spanned by `twists` (6, f), see `name_joint`; None if it is none of `LowerPair`'s."""
+    name = name_joint(twists, length, across)
+    if name in ("rigid", "free"):
+        return LowerPair(name, pin.SE3.Identity())
+    if name == "prismatic":
+        return LowerPair(name, frame_along(twists[:3, 0], np.zeros(3)))
+    if name == "spherical":
+        return LowerPair(name, pin.SE3(np.eye(3), _center(twists)[0]))
+    if name not in ("revolute", "screw", "cylindrical", "planar"):
+        return None
+    _, s, vt = np.linalg.svd(twists[3:])
+    turn = twists @ vt[0] / s[0]
+    v, omega = turn[:3], turn[3:]
+    point = np.zeros(3) if name == "planar" else np.cross(omega, v)
+    return LowerPair(name, frame_along(omega, point), float(omega @ v) if name == "screw" else 0.0)
+
+
+def frame_along(z: Array, origin: Array) -> pin.SE3:
+    """A frame at `origin` (3,) with its third axis along `z` (3,), which need not be a unit vector."""
+    z = z / np.linalg.norm(z)
+    x = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = x - (x @ z) * z
+    x /= np.linalg.norm(x)
+    return pin.SE3(np.stack([x, np.cross(z, x), z], axis=1), origin)

@@ -1,10 +1,10 @@
-"""`mobility`: the freedom that is left to each part and each pair, the joint it amounts to, and what is said twice.
+"""`mobility`: degrees of freedom and joint of each part and each pair, redundant and conflicting constraints.
 
-The graph of constraints is cut into blocks (see `constraints.freedom.blocks`). In each block a rank-revealing
-factorisation of the Jacobian at the solved pose tells the instantaneous motions; where equations are redundant these
-may be no motions at all (a shaky structure), so the block is moved along them by a finite step and solved again: what
-comes back to where it began was not free. A part's motions are spanned by those of the blocks between the ground and
-it.
+The graph of constraints is cut into blocks (see `constraints.freedom.biconnected`). In each block a rank-revealing
+factorisation of the Jacobian at the solved pose gives the instantaneous motions. Where equations are redundant these
+may not be finite motions (a shaky structure): the block is then moved along them by a finite step and solved again; a
+motion that returns to its start is not free. A part's motions are spanned by those of the blocks between the ground and
+the part.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from collision import Tolerance
 from constraints.errors import ConstraintsError
-from constraints.freedom.blocks import GROUND, Block, blocks
+from constraints.freedom.biconnected import GROUND, Block, blocks
 from constraints.freedom.lower_pairs import SUBGROUPS, name_joint, orthonormal
 from constraints.freedom.redundancy import Conflict, Names, Redundancy, conflicts, labels, redundancies
 from constraints.kinds.base import Constraint
@@ -67,7 +67,7 @@ class Mobility:
 
     @cached_property
     def pairs(self) -> Mapping[tuple[int, int], Freedom]:
-        """Of the second body in the first one's eyes, by (a, b) with a < b, for each pair that a constraint joins."""
+        """Freedom of body b relative to a, by (a, b) with a < b, for each pair that a constraint joins."""
         out: dict[tuple[int, int], Freedom] = {}
         for m in self._study.moves:
             for a, b in sorted({(min(c.bodies), max(c.bodies)) for c in m.system.constraints}):
@@ -76,14 +76,14 @@ class Mobility:
 
     @cached_property
     def conflicting(self) -> tuple[Conflict, ...]:
-        """Sets of constraints that cannot hold together, the widest miss first; found when first asked for."""
+        """Sets of constraints that cannot hold together, largest residual first; computed at first use."""
         s = self._study
         systems = [m.system for m in s.moves]
         return conflicts(s.constraints, systems, s.at, s.fixed, s.tolerance, s.texts)
 
     @cached_property
     def redundant(self) -> tuple[Redundancy, ...]:
-        """Constraints that earlier ones imply, in whole or in part, in the order given; found when first asked for."""
+        """Constraints that earlier ones imply, in whole or in part, in the given order; computed at first use."""
         s = self._study
         out = {c.constraints[-1] for c in self.conflicting}
         found = [
@@ -94,7 +94,7 @@ class Mobility:
 
 @dataclass(frozen=True, eq=False)
 class _Study:
-    """What redundancies and conflicts are found from, when they are asked for."""
+    """Input of the redundancy and conflict analysis, which runs at first use."""
 
     constraints: tuple[Constraint, ...]
     moves: tuple[_Moves, ...]
@@ -104,7 +104,7 @@ class _Study:
     names: Names
 
     def threshold(self, m: _Moves) -> float:
-        """What counts as dependent: a contradiction that is named is no uncertainty any more."""
+        """Relative pivot below which rows are dependent; contradictions beyond `tolerance.conflict` do not widen it."""
         return m.threshold if m.worst <= self.tolerance.conflict else self.tolerance.rank
 
     @cached_property
@@ -315,7 +315,7 @@ def _compact(columns: Array) -> Array:
 
 
 def _freedom(c: _Carried, pose: pin.SE3) -> Freedom:
-    """What the gathered motions amount to, seen in the frame of `pose`."""
+    """Freedom and joint of the gathered motions, in the frame of `pose`."""
     scale = np.array([1.0 / c.length] * 3 + [1.0] * 3)[:, None]
     to_local = scale * pose.inverse().action
     basis = orthonormal(to_local @ c.twists, c.across)

@@ -1,4 +1,4 @@
-"""What is said twice and what cannot be said at once, in the user's terms.
+"""Redundant and conflicting constraints, named in the user's terms.
 
 Redundant: a constraint whose rows lie, at the solved pose, in the span of the rows of constraints before it; the ones
 that imply it are the circuit it closes in the rows kept so far. Conflicting: an irreducible set, none of which can be
@@ -33,7 +33,7 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight"
 
 @dataclass(frozen=True)
 class Redundancy:
-    """A constraint that says again, in whole or in part, what earlier ones say."""
+    """A constraint that earlier ones imply in whole or in part."""
 
     constraint: int
     """its place in the sequence given"""
@@ -53,7 +53,7 @@ class Redundancy:
 
 @dataclass(frozen=True)
 class Conflict:
-    """Constraints that cannot hold together, though all but any one of them can."""
+    """Constraints that cannot hold together, while any proper subset can."""
 
     constraints: tuple[int, ...]
     """places in the sequence given, ascending"""
@@ -65,8 +65,8 @@ class Conflict:
 
 
 def labels(constraints: Sequence[Constraint], names: Names) -> list[str]:
-    """A text for each: "concentric of bolt_2 and plate", told apart by faces (or place) where a pair has several."""
-    texts = [f"{c.kind} of {_name(c.bodies[0], names)} and {_name(c.bodies[1], names)}" for c in constraints]
+    """A text for each: "concentric between bolt_2 and plate", with faces (or place) where a pair has several."""
+    texts = [f"{c.kind} between {_name(c.bodies[0], names)} and {_name(c.bodies[1], names)}" for c in constraints]
     counts = Counter(texts)
     for i, c in enumerate(constraints):
         if counts[texts[i]] > 1:
@@ -176,7 +176,7 @@ def _miss(
     at: Mapping[int, pin.SE3],
     tolerance: Tolerance,
 ) -> tuple[float, str, dict[int, pin.SE3]]:
-    """How near the last of the core can come to true while the others hold, and the poses where it does.
+    """Least residual of the last constraint of the core while the others hold, and the poses there.
 
     Gauss-Newton in the null space of the others, which are solved again after each step; from where all together with
     the last one at little weight have come to.

@@ -1,4 +1,4 @@
-"""`Feature`: one analytic surface of a part, made of the faces that continue one another on it."""
+"""`Feature`: one analytic surface of a part, with all faces that lie on it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from constraints.recognition.fits import refine
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """Faces that lie on one analytic surface and continue one another (two half bores are one feature)."""
+    """The faces of a part that lie on one analytic surface (two half bores are one feature)."""
 
     geometry: Geometry
     """in the part's frame; a plane's normal points out of the material"""

@@ -1,4 +1,4 @@
-"""ISO metric threads that a model draws as plain cylinders: the screw at its nominal diameter, the hole as drilled.
+"""ISO metric threads modelled as plain cylinders: the screw at nominal diameter, the hole as drilled.
 
 A tapped hole is drawn with the minor diameter of its thread or with its tap drill, so that screw and hole overlap by
 about half a pitch all round: M6 in Ø5. Sizes are those of ISO 262, the minor diameter is D - 1.0825·P (ISO 724), tap

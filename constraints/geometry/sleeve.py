@@ -1,10 +1,9 @@
-"""What a shaft and its bore cannot make collide: all that is within the one's radius, all that is without the other's.
+"""Face pairs that cannot intersect while a shaft is coaxial with its bore, or while two planes are face to face.
 
-While two parts share an axis, a face of the one that lies wholly within the shaft's cylinder and a face of the other
-that lies wholly without the bore's cannot meet, whatever their facets do: an equal-radius nut runs off the end of its
-bolt although the two rims are polygons that cross. A flange or a shoulder is not such a face, and stays solid.
-Likewise while two planes are face to face: what is behind the one cannot meet what is behind the other, so that the
-rims of two like holes do not keep a plate from its seat.
+While the axes coincide, a face inside the shaft's cylinder cannot meet a face outside the bore's cylinder, whatever
+their facets do: a nut of equal radius runs off the end of its bolt although the two rims are polygons that cross. A
+flange or a shoulder is outside the shaft's cylinder and stays solid. Likewise faces behind one of two planes in contact
+cannot meet faces behind the other, so that the rims of two equal holes do not keep a plate from its seat.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ def sleeve(
     meshes: tuple[SurfaceMesh, SurfaceMesh],
     slack: float,
 ) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
-    """Faces of a candidate's two bodies of which none of the first can meet any of the second while it holds.
+    """Faces of a candidate's first body that cannot meet those of the second while it holds, and the latter.
 
     features: of every body. meshes: of the candidate's two bodies. slack: m, see `faces_within`. None for candidates
     that are neither a shaft in a bore nor planes face to face.
@@ -54,7 +53,7 @@ def _crest(cylinder: Cylinder, shaft: Feature) -> Cylinder:
 
 
 def faces_behind(mesh: SurfaceMesh, plane: Plane, slack: float) -> tuple[int, ...]:
-    """Faces whose vertices are no more than `slack` (m) before a plane of their own part; ascending."""
+    """Faces whose vertices are at most `slack` (m) in front of a plane of their own part, ascending."""
     height = plane.distance(mesh.vertices)[mesh.triangles].max(axis=1)
     highest = np.full(mesh.n_surfaces, -np.inf)
     np.maximum.at(highest, mesh.surface_of_triangle, height)
@@ -62,7 +61,7 @@ def faces_behind(mesh: SurfaceMesh, plane: Plane, slack: float) -> tuple[int, ..
 
 
 def faces_within(mesh: SurfaceMesh, shaft: Cylinder, slack: float) -> tuple[int, ...]:
-    """Faces of the shaft's part whose vertices are no more than `slack` (m) beyond its radius; ascending."""
+    """Faces of the shaft's part whose vertices are at most `slack` (m) outside its radius, ascending."""
     radius = np.linalg.norm(_flat(mesh, shaft), axis=2).max(axis=1)
     widest = np.zeros(mesh.n_surfaces)
     np.maximum.at(widest, mesh.surface_of_triangle, radius)
@@ -70,7 +69,7 @@ def faces_within(mesh: SurfaceMesh, shaft: Cylinder, slack: float) -> tuple[int,
 
 
 def faces_without(mesh: SurfaceMesh, bore: Cylinder, surfaces: tuple[int, ...]) -> tuple[int, ...]:
-    """Faces of the bore's part that come no nearer to its axis than the facets of the bore itself do; ascending.
+    """Faces of the bore's part that come no nearer to its axis than the bore's own facets, ascending.
 
     surfaces: the faces of the bore.
     """

@@ -1,4 +1,4 @@
-"""Threads that are real geometry, found in faces of no analytic type by the one motion they slip along.
+"""Modelled threads: found among freeform faces by the screw motion that their surface is invariant under.
 
 A surface slips along a twist (v, ω) when every normal is at right angles to the velocity there: n·(v + ω × p) = 0
 (Gelfand and Guibas, Shape segmentation using local slippage analysis, SGP 2004). A cylinder has two such twists, a

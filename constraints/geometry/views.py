@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from collision import Tolerance
 from constraints.geometry.features import Feature
 from constraints.geometry.overlap import height_spans, open_angle
+from constraints.geometry.reach import deflection
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Torus, Vector
 from constraints.recognition.iso286 import fit_class
-from constraints.recognition.tangencies import sag
 
 CLEARANCE_HOLE = 4e-3
 """m: radial clearance of the widest hole of ISO 273, medium series (M150 in Ø158)"""
@@ -121,9 +121,17 @@ class Extent:
         return radius + float(distance.min()), radius + float(distance.max())
 
     @cached_property
-    def sag(self) -> float:
+    def deflection(self) -> float:
         """m: how far its facets fall short of the surface they stand for."""
-        return sag(self.feature.geometry, self.feature.samples[self.feature.triangles])
+        return deflection(self.feature.geometry, self.feature.samples[self.feature.triangles])
+
+    @cached_property
+    def ball(self) -> tuple[Vector, float]:
+        """Centre (3,) and radius (m) of a ball that holds the feature and, where it has one, its axis and origin."""
+        g, points = self.feature.geometry, self.feature.samples
+        if isinstance(g, Cylinder):
+            points = np.concatenate([points, g.origin + np.append(self.spans.ravel(), 0.0)[:, None] * g.axis])
+        return self.center, float(np.sqrt(((points - self.center) ** 2).sum(axis=1).max()))
 
     @property
     def length(self) -> float:

@@ -1,4 +1,4 @@
-"""`Constraint`: what a kind is. A kind states its equations; residual, Jacobian and freedom follow from them."""
+"""`Constraint`: base of all kinds. A kind states its equations; residual, Jacobian and freedom follow from them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Symbol:
 
 @dataclass(frozen=True, eq=False)
 class Constraint(ABC):
-    """What a feature of body a and a feature of body b mean to each other. A frozen value; compare by identity.
+    """A geometric relation between a feature of body a and one of body b. A frozen value; compared by identity.
 
     Subclasses state `kind` and `equations()`, and add their parameters as fields. No kind states an equation twice:
     rows are independent in general position, and `freedom` is what they leave.
@@ -84,7 +84,7 @@ class Constraint(ABC):
 
     @abstractmethod
     def equations(self) -> tuple[Equation, ...]:
-        """The equations that hold when the constraint does."""
+        """The equations of the constraint."""
 
     def feature(self, body: int, *types: type[Geometry]) -> Any:
         """The feature of a (0) or b (1), of one of `types`, else GeometryError."""
@@ -102,7 +102,7 @@ class Constraint(ABC):
 
     @cached_property
     def equalities(self) -> Compiled:
-        """Those of its equations that take freedom: limits left out."""
+        """The equations without limits."""
         return Compiled.of(tuple(e for e in self.equations() if e.holds))
 
     @property
@@ -112,7 +112,7 @@ class Constraint(ABC):
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom it leaves between its two bodies, in general position; limits take none."""
+        """Degrees of freedom that it leaves between its two bodies in general position; limits remove none."""
         return 6 - self.equalities.rows
 
     @property
@@ -122,12 +122,12 @@ class Constraint(ABC):
 
     @property
     def reach(self) -> float:
-        """m, `size` or the radius of the features, whichever is more: how far a turn of 1 rad carries them."""
+        """m: lever arm of rotations, the greater of `size` and the features' radius."""
         radii = (getattr(f, name, 0.0) for f in self.features for name in ("radius", "major"))
         return max(self.size, *radii)
 
     def residual(self, pose_a: pin.SE3, pose_b: pin.SE3) -> Array:
-        """How far from true it is at these poses: (rows,), metres and radians (see `angular`)."""
+        """(rows,) residual at these poses, m and rad (see `angular`); 0 where the constraint holds."""
         return self.compiled.evaluate(pose_a, pose_b)[0]
 
     def jacobian(self, pose_a: pin.SE3, pose_b: pin.SE3) -> tuple[Array, Array]:

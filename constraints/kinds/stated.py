@@ -31,7 +31,7 @@ UNKNOWN = -1
 def stated(
     constraint: Constraint, poses: Sequence[pin.SE3], features: Sequence[Sequence[Feature]], number: int, why: str
 ) -> Candidate:
-    """The candidate that stating a constraint amounts to.
+    """The candidate of a constraint that the caller states.
 
     features: of every body. number: one that no other statement has: it tells apart those about the same bodies.
     why: one line, for the user.
@@ -91,10 +91,10 @@ def contradiction(
     tolerance: Tolerance,
     names: Names = None,
 ) -> Conflict | None:
-    """Why a constraint cannot hold together with those in force, and how far off it stays; None where it can.
+    """Why a constraint cannot hold together with those in force, and its residual; None if it can.
 
-    What is looked at is all that hangs together through bodies that are not `fixed`. It holds where the solver, from
-    `poses`, brings every row within `Tolerance.linear`, as for what is recognised.
+    Considers all constraints connected to it through bodies that are not `fixed`. It holds if the solver brings every
+    row within `Tolerance.linear`, starting from `poses`.
     """
     still = frozenset(fixed)
     near, rest = [constraint], list(held)

@@ -1,4 +1,4 @@
-"""The mechanism that an assembly is: rigid links, a tree of joints, loops closed by welds; as a Pinocchio model.
+"""`Mechanism`: an assembly as rigid links, a tree of joints and loops closed by welds; exports a Pinocchio model.
 
 Every joint is a chain of one-degree axes (a cylindrical one a slide and a turn, a spherical one three turns), so that a
 Pinocchio model and a URDF file hold the same coordinates under the same names, all zero where the assembly stood. A
@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from constraints.freedom.graph import AssemblyGraph
-from constraints.freedom.lower_pairs import SUBGROUPS
+from constraints.freedom.lower_pairs import SUBGROUPS, frame_along
 from constraints.freedom.mobility import Freedom, Mobility, mobility
 from constraints.kinds import Constraint
 from constraints.solve.solver import solve
@@ -48,11 +48,7 @@ class Axis:
     @property
     def frame(self) -> pin.SE3:
         """World frame with its z along the axis."""
-        z = self.direction
-        x = np.roll(np.eye(3)[int(np.argmin(np.abs(z)))], 0)
-        x = x - (x @ z) * z
-        x /= np.linalg.norm(x)
-        return pin.SE3(np.stack([x, np.cross(z, x), z], axis=1), self.origin)
+        return frame_along(self.direction, self.origin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +140,9 @@ def axis_name(joint: Joint, k: int) -> str:
 def mechanism(graph: AssemblyGraph) -> Mechanism:
     """Links and joints of an assembly with a base.
 
-    The joint of two links is what their own constraints leave, or, where other parts narrow that to a smaller lower
-    pair that stays the same while it moves, that one (a nut between its bolt's axis and a plate turns, and no more).
-    A contact that is no lower pair (a ball rolling on a plate) cannot be had as a joint: it is left out, and noted.
+    The joint of two links is the lower pair that their own constraints leave; where other parts narrow it to a smaller
+    pair that stays the same in motion, it is that one (a nut between its bolt's axis and a plate can only turn). A
+    contact that is no lower pair (a ball rolling on a plate) is left out and noted.
     """
     links = graph.links
     frames = tuple(pin.SE3(graph.poses[group[0]]) for group in links)
@@ -195,7 +191,7 @@ def _between_links(
 
 
 def _freedom(reduced: Sequence[Constraint], frames: Sequence[pin.SE3], graph: AssemblyGraph) -> int:
-    """Degrees of freedom of the whole, links that nothing holds counted with six."""
+    """Degrees of freedom of the assembly; links without constraints count six."""
     held = systems(tuple(reduced), frozenset(range(1, len(frames))))
     total = 6 * (len(frames) - 1 - sum(len(s.movable) for s in held))
     for system in held:
@@ -206,7 +202,7 @@ def _freedom(reduced: Sequence[Constraint], frames: Sequence[pin.SE3], graph: As
 
 
 def _nearby(reduced: Sequence[Constraint], frames: Sequence[pin.SE3], graph: AssemblyGraph) -> list[Mobility]:
-    """Freedom at two poses a little way off; fewer where there are none to be found."""
+    """Mobility at up to two poses near the given one that satisfy the constraints."""
     rng = np.random.default_rng(0)
     sizes = [max((c.size for c in reduced if i in c.bodies), default=1.0) for i in range(len(frames))]
     out = []
@@ -230,7 +226,7 @@ def _joint(
     nearby: Sequence[Mobility],
     graph: AssemblyGraph,
 ) -> Freedom:
-    """What link b may do in the eyes of link a."""
+    """Freedom of link b relative to link a."""
     a, b = pair
     alone = mobility(own, {a: frames[a], b: frames[b]}, [a], graph.tolerance).parts[b]
     narrow = whole.pairs[pair]
@@ -283,7 +279,10 @@ def _signed(v: Array) -> Array:
 def _spanning_tree(
     graph: AssemblyGraph, links: tuple[tuple[int, ...], ...], joints: Mapping[tuple[int, int], Joint]
 ) -> tuple[list[Joint], list[Joint]]:
-    """Tree from link 0, narrowest joints first (Prim); what hangs on nothing floats. The rest is returned beside it."""
+    """Spanning tree from link 0, joints of least freedom first (Prim), and the joints beside it.
+
+    Links without a joint get a free one.
+    """
     joined, tree, left = {0}, [], dict(joints)
     while len(joined) < len(links):
         edges = [(len(j.axes), pair) for pair, j in left.items() if len(joined & set(pair)) == 1]
@@ -305,7 +304,7 @@ _FREE = Freedom(6, 6, np.eye(6), "free")
 
 
 def _needed(tree: Sequence[Joint], rest: Sequence[Joint], n_links: int) -> list[Joint]:
-    """Of the joints beside the tree, those that take freedom from it and from one another."""
+    """The joints beside the tree that reduce its freedom, each further than those before it."""
     start = np.concatenate([[0], np.cumsum([len(j.axes) for j in tree])])
     motion = np.zeros((n_links, 6, int(start[-1])))
     for j, k in zip(tree, start[:-1], strict=True):

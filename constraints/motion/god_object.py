@@ -18,10 +18,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CONTACT_DTYPE, Tolerance
-from constraints.motion.quadratic_program import UNMOVED, UndecidedError, quadratic_program
+from constraints.motion.quadratic_program import UNMOVED, UndecidedError, minimum, quadratic_program
 from constraints.motion.unknowns import Unknowns
 from constraints.motion.walls import Walls
 from constraints.recognition.mated import MatedSurfaces
+from constraints.solve.allowed import allowed
 from constraints.solve.solver import solve
 
 Array = NDArray[np.float64]
@@ -45,9 +46,9 @@ class Swept(Protocol):
     """What is asked of `collision.CollisionManager`."""
 
     def set_pose(self, i: int, pose: pin.SE3) -> None: ...
-    def time_of_contact(self, moves: Mapping[int, pin.SE3]) -> Any: ...
+    def time_of_impact(self, moves: Mapping[int, pin.SE3]) -> Any: ...
     def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
-    def heed_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
+    def enable_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
     def ignored_surfaces(self, i: int, j: int) -> frozenset[tuple[int, int]]: ...
 
 
@@ -81,12 +82,11 @@ class Linear:
     @classmethod
     def at(cls, unknowns: Unknowns, poses: Sequence[pin.SE3], known: Linear | None, rigid: float) -> Linear:
         """What holds at `poses`; `known`, if it is that: a step begins where the one before ended."""
-        bodies = sorted({b for system in unknowns.systems for b in system.bodies})
-        key = b"".join(poses[b].homogeneous.tobytes() for b in bodies)
+        key = b"".join([poses[b].homogeneous.tobytes() for b in unknowns.named])
         if known is not None and known.unknowns is unknowns and known.key == key:
             return known
         residual, jacobian = unknowns.linearised(poses, rigid)
-        return cls(unknowns, key, residual, *unknowns.allowed(residual, jacobian))
+        return cls(unknowns, key, residual, *allowed(residual, jacobian))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class Aim:
 
     def free(self) -> Array:
         """(n,) the motion that it would be without contacts."""
-        return self.origin + self.basis @ np.linalg.solve(self.hessian, -self.gradient)
+        return self.origin + self.basis @ minimum(self.hessian, self.gradient)
 
     def along(self, pressed: Array) -> Array:
         """(n,) the motion that neither closes nor opens the gaps that `pressed` (k, n) are the rows of."""
@@ -187,7 +187,7 @@ class Step:
         for _ in range(MAX_PASSES):
             proposal = self._propose(aim, may_lift=not lifted)
             lifted = proposal.lifts
-            target = dict(self.wanted) if proposal.whole else self._moved(proposal.x)
+            target = self._followed(self.wanted) if proposal.whole else self._moved(proposal.x)
             if not proposal.covered or len(proposal.rows):
                 target, hit = self._sweep(target, proposal.rows)
                 if hit is not None:
@@ -209,7 +209,7 @@ class Step:
                 break
             best = error
         return MotionResult(
-            poses={b: self.poses[b] for b in self.bodies},
+            poses={b: self.poses[b] for b in self.unknowns.place},
             blocked=blocked,
             contacts=_latest(self.acting),
             residual=float(np.abs(self.linear.residual).max(initial=0.0)),
@@ -280,8 +280,8 @@ class Step:
         x = unknowns.clipped(aim.free(), MAX_TURN)
         margin = MARGIN * self.tolerance.linear
         # a long motion is not looked at to its end: beyond a few reaches the sweep finds what it meets
-        reach = min(unknowns.travel(x), 5.0 * self.tolerance.reach) + 2.0 * margin
-        rows = self.walls.near(reach, self.bodies, self.poses)
+        reach = min(unknowns.closing(x), 5.0 * self.tolerance.reach) + 2.0 * margin
+        rows = self.walls.near(reach, unknowns.place, self.poses)
         active, pressed = np.zeros(0, np.int64), np.zeros((0, unknowns.n))
         lifts = False
         if len(rows) and basis.shape[1]:
@@ -301,9 +301,9 @@ class Step:
                     y, active = found
                     pressed = c[active]
                     # an arm that turns by this sinks half the margin below its tangent
-                    x = unknowns.clipped(origin + basis @ y, float(np.sqrt(margin / unknowns.radius.max())))
+                    x = unknowns.clipped(origin + basis @ y, float(np.sqrt(margin / unknowns.reach.max())))
         whole = not unknowns.constraints and not len(active) and not lifts and unknowns.turn(x) < 0.99 * MAX_TURN
-        return Proposal(x, rows, active, pressed, unknowns.travel(x) < reach, lifts, whole)
+        return Proposal(x, rows, active, pressed, unknowns.closing(x) < reach, lifts, whole)
 
     def _inequalities(self, rows: NDArray[Any]) -> tuple[Array, Array]:
         """C (k, n) and gap (k,): the gap of each pair of surfaces grows by C x, to first order."""
@@ -335,7 +335,10 @@ class Step:
         if self.unknowns.constraints:
             at = dict(enumerate(self.poses)) | target
             target = target | dict(solve(self.unknowns.constraints, at, self.bodies, self.solving).poses)
-        return target
+        return self._followed(target)
+
+    def _followed(self, target: Mapping[int, pin.SE3]) -> dict[int, pin.SE3]:
+        return self.unknowns.groups.followed(target, self.poses)
 
     def _sweep(self, target: dict[int, pin.SE3], rows: NDArray[Any]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
         """How far along the screws to `target` the bodies get, and what stopped them; `rows` were foreseen.
@@ -351,32 +354,32 @@ class Step:
             return self._advance(target, rows)
         finally:
             for a, s, b, t in flush:
-                collision.heed_surfaces(a, (s,), b, (t,))
+                collision.enable_surfaces(a, (s,), b, (t,))
 
     def _advance(
         self, target: dict[int, pin.SE3], rows: NDArray[Any]
     ) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
         hit = None
         for _ in range(3):
-            found = self.collision.time_of_contact(target)
+            found = self.collision.time_of_impact(target)
             if found.t >= 1.0:
                 return target, hit
             hit = found.contacts
             self._remember(rows, hit, found.poses)
             # stop short of what the linear rows did not foresee: with it among them the next pass goes on from afar
             target = self._projected(
-                {b: pin.SE3.Interpolate(self.poses[b], pose, SHORT * found.t) for b, pose in target.items()}
+                {b: pin.SE3.Interpolate(self.poses[b], target[b], SHORT * found.t) for b in self.bodies}
             )
         return {b: self.poses[b] for b in target}, hit
 
     def _commit(self, target: dict[int, pin.SE3]) -> float:
         """Go there; how far the farthest point of a body went (m, at most)."""
         travel = 0.0
+        for k, body in enumerate(self.bodies):
+            center, reach = self.unknowns.center[k], float(self.unknowns.reach[k])
+            step = self.poses[body].actInv(target[body])
+            travel = max(travel, _length(step.act(center) - center) + reach * _length(pin.log3(step.rotation)))
         for body, pose in target.items():
-            k = self.unknowns.place[body]
-            center, radius = self.unknowns.center[k], float(self.unknowns.radius[k])
-            step = self.poses[body].actInv(pose)
-            travel = max(travel, _length(step.act(center) - center) + radius * _length(pin.log3(step.rotation)))
             self.poses[body] = pose
             self.collision.set_pose(body, pose)
         self.linear = Linear.at(self.unknowns, self.poses, self.linear, self.tolerance.rigid)

@@ -17,16 +17,18 @@ from numpy.typing import NDArray
 
 from collision import CONTACT_DTYPE, Tolerance
 from constraints.errors import ConstraintsError
-from constraints.kinds import Fixed
 from constraints.manager import ConstraintManager
 from constraints.motion.god_object import Linear, MotionResult, Step, Swept
 from constraints.motion.unknowns import Unknowns
 from constraints.motion.walls import Near, Walls
 from constraints.recognition.mated import Ignoring, MatedSurfaces
+from constraints.solve.groups import Groups
 
 
 class Solids(Near, Swept, Ignoring, Protocol):
     """What motion needs of `collision.CollisionManager`."""
+
+    def set_groups(self, groups: Iterable[Iterable[int]]) -> None: ...
 
 
 class Motion:
@@ -51,8 +53,6 @@ class Motion:
         self._shape: dict[int, tuple[NDArray[np.float64], float]] = {}
         self._unknowns: tuple[Any, Unknowns] | None = None
         self._linear: Linear | None = None
-        self.carried: dict[tuple[int, int], Fixed] = {}
-        """held and carried body -> how the one sits on the other, as it was when it was first carried"""
         # a projection finer than this does not pay where measured features contradict one another by rounding
         self.solving = replace(self.tolerance, solver=max(self.tolerance.solver, 0.1 * self.tolerance.satisfied))
 
@@ -70,26 +70,30 @@ class Motion:
         """Move the bodies in `wanted` towards the poses given, and with them what their constraints take along.
 
         wanted: target pose of each held body. poses: of all bodies, now. movable: ids that may move (held ones
-        included); everything else stands still. carried: by held body the others that move as if welded to it, from
-        the first step that names them to the last.
+        included); everything else stands still. carried: by held body those that it carries, see `carry`; None leaves
+        that as it is.
 
         Raises ConstraintsError for a pose that is not finite, or a body that is carried twice or carried and held.
         """
         for body, pose in wanted.items():
             if not np.isfinite(pose.homogeneous).all():
                 raise ConstraintsError(f"the pose wanted of body {body} is not finite; give a finite one")
+        if carried is not None:
+            for held, bodies in carried.items():
+                for body in bodies:
+                    if held not in wanted or body in wanted:
+                        raise ConstraintsError(
+                            f"body {body} cannot be carried with {held}: carried once, by a held one"
+                        )
+            self.carry(carried, poses)
         self.sync()
         if not wanted:
             return MotionResult({}, False, np.empty(0, CONTACT_DTYPE), 0.0, {})
-        welds, welded = self._welds(wanted, poses, carried or {})
-        moves = frozenset(movable) | frozenset(wanted) | frozenset(welded)
-        constraints = self.constraints.constraints
-        if welds:  # what holds among bodies that move as one is not asked again: rounding would set it against the weld
-            free = (c for c in constraints if welded.get(c.bodies[0], -1) != welded.get(c.bodies[1], -2))
-            constraints = (*free, *welds)
-        key = (constraints, moves, frozenset(wanted))
+        moves = (frozenset(movable) | frozenset(wanted)).difference(self.groups.seats)
+        key = (self.constraints.constraints, moves, frozenset(wanted), self.groups)
         if self._unknowns is None or self._unknowns[0] != key:
-            self._unknowns = (key, Unknowns.of(*key, self.shape))
+            constraints = self.groups.constraints(key[0])
+            self._unknowns = (key, Unknowns.of(constraints, moves, key[2], self.shape, self.groups))
         step = Step(
             self._unknowns[1], wanted, poses, self._linear,
             self.collision, self.walls, self.mated, self.tolerance, self.solving,
@@ -98,21 +102,43 @@ class Motion:
         self._linear = step.linear
         return result
 
-    def _welds(
-        self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3], carried: Mapping[int, Sequence[int]]
-    ) -> tuple[tuple[Fixed, ...], dict[int, int]]:
-        """A weld for each carried body, and for each body of a group that moves as one the held one."""
-        pairs = [(held, body) for held, bodies in sorted(carried.items()) for body in sorted(bodies)]
-        self.carried = {pair: weld for pair, weld in self.carried.items() if pair in pairs}
-        group: dict[int, int] = {}
-        for held, body in pairs:
-            if held not in wanted or body in wanted or body in group:
-                raise ConstraintsError(f"body {body} cannot be carried with {held}: carried once, by a held one")
-            group |= {held: held, body: held}
-            if (held, body) not in self.carried:
-                size = self.shape(body)[1]
-                self.carried[held, body] = Fixed.between((held, body), poses[held], poses[body], size)
-        return tuple(self.carried[pair] for pair in pairs), group
+    @property
+    def groups(self) -> Groups:
+        """What is carried now."""
+        return self.constraints.groups
+
+    def carry(self, carried: Mapping[int, Sequence[int]], poses: Sequence[pin.SE3]) -> frozenset[int]:
+        """Have each held body carry others, by held body: from now on they move as one rigid body.
+
+        Nothing is asked of what moves as one: no recognition, no equations, no contacts. A body that the same one
+        carried before keeps its place on it to the bit.
+
+        Returns the bodies that belong to a group now, or did before; none if nothing changed.
+
+        Raises ConstraintsError for a body that is carried twice, or carried and held.
+        """
+        return self.regroup(Groups.of(carried, poses, self.groups))
+
+    def regroup(self, groups: Groups) -> frozenset[int]:
+        """`carry`, with places on the carriers that are known: those of a checkpoint."""
+        before = self.groups
+        if groups is before:
+            return frozenset()
+        self.constraints.groups = groups
+        self.collision.set_groups(groups.members.values())
+        return frozenset(b for g in (before, groups) for members in g.members.values() for b in members)
+
+    def mark(self) -> tuple[Any, ...]:
+        """What a step changes, to `undo` it."""
+        return self.groups, self.mated.mark()
+
+    def undo(self, mark: tuple[Any, ...]) -> None:
+        """Go back to a mark, whatever was interrupted since; collision and constraints go back by their own."""
+        groups, mated = mark
+        self.constraints.groups = groups
+        self.collision.set_groups(groups.members.values())
+        self.mated.undo(mated)
+        self._unknowns = self._linear = None  # they may have been interrupted while they were filled
 
     def shape(self, body: int) -> tuple[NDArray[np.float64], float]:
         """Centre (3,) of a body's box in its frame and the radius of the ball about it that holds the body, m."""

@@ -60,25 +60,44 @@ def quadratic_program(
     return y, heard[bound | (force > 1e3 * VIOLATED)]
 
 
+def minimum(hessian: Array, gradient: Array) -> Array:
+    """The y (n,) of least ½ yᵀHy + gᵀy; hessian (n, n), positive definite."""
+    n = len(gradient)
+    root, u, y = np.zeros((n, n)), np.empty(n), np.empty(n)
+    _free_minimum(np.ascontiguousarray(hessian), gradient, root, u, y)
+    return y
+
+
+@kernel
+def _free_minimum(h: Array, g: Array, root: Array, u: Array, y: Array) -> None:  # pragma: no cover - compiled
+    _factored(h, g, root, u)
+    _back(root, u, y)
+
+
+@inner_kernel
+def _factored(h: Array, g: Array, root: Array, u: Array) -> None:  # pragma: no cover - compiled
+    """Fill the lower triangle root (n, n) of H = root·rootᵀ (Cholesky), and u (n,) of root·u = -g."""
+    for i in range(len(g)):
+        for j in range(i + 1):
+            total = h[i, j]
+            for k in range(j):
+                total -= root[i, k] * root[j, k]
+            root[i, j] = np.sqrt(total) if i == j else total / root[j, j]
+    for i in range(len(g)):
+        total = -g[i]
+        for k in range(i):
+            total -= root[i, k] * u[k]
+        u[i] = total / root[i, i]
+
+
 @kernel(allocates=True)
 def _goldfarb_idnani(
     h: Array, g: Array, c: Array, lower: Array, most_changes: int, y: Array, force: Array, free: Array
 ) -> int:  # pragma: no cover - compiled
     """Fills y (n,), force (m,) of each row and the free minimum (n,); returns a status."""
     n, m = len(g), len(lower)
-    root = np.zeros((n, n))  # H = root·rootᵀ
-    for i in range(n):
-        for j in range(i + 1):
-            total = h[i, j]
-            for k in range(j):
-                total -= root[i, k] * root[j, k]
-            root[i, j] = np.sqrt(total) if i == j else total / root[j, j]
-    u = np.empty(n)  # rootᵀ·y
-    for i in range(n):
-        total = -g[i]
-        for k in range(i):
-            total -= root[i, k] * u[k]
-        u[i] = total / root[i, i]
+    root, u = np.zeros((n, n)), np.empty(n)  # H = root·rootᵀ, u = rootᵀ·y
+    _factored(h, g, root, u)
     d = np.empty((m, n))  # rows in the new coordinates: C·root⁻ᵀ
     for p in range(m):
         for i in range(n):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,14 +18,12 @@ from numpy.typing import NDArray
 
 from collision.numeric.kernel import kernel
 from constraints.kinds import Constraint
+from constraints.solve.groups import ALONE, Groups
 from constraints.solve.system import System, systems
 
 Array = NDArray[np.float64]
 Shape = Callable[[int], tuple[Array, float]]
 """body -> centre (3,) of its box in its frame, and the radius (m) of the ball about it that holds the body"""
-
-DEPENDENT = 1e-7
-"""1: singular values of the constraints' rows below this times the largest say nothing of their own"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +44,14 @@ class Unknowns:
 
     bodies: tuple[int, ...]
     place: dict[int, int]
-    """body -> place in `bodies`; its unknowns are the six from 6·place on"""
+    """body -> place in `bodies` of it or of its carrier; its unknowns are the six from 6·place on"""
     center: Array
     """(k, 3)"""
     radius: Array
     """(k,)"""
+    reach: Array
+    """(k,) m: how far from `center` any point of the body and of what it carries lies, at most"""
+    groups: Groups
     systems: tuple[System, ...]
     scatter: tuple[tuple[_Rows, _Rows], ...]
     constraints: tuple[Constraint, ...]
@@ -57,9 +59,13 @@ class Unknowns:
 
     @classmethod
     def of(
-        cls, constraints: tuple[Constraint, ...], moves: frozenset[int], held: frozenset[int], shape: Shape
-    ) -> Unknowns:
-        """The held bodies, and those that a chain of constraints between movable ones joins to them."""
+        cls, constraints: tuple[Constraint, ...], moves: frozenset[int], held: frozenset[int], shape: Shape,
+        groups: Groups = ALONE,
+    ) -> Unknowns:  # fmt: skip
+        """The held bodies, and those that a chain of constraints between movable ones joins to them.
+
+        groups: whose carriers the constraints speak of; what is carried is not among `moves`.
+        """
         own = tuple(s for s in systems(constraints, moves) if held & set(s.movable))
         bodies = tuple(sorted(held | {b for s in own for b in s.movable}))
         place = {b: k for k, b in enumerate(bodies)}
@@ -67,7 +73,18 @@ class Unknowns:
         radius = np.array([shape(b)[1] for b in bodies])
         scatter = tuple((_rows(s, 0, place, center), _rows(s, 1, place, center)) for s in own)
         members = tuple(constraints[k] for s in own for k in s.members)
-        return cls(bodies, place, center, radius, own, scatter, members)
+        reach = radius.copy()
+        for body, (carrier, seat) in groups.seats.items():
+            if carrier in place:
+                k = place[body] = place[carrier]
+                middle, ball = shape(body)
+                reach[k] = max(reach[k], float(np.linalg.norm(seat.act(middle) - center[k])) + ball)
+        return cls(bodies, place, center, radius, reach, groups, own, scatter, members)
+
+    @cached_property
+    def named(self) -> tuple[int, ...]:
+        """All bodies that the constraints speak of, ascending."""
+        return tuple(sorted({b for system in self.systems for b in system.bodies}))
 
     @property
     def n(self) -> int:
@@ -90,23 +107,17 @@ class Unknowns:
             first += system.rows
         return residual, jacobian
 
-    def allowed(self, residual: Array, jacobian: Array) -> tuple[Array, Array]:
-        """The linearised constraints' solutions x = origin + basis·y: (n,) and (n, k)."""
-        if not len(residual):
-            return np.zeros(self.n), np.eye(self.n)
-        u, s, vt = np.linalg.svd(jacobian)
-        rank = int((s > DEPENDENT * s[0]).sum())
-        return -vt[:rank].T @ ((u[:, :rank].T @ residual) / s[:rank]), vt[rank:].T
-
     def turn(self, x: Array) -> float:
         """rad: the most that a body turns in the motion x."""
-        turned = x.reshape(-1, 6)[:, 3:]
-        return float(np.sqrt((turned * turned).sum(axis=1) / self.radius**2).max())
+        return _extremes(x, self.radius, self.reach)[0]
 
     def travel(self, x: Array) -> float:
         """m: the farthest that any point of any body goes, at most."""
-        blocks = x.reshape(-1, 2, 3)
-        return float(np.sqrt((blocks * blocks).sum(axis=2)).sum(axis=1).max())
+        return _extremes(x, self.radius, self.reach)[1]
+
+    def closing(self, x: Array) -> float:
+        """m: bound of how much nearer any two points come to each other by the motion x."""
+        return self.travel(x) * min(len(self.bodies), 2)
 
     def clipped(self, x: Array, most: float) -> Array:
         """A motion shortened until no body turns by more than `most` rad."""
@@ -141,6 +152,21 @@ def _rows(system: System, side: int, place: dict[int, int], center: Array) -> _R
     rows = np.flatnonzero(system.slot[at] >= 0)
     block = np.array([place[system.bodies[i]] for i in at[rows]], dtype=np.int64)
     return _Rows(rows, block, (system.center[at[rows]] - center[block]).reshape(-1, 3))
+
+
+@kernel
+def _extremes(x, radius, reach):  # pragma: no cover - compiled
+    """rad that a body turns at most in the motion x (n,), and m that a point goes at most."""
+    most = farthest = 0.0
+    for k in range(len(radius)):
+        shift = turn = 0.0
+        for d in range(3):
+            shift += x[6 * k + d] * x[6 * k + d]
+            turn += x[6 * k + 3 + d] * x[6 * k + 3 + d]
+        angle = np.sqrt(turn) / radius[k]
+        most = max(most, angle)
+        farthest = max(farthest, np.sqrt(shift) + angle * reach[k])
+    return most, farthest
 
 
 @kernel

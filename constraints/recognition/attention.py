@@ -6,7 +6,7 @@ was decided. Where all of these are as they were, so is the answer; of 2,000 par
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Collection, Hashable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 COLUMNS = ["object_a", "surface_a", "object_b", "surface_b", "distance"]
 """of contact rows: what recognition reads of them"""
+Rows = tuple[NDArray[Any], ...]
+"""contact rows by these columns"""
 
 
 class Attention:
@@ -23,8 +25,10 @@ class Attention:
     def __init__(self) -> None:
         self._known = False
         self._asked: Hashable = None
+        self._count = 0
         self._poses: list[pin.SE3] = []
-        self._rows: NDArray[Any] = np.empty(0)
+        self._versions: NDArray[np.int64] | None = None
+        self._rows: Rows = ()
         self._noted: set[int] = set()
 
     def note(self, bodies: Iterable[int]) -> None:
@@ -39,22 +43,29 @@ class Attention:
         """Have the next update look at everything."""
         self._known = False
 
-    def begin(self, asked: Hashable, poses: Sequence[pin.SE3], contacts: NDArray[Any]) -> set[int]:
+    def begin(
+        self, asked: Hashable, poses: Sequence[pin.SE3], contacts: NDArray[Any],
+        versions: NDArray[np.int64] | None = None,
+    ) -> set[int]:  # fmt: skip
         """The bodies to look at. An update that does not come to `end` makes the next one look at everything.
 
         asked: all else that the answer depends on. poses: one a body. contacts: rows of `collision.CONTACT_DTYPE`.
+        versions: (n,) numbers that are others where a pose may be another; without, poses are compared.
         """
-        known, self._known = self._known and asked == self._asked and len(poses) == len(self._poses), False
-        rows = _columns(contacts)
-        if known:
+        known, self._known = self._known and asked == self._asked and len(poses) == self._count, False
+        rows = tuple(np.ascontiguousarray(contacts[name]) for name in COLUMNS)
+        if known and versions is not None and self._versions is not None:
+            about = set(np.flatnonzero(versions[: len(poses)] != self._versions).tolist())
+        elif known and versions is None and self._versions is None:
             about = {i for i, (was, now) in enumerate(zip(self._poses, poses, strict=True)) if was != now}
-            about |= _differing(_not_about(self._rows, about), _not_about(rows, about)) | self._noted
-            for i in about:
-                self._poses[i] = pin.SE3(poses[i])
         else:
-            about = set(range(len(poses)))
-            self._poses = [pin.SE3(pose) for pose in poses]  # copies: the caller may change what it gave
-        self._asked, self._rows, self._noted = asked, rows, set()
+            known, about = False, set(range(len(poses)))
+        if known:
+            about |= _differing(_not_about(self._rows, about), _not_about(rows, about)) | self._noted
+        if versions is None:  # copies: the caller may change what it gave
+            self._poses = [pin.SE3(pose) if i in about else self._poses[i] for i, pose in enumerate(poses)]
+        self._versions = None if versions is None else versions[: len(poses)].copy()
+        self._asked, self._rows, self._noted, self._count = asked, rows, set(), len(poses)
         return about
 
     def end(self) -> None:
@@ -62,34 +73,27 @@ class Attention:
         self._known = True
 
 
-def rows_about(contacts: NDArray[Any], bodies: Iterable[int]) -> NDArray[Any]:
-    """The contact rows of some bodies."""
-    return contacts[_about(contacts, bodies)]
-
-
-def _about(contacts: NDArray[Any], bodies: Iterable[int]) -> NDArray[np.bool_]:
-    ids = np.fromiter(bodies, np.int64)
-    found: NDArray[np.bool_] = np.isin(contacts["object_a"], ids) | np.isin(contacts["object_b"], ids)
+def rows_about(a: NDArray[Any], b: NDArray[Any], bodies: Collection[int]) -> NDArray[np.bool_]:
+    """(n,) which pairs of bodies a (n,) and b (n,) have one of `bodies`."""
+    chosen = np.zeros(max(a.max(initial=-1), b.max(initial=-1), max(bodies, default=-1)) + 1, np.bool_)
+    chosen[list(bodies)] = True
+    found: NDArray[np.bool_] = chosen[a] | chosen[b]
     return found
 
 
-def _not_about(rows: NDArray[Any], bodies: Iterable[int]) -> NDArray[Any]:
-    return rows[~_about(rows, bodies)]
+def _not_about(rows: Rows, bodies: Collection[int]) -> Rows:
+    keep = ~rows_about(rows[0], rows[2], bodies)
+    return tuple(column[keep] for column in rows)
 
 
-def _columns(contacts: NDArray[Any]) -> NDArray[Any]:
-    """A copy of the columns that count, packed."""
-    rows = np.empty(len(contacts), [(name, contacts.dtype[name]) for name in COLUMNS])
-    for name in COLUMNS:
-        rows[name] = contacts[name]
-    return rows
-
-
-def _differing(old: NDArray[Any], new: NDArray[Any]) -> set[int]:
+def _differing(old: Rows, new: Rows) -> set[int]:
     """Bodies of the rows that are in one of the two only, or not as often."""
-    if np.array_equal(old, new):
+    if all(np.array_equal(a, b) for a, b in zip(old, new, strict=True)):
         return set()
-    rows, which = np.unique(np.concatenate([old, new]), return_inverse=True)
-    times = np.bincount(which, weights=np.repeat([1.0, -1.0], [len(old), len(new)]))
+    both = np.empty(len(old[0]) + len(new[0]), [(name, c.dtype) for name, c in zip(COLUMNS, new, strict=True)])
+    for name, was, now in zip(COLUMNS, old, new, strict=True):
+        both[name] = np.concatenate([was, now])
+    rows, which = np.unique(both, return_inverse=True)
+    times = np.bincount(which, weights=np.repeat([1.0, -1.0], [len(old[0]), len(new[0])]))
     other = rows[times != 0.0]
     return {*other["object_a"].tolist(), *other["object_b"].tolist()}

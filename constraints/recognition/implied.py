@@ -1,4 +1,4 @@
-"""Matches that others imply: what recognition finds and nobody needs to hear.
+"""Filter of matches that other matches imply.
 
 - One thread is one screw: crests in roots, and flanks seen as cylinders, lie on its axis too.
 - Beside a fit of the same two bodies on the same axis a looser one beyond `Limits.clearance` (a screw's head in its
@@ -24,7 +24,7 @@ def without_implied(
     threads: Mapping[tuple[int, int], float],
     limits: Limits,
 ) -> list[Found]:
-    """Those of `found` that no other implies, in the order given.
+    """The matches of `found` that no other implies, in the given order.
 
     found: matches of any bodies at one moment. features: of every body. threads: pitches by (body, feature).
     """
@@ -70,7 +70,7 @@ def _is_loose(match: Match, limits: Limits) -> bool:
 
 
 def _coaxial(m: Match, n: Match, limits: Limits) -> bool:
-    """Whether two axes are one, as far as their fits let them differ."""
+    """Whether two axes coincide within the play of their fits."""
     air = max(m.fit or 0.0, 0.0) + max(n.fit or 0.0, 0.0)
     aside = cross(n.origin - m.origin, m.direction)
     return norm(cross(m.direction, n.direction)) <= 2.0 * limits.angular and norm(aside) <= 2.0 * limits.linear + air

@@ -30,7 +30,7 @@ class Ignoring(Protocol):
 
     def mesh(self, i: int) -> SurfaceMesh: ...
     def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
-    def heed_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
+    def enable_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
 
 
 class MatedSurfaces:
@@ -40,20 +40,27 @@ class MatedSurfaces:
         self.collision = collision
         self.constraints = constraints
         self.tolerance = tolerance
+        self._synced: object = None
         self._of: dict[int, Candidate] = {}
         self._mated: dict[int, tuple[Pairing, ...]] = {}
         self._beside: dict[int, Pairing] = {}
 
     def sync(self) -> None:
         """Bring collision up to date with the constraints in force."""
+        if self._synced is self.constraints.in_force:
+            return
+        self._synced = self.constraints.in_force
         now = {id: entry.candidate for id, entry in self.constraints.accepted.items()}
         gone = [id for id, candidate in self._of.items() if now.get(id) is not candidate]
         fresh = [id for id, candidate in now.items() if self._of.get(id) is not candidate]
-        heeded = {self._of[id].bodies for id in gone}
+        if not gone and not fresh:
+            return
+        self._of, self._mated, self._beside = dict(self._of), dict(self._mated), dict(self._beside)
+        enabled = {self._of[id].bodies for id in gone}
         for id in gone:
             del self._of[id], self._beside[id]
             for row in self._mated.pop(id):
-                self.collision.heed_surfaces(*row)
+                self.collision.enable_surfaces(*row)
         sleeves: dict[Hashable, tuple[Faces, Faces] | None] = {}
         for id in fresh:
             candidate = self._of[id] = now[id]
@@ -66,8 +73,8 @@ class MatedSurfaces:
             beside_b = adjacent_surfaces(self.collision.mesh(b), sb)
             self._beside[id] = (a, beside_a, b, beside_b)
             self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb), *self._sleeve(candidate, sleeves))
-        # what was left out by a constraint still in force is so again: its pair may share surfaces with one just heeded
-        for id in [*fresh, *(i for i, c in self._of.items() if heeded and c.bodies in heeded)]:
+        # a constraint still in force may share surfaces with a pair just enabled: ignore its surfaces again
+        for id in [*fresh, *(i for i, c in self._of.items() if enabled and c.bodies in enabled)]:
             for row in self._mated[id]:
                 self.collision.ignore_surfaces(*row)
 
@@ -84,6 +91,15 @@ class MatedSurfaces:
             known[alike] = sleeve(candidate, features, meshes, self.tolerance.fit)
         faces = known[alike]
         return () if faces is None else ((a, faces[0], b, faces[1]),)
+
+    def mark(self) -> tuple[Any, ...]:
+        """What collision was told, to `undo` what follows."""
+        return self._of, self._mated, self._beside
+
+    def undo(self, mark: tuple[Any, ...]) -> None:
+        """Go back to a mark; collision goes back by its own."""
+        self._of, self._mated, self._beside = mark
+        self._synced = None
 
     def beside(self, a: int, sa: int, b: int, sb: int) -> bool:
         """Whether surface sa of body a and sb of b both lie next to the surfaces of one mate."""

@@ -32,10 +32,11 @@ import numpy as np
 
 from constraints.geometry.metric_threads import metric_thread
 from constraints.geometry.overlap import facing_area, shared_height
+from constraints.geometry.reach import deflection, reached
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector, cross, norm
 from constraints.geometry.views import Limits, View, millimetres
 from constraints.recognition.candidate import Match
-from constraints.recognition.tangencies import TANGENCIES, reached, sag
+from constraints.recognition.tangencies import TANGENCIES
 
 
 def _fit_words(fit: float) -> str:
@@ -47,7 +48,7 @@ def _fit_words(fit: float) -> str:
 def _gap_words(gap: float) -> str:
     if abs(gap) < 1e-9:
         return "no gap"
-    return f"{millimetres(abs(gap))} {'apart' if gap > 0 else 'into each other'}"
+    return f"{millimetres(abs(gap))} {'apart' if gap > 0 else 'of overlap'}"
 
 
 def _angle(u: Vector, v: Vector) -> float:
@@ -230,7 +231,7 @@ def groove(ball: View[Sphere], hollow: View[Cylinder] | View[Torus], limits: Lim
     if abs(fit) > limits.clearance or offset > limits.linear + max(fit, 0.0):
         return None
     triangles = hollow.triangles
-    if not reached(middle[None], triangles, _radius(h) + 2.0 * sag(h, triangles) + limits.linear)[0]:
+    if not reached(middle[None], triangles, _radius(h) + 2.0 * deflection(h, triangles) + limits.linear)[0]:
         return None  # the groove ends before
     axis = h.axis if isinstance(h, Cylinder) else np.cross(h.axis, middle - h.center) / h.major
     what = "straight" if isinstance(h, Cylinder) else f"ring Ø{2e3 * h.major:.6g} mm"
@@ -263,7 +264,9 @@ def tangent(first: View, second: View, limits: Limits) -> Match | None:
     both = np.ones(len(touch.points), bool)
     for view in (first, second):
         triangles = view.triangles
-        both &= reached(touch.points, triangles, 2.0 * sag(view.geometry, triangles) + limits.linear + abs(touch.gap))
+        both &= reached(
+            touch.points, triangles, 2.0 * deflection(view.geometry, triangles) + limits.linear + abs(touch.gap)
+        )
     if not both.any():
         return None
     points = touch.points[both]
@@ -320,14 +323,15 @@ class Pairing(Generic[F, S]):
 
     def match(self, a: View, b: View, limits: Limits) -> Match | None:
         """What the rule says of two features, whichever comes first; None where they are not of this row."""
-        if self._is_of(a, b):
+        if self.speaks_of(a, b):
             return self.rule(a, b, limits)
-        if not self._is_of(b, a):
+        if not self.speaks_of(b, a):
             return None
         found = self.rule(b, a, limits)
         return found and replace(found, approach=-found.approach, local=a.pose.actInv(found.origin))
 
-    def _is_of(self, a: View, b: View) -> bool:
+    def speaks_of(self, a: View, b: View) -> bool:
+        """Whether two features, in this order, are of this row's types and senses."""
         first, second = a.feature, b.feature
         return (
             type(first.geometry) is self.first

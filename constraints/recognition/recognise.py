@@ -16,15 +16,16 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
-from constraints.geometry.edges import as_match, not_said_yet, touching
 from constraints.geometry.features import Feature
 from constraints.geometry.metric_threads import metric_thread
 from constraints.geometry.surfaces import Cylinder
 from constraints.geometry.threads import ALIKE
 from constraints.geometry.views import Extent, Limits, View, millimetres
 from constraints.recognition.candidate import KINDS, Candidate, Key, Match, Pair, known_kinds
+from constraints.recognition.edge_contacts import as_match, edge_contact, without_implied_contacts
 from constraints.recognition.implied import Found, without_implied
 from constraints.recognition.pairings import PAIRINGS, SLIGHT, STANDING, Pairing, matches
+from constraints.recognition.verdicts import Verdicts
 
 Near = tuple[int, int, float]
 """a face of body a, one of body b, and their distance (m)"""
@@ -54,6 +55,16 @@ class Recogniser:
         self._extents: dict[tuple[int, int], Extent] = {}
         self._shared: dict[int, Extent] = {}
         self._known: dict[tuple[Pair, Limits, int], tuple[tuple[bytes, bytes], Match | None]] = {}
+        self.verdicts = Verdicts(self)
+        self._first_feature = np.cumsum([0, *(len(fs) for fs in self.features)])
+        self._n_surfaces = np.array([max(table, default=-1) + 1 for table in self._of_surface], np.int64)
+        self._first_surface = np.cumsum(np.append(0, self._n_surfaces))
+        self._numbers = np.full(self._first_surface[-1], -1, np.int64)  # of the feature of each surface, of all bodies
+        for first, number, table in zip(
+            self._first_surface.tolist(), self._first_feature, self._of_surface, strict=False
+        ):
+            for surface, feature in table.items():
+                self._numbers[first + surface] = number + feature
 
     def feature_of(self, body: int, surface: int) -> int | None:
         """Place of the feature a face belongs to; None for faces without analytic geometry."""
@@ -73,6 +84,22 @@ class Recogniser:
             if fa is not None and fb is not None:
                 pairs.setdefault((a, fa, b, fb), []).append((sa, sb, distance))
         return pairs
+
+    def codes(self, contacts: NDArray[Any]) -> NDArray[np.int64]:
+        """(n,) one number for the pair of features of each contact row, ascending as `Pair`; -1 where there is none."""
+        sides = []
+        for name in ("a", "b"):
+            body, surface = contacts["object_" + name].astype(np.int64), contacts["surface_" + name]
+            known = body < len(self.features)
+            body = np.where(known, body, 0)
+            known &= surface < self._n_surfaces[body]
+            sides.append(np.where(known, self._numbers[np.where(known, self._first_surface[body] + surface, 0)], -1))
+        return np.where((sides[0] >= 0) & (sides[1] >= 0), sides[0] << 32 | sides[1], -1)
+
+    def pair(self, code: int) -> Pair:
+        """The pair of features of a number that `codes` gave."""
+        a, b = (int(np.searchsorted(self._first_feature, k, "right")) - 1 for k in (code >> 32, code & 0xFFFFFFFF))
+        return a, (code >> 32) - int(self._first_feature[a]), b, (code & 0xFFFFFFFF) - int(self._first_feature[b])
 
     def widest(self, limits: Limits) -> float:
         """Greatest difference of radii (m) at which one of the shafts fits one of the bores, or makes a thread with it.
@@ -109,8 +136,7 @@ class Recogniser:
         if known is not None and known[0] == state:  # most pairs stand still from one step to the next
             return known[1]
         pitch = self.pitch(pair)
-        if pitch is not None:  # flanks meet though mean radii differ, as crests are cut otherwise
-            limits = replace(limits, clearance=max(limits.clearance, FLANK * abs(pitch)), fit_class="")
+        limits = self.limits_of(pair, limits)
         found = matches(self.view(a, fa, poses[a]), self.view(b, fb, poses[b]), limits, rows)
         if found is not None and pitch is not None and found.kind == "concentric":
             words = f"threads on one axis over {millimetres(max(found.overlap, 0.0))}"
@@ -122,6 +148,13 @@ class Recogniser:
         """What the kind and the two features of `key` amount to at `poses`; None when they are out of limits."""
         found = self.matches(key[:4], poses, limits)
         return found if found is not None and found.kind == key[4] else None
+
+    def limits_of(self, pair: Pair, limits: Limits) -> Limits:
+        """What a pair is judged by: of threads flanks meet though mean radii differ, as crests are cut otherwise."""
+        pitch = self.pitch(pair)
+        if pitch is None:
+            return limits
+        return replace(limits, clearance=max(limits.clearance, FLANK * abs(pitch)), fit_class="")
 
     def pitch(self, pair: Pair) -> float | None:
         """m a turn, where two features are threads of one pitch, or one is a thread that reaches into the other."""
@@ -145,10 +178,10 @@ class Recogniser:
         faces = len(first.surfaces) * len(second.surfaces)
         touch = sum(distance <= limits.slack for _, _, distance in near)
         least = min(distance for _, _, distance in near)
-        sags = self._extent(a, fa).sag + self._extent(b, fb).sag
-        together = max(least, match.residual + max(match.fit or 0.0, 0.0)) + limits.slack + 2.0 * sags
+        deflections = self._extent(a, fa).deflection + self._extent(b, fb).deflection
+        together = max(least, match.residual + max(match.fit or 0.0, 0.0)) + limits.slack + 2.0 * deflections
         if match.kind == "screw" and not touch:
-            nearness = "drawn into each other"
+            nearness = "their threads overlap as drawn"
         elif not touch:
             nearness = f"within reach, {millimetres(least)} apart at the nearest"
         else:
@@ -240,12 +273,12 @@ def recognise(
         said += [] if found is None else [(pair, found)]
         if found is None and not wanted.isdisjoint(SLIGHT) and min(x[2] for x in rows) <= limits.slack:
             a, fa, b, fb = pair
-            touch = touching(recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b]), limits)
+            touch = edge_contact(recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b]), limits)
             slight += [] if touch is None else [(pair, touch)]
     news = said if implied else without_implied(said, recogniser.features, recogniser.threads, limits)
     out = [recogniser.candidate(pair, match, near[pair], limits, poses) for pair, match in news]
     every = [(pair, match.fit) for pair, match in said]
-    for pair, touch in not_said_yet(slight, every, lambda body, f: recogniser.view(body, f, poses[body])):
+    for pair, touch in without_implied_contacts(slight, every, lambda body, f: recogniser.view(body, f, poses[body])):
         a, fa, b, fb = pair
         match = as_match(touch, recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b]), limits)
         out.append(recogniser.candidate(pair, match, near[pair], limits, poses))

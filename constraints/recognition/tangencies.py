@@ -1,8 +1,7 @@
-"""Tangency rules of the pairing table: where two surfaces touch along a line or in a point, and whether both are there.
+"""Tangency rules of the pairing table: where two analytic surfaces touch along a line or in a point.
 
-Each rule gives where the two analytic surfaces come nearest, how far apart they are there (signed; negative is
-interference), and which points of the contact there are. A tangency counts only where both features really have
-material: their triangles reach one of these points.
+Each rule returns the nearest points of the two surfaces, their signed gap (negative is interference) and the points of
+the contact. A tangency counts only if the triangles of both features reach one of these points.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from collision.numeric.kernel import inner_kernel, kernel
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector, perpendicular
 
 Array = NDArray[np.float64]
@@ -139,59 +137,3 @@ TANGENCIES: dict[tuple[type[Geometry], type[Geometry]], Rule] = {
     (Sphere, Sphere): ball(_wall),
 }
 """By the types of the larger or simpler surface and of the solid one that touches it."""
-
-
-def reached(points: Array, triangles: Array, slack: float) -> NDArray[np.bool_]:
-    """(k,) whether each point is within `slack` (m) of one of `triangles` (t, 3, 3)."""
-    out = np.zeros(len(points), bool)
-    _reach(np.ascontiguousarray(points), np.ascontiguousarray(triangles), slack, out)
-    return out
-
-
-@kernel
-def _reach(
-    points: Array, triangles: Array, slack: float, out: NDArray[np.bool_]
-) -> None:  # pragma: no cover - compiled
-    for k in range(len(points)):
-        for t in range(len(triangles)):
-            far = False
-            for i in range(3):
-                x, y, z = triangles[t, 0, i], triangles[t, 1, i], triangles[t, 2, i]
-                far |= points[k, i] < min(x, y, z) - slack or points[k, i] > max(x, y, z) + slack
-            if not far and _squared_distance(points[k], triangles[t]) <= slack * slack:
-                out[k] = True
-                break
-
-
-@inner_kernel(allocates=True)
-def _squared_distance(p: Array, t: Array) -> float:  # pragma: no cover - compiled
-    """Of a point from a triangle, m²: to its plane over the inside, to the sides elsewhere (degenerate ones too)."""
-    u, v = t[1] - t[0], t[2] - t[0]
-    n = np.array([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
-    size = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
-    inside, best = size > 0.0, np.inf
-    for i in range(3):
-        a, b = t[i], t[(i + 1) % 3]
-        length = along = 0.0
-        for j in range(3):
-            length += (b[j] - a[j]) ** 2
-            along += (p[j] - a[j]) * (b[j] - a[j])
-        s = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
-        off = 0.0
-        for j in range(3):
-            off += (p[j] - a[j] - s * (b[j] - a[j])) ** 2
-        best = min(best, off)
-        side = 0.0  # of the side's own plane, upright on the triangle
-        for j in range(3):
-            x, y = (j + 1) % 3, (j + 2) % 3
-            side += ((b[x] - a[x]) * (p[y] - a[y]) - (b[y] - a[y]) * (p[x] - a[x])) * n[j]
-        inside &= side >= 0.0
-    if inside:
-        height = (p[0] - t[0, 0]) * n[0] + (p[1] - t[0, 1]) * n[1] + (p[2] - t[0, 2]) * n[2]
-        return height * height / size
-    return best
-
-
-def sag(geometry: Geometry, triangles: Array) -> float:
-    """m: how far facets fall short of the surface they stand for."""
-    return float(np.abs(geometry.distance(triangles.mean(axis=1))).max())

@@ -1,4 +1,4 @@
-"""Contacts that press: choosing them, putting them before the solver, and taking the answer back to the bodies."""
+"""The contact problem: choice of contacts, their rows for the solver, and corrections of positions."""
 
 from __future__ import annotations
 
@@ -8,39 +8,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision.numeric.kernel import inner_kernel, kernel
+from physics.model.rotations import across, turn
 from physics.solver import newton
-from physics.stepping.rotations import across, turn
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 STILL = 1e-9
-"""1: dry joints that slide slower than this times the greatest speed are at rest"""
+"""1: joints with friction that slide slower than this times the greatest speed are at rest"""
 
 
 class Contacts(NamedTuple):
-    """Contact points at one instant and the forces on them."""
+    """Contact points at one instant, and their forces."""
 
     ints: Ints
-    """(c, 6) see `contact.find`"""
+    """(c, 6) see `narrow_phase.find`"""
     reals: Array
     """(c, 7)"""
     force: Array
-    """(c, 3) N in the contact's frame (normal, two tangents), by the last kick; 0 where it does not press"""
+    """(c, 3) N in the contact's frame (normal, two tangents), of the last kick; 0 for contacts without load"""
 
 
 WIDER = 1.25
-"""1: how much farther than they sank in things are moved apart: where edges slide off one another the next pair of
-features takes over, and what one pass leaves would only shrink slowly"""
+"""1: overrelaxation of depenetration: where edges slide off one another the next feature pair takes over, and the rest
+would shrink slowly"""
 
 NO_CONTACTS = Contacts(np.zeros((0, 6), np.int64), np.zeros((0, 7)), np.zeros((0, 3)))
 
 
 @kernel(allocates=True)
 def match(old, new):
-    """(n,) row of `old` (m, 6) with the same bodies and features as each row of `new` (n, 6), or -1.
+    """(n,) index in `old` (m, 6) of the row with the bodies and features of each row of `new` (n, 6); -1 if none.
 
-    An object pair's rows lie together in both.
+    Rows of an object pair are adjacent in both arrays.
     """
     out = np.full(len(new), -1, np.int64)
     first = {}  # row of `old` where an object pair begins
@@ -62,10 +62,10 @@ def match(old, new):
 
 @kernel(allocates=True)
 def spanning(ints, reals, chosen):
-    """Of the rows `chosen` (sorted indices, an object pair's together) those that span each patch: a mask over them.
+    """Mask over the rows `chosen` (sorted indices, object pairs adjacent) of those that span each contact patch.
 
-    Rows of one object pair with one normal (to 1e-6) are a patch; the farthest point in each of eight directions within
-    it is kept. The others lie within the hull of those, or are added when they turn out to sink in.
+    Rows of one object pair with equal normals (to 1e-6) form a patch; the farthest point in each of eight directions
+    within it is kept. Other points lie within the hull of those; the caller adds them if they sink in.
     """
     keep = np.zeros(len(chosen), np.bool_)
     done = np.zeros(len(chosen), np.bool_)
@@ -109,7 +109,7 @@ def spanning(ints, reals, chosen):
 
 @inner_kernel(allocates=True)
 def surface_speeds(ids, ints, reals, center, velocity, is_free, out):
-    """Velocity (c, 3), world, with which bodies that are not free (kinematic ones) move apart at the contacts `ids`."""
+    """Relative velocity (c, 3), m/s, world, that kinematic bodies add at the contacts `ids`, into `out`."""
     for row in range(len(ids)):
         c = ids[row]
         out[row] = 0.0
@@ -125,7 +125,7 @@ def surface_speeds(ids, ints, reals, center, velocity, is_free, out):
 
 @kernel(allocates=True)
 def gather(ids, rotation, mass, inertia, inverse):
-    """Masses, world inertias and inverses of both, of the bodies `ids`."""
+    """Masses (n,), inverse masses (n,), world inertias (n, 3, 3) and their inverses (n, 3, 3) of the bodies `ids`."""
     n = len(ids)
     m = np.empty(n)
     im = np.empty(n)
@@ -143,7 +143,7 @@ def gather(ids, rotation, mass, inertia, inverse):
 
 @kernel(allocates=True)
 def contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, is_free):
-    """Bodies (c, 2), Jacobian (c, 3, 12), bias (c, 3), friction (c,) of the contacts `chosen`, for `newton.solve`."""
+    """Bodies (c, 2), Jacobians (c, 3, 12), biases (c, 3), friction (c,) of contacts `chosen`, for `newton.solve`."""
     n = len(chosen)
     cb = np.empty((n, 2), np.int64)
     rows = np.empty((n, 7))
@@ -174,26 +174,26 @@ def contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, 
     return cb, cj, bias, friction
 
 
-def press(
+def solve_contacts(
     ids, local, free, center, velocity, rotation, mass, inertia, inverse, is_free,
     chosen, ints, reals, mu, target, least, impulse, held, tolerance,
 ):  # fmt: skip
-    """Solve contacts `chosen` and joints for the velocities `free` (n, 6) of the bodies `ids`; writes `velocity`.
+    """Solve contacts `chosen` and joints from unconstrained velocities `free` (n, 6) of `ids`; writes `velocity`.
 
-    mu (c,), target (c,) m/s: the normal speed at which a contact parts at least (0: it does not close), least (c,) N·s:
-    the least normal impulse. `impulse` (len(chosen), 3) is guess and answer. held: the joints' rows. Returns the
-    solver's residual, m/s, and whether a dry joint slides.
+    mu: (c,) friction. target: (c,) m/s, least normal speeds (0: the contact does not close). least: (c,) N·s, least
+    normal impulses. impulse: (len(chosen), 3) N·s, guess and answer. held: rows of joints. Returns the solver's
+    residual, m/s, and whether a joint with friction slides.
     """
     m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
     cb, cj, bias, friction = contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, is_free)
     bodies = free, m, world, im, inverse_world
     contacts = cb, cj, bias, friction, least[chosen]
     rested = len(held.dry_bodies) > 0 and _at_rest(held, velocity[ids], free)
-    v, pushes, residual = _rubbing(bodies, contacts, impulse, held, tolerance)
+    v, pushes, residual = _solve_with_friction(bodies, contacts, impulse, held, tolerance)
     if rested and not _at_rest(
         held, v, free
     ):  # where a dry joint can stick it does, though in a jam (Painlevé) it might as well slide
-        stuck, its_pushes, its_residual, holds = _stuck(bodies, contacts, impulse, held, tolerance)
+        stuck, its_pushes, its_residual, holds = _solve_sticking(bodies, contacts, impulse, held, tolerance)
         if holds:
             v, pushes, residual = stuck, its_pushes, its_residual
     velocity[ids], impulse[:] = v, pushes
@@ -201,14 +201,14 @@ def press(
 
 
 def _at_rest(held, velocity, free):
-    """Whether no dry joint slides at velocities (n, 6), by the measure of those and of `free` ones."""
+    """Whether no joint with friction slides at velocities (n, 6), relative to the greatest of those and of `free`."""
     padded = np.vstack([velocity, np.zeros((1, 6))])  # place -1 does not move
     slides = (held.dry_jacobian[:, 2] * padded[held.dry_bodies].reshape(-1, 12)).sum(axis=1) + held.dry_bias[:, 2]
     return bool(np.abs(slides).max() <= STILL * max(np.abs(velocity).max(), np.abs(free).max()))
 
 
-def _stuck(bodies, contacts, impulse, held, tolerance):
-    """Velocities with every dry joint stuck, the contacts' impulses, the residual, and whether friction can do that."""
+def _solve_sticking(bodies, contacts, impulse, held, tolerance):
+    """Velocities with all joints sticking, contact impulses, residual, and whether friction suffices for that."""
     cb, cj, bias, friction, least = contacts
     free, m, world, im, inverse_world = bodies
     g = len(held.jacobian)
@@ -225,8 +225,8 @@ def _stuck(bodies, contacts, impulse, held, tolerance):
     return v, pushes, residual, bool((np.abs(load[:, :, 2].sum(axis=1)) <= limit).all())
 
 
-def _rubbing(bodies, contacts, impulse, held, tolerance):
-    """Velocities with dry joints that stick or slide, the contacts' impulses, and the residual."""
+def _solve_with_friction(bodies, contacts, impulse, held, tolerance):
+    """Velocities with joints sticking or sliding, contact impulses, and the residual."""
     cb, cj, bias, friction, least = contacts
     free, m, world, im, inverse_world = bodies
     n, d = len(cb), len(held.dry_bodies)
@@ -244,7 +244,7 @@ def _rubbing(bodies, contacts, impulse, held, tolerance):
 
 @kernel(allocates=True)
 def normal_speeds(chosen, ints, reals, center, velocity):
-    """Speed (c,) at which each contact of `chosen` parts along its normal, m/s."""
+    """(c,) m/s: normal speeds of the contacts `chosen`, positive where they part."""
     out = np.empty(len(chosen))
     for k in range(len(chosen)):
         c = chosen[k]
@@ -259,7 +259,7 @@ def normal_speeds(chosen, ints, reals, center, velocity):
 
 @kernel
 def shift(ids, center, attitude, move):
-    """Move the bodies `ids` by small displacements (n, 6): linear, and rotation vector, world axes."""
+    """Move the bodies `ids` by small displacements (n, 6): linear (m) and rotation vector (rad), world axes."""
     for k in range(len(ids)):
         i = ids[k]
         for c in range(3):
@@ -271,9 +271,9 @@ def correct(
     ids, local, center, attitude, velocity, rotation, mass, inertia, inverse, is_free, chosen, others, ints, reals,
     jb, jj, jresidual,
 ):  # fmt: skip
-    """Least move (mass metric) of the bodies `ids` that closes the gaps of `chosen` and the joints' residuals.
+    """Move the bodies `ids` least (mass metric) to close the gaps of `chosen` and the joints' residuals.
 
-    It pushes nothing into what it touches or nearly touches: the gaps of the rows `others` stay open, or as they are.
+    Gaps of the rows `others` do not become negative, or more negative than they are.
     """
     m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
     none = np.zeros(len(ints))
@@ -303,15 +303,15 @@ def correct(
 
 
 TOUCHING = 1e-12
-"""m: by which a correction may bring others nearer than they may come"""
+"""m: violation that a correction may leave at other contacts"""
 
 
 def push_apart(
     ids, local, center, attitude, velocity, rotation, mass, inertia, inverse, is_free, chosen, ints, reals, tolerance
 ):
-    """Least move (mass metric) of the bodies `ids` after which no gap of `chosen` is negative, to first order.
+    """Move the bodies `ids` least (mass metric) so that no gap of `chosen` is negative, to first order.
 
-    tolerance: 1, of the largest gap among `chosen`, by which they may stay negative.
+    tolerance: 1, allowed negative gap, relative to the largest gap of `chosen`.
     """
     m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
     none = np.zeros(len(ints))

@@ -1,13 +1,13 @@
-"""Contacts at one instant: finding them, pressing on them, and rebound where they close.
+"""`ContactSet`: find contacts at one instant, solve for their forces, and resolve impacts.
 
-Impacts follow Newton's or Poisson's law, each contact with its own coefficient, as far as that makes no energy
-(`rebound`). Several at once are resolved in rounds: only the contacts that close rebound, those that this makes close
-rebound next (generalised reflections, Smith, Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 2012), so a
-row of touching balls passes a blow on.
+Impacts follow Newton's or Poisson's law. Each contact has its own coefficient of restitution, lowered where an
+impact would gain energy (`impact_energy`). Simultaneous impacts are resolved in rounds: contacts that close rebound,
+then contacts that this makes close (generalised reflections, Smith, Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans.
+Graph. 31, 2012). A row of touching balls so passes an impulse on.
 
-Poisson's law takes two steps (Glocker & Pfeiffer, Nonlinear Dynamics 7, 1995; Anitescu & Potra, Nonlinear Dynamics 14,
-1997). Compression: what closes is stopped, as without restitution. Restitution: each contact gets at least e times the
-normal impulse that stopped it, more if it would close otherwise. Coulomb's cone holds in each of the two by itself.
+Poisson's law has two phases (Glocker & Pfeiffer, Nonlinear Dynamics 7, 1995; Anitescu & Potra, Nonlinear Dynamics 14,
+1997). Compression stops contacts that close, as without restitution. Restitution gives each contact at least e times
+the normal impulse of its compression, and more if the contact would close otherwise. Each phase obeys Coulomb's cone.
 """
 
 from __future__ import annotations
@@ -18,13 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision import Tolerance
-from physics.contact import contact_problem as pressing
-from physics.contact import penetration_filter as crossing
-from physics.contact import points as contact
-from physics.contact import rebound
-from physics.contact.candidates import within
+from physics.contact import contact_problem, impact_energy, penetration_filter
 from physics.contact.contact_problem import NO_CONTACTS, Contacts
-from physics.joints.rows import assemble, holding
+from physics.contact.narrow_phase import find
+from physics.contact.surface_pairs import within
+from physics.joints.rows import assemble, joint_rows
 from physics.model.bodies import FREE, Bodies, Saved, place
 from physics.model.shapes import Shapes
 from physics.solver.batch import Batch
@@ -37,27 +35,31 @@ Wrench = Callable[[Ints, float], Array]
 EXACT = 1e-14
 """1: residual of the contact laws, relative to the largest speed, at which the solver ends"""
 MARGIN = 0.05
-"""1: contacts with a gap of up to this part of the thinner part's thickness are listed"""
+"""1: gaps up to this fraction of the thinner body's thickness are listed"""
 DEEPEST = 0.3
-"""1: penetration is looked for to this part of that thickness; deeper, the nearest face may be the other side's"""
+"""1: depths up to this fraction of that thickness are listed; beyond it the nearest face may be on the far side"""
 
 
-class Touching:
-    """What contacts do at one instant. It holds scratch and the largest residual since that was last set to 0."""
+class ContactSet:
+    """Contacts of the bodies as they stand. Holds workspace, pair coefficients and the largest solver residual."""
 
     def __init__(self, bodies: Bodies, tolerance: Tolerance) -> None:
         self.bodies = bodies
         self.tolerance = tolerance
         self.residual = 0.0
-        """m/s, largest that the solver left"""
+        """m/s: largest residual of the solver since this was last set to 0"""
         self.slips = False
-        """whether a dry joint slid in the last kick of a batch with joints"""
+        """whether a joint with friction slid in the last kick of a batch with joints"""
         self.shapes: Shapes | None = None
         self.shape_of = np.zeros(0, np.int64)
         self.friction = np.zeros(0)
         self.restitution = np.zeros(0)
         self.poisson = np.zeros(0, bool)
         """(n,) whether an object's restitution is meant by Poisson's law"""
+        self.material = np.zeros((0, 2), np.int64)
+        """(n, 2) number of an object's material in the table of pairs for friction, and for restitution; 0: none"""
+        self.pair_table = np.full((1, 1, 2), np.nan)
+        """(m, m, 2) friction and restitution of pairs of materials, nan where they are combined"""
         self._ints = np.empty((256, 6), np.int64)
         self._reals = np.empty((256, 7))
         self._stamps: tuple[Ints, ...] = ()
@@ -70,10 +72,11 @@ class Touching:
         self.friction = np.concatenate([self.friction, np.full(more, np.nan)])
         self.restitution = np.concatenate([self.restitution, np.full(more, np.nan)])
         self.poisson = np.concatenate([self.poisson, np.zeros(more, bool)])
+        self.material = np.concatenate([self.material, np.zeros((more, 2), np.int64)])
         self.shape_of = np.concatenate([self.shape_of, np.full(more, -1, np.int64)])
 
     def use(self, shapes: Shapes) -> None:
-        """Take the shapes that bodies may have from now on."""
+        """Use these shapes from now on; `shape_of` refers to them."""
         self.shapes = shapes
         sizes = len(shapes.vertices), len(shapes.edges), len(shapes.kinds)
         self._stamps = tuple(np.zeros(n + 1, np.int64) for n in sizes)
@@ -85,10 +88,10 @@ class Touching:
         self._faceted = np.array([not shapes.kinds[s].any() for s in each], bool)
 
     def find(self, batch: Batch, way: Array, margin: float = MARGIN) -> Contacts:
-        """Contact points as the bodies stand; forces are zero. way: (count,) m that things move in what is looked at.
+        """Contact points of a batch as the bodies stand, with zero forces.
 
-        margin: gaps up to this part of the thinner part's thickness, and no farther than the way, are listed.
-        Penetration is looked for to `DEEPEST` of that thickness.
+        way: (count,) m, the most that a point of each island moves in the time considered. margin: gaps are listed up
+        to this fraction of the thinner body's thickness, and up to `way`; depths up to `DEEPEST` of that thickness.
         """
         if len(batch.pairs) == 0 or self.shapes is None:
             return NO_CONTACTS
@@ -106,7 +109,7 @@ class Touching:
         )  # fmt: skip
         pairs, margins, depths = batch.pairs[near], margins[near], depths[near]
         while True:
-            n = contact.find(
+            n = find(
                 pairs, b.rotation, b.origin, self.shape_of, self.shapes, margins, depths, self._ints, self._reals,
                 *self._stamps,
             )  # fmt: skip
@@ -116,28 +119,28 @@ class Touching:
             self._reals = np.empty((2 * n, 7))
 
     def inherit(self, now: Contacts, before: Contacts) -> Contacts:
-        """Forces of contacts that were there before: the solver's first guess."""
+        """Copy the forces of contacts in `before` to the same contacts in `now`: the solver's warm start."""
         if len(now.ints) and len(before.ints):
-            row = pressing.match(before.ints, now.ints)
+            row = contact_problem.match(before.ints, now.ints)
             known = row >= 0
             now.force[known] = before.force[row[known]]
         return now
 
     def touched(self, before: Contacts, now: Contacts) -> NDArray[np.bool_]:
-        """(c,) which contacts of `now` touched in `before`."""
+        """(c,) mask of the contacts of `now` that touched in `before`."""
         touched = np.zeros(len(now.ints), bool)
         if len(before.ints) and len(now.ints):
-            row = pressing.match(before.ints, now.ints)
+            row = contact_problem.match(before.ints, now.ints)
             known = row >= 0
             touched[known] = before.reals[row[known], 6] <= self.tolerance.touch
         return touched
 
-    def sift(
+    def without_false_penetrations(
         self, contacts: Contacts, touched: NDArray[np.bool_], begin: Saved | None = None
     ) -> tuple[Contacts, NDArray[np.bool_]]:
-        """Without the rows that only lie behind a face; and which of the others touched, or were inside all along.
+        """The contacts that touch or penetrate, and a mask of those that did before (see `penetration_filter`).
 
-        begin: the bodies, and what carries them, a little earlier; None: nothing has moved yet.
+        touched: (c,) contacts known to have touched. begin: bodies a little earlier; None: nothing has moved yet.
         """
         deep = ~touched & (contacts.reals[:, 6] < -self.tolerance.touch)
         if not deep.any():
@@ -147,37 +150,44 @@ class Touching:
         if begin is not None:
             rotation, origin = rotation.copy(), origin.copy()
             rotation[begin.ids], origin[begin.ids] = begin.rotation, begin.origin
-        verdict = crossing.sift(
+        verdict = penetration_filter.classify(
             contacts.ints, contacts.reals, touched, b.rotation, b.origin, rotation, origin, self.shape_of, self.shapes,
             self.tolerance.touch,
         )  # fmt: skip
-        real = verdict != crossing.NOTHING
-        return rows(contacts, real), (touched | (verdict == crossing.SUNK))[real]
+        real = verdict != penetration_filter.OUTSIDE
+        return rows(contacts, real), (touched | (verdict == penetration_filter.INSIDE))[real]
 
     def pair_values(self, ints: Ints) -> tuple[Array, Array]:
-        """Friction and restitution (c,) of contacts, see `behaviours.Reaction`."""
+        """Friction and restitution (c,) of contacts, combined as `behaviours.Reaction` says."""
         a, b = ints[:, 0], ints[:, 1]
         fa, fb = self.friction[a], self.friction[b]
         friction = np.where(np.isnan(fa), fb, np.where(np.isnan(fb), fa, np.sqrt(fa * fb)))
         ea, eb = self.restitution[a], self.restitution[b]
         restitution = np.where(np.isnan(ea), eb, np.where(np.isnan(eb), ea, np.fmin(ea, eb)))
-        return np.where(np.isnan(friction), 0.5, friction), np.where(np.isnan(restitution), 0.0, restitution)
+        own = np.where(np.isnan(friction), 0.5, friction), np.where(np.isnan(restitution), 0.0, restitution)
+        if len(self.pair_table) == 1:
+            return own
+        by_pair = (self.pair_table[self.material[a, k], self.material[b, k], k] for k in range(2))
+        first, second = (np.where(np.isnan(p), o, p) for p, o in zip(by_pair, own, strict=True))
+        return first, second
 
     def by_poisson(self, ints: Ints) -> NDArray[np.bool_]:
-        """(c,) whether contacts follow Poisson's law: that of the lesser restitution; Poisson's, if both are equal."""
+        """(c,) mask of contacts under Poisson's law: the law of the lesser restitution, Poisson's if both are equal."""
         a, b = ints[:, 0], ints[:, 1]
         ea, eb = self.restitution[a], self.restitution[b]
-        return (self.poisson[a] & (np.isnan(eb) | (ea <= eb))) | (self.poisson[b] & (np.isnan(ea) | (eb <= ea)))
+        own = (self.poisson[a] & (np.isnan(eb) | (ea <= eb))) | (self.poisson[b] & (np.isnan(ea) | (eb <= ea)))
+        by_pair = ~np.isnan(self.pair_table[self.material[a, 1], self.material[b, 1], 1])
+        return np.where(by_pair, self.poisson[a] | self.poisson[b], own)
 
     def speeds(self, rows: Ints, contacts: Contacts) -> Array:
-        """(r,) m/s at which contacts part along their normals."""
+        """(r,) m/s: normal speeds of contacts, positive where they part."""
         b = self.bodies
-        return pressing.normal_speeds(rows, contacts.ints, contacts.reals, b.center, b.velocity)
+        return contact_problem.normal_speeds(rows, contacts.ints, contacts.reals, b.center, b.velocity)
 
     # --- forces ---------------------------------------------------------------------------------------------------
 
     def free(self, batch: Batch, t: float, h: Array, wrench: Wrench) -> Array:
-        """Velocities (n, 6) after a kick of h (count,) seconds without constraints."""
+        """Velocities (n, 6) after applied forces have acted for h (count,) seconds, without constraints."""
         b = self.bodies
         ids = batch.ids
         w = wrench(ids, t)
@@ -190,154 +200,153 @@ class Touching:
         return free
 
     def kick(
-        self, batch: Batch, contacts: Contacts, pressed: Ints, t: float, h: Array, wrench: Wrench, ahead: float = 0.0
+        self, batch: Batch, contacts: Contacts, active: Ints, t: float, h: Array, wrench: Wrench, ahead: float = 0.0
     ) -> None:
-        """Forces over h (count,) seconds, and what joints and the contacts `pressed` (rows) make of them.
+        """Apply forces for h (count,) seconds under joints and the contacts `active` (rows); writes velocities.
 
-        ahead: see `joints.holding`.
+        ahead: see `joints.rows.joint_rows`.
         """
         target = np.zeros(len(contacts.ints))
-        self.press(batch, contacts, pressed, self.free(batch, t, h, wrench), h, target, ahead=ahead)
+        self.solve(batch, contacts, active, self.free(batch, t, h, wrench), h, target, ahead=ahead)
 
-    def press(
-        self, batch: Batch, contacts: Contacts, pressed: Ints, free: Array, h: Array, target: Array,
+    def solve(
+        self, batch: Batch, contacts: Contacts, active: Ints, free: Array, h: Array, target: Array,
         tolerance: float = EXACT, least: Array | None = None, ahead: float = 0.0,
     ) -> None:  # fmt: skip
-        """Solve for the velocities that contacts and joints make of `free` (n, 6).
+        """Solve for velocities under contacts and joints, from unconstrained ones `free` (n, 6).
 
-        target: (c,) m/s at which contacts part at least; least: (c,) N·s, their least normal impulses. Contact forces
-        (impulse over h) are kept on `contacts`. Of each patch only the rows that span it are solved at first; others
-        that would sink in are added.
+        target: (c,) m/s, least normal speeds; least: (c,) N·s, least normal impulses. Contact forces (impulse over h)
+        are stored in `contacts`. Each contact patch starts with the rows that span it; rows that would sink in follow.
         """
         b = self.bodies
-        if len(pressed) == 0 and not batch.joints:
+        if len(active) == 0 and not batch.joints:
             b.velocity[batch.ids] = free
             return
         mu, _ = self.pair_values(contacts.ints)
         each = h[batch.of_rows(contacts.ints)][:, None]
-        held = holding(batch.joints, b, batch.ids, self.pair_values, ahead)
+        held = joint_rows(batch.joints, b, batch.ids, self.pair_values, ahead)
         local = self._local(batch)
-        chosen = pressed[pressing.spanning(contacts.ints, contacts.reals, pressed)]
+        chosen = active[contact_problem.spanning(contacts.ints, contacts.reals, active)]
         if least is None:
             least = np.zeros(len(contacts.ints))
         else:
-            chosen = np.union1d(chosen, pressed[least[pressed] > 0.0])
+            chosen = np.union1d(chosen, active[least[active] > 0.0])
         for _ in range(8):
             impulse = contacts.force[chosen] * each[chosen]
-            residual, self.slips = pressing.press(
+            residual, self.slips = contact_problem.solve_contacts(
                 batch.ids, local, free, b.center, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
                 b.kind == FREE, chosen, contacts.ints, contacts.reals, mu, target, least, impulse, held, tolerance,
             )  # fmt: skip
-            contacts.force[pressed] = 0.0
+            contacts.force[active] = 0.0
             contacts.force[chosen] = impulse / each[chosen]
-            if len(chosen) == len(pressed):
+            if len(chosen) == len(active):
                 break
-            slowest = target[pressed] - 1e-10 * (1.0 + np.abs(target[pressed])) - 2.0 * residual
-            sinking = self.speeds(pressed, contacts) < slowest
-            sinking[np.searchsorted(pressed, chosen)] = False
+            slowest = target[active] - 1e-10 * (1.0 + np.abs(target[active])) - 2.0 * residual
+            sinking = self.speeds(active, contacts) < slowest
+            sinking[np.searchsorted(active, chosen)] = False
             if not sinking.any():
                 break
-            chosen = np.union1d(chosen, pressed[sinking])
+            chosen = np.union1d(chosen, active[sinking])
         self.residual = max(self.residual, residual)
 
     def rebound(
-        self, batch: Batch, contacts: Contacts, pressed: Ints, free: Array, h: Array, target: Array,
+        self, batch: Batch, contacts: Contacts, active: Ints, free: Array, h: Array, target: Array,
         tolerance: float = EXACT,
     ) -> None:  # fmt: skip
-        """`press` with restitution where `target`, the speed of Newton's law, is not 0, as far as it makes no energy.
+        """`solve` with restitution, lowered where it would gain energy. target: (c,) m/s, speeds of Newton's law.
 
-        A connected group with a contact by Poisson's law takes its two steps.
+        A connected group that has a contact under Poisson's law goes through compression and restitution.
         """
         stored = (target > 0.0) & self.by_poisson(contacts.ints)
-        if not stored[pressed].any():
-            self._reflect(batch, contacts, pressed, free, h, target, tolerance)
+        if not stored[active].any():
+            self._reflect(batch, contacts, active, free, h, target, tolerance)
             return
         b = self.bodies
-        bodies = self._rows(batch, contacts, pressed)[0]
-        of_body, group, count = rebound.groups(len(batch.ids), bodies, assemble(batch.joints, b, batch.ids)[0])
+        bodies = self._rows(batch, contacts, active)[0]
+        of_body, group, count = impact_energy.groups(len(batch.ids), bodies, assemble(batch.joints, b, batch.ids)[0])
         in_two = np.zeros(count, bool)
-        in_two[group[stored[pressed]]] = True
+        in_two[group[stored[active]]] = True
         mine = in_two[group]
         reflected = None
         if not mine.all():
-            self._reflect(batch, contacts, pressed[~mine], free, h, target, tolerance)
+            self._reflect(batch, contacts, active[~mine], free, h, target, tolerance)
             reflected = b.velocity[batch.ids]
-        self._restore(batch, contacts, pressed[mine], free, h, target, stored, tolerance)
+        self._restore(batch, contacts, active[mine], free, h, target, stored, tolerance)
         if reflected is not None:
             b.velocity[batch.ids] = np.where(in_two[of_body, None], b.velocity[batch.ids], reflected)
 
-    def _reflect(self, batch, contacts, pressed, free, h, target, tolerance) -> None:
+    def _reflect(self, batch, contacts, active, free, h, target, tolerance) -> None:
         """`rebound` by Newton's law alone."""
-        self.press(batch, contacts, pressed, free, h, target, tolerance)
-        if target[pressed].any():
-            self._limit(batch, contacts, pressed, free, h, tolerance)
+        self.solve(batch, contacts, active, free, h, target, tolerance)
+        if target[active].any():
+            self._limit(batch, contacts, active, free, h, tolerance)
 
-    def _restore(self, batch, contacts, pressed, free, h, target, stored, tolerance) -> None:
-        """`rebound` in two steps; `stored` (c,): contacts by Poisson's law, others reach `target` in the second."""
+    def _restore(self, batch, contacts, active, free, h, target, stored, tolerance) -> None:
+        """Compression, then restitution. stored: (c,) contacts under Poisson's law; others reach `target`."""
         b = self.bodies
         b.velocity[batch.ids] = free
-        mine = pressed[stored[pressed]]
+        mine = active[stored[active]]
         back = np.zeros(len(target))
         back[mine] = target[mine] / -self.speeds(mine, contacts)
-        self.press(batch, contacts, pressed, free, h, np.zeros(len(target)), tolerance)
-        velocity, force = b.velocity[batch.ids], contacts.force[pressed]
-        each = h[batch.of_rows(contacts.ints[pressed])]
+        self.solve(batch, contacts, active, free, h, np.zeros(len(target)), tolerance)
+        velocity, force = b.velocity[batch.ids], contacts.force[active]
+        each = h[batch.of_rows(contacts.ints[active])]
         least = np.zeros(len(target))
-        least[pressed] = back[pressed] * force[:, 0] * each
-        contacts.force[pressed] = back[pressed, None] * force
-        self.press(batch, contacts, pressed, velocity, h, np.where(stored, 0.0, target), tolerance, least)
-        contacts.force[pressed] += force
-        self._limit(batch, contacts, pressed, free, h, tolerance, (velocity, force))
+        least[active] = back[active] * force[:, 0] * each
+        contacts.force[active] = back[active, None] * force
+        self.solve(batch, contacts, active, velocity, h, np.where(stored, 0.0, target), tolerance, least)
+        contacts.force[active] += force
+        self._limit(batch, contacts, active, free, h, tolerance, (velocity, force))
 
-    def _rows(self, batch: Batch, contacts: Contacts, pressed: Ints):
-        """Bodies (c, 2), Jacobian (c, 3, 12) and bias (c, 3) of the rows `pressed`."""
+    def _rows(self, batch: Batch, contacts: Contacts, active: Ints):
+        """Bodies (c, 2), Jacobians (c, 3, 12) and biases (c, 3) of the rows `active`."""
         b = self.bodies
         none = np.zeros(len(contacts.ints))
-        return pressing.contact_rows(
-            pressed, contacts.ints, contacts.reals, none, none, self._local(batch), batch.ids, b.center, b.velocity,
+        return contact_problem.contact_rows(
+            active, contacts.ints, contacts.reals, none, none, self._local(batch), batch.ids, b.center, b.velocity,
             b.kind == FREE,
         )[:3]  # fmt: skip
 
-    def _limit(self, batch, contacts, pressed, free, h, tolerance, without=None) -> None:
-        """Take back of velocities and forces what makes energy, in each connected group.
+    def _limit(self, batch, contacts, active, free, h, tolerance, without=None) -> None:
+        """Scale restitution down in connected groups that gain energy; writes velocities and forces.
 
-        without: velocities (n, 6) and forces (c, 3) without restitution, where they are known.
+        without: velocities (n, 6) and forces (c, 3) without restitution, if known.
         """
         b = self.bodies
-        cb, cj, bias = self._rows(batch, contacts, pressed)
+        cb, cj, bias = self._rows(batch, contacts, active)
         jb, *_ = assemble(batch.joints, b, batch.ids)
-        of_body, group, count = rebound.groups(len(batch.ids), cb, jb)
-        velocity, force = b.velocity[batch.ids], contacts.force[pressed]
-        before, after = (rebound.relative(cb, cj, bias, v) for v in (free, velocity))
-        each = h[batch.of_rows(contacts.ints[pressed])][:, None]
-        wrong = rebound.gained(force * each, before, after, group, count)
+        of_body, group, count = impact_energy.groups(len(batch.ids), cb, jb)
+        velocity, force = b.velocity[batch.ids], contacts.force[active]
+        before, after = (impact_energy.relative(cb, cj, bias, v) for v in (free, velocity))
+        each = h[batch.of_rows(contacts.ints[active])][:, None]
+        wrong = impact_energy.gained(force * each, before, after, group, count)
         if not wrong.any():
             return
         if without is None:
-            self.press(batch, contacts, pressed, free, h, np.zeros(len(contacts.ints)), tolerance)
-            without = b.velocity[batch.ids], contacts.force[pressed]
+            self.solve(batch, contacts, active, free, h, np.zeros(len(contacts.ints)), tolerance)
+            without = b.velocity[batch.ids], contacts.force[active]
         least, least_force = without
-        least_after = rebound.relative(cb, cj, bias, least)
-        sigma = rebound.share(force * each, least_force * each, before, after, least_after, group, count)
+        least_after = impact_energy.relative(cb, cj, bias, least)
+        sigma = impact_energy.share(force * each, least_force * each, before, after, least_after, group, count)
         sigma[~wrong] = 1.0
         part = sigma[of_body, None]
         b.velocity[batch.ids] = np.where(part < 1.0, least + part * (velocity - least), velocity)
         part = sigma[group, None]
-        contacts.force[pressed] = np.where(part < 1.0, least_force + part * (force - least_force), force)
+        contacts.force[active] = np.where(part < 1.0, least_force + part * (force - least_force), force)
 
     def correct(self, batch: Batch, contacts: Contacts, chosen: Ints, others: Ints, jb, jj, jr) -> None:
-        """The least move that closes the gaps of the rows `chosen` and the joints' residuals; `others` stay open."""
+        """Move bodies as little as closes the gaps of rows `chosen` and the joints' residuals; `others` stay open."""
         b = self.bodies
-        pressing.correct(
+        contact_problem.correct(
             batch.ids, self._local(batch), b.center, b.attitude, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
             b.kind == FREE, chosen, others, contacts.ints, contacts.reals, jb, jj, jr,
         )  # fmt: skip
         place(batch.ids, b.center, b.attitude, b.offset, b.rotation, b.origin)
 
     def push_apart(self, batch: Batch, contacts: Contacts, chosen: Ints, tolerance: float) -> None:
-        """The least move after which none of the rows `chosen` has a gap below 0, to `tolerance` of the deepest."""
+        """Move bodies as little as lifts all gaps of rows `chosen` to 0, within `tolerance` of the deepest."""
         b = self.bodies
-        pressing.push_apart(
+        contact_problem.push_apart(
             batch.ids, self._local(batch), b.center, b.attitude, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
             b.kind == FREE, chosen, contacts.ints, contacts.reals, tolerance,
         )  # fmt: skip
@@ -349,14 +358,14 @@ class Touching:
         return local
 
     def sticks(self, batch: Batch, contacts: Contacts) -> NDArray[np.bool_]:
-        """(count,) whether joints or contacts of an island carry, and none of those that do slides with friction."""
+        """(count,) mask of islands in which joints or contacts bear load and no loaded one slides with friction."""
         loaded = contacts.force[:, 0] > 0.0
         mu, _ = self.pair_values(contacts.ints[loaded])
         f = contacts.force[loaded]
         grip = mu * f[:, 0]
         slides = (f[:, 1] ** 2 + f[:, 2] ** 2 >= (0.999 * grip) ** 2) & (grip != 0.0)
         island = batch.of_rows(contacts.ints[loaded])
-        # what moves by itself, and forces that change, may pull at a joint otherwise in the next step
+        # kinematic bodies and varying forces may load a joint differently in the next step
         lasting = len(batch.joints) > 0 and batch.constant and len(batch.moved) == 0
         carries = np.full(batch.count, lasting)
         carries[island] = True
@@ -366,7 +375,7 @@ class Touching:
         return carries
 
     def impact(self, batch: Batch, contacts: Contacts, touching: Ints) -> None:
-        """Rebound of all of the rows `touching` that close, in rounds, then none closes any more."""
+        """Resolve impacts of the rows `touching` in rounds, until none closes."""
         b = self.bodies
         kept = contacts.force.copy()
         _, restitution = self.pair_values(contacts.ints)
@@ -386,17 +395,17 @@ class Touching:
             part = batch.part(struck)
             self.rebound(part, contacts, hit, b.velocity[part.ids].copy(), one, target)
         contacts.force[:] = 0.0
-        self.press(batch, contacts, touching, b.velocity[batch.ids].copy(), one, np.zeros(len(contacts.ints)))
+        self.solve(batch, contacts, touching, b.velocity[batch.ids].copy(), one, np.zeros(len(contacts.ints)))
         contacts.force[:] = kept
 
 
 def rows(contacts: Contacts, mask: NDArray[np.bool_] | slice) -> Contacts:
-    """The contacts of a mask, by value."""
+    """Copies of the contacts of a mask."""
     return Contacts(contacts.ints[mask], contacts.reals[mask], contacts.force[mask])
 
 
 def merged(batch: Batch, parts: list[Contacts]) -> Contacts:
-    """Contacts of several parts of a batch, in the order of its islands."""
+    """Concatenated contacts of parts of a batch, in the order of its islands."""
     if len(parts) == 1:
         return parts[0]
     ints, reals, force = (np.concatenate(columns) for columns in zip(*parts, strict=True))

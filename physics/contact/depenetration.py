@@ -1,16 +1,16 @@
-"""Bodies that are put deep into others: brought out of them before anything moves.
+"""Depenetration: bodies that were placed deep inside others are moved out before a step.
 
-Contacts are looked for to `touching.DEEPEST` of the thinner wall, and what is found there is closed as the step is
-taken. What is placed deeper would not be seen at all and fall through. Its depth and the way out are measured on the
-exact meshes (`CollisionManager.penetration`); it is moved that far, the lighter body more, deepest first. It gets no
-velocity: the work done is that of lifting it.
+Contact search ends at `contact_set.DEEPEST` of the thinner wall; a deeper overlap would not be seen, and the body would
+fall through. Depth and direction come from the exact meshes (`CollisionManager.penetration`). The deepest pair is moved
+apart first, the lighter body more. Velocities do not change: the work done is that of lifting.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CollisionManager
@@ -20,15 +20,20 @@ from physics.model.bodies import FREE, Bodies
 NEARLY = 0.98
 """1: depths are measured to 1 %"""
 PASSES = 16
-"""times that the deepest overlap is looked for anew, an object pair"""
+"""searches for the deepest overlap, per object pair"""
 
 
-def part(
-    bodies: Bodies, collision: CollisionManager, objects: Iterable[tuple[int, int]], bound: frozenset[int]
+def depenetrate(
+    bodies: Bodies,
+    collision: CollisionManager,
+    place: Callable[[int, pin.SE3], None],
+    objects: Iterable[tuple[int, int]],
+    bound: frozenset[int],
 ) -> bool:
-    """Move free bodies out of what they are too deep in; whether any was. Poses are set in `collision` too.
+    """Move free bodies out of overlaps that are too deep for contact search; returns whether any moved.
 
-    objects: pairs of objects that may meet. bound: bodies on joints, which stay where their joints have them.
+    place: sets the pose of an object, in `bodies` and in `collision`. objects: pairs of objects that may meet. bound:
+    bodies on joints, which stay where their joints have them.
     """
     b = bodies
     pairs = [(i, j) for i, j in objects if any(b.kind[k] == FREE and k not in bound for k in (i, j))]
@@ -48,14 +53,13 @@ def part(
             if share != 0.0:
                 pose = b.pose(k)
                 pose.translation = pose.translation + share * deepest[worst]
-                b.set_pose(k, pose)
-                collision.set_pose(k, pose)
+                place(k, pose)
         moved = True
     return moved
 
 
 def _deepest(collision: CollisionManager, i: int, j: int) -> NDArray[np.float64]:
-    """(3,) m, world: the shortest way out of object i for object j where it is deepest; 0 if they do not overlap."""
+    """(3,) m, world: translation that takes object j out of i where they overlap deepest; 0 if they do not."""
     rows = collision.penetration(i, j)
     if len(rows) == 0:
         return np.zeros(3)

@@ -1,10 +1,10 @@
-"""Which contact points with a negative gap are penetrations, and which only lie behind a face.
+"""Penetration filter: tells contact points inside a solid from points that only lie behind the plane of a face.
 
-A point that lies behind a face need not have come through it: the end of a ring's outer wall, flush with the end of
-a bore, lies deep behind the bore's wall and touches nothing of it. `contact.find` cannot tell, it sees one instant.
-A row is a penetration if its two features have crossed since a known earlier pose, or if no other surface of the
-solid is nearer to the point than those of the row's own feature. Only surfaces count that the point's own material lies
-in front of, as for `contact.find`: a corner sunk straight down along a wall has not come through the wall.
+A point behind a face need not be inside the solid: the end of a ring's outer wall, flush with the end of a bore, lies
+deep behind the bore's wall and touches nothing of it. `narrow_phase.find` looks at one instant and lists both. A row is
+a penetration if its two features have passed each other since an earlier pose, or if no other surface of the solid is
+nearer to the point than the surfaces of the row's feature. Surfaces count only if the point's own material lies in
+front of them: a corner sunk straight down along a wall has not come through the wall.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from collision.numeric.kernel import inner_kernel, kernel
-from physics.contact.features import (
+from collision.numeric.vectors import dot, row, sub
+from collision.triangle.point import closest_on_triangle
+from physics.contact.contact_features import (
     BODY_A,
     BODY_B,
     EDGE,
@@ -23,18 +25,16 @@ from physics.contact.features import (
     SURFACE_A,
     SURFACE_B,
     VERTEX,
-    _dot,
     _from,
-    _nearest,
 )
 
-NOTHING, CROSSED, SUNK = range(3)
-"""verdicts: no penetration; one since the earlier pose (or a gap that is not negative); one that is older"""
+OUTSIDE, ENTERED, INSIDE = range(3)
+"""verdicts: no penetration; penetration since the earlier pose, or a gap that is not negative; older penetration"""
 
 
 @inner_kernel(allocates=True)
 def _carried(r0, o0, r1, o1, p):
-    """Where the point of a body that is now at `p` (world) was when the body was at (r0, o0)."""
+    """(3,) world position, when the body was at (r0, o0), of the point that is at `p` with the body at (r1, o1)."""
     x, y, z = p[0] - o1[0], p[1] - o1[1], p[2] - o1[2]
     out = np.empty(3)
     a = r1[0, 0] * x + r1[1, 0] * y + r1[2, 0] * z
@@ -47,9 +47,9 @@ def _carried(r0, o0, r1, o1, p):
 
 @inner_kernel(allocates=True)
 def _material(shapes, shape, feature, r, other):
-    """(k, 3) unit, the ways from a vertex or an edge into its own solid, in the frame `other`; none for other features.
+    """(k, 3) unit directions from a vertex or an edge into its own solid, in the frame `other`; (0, 3) for the rest.
 
-    r, other: rotations of the feature's body and of the one it meets.
+    r, other: rotations of the feature's body and of the body it meets.
     """
     item = feature // 4
     if feature % 4 == VERTEX:
@@ -67,21 +67,21 @@ def _material(shapes, shape, feature, r, other):
 
 @inner_kernel
 def _before(material, n):
-    """Whether all of the material's ways lead to the front of a face with the normal `n`."""
+    """Whether all directions into the material point to the front of a face with normal `n`."""
+    least = 0.0
     for k in range(len(material)):
-        if _dot(material[k, 0], material[k, 1], material[k, 2], n[0], n[1], n[2]) < -FRONT:
-            return False
-    return True
+        least = min(least, dot(material[k], n))
+    return least >= -FRONT
 
 
 @inner_kernel(allocates=True)
 def _shallow(shapes, shape, p, one, two, material):
-    """Whether `one` or `two` is nearest to `p` (shape's frame) of all surfaces that its material is before."""
+    """Whether surface `one` or `two` is the nearest to `p` (shape's frame) of all that its material is in front of."""
     first = shapes.first_surface[shape]
     last = shapes.first_surface[shape + 1] if shape + 1 < len(shapes.first_surface) else len(shapes.kinds)
-    q = np.empty(3)
+    at = p[0], p[1], p[2]
     own = np.inf
-    for turn in range(2):  # its own surfaces first: they say how near another must be
+    for turn in range(2):  # the feature's own surfaces first: their distance bounds the search
         for s in range(last - first):
             if (s in (one, two)) != (turn == 0):
                 continue
@@ -93,14 +93,15 @@ def _shallow(shapes, shape, p, one, two, material):
                     far += d * d
                 if far >= own:
                     continue
-            row = first + s + shape
-            for t in range(shapes.triangle_start[row], shapes.triangle_start[row + 1]):
+            start = first + s + shape
+            for t in range(shapes.triangle_start[start], shapes.triangle_start[start + 1]):
                 if turn == 1 and not _before(material, shapes.normals[t]):
                     continue
                 v = shapes.triangles[t]
-                _nearest(p, shapes.vertices[v[0]], shapes.vertices[v[1]], shapes.vertices[v[2]], q)
-                x, y, z = p[0] - q[0], p[1] - q[1], p[2] - q[2]
-                d = _dot(x, y, z, x, y, z)
+                q, _ = closest_on_triangle(
+                    at, row(shapes.vertices, v[0]), row(shapes.vertices, v[1]), row(shapes.vertices, v[2])
+                )
+                d = dot(sub(at, q), sub(at, q))
                 if turn == 0:
                     own = min(own, d)
                 elif d < own * (1.0 - 1e-9):
@@ -110,9 +111,10 @@ def _shallow(shapes, shape, p, one, two, material):
 
 @inner_kernel(allocates=True)
 def _sunk(shapes, shape, surface, feature, r, o, point, other_shape, other_feature, other_r):
-    """Whether `point` (world) of another body is no nearer to any other surface of a body than to the row's feature.
+    """Whether no other surface of a body is nearer to `point` (world) of another body than the row's feature.
 
-    shape, surface, feature, (r, o): of the body that it is behind, (r, o) its mesh frame; other_*: of the point's own.
+    shape, surface, feature, (r, o): of the body that the point is behind, (r, o) its mesh frame; other_*: of the
+    point's own body.
     """
     one = two = surface
     if feature % 4 == EDGE:
@@ -123,13 +125,13 @@ def _sunk(shapes, shape, surface, feature, r, o, point, other_shape, other_featu
 
 
 @kernel(allocates=True)
-def sift(ints, reals, known, rotations, origins, before_r, before_o, shape_of, shapes, tolerance):
-    """(c,) verdict on each row that `contact.find` gave.
+def classify(ints, reals, known, rotations, origins, before_r, before_o, shape_of, shapes, tolerance):
+    """(c,) verdict on each row of `narrow_phase.find`.
 
-    known (c,): rows that touched before; they are taken as they are. before_r (n, 3, 3), before_o (n, 3): the mesh
-    frames at an earlier instant, not long ago. tolerance: m, gaps above -tolerance are none.
+    known: (c,) rows that touched before; not examined. before_r (n, 3, 3), before_o (n, 3): mesh frames a little
+    earlier. tolerance: m, depths up to it are no penetration.
     """
-    out = np.full(len(ints), CROSSED)
+    out = np.full(len(ints), ENTERED)
     for i in range(len(ints)):
         gap = reals[i, 6]
         if known[i] or gap >= -tolerance:
@@ -150,15 +152,15 @@ def sift(ints, reals, known, rotations, origins, before_r, before_o, shape_of, s
         was = np.sum(turned * (was_a - was_b))
         if was >= 0.5 * gap:
             continue
-        out[i] = SUNK
+        out[i] = INSIDE
         if kind_a != FACE and not _sunk(
             shapes, shape_of[b], ints[i, SURFACE_B], ints[i, FEATURE_B], rotations[b], origins[b],
             on_a, shape_of[a], ints[i, FEATURE_A], rotations[a],
         ):  # fmt: skip
-            out[i] = NOTHING
+            out[i] = OUTSIDE
         if kind_a in (FACE, EDGE) and not _sunk(
             shapes, shape_of[a], ints[i, SURFACE_A], ints[i, FEATURE_A], rotations[a], origins[a],
             on_b, shape_of[b], ints[i, FEATURE_B], rotations[b],
         ):  # fmt: skip
-            out[i] = NOTHING
+            out[i] = OUTSIDE
     return out

@@ -1,8 +1,7 @@
-"""Behaviours: what one object feels, each a small class of one shape that a user can write in ten lines.
+"""Behaviours: forces on one object, or its scripted motion, each a small class that a user can write in ten lines.
 
-A behaviour is asked at most three things, all optional: the `wrench` it exerts on its object, the `reaction` with which
-the object meets another (friction, restitution, whether it is solid at all), and the `pose` the object must have (then
-it moves by script, and nothing moves it). It sees a `View` of the object, and draws nothing.
+A behaviour has up to three methods, all optional: `wrench`, the wrench it exerts on its object; `reaction`, friction,
+restitution and solidity of the object; and `pose`, the pose of an object that moves by script. It reads a `View`.
 
     class Lift(Behaviour):
         def wrench(self, view):
@@ -26,6 +25,7 @@ from constraints.kinds.base import Constraint
 from constraints.kinds.elements import axis_of
 from physics.errors import BehaviourError
 from physics.model.body import Body
+from physics.model.material import LAWS
 
 Array = NDArray[np.float64]
 STANDARD_GRAVITY = 9.80665
@@ -34,21 +34,21 @@ STANDARD_GRAVITY = 9.80665
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """One contact point as a behaviour sees it (of the step before)."""
+    """One loaded contact point of an object, in the last step."""
 
     other: int
     """the other object's id"""
     point: Array
     """(3,) world, m"""
     normal: Array
-    """(3,) world, unit, towards the object that looks"""
+    """(3,) world, unit, towards the object"""
     impulse: Array
-    """(3,) world, N·s on the object that looks"""
+    """(3,) world, N·s on the object"""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What a behaviour may look at: the object's state at one instant, by value."""
+    """The state of an object at one instant, by value."""
 
     object_id: int
     time: float
@@ -69,16 +69,13 @@ class View:
         return self.velocity + np.cross(self.angular_velocity, np.asarray(point) - self.center)
 
 
-LAWS = ("newton", "poisson")
-"""impact laws: what restitution is the ratio of, speeds (Newton) or impulses (Poisson)"""
-
-
 @dataclass(frozen=True)
 class Reaction:
-    """How an object meets another. None: nothing is said, the other object's value counts.
+    """How an object meets another. None: that of its `Material`, else the other object's value counts.
 
-    Where both say something, the geometric mean of friction and the lesser restitution count, the latter with its own
-    law; where neither does, friction is 0.5 and restitution 0. Of equal restitutions under two laws Poisson's counts.
+    Where both have a value, that of the pair of their materials counts (`pairs` of `World`, unless a behaviour states
+    one), else the geometric mean of friction and the lesser restitution, the latter with its own law; where neither
+    has one, friction is 0.5 and restitution 0. Of equal restitutions under two laws Poisson's counts.
     """
 
     friction: float | None = None
@@ -104,14 +101,14 @@ class Behaviour:
     """Base of all behaviours: subclass it and override what is needed."""
 
     constant: bool = False
-    """True promises that `wrench` depends on nothing that changes (so it is asked once, and costs nothing a step)"""
+    """True promises that `wrench` never changes; it is then called once"""
 
     def wrench(self, view: View) -> ArrayLike | None:
         """Force and torque (6,) about the centre of mass in world axes, N and N·m; None for none."""
         return None
 
     def reaction(self, reaction: Reaction) -> Reaction:
-        """How the object meets others, given what the behaviours before this one made of it."""
+        """Friction, restitution and solidity of the object, given those after the behaviours before this one."""
         return reaction
 
     def pose(self, time: float) -> pin.SE3 | None:
@@ -143,7 +140,7 @@ def _vector(value: ArrayLike, what: str, behaviour: Behaviour) -> Array:
 
 
 class Gravity(Behaviour):
-    """Weight, in a uniform field (m/s²)."""
+    """Weight in a uniform field (m/s²); takes the place of the world's gravity on its object. (0, 0, 0): none."""
 
     constant = True
 
@@ -274,7 +271,7 @@ class Motor(Behaviour):
 
     `axis` (3,) and `point` (3,) lie in the mesh frame; `Motor.on` takes them from a joint. The effort is
     gain · (speed - actual), limited to `limit` (N·m or N); the other side of the joint stands still, or has a motor of
-    its own for what it feels of this one.
+    its own for the reaction.
     """
 
     @classmethod
@@ -394,7 +391,7 @@ class Solidity(Behaviour):
 
 
 class Sleeping(Behaviour):
-    """Whether the object may fall asleep when it has come to rest (it may unless told otherwise)."""
+    """Whether the object may fall asleep at rest; without this behaviour it may."""
 
     def __init__(self, allowed: bool) -> None:
         self.allowed = bool(allowed)

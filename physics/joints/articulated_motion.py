@@ -1,8 +1,8 @@
-"""Motion of a mechanism over a step, in joint coordinates.
+"""`ArticulatedMotion`: the motion of an articulated body over a step, in joint coordinates.
 
 The eighth-order method of Dormand and Prince (Hairer, Nørsett & Wanner, "Solving Ordinary Differential Equations I",
 II.5) in the tangent space at the start (Munthe-Kaas), with loops held by Gauss's principle and closed after the step.
-Threads that rub stick or slide (`rubbing`); the method's step ends early where one begins or ends to.
+Threads with friction stick or slide (`screw_friction`); a step of the method ends where a thread changes.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from physics.joints.mechanism import Mechanism
+from physics.joints.articulated_body import ArticulatedBody
 from physics.joints.rows import RANK, Law
-from physics.joints.screw_friction import Dry, Rates, chosen, friction_torques, when
+from physics.joints.screw_friction import Rates, ScrewFriction, chosen, friction_torques, when
 from physics.model.bodies import Bodies, Saved
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 TURN = 0.15
-"""rad: a step over which some joint would turn by more is split"""
+"""rad: steps in which a joint would turn by more are split"""
 STILL = 1e-13
 """1: a thread that turns slower than this times the fastest joint is at rest"""
 EVENTS = 40
-"""times that threads may begin or end to slide in one step in joint coordinates"""
+"""bound of changes between sticking and sliding in one step"""
 
 
 @cache
@@ -38,14 +38,14 @@ def _dormand_prince() -> tuple[Array, Array, Array]:
     return DOP853.C, np.ascontiguousarray(DOP853.A), np.ascontiguousarray(DOP853.B)
 
 
-class Swing:
-    """One step of a mechanism: what acts, and the way through it.
+class ArticulatedMotion:
+    """One step of an articulated body under `wrench`.
 
-    `constant`: the wrenches depend on nothing (as gravity's). law: see `joints`.
+    constant: the wrenches depend on neither state nor time. law: friction of pairs, see `joints.rows`.
     """
 
     def __init__(
-        self, mechanism: Mechanism, bodies: Bodies, time: float, wrench: Callable[[Ints, float], Array],
+        self, mechanism: ArticulatedBody, bodies: Bodies, time: float, wrench: Callable[[Ints, float], Array],
         constant: bool, law: Law,
     ) -> None:  # fmt: skip
         self.mechanism = mechanism
@@ -53,23 +53,24 @@ class Swing:
         self.bodies = bodies
         self.time = time
         self.wrench = wrench
-        self.dry = Dry.of(mechanism.threads, law)
+        self.dry = ScrewFriction.of(mechanism.threads, law)
         self.turning = np.array([self.model.idx_vs[i] for i in self._screws()], np.int64)
-        """(d,) places in the velocities of the threads that rub"""
+        """(d,) indices of the threads with friction in the velocities"""
         self.fixed = wrench(mechanism.ids, time) if constant else None
-        """(n, 6) wrenches that do not change, the model's gravity apart"""
+        """(n, 6) constant wrenches without the part that is the model's gravity; None if they vary"""
         self.model.gravity.linear = np.zeros(3)
         if self.fixed is not None and (field := self._field(self.fixed)) is not None:
             self.model.gravity.linear, self.fixed = field, np.zeros_like(self.fixed)
 
     def _screws(self) -> list[int]:
-        """Pinocchio's joints of the threads that rub."""
+        """Pinocchio's joint ids of the threads with friction."""
         return [self.mechanism.screws[k].joint for k in self.dry.of_thread]
 
     def advance(self, dt: float) -> bool:
         """Move the bodies by `dt` seconds.
 
-        False where friction admits no motion without a blow, or changes too often: then the bodies are left anywhere.
+        On False, body state is undefined and the caller must restore it: friction admits no motion without an impulse,
+        or changes between sticking and sliding too often.
         """
         mechanism, bodies = self.mechanism, self.bodies
         start = Saved(bodies, mechanism.ids)
@@ -105,7 +106,7 @@ class Swing:
         return True
 
     def _slip(self, q: Array, v: Array, time: float) -> Array | None:
-        """(d,) the sense in which each thread that rubs slides, 0 where it sticks; `v` of those at rest becomes 0."""
+        """(d,) sign of sliding of each thread with friction, 0 where it sticks; sets `v` of threads at rest to 0."""
         if len(self.turning) == 0:
             return np.zeros(0)
         rest = np.abs(v[self.turning]) <= STILL * np.abs(v).max()
@@ -114,10 +115,10 @@ class Swing:
         return chosen(self.dry, slip, self._rates(q, v, time)) if rest.any() else slip
 
     def _smooth(self, q: Array, v: Array, h: float, time: float, slip: Array) -> tuple[Array, Array, float] | None:
-        """Up to h seconds in which no thread begins or ends to slide: coordinates, rates, and how long it was."""
+        """Integrate up to h seconds, or until a thread begins or ends to slide: q, v, and the time taken."""
 
         def go(h: float) -> tuple[Array, Array, float] | None:
-            """The state after h seconds, and the least of what must stay positive."""
+            """State after h seconds, and the least of the event functions, which stay positive without an event."""
             after = self._step(q, v, h, time, slip)
             if after is None:
                 return None
@@ -145,14 +146,14 @@ class Swing:
         return q, v, at
 
     def _field(self, w: Array) -> Array | None:
-        """The one acceleration (3,) that explains all wrenches, if there is one: then it is the model's gravity."""
+        """Uniform acceleration (3,) that accounts for all wrenches (n, 6): the model's gravity; None if none."""
         a = w[:, :3] / self.bodies.mass[self.mechanism.ids][:, None]
         if w[:, 3:].any() or np.abs(a - a[0]).max() > 1e-15 * np.abs(a[0]).max():
             return None
         return a[0]
 
     def _forces(self, q: Array, v: Array, time: float) -> pin.StdVec_Force:
-        """What behaviours exert, by joint, in its frame."""
+        """Applied wrenches by joint, in its frame."""
         forces = self._no_forces()
         w = self.fixed
         if w is None:
@@ -175,7 +176,7 @@ class Swing:
         return forces
 
     def _rates(self, q: Array, v: Array, time: float) -> Rates:
-        """Accelerations and, where threads rub, what they and the threads' loads are as functions of the friction."""
+        """Accelerations, and rates and loads of threads as functions of the friction torques."""
         model, data = self.model, self.data
         d = len(self.turning)
         if model.nv == 0:
@@ -217,12 +218,12 @@ class Swing:
         return Rates(a, by_torque, a[self.turning], by_torque[self.turning], loads, by_load)
 
     def _loads(self) -> Array:
-        """(d, 4) along and about the axis, and twice across it: what each thread that rubs transmits."""
+        """(d, 4) N and N·m transmitted by each thread: along the axis, about it, twice across it."""
         f = [self.data.f[i].vector for i in self._screws()]
         return np.array(f)[:, [2, 5, 0, 1]]
 
     def _push(self, forces: pin.StdVec_Force, frames: Sequence[pin.SE3], pushes: Array | None, column: int) -> None:
-        """Add the forces of the anchors (3 · loops, …), world axes, to those of the joints."""
+        """Add the forces of loop anchors (3 · loops, …), world axes, to the joints' forces."""
         if pushes is None:
             return
         for loop, push in zip(self.loops, pushes[:, column].reshape(-1, 3), strict=True):
@@ -232,7 +233,7 @@ class Swing:
                     forces[joint] += pin.Force(linear, np.cross(point, linear))
 
     def _acceleration(self, q: Array, v: Array, time: float, slip: Array) -> Array | None:
-        """(nv,) with threads that slide as `slip` says; None where friction admits none."""
+        """(nv,) accelerations with threads sliding as `slip`; None where friction admits none."""
         rates = self._rates(q, v, time)
         if len(slip) == 0:
             return rates.acceleration
@@ -264,7 +265,7 @@ class Swing:
         return (q + y[:nv] if self.mechanism.flat else pin.integrate(self.model, q, y[:nv])), y[nv:]
 
     def _close(self, q, v):
-        """Bring loops back to closure: Newton on the anchors, then the velocities that keep them."""
+        """Close the loops: Newton's method on the anchors, then velocities projected on closed loops."""
         for _ in range(4):
             gap, jacobian = self._gaps(q)
             if np.abs(gap).max() < 1e-15:

@@ -1,4 +1,4 @@
-"""Accepted constraints as joints: their rows in the world's coordinates, and the dry ones among them."""
+"""Accepted constraints as joints: velocity rows in world coordinates, with friction where screws have it."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from physics.model.bodies import FREE, KINEMATIC, Bodies, Saved
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Law = Callable[[Ints], tuple[Array, Array]]
-"""friction and restitution (c,) of pairs of bodies (c, 2), see `Touching.pair_values`"""
+"""friction and restitution (c,) of pairs of bodies (c, 2), see `ContactSet.pair_values`"""
 
 RANK = 1e-10
-"""1: singular values of joints' rows below this times the largest are redundancy"""
+"""1: rows are redundant where singular values are below this times the largest"""
 
 
 class Joint(Protocol):
-    """What physics needs of an accepted constraint; `constraints.kinds` are such."""
+    """What physics needs of an accepted constraint; every class of `constraints.kinds` has it."""
 
     @property
     def bodies(self) -> tuple[int, int]:
@@ -36,7 +36,7 @@ class Joint(Protocol):
 
 
 def _world_rows(jacobian: Array, bodies: Bodies, i: int) -> Array:
-    """Rows (r, 6) by a local twist, rewritten for the velocity of the centre of mass and ω in world axes."""
+    """Rows (r, 6) for the velocity of the centre of mass and ω in world axes, from rows for the local twist."""
     rotation = bodies.rotation[i]
     linear = jacobian[:, :3] @ rotation.T
     angular = jacobian[:, 3:] @ rotation.T
@@ -45,8 +45,8 @@ def _world_rows(jacobian: Array, bodies: Bodies, i: int) -> Array:
 
 
 def assemble(joints: Sequence[Joint], bodies: Bodies, ids: Ints) -> tuple[Ints, Array, Array, Array]:
-    """Rows of all joints: bodies (g, 2) as places in `ids` or -1, Jacobians (g, 1, 12), residuals (g, 1), and the rates
-    (g, 1) at which what carries them (a path, a hand) changes those.
+    """Rows of all joints: bodies (g, 2) as places in `ids` or -1, Jacobians (g, 1, 12), residuals (g, 1), and rates of
+    the residuals (g, 1) due to kinematic bodies.
     """
     if not joints:
         return _NO_BODIES, _NO_ROWS, _NO_RESIDUALS, _NO_RESIDUALS
@@ -72,36 +72,36 @@ def assemble(joints: Sequence[Joint], bodies: Bodies, ids: Ints) -> tuple[Ints, 
 
 
 def _carried(rows: Array, bodies: Bodies, i: int) -> Array:
-    """(r,) what a body that is carried adds to the speeds of rows (r, 6)."""
+    """(r,) rates of rows (r, 6) due to body i if it is kinematic."""
     return rows @ bodies.velocity[i] if bodies.kind[i] == KINEMATIC else np.zeros(len(rows))
 
 
-class Holding(NamedTuple):
-    """Rows of joints as `solver.solve` takes them: ideal ones, and dry ones (two normals, and the way they slide)."""
+class JointRows(NamedTuple):
+    """Rows of joints for `newton.solve`: ideal rows, and blocks with friction (two normals, the sliding direction)."""
 
     bodies: Ints
-    """(g, 2) places, -1 for what does not move"""
+    """(g, 2) places, -1 for bodies that do not move"""
     jacobian: Array
     """(g, 1, 12)"""
     bias: Array
-    """(g, 1) m/s or rad/s, of what carries them"""
+    """(g, 1) m/s or rad/s, due to kinematic bodies"""
     dry_bodies: Ints
     """(d, 2)"""
     dry_jacobian: Array
     """(d, 3, 12)"""
     dry_bias: Array
-    """(d, 3) m/s, of what carries them"""
+    """(d, 3) m/s, due to kinematic bodies"""
     dry_friction: Array
     """(d,)"""
 
 
-def holding(joints: Sequence[Joint], bodies: Bodies, ids: Ints, friction: Law, ahead: float = 0.0) -> Holding:
-    """The rows that hold the velocities of the bodies `ids`.
+def joint_rows(joints: Sequence[Joint], bodies: Bodies, ids: Ints, friction: Law, ahead: float = 0.0) -> JointRows:
+    """Velocity rows of joints of the bodies `ids`.
 
-    A thread whose pair has friction is held by its own rows instead of its joint's, so that all of its load is known
-    where it rubs; what else joins the pair and lets it turn is implied.
-    ahead: s, of motion as it is, half of which the velocities are to foresee where threads rub. What bends the bodies'
-    ways then loads both half kicks of a step alike; else their loads, and friction, would sum up to too much.
+    A thread with friction contributes its own rows instead of its joint's, so that its friction sees all of its load;
+    other joints of the same pair that let it turn are implied by it.
+    ahead: s; with friction, velocities satisfy the joints as they will stand after half of this time. Centripetal loads
+    then enter both half kicks of a step equally, and friction does not act on them twice.
     """
     dry = dry_threads(joints, bodies, friction)
     ideal = [j for j in joints if _pair(j) not in dry]
@@ -122,8 +122,8 @@ def holding(joints: Sequence[Joint], bodies: Bodies, ids: Ints, friction: Law, a
     return held._replace(bias=held.bias + change[:g, None], dry_bias=held.dry_bias + change[g:].reshape(-1, 3))
 
 
-def _dense(held: Holding, n: int) -> tuple[Array, Array]:
-    """All rows (r, 6 n) and biases (r,) of joints of n bodies."""
+def _dense(held: JointRows, n: int) -> tuple[Array, Array]:
+    """Dense rows (r, 6 n) and biases (r,) of the joints of n bodies."""
     jacobian = np.concatenate([held.jacobian.reshape(-1, 2, 6), held.dry_jacobian.reshape(-1, 2, 6)])
     which = np.concatenate([held.bodies, np.repeat(held.dry_bodies, 3, axis=0)])
     rows = np.zeros((len(jacobian), n + 1, 6))  # the last is what does not move, place -1
@@ -132,11 +132,11 @@ def _dense(held: Holding, n: int) -> tuple[Array, Array]:
     return rows[:, :n].reshape(len(rows), 6 * n), np.concatenate([held.bias.ravel(), held.dry_bias.ravel()])
 
 
-def _held(ideal: Sequence[Joint], dry: Collection[tuple[Thread, float]], bodies: Bodies, ids: Ints) -> Holding:
-    """The rows of ideal joints, and of threads with friction, as the bodies stand."""
+def _held(ideal: Sequence[Joint], dry: Collection[tuple[Thread, float]], bodies: Bodies, ids: Ints) -> JointRows:
+    """Rows of ideal joints and of threads with friction, as the bodies stand."""
     jb, jj, _, jbias = assemble(ideal, bodies, ids)
     if not dry:
-        return Holding(jb, jj, jbias, _NO_BODIES, _NO_BLOCKS, _NO_BIAS, _NO_FRICTION)
+        return JointRows(jb, jj, jbias, _NO_BODIES, _NO_BLOCKS, _NO_BIAS, _NO_FRICTION)
     place = {int(i): k for k, i in enumerate(ids)}
     upright, upright_bias, blocks, bias, which = [], [], [], [], []
     coefficients: list[float] = []
@@ -156,7 +156,7 @@ def _held(ideal: Sequence[Joint], dry: Collection[tuple[Thread, float]], bodies:
         which += [local, local]
         upright.append(rows[4:, None, :])
         upright_bias.append(carried[4:, None])
-    return Holding(
+    return JointRows(
         np.concatenate([jb, np.repeat(np.array(which[::2], np.int64), 2, axis=0)]),
         np.concatenate([jj, *upright]),
         np.concatenate([jbias, *upright_bias]),
@@ -165,7 +165,7 @@ def _held(ideal: Sequence[Joint], dry: Collection[tuple[Thread, float]], bodies:
 
 
 def dry_threads(joints: Sequence[Joint], bodies: Bodies, friction: Law) -> dict[tuple[int, int], tuple[Thread, float]]:
-    """The threads that can turn among some joints, and do so with friction μ, by their pair of bodies (sorted)."""
+    """Threads that can turn and have friction, and its μ, by their pair of bodies (sorted)."""
     by_pair: dict[tuple[int, int], list[Joint]] = {}
     for joint in joints:
         by_pair.setdefault(_pair(joint), []).append(joint)

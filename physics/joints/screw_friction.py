@@ -1,6 +1,6 @@
-"""Friction of threads in joint coordinates: which stick and which slide, with what torque, and when that changes.
+"""Screw friction in joint coordinates: which threads stick or slide, their friction torques, and event times.
 
-The torque x of friction about each thread enters the accelerations linearly, and through them the loads that bound it:
+Accelerations are linear in the friction torque x of each thread, and so are the loads that bound it:
 
     a = a₀ + D x,    |x_j| ≤ c_j (μ'_j |N_j(x)| + μ_j R_j(x)),    c = r / cos λ,
 
@@ -23,17 +23,17 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 NEWTON = 30
-"""iterations for torques of friction; a few suffice where they exist"""
+"""bound of Newton iterations for friction torques; a few suffice where they exist"""
 TRIALS = 60
-"""steps with which the time of an event is looked for"""
+"""bound of iterations for an event time"""
 
 
 @dataclass(frozen=True, eq=False)
-class Dry:
-    """The threads of a mechanism that rub."""
+class ScrewFriction:
+    """The threads with friction of an articulated body."""
 
     of_thread: Ints
-    """(d,) which threads"""
+    """(d,) their numbers among all threads"""
     cosine: Array
     sine: Array
     """(d,) of the lead angle λ"""
@@ -44,8 +44,8 @@ class Dry:
     """(d,) μ"""
 
     @classmethod
-    def of(cls, threads: Sequence[Thread], law: Law) -> Dry:
-        """Those of some threads whose pair has friction."""
+    def of(cls, threads: Sequence[Thread], law: Law) -> ScrewFriction:
+        """The threads whose pair of bodies has friction."""
         if not threads:
             return _NONE
         mu = law(np.array([t.bodies for t in threads], np.int64))[0]
@@ -56,11 +56,11 @@ class Dry:
         return cls(rubs, np.cos(angle), np.sin(angle), np.array([t.radius for t in own]), both[:, 0], both[:, 1])
 
 
-_NONE = Dry(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(5)))
+_NONE = ScrewFriction(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(5)))
 
 
 class Rates(NamedTuple):
-    """A mechanism's accelerations, and its threads' rates and loads, as linear functions of the torques of friction."""
+    """Accelerations of an articulated body, rates and loads of its threads, linear in the friction torques."""
 
     acceleration: Array
     """(nv,) without friction"""
@@ -77,12 +77,12 @@ class Rates(NamedTuple):
 
     @classmethod
     def without_friction(cls, acceleration: Array) -> Rates:
-        """Where no thread rubs."""
+        """Rates of an articulated body without screw friction."""
         n = len(acceleration)
         return cls(acceleration, np.zeros((n, 0)), np.zeros(0), np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((0, 4, 0)))
 
-    def pressing(self, dry: Dry, x: Array) -> tuple[Array, Array, Array, Array]:
-        """N (d,) across the flanks and R (d,) across the axis, N, and their derivatives (d, d) by x."""
+    def normal_loads(self, dry: ScrewFriction, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Forces N (d,) across the flanks and R (d,) across the axis, N, and their derivatives (d, d) by x."""
         now = self.load + self.load_by_torque @ x
         c, s = dry.cosine, dry.sine / dry.radius
         n = c * now[:, 0] - s * now[:, 1]
@@ -92,23 +92,23 @@ class Rates(NamedTuple):
         r_by = way[:, :1] * self.load_by_torque[:, 2] + way[:, 1:] * self.load_by_torque[:, 3]
         return n, r, n_by, r_by
 
-    def bound(self, dry: Dry, x: Array) -> Array:
-        """(d,) N·m: the most that friction can hold."""
-        n, r, _, _ = self.pressing(dry, x)
+    def bound(self, dry: ScrewFriction, x: Array) -> Array:
+        """(d,) N·m: bound of the friction torques."""
+        n, r, _, _ = self.normal_loads(dry, x)
         return dry.radius / dry.cosine * (dry.on_flanks * np.abs(n) + dry.across * r)
 
 
-def friction_torques(dry: Dry, slip: Array, rates: Rates) -> Array | None:
-    """(d,) torques, by Newton's method, of threads that slide in the sense `slip` (±1) or stick (0).
+def friction_torques(dry: ScrewFriction, slip: Array, rates: Rates) -> Array | None:
+    """(d,) N·m: friction torques of threads that slide with sign `slip` (±1) or stick (0), by Newton's method.
 
-    None where sliding makes more load than friction gives way to (a jam, Painlevé): no torque, or several, would do.
+    None where no torque or several solve the law (Painlevé: sliding adds more load than friction yields to).
     """
     x = np.zeros(len(slip))
     sticks = slip == 0.0
     arm = dry.radius / dry.cosine
     last = np.inf
     for _ in range(NEWTON):
-        n, r, n_by, r_by = rates.pressing(dry, x)
+        n, r, n_by, r_by = rates.normal_loads(dry, x)
         most = arm * (dry.on_flanks * np.abs(n) + dry.across * r)
         steep = arm[:, None] * (dry.on_flanks[:, None] * np.abs(n_by) + dry.across[:, None] * np.abs(r_by))
         if (steep[~sticks].sum(axis=1) >= 1.0).any():
@@ -128,8 +128,8 @@ def friction_torques(dry: Dry, slip: Array, rates: Rates) -> Array | None:
     return None
 
 
-def chosen(dry: Dry, moving: Array, rates: Rates) -> Array | None:
-    """(d,) how each thread goes on: one that moves (±1) as it does, one at rest (0) sticks if it can, else slides."""
+def chosen(dry: ScrewFriction, moving: Array, rates: Rates) -> Array | None:
+    """(d,) slip of each thread from now on: a moving one (±1) keeps its sign, one at rest (0) sticks if it can."""
     slip = moving.copy()
     for _ in range(4 * len(slip) + 4):
         x = friction_torques(dry, slip, rates)
@@ -149,9 +149,9 @@ def chosen(dry: Dry, moving: Array, rates: Rates) -> Array | None:
 
 
 def when(value: Callable[[float], float | None], end: float, h: float) -> float | None:
-    """The time in (0, h] after which `value` is first seen to be negative, to rounding; `end` < 0 is its value at h.
+    """Time in (0, h] at which `value` becomes negative, to rounding; `end` < 0 is its value at h.
 
-    False position after Illinois, from a time at which it is not negative; None where `value` is.
+    Illinois variant of false position. None if `value` returns None.
     """
     low, high, at_high = 0.0, h, end
     at_low: float | None = None

@@ -31,7 +31,7 @@ STRAIGHT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Thread:
-    """What friction needs of a screw joint. Its axis is that of the joint's first body."""
+    """Geometry of a screw joint for friction. Its axis is that of the joint's first body."""
 
     bodies: tuple[int, int]
     origin: Array

@@ -1,1 +1,1 @@
-"""Bodies: mass, inertia, shapes for contact, and their state as arrays."""
+"""Bodies: mass, materials, contact shapes, their state as arrays, and free rotation."""

@@ -1,4 +1,4 @@
-"""`Bodies`: the state and constants of all objects of a world as flat arrays by id, and kernels that move them."""
+"""`Bodies`: state and constants of all objects of a world as arrays by id, and kernels that move them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from collision.numeric.kernel import kernel
 from physics.model.body import Body
-from physics.stepping.integrators import fly
-from physics.stepping.rotations import exponential, matrix, multiply
+from physics.model.free_rotation import fly
+from physics.model.rotations import exponential, matrix, multiply
 
 Array = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ ABSENT, STATIC, KINEMATIC, FREE = range(4)
 
 
 class Bodies:
-    """Arrays whose row i is object i. State (saved and restored): center, attitude, velocity, kind, awake, quiet."""
+    """Arrays whose row i is object i: `CONSTANTS`, set with the mass, and `STATE`, which a step changes."""
 
     def __init__(self) -> None:
         self.n = 0
@@ -35,37 +35,41 @@ class Bodies:
         """about the centre of mass, mesh axes, kg·m²"""
         self.inverse = np.zeros((0, 3, 3))
         self.radius = np.zeros(0)
-        """of the ball about the centre of mass that holds the mesh, m"""
+        """m, of the bounding ball about the centre of mass"""
         self.thickness = np.zeros(0)
-        """least extent of the mesh's box, or its thinnest wall (once its shape is made), m"""
+        """m: least extent of the mesh's box; its thinnest wall once the contact shape is built"""
         self.rotation = np.zeros((0, 3, 3))
         """derived from `attitude`"""
         self.origin = np.zeros((0, 3))
         """derived: origin of the mesh frame in the world, m"""
+        self.published = np.zeros((0, 4, 4))
+        """pose that the collision manager was last given, or had when the object was added"""
         self.awake = np.zeros(0, np.bool_)
         self.quiet = np.zeros(0)
-        """s for which the body has been at rest"""
+        """s: how long the body has been at rest"""
         self.rate = np.zeros((0, 6))
-        """m/s², rad/s²: what forces, joints and contacts did to `velocity` in the last half kick"""
+        """m/s², rad/s²: acceleration by forces, joints and contacts in the last half kick"""
         self.momentum = np.zeros((0, 6))
-        """kg·m²/s, world axes: angular momentum, and the angular velocity it goes with (while nothing turns it, the
-        momentum is kept to the bit)"""
+        """kg·m²/s, rad/s, world axes: angular momentum and the angular velocity it belongs to; kept to the bit while no
+        torque acts"""
         self.steady = np.zeros(0, np.bool_)
-        """whether the next half kick is to be the mirror image of the last (see `stepping`)"""
+        """whether the next half kick mirrors the last (see `stepping.step`)"""
 
-    _PER_OBJECT = (
-        "kind", "center", "attitude", "velocity", "offset", "mass", "inertia", "inverse", "radius", "thickness",
-        "rotation", "origin", "awake", "quiet", "rate", "steady", "momentum",
+    CONSTANTS = ("offset", "mass", "inertia", "inverse", "radius")
+    STATE = (
+        "kind", "center", "attitude", "velocity", "thickness", "rotation", "origin", "published", "awake", "quiet",
+        "rate", "steady", "momentum",
     )  # fmt: skip
+    ARRAYS = CONSTANTS + STATE
 
     def reserve(self, n: int) -> None:
-        """Make room for ids below n."""
+        """Grow the arrays to hold ids below n."""
         if n <= self.n:
             return
         capacity = len(self.kind)
         if n > capacity:
             grown = max(n, 2 * capacity, 16)
-            for name in self._PER_OBJECT:
+            for name in self.ARRAYS:
                 old = getattr(self, name)
                 new = np.zeros((grown, *old.shape[1:]), old.dtype)
                 new[:capacity] = old
@@ -73,7 +77,7 @@ class Bodies:
         self.n = n
 
     def set_constants(self, i: int, body: Body | None, vertices: Array) -> None:
-        """Mass properties and extents of one object; no body: its box's middle serves as centre."""
+        """Set mass properties and extents of one object; without a body its centre is that of its box."""
         lower, upper = vertices.min(axis=0), vertices.max(axis=0)
         if body is None:
             self.offset[i] = 0.5 * (lower + upper)
@@ -92,6 +96,13 @@ class Bodies:
         matrix(self.attitude[i], self.rotation[i])
         self.center[i] = self.rotation[i] @ self.offset[i] + pose.translation
         self.origin[i] = pose.translation
+
+    def stands_at(self, i: int, pose: pin.SE3) -> bool:
+        """Whether `set_pose` with this pose would change nothing, to the bit."""
+        return bool(
+            (self.origin[i] == pose.translation).all()
+            and (self.attitude[i] == pin.Quaternion(pose.rotation).normalized().coeffs()).all()
+        )
 
     def wake(self, i: int) -> None:
         """Wake an object."""
@@ -114,7 +125,7 @@ class Bodies:
 
 @kernel
 def place(ids, center, attitude, offset, rotation, origin):
-    """Rotation matrices and mesh origins of the bodies `ids` from centres and attitudes, in place."""
+    """Compute rotation matrices and mesh origins of the bodies `ids` from centres and attitudes, in place."""
     for i in ids:
         matrix(attitude[i], rotation[i])
         for k in range(3):
@@ -148,7 +159,7 @@ def drift(ids, center, attitude, velocity, momentum, inertia, inverse, offset, r
 def coast(
     ids, center, attitude, velocity, momentum, mass, inertia, inverse, offset, rotation, origin, wrench, h, method
 ):  # fmt: skip
-    """A step of bodies that meet nothing, under constant wrenches (n, 6): half a kick, free flight, half a kick."""
+    """One step of bodies without contact under constant wrenches (n, 6): half a kick, free flight, half a kick."""
     each = np.full(len(ids), h)
     for turn in range(2):
         for k in range(len(ids)):
@@ -163,7 +174,7 @@ def coast(
 
 
 class Saved:
-    """State of some bodies at the start of a step, to go back to, or (kinematic ones) to carry on from at any time."""
+    """Motion of some bodies at one instant, to restore, or to extrapolate (kinematic bodies)."""
 
     def __init__(self, bodies: Bodies, ids: NDArray[np.int64]) -> None:
         self.ids = ids
@@ -174,7 +185,7 @@ class Saved:
         self.origin = bodies.origin[ids]
 
     def restore(self, bodies: Bodies, chosen: NDArray[np.bool_] | slice = slice(None)) -> None:
-        """Put the bodies back, or those of a mask over `ids`."""
+        """Restore the bodies, or those of a mask over `ids`."""
         ids = self.ids[chosen]
         bodies.center[ids] = self.center[chosen]
         bodies.attitude[ids] = self.attitude[chosen]
@@ -183,14 +194,14 @@ class Saved:
         bodies.origin[ids] = self.origin[chosen]
 
     def of(self, chosen: NDArray[np.bool_]) -> Saved:
-        """What was saved of the bodies of a mask over `ids`."""
+        """The saved motion of the bodies of a mask over `ids`."""
         part = object.__new__(Saved)
         for name in ("ids", "center", "attitude", "velocity", "rotation", "origin"):
             setattr(part, name, getattr(self, name)[chosen])
         return part
 
     def carry(self, bodies: Bodies, ids: NDArray[np.int64], times: Array) -> None:
-        """Put `ids` of them where, at constant velocity and angular velocity, they are `times` (s) after the start."""
+        """Move the bodies `ids` to where constant velocity and angular velocity take them in `times` (s)."""
         for i, time in zip(ids, times, strict=True):
             k = int(np.searchsorted(self.ids, i))
             v = self.velocity[k]
@@ -200,5 +211,5 @@ class Saved:
 
 
 def point_speeds(v: Array, radius: Array) -> Array:
-    """(n,) m/s that no point of bodies of these velocities (n, 6) and radii (n,) exceeds."""
+    """(n,) m/s: bounds of the speeds of points of bodies with velocities (n, 6) and radii (n,)."""
     return np.sqrt((v[:, :3] ** 2).sum(axis=1)) + np.sqrt((v[:, 3:] ** 2).sum(axis=1)) * radius

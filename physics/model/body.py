@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -11,28 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from collision import SurfaceMesh
 from physics.errors import BodyError
+from physics.model.material import Material, material
 
 Array = NDArray[np.float64]
-
-DENSITY: Mapping[str, float] = {
-    "steel": 7850.0,
-    "stainless steel": 7900.0,
-    "cast iron": 7200.0,
-    "aluminium": 2700.0,
-    "brass": 8500.0,
-    "copper": 8960.0,
-    "titanium": 4430.0,
-    "abs": 1050.0,
-    "nylon": 1150.0,
-    "ptfe": 2200.0,
-    "rubber": 1200.0,
-    "glass": 2500.0,
-    "wood": 700.0,
-    "water": 1000.0,
-    "air": 1.204,
-    "helium": 0.1664,
-}
-"""kg/m³ at 20 °C by material name"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +35,7 @@ class Body:
     """m³ of fluid it displaces; 0: none"""
     name: str = "body"
     notes: tuple[str, ...] = ()
-    """what was wrong with the mesh, and the value used instead"""
+    """defects of the mesh, and the values used instead"""
 
     def __post_init__(self) -> None:
         center = np.array(self.center, dtype=np.float64)
@@ -91,8 +71,8 @@ class Body:
         object.__setattr__(self, "inertia", inertia)
 
     @classmethod
-    def from_mesh(cls, mesh: SurfaceMesh, density: float | str = "steel", name: str | None = None) -> Body:
-        """Mass properties of the solid a closed mesh bounds, at one density (kg/m³, or a name from `DENSITY`).
+    def from_mesh(cls, mesh: SurfaceMesh, density: float | str | Material = "steel", name: str | None = None) -> Body:
+        """Mass properties of the solid a closed mesh bounds, at one density (kg/m³, or a material or its name).
 
         The polyhedron is integrated exactly (Eberly, "Polyhedral Mass Properties (Revisited)", 2002), so the only
         error against the true solid is the tessellation's. An inverted mesh is turned round, an open one replaced by
@@ -123,7 +103,12 @@ class Body:
 
     @classmethod
     def from_volume(
-        cls, volume: float, center: ArrayLike, inertia: ArrayLike, density: float | str = "steel", name: str = "body"
+        cls,
+        volume: float,
+        center: ArrayLike,
+        inertia: ArrayLike,
+        density: float | str | Material = "steel",
+        name: str = "body",
     ) -> Body:
         """From a solid's volume (m³), centre (3,) and inertia (3, 3) about it at density 1, as a CAD kernel gives."""
         rho = _density(density, name)
@@ -142,12 +127,9 @@ class Body:
         return cls(mass, np.zeros(3), inertia, x * y * z, name)
 
 
-def _density(density: float | str, name: str) -> float:
-    if isinstance(density, str):
-        if density.lower() not in DENSITY:
-            raise BodyError(f"{name}: no material {density!r}; there are: {', '.join(DENSITY)}", name, "density")
-        density = DENSITY[density.lower()]
-    if not (np.isfinite(density) and density > 0.0):
+def _density(given: float | str | Material, name: str) -> float:
+    density: float | None = material(given).density if isinstance(given, str | Material) else given
+    if density is None or not (np.isfinite(density) and density > 0.0):
         raise BodyError(f"{name}: density is {density!r} kg/m³; give a positive number", name, "density")
     return float(density)
 
@@ -167,7 +149,7 @@ def weld(mesh: SurfaceMesh) -> tuple[Array, NDArray[np.int64]]:
 def open_edges(mesh: SurfaceMesh) -> int:
     """Number of edges that triangles do not run along as often one way as the other.
 
-    Edges that lie along one another in pieces (a vertex on a neighbour's edge, as mesh tools leave) are compared piece
+    Collinear edges that overlap in part (a vertex on a neighbour's edge, as mesh tools leave) are compared piece
     by piece: there is no gap between them.
     """
     vertices, t = weld(mesh)

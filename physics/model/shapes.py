@@ -1,4 +1,4 @@
-"""What contact needs of a mesh: welded vertices, convex edges with their wings, rim circles, analytic surfaces.
+"""Contact shape of a mesh: welded vertices, convex edges with their wings, rim circles, analytic surfaces.
 
 A shape is made once a mesh, at its first near contact; all shapes of a world lie one after the other in flat arrays.
 """
@@ -64,13 +64,13 @@ class Shape(NamedTuple):
     boxes: Array
     """(k, 6) lower and upper corner of each surface"""
     wall: float
-    """m: how thick the material is where it is thinnest between faces that look away from one another"""
+    """m: least thickness of the material between faces of opposite normals"""
 
 
 def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = None, flush: float = 0.0) -> Shape:
     """The shape of `mesh`; `geometries` says which surfaces are known analytically (mesh frame).
 
-    flush: m; faces nearer to one another are flush (shells of one part that touch), with no wall between them.
+    flush: m; faces nearer than this are flush (touching shells of one part), with no wall between them.
 
     Spheres and cylinders are then judged on their analytic geometry wherever they meet; all else on its triangles.
     """

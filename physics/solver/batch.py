@@ -1,8 +1,8 @@
-"""Batches: islands that are advanced side by side, each by its own clock, and which bodies make an island in a step.
+"""`Batch`: islands that are advanced side by side, each with its own clock; and how bodies are grouped into islands.
 
-Two bodies belong together in a step if they might meet within it: their boxes come within what they move towards one
-another, plus what either may leave its free flight by (forces; a blow). That last figure is a guess when the step
-begins; it is measured while the step is taken, and islands for which the guess was too small are taken again.
+Two bodies are in one island of a step if their swept bounds meet: their boxes come within the way they close plus a
+margin for leaving free flight (forces, impacts). The margin is estimated at the start of the step and measured during
+it; islands whose margin was too small are taken again.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision.numeric.kernel import kernel
-from physics.contact.candidates import apart, closing_speed
-from physics.joints.mechanism import Mechanism
+from physics.contact.surface_pairs import apart, closing_speed
+from physics.joints.articulated_body import ArticulatedBody
 from physics.joints.rows import Joint
 from physics.model.bodies import Bodies
 from physics.model.shapes import Shapes
@@ -27,7 +27,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(eq=False)
 class Batch:
-    """Bodies of some islands and what is near to them. Islands are numbered 0 … count-1; all rows are in that order."""
+    """Bodies of some islands and pairs near to them. Islands are numbered 0 … count-1; rows are in that order."""
 
     ids: Ints
     """free bodies, by island, then ascending"""
@@ -35,18 +35,18 @@ class Batch:
     """(n,) of each body"""
     count: int
     pairs: Ints
-    """(k, 4) near surface pairs with at least one of them, by island"""
+    """(k, 4) near surface pairs that involve at least one of them, by island"""
     of: Ints
     """island by object id, -1 for objects that are not free or not in the batch"""
     moved: Ints
-    """kinematic bodies among the pairs and joints; islands that meet the same moving one are one island"""
+    """moving kinematic bodies among the pairs and joints; islands near the same one are merged"""
     moved_island: Ints
     """(m,) the island each of them is near to"""
     joints: Sequence[Joint] = ()
-    mechanism: Mechanism | None = None
+    mechanism: ArticulatedBody | None = None
     """the same bodies in joint coordinates, where that is possible (a batch of one island)"""
     constant: bool = True
-    """whether no force on it depends on anything that changes"""
+    """whether all applied forces are constant"""
     start: Ints = field(default_factory=lambda: np.zeros(1, np.int64))
     """(count,) row of each island's first body"""
 
@@ -77,7 +77,7 @@ class Batch:
         return np.logical_and.reduceat(of_bodies, self.start)
 
     def largest(self, of_bodies: Array) -> Array:
-        """(count,) greatest of values over `ids`, by island."""
+        """(count,) maximum of values over `ids`, by island."""
         return np.maximum.reduceat(of_bodies, self.start)
 
 
@@ -89,8 +89,8 @@ def whole(ids: Ints, pairs: Ints, moved: Ints, n: int, joints: Sequence[Joint], 
     return Batch(ids, np.zeros(len(ids), np.int64), 1, pairs, of, moved, none, joints, mechanism, constant)
 
 
-class Ways:
-    """What objects might meet within a step, told from their state when it begins."""
+class SweptBounds:
+    """Swept bounds of bodies over a step from their state at its start; tells which may meet."""
 
     def __init__(self, bodies: Bodies, shape_of: Ints, shapes: Shapes, dt: float) -> None:
         self._state = (bodies.rotation, bodies.origin, bodies.velocity)
@@ -98,7 +98,7 @@ class Ways:
         self._dt = dt
 
     def keep(self) -> None:
-        """To be called before anything moves, if the question will be asked again."""
+        """Copy the state at the start of the step, so that `meeting` can be called after bodies have moved."""
         rotation, origin, velocity = self._state
         self._state = (rotation.copy(), origin.copy(), velocity.copy())
 
@@ -134,7 +134,7 @@ def split(ids: Ints, pairs: Ints, moved: Ints, bodies: Bodies) -> Batch:
 
 
 def _through(moved: Ints, pairs: Ints, place: Ints) -> Ints:
-    """(c, 2) links between all bodies that are near to one and the same moving kinematic body."""
+    """(c, 2) links between the bodies that are near to the same moving kinematic body."""
     out = [np.zeros((0, 2), np.int64)]
     for i in moved:
         others = np.concatenate([pairs[pairs[:, 0] == i, 2], pairs[pairs[:, 2] == i, 0]])
@@ -146,7 +146,7 @@ def _through(moved: Ints, pairs: Ints, place: Ints) -> Ints:
 
 @kernel(allocates=True)
 def _meeting(pairs, rotations, origins, velocity, radius, shape_of, first_surface, boxes, spread, dt):
-    """See `Ways.meeting`.
+    """See `SweptBounds.meeting`.
 
     Objects may meet if boxes of two of their surfaces come within what they move; then all surface pairs within twice
     that count, for a rebound.

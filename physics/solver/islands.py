@@ -1,4 +1,4 @@
-"""Islands: bodies that may push one another, found by union over pairs."""
+"""Connected components of bodies, by union-find over pairs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from collision.numeric.kernel import kernel
 
 @kernel(allocates=True)
 def components(n, pairs):
-    """Labels (n,) of the groups of 0 … n-1 that the rows of `pairs` (c, 2) join, and how many; -1 joins nothing.
+    """Labels (n,) of the components of the graph with nodes 0 … n-1 and edges `pairs` (c, 2), and their number.
 
-    Groups are numbered by their least member.
+    Edges with a node -1 are skipped. Components are numbered by their least node.
     """
     root = np.arange(n)
     for c in range(pairs.shape[0]):

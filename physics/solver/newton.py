@@ -1,19 +1,18 @@
-"""Velocities that joints and contacts allow: Coulomb's cone, exactly, by a proximal semismooth Newton method.
+"""Velocities under joints and contacts with Coulomb's exact cone, by a proximal semismooth Newton method.
 
 Given free velocities v* find v and impulses λ with
 
     M (v - v*) = Jᵀ λ,
     joint rows:      J v + b = 0,
-    contact normal:  l ≤ λ_n  ⊥  J_n v + b_n ≥ 0    (l is 0 but where an impact gives back what it has stored),
+    contact normal:  l ≤ λ_n  ⊥  J_n v + b_n ≥ 0    (l > 0 only in the restitution phase of Poisson's law),
     friction:        λ_t = argmax of dissipation over the disc |λ_t| ≤ μ λ_n  (a cone, not a pyramid),
-    dry joint:       J_n v + b_n = 0 (one or two rows),  |λ_t| ≤ μ |λ_n|: it bears either way, and slides along one row.
+    joint friction:  J_n v + b_n = 0 (one or two rows),  |λ_t| ≤ μ |λ_n|: bilateral, sliding along one row.
 
 Alart and Curnier (Comput. Methods Appl. Mech. Eng. 92, 1991) write the contact law as λ = Π(λ - ρ (J v + b)), where Π
 clips the normal part at l and the tangential part to the disc of radius μ λ_n. With λ inside Π frozen at the iterate
-before, this is a proximal step whose unknown is v alone (6 numbers a body, however many contacts): well posed for any
-number of redundant contacts, because the spread of λ is the one nearest to the iterate before. Newton's method solves
-each step; a nonlinear Gauss-Seidel pass over the contacts prepares it when its first guess of open, sticking and
-sliding is wrong.
+before, this is a proximal step whose unknown is v alone (6 numbers a body, however many contacts). It is well posed for
+any number of redundant contacts, because it picks the λ nearest to the iterate before. Newton's method solves each
+step; a nonlinear Gauss-Seidel pass over the contacts prepares it when its guess of open, sticking and sliding is wrong.
 """
 
 from __future__ import annotations
@@ -21,25 +20,25 @@ from __future__ import annotations
 import numpy as np
 
 from collision.numeric.kernel import inner_kernel, kernel
-from physics.solver.blocks import solve_blocks, structure
+from physics.model.rotations import across
+from physics.solver.block_elimination import solve_blocks, structure
 from physics.solver.islands import components
 from physics.solver.sweeps import relax
-from physics.stepping.rotations import across
 
 STIFFNESS = 1e5
 """1: the proximal step ρ, in units of the inverse of each row's own 1/(J M⁻¹ Jᵀ)"""
 STIFFEST = 1e12
-"""1: the same where progress stalls (a heavy body on a light one)"""
+"""1: the same when progress stalls (a heavy body on a light one)"""
 MANY = 64
-"""bodies: groups of more begin with Gauss-Seidel, whose first sweeps cost less than Newton's"""
+"""bodies: larger groups begin with Gauss-Seidel sweeps, which cost less than Newton's first iterations"""
 SWEEPS = 60
 ROUGH = 1e-5
-"""1: a tolerance from which on accelerated sweeps are the answer for groups of more than `SOME`"""
+"""1: at this tolerance or above, groups of more than `SOME` bodies are solved by accelerated sweeps alone"""
 SOME = 16
 SWEPT = 1e-4
-"""1: change, relative to the largest speed, at which such sweeps end"""
+"""1: change, relative to the largest speed, at which these sweeps end"""
 ROUGH_SWEEPS = 150
-"""the most of them, each forth and back"""
+"""bound of their number, each forward and backward"""
 OUTER = 60
 
 
@@ -47,8 +46,8 @@ OUTER = 60
 def rows_of_contacts(bodies, reals, centers, jacobian):
     """Jacobian (c, 3, 12) of the relative velocity of contacts in their frames (normal, two tangents).
 
-    bodies: (c, 2) local body numbers, -1 for one that does not move. reals: (c, 7) as `contact.find` gives them.
-    centers: (n, 3) centres of mass. Columns: linear and angular velocity (world axes) of the one, then the other.
+    bodies: (c, 2) local body numbers, -1 for bodies that do not move. reals: (c, 7) rows of `narrow_phase.find`.
+    centers: (n, 3) centres of mass. Columns: linear and angular velocity (world axes) of both.
     """
     frame = np.empty((3, 3))
     for c in range(bodies.shape[0]):
@@ -138,7 +137,7 @@ def _effective(bodies, jacobian, inverse_mass, inverse_inertia, out):
 
 @inner_kernel
 def _project(y, mu, dry, least, impulse, slope, rho):
-    """λ = Π(y) for one contact or dry joint, and H = -∂λ/∂(J v) = ρ Π'(y) (3, 3)."""
+    """λ = Π(y) for one contact or joint with friction, and H = -∂λ/∂(J v) = ρ Π'(y) (3, 3)."""
     slope[:] = 0.0
     if dry:
         impulse[0], impulse[1], impulse[2] = y[0], y[1], y[2]
@@ -256,7 +255,7 @@ def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, weigh
 
 @inner_kernel
 def _sweep_dry(v, inverse_mass, inverse_inertia, bodies, jacobian, bias, mu, weight, impulse):
-    """`_sweep` over one dry joint."""
+    """`_sweep` over one joint with friction."""
     change = 0.0
     for i in range(3):
         s = bias[i]
@@ -300,7 +299,7 @@ def _newton(
     free, v, mass, inertia, cb, cj, bias, mu, dry, least, rho, center, impulse, jb, jj, jbias, jrho, jcenter, jl,
     order, start, later, slot, blocks, limit,
 ):  # fmt: skip
-    """Newton's iterations on v of one proximal step about (center, jcenter); returns the last change of v, relative."""
+    """Newton iterations on v in one proximal step about (center, jcenter); returns the last relative change of v."""
     n = v.shape[0]
     values = np.empty((blocks, 6, 6))
     speeds = np.empty((cj.shape[0], 3))
@@ -355,7 +354,7 @@ def _newton(
 
 @inner_kernel
 def residual(speeds, mu, dry, least, rho, impulse):
-    """Largest violation of the laws of contacts and dry joints, m/s: |λ - Π(λ - ρ (J v + b))| / ρ, the true λ in Π."""
+    """Largest violation of the laws of contacts and joint friction, m/s: |λ - Π(λ - ρ (J v + b))| / ρ."""
     worst = 0.0
     for c in range(speeds.shape[0]):
         if rho[c] == 0.0:  # between bodies that no impulse moves
@@ -381,13 +380,13 @@ def solve(
     free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, impulse, jb, jj, jbias, jl,
     tolerance,
 ):  # fmt: skip
-    """In place: velocities `v` (n, 6), impulses of contacts `impulse` (c, 3) and joints `jl` (g, r); the residual, m/s.
+    """Solve for velocities `v` (n, 6) and impulses `impulse` (c, 3), `jl` (g, r), in place; returns the residual, m/s.
 
     free: (n, 6) velocities without constraints (linear, angular; world axes). mass (n,), inertia (n, 3, 3) and their
-    inverses. cb (c, 2), cj (c, 3, 12), bias (c, 3), mu (c,), least (c,) N·s, the least normal impulse: contacts, and
-    where `dry` (c,) dry joints (rows: two normals, the slide). jb (g, 2), jj (g, r, 12), jbias (g, r): joints.
-    `impulse` and `jl` come in as the guess (those of the step before). tolerance: m/s, relative to the largest speed.
-    Bodies that nothing joins are solved apart: each group costs by its own size.
+    inverses. cb (c, 2), cj (c, 3, 12), bias (c, 3), mu (c,), least (c,) N·s, least normal impulses: contacts, and
+    joints with friction where `dry` (c,) (rows: two normals, slide). jb (g, 2), jj (g, r, 12), jbias (g, r):
+    ideal joints. `impulse` and `jl` hold the guess on entry. tolerance: 1, relative to the largest speed.
+    Connected groups are solved separately.
     """
     n = free.shape[0]
     label, count = components(n, np.concatenate((cb, jb)))
@@ -428,7 +427,7 @@ def solve(
 
 @inner_kernel(allocates=True)
 def _label_of(label, bodies):
-    """(c,) group of each block of rows, -1 for one that moves no body."""
+    """(c,) group of each block of rows, -1 for blocks that move no body."""
     out = np.empty(bodies.shape[0], np.int64)
     for c in range(bodies.shape[0]):
         b = max(bodies[c, 0], bodies[c, 1])
@@ -438,7 +437,7 @@ def _label_of(label, bodies):
 
 @inner_kernel(allocates=True)
 def _sorted(label, count):
-    """Rows by label (those of -1 left out), each label's in their order, and where each label begins (count + 1,)."""
+    """Row numbers sorted by label (stable, without -1), and the start of each label's rows (count + 1,)."""
     start = np.zeros(count + 1, np.int64)
     for i in label:
         if i >= 0:
@@ -471,7 +470,7 @@ def _solve_joined(
     free, v, mass, inertia, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, impulse, jb, jj, jbias, jl,
     tolerance,
 ):  # fmt: skip
-    """`solve` for bodies that all hang together."""
+    """`solve` for one connected group."""
     n = free.shape[0]
     v[:] = free
     if cj.shape[0] == 0 and jj.shape[0] == 0:

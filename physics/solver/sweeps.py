@@ -1,9 +1,9 @@
-"""Contacts of a crowd: accelerated projected Gauss-Seidel sweeps, each of which costs by the number of contacts.
+"""Contacts of large islands: accelerated projected Gauss-Seidel sweeps, whose cost is linear in the contacts.
 
-A sweep takes contact by contact the impulse that its own law asks for, forth and back: that makes it symmetric, so that
-it may stand for the gradient step of Nesterov's method, which starts each from the last two extrapolated and begins
-anew where that leads uphill (Mazhar, Heyn, Negrut & Tasora, ACM Trans. Graph. 34, 2015; restarts: O'Donoghue & Candès,
-Found. Comput. Math. 15, 2015). Forth alone, or forth and back in turn, it diverges.
+A sweep sets the impulse of each contact by its own law, forward and then backward. The symmetric sweep replaces the
+gradient step of Nesterov's method, with extrapolation from the last two iterates and restarts where that leads uphill
+(Mazhar, Heyn, Negrut & Tasora, ACM Trans. Graph. 34, 2015; restarts: O'Donoghue & Candès, Found. Comput. Math. 15,
+2015). Forward sweeps alone, or alternating ones, diverge.
 """
 
 from __future__ import annotations

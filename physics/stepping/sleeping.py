@@ -12,10 +12,10 @@ Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 
-def rouse(b: Bodies, free: Ints, links: Ints) -> Ints:
-    """Wake what an awake body is near to or joined with; the bodies (n,) that are awake then, ascending.
+def wake_neighbours(b: Bodies, free: Ints, links: Ints) -> Ints:
+    """Wake free bodies linked to an awake or moving kinematic one, transitively; returns ids awake (n,), ascending.
 
-    links: (k, 2) objects that are near to or joined with one another.
+    links: (k, 2) pairs of objects that are near to or joined with one another.
     """
     awake = np.zeros(b.n, bool)
     awake[free] = True
@@ -31,11 +31,11 @@ def rouse(b: Bodies, free: Ints, links: Ints) -> Ints:
         b.quiet[woken] = 0.0
 
 
-def settle(b: Bodies, ids: Ints, label: Ints, links: Ints, may: Mask, tolerance: Tolerance, dt: float) -> bool:
-    """Put islands to sleep that have been at rest for long enough; whether there were any.
+def put_to_sleep(b: Bodies, ids: Ints, label: Ints, links: Ints, may: Mask, tolerance: Tolerance, dt: float) -> bool:
+    """Put islands to sleep that have rested for `tolerance.sleep_time`; returns whether any fell asleep.
 
-    label: (n,) islands 0 … of the bodies `ids`. may: (n,) which of them may sleep. Bodies that are near to nothing stay
-    awake: nothing holds them.
+    label: (n,) island of each body of `ids`. may: (n,) mask of bodies that may sleep. Bodies that are near to nothing
+    stay awake.
     """
     count = int(label.max(initial=-1)) + 1
     resting = point_speeds(b.velocity[ids], b.radius[ids]) < tolerance.sleep_speed

@@ -1,19 +1,18 @@
-"""Islands over one step: kicks and free flight, contacts that press, impacts at their time.
+"""Time stepping of islands: kicks and free flight, contact forces, impacts at their time of impact.
 
-A sub-step of length h is half a kick, free flight, half a kick. Each kick solves for the impulses of joints and of the
-contacts that touch, so that a constant force, resting and sliding with friction are exact. Flight ends early at the
-first new contact: its time is found to rounding, the impact happens there, and the rest of the step goes on from it.
+A sub-step of length h is half a kick, free flight, half a kick. Each kick solves for the impulses of joints and of
+touching contacts: constant forces, resting and sliding with friction are exact. Flight ends early at the first new
+contact: its time of impact is found to rounding, the impact is resolved there, and the step continues from it.
 
-Islands are advanced side by side, each by its own clock: what is done once a sub-step is done for all of them at once,
-and an impact stops the bodies that it can reach within the step and no others.
+Islands are advanced side by side, each with its own clock: one call does a sub-step for all of them, and an impact
+interrupts only its own island.
 
-Where bodies hang on joints, or roll or turn in contact, and none slides with friction, the first half kick of a step is
-the mirror image of the last half kick of the step before, so that it is the velocity between the two that obeys joints
-and contacts (the reversible nonholonomic leapfrog of McLachlan & Perlmutter, J. Nonlinear Sci. 16, 2006): no energy is
-lost to their turning.
+Where bodies hang on joints, or roll or turn in contact, and none slides with friction, the first half kick of a step
+mirrors the last half kick of the step before, so that the velocity between the two obeys joints and contacts (the
+reversible nonholonomic leapfrog of McLachlan & Perlmutter, J. Nonlinear Sci. 16, 2006). No energy is lost.
 
-Impacts in one step are as many as an island's size affords (`_affords`). What is left of the step when they are spent
-is taken in one piece, after Moreau: everything moves as far as gaps allow, then whatever touches rebounds at once.
+`_impact_budget` bounds the impacts of an island in a step. The rest of the step is then taken in one piece (Moreau's
+time stepping): everything moves as far as gaps allow, then all touching contacts rebound at once.
 """
 
 from __future__ import annotations
@@ -23,63 +22,64 @@ from numpy.typing import NDArray
 
 from collision import Tolerance
 from collision.numeric.kernel import kernel
-from physics.contact.candidates import closing_speed, separation
 from physics.contact.contact_problem import NO_CONTACTS, Contacts, match
-from physics.contact.contact_set import Touching, Wrench, merged, rows
-from physics.joints.articulated_motion import Swing
-from physics.joints.mechanism import Mechanism
+from physics.contact.contact_set import ContactSet, Wrench, merged, rows
+from physics.contact.surface_pairs import closing_speed, separation
+from physics.joints.articulated_body import ArticulatedBody
+from physics.joints.articulated_motion import ArticulatedMotion
 from physics.joints.rows import assemble
 from physics.model.bodies import Bodies, Saved, coast, drift, point_speeds
-from physics.solver.batch import Batch, Ways, same_objects, split
+from physics.model.free_rotation import METHODS
+from physics.solver.batch import Batch, SweptBounds, same_objects, split
 from physics.solver.newton import MANY
-from physics.stepping.integrators import METHODS
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 IMPACTS = 32
-"""impacts that a few bodies may have in one step, each at its time"""
+"""impacts of an island of up to `FEW` bodies in one step, each at its time of impact"""
 FEW = 8
-"""bodies: above it the cost of an impact counts: the more bodies there are and the more it stops, the fewer"""
+"""bodies: larger scenes and larger islands get fewer impacts in a step"""
 CROWD = 64
-"""bodies: among more, blows are expected before they are seen"""
+"""bodies: among more, islands are formed as if every body were about to be struck"""
 CLOSE = 1e-6
-"""m: gaps that a step in one piece leaves at loaded contacts and that are closed after it"""
+"""m: gaps at loaded contacts that are closed after a step in one piece"""
 PASSES = 12
-"""corrections of what has sunk in while a step was taken in one piece"""
+"""position corrections after a step in one piece"""
 TRIALS = 24
-"""flights with which the time of an impact is looked for; the last one counts, however deep"""
+"""iterations of the search for a time of impact; the last one counts, however deep"""
 STRAY = 0.025
-"""1: part of the thinnest wall by which forces may take a body off its way within a sub-step"""
+"""1: fraction of the thinnest wall by which forces may divert a body within a sub-step"""
 MOVING = 1e-6
-"""m/s, rad/s: islands slower than this are at rest, and solved anew in each half kick"""
+"""m/s, rad/s: islands slower than this are at rest, and their half kicks are not mirrored"""
 ROUNDING = 1e-13
-"""m: to which impacts are located and pressed contacts are kept closed (plus the rounding of the coordinates)"""
+"""m: accuracy of times of impact and of closed contacts (plus the rounding of the coordinates)"""
 COARSE = 1e-5
-"""1: residual, relative to the largest speed, with which steps in one piece are solved"""
+"""1: solver tolerance, relative to the largest speed, of steps in one piece"""
 ROUGH_WAY = 1e-3
-"""1: the same of the way to go in a step in one piece, and of what is moved apart after it"""
+"""1: the same for displacements of large islands, and for depenetration"""
 
 
 class Stepper:
-    """Moves islands. It holds no state of its own but scratch arrays; the state is in `bodies` and the contacts."""
+    """Moves islands. Holds workspace of the current step; state is in `bodies` and the contacts."""
 
     def __init__(self, bodies: Bodies, tolerance: Tolerance, integrator: str) -> None:
         self.bodies = bodies
         self.tolerance = tolerance
-        self.touching = Touching(bodies, tolerance)
+        self.contact_set = ContactSet(bodies, tolerance)
         self.method = METHODS[integrator]
         self._impacts = np.zeros(0, np.int64)
-        self._blunted = np.zeros(0, bool)
-        self._total = 0
+        self._in_one_piece = np.zeros(0, bool)
+        self.near = 0
+        """number of bodies that are near to something in this step"""
         self._first_rate = np.zeros((0, 6))
         self._left = np.zeros(0)  # m by which bodies have left their free flight in this step, and now do a second
         self._off = np.zeros(0)
         self._flight = np.zeros((0, 6))
 
     def coast(self, ids: Ints, wrench: Array, dt: float) -> None:
-        """A step of bodies that are near to nothing and under constant wrenches (n, 6)."""
+        """Move bodies that are near to nothing by `dt` seconds under constant wrenches (n, 6)."""
         b = self.bodies
         coast(
             ids, b.center, b.attitude, b.velocity, b.momentum, b.mass, b.inertia, b.inverse, b.offset, b.rotation,
@@ -93,7 +93,7 @@ class Stepper:
         self, ids: Ints, pairs: Ints, moved: Ints, before: Contacts, kept: bool, time: float, dt: float, wrench: Wrench,
         gain: Array,
     ) -> Contacts:  # fmt: skip
-        """`advance` bodies under constant forces and without joints, as the islands that they make in this step.
+        """`advance` bodies that have no joints and constant forces, in the islands that they form in this step.
 
         gain: (n,) m, the most that forces alone move the bodies `ids` off their free flight.
         """
@@ -102,15 +102,14 @@ class Stepper:
         spread[ids] = gain + self.tolerance.linear
         if len(ids) > CROWD:  # guess high: the islands' impacts are few anyway, and a second run costs as much again
             spread[ids] += 2.0 * dt * _speeds_near(b, ids, pairs)
-        shapes = self.touching.shapes
+        shapes = self.contact_set.shapes
         assert shapes is not None
-        way = Ways(b, self.touching.shape_of, shapes, dt)
+        way = SweptBounds(b, self.contact_set.shape_of, shapes, dt)
         start, steady, rate = Saved(b, ids), b.steady[ids], b.rate[ids]
         near = way.meeting(pairs, spread)
         left_out = ~same_objects(pairs, pairs[near])
         if left_out.any():
             way.keep()
-        self._total = len(ids)
         batch = split(ids, pairs[near], moved, b)
         out = self.advance(batch, before, kept, time, dt, wrench)
         while True:
@@ -133,9 +132,9 @@ class Stepper:
             out = Contacts(*(np.concatenate(c) for c in zip(out, ended, strict=True)))
 
     def advance(self, batch: Batch, before: Contacts, kept: bool, time: float, dt: float, wrench: Wrench) -> Contacts:
-        """Move islands from `time` over `dt` seconds; the contacts at the end.
+        """Move islands from `time` by `dt` seconds; returns the contacts at the end.
 
-        before: contacts at the end of the last step; `kept` says that they still are what would be found.
+        before: contacts at the end of the last step; kept: a new search would find the same.
         """
         b = self.bodies
         self._begin(batch)
@@ -144,8 +143,10 @@ class Stepper:
         if kept and len(batch.moved) == 0:
             now = merged(batch, [mine, NO_CONTACTS])
         else:
-            now = self.touching.inherit(self.touching.find(batch, self._way(batch, np.full(batch.count, dt))), mine)
-            now, _ = self.touching.sift(now, self.touching.touched(mine, now))
+            now = self.contact_set.inherit(
+                self.contact_set.find(batch, self._way(batch, np.full(batch.count, dt))), mine
+            )
+            now, _ = self.contact_set.without_false_penetrations(now, self.contact_set.touched(mine, now))
         t = np.zeros(batch.count)
         while (active := dt - t > 1e-12 * dt).any():
             part = batch.part(active)
@@ -164,7 +165,7 @@ class Stepper:
         b = self.bodies
         n = b.n
         self._impacts = np.zeros(n, np.int64)  # by an island's first body, like the next
-        self._blunted = np.zeros(n, bool)
+        self._in_one_piece = np.zeros(n, bool)
         self._first_rate = np.zeros((n, 6))
         self._left = np.zeros(n)
         self._off = np.zeros(n)
@@ -172,19 +173,19 @@ class Stepper:
         self._flight[batch.ids] = b.velocity[batch.ids]
 
     def _take(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench):
-        """One sub-step: how long (count,) it was, and the contacts after it."""
+        """Take one sub-step of up to h (count,) seconds; returns its lengths (count,) and the contacts at its end."""
         b = self.bodies
         if batch.mechanism is not None and len(batch.moved) == 0 and self._least(batch, now)[0] > self.tolerance.touch:
             smooth = self._smooth(batch, batch.mechanism, time + float(t[0]), float(h[0]), wrench)
             if smooth is not None:
                 return h, smooth
         moving = batch.largest(point_speeds(b.velocity[batch.ids], b.radius[batch.ids])) > self.tolerance.sleep_speed
-        blunt = self._blunted[batch.ids[batch.start]] | (_crowds(batch) & moving)
-        if blunt.all():
-            return self._blunt(batch, now, rest, time, t, h, wrench)
-        if blunt.any():
+        one_piece = self._in_one_piece[batch.ids[batch.start]] | (_large_islands(batch) & moving)
+        if one_piece.all():
+            return self._one_piece_step(batch, now, rest, time, t, h, wrench)
+        if one_piece.any():
             ended = []
-            for chosen in (blunt, ~blunt):
+            for chosen in (one_piece, ~one_piece):
                 part = batch.part(chosen)
                 own = rows(now, part.of_rows(now.ints) >= 0)
                 h[chosen], after = self._take(part, own, rest, time, t[chosen], h[chosen], wrench)
@@ -192,25 +193,27 @@ class Stepper:
             return h, merged(batch, ended)
         start = Saved(b, batch.ids)
         after, fresh = self._fly(batch, now, rest, time, t, h, wrench)
-        while (strayed := self._strayed(batch, start, h)).any():  # forces were greater than the first speed could tell
-            h[strayed] *= 0.5
+        while (
+            off_course := self._off_course(batch, start, h)
+        ).any():  # forces were greater than the first speed could tell
+            h[off_course] *= 0.5
             start.restore(b)
             after, fresh = self._fly(batch, now, rest, time, t, h, wrench)
         hit = self._least(batch, after, fresh) < -self._rounding(batch)
         if not hit.any():
             return h, self._arrive(batch, now, after, fresh, start, rest, time, t, h, wrench)
-        spent = hit & (self._impacts[batch.ids[batch.start]] >= _affords(batch, self._total))
-        self._blunted[batch.ids[batch.start[spent]]] = True
+        spent = hit & (self._impacts[batch.ids[batch.start]] >= _impact_budget(batch, self.near))
+        self._in_one_piece[batch.ids[batch.start[spent]]] = True
         ended = []
-        for chosen, how in ((~hit, "whole"), (hit & ~spent, "impact"), (spent, "blunt")):
+        for chosen, how in ((~hit, "whole"), (hit & ~spent, "impact"), (spent, "one_piece")):
             if not chosen.any():
                 continue
             part = batch.part(chosen)
             own = now if part is batch else rows(now, part.of_rows(now.ints) >= 0)
             of = chosen[batch.island]
-            if how == "blunt":
+            if how == "one_piece":
                 start.restore(b, of)
-                h[chosen], own_after = self._blunt(part, own, rest, time, t[chosen], h[chosen], wrench)
+                h[chosen], own_after = self._one_piece_step(part, own, rest, time, t[chosen], h[chosen], wrench)
                 ended.append(own_after)
                 continue
             mine = slice(None) if part is batch else part.of_rows(after.ints) >= 0
@@ -224,16 +227,18 @@ class Stepper:
             ended.append(self._arrive(part, own, own_after, own_fresh, begin, rest, time, t[chosen], h[chosen], wrench))
         return h, merged(batch, ended)
 
-    def _smooth(self, batch: Batch, mechanism: Mechanism, time: float, h: float, wrench: Wrench) -> Contacts | None:
-        """h seconds without contact, at high order; None (and nothing moved) if it would touch something."""
+    def _smooth(
+        self, batch: Batch, mechanism: ArticulatedBody, time: float, h: float, wrench: Wrench
+    ) -> Contacts | None:
+        """Move an island in joint coordinates by h seconds; None, with nothing moved, if it would touch something."""
         b = self.bodies
         start = Saved(b, batch.ids)
         way = self._way(batch, np.array([h]))
-        if not Swing(mechanism, b, time, wrench, batch.constant, self.touching.pair_values).advance(h):
+        if not ArticulatedMotion(mechanism, b, time, wrench, batch.constant, self.contact_set.pair_values).advance(h):
             start.restore(b)
             return None
-        after = self.touching.find(batch, way)
-        after, _ = self.touching.sift(after, np.zeros(len(after.ints), bool), start)
+        after = self.contact_set.find(batch, way)
+        after, _ = self.contact_set.without_false_penetrations(after, np.zeros(len(after.ints), bool), start)
         half = np.array([0.5 * h])
         if self._least(batch, after)[0] > self.tolerance.touch and self._limit(batch, half)[0] >= half[0]:
             b.steady[batch.ids] = False
@@ -242,7 +247,7 @@ class Stepper:
         return None
 
     def _way(self, batch: Batch, h: Array) -> Array:
-        """(count,) m: how far any point of an island, or what meets it, may move in h (count,) seconds."""
+        """(count,) m: bound of the way of any point of an island, or of kinematic bodies near it, in h (count,) s."""
         b = self.bodies
         speed = batch.largest(point_speeds(b.velocity[batch.ids], b.radius[batch.ids]))
         moved = point_speeds(b.velocity[batch.moved], b.radius[batch.moved])
@@ -250,22 +255,22 @@ class Stepper:
         return 2.0 * h * speed + 10.0 * h * h + 1e-6
 
     def _limit(self, batch: Batch, h: Array, gaps: bool = True) -> Array:
-        """(count,) s: the longest sub-step in which nothing near passes through anything unseen, if below h (count,).
+        """(count,) s: the longest sub-step in which no contact is missed, at most h (count,).
 
         gaps: whether it counts how far things have to go before they meet.
         """
         b = self.bodies
         out = h.copy()
-        shapes = self.touching.shapes
+        shapes = self.contact_set.shapes
         if shapes is not None:
             _limits(
-                batch.pairs, batch.of, b.velocity, b.radius, b.thickness, b.rotation, b.origin, self.touching.shape_of,
-                shapes.first_surface, shapes.boxes, gaps, out,
+                batch.pairs, batch.of, b.velocity, b.radius, b.thickness, b.rotation, b.origin,
+                self.contact_set.shape_of, shapes.first_surface, shapes.boxes, gaps, out,
             )  # fmt: skip
         return out
 
-    def _strayed(self, batch: Batch, start: Saved, h: Array) -> Mask:
-        """(count,) islands whose bodies have left the way on which `_limit` counted, and may pass something unseen."""
+    def _off_course(self, batch: Batch, start: Saved, h: Array) -> Mask:
+        """(count,) mask of islands that left the motion assumed by `_limit`, so that contacts may have been missed."""
         b = self.bodies
         off = h[batch.island] * point_speeds(b.velocity[batch.ids] - start.velocity, b.radius[batch.ids])
         thinnest = np.full(batch.count, np.inf)
@@ -278,7 +283,7 @@ class Stepper:
         return ROUNDING + 1e-15 * batch.largest(np.abs(self.bodies.center[batch.ids]).max(axis=1))
 
     def _least(self, batch: Batch, contacts: Contacts, mask: Mask | slice = slice(None)) -> Array:
-        """(count,) least gap of the contacts of a mask."""
+        """(count,) m: least gap of each island among the contacts of a mask."""
         out = np.full(batch.count, np.inf)
         np.minimum.at(out, batch.of_rows(contacts.ints[mask]), contacts.reals[mask, 6])
         return out
@@ -286,7 +291,7 @@ class Stepper:
     # --- flight -----------------------------------------------------------------------------------------------------
 
     def _fly(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench: Wrench):
-        """Half a kick and free flight over h; contacts there, and which of them did not touch before."""
+        """Half a kick and free flight over h; returns the contacts there, and a mask of those that are new."""
         b = self.bodies
         touch = self.tolerance.touch
         ids = batch.ids
@@ -298,8 +303,8 @@ class Stepper:
             part = batch.part(~mirrored)
             half = 0.5 * h[~mirrored]
             before = b.velocity[part.ids]
-            pressed = np.flatnonzero((now.reals[:, 6] <= touch) & ~mirrored[batch.of_rows(now.ints)])
-            self.touching.kick(part, now, pressed, time + float(t[0]), half, wrench, 2.0 * float(half.max()))
+            active = np.flatnonzero((now.reals[:, 6] <= touch) & ~mirrored[batch.of_rows(now.ints)])
+            self.contact_set.kick(part, now, active, time + float(t[0]), half, wrench, 2.0 * float(half.max()))
             self._first_rate[part.ids] = (b.velocity[part.ids] - before) / half[part.island][:, None]
         begin = Saved(b, np.concatenate([ids, batch.moved]))
         self._drift(batch, rest, t + h, h)
@@ -312,7 +317,7 @@ class Stepper:
             np.maximum.at(worst, batch.of_rows(after.ints[off]), np.abs(after.reals[off, 6]))
             jb, jj, jr, _ = assemble(batch.joints, b, ids)
             worst = np.maximum(worst, np.abs(jr).max(initial=0.0))
-            # what an impact has ended too deep is flown again: its pressed contacts need no closing, if that is too
+            # an island that ended too deep is flown again: its active contacts need no closing, if that is too
             # little to undo the depth (else the time of impact is looked for where the gap jumps)
             deep = self._least(batch, after, ~touched) < -np.maximum(1e-6, 20.0 * worst)
             open_ = (worst > rounding) & ~deep
@@ -320,7 +325,7 @@ class Stepper:
                 break
             to_find = batch.part(open_)
             own = open_[batch.of_rows(after.ints)]
-            self.touching.correct(to_find, after, np.flatnonzero(off & own), np.flatnonzero(~off & own), jb, jj, jr)
+            self.contact_set.correct(to_find, after, np.flatnonzero(off & own), np.flatnonzero(~off & own), jb, jj, jr)
             if to_find is batch:
                 after, touched, off = self._matched(batch, now, begin, way)
             else:
@@ -335,18 +340,18 @@ class Stepper:
         return after, ~touched
 
     def _matched(self, batch: Batch, now: Contacts, begin: Saved, way: Array):
-        """Contacts as the bodies stand, those that touched in `now`, and those of them that are to be closed.
+        """Contacts as the bodies stand, a mask of those that touched in `now`, and a mask of those to be closed.
 
-        begin: the bodies when the flight began.
+        begin: the bodies at the start of the flight.
         """
-        touching = self.touching
-        after = touching.inherit(touching.find(batch, way), now)
-        after, touched = touching.sift(after, touching.touched(now, after), begin)
+        contact_set = self.contact_set
+        after = contact_set.inherit(contact_set.find(batch, way), now)
+        after, touched = contact_set.without_false_penetrations(after, contact_set.touched(now, after), begin)
         gaps = after.reals[:, 6]
         return after, touched, touched & (((after.force[:, 0] > 0.0) & (gaps != 0.0)) | (gaps < 0.0))
 
     def _drift(self, batch: Batch, rest: Saved, time: Array, h: Array) -> None:
-        """Free flight of h (count,) seconds, to `time` (count,) in the step."""
+        """Free flight over h (count,) seconds, up to `time` (count,) in the step."""
         b = self.bodies
         ids = batch.ids
         each = h[batch.island]
@@ -363,9 +368,9 @@ class Stepper:
         self, batch: Batch, now: Contacts, after: Contacts, fresh: Mask, start: Saved, rest: Saved, time: float,
         t: Array, h: Array, wrench: Wrench,
     ):  # fmt: skip
-        """When (count,) each island first touches something new, and the contacts then; it was flown over h and does.
+        """Times (count,) of first impact of islands that have flown over h and penetrate, and the contacts then.
 
-        Newton's method from above on the gap of the deepest contact, with false position and bisection to hold it.
+        Newton's method from above on the gap of the deepest contact, safeguarded by false position and bisection.
         """
         low, high = np.zeros(batch.count), h.copy()
         low_gap = np.full(batch.count, np.inf)
@@ -377,7 +382,7 @@ class Stepper:
             if k % 3 == 2:
                 with np.errstate(invalid="ignore"):
                     cut = np.where(low_gap < np.inf, low + (high - low) * low_gap / (low_gap - gap), cut)
-            # what sinks in from the very start (a feature that comes into view) is not worth halving for
+            # a contact that penetrates from the very start (a feature that comes into view) is not worth bisecting
             cut = np.where((low < cut) & (cut < high), cut, np.where((low == 0.0) & (k > 1), 1e-3, 0.5) * (low + high))
             last = ~((low < cut) & (cut < high)) | (high < 1e-9 * h[names]) | (k == TRIALS - 1)
             cut = np.where(last, high, cut)
@@ -413,18 +418,18 @@ class Stepper:
         return h, Contacts(ints[order], reals[order], force[order]), fresh[order]
 
     def _closing(self, batch: Batch, contacts: Contacts, fresh: Mask, gap: Array) -> Array:
-        """(count,) m/s at which the deepest fresh contact of each island closes."""
+        """(count,) m/s: closing speed of the deepest new contact of each island."""
         island = batch.of_rows(contacts.ints)
         which = np.flatnonzero(fresh & (contacts.reals[:, 6] == gap[island]))
         _, first = np.unique(island[which], return_index=True)
         out = np.zeros(batch.count)
-        out[island[which[first]]] = -self.touching.speeds(which[first], contacts)
+        out[island[which[first]]] = -self.contact_set.speeds(which[first], contacts)
         return out
 
     # --- arrival ----------------------------------------------------------------------------------------------------
 
     def _arrive(self, batch, now, after, fresh, start, rest, time, t, h, wrench) -> Contacts:
-        """What is to be done at the end of a flight of h seconds; the contacts there."""
+        """End a flight of h seconds: second half kick, and impacts; returns the contacts."""
         b = self.bodies
         mirrored = batch.all(b.steady[batch.ids])
         self._land(batch, after, fresh, time + float(t[0]), 0.5 * h, wrench)
@@ -437,10 +442,10 @@ class Stepper:
         part = batch.part(again)
         rate = 0.5 * (b.rate[part.ids] + self._first_rate[part.ids])
         start.restore(b, again[batch.island])
-        if part.joints:  # what they add pulls along the joints as they stand at the start (as in RATTLE)
+        if part.joints:  # the added impulse acts along the joints as they stand at the start (as in RATTLE)
             added = rate - self._first_rate[part.ids]
             velocity = b.velocity[part.ids]
-            self.touching.press(part, NO_CONTACTS, np.zeros(0, np.int64), added, h, np.zeros(0))
+            self.contact_set.solve(part, NO_CONTACTS, np.zeros(0, np.int64), added, h, np.zeros(0))
             rate -= b.velocity[part.ids]
             b.velocity[part.ids] = velocity
         b.rate[part.ids] = rate
@@ -450,90 +455,94 @@ class Stepper:
         return merged(batch, [rows(after, part.of_rows(after.ints) < 0), flown])
 
     def _land(self, batch: Batch, contacts: Contacts, fresh: Mask, t: float, h: Array, wrench: Wrench) -> None:
-        """The second half of the kick, h (count,) seconds, then impacts of what has just come to touch."""
+        """Second half kick of h (count,) seconds, then the impacts of new contacts."""
         b = self.bodies
         ids = batch.ids
         touching = contacts.reals[:, 6] <= self.tolerance.touch
         closing = np.zeros(len(touching), bool)
         new = np.flatnonzero(touching & fresh)
         if len(new):
-            closing[new] = self.touching.speeds(new, contacts) < -self.tolerance.rest_speed
+            closing[new] = self.contact_set.speeds(new, contacts) < -self.tolerance.rest_speed
         before = b.velocity[ids]
-        self.touching.kick(batch, contacts, np.flatnonzero(touching & ~closing), t, h, wrench)
+        self.contact_set.kick(batch, contacts, np.flatnonzero(touching & ~closing), t, h, wrench)
         now = b.velocity[ids]
         b.rate[ids] = (now - before) / h[batch.island][:, None]
         struck = np.zeros(batch.count, bool)
         struck[batch.of_rows(contacts.ints[closing])] = True
-        steady = ~struck & (batch.largest(np.abs(now).max(axis=1)) > MOVING) & self.touching.sticks(batch, contacts)
+        steady = ~struck & (batch.largest(np.abs(now).max(axis=1)) > MOVING) & self.contact_set.sticks(batch, contacts)
         b.steady[ids] = steady[batch.island]
         if struck.any():
             part = batch.part(struck)
-            self.touching.impact(part, contacts, np.flatnonzero(touching & struck[batch.of_rows(contacts.ints)]))
+            self.contact_set.impact(part, contacts, np.flatnonzero(touching & struck[batch.of_rows(contacts.ints)]))
 
-    def _blunt(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench):
-        """A step in one piece: as far as gaps allow, then the rebound of what touches.
+    def _one_piece_step(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench):
+        """Moreau's time stepping: move as far as gaps allow, then resolve the rebound of all touching contacts.
 
         Of the h (count,) seconds only as many as turning leaves exact enough; how many, and the contacts then.
         """
         b = self.bodies
         h = self._limit(batch, h, gaps=False)
-        touching = self.touching
+        contact_set = self.contact_set
         way = self._way(batch, h)
-        found = touching.inherit(touching.find(batch, way, 1.0), now)
-        now, _ = touching.sift(found, touching.touched(now, found))
+        found = contact_set.inherit(contact_set.find(batch, way, 1.0), now)
+        now, _ = contact_set.without_false_penetrations(found, contact_set.touched(now, found))
         begin = Saved(b, np.concatenate([batch.ids, batch.moved]))
-        free = touching.free(batch, time + float(t[0]), h, wrench)
+        free = contact_set.free(batch, time + float(t[0]), h, wrench)
         before = b.velocity[batch.ids]
         b.velocity[batch.ids] = free
         near = np.arange(len(now.ints))
-        came = touching.speeds(near, now)
+        came = contact_set.speeds(near, now)
         each = h[batch.of_rows(now.ints)]
-        target = -np.maximum(now.reals[:, 6], -CLOSE) / each  # what is deeper is put right afterwards, without speed
+        target = (
+            -np.maximum(now.reals[:, 6], -CLOSE) / each
+        )  # deeper penetration is corrected afterwards, without speed
         near = np.flatnonzero(target > came - 0.5 * way[batch.of_rows(now.ints)] / each)
-        left = touching.residual  # of velocities: what is wrong with the way to go is put right when it has been gone
-        touching.press(batch, now, near, free, h, target, ROUGH_WAY if _crowds(batch).any() else COARSE)
-        touching.residual = left
+        left = contact_set.residual  # of velocities: errors of displacements are corrected after the motion
+        contact_set.solve(batch, now, near, free, h, target, ROUGH_WAY if _large_islands(batch).any() else COARSE)
+        contact_set.residual = left
         reached = now.force[:, 0] > 0.0
         self._drift(batch, rest, t + h, h)
-        after = self._settled(batch, now, begin, way)
+        after = self._depenetrated(batch, now, begin, way)
         row = match(now.ints, after.ints)
         known = row >= 0
-        met = after.reals[:, 6] <= np.where(_crowds(batch), CLOSE, self.tolerance.touch)[batch.of_rows(after.ints)]
+        met = (
+            after.reals[:, 6] <= np.where(_large_islands(batch), CLOSE, self.tolerance.touch)[batch.of_rows(after.ints)]
+        )
         met[known] |= reached[row[known]]
-        _, restitution = touching.pair_values(after.ints)
+        _, restitution = contact_set.pair_values(after.ints)
         every = np.arange(len(after.ints))
         b.velocity[batch.ids] = before
-        began = touching.speeds(every, after)
+        began = contact_set.speeds(every, after)
         b.velocity[batch.ids] = free
-        came = touching.speeds(every, after)
-        # what had just a little way to go does not come with all the speed that forces give in a whole step
+        came = contact_set.speeds(every, after)
+        # contacts with a small gap do not arrive with the speed that forces add over the whole step
         near = np.flatnonzero(known & (came < np.minimum(began, 0.0)))
         gap = np.maximum(now.reals[row[near], 6], 0.0)
         pull = (began - came)[near] / h[batch.of_rows(after.ints[near])]
         came[near] = np.maximum(came[near], -np.sqrt(began[near] ** 2 + 2.0 * pull * gap))
         back = np.where(came < -self.tolerance.rest_speed, -restitution * came, 0.0)
-        touching.rebound(batch, after, np.flatnonzero(met), free, h, back, COARSE)
+        contact_set.rebound(batch, after, np.flatnonzero(met), free, h, back, COARSE)
         b.rate[batch.ids] = (b.velocity[batch.ids] - before) / h[batch.island][:, None]
         b.steady[batch.ids] = False
         return h, after
 
-    def _settled(self, batch: Batch, now: Contacts, begin: Saved, way: Array) -> Contacts:
-        """Move the bodies until what carries just touches and joints hold, as far as a few passes can; the contacts.
+    def _depenetrated(self, batch: Batch, now: Contacts, begin: Saved, way: Array) -> Contacts:
+        """Correct positions until loaded contacts just touch and joints hold, in a few passes; returns the contacts.
 
-        Of a crowd only what stands in one another by more than `linear` is moved apart.
+        In large islands only penetrations deeper than `tolerance.linear` are corrected.
         """
-        touching = self.touching
+        contact_set = self.contact_set
         done: list[Contacts] = []
         part = batch
         for k in range(PASSES + 1):
-            after = touching.inherit(touching.find(part, way), now)
-            after, _ = touching.sift(after, touching.touched(now, after), begin)
+            after = contact_set.inherit(contact_set.find(part, way), now)
+            after, _ = contact_set.without_false_penetrations(after, contact_set.touched(now, after), begin)
             own = part.of_rows(after.ints)
             jb, jj, jr, _ = assemble(part.joints, self.bodies, part.ids)
             gaps = after.reals[:, 6]
             off = (gaps < 0.0) | ((gaps != 0.0) & (gaps < CLOSE) & (after.force[:, 0] > 0.0))
             wrong = np.full(part.count, len(jr) > 0 and np.abs(jr).max() > ROUNDING)
-            allowed = np.where(_crowds(part), self.tolerance.linear, self._rounding(part))
+            allowed = np.where(_large_islands(part), self.tolerance.linear, self._rounding(part))
             wrong[own[off & (np.abs(gaps) > allowed[own])]] = True
             if k == PASSES or not wrong.any():
                 break
@@ -545,16 +554,16 @@ class Stepper:
             sunk = (deepest > self.tolerance.linear) & (len(jr) == 0)
             if sunk.any():
                 near = sunk[own] & (after.reals[:, 6] < 2.0 * deepest[own])
-                touching.push_apart(part.part(sunk), after, np.flatnonzero(near), ROUGH_WAY)
+                contact_set.push_apart(part.part(sunk), after, np.flatnonzero(near), ROUGH_WAY)
             if not sunk.all():
                 rest = ~sunk[own]
                 few = part.part(~sunk)
-                touching.correct(few, after, np.flatnonzero(off & rest), np.flatnonzero(~off & rest), jb, jj, jr)
+                contact_set.correct(few, after, np.flatnonzero(off & rest), np.flatnonzero(~off & rest), jb, jj, jr)
         return merged(batch, [*done, after])
 
 
 def _speeds_near(b: Bodies, ids: Ints, pairs: Ints) -> Array:
-    """(n,) m/s that no point of the bodies `ids`, and of those near to them, exceeds: a blow may bring them to that."""
+    """(n,) m/s: bound of the speeds of points of the bodies `ids` and of bodies near to them, as after an impact."""
     speed = np.zeros(b.n)
     speed[ids] = point_speeds(b.velocity[ids], b.radius[ids])
     out = speed.copy()
@@ -565,19 +574,19 @@ def _speeds_near(b: Bodies, ids: Ints, pairs: Ints) -> Array:
     return out[ids]
 
 
-def _crowds(batch: Batch) -> Mask:
-    """(count,) islands that are stepped in one piece as long as they move, their contacts solved by sweeps."""
+def _large_islands(batch: Batch) -> Mask:
+    """(count,) mask of islands that are stepped in one piece while they move, with contacts solved by sweeps."""
     return (np.bincount(batch.island) > MANY) & (len(batch.joints) == 0)
 
 
-def _affords(batch: Batch, total: int) -> Ints:
-    """(count,) impacts that each island may have in a step in which `total` bodies are near to something."""
+def _impact_budget(batch: Batch, total: int) -> Ints:
+    """(count,) impacts that each island may have in a step, `total` being the bodies that are near to something."""
     return IMPACTS * FEW // (np.bincount(batch.island) * max(total, FEW))
 
 
 @kernel
 def _limits(pairs, of, velocity, radius, thickness, rotations, origins, shape_of, first_surface, boxes, gaps, out):
-    """Lower `out` (s, by island) to what it takes to come a quarter of the thinner thickness into one another."""
+    """Lower `out` (s, by island) to the least time in which two bodies could overlap by a quarter of the thinner."""
     first = 0
     while first < len(pairs):
         a, b = pairs[first, 0], pairs[first, 2]
@@ -594,6 +603,6 @@ def _limits(pairs, of, velocity, radius, thickness, rotations, origins, shape_of
                     break
                 box_a = boxes[first_surface[shape_of[a]] + pairs[i, 1]]
                 box_b = boxes[first_surface[shape_of[b]] + pairs[i, 3]]
-                gap = min(gap, separation(box_a, rotations[a], origins[a], box_b, rotations[b], origins[b]))
+                gap = min(gap, separation(box_a, rotations[a], origins[a], box_b, rotations[b], origins[b], gap))
             out[island] = min(out[island], (way + max(gap, 0.0)) / speed)
         first = last

@@ -60,6 +60,8 @@ def cases() -> Iterator[Case]:
     bolts = tuple(f"bolt_{k}" for k in range(20))
     yield Case("cover lifted with its 20 bolts", bolted_cover, "cover", (0.0, 0.0, 0.002), bolts)
     yield Case("one of 200 parts", crowd, "block_105", (0.0, 0.0, 0.002))
+    chips = tuple(f"board/chip_{k}" for k in range(63))
+    yield Case("board lifted with its 63 components", lambda: board(64), "board/plate", (0.0, 0.0, 0.002), chips)
     folder = os.environ.get("VPFRAME_DATA")
     if not folder:
         return
@@ -113,6 +115,22 @@ def bolted_cover() -> vp.Scene:
     parts |= {f"bolt_{k}": (bolt, _at(x, y, 0.038), METALS["bolt"]) for k, (x, y) in enumerate(holes)}
     scene = m.scene(parts)
     scene["housing"].fixed = True
+    return scene
+
+
+def board(parts: int, side: int = 8) -> vp.Scene:
+    """A base plate, and on it a board with parts - 1 components in a grid, each pushed into the board with two pins."""
+    chip = m.box(0.006, 0.006, 0.003) + m.cylinder(0.0005, 0.002).translated(0.002, 0.003, -0.002)
+    chip = chip + m.cylinder(0.0005, 0.002).translated(0.004, 0.003, -0.002)
+    plate = m.box(0.01 * side, 0.01 * side, 0.002)
+    places = [(0.002 + 0.01 * (k % side), 0.002 + 0.01 * (k // side)) for k in range(parts - 1)]
+    for x, y in places:
+        for dx in (0.002, 0.004):
+            plate = plate - m.cylinder(0.0005, 0.002).translated(x + dx, y + 0.003)
+    made = {"base": m.box(0.2, 0.2, 0.01).translated(-0.05, -0.05, -0.02), "board/plate": plate}
+    made |= {f"board/chip_{k}": (chip, pin.SE3(np.eye(3), np.array([x, y, 0.002]))) for k, (x, y) in enumerate(places)}
+    scene = m.scene(made)
+    scene["base"].fixed = True
     return scene
 
 

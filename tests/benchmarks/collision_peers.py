@@ -78,6 +78,101 @@ class FirstContacts:
         }
 
 
+def _transform(pose: pin.SE3) -> Any:
+    return coal.Transform3s(pose.rotation, pose.translation)
+
+
+def _distance_request() -> Any:
+    request = coal.DistanceRequest()
+    request.gjk_tolerance = 1e-10
+    request.enable_signed_distance = False
+    return request
+
+
+def distance(a: SurfaceMesh, b: SurfaceMesh) -> Query:
+    """The least distance of two parts, with the nearest points."""
+    models, request = [_model(coal.BVHModelOBBRSS, mesh, mesh.triangles) for mesh in (a, b)], _distance_request()
+    still = coal.Transform3s.Identity()
+
+    def query(pose: pin.SE3) -> float:
+        return float(coal.distance(models[0], still, models[1], _transform(pose), request, coal.DistanceResult()))
+
+    return query
+
+
+def first_contact(a: SurfaceMesh, b: SurfaceMesh) -> Query:
+    """Whether two parts collide."""
+    models, request = [_model(coal.BVHModelOBBRSS, mesh, mesh.triangles) for mesh in (a, b)], coal.CollisionRequest()
+    request.gjk_tolerance, request.enable_contact = 1e-10, False
+    still = coal.Transform3s.Identity()
+
+    def query(pose: pin.SE3) -> bool:
+        return bool(coal.collide(models[0], still, models[1], _transform(pose), request, coal.CollisionResult()))
+
+    return query
+
+
+class SurfaceDistances:
+    """One model a surface, boxes first (`near`, not timed), then the distance of each pair."""
+
+    def __init__(self, a: SurfaceMesh, b: SurfaceMesh) -> None:
+        self.first = FirstContacts(a, b)
+        self.request = _distance_request()
+
+    def near(self, pose: pin.SE3, within: float) -> list[tuple[int, int]]:
+        """Surface pairs whose boxes come within a distance (m)."""
+        of_a, of_b = self.first.boxes
+        return sorted(bounding_volumes(of_a + np.array([[-within], [within]]), of_b, pose))
+
+    def query(self, pose: pin.SE3, near: list[tuple[int, int]]) -> dict[tuple[int, int], float]:
+        """The distances of those pairs, 0 where they meet."""
+        still, moved = coal.Transform3s.Identity(), _transform(pose)
+        of_a, of_b = self.first.models
+        return {
+            (s, t): max(0.0, coal.distance(of_a[s], still, of_b[t], moved, self.request, coal.DistanceResult()))
+            for s, t in near
+        }
+
+
+class SampledDepth:
+    """How deep points of either part's triangles, no farther than `spacing` (m) from each other, lie in the other.
+
+    libigl's signed distance, by pseudonormals. Never more than the depth, and less by no more than the spacing.
+    """
+
+    def __init__(self, a: SurfaceMesh, b: SurfaceMesh, spacing: float) -> None:
+        import igl
+
+        self.signed_distance, self.kind = igl.signed_distance, igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
+        self.meshes = [(mesh.vertices, mesh.triangles.astype(np.int64), _points(mesh, spacing)) for mesh in (a, b)]
+
+    def query(self, pose: pin.SE3) -> float:
+        """The greatest depth, m; 0 where nothing lies inside."""
+        (vertices_a, triangles_a, points_a), (vertices_b, triangles_b, points_b) = self.meshes
+        deepest = 0.0
+        for points, vertices, triangles in (
+            (points_b @ pose.rotation.T + pose.translation, vertices_a, triangles_a),
+            ((points_a - pose.translation) @ pose.rotation, vertices_b, triangles_b),
+        ):
+            inside = ((points >= vertices.min(axis=0)) & (points <= vertices.max(axis=0))).all(axis=1)
+            if inside.any():
+                signed = self.signed_distance(points[inside], vertices, triangles, self.kind)[0]
+                deepest = max(deepest, -float(np.min(signed)))
+        return deepest
+
+
+def _points(mesh: SurfaceMesh, spacing: float) -> NDArray[np.float64]:
+    """Points of the triangles on grids that are no wider than `spacing`."""
+    corners = mesh.vertices[mesh.triangles]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    points = []
+    for triangle, parts in zip(corners, np.ceil(edges / spacing).astype(int).tolist(), strict=True):
+        i, j = np.triu_indices(parts + 1)
+        weights = np.stack([i, j - i, parts - j], axis=1) / max(parts, 1)
+        points.append(weights @ triangle)
+    return np.unique(np.concatenate(points), axis=0)
+
+
 def surface_boxes(mesh: SurfaceMesh) -> NDArray[np.float64]:
     """(k, 2, 3) least and greatest corner of each surface, in the mesh's frame."""
     corners = mesh.vertices[mesh.triangles]

@@ -9,8 +9,7 @@ import pytest
 from collision import CollisionError, CollisionManager, SurfaceMesh
 from collision.classify import KINDS, PairClass, classify
 from collision.solid import is_closed
-from tests.collision.reference import box, sphere, turned
-from tests.collision.test_containment import with_slivers
+from tests.collision.brute_force import box, sphere, turned, with_slivers
 
 
 def at(x: float, y: float = 0.0, z: float = 0.0) -> pin.SE3:

@@ -41,3 +41,25 @@ def test_compiling_is_said_once(tmp_path: Path) -> None:
     assert cold.stderr.count("compiling collision kernels") == 1 and cold.stderr.count("\n") == 1
     warm = run(ASK, NUMBA_CACHE_DIR=str(tmp_path))
     assert (warm.stdout, warm.stderr) == (cold.stdout, "")
+
+
+SIGNATURES = """
+import numpy as np, pinocchio as pin
+from collision import CollisionManager
+from collision.query import distance, intersection, time_of_impact
+from tests.collision.shapes import box
+world = CollisionManager()
+for k in range(3):
+    world.add(box(), pin.SE3(np.eye(3), np.array([0.99 * k, 0.0, 0.0])))
+target = pin.SE3(np.eye(3), np.array([0.98, 0.1, 0.1]))
+for _ in range(2):
+    world.contacts(0.1), world.colliding_surfaces(), world.time_of_impact({1: target}), world.clearance(0, 1)
+    world.ignore_surfaces(0, [1], 1, [2])
+kernels = distance.contacts, distance.clearance, intersection.intersect_objects, time_of_impact.impact
+print([len(kernel.signatures) for kernel in kernels])
+"""
+
+
+def test_kernels_are_compiled_for_one_signature() -> None:
+    """Also where surfaces are left out: a table of them and the lack of one are of the same type."""
+    assert run(SIGNATURES).stdout.strip() == "[1, 1, 1, 1]"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pinocchio as pin
 
 import collision
-from tests.collision.reference import box
+from tests.collision.brute_force import box
 
 PAGE = Path(collision.__file__).parent / "README.md"
 
@@ -29,6 +29,6 @@ def test_the_example_runs() -> None:
 
 def test_names_on_the_page_exist() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    for name in ("contacts", "clearance", "contains", "penetration", "time_of_contact", "add_shape", "ignore_surfaces"):
+    for name in ("contacts", "clearance", "contains", "penetration", "time_of_impact", "add_shape", "ignore_surfaces"):
         assert f"`{name}" in text
         assert hasattr(collision.CollisionManager, name)

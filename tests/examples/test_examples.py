@@ -36,7 +36,7 @@ def test_an_example_does_what_it_expects_of_itself(name: str, tmp_path: Path) ->
 def test_each_example_has_its_section_and_its_picture() -> None:
     page = (EXAMPLES / "README.md").read_text()
     named = [*TASKS, *(p.stem for p in EXAMPLES.glob("physics_*.py"))]
-    assert len(named) == 14
+    assert len(named) == 16
     for name in named:
         assert f"examples/{name}.py`" in page
         assert f"(pictures/{name}.png)" in page

@@ -224,3 +224,59 @@ def test_bad_input_is_named():
         world.set_velocity(box, [np.nan] * 6)
     with pytest.raises(WorldError, match="integrator"):
         World(CollisionManager(), integrator="leapfrog")
+
+
+def test_gravity_of_the_world_acts_on_what_is_free_and_says_nothing_else():
+    manager, _ = room()
+    mesh = box_mesh(0.1, 0.1, 0.1)
+    plain, light, own, held = (manager.add(mesh, at(x=k, z=6.0)) for k in range(4))
+    world = World(manager, gravity=(0.0, 0.0, -1.5))
+    body = Body.from_mesh(mesh, 1000.0)
+    world.add(plain, body)
+    world.add(light, body, [Gravity((0.0, 0.0, 0.0))])
+    world.add(own, body, [Gravity()])
+    world.add(held, body)
+    world.hold(held, world.pose(held))
+    for _ in range(10):
+        world.step(0.1)
+    fallen = [6.0 - world.pose(i).translation[2] for i in (plain, light, own, held)]
+    assert fallen == pytest.approx([0.75, 0.0, 0.5 * G, 0.0], abs=1e-12)
+    assert world.wrench(held)[2] == pytest.approx(1.5 * body.mass, rel=1e-12)
+    world.gravity = (0.0, 0.0, 0.0)
+    before = world.velocities
+    world.step(0.1)
+    assert (world.velocities[[plain, light]] == before[[plain, light]]).all()
+    assert world.velocities[own, 2] == pytest.approx(before[own, 2] - 0.1 * G)
+    with pytest.raises(WorldError, match="gravity is 'down'"):
+        world.gravity = "down"
+
+
+def test_changed_gravity_wakes_what_sleeps():
+    manager, _ = room()
+    mesh = box_mesh(0.1, 0.1, 0.1)
+    box = manager.add(mesh, at(z=0.05))
+    world = World(manager, gravity=(0.0, 0.0, -G))
+    world.add(box, Body.from_mesh(mesh, 1000.0))
+    for _ in range(60):
+        world.step(0.01)
+    assert world.awake == ()
+    world.gravity = (0.0, 0.0, 1.0)
+    world.step(0.01)
+    assert world.pose(box).translation[2] > 0.05
+
+
+def test_contact_wrenches_carry_the_stack_above_them():
+    manager, floor = room()
+    mesh = box_mesh(0.1, 0.1, 0.1)
+    boxes = [manager.add(mesh, at(x=0.2, z=0.05 + 0.1 * k)) for k in range(3)]
+    world = World(manager, gravity=(0.0, 0.0, -G))
+    for box in boxes:
+        world.add(box, Body.from_mesh(mesh, 1000.0), [Sleeping(False)])
+    for _ in range(20):
+        world.step(0.01)
+    pairs, wrenches = world.contact_wrenches()
+    assert pairs.tolist() == [[floor, boxes[0]], [boxes[0], boxes[1]], [boxes[1], boxes[2]]]
+    assert wrenches[:, 2] == pytest.approx([-3 * G, -2 * G, -G], rel=1e-9)
+    assert wrenches[:, 4] == pytest.approx([0.2 * 3 * G, 0.2 * 2 * G, 0.2 * G], rel=1e-9)  # about the world's origin
+    touched = sum((np.cross(t.point, t.impulse) for t in world.touches(boxes[0])), np.zeros(3)) / 0.01
+    assert touched == pytest.approx(wrenches[1, 3:] - wrenches[0, 3:], abs=1e-9)

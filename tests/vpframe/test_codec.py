@@ -18,8 +18,9 @@ from hypothesis.extra import numpy as hnp
 from collision.contact import CONTACT_DTYPE
 from constraints import kinds
 from constraints.geometry.surfaces import Cylinder, Geometry, Plane, Sphere
+from constraints.solve.groups import OnCarrier
+from vpframe.codec import Codec, CodecError, conforms
 from vpframe.session.checkpoint import CODEC
-from vpframe.session.codec import Codec, CodecError, conforms
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +160,7 @@ def every(kind: type) -> set[type]:
 
 def test_every_kind_and_every_geometry_has_an_encoding() -> None:
     known = set(CODEC._names)
-    assert every(kinds.Constraint) - known == set()
+    assert every(kinds.Constraint) - known == {OnCarrier}, "which is made of another one whenever a hand carries"
     assert every(Geometry) - known == set()
 
 

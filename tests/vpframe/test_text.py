@@ -146,7 +146,7 @@ def test_the_events_of_a_recording_are_printed_as_text(name, tmp_path, capsys):
     if name == NAMES["half"]:
         pytest.skip("rerun keeps Unicode only")
     recorder = RerunRecorder(tmp_path / "run.rrd")
-    recorder.begin(fake_session(hostile_scene(name)))
+    recorder.begin(fake_session(hostile_scene(name)).scene)
     for frame in hostile_frames(name):
         recorder.frame(frame)
     recorder.end()

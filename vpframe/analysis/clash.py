@@ -14,18 +14,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from collision import Tolerance
 from collision.classify import KINDS as CLASSIFIED
 from collision.classify import classify
 from vpframe.analysis import clash_status
 from vpframe.analysis.clash_status import ClashKey
 from vpframe.analysis.fits import BAD_KINDS, Key, Row, fits_of
+from vpframe.analysis.pairs import by_parts, count_words, meeting_box, place_words, worst_first
 from vpframe.analysis.static import world_of
 from vpframe.app.outputs import STATUS, claimed
 from vpframe.errors import VpframeError
 from vpframe.scene.deflection import deflections
+from vpframe.scene.names import face_words
 from vpframe.scene.planes import facing_overlaps, is_exact_overlap
 from vpframe.scene.scene import Scene
+from vpframe.scene.subassembly import parts_named
 from vpframe.text import plain
 
 KINDS = (*CLASSIFIED[: CLASSIFIED.index("contact")], "thread", *CLASSIFIED[CLASSIFIED.index("contact") :])
@@ -73,8 +79,9 @@ def clash(
 
     Returns
     -------
-    {"pairs": [{"kind", "parts": [a, b], "surfaces": [i, j], "distance", "depth", "reason"}]}, lengths in metres, in the
-    order of parts and surfaces; `surfaces` is empty where the parts as a whole are meant (containment, coincidence).
+    {"pairs": [{"kind", "parts": [a, b], "surfaces": [i, j], "faces": [words, words], "distance", "depth", "point",
+    "reason"}]}, lengths in metres, in the order of parts and surfaces; `surfaces` and `faces` are empty where the parts
+    as a whole are meant (containment, coincidence); `point` (3,), world, is the deepest or the nearest.
     `kind` is one of `KINDS`; "thread" is the overlap of a screw with its nut or tapped hole, and no clash.
     """
     world = world_of(scene, tolerance)
@@ -123,8 +130,10 @@ def clash(
                 "kind": kind,
                 "parts": [names[key[0]], names[key[1]]],
                 "surfaces": list(key[2:]),
+                "faces": [face_words(scene.parts[i], s) for i, s in zip(key[:2], key[2:], strict=False)],
                 "distance": distance,
                 "depth": depth,
+                "point": (deepest[key] if key in deepest else _middle(scene, key)).tolist(),
                 "reason": reason,
             }
             for key, (kind, distance, depth, reason) in sorted(rows.items())
@@ -132,28 +141,22 @@ def clash(
     }
 
 
-def with_status(
-    document: dict[str, Any], path: str | os.PathLike[str], accept: Iterable[str] = (), remark: str = ""
-) -> None:
+def with_status(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
     """Keep the status of each clash over runs in a file: clashes in `document` get "status" and "remark".
 
     Parameters
     ----------
     path: the status file, as `vpframe.analysis.clash_status` has it, or the `Output` of one; made if there is none.
-    accept: clashes to mark as accepted, as `A:B` or with surfaces as `A:3:B:12`.
-    remark: kept with them.
 
     Raises
     ------
-    VpframeError: it is not a status file, or a clash that is to be accepted is not there.
+    VpframeError: it is not a status file.
     """
     keys = {_key(pair): pair for pair in document["pairs"] if pair["kind"] in BAD_KINDS}
     with claimed(path, STATUS) as output:
         file = output.path
         known, pairs = (clash_status.read(file), clash_status.read_authorised(file)) if output.ours else ((), ())
         records = clash_status.updated(known, keys)
-        for text in accept:
-            records = clash_status.accept(records, clash_status.named(records, text), remark)
         clash_status.write(file, records, pairs)
     for record in records:
         if record.key in keys:
@@ -170,32 +173,102 @@ def is_open(pair: dict[str, Any]) -> bool:
     return pair["kind"] in BAD_KINDS and pair.get("status") != "accepted"
 
 
-def table(document: dict[str, Any]) -> str:
-    """What `clash` found, for a person: a line a pair of surfaces, the gravest and deepest first."""
-    pairs = document["pairs"]
-    if not pairs:
+def document(found: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """What `clash` found as `vpframe clash --json` prints it, with what else it shall hold.
+
+    {"pairs": [{"kind", "parts", "count", "surface_pairs": [row, …], …}], …}: a row a pair of parts, the gravest first;
+    its other fields are those of its worst surface pair, whose rows, as `clash` returns them, are nested in it.
+    """
+    return {"pairs": by_parts(found["pairs"], KINDS), **more}
+
+
+def table(found: dict[str, Any], surfaces: bool = False, contacts: bool = False) -> str:
+    """What `clash` found, for a person: a line a pair of parts, the gravest and deepest first.
+
+    Parameters
+    ----------
+    surfaces: a line a pair of surfaces instead, contacts among them.
+    contacts: parts that only touch have a line each, too; else they are counted at the end.
+    """
+    if not found["pairs"]:
         return "no two parts touch"
-    counts = ((kind, sum(p["kind"] == kind for p in pairs)) for kind in KINDS)
-    lines = [", ".join(f"{n} {kind}" for kind, n in counts if n)]
-    for pair in sorted(pairs, key=lambda p: (KINDS.index(p["kind"]), -p["depth"], p["distance"])):
-        where = "surfaces {} – {}".format(*pair["surfaces"]) if pair["surfaces"] else "as a whole"
-        if pair["kind"] == "contact" and pair["depth"] >= SHOWN:
-            size = f"touching, their facets {pair['depth'] * 1e3:.3f} mm into each other, no more than they stray"
-        elif pair["depth"] >= SHOWN:
-            size = f"{pair['depth'] * 1e3:.3f} mm deep"
-        else:
-            size = f"{pair['distance'] * 1e3:.3f} mm apart" if pair["distance"] >= SHOWN else "touching"
-        told = "".join(f", {pair[name]}" for name in ("status", "remark", "reason") if pair.get(name))
-        lines.append(f"  {pair['kind']:11}  {pair['parts'][0]} – {pair['parts'][1]}: {where}, {size}{told}")
+    pairs = by_parts(found["pairs"], KINDS)
+    rows = sorted(found["pairs"], key=lambda row: worst_first(row, KINDS)) if surfaces else pairs
+    counts = ((kind, sum(row["kind"] == kind for row in rows)) for kind in KINDS)
+    head = ", ".join(f"{n} {kind}" for kind, n in counts if n)
+    if surfaces:
+        return "\n".join(map(plain, [head, *map(_surface_line, rows)]))
+    lines = [f"{head} (pairs of parts)"]
+    touching = [pair for pair in pairs if pair["kind"] == "contact"]
+    counted = not contacts and len(touching) > 1
+    lines += [_pair_line(pair) for pair in pairs if not (counted and pair["kind"] == "contact")]
+    if counted:
+        inner = count_words(sum(pair["count"] for pair in touching), "surfaces")
+        lines.append(
+            f"  {'contact':11}  {count_words(len(touching), 'parts')} only touch ({inner}); --contacts lists them"
+        )
     return "\n".join(map(plain, lines))
 
 
-def authorised_pairs(text: Iterable[str]) -> list[tuple[str, str]]:
-    """Pairs of part names written `a:b`. Raises VpframeError where there are not two."""
+def _pair_line(pair: dict[str, Any]) -> str:
+    place = place_words(pair.get("point"))
+    words = [f"{_size(pair)}{f' at {place}' if place else ''}", _where(pair)]
+    if pair["count"] > 1:
+        words.append(count_words(pair["count"], "surfaces"))
+    return _line(pair, words)
+
+
+def _surface_line(pair: dict[str, Any]) -> str:
+    return _line(pair, [_where(pair), _size(pair)])
+
+
+def _line(pair: dict[str, Any], words: list[str]) -> str:
+    words += [pair[name] for name in ("status", "remark", "reason") if pair.get(name)]
+    return f"  {pair['kind']:11}  {pair['parts'][0]} – {pair['parts'][1]}: {', '.join(words)}"
+
+
+def _where(pair: dict[str, Any]) -> str:
+    faces = pair.get("faces") or [f"face {surface}" for surface in pair["surfaces"]]
+    return " – ".join(faces) or "as a whole"
+
+
+def _size(pair: dict[str, Any]) -> str:
+    if pair["kind"] == "contact" and pair["depth"] >= SHOWN:
+        return f"touching, their facets overlap by {pair['depth'] * 1e3:.3f} mm, within their deflection"
+    if pair["depth"] >= SHOWN:
+        return f"{pair['depth'] * 1e3:.3f} mm deep"
+    return f"{pair['distance'] * 1e3:.3f} mm apart" if pair["distance"] >= SHOWN else "touching"
+
+
+def _middle(scene: Scene, key: Key) -> NDArray[np.float64]:
+    """(3,) m, world: the middle of where two faces meet, or two parts as a whole."""
+    parts = [scene.parts[i] for i in key[:2]]
+    poses = [part.pose for part in parts]
+    if key[2:]:
+        low, high = meeting_box(parts, poses, key[2:])
+        return 0.5 * (low + high)
+    return np.asarray(poses[1].act(parts[1].shape.center), dtype=np.float64)
+
+
+def authorised_pairs(text: Iterable[str], scene: Scene | None = None) -> list[tuple[str, str]]:
+    """Pairs of part names written `a:b`; of a `scene`, a subassembly's name stands for each of its parts.
+
+    Raises
+    ------
+    VpframeError: there are not two names, or the scene does not have them.
+    """
     out = []
     for entry in text:
         a, colon, b = entry.partition(":")
         if not (a and colon and b):
             raise VpframeError(f"authorised pair {entry!r}: write two part names as A:B")
-        out.append((a, b))
+        if scene is None:
+            out.append((a, b))
+        else:
+            out += [
+                (one, other)
+                for one in parts_named(scene.names, a)
+                for other in parts_named(scene.names, b)
+                if one != other
+            ]
     return out

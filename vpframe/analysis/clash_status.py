@@ -1,8 +1,8 @@
 """What became of each clash between two runs of a task: new, accepted, persistent, resolved, as DMU users keep it.
 
 The status lives in a JSON file beside the report, `clashes.json`, and clashes are known by name: the two parts and
-their surfaces. A person marks them as accepted (`vpframe accept`), with a remark; the mark stays while the clash does.
-Only a run that came to its end changes a status; one that was cut off adds the clashes that it saw first.
+their surfaces. A person marks them as accepted (`vpframe clash accept`), with a remark; the mark stays while the
+clash does. Only a run that came to its end changes a status; one that was cut off adds the clashes that it saw first.
 Pairs of parts that are meant to overlap, a press fit, stand in the same file and hold for the runs that follow.
 """
 
@@ -16,6 +16,7 @@ from typing import Any
 
 from vpframe import files
 from vpframe.errors import VpframeError
+from vpframe.scene.names import is_of
 
 STATUSES = ("new", "persistent", "accepted", "resolved")
 FILE = "clashes.json"
@@ -108,7 +109,7 @@ def parse(text: str) -> tuple[str, str, tuple[int, int] | None]:
 
 
 def named(records: Iterable[ClashRecord], text: str) -> tuple[ClashKey, ...]:
-    """The clashes that are there and that `text`, as `parse` reads it, names.
+    """The clashes that are there and that `text`, as `parse` reads it, names; a subassembly's name means all its parts.
 
     Raises
     ------
@@ -116,7 +117,11 @@ def named(records: Iterable[ClashRecord], text: str) -> tuple[ClashKey, ...]:
     """
     a, b, surfaces = parse(text)
     there = [record.key for record in records if record.status != "resolved"]
-    found = [key for key in there if {key.part_a, key.part_b} == {a, b}]
+    found = [
+        key
+        for key in there
+        if (is_of(key.part_a, a) and is_of(key.part_b, b)) or (is_of(key.part_a, b) and is_of(key.part_b, a))
+    ]
     if surfaces is not None:
         found = [key for key in found if key == ClashKey.of(a, surfaces[0], b, surfaces[1])]
     if not found:
@@ -150,9 +155,24 @@ def accept_named(
         found = named(records, text)
         keys += found
         if authorise:
-            pairs = (*pairs, (found[0].part_a, found[0].part_b))
+            pairs = (*pairs, *dict.fromkeys((key.part_a, key.part_b) for key in found))
     write(file, accept(records, keys, remark), pairs)
     return tuple(keys)
+
+
+def accepted_words(keys: Iterable[ClashKey]) -> list[str]:
+    """A line a pair of parts: "bolt with plate, 3 pairs of surfaces"; of one pair of surfaces its faces."""
+    pairs: dict[tuple[str, str], list[ClashKey]] = {}
+    for key in keys:
+        pairs.setdefault((key.part_a, key.part_b), []).append(key)
+    lines = []
+    for (a, b), of in pairs.items():
+        faces = (of[0].surface_a, of[0].surface_b)
+        if len(of) > 1:
+            lines.append(f"{a} with {b}, {len(of)} pairs of surfaces")
+        else:
+            lines.append(f"{a} with {b}" if WHOLE in faces else f"{a} · face {faces[0]} with {b} · face {faces[1]}")
+    return lines
 
 
 def read_authorised(path: str | Path) -> tuple[tuple[str, str], ...]:
@@ -208,7 +228,9 @@ def write(path: str | Path, records: Iterable[ClashRecord], authorised: Iterable
     rows = [{**asdict(r.key), "status": r.status, "remark": r.remark, "runs": r.runs} for r in records]
     rows.sort(key=lambda row: (row["part_a"], row["part_b"], row["surface_a"], row["surface_b"]))
     pairs = sorted({(min(pair), max(pair)) for pair in authorised})
-    files.replace(path, json.dumps({"clashes": rows, "authorised": pairs}, indent=2) + "\n")
+    lines = ",\n".join(f"    {json.dumps(row)}" for row in rows)
+    clashes = f"[\n{lines}\n  ]" if rows else "[]"
+    files.replace(path, f'{{\n  "clashes": {clashes},\n  "authorised": {json.dumps(pairs)}\n}}\n')
 
 
 def _record(file: Path, n: int, row: Mapping[str, Any]) -> ClashRecord:

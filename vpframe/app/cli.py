@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import errno
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -14,7 +15,7 @@ from typing import Any, NoReturn
 from vpframe import __version__
 from vpframe.app.outputs import PAGE, STATUS, URDF, Kind, Output
 from vpframe.app.progress import say, warn
-from vpframe.scene.units import NAMES, length
+from vpframe.scene.units import NAMES, length, seconds
 from vpframe.session.interrupts import handled
 
 OK, NO, BAD = 0, 1, 2
@@ -28,6 +29,9 @@ class UsageError(Exception):
     """The command line itself is wrong; the message is the line to print."""
 
 
+ACCEPT = "clash accept"
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message}; see {self.prog} --help")
@@ -38,7 +42,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     # before numpy is imported: our matrices are small, and threads that wait for each other on a busy machine are slow
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
-        arguments = _parser().parse_args(argv)
+        words = list(sys.argv[1:] if argv is None else argv)
+        if words[:2] == ACCEPT.split():  # one command to argparse, which knows no second word beside a list of files
+            words[:2] = [ACCEPT]
+        arguments = _parser().parse_args(words)
         command: Callable[[argparse.Namespace], int] = arguments.command
         with handled():
             code = _helped(command, arguments)
@@ -133,19 +140,19 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--from", dest="file", metavar="FILE", required=True, help="the model")
     add_force(sub)
 
-    sub = add("clash", _clash, "clash, contact, clearance and containment by surface pair; exit 1 if there is a clash")
+    sub = add("clash", _clash, "clash, contact, clearance and containment by pair of parts; exit 1 on a clash")
     sub.add_argument("files", metavar="FILE", nargs="+", help="models; several are put into one scene as they stand")
     sub.add_argument("--clearance", metavar="LENGTH", type=_length, default=0.0, help="also list pairs nearer than it")
     sub.add_argument("--authorise", metavar="A:B", action="append", default=[], help="a pair of parts meant to clash")
     sub.add_argument("--status", metavar="FILE", help="keep what is new, accepted and resolved in this file, over runs")
-    sub.add_argument("--accept", metavar="A:B", action="append", default=[], help="accept the clashes of two parts")
-    sub.add_argument("--remark", metavar="TEXT", default="", help="why they are accepted")
+    sub.add_argument("--surfaces", action="store_true", help="a line a pair of surfaces, as JSON has them nested")
+    sub.add_argument("--contacts", action="store_true", help="list parts that only touch, too, instead of their count")
     add_force(sub)
     _add_loading(sub)
     sub.add_argument("--json", action="store_true")
 
-    sub = add("accept", _accept, "accept clashes of a report by name: the next runs of its task no longer count them")
-    sub.add_argument("report", metavar="DIR", help="the folder that --report wrote")
+    sub = add(ACCEPT, _accept, "accept clashes by name: the next runs of a task, or of `clash --status`, count them so")
+    sub.add_argument("file", metavar="FILE", help="the file that clash --status wrote, or the folder of run --report")
     sub.add_argument("names", metavar="A:B", nargs="+", help="two parts, or with a surface of each: A:3:B:12")
     sub.add_argument("--remark", metavar="TEXT", default="", help="why they are accepted")
     sub.add_argument(
@@ -174,6 +181,26 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("recording", metavar="RUN.rrd")
     sub.add_argument("--script", action="store_true", help="print the recorded events instead")
 
+    sub = add("study", _study, "run a task over many variants: in how many it can be done, and which variables matter")
+    sub.add_argument("task", metavar="TASK.py", help="a task script with VARIANTS, `scene(v)` and `task(session, v)`")
+    which = sub.add_mutually_exclusive_group()
+    which.add_argument("--samples", metavar="N", type=int, help="so many variants (default: 100)")
+    which.add_argument(
+        "--grid", metavar="LEVELS", type=int, nargs="?", const=5,
+        help="all combinations, of each continuous variable so many values (5)",
+    )  # fmt: skip
+    sub.add_argument("--sobol", action="store_true", help="sample a Sobol' sequence: steadier than chance")
+    sub.add_argument("--seed", metavar="N", type=int, default=0, help="of the samples (default: 0)")
+    sub.add_argument("--jobs", metavar="N", type=int, help="processes on this machine (default: one a core)")
+    sub.add_argument("--cluster", metavar="ADDRESS", help="run on the workers of a Dask scheduler: tcp://HOST:8786")
+    sub.add_argument("--retries", metavar="N", type=int, default=2, help="runs more of a variant that crashed (2)")
+    sub.add_argument("--timeout", metavar="TIME", type=_seconds, default=600.0, help="of one variant (600s)")
+    sub.add_argument("--out", metavar="DIR", default="runs", help="where results and report go (default: runs)")
+    sub.add_argument("--resume", action="store_true", help="run what is missing of the study in DIR")
+    add_force(sub)
+    sub.add_argument("--dashboard", action="store_true", help="Dask's dashboard, on this machine only (needs bokeh)")
+    sub.add_argument("--json", action="store_true")
+
     sub = add("bench", _bench, "speed against error, side by side with named peers")
     sub.add_argument("suite", nargs="?", choices=SUITES, help="one suite (default: all)")
     sub.add_argument("--plot", metavar="DIR", help="draw the plots (needs matplotlib)")
@@ -182,7 +209,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-SUITES = ("collision", "constraints", "physics", "session")
+SUITES = ("collision", "constraints", "physics", "session", "study")
 
 
 def _length(text: str) -> float:
@@ -192,9 +219,24 @@ def _length(text: str) -> float:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
+def _degrees(text: str) -> float:
+    """Radians."""
+    return math.radians(float(text))
+
+
+_degrees.__name__ = "number of degrees"  # what argparse calls what is none
+
+
+def _seconds(text: str) -> float:
+    try:
+        return seconds(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def _add_loading(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument("--deflection", metavar="LENGTH", type=_length, help="greatest sag of a triangle")
-    sub.add_argument("--angular", metavar="RADIANS", type=float, help="greatest angle between neighbouring facets")
+    sub.add_argument("--deflection", metavar="LENGTH", type=_length, help="greatest deflection of a triangle")
+    sub.add_argument("--angular", metavar="DEGREES", type=_degrees, help="greatest angle between neighbouring facets")
     sub.add_argument(
         "--timeout", metavar="SECONDS", type=float, help="limit of reading a CAD file (a minute a megabyte)"
     )
@@ -280,20 +322,18 @@ def _clash(arguments: argparse.Namespace) -> int:
     from vpframe.analysis import clash
     from vpframe.app.progress import Progress
 
-    if arguments.accept and arguments.status is None:
-        raise UsageError("--accept needs --status FILE, where it is kept")
     with _document(arguments.json) as emit, _claimed(arguments, "status", STATUS, arguments.files) as status:
         scene = clash.merged([_load(path, arguments) for path in arguments.files])
-        authorised = clash.authorised_pairs(arguments.authorise)
+        authorised = clash.authorised_pairs(arguments.authorise, scene)
         with Progress("looking for clashes") as progress:
-            document = clash.clash(scene, arguments.clearance, authorised=authorised, progress=progress)
+            found = clash.clash(scene, arguments.clearance, authorised=authorised, progress=progress)
         if status is not None:
-            clash.with_status(document, status, arguments.accept, arguments.remark)
-        emit({**document, "notes": list(scene.all_notes())})
+            clash.with_status(found, status)
+        emit(clash.document(found, notes=list(scene.all_notes())))
         if not arguments.json:
-            print(clash.table(document))
+            print(clash.table(found, arguments.surfaces, arguments.contacts))
             _print_notes(scene)
-    return NO if any(map(clash.is_open, document["pairs"])) else OK
+    return NO if any(map(clash.is_open, found["pairs"])) else OK
 
 
 def _print_notes(scene: Any) -> None:
@@ -307,10 +347,10 @@ def _print_notes(scene: Any) -> None:
 def _accept(arguments: argparse.Namespace) -> int:
     from vpframe.analysis import clash_status
 
-    keys = clash_status.accept_named(arguments.report, arguments.names, arguments.remark, arguments.authorise)
-    for key in keys:
-        say(f"accepted: {key.part_a} surface {key.surface_a} with {key.part_b} surface {key.surface_b}")
-    print("the next run with this report folder counts them as accepted")
+    keys = clash_status.accept_named(arguments.file, arguments.names, arguments.remark, arguments.authorise)
+    for line in clash_status.accepted_words(keys):
+        say(f"accepted: {line}")
+    print(f"the next run with {arguments.file} counts them as accepted")
     return OK
 
 
@@ -348,6 +388,38 @@ def _replay(arguments: argparse.Namespace) -> int:
     from vpframe.view.replay import replay
 
     return replay(arguments.recording, script=arguments.script)
+
+
+def _study(arguments: argparse.Namespace) -> int:
+    from vpframe.studies import report
+    from vpframe.studies.job import Machines
+    from vpframe.studies.run import SAMPLES, Sampling, run_study
+
+    if arguments.sobol and arguments.grid is not None:
+        raise UsageError("--sobol is a way to sample; leave out --grid")
+    if arguments.cluster is not None and (arguments.jobs is not None or arguments.dashboard):
+        raise UsageError("--jobs and --dashboard are for this machine; leave out --cluster")
+    samples = SAMPLES if arguments.samples is None else arguments.samples
+    sampling = Sampling(samples, arguments.sobol, arguments.grid, arguments.seed)
+    jobs = len(os.sched_getaffinity(0)) if arguments.jobs is None else arguments.jobs
+    machines = Machines(jobs, arguments.cluster, arguments.dashboard)
+    with _document(arguments.json) as emit:
+        document, interrupted = run_study(
+            arguments.task, arguments.out, sampling, machines, arguments.timeout, arguments.retries, arguments.resume,
+            arguments.force,
+        )  # fmt: skip
+        emit(document)
+        if not arguments.json:
+            print(report.rate_text(document))
+            if rest := report.rest_text(document):
+                print(rest)
+            print(f"report: {os.path.join(arguments.out, 'index.html')}")
+    if document["repeated"]["different"]:
+        warn(f"variants {document['repeated']['different']} gave another answer when they were run again")
+    if interrupted:
+        warn("interrupted; what was finished is kept, --resume runs what is missing")
+        return 130
+    return OK if document["statuses"]["ok"] == document["variants"] else NO
 
 
 def _bench(arguments: argparse.Namespace) -> int:

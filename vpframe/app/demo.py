@@ -22,6 +22,7 @@ from vpframe.errors import TaskError
 
 if TYPE_CHECKING:
     from vpframe.scene.scene import Scene
+    from vpframe.session.events import Frame
     from vpframe.session.session import Session
     from vpframe.view.meshcat_viewer import MeshcatViewer
 
@@ -99,11 +100,11 @@ class _Freedom:
     def __init__(self) -> None:
         self.values: list[int] = []
 
-    def begin(self, session: Session) -> None:
-        self.values.append(session.freedom("shaft"))
+    def begin(self, scene: Scene) -> None:
+        pass
 
-    def frame(self, frame: object) -> None:
-        self.values.append(frame.freedom.get("shaft", self.values[-1]))  # type: ignore[attr-defined]
+    def frame(self, frame: Frame) -> None:
+        self.values.append(frame.freedom.get("shaft", self.values[-1]))
 
     def end(self) -> None:
         pass
@@ -174,6 +175,7 @@ def _run(folder: OutputFolder, recording: Output, report: OutputFolder, viewer: 
         clearance=True,
         observers=[watch],
     )
+    watch.values.append(session.freedom("shaft"))
     session.on_event(lambda e: say(f"{e.time:6.2f} s   {e.kind:<11} {e.text}") if e.kind in _SHOWN else None)
     failure, code = "", OK
     try:

@@ -67,6 +67,9 @@ MODEL = Kind("a model", _begins(rb"ISO-10303-21;.*'vpframe'"))
 PAGE = Kind("a page", _begins(rb'<!DOCTYPE html>.*<meta name="generator" content="vpframe">'))
 REPORT = Kind("a report", _begins(rb'\{\s*"generator": "vpframe"'))
 CLASHES = Kind("a list of clashes", _begins(rb"status,part_a,surface_a,part_b,surface_b,"))
+RESULTS = Kind("results of a study", _begins(rb'\{"key": "'))
+TABLE = Kind("a table of a study", _begins(rb"index,status,reason,clearance,"))
+VARIANT = Kind("the script of a variant", _begins(rb"# Variant \d+ of a study"))
 SCRIPT = Kind("", lambda path: False)
 """a person goes on from it, so that an old one is never replaced unasked"""
 
@@ -78,6 +81,8 @@ REPORT_FILES = {
     "clashes.json": STATUS,
 }
 """what every report folder holds"""
+STUDY_FILES = {"results.jsonl": RESULTS, "results.csv": TABLE, "index.html": PAGE, "study.json": REPORT}
+"""what the folder of a study holds, and scripts of variants in `worst/`"""
 
 
 def may_write(path: str | os.PathLike[str], kind: Kind, force: bool = False) -> Path:

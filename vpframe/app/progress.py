@@ -10,6 +10,7 @@ prints while a line may be drawn does so by `say`.
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 import threading
@@ -268,7 +269,9 @@ TAIL = 24
 
 
 def fitted(text: str, columns: int) -> str:
-    """The text in at most `columns` characters: shortened before its end, where the time left stands."""
+    """The text in at most `columns` characters: first without its bar, then shortened before its end."""
+    if len(text) > columns:
+        text = re.sub(r"\[#*\.*\] +", "", text)
     if len(text) <= columns:
         return text
     end = min(TAIL, columns // 2)

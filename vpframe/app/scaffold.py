@@ -22,7 +22,7 @@ from vpframe.app.outputs import SCRIPT, claimed
 from vpframe.app.progress import Progress
 from vpframe.errors import TaskError, VpframeError
 from vpframe.hands.hand import Hand
-from vpframe.hands.reach import half_size
+from vpframe.scene.boxes import half_size
 from vpframe.scene.scene import Part, Scene
 from vpframe.session.session import Session
 from vpframe.text import plain
@@ -158,7 +158,7 @@ _STOPS = """    # as it stands this stops: {reason}
 """
 _TEMPLATE = '''"""A first task on {model}: take one part out."""
 
-import vpframe.app.task_runner
+import vpframe as vp
 
 FILE = {file}
 
@@ -175,5 +175,5 @@ def task(session):
 
 
 if __name__ == "__main__":
-    vpframe.app.task_runner.main(__file__)
+    vp.main(__file__)
 '''

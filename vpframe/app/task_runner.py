@@ -8,7 +8,7 @@ A task script is a Python file with two names in it:
 `OPTIONS = {...}`, if there, goes to `vpframe.Session` (`rule`, `dt`, `tolerance`, …). Ending the file with
 
     if __name__ == "__main__":
-        vpframe.app.task_runner.main(__file__)
+        vp.main(__file__)
 
 lets it run by itself too, with the options of `vpframe run`.
 """
@@ -96,7 +96,11 @@ def run_task(
         recording = None if record is None else claims.enter_context(Output(record, RECORDING, force, [script]))
         saved = None if checkpoint is None else claims.enter_context(Output(checkpoint, CHECKPOINT, force, [script]))
         folder = None if report is None else claims.enter_context(OutputFolder(report, REPORT_FILES, force, [script]))
-        module = claims.enter_context(_imported(script))
+        module: Any = claims.enter_context(imported(script))
+        if hasattr(module, "VARIANTS"):  # a study's script; alone it runs with nominal values
+            from vpframe.studies.variants import bound, nominal, variables_of
+
+            module = bound(module, script, nominal(variables_of(module, script)))
         with _located(script):
             scene = _scene(module, script)
         for output in (recording, saved, folder):
@@ -231,7 +235,7 @@ def loaded(path: str | Path) -> Scene:
 
 
 @contextlib.contextmanager
-def _imported(script: Path) -> Iterator[ModuleType]:
+def imported(script: Path) -> Iterator[ModuleType]:
     """The module of a task script; inside, `import` finds what lies beside the script, and the module by its name."""
     name = f"vpframe_task_{script.stem}"
     spec = importlib.util.spec_from_file_location(name, script)

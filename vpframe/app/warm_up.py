@@ -1,8 +1,9 @@
-"""Compile in two further processes what a command will need, while the first process reads its file.
+"""Compile the kernels of a command in two further processes, while the first process reads its file.
 
-They ask toy questions of the packages, one process of `collision`, the other of what builds on it. What they compile is
-kept on disk, and whoever needs a kernel that another process is at waits for it (`collision.numeric.kernel_cache`), so
-that the processes need nothing else from each other; one that dies costs nothing. They end with the first process.
+Each process runs small examples of the queries of the command: one of `collision`, the other mostly of the packages
+after it. Kernels are kept on disk, and a process that needs a kernel that another one compiles waits for it
+(`collision.numeric.kernel_cache`). There is no other communication, and nothing is lost if a process dies. All end with
+the first one.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _helpers: list[subprocess.Popen[bytes]] = []
 
 
 def start(use: str) -> None:
-    """Start the processes for a use of USES, unless it is noted that they have nothing to do."""
+    """Start a process for each share of a use in USES, except for shares that are noted as done."""
     from collision.numeric import kernel_cache
 
     folder = kernel_cache.folder("vpframe")
@@ -35,11 +36,11 @@ def start(use: str) -> None:
             command = [sys.executable, "-P", "-m", __name__, use, str(share)]
             quiet = subprocess.DEVNULL
             helper = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, env=environment)
-            _helpers.append(helper)  # its standard input is open as long as we live
+            _helpers.append(helper)  # its standard input closes when this process ends
 
 
 def note_enough(use: str) -> None:
-    """Note, where this process had to compile nothing, that the processes for the use have nothing more to do."""
+    """Note all shares of a use as done if this process has compiled nothing."""
     from collision.numeric import kernel_cache
     from collision.numeric.kernel import compilation
 
@@ -50,12 +51,12 @@ def note_enough(use: str) -> None:
 
 
 def main(use: str, share: int) -> None:
-    """Do one process's share of a use, and note that it was done."""
+    """Run one share of a use, and note it as done."""
     from collision.numeric import kernel_cache
 
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    for ask in USES[use][share]:
-        ask()
+    for example in USES[use][share]:
+        example()
     folder = kernel_cache.folder("vpframe")
     if folder is not None:
         _done(folder, use, share).touch()
@@ -66,7 +67,7 @@ def _done(folder: Path, use: str, share: int) -> Path:
 
 
 def _end_with_parent() -> None:
-    os.read(sys.stdin.fileno(), 1)  # it says nothing, and closes when it ends
+    os.read(sys.stdin.fileno(), 1)  # returns when the first process ends: nothing is ever written
     os._exit(0)
 
 
@@ -82,7 +83,7 @@ def _box(size: float) -> SurfaceMesh:
 
 
 def _boxes(gap: float) -> CollisionManager:
-    """A box of 10 mm, and one of 4 mm at a distance from it."""
+    """A box of 10 mm, and one of 4 mm at a distance (m) from it."""
     import numpy as np
 
     from collision import CollisionManager
@@ -115,7 +116,7 @@ def _collisions() -> None:
 
 
 def _motions() -> None:
-    _boxes(0.005).time_of_contact({1: _shifted(0.005)})  # type: ignore[dict-item]
+    _boxes(0.005).time_of_impact({1: _shifted(0.005)})  # type: ignore[dict-item]
 
 
 def _depths() -> None:
@@ -179,16 +180,19 @@ def _pictures() -> None:
     depth, image = np.full((2, 2), -np.inf), np.zeros((2, 2, 3), np.float32)
     face, weight = np.full((2, 2), -1, np.int32), np.zeros((2, 2, 2), np.float32)
     raster.fill_triangles(np.zeros((1, 3, 2)), np.zeros((1, 3)), np.zeros((1, 3)), depth, face, weight)
-    ends, one = np.zeros((1, 2, 2)), np.ones(1)
+    window, one = np.zeros(4, np.int64), np.ones(1)
+    corners, labels, filled = np.zeros((1, 3, 3)), np.zeros(1, np.int64), np.zeros(1, np.bool_)
+    raster.shade_faces(window, face, weight, corners, corners[0], labels, filled, corners[0], 1.0, image)
+    ends = np.zeros((1, 2, 2))
     raster.draw_segments(ends, np.zeros((1, 2)), np.zeros((1, 3)), one, one, depth, image)
 
 
 USES: dict[str, tuple[tuple[Callable[[], None], ...], ...]] = {
     "session": ((_contacts, _collisions, _motions), (_solutions, _programs, _overlaps, _pictures)),
-    "clash": ((_contacts,), (_depths, _overlaps, _classes)),
+    "clash": ((_contacts, _overlaps), (_depths, _classes)),
     "mates": ((_contacts,), (_overlaps, _solutions)),
 }
-"""what each of the processes asks, in the order in which the command will"""
+"""the examples of each process, by use, in the order in which the command needs their kernels"""
 
 if __name__ == "__main__":
     main(sys.argv[1], int(sys.argv[2]))

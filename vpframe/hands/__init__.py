@@ -12,13 +12,15 @@ from vpframe.hands.conditions import (
     free,
     freedom,
 )
-from vpframe.hands.hand import Hand, Outcome
+from vpframe.hands.hand import Hand
 from vpframe.hands.paths import Path, Resting, Reversed, Spline, Straight, Track, Turning, read_track
+from vpframe.hands.segment import MotionSegment, Outcome
 
 __all__ = [
     "Assist",
     "Condition",
     "Hand",
+    "MotionSegment",
     "Outcome",
     "Path",
     "Resting",

@@ -1,4 +1,4 @@
-"""Help for precise manipulation: what is done to a hand's wish before the part is asked to follow it."""
+"""Help for precise manipulation: snapping, slowing near obstacles, locked axes, held orientation."""
 
 from __future__ import annotations
 

@@ -10,13 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from vpframe.errors import TaskError
-
-if TYPE_CHECKING:
-    from vpframe.hands.hand import Hand
-    from vpframe.session.session import Session
+from vpframe.hands.workplace import Holder, Workplace
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +20,10 @@ class Condition:
     """Something that holds or does not, after a step. `text` is how reports put it."""
 
     text: str
-    test: Callable[[Session, Hand | None], bool]
+    test: Callable[[Workplace, Holder | None], bool]
     """of the session and the hand that asks (None when no hand does)"""
 
-    def __call__(self, session: Session, hand: Hand | None = None) -> bool:
+    def __call__(self, session: Workplace, hand: Holder | None = None) -> bool:
         return bool(self.test(session, hand))
 
     def __and__(self, other: Condition) -> Condition:
@@ -43,7 +39,7 @@ class Condition:
         return self.text
 
 
-def _part(hand: Hand | None, name: str | None, what: str) -> str:
+def _part(hand: Holder | None, name: str | None, what: str) -> str:
     if name is not None:
         return name
     if hand is None or hand.held is None:
@@ -51,11 +47,11 @@ def _part(hand: Hand | None, name: str | None, what: str) -> str:
     return hand.held
 
 
-def _touches(session: Session, hand: Hand | None) -> bool:
+def _touches(session: Workplace, hand: Holder | None) -> bool:
     return bool(session.touching(_part(hand, None, "contact")))
 
 
-def _is_free(session: Session, hand: Hand | None) -> bool:
+def _is_free(session: Workplace, hand: Holder | None) -> bool:
     part = _part(hand, None, "free")
     return not session.constraints_of(part) and not session.touching(part)
 
@@ -73,7 +69,7 @@ blocked: Condition = Condition("blocked", lambda session, hand: hand is not None
 def constraint(kind: str | None = None, part: str | None = None, other: str | None = None) -> Condition:
     """An active constraint of that kind (any kind if None) on `part` (the held one if None), with `other` if given."""
 
-    def test(session: Session, hand: Hand | None) -> bool:
+    def test(session: Workplace, hand: Holder | None) -> bool:
         subject = _part(hand, part, "constraint(…)")
         return any(
             (kind is None or c.kind == kind) and (other is None or other in c.parts)
@@ -91,7 +87,7 @@ def constraint(kind: str | None = None, part: str | None = None, other: str | No
 def candidate(kind: str | None = None, other: str | None = None) -> Condition:
     """A candidate of that kind is on offer for the held part."""
 
-    def test(session: Session, hand: Hand | None) -> bool:
+    def test(session: Workplace, hand: Holder | None) -> bool:
         subject = _part(hand, None, "candidate(…)")
         return any(
             (kind is None or c.kind == kind) and subject in c.parts and (other is None or other in c.parts)
@@ -118,7 +114,7 @@ class Clearance:
     def __call__(self, other: str) -> Clearance:
         return Clearance(other)
 
-    def _of(self, session: Session, hand: Hand | None) -> float:
+    def _of(self, session: Workplace, hand: Holder | None) -> float:
         return session.clearance(_part(hand, None, "clearance"), self.other)
 
     @property

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from collision import Tolerance
 from constraints.geometry.features import Feature
 from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.geometry.views import Limits
 from vpframe.errors import TaskError
 from vpframe.hands.arguments import vector
-
-if TYPE_CHECKING:
-    from collision import Tolerance
-    from vpframe.hands.hand import Hand
-    from vpframe.scene.scene import Part
-    from vpframe.session.events import ConstraintView
+from vpframe.hands.gripper import Gripper
+from vpframe.scene.scene import Part
+from vpframe.session.events import ConstraintView
 
 Vector = NDArray[np.float64]
 
@@ -30,7 +26,7 @@ _AXIAL = ("concentric", "screw", "conical fit", "toroidal fit", "spherical fit")
 """kinds whose line is "the axis", the plainest first"""
 
 
-def direction(hand: Hand, along: str | ArrayLike, outward: bool) -> Vector:
+def direction(hand: Gripper, along: str | ArrayLike, outward: bool) -> Vector:
     """(3,) unit, world: what a script means by "axis", "up", "-x" or a vector."""
     if not isinstance(along, str):
         v = vector(along, "along")
@@ -49,7 +45,7 @@ def direction(hand: Hand, along: str | ArrayLike, outward: bool) -> Vector:
     return axis * (sign if outward else -sign)
 
 
-def _out_sign(hand: Hand, part: Part, partner: str, axis: Vector) -> float:
+def _out_sign(hand: Gripper, part: Part, partner: str, axis: Vector) -> float:
     """+1 if the part leaves along +axis: away from what it stands against, else away from the partner's middle."""
     resting = [
         c for c in hand.session.constraints_of(part.name) if c.kind == "against" and abs(c.direction @ axis) > 0.9
@@ -62,7 +58,7 @@ def _out_sign(hand: Hand, part: Part, partner: str, axis: Vector) -> float:
     return 1.0 if (middle(part) - middle(other)) @ axis >= 0.0 else -1.0
 
 
-def line(hand: Hand, about: str | ArrayLike | tuple[ArrayLike, ArrayLike]) -> tuple[Vector, Vector]:
+def line(hand: Gripper, about: str | ArrayLike | tuple[ArrayLike, ArrayLike]) -> tuple[Vector, Vector]:
     """(origin, unit direction), world, of what a script means by `about`."""
     if isinstance(about, tuple) and len(about) == 2:
         return vector(about[0], "about"), direction(hand, about[1], outward=True)
@@ -73,7 +69,7 @@ def line(hand: Hand, about: str | ArrayLike | tuple[ArrayLike, ArrayLike]) -> tu
     return where, direction(hand, about, outward=True)  # type: ignore[arg-type]
 
 
-def _axial(hand: Hand, part: str) -> ConstraintView:
+def _axial(hand: Gripper, part: str) -> ConstraintView:
     fits = [c for c in hand.session.constraints_of(part) if c.kind in _AXIAL]
     if not fits:
         have = ", ".join(c.kind for c in hand.session.constraints_of(part)) or "none"
@@ -161,21 +157,21 @@ def _radius(feature: Feature) -> float:
     return feature.geometry.radius
 
 
-def held_part(hand: Hand, verb: str) -> Part:
+def held_part(hand: Gripper, verb: str) -> Part:
     """What the hand holds; TaskError if nothing."""
     if hand.held is None:
         raise TaskError(f"{hand.name}.{verb}: the hand is empty; grab a part first")
     return hand.session.scene[hand.held]
 
 
-def other_part(hand: Hand, verb: str, name: str) -> Part:
+def other_part(hand: Gripper, verb: str, name: str) -> Part:
     """The part that the held one is to be brought to."""
     if name == hand.held:
         raise TaskError(f"{who(hand)}.{verb}({name!r}): that is the part in the hand; name another")
     return hand.session.scene[name]
 
 
-def who(hand: Hand) -> str:
+def who(hand: Gripper) -> str:
     """The hand's name, with that of what it holds."""
     return f"{hand.name}[{hand.held}]" if hand.held else hand.name
 

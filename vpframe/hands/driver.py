@@ -1,17 +1,19 @@
-"""Verbs carried out: the strokes of several hands, step by step, until every hand has done all that it was told."""
+"""`drive`: carry out the verbs of several hands, motion segment by motion segment, step by step, to their end."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from vpframe.hands.hand import Hand, Outcome
-    from vpframe.hands.verbs import Verb
+from vpframe.hands.gripper import Gripper
+from vpframe.hands.segment import Outcome
+from vpframe.hands.verbs import Verb
 
 
-def drive(hands: Mapping[str, Hand], queues: dict[str, deque[Verb]], step: Callable[[], object]) -> dict[str, Outcome]:
+def drive(
+    hands: Mapping[str, Gripper], queues: dict[str, deque[Verb]], step: Callable[[], object]
+) -> dict[str, Outcome]:
     """Carry out the verbs of each hand, by its name, one after another, those of different hands in the same steps.
 
     Returns the outcome of each hand's last verb. Whatever `step` raises ends all of them.
@@ -20,17 +22,17 @@ def drive(hands: Mapping[str, Hand], queues: dict[str, deque[Verb]], step: Calla
     running: dict[str, Generator[Any, Outcome, Outcome]] = {}
 
     def go_on(name: str, last: Outcome | None) -> None:
-        """Give a hand its next stroke, from the verb it is at or from the next one."""
+        """Give a hand its next segment, from the verb it is at or from the next one."""
         while name in running or queues[name]:
             if name not in running:
                 running[name], last = queues[name].popleft(), None
             try:
-                stroke = next(running[name]) if last is None else running[name].send(last)
+                segment = next(running[name]) if last is None else running[name].send(last)
             except StopIteration as end:
                 outcomes[name] = end.value
                 del running[name]
                 continue
-            hands[name].start(stroke)
+            hands[name].start(segment)
             return
 
     try:
@@ -44,6 +46,6 @@ def drive(hands: Mapping[str, Hand], queues: dict[str, deque[Verb]], step: Calla
                     go_on(name, ended)
     finally:
         for name in queues:
-            hands[name].stroke = None
+            hands[name].segment = None
             hands[name].doing = ""
     return outcomes

@@ -7,7 +7,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh
-from vpframe.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -48,22 +47,3 @@ def surface_distances(mesh: SurfaceMesh, pose: pin.SE3, point: Array) -> tuple[A
     best = np.array([mesh.triangles_of(s)[np.argmin(squared[mesh.triangles_of(s)])] for s in range(mesh.n_surfaces)])
     points = near[best] @ pose.rotation.T + pose.translation
     return np.sqrt(squared[best]), points
-
-
-def half_size(mesh: SurfaceMesh) -> float:
-    """Half the diagonal of the mesh's bounding box, m."""
-    used = mesh.vertices[mesh.triangles.ravel()]
-    return 0.5 * float(np.linalg.norm(used.max(0) - used.min(0)))
-
-
-def bounds(scene: Scene) -> tuple[Array, Array]:
-    """(3,) lower and upper corner of the box that holds all parts as they stand, m."""
-    placed = [part.mesh.vertices @ part.pose.rotation.T + part.pose.translation for part in scene.parts]
-    return np.min([v.min(0) for v in placed], axis=0), np.max([v.max(0) for v in placed], axis=0)
-
-
-def above(scene: Scene) -> Array:
-    """A point over the middle of a scene, a fifth of its size clear of it: where a hand comes in."""
-    low, high = bounds(scene)
-    middle = 0.5 * (low + high)
-    return np.array([middle[0], middle[1], high[2] + 0.2 * float(np.linalg.norm(high - low))])

@@ -1,14 +1,13 @@
-"""What hands do: each verb is a generator of strokes, so that several hands can be at work in the same steps.
+"""What hands do: each verb is a generator of motion segments, so that several hands can be at work in the same steps.
 
-A verb yields `Stroke`s and is sent the `Outcome` of each; it returns the outcome of the whole. Everything a verb
-decides, it decides from the scene as it stands when the stroke begins.
+A verb yields `MotionSegment`s and is sent the `Outcome` of each; it returns the outcome of the whole. Everything a verb
+decides, it decides from the scene as it stands when the segment begins.
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -19,20 +18,19 @@ from vpframe.hands import paths
 from vpframe.hands.arguments import FAR, as_pose, metres, number, vector
 from vpframe.hands.conditions import Condition, as_condition, constraint, contact
 from vpframe.hands.directions import best_fit, direction, extent, held_part, in_front, line, other_part, top_of, who
-from vpframe.hands.reach import half_size, surface_distances
+from vpframe.hands.gripper import Gripper
+from vpframe.hands.reach import surface_distances
+from vpframe.hands.segment import MotionSegment, Outcome
+from vpframe.scene.boxes import half_size
+from vpframe.scene.subassembly import parts_named
 
-if TYPE_CHECKING:
-    from vpframe.hands.hand import Hand, Outcome, Stroke
-
-Verb = Generator["Stroke", "Outcome", "Outcome"]
+Verb = Generator[MotionSegment, Outcome, Outcome]
 
 # ---- motion
 
 
-def approach(hand: Hand, part: str, surface: int | None, duration: float | None) -> Verb:
+def approach(hand: Gripper, part: str, surface: int | None, duration: float | None) -> Verb:
     """To the nearest point of a part, or of one of its surfaces: `Hand.approach`."""
-    from vpframe.hands.hand import Stroke
-
     if hand.held is not None:
         raise TaskError(f"{hand.name} holds {hand.held}; only an empty hand approaches, use move_to")
     body = hand.session.scene[part]
@@ -41,29 +39,40 @@ def approach(hand: Hand, part: str, surface: int | None, duration: float | None)
         raise TaskError(f"{part} has no surface {surface!r}; it has 0 … {len(distances) - 1}")
     goal = points[int(np.argmin(distances)) if surface is None else surface]
     path = _straight(hand, pin.SE3(hand.pose.rotation, goal), duration, None)
-    return (yield Stroke(f"{hand.name}.approach({part!r})", path))
+    return (yield MotionSegment(f"{hand.name}.approach({part!r})", path))
 
 
-def grab(hand: Hand, part: str, surface: int | None, carried: tuple[str, ...]) -> Verb:
-    """Take a part that the hand touches, after going there if need be: `Hand.grab`."""
-    session = hand.session
+def grab(hand: Gripper, part: str, surface: int | None, carried: tuple[str, ...]) -> Verb:
+    """Take a part or subassembly that the hand touches, after going there if need be: `Hand.grab`."""
+    session, scene = hand.session, hand.session.scene
     if hand.held is not None:
         raise TaskError(f"{hand.name} already holds {hand.held}; release it before grabbing {part}")
-    if len({part, *carried}) != 1 + len(carried):
+    meant = parts_named(scene.names, part)
+    along = [name for given in carried for name in parts_named(scene.names, given)]
+    if len({*meant, *along}) != len(meant) + len(along):
         raise TaskError(f"{hand.name}.grab({part!r}, carry={list(carried)}): name each part that comes along once")
-    for name in (part, *carried):
-        if session.scene[name].fixed:
+    if surface is not None and len(meant) > 1:
+        raise TaskError(f"{hand.name}.grab({part!r}, surface={surface}): {part} has {len(meant)} parts; name one")
+    for name in (*meant, *along):
+        if scene[name].fixed:
             raise TaskError(f"{name} is fixed in the scene; set part.fixed = False before grabbing it")
         holder = session.holder(name)
         if holder is not None:
             raise TaskError(f"{name} is already held by {holder.name}")
-    if not hand.touched(part) or surface is not None:
-        yield from approach(hand, part, surface, None)
-    hand.take(part, surface, carried)
-    return _outcome(hand, f"holds {part}")
+
+    def distance(name: str) -> float:
+        return float(surface_distances(scene[name].mesh, scene[name].pose, hand.pose.translation)[0].min())
+
+    held = min(meant, key=distance) if len(meant) > 1 else meant[0]
+    if not hand.touched(held) or surface is not None:
+        yield from approach(hand, held, surface, None)
+    rest = tuple(name for name in meant if name != held)
+    named = "" if part == held else part
+    hand.take(held, surface, (*rest, *along), named)
+    return _outcome(hand, f"holds {hand.holding(named)}")
 
 
-def release(hand: Hand) -> Verb:
+def release(hand: Gripper) -> Verb:
     """Let go of what is held: `Hand.release`."""
     hand.let_go()
     return _outcome(hand, "released")
@@ -71,40 +80,34 @@ def release(hand: Hand) -> Verb:
 
 
 def move_to(
-    hand: Hand, pose: pin.SE3 | ArrayLike, duration: float | None, until: Condition | str | None, required: bool
+    hand: Gripper, pose: pin.SE3 | ArrayLike, duration: float | None, until: Condition | str | None, required: bool
 ) -> Verb:
     """Straight to a world pose: `Hand.move_to`."""
-    from vpframe.hands.hand import Stroke
-
     goal = as_pose(pose, hand.subject)
     _in_metres(hand, goal.translation - hand.subject.translation, "move_to")
     where = ", ".join(f"{x * 1e3:.1f}" for x in goal.translation)
     path = _straight(hand, goal, duration, None)
-    return (yield Stroke(f"{who(hand)}.move_to([{where}] mm)", path, as_condition(until), required))
+    return (yield MotionSegment(f"{who(hand)}.move_to([{where}] mm)", path, as_condition(until), required))
 
 
 def move_by(
-    hand: Hand, shift: ArrayLike, duration: float | None, until: Condition | str | None, required: bool
+    hand: Gripper, shift: ArrayLike, duration: float | None, until: Condition | str | None, required: bool
 ) -> Verb:
     """Straight by a vector (3,), m, without turning: `Hand.move_by`."""
-    from vpframe.hands.hand import Stroke
-
     by = vector(shift, "move_by")
     _in_metres(hand, by, "move_by")
     where = ", ".join(f"{x * 1e3:.1f}" for x in by)
     path = _straight(hand, paths.lifted(hand.subject, by), duration, None)
-    return (yield Stroke(f"{who(hand)}.move_by([{where}] mm)", path, as_condition(until), required))
+    return (yield MotionSegment(f"{who(hand)}.move_by([{where}] mm)", path, as_condition(until), required))
 
 
 def follow(
-    hand: Hand,
+    hand: Gripper,
     path: paths.Path | str | FilePath | Sequence[pin.SE3 | ArrayLike],
     until: Condition | str | None,
     required: bool,
 ) -> Verb:
     """Along a path or track, from where it begins: `Hand.follow`."""
-    from vpframe.hands.hand import Stroke
-
     way: paths.Path
     if isinstance(path, str | FilePath):
         name, way = str(path), paths.read_track(path)
@@ -121,11 +124,11 @@ def follow(
     start, here = way.pose(0.0), hand.subject
     if np.linalg.norm(start.translation - here.translation) > hand.slack or not start.isApprox(here, 1e-6):
         yield from move_to(hand, start, None, None, True)
-    return (yield Stroke(f"{who(hand)}.follow({name})", way, as_condition(until), required))
+    return (yield MotionSegment(f"{who(hand)}.follow({name})", way, as_condition(until), required))
 
 
 def slide(
-    hand: Hand,
+    hand: Gripper,
     along: str | ArrayLike,
     distance: float | None,
     until: Condition | str | None,
@@ -135,8 +138,6 @@ def slide(
     outward: bool = False,
 ) -> Verb:
     """Along a direction, for a distance (m) or until a condition holds: `Hand.slide`."""
-    from vpframe.hands.hand import Stroke
-
     end = as_condition(until)
     if distance is None and end is None:
         raise TaskError(f"{hand.name}.{verb} needs a distance or until=a condition")
@@ -152,11 +153,11 @@ def slide(
         how += f", {distance * 1e3:g} mm"
     if end is not None:
         how += f", until {end}"
-    return (yield Stroke(f"{who(hand)}.{verb}({how})", path, end, required))
+    return (yield MotionSegment(f"{who(hand)}.{verb}({how})", path, end, required))
 
 
 def pull(
-    hand: Hand,
+    hand: Gripper,
     along: str | ArrayLike,
     distance: float | None,
     until: Condition | str | None,
@@ -172,7 +173,7 @@ def pull(
 
 
 def turn(
-    hand: Hand,
+    hand: Gripper,
     angle: float,
     about: str | ArrayLike | tuple[ArrayLike, ArrayLike],
     until: Condition | str | None,
@@ -180,35 +181,31 @@ def turn(
     required: bool,
 ) -> Verb:
     """By an angle (rad) about an axis or line: `Hand.turn`."""
-    from vpframe.hands.hand import Stroke
-
     angle = number(angle, f"{who(hand)}.turn: angle")
     origin, axis = line(hand, about)
     seconds = abs(angle) / hand.turn_speed if duration is None else duration
     path = paths.Turning(hand.subject, origin, axis, angle, _seconds(hand, seconds))
     end = as_condition(until)
     text = f"{who(hand)}.turn({np.degrees(angle):g}°" + (f", until {end})" if end else ")")
-    return (yield Stroke(text, path, end, required))
+    return (yield MotionSegment(text, path, end, required))
 
 
-def wait(hand: Hand, seconds: float | None, until: Condition | str | None) -> Verb:
+def wait(hand: Gripper, seconds: float | None, until: Condition | str | None) -> Verb:
     """Stay, for a time (s) or until a condition holds: `Hand.wait`."""
-    from vpframe.hands.hand import Stroke
-
     end = as_condition(until)
     if seconds is not None:
         seconds = number(seconds, f"{hand.name}.wait: seconds", least=0.0)
     elif end is None:
         raise TaskError(f"{hand.name}.wait needs seconds or until=a condition")
     path = paths.Resting(hand.subject, _seconds(hand, 60.0 if seconds is None else seconds))
-    return (yield Stroke(f"{hand.name}.wait({end or f'{seconds:g} s'})", path, end))
+    return (yield MotionSegment(f"{hand.name}.wait({end or f'{seconds:g} s'})", path, end))
 
 
 # ---- putting together, taking apart
 
 
 def insert(
-    hand: Hand, into: str, until: Condition | str | None, speed: float | None, gap: float, required: bool
+    hand: Gripper, into: str, until: Condition | str | None, speed: float | None, gap: float, required: bool
 ) -> Verb:
     """In front of the best fitting bore of a part, then in: `Hand.insert`."""
     part, target = held_part(hand, "insert"), other_part(hand, "insert", into)
@@ -222,7 +219,7 @@ def insert(
 
 
 def screw(
-    hand: Hand, turns: float | None, pitch: float | None, until: Condition | str | None, rate: float, required: bool
+    hand: Gripper, turns: float | None, pitch: float | None, until: Condition | str | None, rate: float, required: bool
 ) -> Verb:
     """In by turns or until a condition holds, at `rate` turns a second: `Hand.screw`."""
     end = as_condition(until) or (None if turns else constraint("against"))
@@ -230,7 +227,7 @@ def screw(
 
 
 def unscrew(
-    hand: Hand, turns: float | None, pitch: float | None, until: Condition | str | None, rate: float, required: bool
+    hand: Gripper, turns: float | None, pitch: float | None, until: Condition | str | None, rate: float, required: bool
 ) -> Verb:
     """Out by turns or until a condition holds, at `rate` turns a second: `Hand.unscrew`."""
     end = as_condition(until) or (None if turns else as_condition("free"))
@@ -238,10 +235,14 @@ def unscrew(
 
 
 def _screw(
-    hand: Hand, turns: float | None, pitch: float | None, end: Condition | None, rate: float, required: bool, verb: str
+    hand: Gripper,
+    turns: float | None,
+    pitch: float | None,
+    end: Condition | None,
+    rate: float,
+    required: bool,
+    verb: str,
 ) -> Verb:
-    from vpframe.hands.hand import Stroke
-
     lead = _lead(hand, pitch, verb)
     rate = number(rate, f"{who(hand)}.{verb}: rate", above=0.0)
     if turns is not None:
@@ -255,10 +256,10 @@ def _screw(
         hand.subject, origin, axis, angle, _seconds(hand, n / rate), pitch=lead, eased=turns is not None
     )
     how = f"{turns:g} turns" if turns is not None else f"until {end}"
-    return (yield Stroke(f"{who(hand)}.{verb}({how})", path, end, required))
+    return (yield MotionSegment(f"{who(hand)}.{verb}({how})", path, end, required))
 
 
-def _lead(hand: Hand, pitch: float | None, verb: str) -> float:
+def _lead(hand: Gripper, pitch: float | None, verb: str) -> float:
     """m a turn, negative for a left-hand thread: as the script says, else as the thread is that holds the part."""
     part = held_part(hand, verb).name
     if pitch is not None:
@@ -277,7 +278,7 @@ def _lead(hand: Hand, pitch: float | None, verb: str) -> float:
     return known
 
 
-def place(hand: Hand, on: str, at: ArrayLike | None, height: float, let_go: bool) -> Verb:
+def place(hand: Gripper, on: str, at: ArrayLike | None, height: float, let_go: bool) -> Verb:
     """Down on the highest flat top of a part, and let go: `Hand.place`."""
     part, target = held_part(hand, "place"), other_part(hand, "place", on)
     height = number(height, f"{who(hand)}.place: height", least=0.0)
@@ -301,32 +302,32 @@ def place(hand: Hand, on: str, at: ArrayLike | None, height: float, let_go: bool
     return outcome
 
 
-def snap(hand: Hand, kind: str | None) -> Verb:
+def snap(hand: Gripper, kind: str | None) -> Verb:
     """Accept the best candidate within the assist's reach: `Hand.snap`."""
-    from vpframe.hands.hand import Stroke
-
     part = held_part(hand, "snap").name
     session = hand.session
     if hand.assist.snap <= 0.0:
         raise TaskError(f"{hand.name}.snap(): set the reach first, hand.assist = Assist(snap=0.003)")
     settle = paths.Resting(hand.subject, 2.0 * session.dt)
-    yield Stroke(f"{hand.name}.snap()", settle, None, False)  # a step, so that candidates are those of here and now
+    yield MotionSegment(
+        f"{hand.name}.snap()", settle, None, False
+    )  # a step, so that candidates are those of here and now
     offers = [c for c in session.candidates if part in c.parts and kind in (None, c.kind)]
     if not offers:
         return _outcome(hand, f"nothing{f' {kind}' if kind else ''} to snap to within reach", done=False)
     session.accept(offers[0])
-    yield Stroke(f"{hand.name}.snap({offers[0].kind})", paths.Resting(hand.subject, 2.0 * session.dt), None, False)
+    yield MotionSegment(
+        f"{hand.name}.snap({offers[0].kind})", paths.Resting(hand.subject, 2.0 * session.dt), None, False
+    )
     return _outcome(hand, f"snapped: {offers[0].kind}")
 
 
-def _outcome(hand: Hand, reason: str, done: bool = True) -> Outcome:
-    from vpframe.hands.hand import Outcome
-
+def _outcome(hand: Gripper, reason: str, done: bool = True) -> Outcome:
     return Outcome(done, reason, hand.session.time)
 
 
 def _straight(
-    hand: Hand, goal: pin.SE3, duration: float | None, speed: float | None, eased: bool = True
+    hand: Gripper, goal: pin.SE3, duration: float | None, speed: float | None, eased: bool = True
 ) -> paths.Straight:
     start = hand.subject
     if duration is None:
@@ -336,7 +337,7 @@ def _straight(
     return paths.Straight(pin.SE3(start), goal, _seconds(hand, duration), eased)
 
 
-def _in_metres(hand: Hand, way: ArrayLike, what: str) -> None:
+def _in_metres(hand: Gripper, way: ArrayLike, what: str) -> None:
     """Refuse a way (m, or (3,) m) so much longer than the scene that millimetres must be meant; never a way back."""
     low, high = hand.session.bounds
     astray = float(np.linalg.norm(hand.subject.translation - 0.5 * (low + high)))
@@ -344,9 +345,9 @@ def _in_metres(hand: Hand, way: ArrayLike, what: str) -> None:
     metres(float(np.linalg.norm(way)), f"{who(hand)}.{what}", "the scene", size, max(1.0, FAR * size + astray))
 
 
-def _seconds(hand: Hand, duration: float) -> float:
+def _seconds(hand: Gripper, duration: float) -> float:
     return max(number(duration, f"{hand.name}: duration", least=0.0), hand.session.dt)
 
 
-def _scene_size(hand: Hand) -> float:
+def _scene_size(hand: Gripper) -> float:
     return 2.0 * max(half_size(p.mesh) for p in hand.session.scene.parts)

@@ -97,7 +97,7 @@ def _read(request: dict[str, Any], channel: TextIO) -> None:
 
     def keep(shape: RawShape) -> None:
         number = next(numbers)
-        write(RawScene([shape]), os.path.join(request["out"], f"{number}.npz"))
+        write(RawScene([shape]), os.path.join(request["out"], f"{number}.archive"))
         _say(channel, ready=number)
 
     def progress(fraction: float, text: str, shape: int | None = None) -> None:
@@ -105,7 +105,7 @@ def _read(request: dict[str, Any], channel: TextIO) -> None:
 
     skip = {int(number): why for number, why in request["skip"].items()}
     options = request["deflection"], request["angular"], skip, progress, keep
-    write(read_document(request["path"], request["format"], *options), os.path.join(request["out"], "scene.npz"))
+    write(read_document(request["path"], request["format"], *options), os.path.join(request["out"], "scene.archive"))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,16 @@
-"""A `RawScene` as one file: arrays and JSON, nothing that runs when it is read."""
+"""A `RawScene` as one file, in the encoding of `vpframe.codec`: nothing in it is run."""
 
 from __future__ import annotations
 
-import json
+import struct
+import zlib
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from vpframe.codec import WRONG, Codec, CodecError
 from vpframe.errors import VpframeError
 from vpframe.importers.raw import Array, RawEdge, RawFace, RawPart, RawScene, RawShape
 
@@ -17,59 +19,59 @@ class ArchiveError(VpframeError):
     """The file is no archive of this version, or it is damaged."""
 
 
+CODEC = Codec()
+_CHECKSUM = struct.Struct("<I")  # crc32 of what follows
+
+
 def write(raw: RawScene, path: str | Path) -> None:
     """Write all of `raw`; `read` gives it back bit by bit."""
-    arrays: dict[str, Any] = {}
-    shapes = []
-    for i, shape in enumerate(raw.shapes):
-        arrays |= {
-            f"{i}/vertices": shape.vertices,
-            f"{i}/triangles": shape.triangles,
-            f"{i}/face_of_triangle": shape.face_of_triangle,
-            f"{i}/samples": _joined([face.samples for face in shape.faces]),
-            f"{i}/edges": _joined([edge.points for edge in shape.edges]),
+    shapes = [
+        {
+            "vertices": shape.vertices,
+            "triangles": shape.triangles,
+            "face_of_triangle": shape.face_of_triangle,
+            "samples": _joined([face.samples for face in shape.faces]),
+            "lines": _joined([edge.points for edge in shape.edges]),
+            "faces": [
+                [f.name, f.kind, list(map(float, f.numbers)), f.typed, len(f.samples), _listed(f.color), f.residual]
+                for f in shape.faces
+            ],
+            "edges": [[len(e.points), list(e.faces), _circle(e)] for e in shape.edges],
+            "volume": shape.volume,
+            "center": shape.center,
+            "inertia": shape.inertia,
+            "notes": shape.notes,
+            "settled": shape.settled,
         }
-        shapes.append(
-            {
-                "faces": [
-                    [f.name, f.kind, f.numbers, f.typed, len(f.samples), f.color, f.residual] for f in shape.faces
-                ],
-                "edges": [[len(e.points), e.faces, _circle(e)] for e in shape.edges],
-                "volume": shape.volume,
-                "center": shape.center.tolist(),
-                "inertia": shape.inertia.tolist(),
-                "notes": shape.notes,
-                "settled": shape.settled,
-            }
-        )
-    parts = [[p.name, p.shape, p.rotation.tolist(), p.translation.tolist(), p.color, p.density] for p in raw.parts]
-    text = {
-        "shapes": shapes,
-        "parts": parts,
-        "instances": raw.instances,
-        "faces": raw.faces,
-        "notes": raw.notes,
-    }
-    arrays["text"] = np.frombuffer(json.dumps(text).encode(), np.uint8)
+        for shape in raw.shapes
+    ]
+    parts = [[p.name, p.shape, p.rotation, p.translation, _listed(p.color), p.density] for p in raw.parts]
+    counts = {"instances": dict(raw.instances), "faces": dict(raw.faces)}
+    content = CODEC.encode({"shapes": shapes, "parts": parts, "notes": raw.notes, **counts})
     with open(path, "wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
+        file.write(_CHECKSUM.pack(zlib.crc32(content)))
+        file.write(content)
 
 
 def read(path: str | Path) -> RawScene:
     """What `write` wrote, but for `whole`. Raises ArchiveError, or OSError where there is no such file."""
+    data = Path(path).read_bytes()
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            text = json.loads(arrays["text"].tobytes())
-            shapes = [_shape(arrays, i, shape) for i, shape in enumerate(text["shapes"])]
+        if _CHECKSUM.unpack(data[: _CHECKSUM.size])[0] != zlib.crc32(memoryview(data)[_CHECKSUM.size :]):
+            raise ValueError("its checksum is another one")
+        content = CODEC.decode(data[_CHECKSUM.size :])
+        shapes = [_shape(shape) for shape in content["shapes"]]
         parts = [
-            RawPart(name, shape, np.array(rotation), np.array(translation), _color(color), density)
-            for name, shape, rotation, translation, color, density in text["parts"]
+            RawPart(name, shape, rotation, translation, _color(color), density)
+            for name, shape, rotation, translation, color, density in content["parts"]
         ]
-        return RawScene(shapes, parts, Counter(text["instances"]), Counter(text["faces"]), text["notes"])
-    except (ArchiveError, OSError):
-        raise
-    except Exception as error:  # zip files, headers and JSON each have their own
+        return RawScene(shapes, parts, Counter(content["instances"]), Counter(content["faces"]), content["notes"])
+    except (*WRONG, CodecError, struct.error) as error:
         raise ArchiveError(f"{path}: damaged ({type(error).__name__}: {error})") from None
+
+
+def _listed(color: Any) -> list[float] | None:
+    return None if color is None else list(map(float, color))
 
 
 def _joined(arrays: list[Array]) -> Array:
@@ -84,29 +86,20 @@ def _color(values: Any) -> tuple[float, float, float, float] | None:
     return None if values is None else (values[0], values[1], values[2], values[3])
 
 
-def _shape(arrays: Any, number: int, text: Any) -> RawShape:
-    samples = _cut(arrays[f"{number}/samples"], [face[4] for face in text["faces"]])
-    lines = _cut(arrays[f"{number}/edges"], [edge[0] for edge in text["edges"]])
+def _shape(content: Any) -> RawShape:
+    samples = _cut(content["samples"], [face[4] for face in content["faces"]])
+    lines = _cut(content["lines"], [edge[0] for edge in content["edges"]])
     faces = [
         RawFace(name, kind, tuple(numbers), typed, points, _color(color), residual)
-        for (name, kind, numbers, typed, _, color, residual), points in zip(text["faces"], samples, strict=True)
+        for (name, kind, numbers, typed, _, color, residual), points in zip(content["faces"], samples, strict=True)
     ]
     edges = [
         RawEdge(points, tuple(beside), None if c is None else (np.array(c[0]), np.array(c[1]), c[2]))
-        for (_, beside, c), points in zip(text["edges"], lines, strict=True)
+        for (_, beside, c), points in zip(content["edges"], lines, strict=True)
     ]
-    return RawShape(
-        arrays[f"{number}/vertices"],
-        arrays[f"{number}/triangles"],
-        arrays[f"{number}/face_of_triangle"],
-        faces,
-        edges,
-        text["volume"],
-        np.array(text["center"]),
-        np.array(text["inertia"]),
-        text["notes"],
-        text["settled"],
-    )
+    whole = ("volume", "center", "inertia", "notes", "settled")
+    arrays = (content["vertices"], content["triangles"], content["face_of_triangle"])
+    return RawShape(*arrays, faces, edges, *(content[name] for name in whole))
 
 
 def _cut(points: Array, counts: list[int]) -> list[Array]:

@@ -24,7 +24,7 @@ VARIABLE = "VPFRAME_CACHE"
 """environment variable: another folder for it; empty for none"""
 LARGEST = 1 << 30
 """bytes of all entries together"""
-_CODE = ("vpframe/importers/**/*.py", "constraints/**/*.py", "collision/tolerance.py")
+_CODE = ("vpframe/codec.py", "vpframe/importers/**/*.py", "constraints/**/*.py", "collision/tolerance.py")
 _PACKAGES = ("cadquery-ocp-novtk", "trimesh", "numpy")
 
 
@@ -73,7 +73,7 @@ def find(key: str) -> RawScene | None:
     place = folder()
     if place is None:
         return None
-    path = place / f"{key}.npz"
+    path = place / f"{key}.archive"
     try:
         raw = archive.read(path)
     except archive.ArchiveError:
@@ -99,7 +99,7 @@ def keep(key: str, raw: RawScene) -> None:
         os.close(handle)
         try:
             archive.write(raw, name)
-            os.replace(name, place / f"{key}.npz")
+            os.replace(name, place / f"{key}.archive")
         except BaseException:
             with contextlib.suppress(OSError):
                 os.unlink(name)
@@ -111,7 +111,7 @@ def _tidy(place: Path) -> None:
     """Remove the entries used longest ago until the others are within `LARGEST`, half-written ones too."""
     found = []
     for file in place.iterdir():
-        if file.suffix in (".npz", ".tmp"):
+        if file.suffix in (".archive", ".tmp"):
             with contextlib.suppress(OSError):  # another process removes too
                 status = file.stat()
                 found.append((status.st_mtime, status.st_size, file))

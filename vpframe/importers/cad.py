@@ -183,7 +183,7 @@ def _read_once(
     with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
 
         def ready(number: int) -> None:
-            archived = os.path.join(folder, f"{number}.npz")
+            archived = os.path.join(folder, f"{number}.archive")
             shapes.append(worker.submit(lambda: settle(archive.read(archived).shapes[0])))
 
         try:
@@ -191,7 +191,7 @@ def _read_once(
             said.check_units()
             if not outcome.done:
                 return outcome, None
-            raw = archive.read(os.path.join(folder, "scene.npz"))
+            raw = archive.read(os.path.join(folder, "scene.archive"))
             raw.shapes = [shape.result() for shape in shapes]
             return outcome, raw
         finally:

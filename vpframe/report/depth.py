@@ -9,10 +9,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import CollisionManager
+from collision import CollisionManager, Tolerance
 from vpframe.analysis.clash_status import ClashKey
 from vpframe.app.progress import Progress
 from vpframe.report.log import SessionLog
+from vpframe.scene.deflection import deflections
+from vpframe.scene.scene import Scene, Shape
 from vpframe.session.events import Frame
 
 
@@ -26,6 +28,15 @@ class Depth:
     """(3,) world, m: the deepest point"""
     time: float
     """s"""
+    first: float = 0.0
+    """m: the depth at the first of these steps"""
+    slack: float = 0.0
+    """m, by which depths may be off: the deflections of the two surfaces and the linear tolerance"""
+
+    @property
+    def clashes(self) -> bool:
+        """Whether the surfaces reach into each other by more than a contact does."""
+        return self.depth > self.slack
 
 
 def depths(log: SessionLog, progress: Progress | None = None) -> dict[ClashKey, Depth]:
@@ -36,6 +47,8 @@ def depths(log: SessionLog, progress: Progress | None = None) -> dict[ClashKey, 
             question = questions.setdefault((clash.key.part_a, clash.key.part_b, frame.step), (frame, set()))
             question[1].add(clash.key)
     found: dict[ClashKey, Depth] = {}
+    first: dict[ClashKey, float] = {}
+    linear, sags = Tolerance().linear, Deflections()
     last: tuple[str, str, pin.SE3, pin.SE3] | None = None
     rows: NDArray[Any] | None = None
     for number, ((a, b, _), (frame, keys)) in enumerate(sorted(questions.items(), key=lambda item: item[0])):
@@ -49,6 +62,29 @@ def depths(log: SessionLog, progress: Progress | None = None) -> dict[ClashKey, 
             rows, last = manager.penetration(0, 1), asked
         for row in rows:
             key = ClashKey.of(a, int(row["surface_a"]), b, int(row["surface_b"]))
-            if key in keys and (key not in found or row["depth"] > found[key].depth):
-                found[key] = Depth(float(row["depth"]), np.array(row["point"]), frame.time)
+            if key not in keys:
+                continue
+            depth = float(row["depth"])
+            first.setdefault(key, depth)
+            if key not in found or depth > found[key].depth:
+                slack = linear + (sags.of(log.scene, key) if depth > linear else 0.0)
+                found[key] = Depth(depth, np.array(row["point"]), frame.time, first[key], slack)
     return found
+
+
+class Deflections:
+    """How far the facets of surfaces stray, measured once a shape."""
+
+    def __init__(self) -> None:
+        self._of: dict[Shape, NDArray[np.float64]] = {}
+
+    def of(self, scene: Scene, key: ClashKey) -> float:
+        """m: the deflections of both surfaces together."""
+        total = 0.0
+        for name, surface in ((key.part_a, key.surface_a), (key.part_b, key.surface_b)):
+            shape = scene[name].shape
+            if shape not in self._of:
+                self._of[shape] = deflections(shape)
+            of = self._of[shape]
+            total += float(of[surface]) if surface < len(of) else 0.0  # a shape may be a mesh without faces
+        return total

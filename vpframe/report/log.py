@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import isnan, nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -17,11 +16,10 @@ from vpframe.session.events import Event, Frame
 from vpframe.view.history import History
 from vpframe.view.symbols import DRAWN
 
-if TYPE_CHECKING:
-    from vpframe.session.session import Session
-
 PICTURED = ("grabbed", "released", "accepted", "refused", "removed", "blocked", "landed")
 """kinds of events that get a picture"""
+STILL = 1e-9
+"""m, and rad: parts that moved by no more did not move"""
 SAMPLES = 8
 """steps of a clash that are kept to measure its depth at"""
 
@@ -39,6 +37,8 @@ class Clash:
     """at how many steps they collided"""
     samples: list[Frame] = field(default_factory=list)
     """some of these steps, evenly spaced, the first among them"""
+    unmoved: bool = False
+    """whether the two parts still stood to each other as in the beginning when they first collided"""
     _stride: int = 1
 
     def add(self, frame: Frame) -> None:
@@ -109,6 +109,7 @@ class SessionLog:
         self._rows: NDArray[np.int32] | None = None
         self._keys: list[ClashKey] = []
         """of `_rows`: what collides is often the same as in the step before"""
+        self._stood: tuple[Frame | None, dict[tuple[str, str], bool]] = (None, {})
         self._last_time = 0.0
 
     @property
@@ -126,15 +127,20 @@ class SessionLog:
         """s, the time of the first step that was seen."""
         return next((frame.time for frame, _ in self.history), 0.0)
 
+    @property
+    def first_step(self) -> int:
+        """The number of the first step that was seen."""
+        return next((frame.step for frame, _ in self.history), 0)
+
     def lasting(self) -> frozenset[int]:
         """Ids of the constraints and candidates that were there from beginning to end, in one state."""
         first, last = self.first, self.duration
         spans = ((id, mate.spans) for id, mate in self.mates.items())
         return frozenset(id for id, s in spans if len(s) == 1 and s[0][1] <= first and s[0][2] >= last)
 
-    def uninvolved(self) -> frozenset[int]:
-        """Of many constraints those that lasted, of parts that no hand ever held: what pictures leave out."""
-        if len(self.mates) <= DRAWN:
+    def uninvolved(self, many: int | None = None) -> frozenset[int]:
+        """Of more than `many` constraints (DRAWN) those that lasted, of parts that no hand ever held."""
+        if len(self.mates) <= (DRAWN if many is None else many):
             return frozenset()
         held = {name for frame, _ in self.history for name in frame.held}
         return frozenset(id for id in self.lasting() if held.isdisjoint(self.mates[id].parts))
@@ -144,11 +150,11 @@ class SessionLog:
         """The number of the last step."""
         return self.history.last.step if self.history.last else 0
 
-    def begin(self, session: Session) -> None:
+    def begin(self, scene: Scene) -> None:
         """Keep the scene and where its parts are."""
-        self.scene = session.scene
-        self._names = session.scene.names
-        self.start = {part.name: part.pose.copy() for part in session.scene.parts}
+        self.scene = scene
+        self._names = scene.names
+        self.start = {part.name: part.pose.copy() for part in scene.parts}
 
     def frame(self, frame: Frame) -> None:
         """Take one step in."""
@@ -196,9 +202,21 @@ class SessionLog:
         for key in rows:
             clash = self.clashes.get(key)
             if clash is None:
-                self.clashes[key] = Clash(key, frame, frame.time, samples=[frame])
+                unmoved = self._unmoved(frame, key.part_a, key.part_b)
+                self.clashes[key] = Clash(key, frame, frame.time, samples=[frame], unmoved=unmoved)
             else:
                 clash.add(frame)
+
+    def _unmoved(self, frame: Frame, a: str, b: str) -> bool:
+        """Whether two parts stand to each other as before the first step."""
+        if self._stood[0] is not frame:
+            self._stood = (frame, {})
+        stood = self._stood[1]
+        if (a, b) not in stood:
+            now, then = (poses[a].actInv(poses[b]) for poses in (frame.poses, self.start))
+            turned = float(np.abs(now.rotation - then.rotation).max())
+            stood[a, b] = max(turned, float(np.abs(now.translation - then.translation).max())) <= STILL
+        return stood[a, b]
 
     def _collect_mates(self, frame: Frame) -> None:
         for view in frame.constraints:

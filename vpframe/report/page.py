@@ -8,9 +8,11 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from vpframe.analysis.clash_status import ClashKey
+from vpframe.analysis.pairs import count_words, place_words
 from vpframe.report import plots
 from vpframe.report.log import SessionLog
+from vpframe.report.standing import BEFORE, EARLIER, TASK
+from vpframe.scene.names import face_name
 from vpframe.session.events import Event
 from vpframe.text import escape
 from vpframe.view import palette
@@ -24,6 +26,10 @@ STANDING = ("recognised", "accepted", "refused", "satisfied")
 """their kinds"""
 OPEN_LANES = 12
 """of more constraints than this those that last from beginning to end are not drawn"""
+OPEN_PAIRS = 3
+"""of more pairs of parts that clash none is unfolded, of more that touch all are folded"""
+TITLES = {TASK: "Caused by the task", BEFORE: "As it stands", EARLIER: "Of an earlier run, not seen in this one"}
+"""by where clashes come from"""
 CAPTIONED = 3
 """events that the caption of a picture names"""
 _VERDICTS = {
@@ -55,12 +61,13 @@ def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) 
 def _head(document: dict[str, Any]) -> str:
     good = document["can_be_done"]
     verdict = _VERDICTS[document["verdict"]] + (f": {document['reason']}" if document["reason"] else ".")
-    open_clashes = sum(clash["status"] in ("new", "persistent") for clash in document["clashes"])
+    clashing = [pair for pair in document["clashes"] if is_open(pair)]
     least = document["clearance"]
     facts = [
         ("duration", f"{document['duration']:.2f} s"),
         ("steps", f"{document['steps']}"),
-        ("open clashes", f"{open_clashes}"),
+        ("clashes by the task", f"{sum(pair['origin'] == TASK for pair in clashing)}"),
+        ("clashes as it stands", f"{sum(pair['origin'] == BEFORE for pair in clashing)}"),
         ("least clearance", "not measured" if least is None else _mm(least["least"])),
         ("constraints used", f"{sum(_was_active(c) for c in document['constraints'])}"),
     ]
@@ -72,6 +79,11 @@ def _head(document: dict[str, Any]) -> str:
         f"<a href='clashes.csv'>clashes.csv</a></div>"
         f"<div class='verdict{'' if good else ' no'}'>{escape(verdict)}</div><div class='facts'>{cells}</div>"
     )
+
+
+def is_open(pair: dict[str, Any]) -> bool:
+    """Whether two parts clash and nobody has accepted it."""
+    return pair["kind"] == "clash" and pair["status"] in ("new", "persistent")
 
 
 def _section(title: str, content: str) -> str:
@@ -155,7 +167,7 @@ def _constraints(document: dict[str, Any], log: SessionLog) -> str:
     rows = [
         (
             escape(c["kind"]),
-            escape(f"{c['parts'][0]} {c['surfaces'][0]} – {c['parts'][1]} {c['surfaces'][1]}"),
+            escape(" – ".join(_faces(log, part, of) for part, of in zip(c["parts"], c["surfaces"], strict=True))),
             _off(c["residual"]),
             ", ".join(f"{s['state']} {s['from']:.2f}–{s['to']:.2f} s" for s in c["states"]),
             escape(c["why"]),
@@ -178,9 +190,8 @@ def _clearance(document: dict[str, Any], log: SessionLog, pictures: dict[Any, by
         return ""
     text = f"Least: {_mm(least['least'])} at {least['time']:.3f} s (step {least['step']})"
     if least["parts"]:
-        (a, b), (s, t) = least["parts"], least["surfaces"]
-        place = ", ".join(f"{1e3 * x:.2f}" for x in least["points"][0])
-        text += f", between {escape(a)} [{s}] and {escape(b)} [{t}] at ({place}) mm"
+        a, b = (f"{part} · {face}" for part, face in zip(least["parts"], least["faces"], strict=True))
+        text += f", between {escape(a)} and {escape(b)} at {place_words(least['points'][0])}"
     plot = plots.lines({"clearance": [(t, 1e3 * c) for t, c in log.clearance]}, "mm", log.duration)
     return f"<p>{text}.</p>{plot}{_figure(pictures.get('least'), 'where it is least', 'wide')}"
 
@@ -193,35 +204,77 @@ def _clashes(document: dict[str, Any], log: SessionLog, pictures: dict[Any, byte
     content = f"<ul>{authorised}</ul>" if authorised else ""
     if not document["clashes"]:
         return content + "<p>None.</p>"
-    by_key = {
-        (k.part_a, k.part_b, k.surface_a, k.surface_b): picture
-        for k, picture in pictures.items()
-        if isinstance(k, ClashKey)
-    }
-    rows, figures = [], []
-    for number, clash in enumerate(document["clashes"], 1):
-        (a, b), (s, t) = clash["parts"], clash["surfaces"]
-        what = f"{escape(a)} [{s}] – {escape(b)} [{t}]"
-        rows.append(
-            (
-                f"{number}",
-                f"<span class='status {clash['status']}'>{clash['status']}</span>",
-                f"{what}<br><span class='dim'>{escape(' – '.join(filter(None, clash['names'])))}</span>",
-                "" if clash["first_time"] is None else f"{clash['first_time']:.3f}",
-                f"{clash['steps']}",
-                "" if clash["depth"] is None else _mm(clash["depth"]),
-                escape(clash["remark"]),
-            )
-        )
-        picture = by_key.get((a, b, s, t))
-        if picture is not None:
-            figures.append(_figure(picture, f"{number}. {what}"))
-    head = ("", "status", "surfaces", "first (s)", "steps", "depth", "remark")
-    how = "<code>vpframe accept DIR A:B</code> accepts the clashes of two parts, DIR being the folder of this page"
+    content += "".join(
+        _origin(title, [pair for pair in document["clashes"] if pair["origin"] == origin], pictures)
+        for origin, title in TITLES.items()
+    )
+    how = "<code>vpframe clash accept DIR A:B</code> accepts the clashes of two parts; DIR is the folder of this page"
     note = f"<p class='dim'>{how}; they stay accepted while they last.</p>"
-    pairs = {"colliding": [(t, float(n)) for t, n in log.colliding]}
-    content += plots.lines(pairs, "surface pairs", log.duration, steps=True, height=120)
-    return content + _table(head, rows) + note + f"<div class='pictures'>{''.join(figures)}</div>"
+    lines = {"colliding": [(t, float(n)) for t, n in log.colliding]}
+    return content + note + plots.lines(lines, "surface pairs", log.duration, steps=True, height=120)
+
+
+def _origin(title: str, pairs: Sequence[dict[str, Any]], pictures: dict[Any, bytes]) -> str:
+    """The pairs of parts of one origin: those that clash, each with its picture, and those that touch, folded."""
+    clashing = [pair for pair in pairs if pair["kind"] == "clash"]
+    touching = [pair for pair in pairs if pair["kind"] != "clash"]
+    if not pairs and title != TITLES[TASK]:
+        return ""
+    words = [count_words(len(of), "parts") + verb for of, verb in ((clashing, " clash"), (touching, " touch")) if of]
+    few = len(clashing) <= OPEN_PAIRS
+    inner = "".join(_pair(pair, pictures.get((pair["origin"], *pair["parts"])), few) for pair in clashing)
+    if touching:
+        rows = "".join(_pair(pair, pictures.get((pair["origin"], *pair["parts"]))) for pair in touching)
+        total = count_words(sum(pair["count"] for pair in touching), "surfaces")
+        found = f"{count_words(len(touching), 'parts')} only touch ({total})"
+        inner += rows if len(touching) <= OPEN_PAIRS else f"<details><summary>{found}</summary>{rows}</details>"
+    return f"<h3>{title}: {', '.join(words) or 'none'}</h3><div class='pairs pictures'>{inner}</div>"
+
+
+def _pair(pair: dict[str, Any], picture: bytes | None, opened: bool = False) -> str:
+    """Two parts in one row, their surfaces folded below it."""
+    what = " – ".join(pair["parts"])
+    names = " – ".join(
+        f"{_path(part)} · {escape(face)}" for part, face in zip(pair["parts"], pair["faces"], strict=True)
+    )
+    size = _mm(pair["depth"]) if pair["kind"] == "clash" else "touch" if pair["steps"] else ""
+    facts = [f"at {place_words(pair['point'])}" if pair["point"] else "", count_words(pair["count"], "surfaces")]
+    if pair["steps"]:
+        times = f"{pair['first_time']:.3f} … {pair['last_time']:.3f} s" if pair["origin"] == TASK else ""
+        facts += [times, f"{pair['steps']} steps"]
+    facts += [escape(pair["remark"])]
+    rows = [
+        (
+            f"<span class='status {row['status']}'>{row['status']}</span>",
+            " – ".join(f"{escape(face)}" for face in row["faces"]),
+            "" if row["first_time"] is None else f"{row['first_time']:.3f}",
+            f"{row['steps']}",
+            "" if row["depth"] is None else _mm(row["depth"]),
+            escape(row["remark"]),
+        )
+        for row in pair["surface_pairs"]
+    ]
+    table = _table(("status", "surfaces", "first (s)", "steps", "depth", "remark"), rows)
+    return (
+        f"<details class='pair'{' open' if opened and picture else ''}><summary>"
+        f"{_image(picture, escape(what)) if picture else '<span></span>'}"
+        f"<span>{names}<br><span class='dim'>{' · '.join(filter(None, facts))}</span></span>"
+        f"<b>{size}</b><span class='status {pair['status']}'>{pair['status']}</span>"
+        f"</summary>{table}</details>"
+    )
+
+
+def _path(part: str) -> str:
+    """A part's name, the assemblies that it is in dimmed before it."""
+    path, slash, name = part.rpartition("/")
+    return f"<span class='dim'>{escape(path + slash)}</span>{escape(name)}" if slash else escape(name)
+
+
+def _faces(log: SessionLog, part: str, surfaces: Sequence[int]) -> str:
+    """Faces of a part, by name and number."""
+    if part in log.scene:
+        return face_name(log.scene[part], *surfaces)
+    return f"{part} · face {', '.join(map(str, surfaces))}"
 
 
 def _swept(volumes: Iterable[dict[str, Any]]) -> str:
@@ -271,11 +324,13 @@ def _folded(table: str, what: str, count: int) -> str:
 def _figure(picture: bytes | None, caption: str, style: str = "") -> str:
     if picture is None:
         return ""
+    return f"<figure class='{style}'>{_image(picture, caption)}<figcaption>{caption}</figcaption></figure>"
+
+
+def _image(picture: bytes, caption: str) -> str:
+    """`caption`: escaped, as it stands."""
     data = base64.b64encode(picture).decode("ascii")
-    return (
-        f"<figure class='{style}'><img alt='{caption}' src='data:image/png;base64,{data}'>"
-        f"<figcaption>{caption}</figcaption></figure>"
-    )
+    return f"<img alt='{caption}' src='data:image/png;base64,{data}'>"
 
 
 def _mm(metres: float) -> str:

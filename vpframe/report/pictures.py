@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from vpframe.scene.scene import Scene
+from vpframe.analysis.pairs import meeting_box
+from vpframe.scene.scene import Part, Scene
 from vpframe.session.events import Frame
 from vpframe.view.camera import DIRECTION, Camera, look_at
 from vpframe.view.display import display_mesh
@@ -15,43 +16,61 @@ from vpframe.view.snapshot import render
 from vpframe.view.symbols import Symbol, frame_symbols, hand_symbols
 
 SIZE = (480, 360)
-GHOST = 0.22
-"""opacity of what stands between the eye and a clash"""
+PAIR_SIZE = (360, 270)
+SEEN = 0.4
+"""of the smaller part, that is seen about the place where two parts clash"""
+GLASS = 0.5
+GHOST = 0.12
+"""opacities of the larger of two parts that clash, and of all others"""
 
 
 def scene_picture(
-    scene: Scene, frame: Frame, camera: Camera, size: tuple[int, int] = SIZE, marks: Sequence[Symbol] = ()
+    scene: Scene,
+    frame: Frame,
+    camera: Camera,
+    size: tuple[int, int] = SIZE,
+    marks: Sequence[Symbol] = (),
+    marked: Sequence[tuple[str, int]] = (),
 ) -> NDArray[np.uint8]:
-    """The whole scene at one step, with what collides, the constraints and `marks`."""
-    names = scene.names
-    marked = [(names[o], int(s)) for row in frame.colliding for o, s in (row[:2], row[2:])]
+    """The scene at one step, with the surfaces `marked`, the constraints and `marks`."""
     symbols = (*frame_symbols(frame), *hand_symbols(frame.hands, 0.06 * camera.radius), *marks)
     return render(scene, frame.poses, marked, size, camera, symbols)
 
 
 def pair_picture(
-    scene: Scene, frame: Frame, surfaces: Sequence[tuple[str, int]], size: tuple[int, int] = SIZE
+    scene: Scene,
+    frame: Frame,
+    surfaces: Sequence[tuple[str, int]],
+    marked: Sequence[tuple[str, int]] = (),
+    size: tuple[int, int] = PAIR_SIZE,
 ) -> NDArray[np.uint8]:
-    """Two surfaces at one step, from near by; other parts are drawn faint."""
-    names = {name for name, _ in surfaces}
-    opacity = {name: 1.0 if name in names else GHOST for name in scene.names}
-    return render(scene, frame.poses, surfaces, size, _near(scene, frame, surfaces), opacity=opacity)
+    """Two surfaces at one step, from near by; the larger part is drawn as of glass, others faint.
+
+    marked: all surfaces of the two parts that meet; only the two if none are given.
+    """
+    opacity = dict.fromkeys(scene.names, GHOST)
+    large, small = sorted((name for name, _ in surfaces), key=lambda name: -_size(scene[name]))
+    opacity.update({large: GLASS, small: 1.0})
+    return render(scene, frame.poses, marked or surfaces, size, _near(scene, frame, surfaces), opacity=opacity)
 
 
 def _near(scene: Scene, frame: Frame, surfaces: Sequence[tuple[str, int]]) -> Camera:
     """A camera on where the boxes of the surfaces overlap, from the side their normals face."""
-    lows, highs, facing = [], [], np.zeros(3)
-    for name, surface in surfaces:
-        mesh = display_mesh(scene[name].shape)
-        pose = frame.poses.get(name, scene[name].pose)
+    sizes, whole, facing = [], [], np.zeros(3)
+    parts = [scene[name] for name, _ in surfaces]
+    poses = [frame.poses.get(part.name, part.pose) for part in parts]
+    for part, pose, (_, surface) in zip(parts, poses, surfaces, strict=True):
+        mesh = display_mesh(part.shape)
         chosen = slice(mesh.vertex_start[surface], mesh.vertex_start[surface + 1])
-        points = mesh.positions[chosen].astype(np.float64) @ pose.rotation.T + pose.translation
-        lows.append(points.min(axis=0))
-        highs.append(points.max(axis=0))
+        sizes.append(float(np.linalg.norm(np.ptp(mesh.positions[chosen], axis=0))))
+        whole.append(_size(part))
         facing += pose.rotation @ mesh.normals[chosen].astype(np.float64).mean(axis=0)
-    low, high = np.max(lows, axis=0), np.min(highs, axis=0)
-    middle = 0.5 * (low + high)
-    sizes = [float(np.linalg.norm(h - lo)) for lo, h in zip(lows, highs, strict=True)]
-    half = max(0.6 * min(sizes), 0.25 * max(sizes), 1e-9)
+    low, high = meeting_box(parts, poses, [surface for _, surface in surfaces])
+    half = max(0.6 * min(sizes), SEEN * min(whole), 1e-9)
     direction = np.array(DIRECTION) / np.linalg.norm(DIRECTION) + 0.35 * facing
-    return look_at(middle + half * np.concatenate([np.eye(3), -np.eye(3)]), direction)
+    return look_at(0.5 * (low + high) + half * np.concatenate([np.eye(3), -np.eye(3)]), direction)
+
+
+def _size(part: Part) -> float:
+    """m: the diagonal of the part's own box."""
+    return float(np.linalg.norm(np.ptp(display_mesh(part.shape).positions, axis=0)))

@@ -20,7 +20,7 @@ class Series(Generic[Item]):
     """
 
     def __init__(self, choose: Callable[[Item, Item], Item] | None = None) -> None:
-        self._choose = choose or (lambda earlier, later: earlier)
+        self._choose = choose or _earlier
         self._kept: list[Item] = []
         self._stride = 1
         self._count = 0
@@ -41,3 +41,7 @@ class Series(Generic[Item]):
 
     def __iter__(self) -> Iterator[Item]:
         return iter(self._kept)
+
+
+def _earlier(earlier: Item, later: Item) -> Item:
+    return earlier

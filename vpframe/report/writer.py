@@ -7,7 +7,7 @@ import dataclasses
 import io
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +16,17 @@ import numpy as np
 from vpframe import files
 from vpframe.analysis import clash_status
 from vpframe.analysis.clash_status import ClashKey, ClashRecord
+from vpframe.analysis.pairs import by_parts
 from vpframe.app.outputs import GENERATOR, MESH, REPORT_FILES, claimed_folder
 from vpframe.app.progress import Progress
 from vpframe.report import page
 from vpframe.report.depth import Depth, depths
 from vpframe.report.log import SessionLog
 from vpframe.report.pictures import pair_picture, scene_picture
+from vpframe.report.standing import EARLIER, ORIGINS, TASK, origins
 from vpframe.report.swept import SweptVolume
 from vpframe.report.where import Gap, least_gap
+from vpframe.scene.names import face_words
 from vpframe.scene.stl import write_stl
 from vpframe.session.events import Frame
 from vpframe.view.camera import frame_scene
@@ -35,8 +38,10 @@ CLASH_PICTURES = 24
 MOMENT_PICTURES = 12
 MILLIMETRES = 1e3
 """in a metre: what most readers of STL take its numbers for"""
+KINDS = ("clash", "contact")
+"""from the gravest: surfaces that reach into each other by more than they stray, and those that only touch"""
 CSV_COLUMNS = (
-    "status", "part_a", "surface_a", "part_b", "surface_b", "name_a", "name_b",
+    "status", "part_a", "surface_a", "part_b", "surface_b", "face_a", "face_b", "origin", "kind", "surface_pairs",
     "first_time_s", "last_time_s", "steps", "depth_m", "x_m", "y_m", "z_m", "remark", "runs",
 )  # fmt: skip
 
@@ -79,11 +84,11 @@ def write(
             gap = least_gap(log)
         document = _document(log, records, found, gap, failure, undecided, task, authorised, swept)
         with Progress("drawing the report") as progress:
-            pictures = _pictures(log, gap, progress)
+            pictures = _pictures(log, document["clashes"], gap, progress)
         for volume, path in meshes:
             write_stl(path, volume.vertices, volume.triangles, MILLIMETRES, "vpframe swept volume, millimetres")
         files.replace(file("clashes.csv"), _csv(document["clashes"]))
-        files.replace(file("report.json"), json.dumps(document, indent=2, allow_nan=False) + "\n")
+        files.replace(file("report.json"), _json(document))
         left_out = log.uninvolved()
         shown = ((_without(frame, left_out), events) for frame, events in log.history)
         write_page(log.scene, shown, file("scene.html"), log.start)
@@ -104,6 +109,8 @@ def _document(
     swept: Sequence[SweptVolume],
 ) -> dict[str, Any]:
     least = log.least
+    begun = origins(log, found)
+    clashes = [_clash(log, record, found.get(record.key), begun) for record in records]
     return {
         "generator": GENERATOR,
         "task": task or (Path(log.scene.source).stem if log.scene.source else "session"),
@@ -127,7 +134,7 @@ def _document(
             }
             for e in log.events
         ],
-        "clashes": [_clash(log, record, found.get(record.key)) for record in records],
+        "clashes": _by_origin(clashes),
         "authorised": [list(pair) for pair in authorised],
         "clearance": None
         if least is None
@@ -137,6 +144,9 @@ def _document(
             "step": least.step,
             "parts": list(gap.parts) if gap else None,
             "surfaces": list(gap.surfaces) if gap else None,
+            "faces": [face_words(log.scene[p], s) for p, s in zip(gap.parts, gap.surfaces, strict=True)]
+            if gap
+            else None,
             "points": [point.tolist() for point in gap.points] if gap else None,
             "poses": {
                 name: {
@@ -184,18 +194,44 @@ def _document(
     }
 
 
-def _clash(log: SessionLog, record: ClashRecord, depth: Depth | None) -> dict[str, Any]:
+def _by_origin(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows of surface pairs by origin and pair of parts, with the times of all surface pairs of the two."""
+    pairs = by_parts(rows, KINDS, lambda row: row["origin"])
+    for pair in pairs:
+        seen = [row for row in pair["surface_pairs"] if row["steps"]]
+        if seen:
+            pair["first_time"] = min(row["first_time"] for row in seen)
+            pair["last_time"] = max(row["last_time"] for row in seen)
+            pair["steps"] = max(row["steps"] for row in seen)
+    return sorted(pairs, key=lambda pair: ORIGINS.index(pair["origin"]))
+
+
+def _json(document: Mapping[str, Any]) -> str:
+    """The document, a line a field, and of a list a line an item: indented in depth it would take a second."""
+
+    def text(value: Any) -> str:
+        if isinstance(value, list) and value:
+            return "[\n" + ",\n".join(f"    {json.dumps(item, allow_nan=False)}" for item in value) + "\n  ]"
+        return json.dumps(value, allow_nan=False)
+
+    fields = ",\n".join(f"  {json.dumps(name)}: {text(value)}" for name, value in document.items())
+    return f"{{\n{fields}\n}}\n"
+
+
+def _clash(log: SessionLog, record: ClashRecord, depth: Depth | None, begun: Mapping[ClashKey, str]) -> dict[str, Any]:
     key = record.key
     seen = log.clashes.get(key)
-    names = [
-        log.scene[part].surfaces[surface].name if part in log.scene and surface < len(log.scene[part].surfaces) else ""
+    faces = [
+        face_words(log.scene[part], surface) if part in log.scene else f"face {surface}"
         for part, surface in ((key.part_a, key.surface_a), (key.part_b, key.surface_b))
     ]
     return {
+        "origin": begun.get(key, EARLIER),
+        "kind": "clash" if depth is not None and depth.clashes else "contact",
         "status": record.status,
         "parts": [key.part_a, key.part_b],
         "surfaces": [key.surface_a, key.surface_b],
-        "names": names,
+        "faces": faces,
         "first_time": seen.first.time if seen else None,
         "last_time": seen.last_time if seen else None,
         "steps": seen.steps if seen else 0,
@@ -207,30 +243,57 @@ def _clash(log: SessionLog, record: ClashRecord, depth: Depth | None) -> dict[st
     }
 
 
-def _pictures(log: SessionLog, gap: Gap | None, progress: Progress) -> dict[Any, bytes]:
-    """PNG bytes by what they show: a ClashKey, the number of a moment, "end", or "least"."""
+def _pictures(
+    log: SessionLog, clashes: Sequence[dict[str, Any]], gap: Gap | None, progress: Progress
+) -> dict[Any, bytes]:
+    """PNG bytes by what they show: a pair of parts (origin, part, part), the number of a moment, "end", or "least".
+
+    Parts that touch as they stand have none. Of the scene, pictures show what the task did: the surfaces that collide
+    by it, the constraints that came, went, or are of a part that a hand held.
+    """
     camera = frame_scene(log.scene, log.start, *(frame.poses for frame, _ in log.history.sample(40)))
-    clashes = list(log.clashes.values())[:CLASH_PICTURES]
+    seen = [pair for pair in clashes if pair["origin"] != EARLIER]
+    shown = [p for p in seen if p["kind"] == "clash" or p["origin"] == TASK][:CLASH_PICTURES]
     moments = log.moments[:MOMENT_PICTURES]
-    total = len(clashes) + len(moments) + 2
-    left_out = log.uninvolved()
+    total = len(shown) + len(moments) + 2
+    left_out = log.uninvolved(0)
+    caused = {
+        ClashKey(*row["parts"], *row["surfaces"]) for p in seen if p["origin"] == TASK for row in p["surface_pairs"]
+    }
     drawn: dict[Any, bytes] = {}
-    for number, clash in enumerate(clashes):
+    for number, pair in enumerate(shown):
         progress(number / total, "clashes")
-        key = clash.key
-        pair = ((key.part_a, key.surface_a), (key.part_b, key.surface_b))
-        drawn[key] = png(pair_picture(log.scene, clash.first, pair))
-    shown: dict[int, bytes] = {}
+        key = ClashKey(*pair["parts"], *pair["surfaces"])
+        marked = [
+            (part, surface)
+            for row in pair["surface_pairs"]
+            for part, surface in zip(row["parts"], row["surfaces"], strict=True)
+        ]
+        clash = log.clashes[key]
+        at = next((frame for frame in clash.samples if frame.time == pair["deepest_time"]), clash.first)
+        faces = list(zip(pair["parts"], pair["surfaces"], strict=True))
+        drawn[pair["origin"], *pair["parts"]] = png(pair_picture(log.scene, at, faces, marked))
+    steps: dict[int, bytes] = {}
     for number, (_, frame) in enumerate(moments):
-        progress((len(clashes) + number) / total, "what happened")
-        if frame.step not in shown:
-            shown[frame.step] = png(scene_picture(log.scene, _without(frame, left_out), camera))
-        drawn[number] = shown[frame.step]
+        progress((len(shown) + number) / total, "what happened")
+        if frame.step not in steps:
+            steps[frame.step] = png(
+                scene_picture(log.scene, _without(frame, left_out), camera, marked=_colliding(log, frame, caused))
+            )
+        drawn[number] = steps[frame.step]
     marks = {"end": _trails(log), "least": [gap_symbol(*gap.points, camera.radius)] if gap else []}
     for name, last in (("end", log.history.last), ("least", log.least)):
         if last is not None:
-            drawn[name] = png(scene_picture(log.scene, _without(last, left_out), camera, (640, 480), marks[name]))
+            red = _colliding(log, last, caused)
+            drawn[name] = png(scene_picture(log.scene, _without(last, left_out), camera, (640, 480), marks[name], red))
     return drawn
+
+
+def _colliding(log: SessionLog, frame: Frame, keys: Set[ClashKey]) -> list[tuple[str, int]]:
+    """The surfaces that collide at a step, of the clashes named."""
+    names = log.scene.names
+    rows = [(names[a], s, names[b], t) for a, s, b, t in frame.colliding.tolist()] if keys else []
+    return [face for a, s, b, t in rows if ClashKey.of(a, s, b, t) in keys for face in ((a, s), (b, t))]
 
 
 def _without(frame: Frame, left_out: frozenset[int]) -> Frame:
@@ -257,8 +320,8 @@ def _csv(clashes: Sequence[dict[str, Any]]) -> str:
         (part_a, part_b), (surface_a, surface_b) = clash["parts"], clash["surfaces"]
         rows.writerow(
             [
-                clash["status"], part_a, surface_a, part_b, surface_b, *clash["names"],
-                clash["first_time"], clash["last_time"], clash["steps"], clash["depth"],
+                clash["status"], part_a, surface_a, part_b, surface_b, *clash["faces"], clash["origin"], clash["kind"],
+                clash["count"], clash["first_time"], clash["last_time"], clash["steps"], clash["depth"],
                 *(clash["point"] or (None, None, None)), clash["remark"], clash["runs"],
             ]
         )  # fmt: skip

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PlaneOverlap:
-    """Two planar faces that reach into each other."""
+    """Two planar faces that overlap."""
 
     key: tuple[int, int, int, int]
     """part a, part b, surface of a, surface of b"""
@@ -61,13 +61,13 @@ def facing_overlaps(scene: Scene, world: CollisionManager, sags: Sequence[Array]
             continue
         border = min(_perimeter(world.mesh(a), i), _perimeter(world.mesh(b), j))
         if region.area > (sags[a][i] + sags[b][j] + linear) * border:
-            why = f"planes {millimetres(depth)} into each other over {region.area * 1e6:.4g} mm²"
+            why = f"planes overlap by {millimetres(depth)} over {region.area * 1e6:.4g} mm²"
             found.append(PlaneOverlap((a, b, i, j), depth, why))
     return found
 
 
 def is_exact_overlap(pair: PairClass, shapes: Sequence[Shape], world: CollisionManager, sags: Sequence[Array]) -> bool:
-    """Whether two planar faces reach into each other deeper than `Tolerance.linear`, away from their curved borders."""
+    """Whether two planar faces overlap deeper than `Tolerance.linear`, away from their curved borders."""
     if pair.surfaces is None or pair.depth == 0.0:
         return False
     limit = world.tolerance.linear

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -61,9 +62,19 @@ class Shape:
     """what the reader had to say: open, faces lost or repaired, triangles dropped"""
 
 
+class Placing(Protocol):
+    """What moves parts: the state of a session."""
+
+    def pose(self, index: int) -> pin.SE3 | None:
+        """A copy of the pose of a part by its place in the scene; None while it is where the scene has it."""
+
+
 @dataclass(eq=False)
 class Part:
-    """One instance of a shape, somewhere in the scene. Only `pose` changes."""
+    """One instance of a shape, somewhere in the scene.
+
+    In a session `pose` is where the session has the part, and cannot be set: hands and forces move it there.
+    """
 
     name: str
     shape: Shape
@@ -73,6 +84,18 @@ class Part:
     density: float | None = None
     """kg/m³; None when the file gives none that is plausible"""
     fixed: bool = False
+    _placing: tuple[Placing, int] | None = field(default=None, init=False, repr=False)
+
+    def enter(self, session: Placing, index: int) -> None:
+        """From now on a session moves the part, which has that place in its scene."""
+        self._pose = _pose_of(self)
+        self._placing = (session, index)
+
+    def leave(self, session: Placing) -> None:
+        """The session is over: the part stays where that left it, unless another session has it by now."""
+        if self._placing is not None and self._placing[0] is session:
+            self._pose = _pose_of(self)
+            self._placing = None
 
     @property
     def mesh(self) -> SurfaceMesh:
@@ -91,6 +114,23 @@ class Part:
 
     def __repr__(self) -> str:
         return f"Part({self.name!r}, surfaces={len(self.surfaces)})"
+
+
+def _pose_of(part: Part) -> pin.SE3:
+    placed = None if part._placing is None else part._placing[0].pose(part._placing[1])
+    return part._pose if placed is None else placed
+
+
+def _set_pose(part: Part, pose: pin.SE3) -> None:
+    if getattr(part, "_placing", None) is not None:
+        raise VpframeError(
+            f"{part.name} is in a session, which alone moves its parts: use hand.move_to(pose), or set part.pose "
+            "before the session is opened or after it is closed"
+        )
+    part._pose = pose
+
+
+Part.pose = property(_pose_of, _set_pose, doc="Where the part is in the world.")  # type: ignore[assignment]
 
 
 class Scene(Mapping[str, Part]):
@@ -140,6 +180,11 @@ class Scene(Mapping[str, Part]):
             for shape, name in first.items()
             for note in shape.notes
         )
+
+    def copy(self) -> Scene:
+        """A scene of the same shapes, with parts of its own where these are now."""
+        parts = (replace(part, pose=part.pose.copy()) for part in self.parts)
+        return Scene(parts, self.source, self.notes)
 
     def __getitem__(self, name: str) -> Part:
         try:

@@ -1,4 +1,4 @@
-"""Lengths as people write them."""
+"""Lengths and times as people write them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,28 @@ METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6
 """metres a unit, wherever vpframe takes one"""
 NAMES = "m, cm, mm, um, in, ft"
 
-_LENGTH = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-zµμ]*)\s*")
+SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-zµμ]*)\s*")
 
 
 def length(text: str) -> float:
     """Metres of "0.5mm", "20 um" or "0.01in": not negative, finite, with its unit. Raises ValueError."""
-    match = _LENGTH.fullmatch(text)
-    if match is not None and not match[2]:
-        raise ValueError(f"{text!r} is not a length without its unit, one of {NAMES}: {match[1]}mm")
-    if match is None or match[2] not in METRES:
-        raise ValueError(f"{text!r} is not a length; write a number with one of {NAMES}: 0.5mm")
-    value = float(match[1]) * METRES[match[2]]
+    return _quantity(text, "length", METRES, f"{NAMES}: 0.5mm")
+
+
+def seconds(text: str) -> float:
+    """Seconds of "120s", "2 min", "1h" or "0.5" (seconds): not negative, finite. Raises ValueError."""
+    return _quantity(text, "time", SECONDS, "s, ms, min, h: 120s")
+
+
+def _quantity(text: str, what: str, units: dict[str, float], example: str) -> float:
+    match = _QUANTITY.fullmatch(text)
+    if match is not None and not match[2] and "" not in units:
+        raise ValueError(f"{text!r} is not a {what} without its unit, one of {example.replace('0.5', match[1])}")
+    if match is None or match[2] not in units:
+        raise ValueError(f"{text!r} is not a {what}; write a number with one of {example}")
+    value = float(match[1]) * units[match[2]]
     if not math.isfinite(value) or value < 0:
-        raise ValueError(f"{text!r} is not a length: it must be finite and not negative")
+        raise ValueError(f"{text!r} is not a {what}: it must be finite and not negative")
     return value

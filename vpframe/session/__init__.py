@@ -1,1 +1,1 @@
-"""A session: its state, its step, and what it tells."""
+"""A session: its state, its step, its events and observers."""

@@ -1,13 +1,13 @@
-"""Checkpoint and resume: a journal of what every step came to, with the whole state saved now and then.
+"""Checkpoint and resume: a journal of the changes of every step, with the whole state saved now and then.
 
 A task script holds its own place, so a run is resumed by running the script again from the start: up to the last
 save, each step's result is read from the journal instead of computed (and must have been asked for in the same way:
-same wishes of the hands, same requests); at the save the state is restored, and from there on steps are computed
+same targets of the hands, same decisions); at the save the state is restored, and from there on steps are computed
 as if nothing had happened. One file, appended to; a run killed in the middle of a write loses what follows its
 last save, nothing else.
 
 The file is a line that names the format, then records: a tag of four letters, the length and the CRC-32 of the
-content (uint32, little-endian), and the content, a value in the encoding of `vpframe.session.codec`. Nothing in it is
+content (uint32, little-endian), and the content, a value in the encoding of `vpframe.codec`. Nothing in it is
 run, and what does not fit the scene is refused.
 """
 
@@ -18,54 +18,25 @@ import hashlib
 import os
 import struct
 import zlib
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
 
-from constraints import kinds
-from constraints.geometry.surfaces import Cone, Cylinder, Freeform, Plane, Sphere, Torus
-from constraints.manager import Accepted, Change
-from constraints.recognition.candidate import Candidate, Match
-from physics import SpringHand
 from vpframe.app.outputs import CHECKPOINT, append, claimed
+from vpframe.codec import WRONG, CodecError
 from vpframe.errors import CheckpointError, OutputError
-from vpframe.hands.arguments import rigid
-from vpframe.session.codec import WRONG, Codec, CodecError, Packing
-from vpframe.session.events import ConstraintView
-from vpframe.session.step import Result
-
-if TYPE_CHECKING:
-    from vpframe.scene.scene import Scene
-    from vpframe.session.step import Engine, Request, Wish
+from vpframe.scene.scene import Scene
+from vpframe.session.readings import Readings
+from vpframe.session.state import CODEC, Changes, Decision, State, StateError
+from vpframe.session.step import HandTarget, Inputs, advance
 
 _MAGIC = b"vpframe journal 2\n"
 _OLD = b"vpframe journal 1\n"
 _HEADER = struct.Struct("<4sII")  # tag, length, crc32 of the payload
 _HEAD, _STEP, _SAVE = b"HEAD", b"STEP", b"SAVE"
-
-
-def _pose(rows: NDArray[np.float64]) -> pin.SE3:
-    if not isinstance(rows, np.ndarray) or rows.shape != (3, 4) or rows.dtype != np.float64:
-        raise ValueError("a pose is no (3, 4) matrix")
-    return rigid(pin.SE3(rows[:, :3], rows[:, 3]), "a pose")
-
-
-CODEC = Codec(
-    [
-        *(Plane, Cylinder, Cone, Sphere, Torus, Freeform, kinds.Line, kinds.Point, kinds.Circle),
-        *(kinds.Against, kinds.Angle, kinds.Belt, kinds.Concentric, kinds.Conical, kinds.Contact, kinds.Coplanar),
-        *(kinds.Distance, kinds.Fixed, kinds.Gear, kinds.Groove, kinds.Offset, kinds.Parallel, kinds.Perpendicular),
-        *(kinds.RackAndPinion, kinds.Screw, kinds.Spherical, kinds.Tangent, kinds.Toroidal),
-        *(Match, Candidate, Accepted, Change, ConstraintView, Result, SpringHand),
-    ],
-    {pin.SE3: Packing(lambda pose: np.ascontiguousarray(pose.homogeneous[:3]), _pose)},
-)
-"""What results and states are made of."""
 
 
 class Journal:
@@ -84,8 +55,8 @@ class Journal:
     ) -> None:
         self.path = Path(path)
         self.every = every
-        self.past: deque[bytes] = deque()
-        """steps yet to be replayed, in order, encoded"""
+        self._past: list[bytes] = []
+        self._at = 0  # in `_past`
         self.saved: bytes | None = None
         """the state after the last of them, encoded"""
         self._step = 0
@@ -100,9 +71,30 @@ class Journal:
             self._write(_HEAD, {"schema": CODEC.schema, "run": dict(run)})
 
     @property
+    def past(self) -> list[bytes]:
+        """Steps yet to be replayed, in order, encoded."""
+        return self._past[self._at :]
+
+    @property
+    def left(self) -> int:
+        """How many they are."""
+        return len(self._past) - self._at
+
+    @property
     def replaying(self) -> bool:
         """Whether steps still come from the file."""
-        return bool(self.past)
+        return self.left > 0
+
+    def mark(self) -> tuple[int, int, int]:
+        """Where the journal is, to `undo` what follows."""
+        return self._at, self._step, self._file.tell() if self._file.seekable() else -1
+
+    def undo(self, mark: tuple[int, int, int]) -> None:
+        """Go back to a mark: what was kept since is not in the file any more."""
+        self._at, self._step, end = mark
+        if end >= 0 and self._file.tell() != end:
+            self._file.truncate(end)
+            self._file.seek(end)
 
     def replay(self, digest: bytes) -> Any:
         """The next step's result, if it was asked for by the same `digest`.
@@ -111,7 +103,8 @@ class Journal:
         ------
         CheckpointError: the run asks for something else than it did when the journal was written, or it is damaged.
         """
-        payload = self.past.popleft()
+        payload = self._past[self._at]
+        self._at += 1
         self._step += 1
         with self.undamaged():
             asked, result = CODEC.decode(payload)
@@ -131,7 +124,7 @@ class Journal:
         return self._step % self.every == 0
 
     def save(self, state: Any) -> None:
-        """Keep the whole state after the last step."""
+        """Keep the whole state after the last step: `State.data`, in the bytes that `State.save` returns."""
         self._write(_SAVE, state)
 
     def restore(self) -> Any:
@@ -148,7 +141,7 @@ class Journal:
             raise
         except WRONG as error:
             what = " ".join(str(error).split()) or type(error).__name__
-            what = what if isinstance(error, CodecError) else f"damaged: {what}"
+            what = what if isinstance(error, CodecError | StateError) else f"damaged: {what}"
             raise CheckpointError(f"{self.path}: {what}; run it without --resume", str(self.path), self._step) from None
 
     def close(self) -> None:
@@ -199,7 +192,7 @@ class Journal:
                 steps.append(payload)
             elif tag == _SAVE:
                 self.saved, complete, end = payload, len(steps), at
-        self.past = deque(steps[:complete])
+        self._past = steps[:complete]
         return end
 
     def _same_run(self, head: Any, run: dict[str, str]) -> None:
@@ -226,39 +219,39 @@ def journal_of(path: str | os.PathLike[str], scene: Scene, run: Mapping[str, str
     return Journal(path, {**run, "model": model.hexdigest()}, resume)
 
 
-def digest_of(wishes: Iterable[Wish], requests: Iterable[Request]) -> bytes:
-    """What is asked of a step, in 16 bytes."""
+def digest_of(targets: Iterable[HandTarget], decisions: Iterable[Decision]) -> bytes:
+    """A digest of the inputs of a step, 16 bytes."""
     digest = hashlib.blake2b(digest_size=16)
-    for wish in wishes:
-        digest.update(wish.key())
-    for request in requests:
-        digest.update(repr(request).encode())
+    for target in targets:
+        digest.update(target.key())
+    for decision in decisions:
+        digest.update(repr(decision).encode())
     return digest.digest()
 
 
-def advance(
-    engine: Engine,
-    journal: Journal | None,
-    wishes: list[Wish],
-    requests: list[Request],
-    asked: Callable[[], list[Request]],
-) -> Result:
-    """A step of the engine: computed, and kept in the journal; or read from the journal, while that has more steps.
+def advance_or_replay(
+    state: State, readings: Readings, journal: Journal | None, given: Inputs, asked: Callable[[], list[Decision]]
+) -> Changes:
+    """One step: computed, and kept in the journal; or read from the journal, while that has more steps.
 
-    asked: what people at viewers ask for besides. That is theirs, not the script's: only the result holds what came of
+    asked: what people at viewers ask for besides. That is theirs, not the script's: only the changes hold what came of
     it, and while steps are replayed nobody is heard.
     """
     if journal is None:
-        return engine.advance(wishes, [*requests, *asked()])
-    digest = digest_of(wishes, requests)
+        changes = advance(state, readings, replace(given, decisions=[*given.decisions, *asked()]))
+        state.step += 1
+        return changes
+    digest = digest_of(given.targets, given.decisions)
     if journal.replaying:
-        result = journal.replay(digest)
+        changes = journal.replay(digest)
         with journal.undamaged():
-            engine.follow(result)
-            if not journal.replaying:
-                engine.restore(journal.restore())
-        return result
-    result = engine.advance(wishes, [*requests, *asked()])
-    if journal.append(digest, result):
-        journal.save(engine.state())
-    return result
+            state.follow(changes)
+            state.step += 1
+            if not journal.replaying and journal.saved is not None:
+                state.restore_data(journal.restore())
+        return changes
+    changes = advance(state, readings, replace(given, decisions=[*given.decisions, *asked()]))
+    state.step += 1
+    if journal.append(digest, changes):
+        journal.save(state.data())
+    return changes

@@ -11,40 +11,59 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CollisionManager, Tolerance
-from constraints.geometry.surfaces import Freeform
+from constraints.geometry.surfaces import Freeform, Geometry
 from constraints.kinds import Constraint
-from physics import Behaviour, Body, BodyError, Snapshot, SpringHand, World
+from physics import Behaviour, Body, BodyError, Material, Snapshot, SpringHand, World
+from physics.forces.behaviours import Touch
+from vpframe.codec import conforms
 from vpframe.scene.scene import Part, Scene
-from vpframe.session.codec import conforms
 
 Array = NDArray[np.float64]
 
 
-class Dynamics:
-    """A `physics.World` over the scene's parts, told what hands hold and which constraints are in force."""
+_Given = tuple[Body, tuple[Behaviour, ...], Mapping[int, Geometry], Material | str | None]
+"""what a part was given: mass, behaviours, surfaces known analytically, material"""
 
-    def __init__(self, scene: Scene, collision: CollisionManager, tolerance: Tolerance) -> None:
+
+class Dynamics:
+    """A `physics.World` over the scene's parts, with what hands hold and the constraints in force as joints."""
+
+    def __init__(self, scene: Scene, collision: CollisionManager, tolerance: Tolerance, gravity: Array) -> None:
         self.scene = scene
-        self.world = World(collision, tolerance)
+        self.world = World(collision, tolerance, gravity=gravity)
+        self._dt = 1.0
         self.bodies: set[int] = set()
         """parts that move under forces when no hand holds them"""
+        self._given: dict[int, _Given] = {}
         self._held: set[int] = set()
         self._springs: set[int] = set()
-        self._joined: tuple[int, ...] | None = None
+        self._joined: tuple[int, ...] = ()
+        """ids of the constraints that are the world's joints"""
+        self._known: tuple[int, ...] = ()
+        """what they were taken from: number of bodies, ids"""
 
-    def add(self, i: int, body: Body, behaviours: Sequence[Behaviour]) -> None:
-        """Give a part mass and behaviours."""
+    def add(self, i: int, body: Body, behaviours: Sequence[Behaviour], material: Material | str | None = None) -> None:
+        """Give a part mass, behaviours, and a material that says how it rubs and rebounds."""
         part = self.scene.parts[i]
         known = {s.index: s.geometry for s in part.surfaces if not isinstance(s.geometry, Freeform)}
-        self.world.add(i, body, behaviours, known)
+        self._given[i] = (body, tuple(behaviours), known, material)
+        self._add(i)
         self.bodies.add(i)
+
+    def _add(self, i: int) -> None:
+        body, behaviours, known, material = self._given[i]
+        self.world.add(i, body, behaviours, known, material=material)
 
     def join(self, constraints: Mapping[int, Constraint]) -> None:
         """The constraints in force, by id."""
-        ids = tuple(sorted(constraints))
+        known = (len(self.bodies), *constraints)
+        if known == self._known:
+            return
+        ids = tuple(i for i in sorted(constraints) if not self.bodies.isdisjoint(constraints[i].bodies))
         if ids != self._joined:
+            self.world.set_joints([constraints[i] for i in ids])
             self._joined = ids
-            self.world.set_joints([constraints[i] for i in ids if self.bodies & set(constraints[i].bodies)])
+        self._known = known
 
     def hold(self, carried: Mapping[int, pin.SE3], springs: Mapping[int, SpringHand]) -> None:
         """What hands hold in this step: `carried` to a pose that nothing can hinder, `springs` as far as they can."""
@@ -60,17 +79,13 @@ class Dynamics:
         for i, spring in sorted(springs.items()):
             self.world.hold(i, spring)
 
-    def step(self, dt: float) -> tuple[dict[int, pin.SE3], set[int]]:
-        """Go on by `dt` seconds: new poses of what moved, and which parts have come to rest."""
+    def step(self, dt: float) -> tuple[set[int], set[int]]:
+        """Go on by `dt` seconds: which parts are awake or held, and which have come to rest."""
+        self._dt = dt
         before = set(self.world.awake)
-        if not before and not self._held:
-            self.world.step(dt)
-            return {}, set()
         self.world.step(dt)
         after = set(self.world.awake)
-        moved = {i: self.world.pose(i) for i in sorted((before | after) - self._held)}
-        moved |= {i: self.world.pose(i) for i in sorted(self._held)}
-        return moved, before - after - self._held
+        return before | after | self._held, before - after - self._held
 
     def pull(self) -> dict[int, float]:
         """How hard (N) springs pulled in the last step on what they hold; other hands are as strong as need be."""
@@ -80,9 +95,39 @@ class Dynamics:
         """Parts that press on a part."""
         return tuple(sorted({touch.other for touch in self.world.touches(i)}))
 
+    def velocity(self, i: int) -> tuple[Array, Array]:
+        """(6,) velocity of a part's centre of mass and angular, world axes; (3,) that centre, part frame."""
+        return self.world.velocity(i), self._given[i][0].center
+
+    def touches(self, i: int) -> list[tuple[Touch, Array]]:
+        """Contact points of a part that press, and the force (3,) on it at each, N."""
+        return [(touch, touch.impulse / self._dt) for touch in self.world.touches(i)]
+
+    def mark(self) -> tuple[Any, ...]:
+        """What a step changes, to `undo` it."""
+        return self.world.mark(), self._held, self._springs, self._joined, self._known
+
+    def undo(self, mark: tuple[Any, ...]) -> None:
+        """Go back to a mark, whatever was interrupted since; collision goes back afterwards."""
+        world, self._held, self._springs, self._joined, self._known = mark
+        self.world.rollback(world)
+
+    def reset(self, constraints: Mapping[int, Constraint]) -> None:
+        """Begin anew with the same bodies, at rest where collision has them."""
+        self.world = World(self.world.collision, self.world.tolerance, gravity=self.world.gravity)
+        self._held, self._springs, self._joined, self._known = set(), set(), (), ()
+        for i in self._given:
+            self._add(i)
+        self.join(constraints)
+
     def state(self) -> dict[str, Any]:
-        """All that the next step depends on, as values that `vpframe.session.checkpoint.CODEC` knows."""
-        return {"world": dict(self.world.state().data), "held": self._held, "springs": self._springs}
+        """All that the next step depends on, as values that `vpframe.session.state.CODEC` encodes."""
+        return {
+            "world": dict(self.world.state().data),
+            "held": self._held,
+            "springs": self._springs,
+            "joined": list(self._joined),
+        }
 
     def restore(self, state: Mapping[str, Any], constraints: Mapping[int, Constraint]) -> None:
         """Go back to what `state` returned, in this or another process; the same parts have behaviours.
@@ -91,7 +136,10 @@ class Dynamics:
         ------
         ValueError, TypeError, LookupError: it is no such state, or of other parts.
         """
-        self.join(constraints)
+        joined = tuple(state["joined"])
+        if joined != self._joined:
+            self.world.set_joints([constraints[i] for i in joined])
+        self._joined, self._known = joined, ()
         self._require(state["world"])
         self.world.restore(Snapshot(state["world"]))
         self._held = set(state["held"])
@@ -154,12 +202,15 @@ class Dynamics:
             require(all(pose.shape == (4, 4) and np.isfinite(pose).all() for pose in poses.values()), "mechanisms")
 
 
-def body_of(part: Part, material: str | float | None, mass: float | None) -> Body:
+def body_of(part: Part, material: str | float | Material | None, mass: float | None) -> Body:
     """Mass properties of a part.
 
-    material: a name from `physics.DENSITY`, or kg/m³; without it the part's own density counts, else that of steel.
+    material: a `physics.Material`, a name from `physics.MATERIALS`, or kg/m³; without a density the part's own
+        counts, else that of steel.
     mass: kg; scales mass and inertia.
     """
+    if isinstance(material, Material) and material.density is None:
+        material = None
     density = material if material is not None else part.density if part.density is not None else "steel"
     shape = part.shape
     if shape.closed and shape.volume > 0.0:

@@ -1,22 +1,32 @@
-"""What a session tells its observers: one `Event` a happening, one `Frame` a step."""
+"""What observers get: `Event`s, and one read-only `Frame` a step."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from vpframe.session.session import Session
+from vpframe.scene.scene import Scene
 
 EVENT_KINDS = (
     "grabbed", "released", "collided", "parted", "recognised", "withdrawn", "accepted", "refused", "satisfied",
     "removed", "blocked", "landed", "expectation", "note",
 )  # fmt: skip
+
+
+class NewEvent(NamedTuple):
+    """An event without its time."""
+
+    kind: str
+    """one of EVENT_KINDS"""
+    parts: tuple[str, ...] = ()
+    surfaces: tuple[tuple[int, ...], ...] = ()
+    text: str = ""
+    data: Mapping[str, Any] = {}
 
 
 @dataclass(frozen=True)
@@ -58,9 +68,61 @@ class ConstraintView:
     why: str = ""
 
 
+@dataclass(frozen=True, eq=False)
+class ContactPoint:
+    """Where a part meets another one."""
+
+    other: str
+    """the other part"""
+    point: NDArray[np.float64]
+    """(3,) world, m"""
+    normal: NDArray[np.float64]
+    """(3,) world, unit, towards the part; 0 where two edges touch"""
+    force: NDArray[np.float64] | None
+    """(3,) world, N, on the part; None where a hand carries the part, against which no force counts"""
+
+
+class Poses(Mapping[str, pin.SE3]):
+    """Poses by part name, by value: each access returns a pose of its own.
+
+    numbers: place of each part. rows: (n, 12) rotation by rows, translation in m; they are made read-only.
+    """
+
+    def __init__(self, numbers: Mapping[str, int], rows: NDArray[np.float64]) -> None:
+        rows.setflags(write=False)
+        self._numbers = numbers
+        self.rows = rows
+
+    @classmethod
+    def of(cls, poses: Mapping[str, pin.SE3]) -> Poses:
+        """Copies of these."""
+        rows = [np.append(pose.rotation.ravel(), pose.translation) for pose in poses.values()]
+        return cls({name: i for i, name in enumerate(poses)}, np.array(rows).reshape(-1, 12))
+
+    def __getitem__(self, name: str) -> pin.SE3:
+        row = self.rows[self._numbers[name]]
+        return pin.SE3(row[:9].reshape(3, 3), row[9:])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._numbers)
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+
+def moved(before: Mapping[str, pin.SE3], now: Mapping[str, pin.SE3]) -> list[str]:
+    """The parts whose poses are not the same in two mappings, or are in the second only."""
+    if isinstance(before, Poses) and isinstance(now, Poses) and before.rows.shape == now.rows.shape:
+        if before.rows is now.rows:
+            return []
+        names = list(now)
+        return [names[i] for i in np.flatnonzero((before.rows != now.rows).any(axis=1)).tolist()]
+    return [name for name, pose in now.items() if name not in before or before[name] != pose]
+
+
 @dataclass(frozen=True)
 class Frame:
-    """The state after one step, by value: observers may keep it."""
+    """The state after one step, by value: observers may keep it, and change nothing by it."""
 
     step: int
     time: float
@@ -84,10 +146,14 @@ class Frame:
 
 
 class Observer(Protocol):
-    """Viewer, recorder, report: reads frames, changes nothing. Exceptions in an observer end it, not the session."""
+    """Viewer, recorder, report: reads frames, changes nothing.
 
-    def begin(self, session: Session) -> None:
-        """Called once, before the first step; geometry is known and does not change."""
+    One that raises is ended and taken out, and a note says so; the session goes on. One that has an attribute
+    `controls` (`vpframe.view.controls.Controls`) may ask through it: pause, step, accept, refuse, remove.
+    """
+
+    def begin(self, scene: Scene) -> None:
+        """Called once, before the first step, with a copy of the scene: names, meshes, colours, poses; metres."""
 
     def frame(self, frame: Frame) -> None:
         """Called after each step, in order."""
@@ -102,7 +168,7 @@ class Frames:
     def __init__(self) -> None:
         self.frames: list[Frame] = []
 
-    def begin(self, session: Session) -> None:
+    def begin(self, scene: Scene) -> None:
         """Nothing to prepare."""
 
     def frame(self, frame: Frame) -> None:

@@ -2,44 +2,41 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from vpframe.hands.arguments import as_pose
+from vpframe.hands.workplace import Workplace
+from vpframe.scene.boxes import middle
 from vpframe.scene.scene import Part
 from vpframe.scene.symmetry import symmetry_of
-
-if TYPE_CHECKING:
-    from vpframe.session.session import Session
 
 Verdict = tuple[bool, str]
 
 
-def constraint(session: Session, kind: str, a: str, b: str) -> Verdict:
+def constraint(session: Workplace, kind: str, a: str, b: str) -> Verdict:
     """Of an active constraint of that kind between two parts."""
     have = [c.kind for c in session.constraints_of(a) if session.scene[b].name in c.parts]
     found = "" if kind in have else f" (there is: {', '.join(have) or 'none'})"
     return kind in have, f"{kind} between {a} and {b}{found}"
 
 
-def freedom(session: Session, part: str, n: int) -> Verdict:
+def freedom(session: Workplace, part: str, n: int) -> Verdict:
     """Of the degrees of freedom that a part has left."""
     have = session.freedom(part)
     return have == n, f"{part} has {n} degrees of freedom" + (f" (it has {have})" if have != n else "")
 
 
-def free(session: Session, part: str) -> Verdict:
+def free(session: Workplace, part: str) -> Verdict:
     """Of a part that no constraint holds and that touches nothing."""
     held = ", ".join(c.kind for c in session.constraints_of(part))
     touched = ", ".join(session.touching(part))
-    why = "; ".join([f"held by {held}"] * bool(held) + [f"touches {touched}"] * bool(touched))
+    why = "; ".join([f"constrained: {held}"] * bool(held) + [f"touches {touched}"] * bool(touched))
     return not why, f"{part} is free" + (f" ({why})" if why else "")
 
 
-def no_clash(session: Session) -> Verdict:
+def no_clash(session: Workplace) -> Verdict:
     """Of no surfaces that intersect but mated ones and authorised pairs."""
     rows = session.clashes()
     found = ""
@@ -50,7 +47,7 @@ def no_clash(session: Session) -> Verdict:
     return not found, f"no clash{found}"
 
 
-def at(session: Session, part: str, pose: pin.SE3 | ArrayLike, within: float, angle: float) -> Verdict:
+def at(session: Workplace, part: str, pose: pin.SE3 | ArrayLike, within: float, angle: float) -> Verdict:
     """Of a part at a pose (or position), within metres and radians: its centre, and what shows of its rotation.
 
     A position is where the origin of the part's frame is; rotation is not compared then. It is the place of the part as
@@ -62,7 +59,7 @@ def at(session: Session, part: str, pose: pin.SE3 | ArrayLike, within: float, an
     far = float(np.linalg.norm(goal.act(centre) - here.act(centre)))
     named = f"{part} within {within * 1e3:g} mm of its place"
     if not isinstance(pose, pin.SE3) and np.shape(pose) == (3,):
-        begun = pin.SE3(session.log.start.get(part, here).rotation, goal.translation)
+        begun = pin.SE3(session.start.get(part, here).rotation, goal.translation)
         far = min(far, float(np.linalg.norm(begun.act(centre) - here.act(centre))))
         return far <= within, f"{named} (its centre is {far * 1e3:.3f} mm off; rotation is not compared)"
     turned, way = float(np.linalg.norm(pin.log3(goal.rotation.T @ here.rotation))), ""
@@ -78,5 +75,4 @@ def _centre(part: Part) -> NDArray[np.float64]:
     """(3,) m, part frame: centre of volume, of an open mesh that of its box."""
     if part.shape.closed and part.shape.volume > 0.0:
         return np.asarray(part.shape.center)
-    used = part.mesh.vertices[np.unique(part.mesh.triangles)]
-    return 0.5 * (used.min(0) + used.max(0))
+    return middle(part.mesh)

@@ -8,10 +8,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from types import FrameType
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from vpframe.session.session import Session
+from typing import Protocol
 
 AGAIN = 0.02
 """s until a Ctrl-C that came where it would be lost is tried again"""
@@ -46,7 +43,33 @@ def handled() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def between_steps(session: Session) -> Iterator[None]:
+def deferred() -> Iterator[None]:
+    """Ctrl-C inside is handled at the end."""
+    ours = threading.current_thread() is threading.main_thread()
+    before = signal.getsignal(signal.SIGINT) if ours else None
+    if before is None:  # not ours to handle
+        yield
+        return
+    came: list[tuple[int, FrameType | None]] = []
+    signal.signal(signal.SIGINT, lambda number, frame: came.append((number, frame)))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if came and callable(before):
+            before(*came[0])
+
+
+class Interruptible(Protocol):
+    """A run of steps."""
+
+    @property
+    def compiling(self) -> bool: ...
+    def interrupt(self) -> None: ...
+
+
+@contextlib.contextmanager
+def between_steps(session: Interruptible) -> Iterator[None]:
     """The first Ctrl-C ends the run between two steps, or at once while a kernel is compiled; a second one at once."""
     if threading.current_thread() is not threading.main_thread():  # whoever runs it handles signals
         yield

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from vpframe.app.progress import bar, duration
-from vpframe.hands.hand import Hand
+from vpframe.hands.gripper import Gripper
 
 STEPS = 61
 """beats over which the pace is taken"""
@@ -35,15 +35,15 @@ def catching_up(steps: int, left: int, pace: Pace) -> str:
     return f"going over the steps of the earlier run  {bar(steps / max(steps + left, 1), pace.seconds * steps)}"
 
 
-def under_way(time: float, dt: float, hands: Iterable[Hand], pace: Pace, ending: bool) -> str:
-    """Where a run stands: time, strokes, and how long these will take at the pace so far."""
+def under_way(time: float, dt: float, hands: Iterable[Gripper], pace: Pace, ending: bool) -> str:
+    """Where a run stands: time, motions, and how long these will take at the pace so far."""
     parts = [f"{time:.2f} s of the task"]
     for hand in hands:
-        stroke = hand.stroke
-        if stroke is not None and stroke.path.duration > 0.0:
-            done = min(hand.clock / stroke.path.duration, 1.0)
-            ahead = stroke.path.duration * (1.0 - done) / dt * pace.seconds
-            at_most = "at most " if stroke.until is not None else ""
+        segment = hand.segment
+        if segment is not None and segment.path.duration > 0.0:
+            done = min(hand.clock / segment.path.duration, 1.0)
+            ahead = segment.path.duration * (1.0 - done) / dt * pace.seconds
+            at_most = "at most " if segment.until is not None else ""
             parts.append(f"{hand.doing} {100 * done:.0f} %, {at_most}{duration(ahead)} left")
     if ending:
         parts.append("ending after this step (Ctrl-C again: at once)")

@@ -1,8 +1,6 @@
 """`Session`: a scene, hands, and the loop that joins collision, constraints and physics step by step.
 
-One step: the hands' wishes -> contacts -> candidates and accepted constraints -> allowed motion -> what is free moves
-under its forces -> new poses -> observers. The numerics are in `vpframe.session.step`; this file is what a script
-talks to.
+What changes is in `vpframe.session.state`, one step in `vpframe.session.step`; this file is what a script talks to.
 """
 
 from __future__ import annotations
@@ -14,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,29 +20,35 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from collision import Tolerance
+from constraints.recognition.candidate import Candidate
 from vpframe.app.progress import Watch
 from vpframe.app.script_errors import ON_REQUEST, in_one_line, place
 from vpframe.errors import CheckpointError, OutputError, TaskError, VpframeError
-from vpframe.hands.arguments import FAR, as_pose, metres
+from vpframe.hands.arguments import FAR, as_pose, metres, vector
 from vpframe.hands.conditions import Condition
 from vpframe.hands.driver import drive
-from vpframe.hands.hand import Hand, Outcome
-from vpframe.hands.reach import above, bounds, half_size
+from vpframe.hands.gripper import Gripper
+from vpframe.hands.hand import Hand
+from vpframe.hands.segment import Outcome
 from vpframe.report.log import SessionLog
+from vpframe.scene.boxes import above, bounds, half_size
 from vpframe.scene.scene import Part, Scene
 from vpframe.session import expectations
-from vpframe.session.checkpoint import Journal, advance, journal_of
-from vpframe.session.events import ConstraintView, Event, Frame, Observer
-from vpframe.session.observers import Audience, recorders, viewers
+from vpframe.session.checkpoint import Journal, advance_or_replay, journal_of
+from vpframe.session.events import ConstraintView, ContactPoint, Event, Frame, Observer, Poses
+from vpframe.session.interrupts import deferred
+from vpframe.session.observers import Observers, recorders, viewers
 from vpframe.session.pace import Pace, catching_up, under_way
+from vpframe.session.readings import Readings
 from vpframe.session.rules import Rule, accept_all
-from vpframe.session.statements import ContradictionError, Place, limits, state
-from vpframe.session.step import Engine, Request, Result, Wish
+from vpframe.session.state import Changes, Decision, State
+from vpframe.session.statements import ContradictionError, Place, limits, stated
+from vpframe.session.step import DecisionError, HandTarget, Inputs
 from vpframe.session.trails import Trails
 from vpframe.text import in_part_names
 
 if TYPE_CHECKING:
-    from physics import Behaviour
+    from physics import Behaviour, Material
     from vpframe.hands.verbs import Verb
     from vpframe.report.swept import SweptVolume
 
@@ -56,6 +61,8 @@ class Session:
     scene: the parts; their poses are what the session moves.
     viewer: None, "meshcat", or any `Observer`.
     record: None, a `.rrd` file to write (an `Output` to say what it may replace), or any `Observer`.
+    gravity: (3,) m/s², e.g. (0, 0, -9.81): acts on every part that `behave` gives mass, as long as it is free and has
+        no `Gravity` of its own. None: there is none.
     rule: who accepts candidate constraints (see `vpframe.session.rules`); by default all are accepted.
     dt: s, length of a step.
     tolerance: what counts as touching, parallel, fitting.
@@ -73,6 +80,7 @@ class Session:
         viewer: str | Observer | None = None,
         record: str | os.PathLike[str] | Observer | None = None,
         *,
+        gravity: ArrayLike | None = None,
         rule: Rule = accept_all,
         dt: float = 1.0 / 60.0,
         tolerance: Tolerance | None = None,
@@ -91,26 +99,28 @@ class Session:
         self.name = name
         self.dt = float(dt)
         self.tolerance = tolerance or Tolerance()
-        self.step_count = 0
-        self.engine = Engine(scene, self.tolerance, self.dt, rule, clearance)
+        self.rule = rule
+        pull = vector((0.0, 0.0, 0.0) if gravity is None else gravity, "gravity")
+        self.state = State(scene, self.tolerance, pull, self._judge, self._make_hand)
+        """all that changes: `save`, `restore`, `reset`"""
+        self._readings = Readings(self.state)
+        self.state.on_change(self._forget)
         self.log = SessionLog()
-        """what the report tells"""
+        """collects what the report shows"""
         everyone = [self.log, *viewers(viewer), *recorders(record), *observers]
-        self._audience = Audience(everyone, lambda: (self.step_count, self.time))
+        self._observers = Observers(everyone, lambda: (self.step_count, self.time))
         self.failure = ""
         """why the task cannot be done; empty while nothing says so"""
         self.undecided = "the task has not ended"
-        """why nothing can be said of the task; empty once it has ended, by itself or by a failure"""
+        """why the task is not decided; empty once it has ended, by itself or by a failure"""
         self.complete = False
         """whether the task ran to its end"""
         self._concluded = False
         self._handled = sys.exc_info()[1]  # not of this session: it is opened while that error is dealt with
-        self._requests: list[Request] = []
-        self._hands: dict[str, Hand] = {}
         self._queues: dict[str, deque[Verb]] | None = None
         self._watch = Watch(self._standing, always=True)
         self._frame: Frame | None = None
-        self._result: Result | None = None
+        self._changes: Changes | None = None
         self._sizes: dict[str, float] = {}
         self._bounds: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._swept: list[str] = []
@@ -127,9 +137,19 @@ class Session:
     # ---- the loop
 
     @property
+    def step_count(self) -> int:
+        """How many steps there were."""
+        return self.state.step
+
+    @property
     def time(self) -> float:
         """s since the session began."""
         return self.step_count * self.dt
+
+    @property
+    def start(self) -> Mapping[str, pin.SE3]:
+        """Poses of all parts when the first step began, by name; empty before."""
+        return self.log.start
 
     @property
     def frame(self) -> Frame | None:
@@ -139,15 +159,17 @@ class Session:
     @property
     def events(self) -> tuple[Event, ...]:
         """All that has happened, in order."""
-        return tuple(self._audience.events)
+        return tuple(self._observers.events)
 
     @property
     def observers(self) -> list[Observer]:
         """Who watches: the report's log, viewer and recorder, and those that were given; one that failed is gone."""
-        return self._audience.observers
+        return self._observers.observers
 
     def step(self) -> Frame:
-        """One step of `dt` seconds: every hand goes on with its stroke, everything else follows.
+        """Advance the session by one step of `dt` seconds, and return its frame.
+
+        What fails or is interrupted changes nothing (see `vpframe.session.step`).
 
         Raises
         ------
@@ -159,25 +181,76 @@ class Session:
             raise KeyboardInterrupt
         with self._watch:
             self._begin()
-        room = None if self._result is None else self._result.clearance
-        careful = any(hand.held is not None and hand.assist.slow_within > 0.0 for hand in self._hands.values())
-        self.engine.measure_clearance = self._shows_clearance or careful
-        wishes = []
-        for hand in self._hands.values():
+            self._observers.tell()
+            self.state.start()
+            self._advance()
+            self._observers.tell()
+        assert self._frame is not None
+        return self._frame
+
+    def _advance(self) -> None:
+        """Go through one step and commit it; or, whatever happens meanwhile, be where it began, to the bit."""
+        mark = self._mark()
+        committed = False
+        try:
+            offered = () if self._changes is None else self._changes.constraints
+            given = self._inputs()
+            decided = {decision.id for decision in given.decisions}
+            with in_part_names(self.scene):
+                changes = advance_or_replay(
+                    self.state, self._readings, self._journal, given, lambda: self._observers.asked(offered, decided)
+                )
+            self._commit(changes)
+            committed = True
+        except BaseException as error:
+            if not committed:
+                with deferred():
+                    self._undo(mark)
+                    if isinstance(error, DecisionError):  # else no step could ever be made again
+                        kept = (d for d in self.state.decisions if d is not error.decision)
+                        self.state.decisions = tuple(kept)
+            raise
+        self._observers.heard()
+        self._pace.beat()
+
+    def _inputs(self) -> Inputs:
+        """What the hands ask for in the next step, and what the script has decided."""
+        room = None if self._changes is None else self._changes.clearance
+        hands = self.state.hands.values()
+        careful = any(hand.held is not None and hand.assist.slow_within > 0.0 for hand in hands)
+        targets = []
+        for hand in hands:
             wanted = hand.desire(self.dt, hand.assist.rate(room))
             if hand.held is not None:
-                wishes.append(
-                    Wish(hand.held, wanted, hand.carried, hand.assist.snap, hand.assist.snap_angle, hand.spring)
-                )
-        requests, self._requests = self._requests, []
-        with self._watch:
-            offered = () if self._result is None else self._result.constraints
-            with in_part_names(self.scene):
-                result = advance(self.engine, self._journal, wishes, requests, lambda: self._audience.asked(offered))
-        self.step_count += 1
-        self._pace.beat()
-        self._take_in(result)
-        return self._publish(result)
+                assist = hand.assist
+                targets.append(HandTarget(hand.held, wanted, hand.carried, assist.snap, assist.snap_angle, hand.spring))
+        decisions, self.state.decisions = self.state.decisions, ()
+        return Inputs(targets, decisions, self.dt, self._shows_clearance or careful)
+
+    def _commit(self, changes: Changes) -> None:
+        """Make a step part of what was: trails, events, frame."""
+        self._changes = changes
+        for name, pose in changes.poses.items():
+            self._trails.add(self.step_count, self._numbers[name], pose)
+        for hand in self.state.hands.values():
+            hand.stopped_by = changes.blocked.get(hand.held, "") if hand.held else ""
+        for event in changes.events:
+            self._observers.record(event)
+        self._frame = self._frame_of(changes)
+        self._observers.show(self._frame)
+
+    def _mark(self) -> tuple[Any, ...]:
+        journal = None if self._journal is None else self._journal.mark()
+        return self.state.mark(), self._trails.mark(), self._observers.mark(), journal, self._changes, self._frame
+
+    def _undo(self, mark: tuple[Any, ...]) -> None:
+        state, trails, observers, journal, changes, frame = mark
+        self.state.undo(state)
+        self._changes, self._frame = changes, frame
+        self._trails.undo(trails)
+        self._observers.undo(observers)
+        if self._journal is not None:
+            self._journal.undo(journal)
 
     def run(self, seconds: float) -> None:
         """Let `seconds` pass."""
@@ -198,7 +271,7 @@ class Session:
         A person's pause ends too.
         """
         self._stop = True
-        self._audience.play()
+        self._observers.play()
 
     @property
     def compiling(self) -> bool:
@@ -210,7 +283,8 @@ class Session:
         if self._queues is not None:
             self._queues.setdefault(hand.name, deque()).append(verb)
             return Outcome(True, "queued until the end of `together`", self.time)
-        return drive(self._hands, {hand.name: deque([verb])}, self.step)[hand.name]
+        self.state.hands.setdefault(hand.name, hand)
+        return drive(self.state.hands, {hand.name: deque([verb])}, self.step)[hand.name]
 
     @contextmanager
     def together(self) -> Iterator[None]:
@@ -223,74 +297,82 @@ class Session:
             queues = self._queues
         finally:
             self._queues = None
-        drive(self._hands, queues, self.step)
+        drive(self.state.hands, queues, self.step)
 
     def _begin(self) -> None:
         if self._begun:
             return
-        self._begun = True
         self._pace.beat()
+        self._trails.undo((0, 0))  # this may have been interrupted before
         for i, part in enumerate(self.scene.parts):
             self._trails.add(0, i, part.pose)
-        self._audience.begin(self)
+        self._observers.begin(self.scene)
+        self._begun = True
 
-    def _take_in(self, result: Result) -> None:
-        self._result = result
-        for name, pose in result.poses.items():
-            self.scene[name].pose = pose
-            self._trails.add(self.step_count, self._numbers[name], pose)
-        for hand in self._hands.values():
-            hand.stopped_by = result.blocked.get(hand.held, "") if hand.held else ""
-        for happening in result.happenings:
-            self._audience.happened(*happening)
-
-    def _publish(self, result: Result) -> Frame:
-        self._frame = Frame(
+    def _frame_of(self, changes: Changes) -> Frame:
+        changes.colliding.setflags(write=False)
+        hands = self.state.hands.values()
+        last = None if self._frame is None else self._frame.poses
+        still = not changes.poses and isinstance(last, Poses)
+        poses = last if still else Poses(self._numbers, self.state.collision.packed_poses())
+        assert poses is not None
+        return Frame(
             step=self.step_count,
             time=self.time,
-            poses={name: part.pose for name, part in self.scene.items()},
-            colliding=result.colliding,
-            constraints=result.constraints,
-            freedom=result.freedom,
-            joint=result.joint,
-            clearance=result.clearance if self._shows_clearance else None,
-            timings={**result.timings, "observers": self._audience.seconds},
-            held=tuple(hand.held for hand in self._hands.values() if hand.held),
-            hands={hand.name: pin.SE3(hand.pose) for hand in self._hands.values()},
-            script="; ".join(hand.doing for hand in self._hands.values() if hand.doing),
-            events=self._audience.news(),
+            poses=poses,
+            colliding=changes.colliding,
+            constraints=changes.constraints,
+            freedom=MappingProxyType(changes.freedom),
+            joint=MappingProxyType(changes.joint),
+            clearance=changes.clearance if self._shows_clearance else None,
+            timings={**changes.timings, "observers": self._observers.seconds},
+            held=tuple(hand.held for hand in hands if hand.held),
+            hands=Poses.of({hand.name: hand.pose for hand in hands}),
+            script="; ".join(hand.doing for hand in hands if hand.doing),
+            events=self._observers.news(),
         )
-        self._audience.show(self._frame)
-        return self._frame
+
+    def _judge(self, candidate: Candidate) -> bool | None:
+        """The rule's word on mates that a hand makes or that the assembly has; what fell into place is offered."""
+        if self.state.started and self.state.held.isdisjoint(candidate.bodies):
+            return None
+        verdict = self.rule(self._readings.view(-1, candidate, "candidate"))
+        return None if verdict is None else verdict == "accept"
 
     # ---- hands
 
     def hand(self, name: str = "hand", at: pin.SE3 | ArrayLike | None = None) -> Hand:
         """The hand of that name; at first use it is made, at a world pose or position (over the scene by default)."""
-        if name not in self._hands:
+        hands = self.state.hands
+        if name not in hands:
             here = pin.SE3(np.eye(3), above(self.scene)) if at is None else as_pose(at, pin.SE3.Identity())
-            self._hands[name] = Hand(self, name, here)
-        elif at is not None:
+            return self._make_hand(name, here)
+        if at is not None:
             raise TaskError(f"{name} exists already; move it with {name}.move_to")
-        return self._hands[name]
+        hand = hands[name]
+        assert isinstance(hand, Hand)
+        return hand
 
-    def holder(self, part: str) -> Hand | None:
+    def _make_hand(self, name: str, pose: pin.SE3) -> Hand:
+        self.state.hands[name] = hand = Hand(self, name, pose)
+        return hand
+
+    def holder(self, part: str) -> Gripper | None:
         """The hand that holds (or carries) a part."""
-        return next((h for h in self._hands.values() if h.held == part or part in h.carried), None)
+        return next((h for h in self.state.hands.values() if h.held == part or part in h.carried), None)
 
-    def note_grab(self, hand: Hand) -> None:
-        """Called by a hand that has closed on a part."""
+    def note_grab(self, hand: Hand, named: str = "") -> None:
+        """Called by a hand that has closed on a part, or on a subassembly of that name."""
         assert hand.held is not None
-        faces = ", ".join(map(str, hand.surfaces))
-        extra = f", carrying {', '.join(hand.carried)}" if hand.carried else ""
-        self._audience.happened(
-            "grabbed", (hand.held,), (hand.surfaces,), f"{hand.name} holds {hand.held} by surfaces {faces}{extra}", {}
-        )
+        by = f" by surfaces {', '.join(map(str, hand.surfaces))}"
+        text = f"{hand.name} holds {hand.holding(named, by)}"
+        data = {"named": named or hand.held, "carried": list(hand.carried)}
+        self._observers.happened("grabbed", (hand.held,), (hand.surfaces,), text, data)
 
     def note_release(self, hand: Hand) -> None:
         """Called by a hand about to open."""
         assert hand.held is not None
-        self._audience.happened("released", (hand.held,), (), f"{hand.name} lets go of {hand.held}", {})
+        self._observers.happened("released", (hand.held,), (), f"{hand.name} lets go of {hand.held}", {})
 
     # ---- what is so
 
@@ -305,7 +387,7 @@ class Session:
         return self._constraints("candidate")
 
     def _constraints(self, state: str) -> tuple[ConstraintView, ...]:
-        known = self.engine.views() if self._result is None else self._result.constraints
+        known = self._readings.views() if self._changes is None else self._changes.constraints
         return tuple(c for c in known if c.state == state)
 
     def constraints_of(self, part: str) -> tuple[ConstraintView, ...]:
@@ -318,7 +400,7 @@ class Session:
         me = self.scene.index(part)
         found: dict[str, set[int]] = {}
         names = self.scene.names
-        for a, sa, b, sb in () if self._result is None else self._result.touching.tolist():
+        for a, sa, b, sb in self._touching().tolist():
             if me in (a, b):
                 other, surface = (b, sb) if a == me else (a, sa)
                 found.setdefault(names[other], set()).add(surface)
@@ -326,32 +408,49 @@ class Session:
 
     def freedom(self, part: str) -> int:
         """Degrees of freedom left to a part by the active constraints (0 when it is fixed)."""
-        return self.engine.freedom(self.scene.index(part))[0]
+        return self._readings.freedom(self.scene.index(part))[0]
 
     def joint(self, part: str) -> str:
         """The lower pair that the active constraints leave a part, by name ("free", "cylindrical", "revolute", …)."""
-        return self.engine.freedom(self.scene.index(part))[1]
+        return self._readings.freedom(self.scene.index(part))[1]
 
     def clearance(self, part: str, other: str | None = None) -> float:
         """Least distance (m) of a part to another, or to all it is not constrained to; inf if there are none."""
         i = self.scene.index(part)
         if other is not None:
             with in_part_names(self.scene):
-                return self.engine.clearance(i, [self.scene.index(other)])
+                return self._readings.clearance(i, [self.scene.index(other)])
         mates = {self.scene.index(name) for c in self.constraints_of(part) for name in c.parts}
         carried = {
             self.scene.index(n)
-            for h in self._hands.values()
+            for h in self.state.hands.values()
             if part in (h.held, *h.carried)
             for n in (h.held, *h.carried)
             if n
         }
         with in_part_names(self.scene):
-            return self.engine.clearance(i, [j for j in range(len(self.scene)) if j not in mates | carried | {i}])
+            return self._readings.clearance(i, [j for j in range(len(self.scene)) if j not in mates | carried | {i}])
+
+    def velocity(self, part: str) -> pin.Motion:
+        """Twist of a part's frame in world axes, m/s at its origin and rad/s, after the last step."""
+        return self._readings.velocity(self.scene.index(part), self.dt)
+
+    def contacts(self, part: str) -> tuple[ContactPoint, ...]:
+        """Where a part meets others, mated surfaces left out; with the force where forces move it."""
+        return self._readings.contacts(self.scene.index(part))
 
     def clashes(self) -> NDArray[np.int32]:
         """(k, 4) object, surface, object, surface that intersect now, mated surfaces and authorised pairs left out."""
-        return np.zeros((0, 4), np.int32) if self._result is None else self._result.colliding
+        return self.state.colliding if self._changes is None else self._changes.colliding
+
+    def _touching(self) -> NDArray[np.int32]:
+        if self._changes is not None:
+            return self._changes.touching
+        return self._readings.near_pairs() if self.state.started else np.zeros((0, 4), np.int32)
+
+    def _forget(self) -> None:
+        """Drop the changes of the last step: the state has gone back."""
+        self._changes = None
 
     def half_size(self, part: str) -> float:
         """Half the diagonal of a part's bounding box, m."""
@@ -369,7 +468,7 @@ class Session:
     def pitch_of(self, part: str) -> float | None:
         """m a turn, of the thread that holds a part, negative for a left-hand one: from `thread`, else from a screw
         constraint; None if neither tells."""
-        return self.engine.pitch_of(self.scene.index(part))
+        return self._readings.pitch_of(self.scene.index(part))
 
     def trail(self, part: str) -> tuple[tuple[int, pin.SE3], ...]:
         """(step, pose) whenever the part moved, from step 0 on."""
@@ -386,15 +485,18 @@ class Session:
         break_distance: m; a pull farther than this ends it, `Tolerance.break_distance` if not given.
         break_force: N; a spring (`hand.spring`) that pulls harder ends it; other hands have no measure of force.
         """
-        self._requests.append(Request("accept", candidate.id, limits("accept", break_distance, break_force)))
+        self._decide(Decision("accept", candidate.id, limits("accept", break_distance, break_force)))
+
+    def _decide(self, decision: Decision) -> None:
+        self.state.decisions = (*self.state.decisions, decision)
 
     def refuse(self, candidate: ConstraintView) -> None:
         """Refuse a candidate; it is not offered again until the parts have parted."""
-        self._requests.append(Request("refuse", candidate.id))
+        self._decide(Decision("refuse", candidate.id))
 
     def remove(self, constraint: ConstraintView) -> None:
         """Drop an active constraint."""
-        self._requests.append(Request("remove", constraint.id))
+        self._decide(Decision("remove", constraint.id))
 
     def constrain(
         self,
@@ -419,11 +521,11 @@ class Session:
         bears = limits("constrain", break_distance, break_force)
         try:
             with in_part_names(self.scene):
-                request, view = state(self.engine, self._requests, kind, a, b, parameters, bears)
+                decision, view = stated(self.state, self._readings, kind, a, b, parameters, bears)
         except ContradictionError as error:
-            self._audience.happened("refused", error.parts, (), str(error), {"constraint": kind, "off": error.off})
+            self._observers.happened("refused", error.parts, (), str(error), {"constraint": kind, "off": error.off})
             raise
-        self._requests.append(request)
+        self._decide(decision)
         return view
 
     def thread(self, part: str, pitch: float) -> None:
@@ -432,19 +534,31 @@ class Session:
             raise TaskError(f"thread({part!r}, {pitch!r}): the pitch is metres a turn, negative for a left-hand thread")
         size = 2.0 * self.half_size(part)
         metres(pitch, f"thread({part!r}, {pitch!r})", part, size, FAR * size)
-        self.engine.threads[self.scene.index(part)] = float(pitch)
+        self.state.threads = {**self.state.threads, self.scene.index(part): float(pitch)}
 
     def authorise(self, a: str, b: str) -> None:
         """Let two parts overlap (a press fit, a seal): they neither clash nor block each other."""
-        self.engine.authorise(self.scene.index(a), self.scene.index(b))
+        self.state.authorise(self.scene.index(a), self.scene.index(b))
+
+    @property
+    def authorised(self) -> list[tuple[str, str]]:
+        """Pairs of parts that may overlap, by name."""
+        return [(self.scene.names[a], self.scene.names[b]) for a, b in self.state.authorised]
 
     def behave(
-        self, part: str, *behaviours: Behaviour, material: str | float | None = None, mass: float | None = None
+        self,
+        part: str,
+        *behaviours: Behaviour,
+        material: str | float | Material | None = None,
+        mass: float | None = None,
     ) -> None:
-        """Give a part behaviours (`physics.Gravity()`, `physics.Elastic(0.6)`, …): with them it moves under forces
-        whenever no hand holds it, and stands on, bounces off and slides along the other parts.
+        """Give a part mass, so that forces move it whenever no hand holds it: it stands on, bounces off and slides
+        along the other parts.
 
-        material: a name from `physics.DENSITY` or kg/m³; the part's own density, else steel, if not given. mass: kg.
+        behaviours: forces (`vp.Drag()`, `vp.Gravity()` where the session has none, …) and how it meets others
+        (`vp.Friction(0.3)`, `vp.Elastic(0.6)`), which come before those of the material.
+        material: a `vp.Material` or a name from `vp.MATERIALS` (density, friction, restitution), or kg/m³; without a
+        density the part's own counts, else that of steel. mass: kg.
         """
         i = self.scene.index(part)
         if self.scene[part].fixed:
@@ -453,9 +567,13 @@ class Session:
 
         body = body_of(self.scene[part], material, mass)
         with in_part_names(self.scene):
-            self.engine.behave(i, body, behaviours)
+            self.state.behave(i, body, behaviours, None if isinstance(material, int | float) else material)
         for note in body.notes:
             self.note(note)
+
+    def reset(self) -> None:
+        """Go back to where the session began (see `State.reset`); what was seen and told until then is kept."""
+        self.state.reset()
 
     # ---- what the task expects
 
@@ -463,7 +581,7 @@ class Session:
         """Fail the task unless the condition holds: TaskError, and if the script goes on it has failed all the same."""
         holds = condition(self) if isinstance(condition, Condition) else bool(condition)
         text = reason or str(condition)
-        self._audience.happened("expectation", (), (), f"{'holds' if holds else 'FAILS'}: {text}", {"holds": holds})
+        self._observers.happened("expectation", (), (), f"{'holds' if holds else 'FAILS'}: {text}", {"holds": holds})
         if not holds:
             self.failure = f"expected {text}"  # whatever the script makes of the error
             raise TaskError(self.failure)
@@ -495,11 +613,11 @@ class Session:
 
     def on_event(self, listener: Callable[[Event], None]) -> None:
         """Call `listener` with every event as it happens."""
-        self._audience.listeners.append(listener)
+        self._observers.listeners.append(listener)
 
     def note(self, text: str) -> None:
         """Put a line of the script's own into events, recording and report."""
-        self._audience.happened("note", (), (), text, {})
+        self._observers.happened("note", (), (), text, {})
 
     def fail(self, reason: str) -> None:
         """Mark the task as failed; the report says why."""
@@ -545,8 +663,8 @@ class Session:
         """
         from vpframe.analysis.swept import swept_volume
 
-        self.engine.start()
-        pairs = [pair for pair in (*self.engine.joined, *self.engine.authorised) if part in pair]
+        self.state.start()
+        pairs = [pair for pair in (*self.state.joined, *self.authorised) if part in pair]
         allowed = {part, *(name for pair in pairs for name in pair)}
         rest = [p for p in self.scene.parts if p.name not in allowed]
         return swept_volume(self.scene[part], [pose for _, pose in self.trail(part)], rest, resolution)
@@ -566,7 +684,7 @@ class Session:
             undecided=self.undecided,
             complete=self.complete,
             task=self.name,
-            authorised=self.engine.authorised,
+            authorised=self.authorised,
             swept=swept,
         )
 
@@ -580,19 +698,21 @@ class Session:
         if not self._concluded:
             error = sys.exc_info()[1]  # in a `finally`, what ended the task
             self.conclude(None if error is self._handled else error)
-        news = self._audience.news()
+        news = self._observers.news()
         if news and self._frame is not None:  # what happened after the last step
-            self._audience.show(replace(self._frame, events=news))
+            self._observers.show(replace(self._frame, events=news))
+            self._observers.tell()
+        self.state.leave()
         self._closed = True
         self._watch.close()
         if self._begun:
-            self._audience.end()
+            self._observers.end()
         else:
-            self._audience.observers.clear()  # what they claimed is free again
+            self._observers.observers.clear()  # what they claimed is free again
         if self._journal is not None:
             self._journal.close()
-        if self._audience.lost:
-            raise self._audience.lost[0]
+        if self._observers.lost:
+            raise self._observers.lost[0]
 
     def __enter__(self) -> Session:
         return self
@@ -608,8 +728,8 @@ class Session:
     def _standing(self) -> str:
         journal = self._journal
         if journal is not None and journal.replaying:
-            return catching_up(self.step_count, len(journal.past), self._pace)
-        return under_way(self.time, self.dt, list(self._hands.values()), self._pace, self._stop)
+            return catching_up(self.step_count, journal.left, self._pace)
+        return under_way(self.time, self.dt, list(self.state.hands.values()), self._pace, self._stop)
 
 
 __all__ = ["Part", "Session"]

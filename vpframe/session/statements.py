@@ -25,13 +25,15 @@ from constraints.errors import ConstraintsError
 from constraints.geometry.features import Feature
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Torus
 from constraints.kinds import Constraint, Line
-from constraints.kinds.stated import contradiction, parameter_names, stated
+from constraints.kinds.stated import contradiction, parameter_names
+from constraints.kinds.stated import stated as stated_candidate
 from constraints.recognition.candidate import KINDS
 from vpframe.errors import TaskError
-from vpframe.hands.reach import half_size
+from vpframe.scene.boxes import half_size, middle
 from vpframe.scene.scene import Part, Scene
 from vpframe.session.events import ConstraintView
-from vpframe.session.step import Engine, Request
+from vpframe.session.readings import Readings
+from vpframe.session.state import Decision, State
 
 Place = str | tuple[str, int | str | Geometry]
 """A part; or a part and a surface of it, by index or name, or geometry in the part's frame that no surface has"""
@@ -65,48 +67,48 @@ class ContradictionError(TaskError):
         self.unit = unit
 
 
-def state(
-    engine: Engine,
-    pending: Sequence[Request],
+def stated(
+    state: State,
+    readings: Readings,
     kind: str,
     a: Place,
     b: Place,
     parameters: Mapping[str, Any],
     bears: tuple[tuple[str, float], ...],
-) -> tuple[Request, ConstraintView]:
-    """The request that stating a constraint amounts to, and the constraint as observers will see it.
+) -> tuple[Decision, ConstraintView]:
+    """The decision that stating a constraint amounts to, and the constraint as observers will see it.
 
-    pending: what else was decided since the last step. bears: what ends it, see `limits`.
+    bears: what ends it, see `limits`.
 
     Raises
     ------
     As `statement` does; and ContradictionError where it cannot hold with what will be in force.
     """
-    engine.start()
-    mates, scene, poses = engine.mates, engine.scene, engine.poses
+    state.start()
+    mates, scene, poses = state.mates, state.scene, state.poses
     features = mates.recogniser.features
-    constraint = statement(scene, features, poses, kind, a, b, parameters, engine.tolerance)
+    constraint = statement(scene, features, poses, kind, a, b, parameters, state.tolerance)
     held, imposed = {id: e.candidate for id, e in mates.accepted.items()}, 0
-    for request in pending:
-        if request.stated is not None:
-            held[request.id], imposed = request.stated, imposed + 1
-        elif request.verb == "accept":
-            offered = mates.candidates.get(request.id) or mates.refused.get(request.id)
-            held |= {} if offered is None else {request.id: offered}
+    for decision in state.decisions:
+        if decision.stated is not None:
+            held[decision.id], imposed = decision.stated, imposed + 1
+        elif decision.verb == "accept":
+            offered = mates.candidates.get(decision.id) or mates.refused.get(decision.id)
+            held |= {} if offered is None else {decision.id: offered}
         else:
-            held.pop(request.id, None)
-    candidate = stated(constraint, poses, features, mates.known + imposed, words(constraint))
+            held.pop(decision.id, None)
+    candidate = stated_candidate(constraint, poses, features, mates.known + imposed, words(constraint))
     id = mates.id_of(candidate, imposed)
     names = tuple(scene.names[i] for i in constraint.bodies)
     if any(c.key == candidate.key for c in held.values()):
         raise TaskError(f"constrain {constraint.kind}: these surfaces of {' and '.join(names)} have it already")
     fixed = [i for i, part in enumerate(scene.parts) if part.fixed]
     others = [c.constraint for c in held.values()]
-    off = contradiction(constraint, others, poses, fixed, engine.tolerance, scene.names)
+    off = contradiction(constraint, others, poses, fixed, state.tolerance, scene.names)
     if off is not None:
         said = f"constrain {constraint.kind} of {' and '.join(names)}: refused, {off.text}"
         raise ContradictionError(said, names, off.off, off.unit)
-    return Request("impose", id, bears, candidate), engine.view(id, candidate, "active")
+    return Decision("impose", id, bears, candidate), readings.view(id, candidate, "active")
 
 
 def limits(verb: str, break_distance: float | None, break_force: float | None) -> tuple[tuple[str, float], ...]:
@@ -311,8 +313,7 @@ def _rack_side(geometries: tuple[Geometry, Geometry], poses: tuple[pin.SE3, pin.
     """+1 where a rack on that side of the pinion goes along its direction as the pinion turns."""
     a, b = geometries
     axis, direction = _directed(a, poses[0]), _directed(b, poses[1])
-    v = rack.mesh.vertices
-    arm = poses[1].act(0.5 * (v.min(axis=0) + v.max(axis=0))) - poses[0].act(_origin(a))
+    arm = poses[1].act(middle(rack.mesh)) - poses[0].act(_origin(a))
     return 1 if np.cross(axis, arm) @ direction >= 0.0 else -1
 
 

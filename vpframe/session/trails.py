@@ -27,6 +27,7 @@ class Trails:
     def __init__(self) -> None:
         self._rows = np.zeros(0, _ROW)
         self._count = 0
+        self._full = 0  # blocks of ROWS rows in the file
         self._file: BinaryIO | None = None
         self._lost = ""
 
@@ -38,6 +39,18 @@ class Trails:
         row["step"], row["part"] = step, part
         row["rotation"], row["translation"] = pose.rotation.ravel(), pose.translation
         self._count += 1
+
+    def mark(self) -> tuple[int, int]:
+        """How much there is, to `undo` what follows."""
+        return self._full, self._count
+
+    def undo(self, mark: tuple[int, int]) -> None:
+        """Forget what was added since a mark."""
+        full, count = mark
+        if self._full > full and self._file is not None:  # the last block of the file was in memory then
+            self._file.seek(full * ROWS * _ROW.itemsize)
+            self._rows = np.frombuffer(self._file.read(ROWS * _ROW.itemsize), _ROW).copy()
+        self._full, self._count = full, count
 
     def of(self, part: int) -> tuple[tuple[int, pin.SE3], ...]:
         """(step, pose) whenever a part moved, to the bit.
@@ -58,8 +71,8 @@ class Trails:
     def _blocks(self) -> Iterator[NDArray[Any]]:
         if self._file is not None:
             self._file.seek(0)
-            while data := self._file.read(ROWS * _ROW.itemsize):
-                yield np.frombuffer(data, _ROW)
+            for _ in range(self._full):
+                yield np.frombuffer(self._file.read(ROWS * _ROW.itemsize), _ROW)
         yield self._rows[: self._count]
 
     def _make_room(self) -> None:
@@ -69,13 +82,14 @@ class Trails:
             grown[: self._count] = self._rows
             self._rows = grown
             return
-        self._count = 0
         try:
             if self._file is None:
                 self._file = tempfile.TemporaryFile(prefix="vpframe-", buffering=0)  # noqa: SIM115 - for the whole run
                 weakref.finalize(self, self._file.close)
-            self._file.seek(0, 2)
+            self._file.seek(self._full * ROWS * _ROW.itemsize)
             if self._file.write(self._rows.tobytes()) != self._rows.nbytes:
                 raise OSError(0, "no room")
+            self._full += 1
         except OSError as error:  # of no matter to a run that nobody asks
             self._lost = f"the folder for temporary files, {tempfile.gettempdir()}, cannot be written: {error.strerror}"
+        self._count = 0

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from vpframe.scene.scene import Part, Scene
+from vpframe.scene.boxes import corners, half_size, placed_corners
+from vpframe.scene.scene import Part, Scene, Shape
 
 DIRECTION = (0.62, -0.66, 0.42)
 """from the scene towards the eye: front right, a little above; z is up"""
@@ -18,6 +20,17 @@ DIRECTION = (0.62, -0.66, 0.42)
 ASPECT = 4.0 / 3.0
 """width over height that scenes are framed for"""
 MARGIN = 1.08
+WIRE = 0.1
+"""surface over squared diagonal of the box, below which a part counts as long and thin"""
+LITTLE = 0.25
+"""share of all surface up to which long thin parts are the ends that a picture may cut"""
+STUB = 0.1
+"""of the others' size: how much of a cut part is seen beyond them"""
+BESIDE = 0.05
+"""of the size of what moves: how near to its way a neighbour is"""
+AROUND = 0.5
+"""of the same: how far neighbours are seen"""
+_AREAS: WeakKeyDictionary[Shape, float] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,30 +73,98 @@ def look_at(points: ArrayLike, direction: ArrayLike = DIRECTION, up: ArrayLike =
 def frame_scene(
     scene: Scene, *poses: Mapping[str, pin.SE3], direction: ArrayLike = DIRECTION, names: Iterable[str] = ()
 ) -> Camera:
-    """The camera that sees all parts (or `names`) at each of `poses`, and at their own pose where none names them."""
-    corners = []
-    for name in tuple(names) or scene.names:
+    """The camera that sees what moves over `poses` and its neighbours, or all parts (or `names`) where nothing does.
+
+    A part that `poses` do not name stands at its own pose. Of a neighbour, what reaches far beyond is not in the
+    picture; neither is what reaches beyond all others of a long thin part, a wire, among stouter ones (`slender`).
+    """
+    chosen = tuple(names) or scene.names
+    if not chosen:
+        return look_at(np.array([[-0.5] * 3, [0.5] * 3]), direction)
+    boxes, moving = [], []
+    for name in chosen:
         part = scene[name]
-        own = box_corners(part, pin.SE3.Identity())
-        # what stands still has one and the same pose at most steps
-        there = {id(pose): pose for pose in (given.get(name, part.pose) for given in poses or ({},))}
-        corners += [own @ pose.rotation.T + pose.translation for pose in there.values()]
-    return look_at(np.concatenate(corners) if corners else np.array([[-0.5] * 3, [0.5] * 3]), direction)
+        own = corners(part.mesh)
+        seen = (given.get(name, part.pose) for given in poses or ({},))
+        there = list({pose.homogeneous.tobytes(): pose for pose in seen}.values())
+        boxes.append(np.concatenate([own @ pose.rotation.T + pose.translation for pose in there]))
+        moving.append(any(_apart(there[0], pose, own) for pose in there[1:]))
+    parts = [scene[name] for name in chosen]
+    thin = [slender(part) for part in parts]
+    if any(moving) and not all(moving):
+        return look_at(_with_neighbours(boxes, moving, thin), direction)
+    return look_at(_without_ends(parts, boxes, thin), direction)
 
 
 def first_view(scene: Scene) -> Camera:
     """The camera for a session whose way is not known yet: room is left for what can move to be lifted."""
-    corners = [box_corners(part, part.pose) for part in scene.parts]
-    if not corners:
+    if not len(scene):
         return frame_scene(scene)
-    height = float(np.ptp(np.concatenate(corners)[:, 2]))
-    lift = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.6 * height]))
-    return frame_scene(scene, {}, {part.name: lift * part.pose for part in scene.parts if not part.fixed})
+    parts = scene.parts
+    boxes, thin = [placed_corners(part, part.pose) for part in parts], [slender(part) for part in parts]
+    lift = np.array([0.0, 0.0, 0.6 * float(np.ptp(_without_ends(parts, boxes, thin)[:, 2]))])
+    boxes = [box if part.fixed else np.concatenate([box, box + lift]) for part, box in zip(parts, boxes, strict=True)]
+    return look_at(_without_ends(parts, boxes, thin))
 
 
-def box_corners(part: Part, pose: pin.SE3) -> NDArray[np.float64]:
-    """(8, 3) corners of the part's own bounding box, in the world."""
-    v = part.mesh.vertices
-    low, high = v.min(axis=0), v.max(axis=0)
-    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-    return corners @ pose.rotation.T + pose.translation
+def slender(part: Part) -> bool:
+    """Whether a part is a wire: its surface is less than `WIRE` of the square of its box's diagonal.
+
+    A straight round bar is at a length of 31 diameters; sheet never is.
+    """
+    return _area(part) < WIRE * (2.0 * half_size(part.mesh)) ** 2
+
+
+def _area(part: Part) -> float:
+    """m²: of its surface; measured once a shape."""
+    if part.shape not in _AREAS:
+        at = part.mesh.vertices[part.mesh.triangles]
+        sides = np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
+        _AREAS[part.shape] = 0.5 * float(np.linalg.norm(sides, axis=1).sum())
+    return _AREAS[part.shape]
+
+
+def _apart(first: pin.SE3, second: pin.SE3, box: NDArray[np.float64]) -> bool:
+    """Whether a part whose box has these corners (8, 3) is elsewhere in the second pose: by 1e-4 of its size."""
+    moved = box @ (second.rotation - first.rotation).T + (second.translation - first.translation)
+    return bool(np.abs(moved).max() > 1e-4 * np.abs(np.ptp(box, axis=0)).max())
+
+
+def _with_neighbours(
+    boxes: Sequence[NDArray[np.float64]], moving: Sequence[bool], thin: Sequence[bool]
+) -> NDArray[np.float64]:
+    """(n, 3) points of what moves, and of what stands beside its way as far as that is near; of wires a stub."""
+    way = np.concatenate([box for box, moves in zip(boxes, moving, strict=True) if moves])
+    low, high = way.min(axis=0), way.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    points = way
+    for wires, margin in ((False, AROUND * size), (True, STUB * size)):
+        floor, top = points.min(axis=0) - margin, points.max(axis=0) + margin
+        near = [
+            np.clip(box, floor, top)
+            for box, moves, wire in zip(boxes, moving, thin, strict=True)
+            if not moves
+            and wire == wires
+            and (box.min(axis=0) <= high + BESIDE * size).all()
+            and (box.max(axis=0) >= low - BESIDE * size).all()
+        ]
+        points = np.concatenate([points, *near])
+    return points
+
+
+def _without_ends(
+    parts: Sequence[Part], boxes: Sequence[NDArray[np.float64]], thin: Sequence[bool]
+) -> NDArray[np.float64]:
+    """(n, 3) points of all boxes; thin parts that are little of the whole end a little beyond the others."""
+    if not any(thin) or all(thin):
+        return np.concatenate(boxes)
+    area, cut = np.array([_area(part) for part in parts]), np.array(thin)
+    area = np.minimum(area, area[~cut].max())  # a wire twice as long is no more of the whole
+    if area[cut].sum() > LITTLE * area.sum():
+        return np.concatenate(boxes)
+    stout = np.concatenate([box for box, out in zip(boxes, thin, strict=True) if not out])
+    low, high = stout.min(axis=0), stout.max(axis=0)
+    margin = STUB * float(np.linalg.norm(high - low))
+    return np.concatenate(
+        [stout, *(np.clip(b, low - margin, high + margin) for b, t in zip(boxes, thin, strict=True) if t)]
+    )

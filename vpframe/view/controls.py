@@ -11,7 +11,7 @@ ACTIONS = ("play", "pause", "step", "accept", "refuse", "remove")
 
 @dataclass(frozen=True)
 class Request:
-    """One wish of a person; `id` is the constraint's for accept, refuse and remove."""
+    """What a person asks for; `id` is the constraint's for accept, refuse and remove."""
 
     action: str
     id: int | None = None
@@ -60,9 +60,19 @@ class Controls:
 
     def take(self) -> tuple[Request, ...]:
         """The requests about constraints since the last call, in order: what the session does before its next step."""
-        with self._change:
-            taken, self._requests = tuple(self._requests), []
+        taken = self.waiting()
+        self.drop(len(taken))
         return taken
+
+    def waiting(self) -> tuple[Request, ...]:
+        """The same, without taking them."""
+        with self._change:
+            return tuple(self._requests)
+
+    def drop(self, count: int) -> None:
+        """Forget the first requests: they are done."""
+        with self._change:
+            del self._requests[:count]
 
     def asked_to_go(self, timeout: float) -> bool:
         """Whether anybody has ever asked for "play", waiting for it for `timeout` s at most."""

@@ -29,7 +29,6 @@ from vpframe.view.page_protocol import Encoder, Message, event_message
 from vpframe.view.screen import has_screen
 
 if TYPE_CHECKING:
-    from vpframe.session.session import Session
     from vpframe.view.server import Server
 
 BROWSER_SECONDS = 8.0
@@ -98,9 +97,9 @@ class MeshcatViewer:
         """How many pages are looking."""
         return self._server.clients if self._server else 0
 
-    def begin(self, session: Session) -> None:
+    def begin(self, scene: Scene) -> None:
         """Start to serve."""
-        self.show(session.scene)
+        self.show(scene)
 
     def show(self, scene: Scene) -> None:
         """Start to serve a scene as it stands."""

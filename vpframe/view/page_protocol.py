@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from vpframe.scene.scene import Scene, Shape
-from vpframe.session.events import Event, Frame
+from vpframe.session.events import Event, Frame, moved
 from vpframe.text import plain
 from vpframe.view import palette
 from vpframe.view.camera import Camera, frame_scene
@@ -29,7 +29,7 @@ class Encoder:
         self.start = {part.name: (start or {}).get(part.name, part.pose).copy() for part in scene.parts}
         self.camera = camera or frame_scene(scene, self.start)
         self._index = {name: i for i, name in enumerate(scene.names)}
-        self._known: dict[str, pin.SE3] = {}
+        self._known: Mapping[str, pin.SE3] = {}
         self._moved: dict[int, pin.SE3] = {}
         self._strips: dict[tuple[object, ...], int] = {}
 
@@ -42,11 +42,9 @@ class Encoder:
 
         A page that has all strips can join at any frame: a frame names the pose of every part that ever moved.
         """
-        for name, pose in frame.poses.items():
-            if self._known.get(name) is pose:  # what nothing moves costs one look-up a frame
-                continue
-            self._known[name] = pose
-            place = self._index[name]
+        names, self._known = moved(self._known, frame.poses), frame.poses
+        for name in names:
+            place, pose = self._index[name], frame.poses[name]
             if place in self._moved or pose != self.start[name]:
                 self._moved[place] = pose
         fresh: list[Message] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from collision.numeric.kernel import kernel
+from collision.numeric.kernel import inner_kernel, kernel
 
 
 @kernel
@@ -30,7 +30,8 @@ def fill_triangles(xy, z, keep, depth, face, weight):
         inverse = 1.0 / double_area
         for row in range(top, bottom + 1):
             y = row + 0.5
-            for column in range(left, right + 1):
+            low, high = _span(xy, t, y)
+            for column in range(int(max(left, low - 1.5)), int(min(right, high + 0.5)) + 1):
                 x = column + 0.5
                 b1 = ((x - x0) * (y2 - y0) - (x2 - x0) * (y - y0)) * inverse
                 b2 = ((x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)) * inverse
@@ -45,6 +46,71 @@ def fill_triangles(xy, z, keep, depth, face, weight):
                     face[row, column] = t
                     weight[row, column, 0] = b1
                     weight[row, column, 1] = b2
+
+
+@inner_kernel
+def _span(xy, t, y):
+    """Least and greatest x of triangle `t` on the line of that y, but for rounding; inf, -inf if there is none."""
+    low, high = np.inf, -np.inf
+    for k in range(3):
+        ax, ay = xy[t, k, 0], xy[t, k, 1]
+        bx, by = xy[t, (k + 1) % 3, 0], xy[t, (k + 1) % 3, 1]
+        if y < min(ay, by) or y > max(ay, by):
+            continue
+        if abs(by - ay) < 1e-3:  # nearly along the line
+            low, high = min(low, ax, bx), max(high, ax, bx)
+        else:
+            x = ax + (y - ay) / (by - ay) * (bx - ax)
+            low, high = min(low, x), max(high, x)
+    return low, high
+
+
+@kernel
+def shade_faces(window, face, weight, normals, color, label, filled, lights, alpha, image):
+    """Blend what `fill_triangles` left in `face` and `weight` over `image`, with dark lines between labels.
+
+    window: (4,) int64 first row, row after the last, first column, column after the last: nothing is drawn elsewhere.
+    normals: (m, 3, 3) of the corners in the camera's frame. color: (m, 3) in 0 … 1. label: (m,) a number a feature.
+    filled: (m,) whether the triangle stands for the fill of a cut, which is hatched and not lit.
+    lights: (3, 3) unit vectors: the key light, the highlight's half vector, the fill light.
+    image: (h, w, 3) float32 is changed in place.
+    """
+    height, width = face.shape
+    for row in range(window[0], window[1]):
+        for column in range(window[2], window[3]):
+            t = face[row, column]
+            if t < 0:
+                continue
+            left = -1 if column == 0 else face[row, column - 1]
+            above = -1 if row == 0 else face[row - 1, column]
+            line = column > 0 and (left < 0 or label[left] != label[t])
+            line = line or (row > 0 and (above < 0 or label[above] != label[t]))
+            line = line or (column + 1 < width and face[row, column + 1] < 0)
+            line = line or (row + 1 < height and face[row + 1, column] < 0)
+            light, shine = 1.0, 0.0
+            if filled[t]:
+                light = 0.62 if ((row + column) // 5) % 3 == 0 else 0.80
+            else:
+                b1, b2 = weight[row, column, 0], weight[row, column, 1]
+                b0 = 1.0 - b1 - b2
+                x = b0 * normals[t, 0, 0] + b1 * normals[t, 1, 0] + b2 * normals[t, 2, 0]
+                y = b0 * normals[t, 0, 1] + b1 * normals[t, 1, 1] + b2 * normals[t, 2, 1]
+                z = b0 * normals[t, 0, 2] + b1 * normals[t, 1, 2] + b2 * normals[t, 2, 2]
+                scale = 1.0 / max(np.sqrt(x * x + y * y + z * z), 1e-30)
+                if z < 0.0:
+                    scale = -scale
+                x, y, z = scale * x, scale * y, scale * z
+                key = max(lights[0, 0] * x + lights[0, 1] * y + lights[0, 2] * z, 0.0)
+                shine = max(lights[1, 0] * x + lights[1, 1] * y + lights[1, 2] * z, 0.0)
+                fill = max(lights[2, 0] * x + lights[2, 1] * y + lights[2, 2] * z, 0.0)
+                light = 0.50 + 0.50 * key + 0.18 * fill
+                eighth = (shine * shine * shine * shine) ** 2
+                shine = 0.13 * eighth**5
+            ink = 1.0 - 0.75 * alpha if line else 1.0
+            for channel in range(3):
+                value = image[row, column, channel]
+                value += alpha * (color[t, channel] * light + shine - value)
+                image[row, column, channel] = ink * value
 
 
 @kernel

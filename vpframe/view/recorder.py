@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from vpframe.app.outputs import RECORDING, append, claimed
 from vpframe.errors import OutputError
-from vpframe.session.events import ConstraintView, Event, Frame
+from vpframe.session.events import ConstraintView, Event, Frame, moved
 from vpframe.view import palette
 from vpframe.view.blueprint import blueprint
 from vpframe.view.camera import first_view, frame_scene
@@ -41,7 +41,7 @@ from vpframe.view.replay import HEADER, messages_end
 from vpframe.view.symbols import DRAWN, frame_symbols, hand_symbols
 
 if TYPE_CHECKING:
-    from vpframe.session.session import Session
+    from vpframe.scene.scene import Scene
 
 FLUSH_STEPS = 240
 FLUSH_SECONDS = 2.0
@@ -78,9 +78,8 @@ class RerunRecorder:
         self._stream: rr.RecordingStream | None = None
         self._failure: Exception | None = None
 
-    def begin(self, session: Session) -> None:
+    def begin(self, scene: Scene) -> None:
         """Write the geometry and how to look at it."""
-        scene = session.scene
         self._file = self._output.open()
         self._empty = True
         self._stream = stream = rr.RecordingStream("vpframe", recording_id=None, send_properties=True)
@@ -97,6 +96,7 @@ class RerunRecorder:
         self._rows = _Rows()
         self._at_start = {part.name: part.pose.copy() for part in scene.parts}
         self._pose = dict(self._at_start)
+        self._known: Mapping[str, pin.SE3] = {}
         self._colliding = np.empty((0, 4), np.int32)
         self._red: set[tuple[int, int]] = set()
         self._still: dict[str, dict[str, pin.SE3]] = {}
@@ -225,12 +225,11 @@ class RerunRecorder:
             self._rows.add(surface_path(name, surface), "albedo", self._tint(part, surface))
 
     def _poses(self, poses: Mapping[str, pin.SE3]) -> None:
-        for name, pose in poses.items():
-            before = self._pose[name]
-            if before is pose:  # what nothing moves costs one look-up a step
-                continue
-            self._pose[name] = pose
-            if before != pose:
+        names, self._known = moved(self._known, poses), poses
+        for name in names:
+            pose = poses[name]
+            if self._pose[name] != pose:
+                self._pose[name] = pose
                 if name in self._crowd_of:
                     self._come_out(name)
                 else:

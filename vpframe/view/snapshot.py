@@ -16,9 +16,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from vpframe.scene import boxes
 from vpframe.scene.scene import Part, Scene
 from vpframe.view import palette
-from vpframe.view.camera import Camera, box_corners, frame_scene
+from vpframe.view.camera import Camera, frame_scene
 from vpframe.view.display import display_mesh
 from vpframe.view.symbols import Symbol
 
@@ -70,19 +71,21 @@ def render(
     image = _background(width, height)
     solid.shade(image, tints, marked, 1.0, section is not None)
     depth = solid.depth
-    for name, part in seen:
-        alpha = opacity.get(name, 1.0)
-        if 0.0 < alpha < 1.0:
-            ghost = _Buffers(width, height)
-            ghost.draw(name, part.shape, poses.get(name, part.pose), camera, section)
-            ghost.fill()
-            if not ghost.count:
-                continue
-            ghost.face[ghost.depth <= depth] = -1
-            ghost.shade(image, tints, marked, alpha, section is not None)
+    ghosts = [(name, part) for name, part in seen if 0.0 < opacity.get(name, 1.0) < 1.0]
+    ghost = _Buffers(width, height) if ghosts else solid
+    for name, part in ghosts:
+        ghost.clear()
+        ghost.draw(name, part.shape, poses.get(name, part.pose), camera, section)
+        ghost.fill()
+        there = ghost.part()
+        ghost.face[there][ghost.depth[there] <= depth[there]] = -1
+        ghost.shade(image, tints, marked, opacity[name], section is not None)
     _draw_symbols(image, depth, symbols, camera, supersample)
-    mean = image.reshape(size[1], supersample, size[0], supersample, 3).mean(axis=(1, 3))
-    return (np.clip(mean, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    total = np.zeros((size[1], size[0], 3), dtype=np.float32)
+    for row in range(supersample):
+        for column in range(supersample):
+            total += image[row::supersample, column::supersample]
+    return (np.clip(total * np.float32(1.0 / supersample**2), 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
 def _in_picture(
@@ -91,10 +94,10 @@ def _in_picture(
     """The parts whose boxes reach into the picture: of a large scene seen from near by these are few."""
     if not len(scene):
         return []
-    boxes = {part.shape: box_corners(part, pin.SE3.Identity()) for part in {p.shape: p for p in scene.parts}.values()}
+    corners = {part.shape: boxes.corners(part.mesh) for part in {p.shape: p for p in scene.parts}.values()}
     placed = ((part.shape, poses.get(name, part.pose)) for name, part in scene.items())
-    corners = np.array([boxes[shape] @ pose.rotation.T + pose.translation for shape, pose in placed])
-    at = project(corners, camera, shape)[..., :2]
+    seen = np.array([corners[shape] @ pose.rotation.T + pose.translation for shape, pose in placed])
+    at = project(seen, camera, shape)[..., :2]
     low, high = at.min(axis=1), at.max(axis=1)
     inside = (high >= -1.0).all(axis=1) & (low <= np.add(shape[::-1], 1.0)).all(axis=1)
     return [item for item, kept in zip(scene.items(), inside.tolist(), strict=True) if kept]
@@ -105,7 +108,7 @@ class _Buffers:
 
     def __init__(self, width: int, height: int) -> None:
         self.depth = np.full((height, width), -np.inf)
-        self.wall = np.full((height, width), -np.inf)  # of what lies under a fill
+        self.wall: NDArray[np.float64] | None = None  # (h, w) depth of what lies under the fill of a cut
         self.face = np.full((height, width), -1, dtype=np.int32)
         self.weight = np.zeros((height, width, 2), dtype=np.float32)
         self.names: list[str] = []
@@ -114,6 +117,22 @@ class _Buffers:
         self.back: list[NDArray[np.bool_]] = []  # (m,) whether the eye sees the triangle from within
         self.waiting: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []  # (m, 3, 2) pixels and (m, 3) depths
         self.count = 0
+        self.window = np.array([height, 0, width, 0])
+        """first row, row after the last, first column, column after the last of all that was drawn"""
+
+    def clear(self) -> None:
+        """Forget what was drawn."""
+        part = self.part()
+        self.depth[part], self.wall, self.face[part] = -np.inf, None, -1
+        for rows in (self.names, self.normals, self.owner, self.back):
+            rows.clear()
+        self.count = 0
+        self.window[:] = (*self.face.shape[:1], 0, *self.face.shape[1:], 0)
+
+    def part(self) -> tuple[slice, slice]:
+        """Rows and columns of `window`."""
+        top, bottom, left, right = self.window.tolist()
+        return slice(top, bottom), slice(left, right)
 
     def draw(
         self,
@@ -127,21 +146,26 @@ class _Buffers:
         mesh = display_mesh(shape)  # type: ignore[arg-type]
         world = mesh.positions.astype(np.float64) @ pose.rotation.T + pose.translation
         corners = project(world, camera, self.depth.shape)[mesh.triangles]
-        low, high = corners[:, :, :2].min(axis=(0, 1)), corners[:, :, :2].max(axis=(0, 1))
-        if (high < 0.0).any() or (low > self.depth.shape[::-1]).any():
+        low, high = corners[:, :, :2].min(axis=1), corners[:, :, :2].max(axis=1)
+        seen = np.flatnonzero((high >= 0.0).all(axis=1) & (low <= self.depth.shape[::-1]).all(axis=1))
+        if not len(seen):
             return  # out of the picture
+        first = np.floor(low[seen].min(axis=0)).astype(np.int64).clip(0)[::-1]
+        last = np.minimum(np.ceil(high[seen].max(axis=0)).astype(np.int64)[::-1] + 1, self.face.shape)
+        self.window[::2], self.window[1::2] = np.minimum(self.window[::2], first), np.maximum(self.window[1::2], last)
+        corners, triangles = corners[seen], mesh.triangles[seen]
         xy, z = np.ascontiguousarray(corners[:, :, :2]), np.ascontiguousarray(corners[:, :, 2])
         back = _cross(xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]) > 0.0  # rows count downwards
         if section is None:
             self.waiting.append((xy, z))
         else:
             point, normal = (np.asarray(v, dtype=np.float64) for v in section)
-            keep = np.ascontiguousarray(((world - point) @ normal)[mesh.triangles])
+            keep = np.ascontiguousarray(((world - point) @ normal)[triangles])
             self._fill_cut(xy, z, keep, back, _plane_depth(section, camera, self.depth.shape))
         self.back.append(back)
         turn = camera.axes() @ pose.rotation
-        self.normals.append((mesh.normals.astype(np.float64) @ turn.T)[mesh.triangles])
-        surface = mesh.surface_of_triangle
+        self.normals.append((mesh.normals.astype(np.float64) @ turn.T)[triangles])
+        surface = mesh.surface_of_triangle[seen]
         part = np.full(len(surface), len(self.names))
         self.owner.append(np.stack([part, surface, mesh.feature_of_surface[surface]], axis=1))
         self.names.append(name)
@@ -173,6 +197,8 @@ class _Buffers:
         filled = face >= 0
         filled[filled] = back[face[filled]]
         wall = depth.copy()
+        if self.wall is None:
+            self.wall = np.full_like(self.depth, -np.inf)
         depth[filled] = plane[filled]
         # of two solids that are cut at one place the inner one is seen: its wall is nearer
         drawn = (face >= 0) & ((depth > self.depth) | ((depth == self.depth) & (wall > self.wall)))
@@ -188,48 +214,23 @@ class _Buffers:
         cut: bool,
     ) -> None:
         """Blend what was drawn over `image`."""
-        seen = self.face >= 0
-        if not seen.any():
+        from vpframe.view.raster import shade_faces
+
+        if not self.count:
             return
-        face = self.face[seen]
-        owner = np.concatenate(self.owner)
-        b = self.weight[seen].astype(np.float64)
-        weights = np.stack([1.0 - b.sum(axis=1), b[:, 0], b[:, 1]], axis=1)
-        normal = np.einsum("pi,pij->pj", weights, np.concatenate(self.normals)[face])
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-        inside = np.concatenate(self.back)[face]  # an open mesh, or the fill of a cut
-
-        plain = np.array([tints[name] for name in self.names])[owner[:, 0]]
-        table = plain.copy()
-        surfaces = int(owner[:, 1].max()) + 1
+        owner, back = np.concatenate(self.owner), np.concatenate(self.back)
+        filled = back & cut  # an open mesh seen from within, or the fill of a cut
+        plain = np.array([tints[name] for name in self.names], dtype=np.float64)[owner[:, 0]]
+        surfaces, features = int(owner[:, 1].max()) + 1, int(owner[:, 2].max()) + 2
         red = [place * surfaces + s for place, name in enumerate(self.names) for s in marked.get(name, ())]
-        table[np.isin(owner[:, 0] * surfaces + owner[:, 1], red)] = palette.COLLIDING
-        color = table[face]
-        lit = np.where(normal[:, 2:] < 0.0, -normal, normal)
-        key = np.clip(lit @ KEY_LIGHT, 0.0, None)
+        color = plain.copy()
+        color[np.isin(owner[:, 0] * surfaces + owner[:, 1], red) & ~filled] = palette.COLLIDING
+        # one number a feature of a part, and one a cut part
+        label = owner[:, 0] * features + np.where(filled, features - 1, owner[:, 2])
         half = KEY_LIGHT + np.array([0.0, 0.0, 1.0])
-        shine = np.clip(lit @ (half / np.linalg.norm(half)), 0.0, None) ** 40
-        light = 0.50 + 0.50 * key + 0.18 * np.clip(lit @ FILL_LIGHT, 0.0, None)
-        shaded = color * light[:, None] + 0.13 * shine[:, None]
-        if cut:
-            rows, columns = np.nonzero(seen)
-            hatch = ((rows + columns) // 5) % 3 == 0
-            fill = plain[face] * np.where(hatch, 0.62, 0.80)[:, None]
-            shaded = np.where(inside[:, None], fill, shaded)
-        image[seen] += (alpha * (shaded - image[seen])).astype(np.float32)
-
-        # one number a feature of a part; -1 is background
-        label = np.full(self.face.shape, -1, dtype=np.int64)
-        label[seen] = owner[face, 0] * (int(owner[:, 2].max()) + 2) + owner[face, 2]
-        if cut:
-            label[seen] = np.where(inside, owner[face, 0] * (int(owner[:, 2].max()) + 2) - 1 - len(owner), label[seen])
-        line = np.zeros(label.shape, dtype=bool)
-        across, down = label[:, 1:] != label[:, :-1], label[1:] != label[:-1]
-        line[:, 1:] |= across
-        line[1:] |= down
-        line[:, :-1] |= across & ~seen[:, 1:]
-        line[:-1] |= down & ~seen[1:]
-        image[line & seen] *= np.float32(1.0 - 0.75 * alpha)
+        lights = np.stack([KEY_LIGHT, half / np.linalg.norm(half), FILL_LIGHT])
+        normals = np.concatenate(self.normals)
+        shade_faces(self.window, self.face, self.weight, normals, color, label, filled, lights, alpha, image)
 
 
 def project(points: ArrayLike, camera: Camera, shape: tuple[int, int]) -> NDArray[np.float64]:

@@ -1,0 +1,369 @@
+"""`Objects`: meshes at poses, by id, and which pairs of them, and of their surfaces, are enabled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from collision import poses as _poses
+from collision.errors import CollisionError, PoseError, UnknownObjectError
+from collision.mesh import SurfaceMesh
+from collision.tolerance import Tolerance
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+
+
+class Mark(NamedTuple):
+    """Poses and disabled pairs as `Objects.mark` found them."""
+
+    poses: NDArray[np.float64]
+    """(n, 12) rotation by rows, translation in m"""
+    versions: NDArray[np.int64]
+    """(n,)"""
+    ignored: frozenset[int]
+    ignored_surfaces: dict[tuple[int, int], frozenset[tuple[int, int]]]
+
+
+class Objects:
+    """Objects, each a `SurfaceMesh` at a pose.
+
+    Parameters
+    ----------
+    tolerance: what counts as near, and which poses are rigid motions.
+
+    An object's id is its place in the order of adding, and stays its own when others are removed.
+    """
+
+    def __init__(self, tolerance: Tolerance | None = None) -> None:
+        from collision.broad_phase import BroadPhase, bodies_for
+
+        self.tolerance = tolerance if tolerance is not None else Tolerance()
+        self.checked = replace(self.tolerance, rigid=np.inf)
+        """the tolerance for poses of one object in another's frame: each was checked when it was set"""
+        self._meshes: list[SurfaceMesh | None] = []
+        self._bodies = bodies_for(16)
+        self._version = np.zeros(16, np.int64)
+        self._moves = 0  # how often any object was moved: the source of versions, so that none is given twice
+        self._posed: tuple[int, tuple[pin.SE3, ...], NDArray[np.int64]] = (-1, (), self._version[:0])
+        self._revision = 0  # how often anything was changed
+        self._broad = BroadPhase()
+        self._changed = True  # whether objects were added or removed since the broad phase was last reset
+        self._ignored: frozenset[int] = frozenset()  # keys of pairs
+        self._ignored_surfaces: dict[tuple[int, int], frozenset[tuple[int, int]]] = {}
+        self._marked = False  # whether a mark refers to the table above, so that it is copied before it changes
+        self._enabled: dict[tuple[int, int], NDArray[np.uint8]] = {}  # the same as tables, made when needed
+
+    # --- objects -----------------------------------------------------------------------------------------------------
+
+    def add(self, mesh: SurfaceMesh, pose: pin.SE3 | ArrayLike, movable: bool = True) -> int:
+        """Add an object and return its id.
+
+        Parameters
+        ----------
+        pose: `pinocchio.SE3` or (4, 4), in the world frame, m.
+        movable: whether it may move. Pairs of objects of which neither is movable are left out of every answer.
+
+        Raises
+        ------
+        CollisionError: `mesh` is no SurfaceMesh.
+        PoseError: the pose is not a finite rigid motion.
+        """
+        i = len(self._meshes)
+        if not isinstance(mesh, SurfaceMesh):
+            raise CollisionError(
+                f"object {i} is a {type(mesh).__name__}; give a SurfaceMesh, or a shape to `add_shape`"
+            )
+        from collision.broad_phase import bodies_for
+        from collision.bvh.build import bounds_of
+
+        packed = _poses.pack(pose, f"object {i} ({mesh.name})", i, self.tolerance.rigid)
+        if i == len(self._bodies.pose):
+            self._bodies = bodies_for(2 * i, self._bodies)
+            self._version = np.concatenate([self._version, np.zeros(i, np.int64)])
+        self._meshes.append(mesh)
+        self._version[i] = self._next_version()
+        self._bodies.pose[i], self._bodies.own[i], self._bodies.movable[i] = packed, bounds_of(mesh), movable
+        self._changed = True
+        self._revision += 1
+        return i
+
+    def remove(self, i: int) -> None:
+        """Remove an object; its id is not used again."""
+        self.mesh(i)
+        self._meshes[i] = None
+        self._changed = True
+        self._ignored = frozenset(key for key in self._ignored if i not in ids_of(key))
+        self._ignored_surfaces = {pair: v for pair, v in self._ignored_surfaces.items() if i not in pair}
+        self._enabled = {pair: v for pair, v in self._enabled.items() if i not in pair}
+        self._forget(lambda a, b: i in (a, b))
+
+    def _forget(self, outdated: Callable[[int, int], bool]) -> None:
+        """Drop what a subclass has kept of pairs (a, b), a < b, of objects that are outdated."""
+        self._revision += 1
+
+    @property
+    def objects(self) -> tuple[int, ...]:
+        """The ids of all objects, ascending."""
+        return tuple(i for i, mesh in enumerate(self._meshes) if mesh is not None)
+
+    def mesh(self, i: int) -> SurfaceMesh:
+        """Return the mesh of an object.
+
+        Raises
+        ------
+        UnknownObjectError: there is no object of that id.
+        """
+        try:
+            mesh = self._meshes[i] if 0 <= i < len(self._meshes) else None
+        except TypeError:  # no number, or no whole one
+            mesh = None
+        if mesh is None:
+            known = self.objects
+            hint = f"ids are {known[0]} … {known[-1]}" if known else "there are none; add one first"
+            raise UnknownObjectError(f"no object {i!r}; {hint}", i)
+        return mesh
+
+    def movable(self, i: int) -> bool:
+        """Whether an object may move."""
+        self.mesh(i)
+        return bool(self._bodies.movable[i])
+
+    # --- poses -------------------------------------------------------------------------------------------------------
+
+    def pose(self, i: int) -> pin.SE3:
+        """Return the pose of an object in the world frame."""
+        self.mesh(i)
+        return _poses.unpack(self._bodies.pose[i])
+
+    def set_pose(self, i: int, pose: pin.SE3 | ArrayLike) -> None:
+        """Move an object to a pose, `pinocchio.SE3` or (4, 4); also one that is not movable.
+
+        Its version changes only if its pose does.
+
+        Raises
+        ------
+        UnknownObjectError, PoseError: no such object; the pose is not a finite rigid motion.
+        """
+        mesh = self.mesh(i)
+        before = self._bodies.pose[i].tobytes()
+        matrix = getattr(pose, "homogeneous", None)
+        if matrix is None or not self._broad.place(self._bodies, i, matrix, self.tolerance.rigid):
+            packed = _poses.pack(pose, f"object {i} ({mesh.name})", i, self.tolerance.rigid)
+            self._bodies.pose[i], self._bodies.stale[i] = packed, True
+        if self._bodies.pose[i].tobytes() != before:
+            self._version[i] = self._next_version()
+            self._revision += 1
+
+    def set_poses(self, ids: Sequence[int] | NDArray[np.integer], poses: Sequence[pin.SE3] | ArrayLike) -> None:
+        """Move many objects at once: all of them, or none if an error is raised.
+
+        Parameters
+        ----------
+        poses: as many `pinocchio.SE3` as ids, or (n, 4, 4).
+
+        Raises
+        ------
+        UnknownObjectError, PoseError: as `set_pose`; another number of poses than of ids.
+        """
+        for i in ids.tolist() if isinstance(ids, np.ndarray) else ids:
+            self.mesh(i)
+        where = np.asarray(ids, np.int64)
+        try:
+            if not isinstance(poses, np.ndarray):
+                poses = [getattr(pose, "homogeneous", pose) for pose in poses]  # type: ignore[union-attr]
+            matrices = np.ascontiguousarray(poses, np.float64)
+        except (TypeError, ValueError):
+            matrices = np.empty(0)
+        if where.ndim != 1 or matrices.shape != (len(where), 4, 4):
+            raise PoseError(f"{where.shape} ids take as many poses, (n, 4, 4), not {matrices.shape}")
+        packed, bad = self._broad.packed(matrices, self.tolerance.rigid)
+        if bad >= 0:
+            i = int(where[bad])
+            _poses.pack(matrices[bad], f"object {i} ({self.mesh(i).name})", i, self.tolerance.rigid)  # raises
+        moved = (packed != self._bodies.pose[where]).any(axis=1)
+        where = where[moved]
+        self._bodies.pose[where] = packed[moved]
+        self._bodies.stale[where] = True
+        self._version[where] = self._next_version()
+        self._revision += 1
+
+    def _next_version(self) -> int:
+        self._moves += 1
+        return self._moves
+
+    @property
+    def versions(self) -> NDArray[np.int64]:
+        """(n,) by id: a number that changes whenever the object moves, and never repeats. Read only."""
+        return self._version[: len(self._meshes)]
+
+    @property
+    def poses(self) -> tuple[pin.SE3, ...]:
+        """The poses of all objects by id, world frame; each is the same `pin.SE3` until its object moves."""
+        moves, known, versions = self._posed
+        if moves == self._moves:
+            return known
+        now = self.versions
+        if len(known) != len(now):
+            known, versions = (), np.full(len(now), -1)
+        poses: list[pin.SE3] = list(known) or [None] * len(now)
+        for i in np.flatnonzero(versions != now).tolist():
+            poses[i] = _poses.unpack(self._bodies.pose[i])
+        self._posed = self._moves, tuple(poses), now.copy()
+        return self._posed[1]
+
+    def packed_poses(self) -> NDArray[np.float64]:
+        """Return a copy of the poses by id, (n, 12): rotation by rows, translation in m."""
+        return self._bodies.pose[: len(self._meshes)].copy()
+
+    def mark(self) -> Mark:
+        """Return what `undo` needs to take back later moves and changes of what is ignored.
+
+        Objects must not be added or removed between the two.
+        """
+        self._marked = True
+        return Mark(self.packed_poses(), self.versions.copy(), self._ignored, self._ignored_surfaces)
+
+    def undo(self, mark: Mark) -> None:
+        """Restore poses and ignored pairs of a mark; what moved since gets a version that it never had."""
+        moved = np.flatnonzero(self.versions != mark.versions)
+        self._bodies.pose[moved], self._bodies.stale[moved] = mark.poses[moved], True
+        self._version[moved] = self._next_version()
+        self._ignored, self._ignored_surfaces, self._marked = mark.ignored, mark.ignored_surfaces, True
+        self._enabled = {}
+        self._changed = True
+        self._forget(lambda i, j: True)
+
+    def relative_pose(self, i: int, j: int) -> pin.SE3:
+        """Return the pose of object j in the frame of object i, by which queries move the vertices of j once."""
+        self.mesh(i), self.mesh(j)
+        return _poses.unpack(self._broad.relative_poses(self._bodies.pose, np.array([[i, j]], np.int32))[0])
+
+    def world_boxes(self) -> NDArray[np.float64]:
+        """Return (n, 6) least and greatest corners, m, of boxes in the world frame that hold the objects, by id.
+
+        They are inflated by more than all rounding.
+        """
+        self._reset_broad_phase()
+        self._broad.near(self._bodies, len(self._meshes), 0.0, None)
+        return self._bodies.box[: len(self._meshes)]
+
+    def _reset_broad_phase(self) -> None:
+        """Rebuild the trees of the broad phase if objects were added or removed."""
+        if self._changed:
+            self._broad.reset(np.array(self.objects, np.int64), self._bodies)
+            self._changed = False
+
+    # --- which pairs are enabled -------------------------------------------------------------------------------------
+
+    def ignore(self, i: int, j: int) -> None:
+        """Leave a pair of objects out of every answer until `enable(i, j)`."""
+        self._ignored |= {key_of(*self._pair(i, j))}
+        self._revision += 1
+
+    def enable(self, i: int, j: int) -> None:
+        """Undo `ignore(i, j)`."""
+        self._ignored -= {key_of(*self._pair(i, j))}
+        self._revision += 1
+
+    def set_groups(self, groups: Iterable[Iterable[int]]) -> None:
+        """Leave pairs of objects within each of these groups, which move as one, out of every answer.
+
+        The groups replace those set before; with none, all pairs are enabled again.
+
+        Raises
+        ------
+        UnknownObjectError, CollisionError: no such object; an object in two groups, or twice in one.
+        """
+        listed = [[int(i) for i in group] for group in groups]
+        for i in (members := [i for group in listed for i in group]):
+            self.mesh(i)
+        if len(set(members)) < len(members):
+            raise CollisionError("an object is in two groups, or in one twice; give each once")
+        self._broad.set_groups(self._bodies, listed)
+        self._revision += 1
+
+    def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None:
+        """Leave every pair of a surface of i among `surfaces_i` and one of j among `surfaces_j` out of every answer."""
+        self._leave_out(i, j, self.ignored_surfaces(i, j) | self._products(i, surfaces_i, j, surfaces_j))
+
+    def enable_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None:
+        """Undo `ignore_surfaces` for these pairs of surfaces."""
+        self._leave_out(i, j, self.ignored_surfaces(i, j) - self._products(i, surfaces_i, j, surfaces_j))
+
+    def _leave_out(self, i: int, j: int, surfaces: frozenset[tuple[int, int]]) -> None:
+        """Set which pairs of surfaces of i and j are left out."""
+        if self._marked:
+            self._ignored_surfaces, self._marked = dict(self._ignored_surfaces), False
+        pair = self._pair(i, j)
+        self._ignored_surfaces[pair] = surfaces
+        self._enabled.pop((i, j), None)
+        self._enabled.pop((j, i), None)
+        self._forget(lambda a, b: (a, b) == pair)
+
+    @property
+    def ignores(self) -> bool:
+        """Whether any pair of objects, or of their surfaces, may be left out."""
+        return bool(self._ignored or self._ignored_surfaces)
+
+    def ignored(self, i: int, j: int) -> bool:
+        """Whether a pair of objects is left out as a whole, by `ignore` or as members of one group.
+
+        Raises
+        ------
+        UnknownObjectError, CollisionError: no such object; one object twice.
+        """
+        pair, group = self._pair(i, j), self._bodies.group
+        return key_of(*pair) in self._ignored or bool(group[i] >= 0 and group[i] == group[j])
+
+    def ignored_surfaces(self, i: int, j: int) -> frozenset[tuple[int, int]]:
+        """Return the pairs of surfaces left out, as (surface of the lower id, surface of the higher)."""
+        return self._ignored_surfaces.get(self._pair(i, j), frozenset())
+
+    def enabled_surfaces(self, i: int, j: int) -> NDArray[np.uint8] | None:
+        """Return (ki, kj) uint8, 0 for each pair of surfaces of i and j that is left out; None if none is."""
+        left_out = self._ignored_surfaces.get(self._pair(i, j))
+        if not left_out:
+            return None
+        enabled = self._enabled.get((i, j))
+        if enabled is None:
+            enabled = np.ones((self.mesh(i).n_surfaces, self.mesh(j).n_surfaces), np.uint8)
+            low, high = np.array(sorted(left_out)).T
+            enabled[(low, high) if i < j else (high, low)] = 0
+            enabled.setflags(write=False)
+            self._enabled[i, j] = enabled
+        return enabled
+
+    def _pair(self, i: int, j: int) -> tuple[int, int]:
+        self.mesh(i), self.mesh(j)
+        if i == j:
+            raise CollisionError(f"object {i} twice; a pair needs two objects")
+        return (i, j) if i < j else (j, i)
+
+    def _products(
+        self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]
+    ) -> frozenset[tuple[int, int]]:
+        si, sj = self._surfaces(i, surfaces_i), self._surfaces(j, surfaces_j)
+        return frozenset((a, b) if i < j else (b, a) for a in si for b in sj)
+
+    def _surfaces(self, i: int, surfaces: Iterable[int]) -> Sequence[int]:
+        known = self.mesh(i).n_surfaces
+        out = [int(s) for s in surfaces]
+        for s in out:
+            if not 0 <= s < known:
+                raise CollisionError(f"object {i} ({self.mesh(i).name}) has no surface {s}; they are 0 … {known - 1}")
+        return out
+
+
+def key_of(i: int, j: int) -> int:
+    """Return a pair of ids as one number, 2³²·i + j."""
+    return i << 32 | j
+
+
+def ids_of(key: int) -> tuple[int, int]:
+    """Return the ids (i, j) of a key."""
+    return key >> 32, key & 0xFFFFFFFF

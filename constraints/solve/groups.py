@@ -1,0 +1,121 @@
+"""`Groups`: bodies that a held one carries. Each group is one rigid body, and its constraints are its carrier's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from constraints.errors import ConstraintsError
+from constraints.kinds.base import Constraint
+from constraints.kinds.equations import Array, Equation
+
+
+@dataclass(frozen=True, eq=False)
+class OnCarrier(Constraint):
+    """A constraint of carried bodies as one of their carriers: its equations, in the carriers' frames."""
+
+    kind: ClassVar[str] = "on carrier"
+
+    of: Constraint | None = None
+    seats: tuple[pin.SE3, pin.SE3] = (pin.SE3.Identity(), pin.SE3.Identity())
+    """pose of each body of `of` in its carrier's frame; the identity for a body that is not carried"""
+
+    def equations(self) -> tuple[Equation, ...]:
+        assert self.of is not None
+        return tuple(
+            replace(e, a=_moved(e.a, self.seats[e.swapped]), b=_moved(e.b, self.seats[not e.swapped]))
+            for e in self.of.equations()
+        )
+
+    @property
+    def reach(self) -> float:
+        assert self.of is not None
+        return self.of.reach
+
+
+def _moved(element: Array, seat: pin.SE3) -> Array:
+    """An element (12,), a point and three directions, in the frame in which its body is at `seat`."""
+    x = element.reshape(4, 3) @ seat.rotation.T
+    x[0] += seat.translation
+    return x.ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Which bodies are carried, by which, and where they sit."""
+
+    seats: Mapping[int, tuple[int, pin.SE3]]
+    """carried body -> its carrier, and its pose in the carrier's frame"""
+
+    @classmethod
+    def of(cls, carried: Mapping[int, Iterable[int]], poses: Sequence[pin.SE3], before: Groups) -> Groups:
+        """The groups of carriers and what they carry: who was carried so `before` sits where it sat.
+
+        Raises ConstraintsError for a body that is carried twice, or that carries.
+        """
+        seats: dict[int, tuple[int, pin.SE3]] = {}
+        for carrier, bodies in sorted(carried.items()):
+            for body in sorted(bodies):
+                if body in seats or body in carried:
+                    raise ConstraintsError(f"body {body} cannot be carried with {carrier}: carried once, by a held one")
+                seat = before.seats.get(body)
+                if seat is None or seat[0] != carrier:
+                    seat = carrier, poses[carrier].actInv(poses[body])
+                seats[body] = seat
+        same = seats.keys() == before.seats.keys() and all(seats[b] is seat for b, seat in before.seats.items())
+        return before if same else cls(seats)
+
+    def carrier(self, body: int) -> int:
+        """What carries a body; the body itself where nothing does."""
+        seat = self.seats.get(body)
+        return body if seat is None else seat[0]
+
+    def within(self, bodies: tuple[int, int]) -> bool:
+        """Whether two bodies move as one."""
+        return bool(self.seats) and self.carrier(bodies[0]) == self.carrier(bodies[1])
+
+    def carriers(self, count: int) -> NDArray[np.int64]:
+        """(count,) what carries each body, the body itself where nothing does."""
+        out = np.arange(count)
+        out[list(self.seats)] = [carrier for carrier, _ in self.seats.values()]
+        return out
+
+    @cached_property
+    def members(self) -> dict[int, tuple[int, ...]]:
+        """Carrier -> all of its group, itself first, the others ascending."""
+        out: dict[int, tuple[int, ...]] = {}
+        for body, (carrier, _) in sorted(self.seats.items()):
+            out[carrier] = (*out.get(carrier, (carrier,)), body)
+        return out
+
+    def constraints(self, every: Iterable[Constraint]) -> tuple[Constraint, ...]:
+        """The constraints as those of the carriers; those within a group left out."""
+        if not self.seats:
+            return tuple(every)
+        return tuple(self._taken_over(c) for c in every if not self.within(c.bodies))
+
+    def _taken_over(self, c: Constraint) -> Constraint:
+        seats = [self.seats.get(body, (body, pin.SE3.Identity())) for body in c.bodies]
+        (a, at_a), (b, at_b) = seats
+        if (a, b) == c.bodies:
+            return c
+        return OnCarrier((a, b), c.features, c.surfaces, c.size, of=c, seats=(at_a, at_b))
+
+    def followed(self, poses: Mapping[int, pin.SE3], before: Sequence[pin.SE3]) -> dict[int, pin.SE3]:
+        """`poses` of carriers, and those that what they carry has with them; `before`, where the carrier stays."""
+        out = dict(poses)
+        for body, (carrier, seat) in self.seats.items():
+            pose = poses.get(carrier)
+            if pose is not None:
+                out[body] = before[body] if pose is before[carrier] or pose == before[carrier] else pose * seat
+        return out
+
+
+ALONE = Groups({})
+"""nothing is carried"""

@@ -1,0 +1,209 @@
+"""Bounds in float32 against the same in float64: what eight lanes rule out is never there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numba import njit
+
+from collision import SurfaceMesh
+from collision.bvh.build import bvh_of
+from collision.bvh.packets import near_triangles
+from collision.bvh.traverse import fresh_packets, start, workspace_for
+from collision.numeric.simd import RATES, TERMS, apart_lane_a, apart_lane_b, perhaps_nearing
+from collision.query.signed_distance import triangle_bounds
+from collision.query.time_of_impact import Sweep, _set_rates, _set_terms
+from collision.triangle.distance import closest_features
+from collision.triangle.point import closest_on_triangle
+from tests.collision.brute_force import signed_distances
+
+
+def packet(rng: np.random.Generator, scale: float, place: float, slivers: bool = False) -> SurfaceMesh:
+    """Eight triangles, some of them slivers or of no area."""
+    corners = rng.normal(size=(8, 3, 3)) * scale * 10.0 ** rng.uniform(-3.0, 0.0, (8, 1, 1)) + rng.normal(
+        size=(8, 1, 3)
+    ) * scale * rng.uniform(0.0, 2.0)
+    if slivers:
+        corners[::3, 2] = corners[::3, 0] + (corners[::3, 1] - corners[::3, 0]) * rng.uniform(-0.5, 1.5, (3, 1))
+        corners[::3, 2] += rng.normal(size=(3, 3)) * scale * 10.0 ** rng.uniform(-12.0, -3.0, (3, 1))
+    return SurfaceMesh((corners + place * rng.normal(size=3)).reshape(-1, 3), np.arange(24).reshape(8, 3))
+
+
+def in_leaf_order(mesh: SurfaceMesh) -> np.ndarray:
+    return mesh.vertices[mesh.triangles[bvh_of(mesh).order]]
+
+
+def relative(rng: np.random.Generator, reach: float) -> pin.SE3:
+    return pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3) * reach)
+
+
+@njit
+def bounds_from(bvh, ws, p):
+    triangle_bounds(bvh, ws, 0, (p[0], p[1], p[2]))
+
+
+@njit
+def distances_from(corners, p, out):
+    for i in range(len(corners)):
+        a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
+        q, _ = closest_on_triangle((p[0], p[1], p[2]), (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2]))
+        out[i] = np.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2 + (q[2] - p[2]) ** 2)
+
+
+@njit
+def distances_between(corners, others, out):
+    for i in range(len(corners)):
+        a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
+        for j in range(len(others)):
+            p, q, r = others[j, 0], others[j, 1], others[j, 2]
+            square, _, _ = closest_features(
+                (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2]),
+                (p[0], p[1], p[2]), (q[0], q[1], q[2]), (r[0], r[1], r[2]),
+            )  # fmt: skip
+            out[i, j] = np.sqrt(square)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1.0, 1e6])
+def test_distances_of_points_are_never_above_and_are_close(scale: float) -> None:
+    rng = np.random.default_rng(int(-np.log10(scale)) + 20)
+    exact = np.empty(8)
+    for _ in range(400):
+        mesh = packet(rng, scale, scale * 10.0 ** rng.uniform(-2.0, 1.0), slivers=bool(rng.random() < 0.5))
+        bvh, corners = bvh_of(mesh), in_leaf_order(mesh)
+        ws = workspace_for(bvh, bvh)
+        p = corners.reshape(-1, 3)[rng.integers(24)] + rng.normal(size=3) * scale * 10.0 ** rng.uniform(-6.0, 2.0)
+        bounds_from(bvh, ws, p)
+        distances_from(corners, p, exact)
+        assert (ws.bounds[:8] <= exact).all()
+        size = float(bvh.size[0])
+        well = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        well = well > 1e-2 * size * size
+        assert (ws.bounds[:8][well] >= exact[well] - 1e-3 * size - 1e-3 * exact[well]).all()
+
+
+@njit
+def near_pairs_of_packets(a, b, ws, distance, along, meeting):
+    start(a, b, ws)
+    direction = np.float32(along[0]), np.float32(along[1]), np.float32(along[2])
+    ws.bounds[8:72] = np.inf
+    return near_triangles(a, b, ws, 0, 0, np.float32(distance), direction, meeting)
+
+
+def kept_and_bounds(
+    one: SurfaceMesh, other: SurfaceMesh, pose: pin.SE3, distance: float, along: np.ndarray, meeting: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """(8, 8) which pairs may be within the distance, and the lower bounds."""
+    a, b = bvh_of(one), bvh_of(other)
+    ws = workspace_for(a, b)
+    ws.pose.matrix[:12] = [*pose.rotation.ravel(), *pose.translation]
+    bits = near_pairs_of_packets(a, b, ws, distance, along, meeting) & (2**64 - 1)
+    kept = np.array([[bits >> (8 * j + i) & 1 == 1 for j in range(8)] for i in range(8)])
+    return kept, ws.bounds[8:72].reshape(8, 8).T.astype(float)
+
+
+@pytest.mark.parametrize("meeting", [False, True])
+def test_pairs_of_triangles_that_are_left_out_are_farther_apart(meeting: bool) -> None:
+    rng = np.random.default_rng(1)
+    exact, left = np.empty((8, 8)), 0
+    for _ in range(600):
+        one, other = (packet(rng, 1e-2, 1e-1, slivers=k == 1) for k in range(2))
+        pose, along = relative(rng, 0.05), rng.normal(size=3) * (rng.random() < 0.5)
+        distances_between(in_leaf_order(one), in_leaf_order(other) @ pose.rotation.T + pose.translation, exact)
+        distance = float(np.quantile(exact, rng.random()))
+        kept, _ = kept_and_bounds(one, other, pose, distance * (1.0 + 1e-6), along, meeting)
+        assert (exact[~kept] > distance).all()
+        left += int((~kept).sum())
+    assert left > 2000
+
+
+def in_contact(rng: np.random.Generator, scale: float, place: float) -> tuple[SurfaceMesh, SurfaceMesh, pin.SE3]:
+    """Two packets, some of whose triangles share planes, edges and corners with those of the other, some of them moved
+    into each other or apart by little; the second is given in a frame of its own."""
+    one = rng.normal(size=(8, 3, 3)) * scale
+    other = one[rng.permutation(8)].copy()
+    for k, triangle in enumerate(other):
+        normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+        normal /= np.linalg.norm(normal)
+        if k % 4 == 0:  # in one plane
+            triangle += rng.normal() * (triangle[1] - triangle[0])
+        elif k % 4 == 1:  # one edge in common
+            triangle[2] += rng.normal(size=3) * scale
+        elif k % 4 == 2:  # a corner in common
+            triangle[1:] += rng.normal(size=(2, 3)) * scale
+        triangle += normal * scale * rng.choice([0.0, 1.0, -1.0]) * 10.0 ** rng.uniform(-12.0, 0.0)
+    pose = pin.SE3(pin.exp3(rng.normal(size=3)), place * rng.normal(size=3))
+    apart = (other.reshape(-1, 3) - pose.translation) @ pose.rotation
+    meshes = [SurfaceMesh(v, np.arange(24).reshape(8, 3)) for v in (one.reshape(-1, 3), apart)]
+    return meshes[0], meshes[1], pose
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e-2, 1e3])
+@pytest.mark.parametrize("meeting", [False, True])
+def test_bounds_of_signed_distances_hold_in_contact_and_are_close(meeting: bool, scale: float) -> None:
+    rng = np.random.default_rng(int(meeting) + 2)
+    known = close = 0
+    for _ in range(150):
+        one, other, pose = in_contact(rng, scale, scale * 10.0 ** rng.uniform(-1.0, 2.0))
+        corners, others = in_leaf_order(one), in_leaf_order(other) @ pose.rotation.T + pose.translation
+        signed = signed_distances(corners, others)
+        limit = float(np.quantile(signed, rng.uniform(0.3, 1.0)))
+        kept, bounds = kept_and_bounds(one, other, pose, limit, np.zeros(3), meeting)
+        rounding = 1e-13 * (np.abs(others).max() + np.abs(corners).max() + np.abs(other.vertices).max())
+        assert (signed[~kept] > limit - 1e-6 * abs(limit) - rounding).all()
+        looked_at = bounds < np.inf
+        assert (bounds[looked_at] <= signed[looked_at] + rounding).all()
+        right = kept & ((signed < 0.0) if meeting else (signed > 1e-3 * scale))
+        known += int(right.sum())
+        close += int((bounds[right] >= signed[right] - 1e-3 * np.abs(signed[right]) - 1e-4 * scale).sum())
+    assert known > 300 and close > 0.8 * known
+
+
+@njit
+def certified(a, b, ws, screws, task, most, aim, until, pairs, boxes):
+    """Which pairs of triangles, and of boxes, are not ruled out until a time."""
+    start(a, b, ws)
+    fresh_packets(a, b, ws, 0, 0)
+    _set_rates(a.frame, b.frame, ws.pose.matrix, screws, task)
+    _set_terms(task, a, b, ws, 0, 0, most, aim)
+    task.terms[9] = until
+    for j in range(8):
+        pairs[j] = perhaps_nearing(ws.prepared, 0, ws.turned, j, task.rates, task.terms)
+    aim, until = np.float32(aim), np.float32(until)
+    boxes[0] = apart_lane_a(a.boxes, 0, ws.moved, 0, task.rates, aim, until, ws.bounds) & 1
+    boxes[1] = apart_lane_b(ws.moved, 0, a.boxes, 0, task.rates, aim, until, ws.bounds) & 1
+
+
+def test_what_is_certified_stays_apart() -> None:
+    rng = np.random.default_rng(2)
+    exact, pairs, boxes = np.empty((8, 8)), np.empty(8, np.int64), np.empty(2, np.int64)
+    sure_pairs = sure_boxes = 0
+    for _ in range(250):
+        one, other = packet(rng, 1e-2, 1e-1), packet(rng, 1e-2, 1e-1)
+        a, b = bvh_of(one), bvh_of(other)
+        start_a, start_b = relative(rng, 0.02), relative(rng, 0.02)
+        turn = 10.0 ** rng.uniform(-3.0, 0.5)
+        twists = np.concatenate([rng.normal(size=(2, 3)) * 0.1, rng.normal(size=(2, 3)) * turn], axis=1)
+        pose = start_a.actInv(start_b)
+        ws = workspace_for(a, b)
+        ws.pose.matrix[:12] = [*pose.rotation.ravel(), *pose.translation]
+        level = 1e-5
+        task = Sweep(
+            np.empty(0), level, 1e-6, np.empty(RATES, np.float32), np.empty(15), np.empty(2),
+            np.empty(4, np.int64), np.empty(TERMS, np.float32),
+        )  # fmt: skip
+        # the acceleration of any point, generously: see `collision.triangle.motion`
+        reach = 1.0 + float(np.abs(other.vertices).max())
+        speed = np.linalg.norm(twists[:, :3], axis=1).sum() + np.linalg.norm(twists[:, 3:], axis=1).sum() * reach * 3.0
+        most = 4.0 * speed * np.linalg.norm(twists[:, 3:], axis=1).sum()
+        until = 10.0 ** rng.uniform(-3.0, 0.0)
+        certified(a, b, ws, np.hstack([np.zeros((2, 12)), twists]), task, most, 0.9 * level, until, pairs, boxes)
+        perhaps = (pairs[None, :] >> np.arange(8)[:, None]) & 1 == 1
+        for t in np.linspace(0.0, until, 12):
+            at_t = (start_a * pin.exp6(pin.Motion(t * twists[0]))).actInv(start_b * pin.exp6(pin.Motion(t * twists[1])))
+            distances_between(in_leaf_order(one), in_leaf_order(other) @ at_t.rotation.T + at_t.translation, exact)
+            assert (exact[~perhaps] > 0.9 * level).all()
+            assert boxes.any() or exact.min() > 0.9 * level
+        sure_pairs += int((~perhaps).sum())
+        sure_boxes += int(not boxes.all())
+    assert sure_pairs > 1000 and sure_boxes > 10

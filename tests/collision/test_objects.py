@@ -1,0 +1,75 @@
+"""`Objects`: ids, poses, and which pairs are enabled."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from collision import (
+    CollisionManager,
+    PoseError,
+    UnknownObjectError,
+)
+from tests.collision import shapes
+from tests.collision.crowds import anywhere, at, crowd, one_by_one
+
+
+def test_poses_are_kept_and_changed() -> None:
+    manager = crowd(9, 5, 2.0)
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        i = int(rng.integers(9))
+        pose = anywhere(rng, 2.0)
+        manager.set_pose(i, pose)
+        assert np.array_equal(manager.pose(i).homogeneous, pose.homogeneous)
+        assert manager.colliding_surfaces().tolist() == one_by_one(manager)
+
+
+def test_many_poses_at_once() -> None:
+    manager, other = crowd(12, 3, 3.0), crowd(12, 3, 3.0)
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        ids = rng.permutation(12)[:7]
+        poses = [anywhere(rng, 3.0) for _ in ids]
+        manager.set_poses(ids, poses)
+        for i, pose in zip(ids.tolist(), poses, strict=True):
+            other.set_pose(i, pose)
+        assert np.array_equal(manager.colliding_surfaces(), other.colliding_surfaces())
+        manager.set_poses(ids, np.array([pose.homogeneous for pose in poses]))
+        assert np.array_equal(manager.colliding_surfaces(), other.colliding_surfaces())
+    before = [manager.pose(i).homogeneous for i in manager.objects]
+    poses[3] = pin.SE3(np.eye(3) * 1.5, np.zeros(3))
+    with pytest.raises(PoseError, match=rf"object {ids[3]} "):
+        manager.set_poses(ids, poses)
+    with pytest.raises(PoseError, match="as many poses"):
+        manager.set_poses([0, 1], poses)
+    with pytest.raises(UnknownObjectError):
+        manager.set_poses([0, 99], poses[:2])
+    assert np.array_equal(before, [manager.pose(i).homogeneous for i in manager.objects])
+
+
+def test_enabled_surfaces_are_the_same_in_either_order() -> None:
+    manager = CollisionManager()
+    a, b = manager.add(shapes.box(), at(0)), manager.add(shapes.soup(40, 4, 1), at(0.5))
+    assert manager.enabled_surfaces(b, a) is None
+    for left_out in ((2, 3), (5, 1)):  # asked before and after a change
+        manager.ignore_surfaces(b, [left_out[1]], a, [left_out[0]])
+        enabled, other = manager.enabled_surfaces(a, b), manager.enabled_surfaces(b, a)
+        assert enabled is not None and other is not None
+        assert enabled.shape == (6, 4) and enabled[left_out] == 0
+        assert enabled.T.tolist() == other.tolist()
+    manager.enable_surfaces(b, range(4), a, range(6))
+    assert manager.enabled_surfaces(a, b) is None and manager.enabled_surfaces(b, a) is None
+
+
+def test_ids_stay_when_others_go() -> None:
+    manager = CollisionManager()
+    a, b, c = (manager.add(shapes.box(), at(0.6 * k)) for k in range(3))
+    manager.remove(b)
+    assert manager.objects == (a, c) and len(manager.colliding_surfaces()) == 0
+    d = manager.add(shapes.box(), at(0.6))
+    assert d not in (a, b, c)
+    assert {(row[0], row[2]) for row in manager.colliding_surfaces().tolist()} == {(a, d), (c, d)}
+    with pytest.raises(UnknownObjectError, match=rf"no object {b}"):
+        manager.pose(b)

@@ -1,0 +1,365 @@
+"""What `vpframe clash` says of scenes whose truth is known."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from collision import SurfaceMesh
+from collision.solid import solid_of
+from constraints.geometry.features import Feature
+from constraints.geometry.surfaces import Cylinder, Freeform, Plane
+from vpframe.analysis.clash import authorised_pairs, clash, document, is_open, merged, table
+from vpframe.analysis.mates import mates
+from vpframe.errors import VpframeError
+from vpframe.scene import modelling as m
+from vpframe.scene.deflection import deflections
+from vpframe.scene.scene import Part, Scene, Shape, Surface
+
+AT_HOME = pin.SE3.Identity()
+
+
+def at(x=0.0, y=0.0, z=0.0):
+    return pin.SE3(np.eye(3), np.array([x, y, z], dtype=float))
+
+
+def kinds(document):
+    return {pair["kind"] for pair in document["pairs"]}
+
+
+def shaft_in_bore(radius, deflection=1e-4):
+    block = m.box(0.04, 0.04, 0.03).translated(-0.02, -0.02, 0.0) - m.cylinder(0.010, 0.03)
+    shaft = m.cylinder(radius, 0.06).translated(0.0, 0.0, -0.015)
+    # turned by an odd angle, so that facets of the shaft meet facets of the bore across
+    turn = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.123])), np.zeros(3))
+    return m.scene({"block": (block, AT_HOME), "shaft": (shaft, turn)}, deflection=deflection)
+
+
+@pytest.mark.parametrize("deflection", [2e-5, 1e-4, 4e-4])
+@pytest.mark.parametrize(
+    ("radius", "kind"), [(0.01002, "clash"), (0.010, "contact"), (0.00998, "clearance"), (0.0099, None)]
+)
+def test_a_fit_is_judged_on_its_radii_whatever_the_tessellation(radius, kind, deflection):
+    found = clash(shaft_in_bore(radius, deflection), clearance=5e-5)
+    assert kinds(found) == ({kind} if kind else set())
+    if kind == "clash":
+        assert [p["depth"] for p in found["pairs"]] == pytest.approx([2e-5] * len(found["pairs"]), abs=1e-9)
+    if kind == "clearance":
+        assert [p["distance"] for p in found["pairs"]] == pytest.approx([2e-5] * len(found["pairs"]), abs=1e-9)
+
+
+def test_a_press_fit_may_be_authorised_by_name():
+    scene = shaft_in_bore(0.01002)
+    assert kinds(clash(scene, authorised=authorised_pairs(["shaft:block"]))) == {"authorised"}
+
+
+def test_flush_is_contact_overlap_is_clash_inside_is_containment():
+    cube = m.box(0.02, 0.02, 0.02)
+    flush = m.scene({"a": (cube, AT_HOME), "b": (cube, at(x=0.02))})
+    assert kinds(clash(flush)) == {"contact"}
+    deep = clash(m.scene({"a": (cube, AT_HOME), "b": (cube, at(x=0.019, y=0.001, z=0.001))}))
+    assert kinds(deep) >= {"clash"}
+    assert max(p["depth"] for p in deep["pairs"]) == pytest.approx(1e-3, abs=1e-6)
+    inside = clash(m.scene({"a": (cube, AT_HOME), "b": (m.box(0.01, 0.01, 0.01), at(0.005, 0.005, 0.005))}))
+    assert [(p["kind"], p["surfaces"]) for p in inside["pairs"]] == [("containment", [])]
+    assert inside["pairs"][0]["reason"] == "b lies wholly inside a" and "b lies wholly inside a" in table(inside)
+    assert clash(m.scene({"a": (cube, AT_HOME), "b": (cube, at(x=0.03))}))["pairs"] == []
+
+
+def test_identical_parts_in_one_place_clash():
+    cube = m.box(0.02, 0.02, 0.02)
+    assert "clash" in kinds(clash(m.scene({"a": (cube, AT_HOME), "b": (cube, AT_HOME)})))
+
+
+def test_the_table_names_parts_and_counts_kinds():
+    text = table(clash(shaft_in_bore(0.01002)))
+    assert text.startswith("1 clash") and "block – shaft" in text and "0.020 mm deep" in text
+    assert "3 pairs of surfaces" in text and table(clash(shaft_in_bore(0.01002)), surfaces=True).startswith("3 clash")
+    assert table({"pairs": []}) == "no two parts touch"
+
+
+def test_scenes_of_several_files_keep_their_parts_apart():
+    one = m.scene({"cube": (m.box(0.01, 0.01, 0.01), AT_HOME)})
+    one.source = "folder/a.step"
+    both = merged([one, one])
+    assert both.names == ("a/cube", "a_2/cube")
+    assert merged([one]) is one
+    assert clash(Scene()) == {"pairs": []}
+
+
+def test_authorised_pairs_are_two_names():
+    with pytest.raises(VpframeError, match="A:B"):
+        authorised_pairs(["shaft"])
+
+
+@pytest.mark.parametrize("angular", [0.1, 0.35, 0.7])
+def test_deflection_is_that_of_the_chords(angular):
+    radius = 0.01
+    shape = m.shape(m.cylinder(radius, 0.03), deflection=1.0, angular=angular)
+    mesh = shape.mesh
+    sides = next(s for s in shape.surfaces if s.orientation == "convex")
+    ring = np.unique(
+        np.round(mesh.vertices[mesh.triangles[mesh.triangles_of(sides.index)]].reshape(-1, 3)[:, :2], 12), axis=0
+    )
+    sagitta = radius * (1.0 - np.cos(np.pi / len(ring)))
+    # the flat ends end at the same chords
+    assert deflections(shape) == pytest.approx([sagitta] * 3, rel=0.02)
+
+
+def test_the_table_puts_the_deepest_first_and_tells_no_length_of_zero():
+    def row(kind, depth=0.0, distance=0.0, b="b"):
+        return {"kind": kind, "parts": ["a", b], "surfaces": [0, 1], "distance": distance, "depth": depth}
+
+    pairs = [row("contact", 1e-15), row("contact", 2e-5, b="c"), row("clash", 1e-4), row("clash", 3e-3, b="d")]
+    lines = table({"pairs": [*pairs, row("clearance", distance=2e-4)]}, surfaces=True).splitlines()
+    assert lines[0] == "2 clash, 2 contact, 1 clearance"
+    assert [line.split()[3].rstrip(":") for line in lines[1:4]] == ["d", "b", "c"]
+    assert lines[3].endswith("touching, their facets overlap by 0.020 mm, within their deflection")
+    assert lines[4].endswith("touching") and lines[5].endswith("0.200 mm apart")
+    assert "0.000" not in "\n".join(lines)
+
+
+def heap():
+    """A cube that a plate cuts and a post touches; two further plates that only touch."""
+    cube, slab = m.box(0.02, 0.02, 0.02), m.box(0.02, 0.02, 0.005)
+    poses = {"cube": (cube, AT_HOME), "stack/plate": (slab, at(z=0.019)), "post": (cube, at(x=0.02))}
+    return m.scene({**poses, "stack/top": (slab, at(z=0.024)), "lid": (slab, at(z=0.029))})
+
+
+def test_clashes_are_listed_by_pair_of_parts_and_contacts_counted_at_the_end():
+    found = clash(heap())
+    lines = table(found).splitlines()
+    assert lines[0] == "1 clash, 4 contact (pairs of parts)"
+    assert lines[1].split()[:5] == ["clash", "cube", "–", "stack/plate:", "1.000"]
+    assert " mm deep at (" in lines[1] and " · plane – face " in lines[1] and "pairs of surfaces" in lines[1]
+    rest = [p for p in found["pairs"] if p["parts"] != ["cube", "stack/plate"]]
+    assert lines[2].endswith(f"4 pairs of parts only touch ({len(rest)} pairs of surfaces); --contacts lists them")
+    assert len(lines) == 3
+    asked = table(found, contacts=True).splitlines()
+    assert len(asked) == 6 and asked[:2] == lines[:2]
+    assert sum(line.startswith("  contact") and "touching" in line for line in asked) == 4
+    every = table(found, surfaces=True).splitlines()
+    assert len(every) == 1 + len(found["pairs"])
+
+
+def test_the_document_nests_the_surfaces_of_a_pair_of_parts():
+    found = clash(heap())
+    (worst, *rest) = document(found, notes=["a note"])["pairs"]
+    assert document(found, notes=["a note"])["notes"] == ["a note"]
+    assert worst["parts"] == ["cube", "stack/plate"] and worst["kind"] == "clash" and len(rest) == 4
+    assert worst["count"] == len(worst["surface_pairs"])
+    deepest = max(worst["surface_pairs"], key=lambda row: row["depth"])
+    for name in ("depth", "point", "faces", "surfaces"):
+        assert worst[name] == worst["surface_pairs"][0][name]
+    assert worst["depth"] == deepest["depth"] == pytest.approx(1e-3, abs=1e-6)
+    rows = [row for pair in (worst, *rest) for row in pair["surface_pairs"]]
+    assert sorted(rows, key=repr) == sorted(found["pairs"], key=repr), "nothing is lost, nothing listed twice"
+    x, y, z = worst["point"]
+    assert -1e-9 <= x <= 0.02 + 1e-9 and -1e-9 <= y <= 0.02 + 1e-9 and 0.019 - 1e-9 <= z <= 0.02 + 1e-9
+
+
+def test_a_row_of_a_fit_has_a_place_and_its_faces_names():
+    scene = shaft_in_bore(0.01002)
+    (pair,) = document(clash(scene))["pairs"]
+    bore, shaft = (face.split(" · ")[1] for face in pair["faces"])
+    assert (bore, shaft) == ("bore Ø20", "shaft Ø20.04")
+    x, y, z = pair["point"]
+    assert np.hypot(x, y) <= 0.0101 and 0.0 <= z <= 0.03
+
+
+def test_one_pair_that_touches_is_listed_as_its_count_takes_a_line_too():
+    cube = m.box(0.02, 0.02, 0.02)
+    lines = table(clash(m.scene({"a": (cube, AT_HOME), "b": (cube, at(x=0.02))}))).splitlines()
+    assert len(lines) == 2 and "a – b: touching" in lines[1]
+
+
+def test_a_subassembly_is_authorised_by_its_name():
+    scene = heap()
+    assert authorised_pairs(["stack:cube"], scene) == [("stack/plate", "cube"), ("stack/top", "cube")]
+    assert "clash" not in kinds(clash(scene, authorised=authorised_pairs(["stack:cube"], scene)))
+    with pytest.raises(VpframeError, match="stakc"):
+        authorised_pairs(["stakc:cube"], scene)
+
+
+def screwed(hole, length=0.016):
+    """A screw M6 with its head on a plate of 10 mm that has a hole of a given diameter."""
+    plate = m.box(0.03, 0.03, 0.01) - m.cylinder(hole / 2.0, 0.01).translated(0.015, 0.015, 0.0)
+    screw = m.cylinder(0.003, length) + m.cylinder(0.005, 0.006).translated(z=length)
+    return m.scene({"plate": (plate, AT_HOME), "screw": (screw, at(0.015, 0.015, 0.01 - length))})
+
+
+@pytest.mark.parametrize("length", [0.006, 0.016])
+def test_a_screw_drawn_in_its_tap_drill_is_a_thread_and_no_clash(length):
+    found = clash(screwed(0.005, length))
+    assert kinds(found) == {"thread", "contact"}
+    threads = [p for p in found["pairs"] if p["kind"] == "thread"]
+    assert max(p["depth"] for p in threads) == pytest.approx(5e-4, rel=0.05)
+    assert all(p["reason"].startswith("thread M6 drawn as Ø6 in Ø5 mm") for p in threads)
+    assert not any(map(is_open, found["pairs"]))
+    text = table(found)
+    assert text.splitlines()[0] == "1 thread (pairs of parts)"
+    assert "thread, " in table(found, surfaces=True).splitlines()[0] and "thread M6 drawn as Ø6 in Ø5 mm" in text
+    # a hole that no thread is cut into is a clash as before
+    assert "clash" in kinds(clash(screwed(0.0055, length)))
+
+
+PITCH, RADIUS, DEPTH, PER_TURN = 2e-3, 7.35e-3, 5e-4, 64
+
+
+def threaded_part(name, height, air=0.0, outer=None):
+    """A bar with a thread of rounded profile about z, or a nut of radius `outer` that is `air` wider all round."""
+    rows = round(height / PITCH * 24) + 1
+    z, angle = np.linspace(0.0, height, rows)[:, None], 2.0 * np.pi * np.arange(PER_TURN)[None] / PER_TURN
+    wave = RADIUS + air + DEPTH * np.sin(2.0 * np.pi * z / PITCH - angle)
+    rings = [(wave, z + 0.0 * angle)]
+    inner = 0.0 if outer is None else outer
+    rings.append((np.full((2, PER_TURN), inner), np.repeat([[0.0], [height]], PER_TURN, axis=1)))
+    vertices = np.concatenate(
+        [np.stack([r * np.cos(angle), r * np.sin(angle), h], axis=-1).reshape(-1, 3) for r, h in rings]
+    )
+    triangles, faces = [], []
+
+    def strip(low, high, face):
+        for j in range(PER_TURN):
+            k = (j + 1) % PER_TURN
+            for t in ((low + j, low + k, high + k), (low + j, high + k, high + j)):
+                triangles.append(t)
+                faces.append(face)
+
+    bottom, top = rows * PER_TURN, (rows + 1) * PER_TURN
+    for i in range(rows - 1):
+        strip(i * PER_TURN, (i + 1) * PER_TURN, 0)
+    strip(bottom, 0, 1)
+    strip((rows - 1) * PER_TURN, top, 2)
+    if outer is not None:
+        strip(top, bottom, 3)
+    corners = np.array(triangles)
+    if outer is not None:
+        corners = corners[:, ::-1]
+    solid = np.linalg.norm(np.cross(*(vertices[corners[:, k]] - vertices[corners[:, 0]] for k in (1, 2))), axis=1) > 0
+    used, corners = np.unique(corners[solid], return_inverse=True)
+    vertices = vertices[used]
+    if outer is None:  # the rings of radius 0 are the axis
+        vertices, merged = np.unique(np.round(vertices, 12), axis=0, return_inverse=True)
+        corners = merged.reshape(-1)[corners]
+    mesh = SurfaceMesh(vertices, corners.reshape(-1, 3), np.array(faces)[solid], name)
+    assert solid_of(mesh).closed
+    flat = {1: Plane([0, 0, 0], [0, 0, -1.0]), 2: Plane([0, 0, height], [0, 0, 1.0])}
+    surfaces = tuple(
+        Surface(i, f"{name}/{i}", flat.get(i, Freeform()), "flat" if i in flat else "free", 0.0, 1.0)
+        for i in range(mesh.n_surfaces)
+    )
+    return Part(name, Shape(mesh, surfaces, ()), AT_HOME)
+
+
+def real_thread(advance=0.0, air=5e-5):
+    """A bolt and a nut whose threads are geometry; the nut on by 4 mm, two turns, and more."""
+    nut = threaded_part("nut", 6e-3, air, outer=0.012)
+    nut.pose = at(z=4e-3 + advance)
+    return Scene([threaded_part("bolt", 16e-3), nut])
+
+
+def test_a_real_thread_in_its_nut_is_a_thread_in_and_out_of_phase():
+    assert kinds(clash(real_thread())) == set()
+    assert kinds(clash(real_thread(air=5e-6))) == {"thread", "contact"}  # its ends are as near as its flanks
+    found = clash(real_thread(advance=5e-4))
+    assert kinds(found) >= {"thread"}
+    (flanks,) = [p for p in found["pairs"] if p["surfaces"] == [0, 0]]
+    assert flanks["kind"] == "thread" and 1e-4 < flanks["depth"] < PITCH
+    assert flanks["reason"].startswith("threads on one axis over 6 mm")
+    across = real_thread()
+    across["nut"].pose = at(x=1e-3, z=4e-3)  # off the axis: no thread any more
+    assert "thread" not in kinds(clash(across)) and "clash" in kinds(clash(across))
+
+
+def test_crests_and_roots_of_a_loose_thread_are_the_thread():
+    """Faces of the crests and of the roots that lie on cylinders, by their radii 58.7 µm into each other."""
+    scene = real_thread()
+    for part, sense, radius in zip(scene.parts, (1, -1), (RADIUS + DEPTH, RADIUS + DEPTH - 5.87e-5), strict=True):
+        mesh = part.mesh
+        aside = np.hypot(*mesh.vertices[mesh.triangles].mean(axis=1)[:, :2].T)
+        outermost = (mesh.surface_of_triangle == 0) & (aside > aside[mesh.surface_of_triangle == 0].max() - 5e-5)
+        last = mesh.n_surfaces
+        split = SurfaceMesh(
+            mesh.vertices, mesh.triangles, np.where(outermost, last, mesh.surface_of_triangle), part.name
+        )
+        used, triangles = np.unique(split.triangles[split.triangles_of(last)], return_inverse=True)
+        crest = Cylinder([0, 0, 0], [0, 0, 1], radius)
+        feature = Feature(
+            crest, (last,), sense, split.vertices[used], triangles.reshape(-1, 3).astype(np.int32), 0.0, 1.0
+        )
+        surface = Surface(last, f"{part.name}/{last}", crest, "convex" if sense > 0 else "concave", 0.0, 1.0)
+        part.shape = Shape(split, (*part.surfaces, surface), (feature,))
+    pairs = clash(scene)["pairs"]
+    assert {p["kind"] for p in pairs} <= {"thread"} and not any("interference" in p["reason"] for p in pairs)
+    assert [c["kind"] for c in mates(scene)["constraints"]] == ["screw"]
+
+
+def test_a_row_of_a_fit_names_two_faces_that_are_near():
+    """A pin in the lowest of three lands of one bore: the others are up to 40 mm away, and no contact."""
+    bar = m.box(0.02, 0.02, 0.06) - m.cylinder(0.005, 0.06).translated(0.01, 0.01, 0.0)
+    for z in (0.015, 0.035):
+        bar = bar - m.cylinder(0.007, 0.01).translated(0.01, 0.01, z)
+    scene = m.scene({"bar": (bar, AT_HOME), "pin": (m.cylinder(0.005, 0.012), at(0.01, 0.01, 0.001))})
+    pairs = clash(scene)["pairs"]
+    assert pairs
+    for pair in pairs:
+        assert face_distance(scene, pair) < 2e-4
+
+
+def face_distance(scene, pair):
+    """m: least distance of the vertices and middles of two faces, along z: enough to tell the lands apart."""
+    spans = []
+    for name, surface in zip(pair["parts"], pair["surfaces"], strict=True):
+        part = scene[name]
+        z = part.mesh.vertices[part.mesh.triangles[part.mesh.triangles_of(surface)]][..., 2] + part.pose.translation[2]
+        spans.append((z.min(), z.max()))
+    (low, high), (below, above) = spans
+    return max(low - above, below - high, 0.0)
+
+
+BORED = m.box(0.04, 0.04, 0.01) - m.cylinder(0.01, 0.01).translated(0.02, 0.02, 0.0)
+COARSE = {"deflection": 1e-4, "angular": 0.7}
+
+
+@pytest.mark.parametrize("overlap", [3e-5, 1.2e-5])
+@pytest.mark.parametrize(
+    ("solid", "pose"),
+    [
+        (BORED, lambda dz: at(0.001, 0.002, 0.01 - dz)),
+        (m.cylinder(0.015, 0.01), lambda dz: at(0.02, 0.02, 0.01 - dz)),
+        (
+            m.box(0.01, 0.01, 0.01),
+            lambda dz: pin.SE3(pin.rpy.rpyToMatrix(np.pi / 4, 0.0, 0.0), np.array([0.002, 0.004, 0.01 - dz])),
+        ),
+    ],
+    ids=["bored plate", "disc", "edge"],
+)
+def test_planes_are_exact_whatever_bores_are_cut_into_them(solid, pose, overlap):
+    """Planes that overlap by less than the facets of a bore in them sag, 48 µm here, clash all the same."""
+    deep = clash(m.scene({"a": (BORED, AT_HOME), "b": (solid, pose(overlap))}, **COARSE))
+    assert max(deflections(m.shape(BORED, **COARSE))) > 4e-5
+    clashes = [p for p in deep["pairs"] if p["kind"] == "clash"]
+    assert clashes and max(p["depth"] for p in clashes) == pytest.approx(overlap, abs=1e-8)
+    assert kinds(clash(m.scene({"a": (BORED, AT_HOME), "b": (solid, pose(0.0))}, **COARSE))) <= {"contact"}
+    meant = clash(m.scene({"a": (BORED, AT_HOME), "b": (solid, pose(overlap))}, **COARSE), authorised=[("a", "b")])
+    assert kinds(meant) <= {"contact", "authorised"}
+
+
+@pytest.mark.parametrize(
+    ("solid", "pose"),
+    [
+        # a square key whose corners lie on the bore's circle: the bore's chords cut them off
+        (
+            m.box(0.01 * 2**0.5, 0.01 * 2**0.5, 0.03).translated(-0.01 / 2**0.5, -0.01 / 2**0.5, 0.0),
+            pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.3), np.array([0.02, 0.02, -0.01])),
+        ),
+        # a pin that ends 30 µm below the plate's face: chords of bore and pin overlap in a sliver
+        (
+            m.cylinder(0.01, 0.00997),
+            pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.1), np.array([0.02, 0.02, 0.0])),
+        ),
+    ],
+    ids=["key", "pin"],
+)
+def test_a_curved_border_still_strays_within_its_plane(solid, pose):
+    assert kinds(clash(m.scene({"a": (BORED, AT_HOME), "b": (solid, pose)}, **COARSE))) == {"contact"}

@@ -1,0 +1,223 @@
+"""The second load of a model: the same to the last bit, without the kernel; whatever became of the files meanwhile."""
+
+from __future__ import annotations
+
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import vpframe as vp
+from vpframe.importers import archive, cache, cad
+from vpframe.scene import modelling as m
+
+ROOT = Path(vp.__file__).parent.parent
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch) -> Path:
+    folder = tmp_path / "cache"
+    monkeypatch.setenv(cache.VARIABLE, str(folder))
+    return folder
+
+
+@pytest.fixture
+def runs(monkeypatch) -> list[str]:
+    """The files that the kernel was started for."""
+    started: list[str] = []
+    run = cad._run
+
+    def counted(request, *more):
+        started.append(Path(request["path"]).name)
+        return run(request, *more)
+
+    monkeypatch.setattr(cad, "_run", counted)
+    return started
+
+
+def model(path: Path, size: float = 0.06) -> Path:
+    solid = m.box(size, 0.04, 0.02).filleted(0.003) - m.cylinder(0.005, 0.02).translated(0.015, 0.02)
+    pin = m.cylinder(0.005, 0.03) + m.sphere(0.007)
+    return m.write_step(
+        path, {"block": (solid, None, (0.5, 0.2, 0.1), 7850.0), "pin": pin, "pair": ({"pin": pin}, None)}
+    )
+
+
+def same(a: vp.Scene, b: vp.Scene) -> bool:
+    """Whether two scenes are the same to the last bit."""
+    if a.names != b.names or a.all_notes() != b.all_notes():
+        return False
+    for p, q in zip(a.parts, b.parts, strict=True):
+        assert p.pose.homogeneous.tobytes() == q.pose.homogeneous.tobytes()
+        assert (p.color, p.density) == (q.color, q.density)
+        one, other = p.shape, q.shape
+        for array in ("vertices", "triangles", "surface_of_triangle"):
+            assert getattr(one.mesh, array).tobytes() == getattr(other.mesh, array).tobytes()
+        assert repr(one.surfaces) == repr(other.surfaces) and repr(one.features) == repr(other.features)
+        assert [e.surfaces for e in one.edges] == [e.surfaces for e in other.edges]
+        assert [e.points.tobytes() for e in one.edges] == [e.points.tobytes() for e in other.edges]
+        assert repr([e.circle for e in one.edges]) == repr([e.circle for e in other.edges])
+        assert (one.volume, one.closed) == (other.volume, other.closed)
+        assert one.center.tobytes() == other.center.tobytes() and one.inertia.tobytes() == other.inertia.tobytes()
+    shared = [[p.shape is q.shape for q in s.parts for p in s.parts] for s in (a, b)]
+    return shared[0] == shared[1]
+
+
+def test_the_second_load_is_the_first_to_the_last_bit_without_the_kernel(tmp_path, place, runs):
+    path = model(tmp_path / "a.step")
+    first = vp.load(path)
+    assert same(vp.load(path), first)
+    (tmp_path / "moved").mkdir()
+    assert same(vp.load(path.rename(tmp_path / "moved" / "a.step")), first)
+    assert runs == ["a.step"]
+    assert len(list(place.iterdir())) == 1
+
+
+def test_what_was_cached_is_what_is_read_without_a_cache(tmp_path, place, monkeypatch):
+    path = model(tmp_path / "a.step")
+    vp.load(path)
+    cached = vp.load(path)
+    monkeypatch.setenv(cache.VARIABLE, "")
+    assert same(vp.load(path), cached)
+
+
+def test_another_content_deflection_or_version_is_another_entry(tmp_path, place, runs, monkeypatch):
+    path = model(tmp_path / "a.step")
+    vp.load(path)
+    vp.load(path, deflection=1e-5)
+    vp.load(path, angular=0.2)
+    model(path, size=0.07)
+    assert np.ptp(vp.load(path)["block"].mesh.vertices[:, 0]) == pytest.approx(0.07)
+    monkeypatch.setattr(cache, "_versions", lambda: b"of tomorrow")
+    vp.load(path)
+    assert len(runs) == len(list(place.iterdir())) == 5
+
+
+def test_files_that_a_file_refers_to_count(tmp_path, place, runs):
+    top = m.write_step(
+        tmp_path / "top.step", {"plate": m.box(0.1, 0.1, 0.01), "pin": m.cylinder(0.1, 0.1)}, external=True
+    )
+    whole = vp.load(top)
+    text = (tmp_path / "top_pin.stp").read_text()
+    (tmp_path / "top_pin.stp").unlink()
+    assert vp.load(top).names == ("plate",)
+    (tmp_path / "top_pin.stp").write_text(text)
+    assert same(vp.load(top), whole)
+    assert len(runs) == 2
+
+
+@pytest.mark.parametrize("form", ["stl", "obj", "ply", "glb"])
+def test_meshes_are_cached_too(tmp_path, place, form, monkeypatch):
+    shape = m.shape(m.box(0.06, 0.04, 0.02) - m.cylinder(0.005, 0.02).translated(0.015, 0.02))
+    trimesh.Trimesh(shape.mesh.vertices, shape.mesh.triangles, process=False).export(tmp_path / f"a.{form}")
+    first = vp.load(tmp_path / f"a.{form}")
+    monkeypatch.setattr(trimesh, "load_scene", None)
+    assert same(vp.load(tmp_path / f"a.{form}"), first)
+    if form == "stl":
+        with pytest.raises(vp.LoadError, match="parsed"):
+            vp.load(tmp_path / "a.stl", unit="mm")
+
+
+def test_colours_of_a_material_file_count(tmp_path, place):
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    faces = "".join("f {} {} {}\n".format(*(f + 1)) for f in box.faces)
+    vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in box.vertices)
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{vertices}usemtl paint\n{faces}")
+    for color in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
+        (tmp_path / "a.mtl").write_text("newmtl paint\nKd {} {} {}\n".format(*color))
+        (part,) = vp.load(tmp_path / "a.obj").parts
+        assert part.color[:3] == pytest.approx(color)
+
+
+def test_a_damaged_entry_is_made_anew(tmp_path, place, runs):
+    path = model(tmp_path / "a.step")
+    first = vp.load(path)
+    (entry,) = place.iterdir()
+    whole = entry.read_bytes()
+    rng = random.Random(0)
+    for n in range(1, 9):
+        damaged = bytearray(whole[: rng.randrange(len(whole))] if n % 2 else whole)
+        for _ in range(200 if n % 2 == 0 else 0):
+            damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
+        entry.write_bytes(damaged)
+        assert same(vp.load(path), first)
+        assert len(runs) == n + 1
+        assert entry.read_bytes() != damaged
+    assert same(vp.load(path), first)
+    assert len(runs) == 9
+
+
+def test_an_entry_holds_nothing_that_runs(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, text=np.array([print], dtype=object))
+    with pytest.raises(archive.ArchiveError, match="damaged"):
+        archive.read(path)
+
+
+def test_what_is_lost_for_want_of_time_is_not_remembered(tmp_path, place, monkeypatch, runs):
+    path = model(tmp_path / "a.step")
+    once = cad._read_once
+
+    def late(request, *more):
+        if request["skip"]:
+            return once(request, *more)
+        outcome = cad._Outcome()
+        outcome.late, outcome.shape = True, 0
+        return outcome, None
+
+    monkeypatch.setattr(cad, "_read_once", late)
+    assert "block" not in vp.load(path).names
+    assert not place.exists()
+    monkeypatch.setattr(cad, "_read_once", once)
+    assert "block" in vp.load(path).names
+
+
+def test_a_folder_that_cannot_be_written_is_no_hindrance(tmp_path, monkeypatch):
+    path = model(tmp_path / "a.step")
+    monkeypatch.setenv(cache.VARIABLE, str(path / "cache"))
+    assert same(vp.load(path), vp.load(path))
+
+
+def test_the_oldest_entries_go_when_there_are_too_many(tmp_path, place, runs, monkeypatch):
+    paths = [model(tmp_path / f"{i}.step", size=0.06 + 0.001 * i) for i in range(4)]
+    vp.load(paths[0])
+    (entry,) = place.iterdir()
+    monkeypatch.setattr(cache, "LARGEST", int(3.5 * entry.stat().st_size))
+    (place / "half.tmp").write_bytes(b"written by a process that was killed")
+    os.utime(place / "half.tmp", (0, 0))
+    for age, path in enumerate((*paths[1:3], paths[0], paths[3])):  # the first is used once more before the last
+        vp.load(path)
+        for file in place.iterdir():
+            os.utime(file, (file.stat().st_atime, file.stat().st_mtime - 100.0))
+        assert age == 3 or len(list(place.glob("*.archive"))) == min(age + 2, 3)
+    assert len(list(place.glob("*.archive"))) == 3
+    assert not (place / "half.tmp").exists()
+    before = len(runs)
+    vp.load(paths[0])
+    assert len(runs) == before
+    vp.load(paths[1])
+    assert len(runs) == before + 1
+
+
+def test_processes_that_load_at_once_do_not_disturb_each_other(tmp_path, place):
+    path = model(tmp_path / "a.step")
+    script = f"""
+import vpframe as vp
+for _ in range(3):
+    scene = vp.load({str(path)!r})
+    print(scene.names, sum(p.mesh.n_triangles for p in scene.parts), flush=True)
+"""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    processes = [
+        subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=environment)
+        for _ in range(3)
+    ]
+    answers = [process.communicate(timeout=250)[0] for process in processes]
+    assert [process.returncode for process in processes] == [0, 0, 0]
+    assert len({line for answer in answers for line in answer.splitlines()}) == 1
+    assert [file.suffix for file in place.iterdir()] == [".archive"]

@@ -1,0 +1,415 @@
+"""Bad files: one line that says what, where and how to mend it; never a crash, never silence about what was lost."""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import OCP
+import pinocchio as pin
+import pytest
+import trimesh
+
+import vpframe as vp
+from tests.vpframe.importers.test_meshes import write_glb
+from vpframe.importers import cad
+from vpframe.importers.step_text import scan
+from vpframe.scene import modelling as m
+
+
+@pytest.fixture(scope="module")
+def step(tmp_path_factory) -> Path:
+    """Two plates with bores, a bolt in each, one of its own shape: 4 parts of 3 shapes."""
+    plate = m.box(0.1, 0.1, 0.01) - m.cylinder(0.004, 0.01).translated(0.05, 0.05)
+    bolt = m.cylinder(0.004, 0.03) + m.hexagon(0.012, 0.005)
+    parts = {
+        "plate": plate,
+        "pair": ({"bolt_1": bolt, "bolt_2": bolt}, None),
+        "cap": m.sphere(0.02) - m.box(0.1, 0.1, 0.1),
+    }
+    return m.write_step(tmp_path_factory.mktemp("step") / "model.step", parts)
+
+
+def fault(path: Path, **options) -> str:
+    with pytest.raises(vp.LoadError) as error:
+        vp.load(path, **options)
+    message = str(error.value)
+    assert "\n" not in message
+    assert message.startswith(str(path))
+    assert error.value.path == str(path)
+    return message
+
+
+def written(path: Path, data: bytes | str) -> Path:
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
+    return path
+
+
+def test_missing_folder_unknown_empty(tmp_path):
+    assert "no such file" in fault(tmp_path / "none.step")
+    (tmp_path / "folder.step").mkdir()
+    assert "folder" in fault(tmp_path / "folder.step")
+    assert ".dwg" in fault(written(tmp_path / "a.dwg", "x"))
+    for suffix in ("step", "igs", "stl", "obj", "ply", "glb"):
+        assert "empty" in fault(written(tmp_path / f"a.{suffix}", b" \n"))
+
+
+def test_mislabelled(tmp_path, step):
+    cube = trimesh.creation.box()
+    files = {"step": step.read_bytes()} | {
+        f: trimesh.exchange.export.export_mesh(cube, None, f) for f in ("stl", "ply", "glb")
+    }
+    for form, data in files.items():
+        for suffix in ("step", "igs", "stl", "ply", "glb"):
+            if suffix != form:
+                message = fault(written(tmp_path / f"{form}_as.{suffix}", data))
+                assert f"is a {form.upper()} file" in message and f".{form}" in message
+    noise = np.random.default_rng(0).bytes(5000)
+    for suffix in ("step", "igs", "stl", "obj", "ply", "glb"):
+        fault(written(tmp_path / f"noise.{suffix}", noise))
+
+
+def test_cut_short(tmp_path, step):
+    data = step.read_bytes()
+    for part in (0.1, 0.5, 0.9, 0.999):
+        assert "cut short" in fault(written(tmp_path / "cut.step", data[: int(len(data) * part)]))
+    cube = trimesh.creation.icosphere()
+    for form in ("stl", "glb", "stl_ascii", "ply"):
+        whole = trimesh.exchange.export.export_mesh(cube, None, form)
+        whole = whole.encode() if isinstance(whole, str) else whole
+        cut = written(tmp_path / f"cut.{form.split('_')[0]}", whole[: len(whole) // 2])
+        message = fault(cut)
+        assert "again" in message
+
+
+def test_nothing_solid_in_it(tmp_path, step):
+    text = step.read_text()
+    head, rest = text.split("DATA;", 1)
+    assert "no" in fault(written(tmp_path / "void.step", f"{head}DATA;\nENDSEC;{rest.rsplit('ENDSEC;', 1)[1]}"))
+    sheet = text.replace("MANIFOLD_SOLID_BREP", "SHELL_BASED_SURFACE_MODEL")
+    fault(written(tmp_path / "sheet.step", sheet))
+
+
+def test_meshes_without_use(tmp_path):
+    assert "finite" in fault(written(tmp_path / "nan.obj", "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n"))
+    flat = trimesh.Trimesh(np.eye(3), [[0, 0, 1]], process=False)
+    flat.export(tmp_path / "flat.stl")
+    assert "positive area" in fault(tmp_path / "flat.stl")
+    fault(written(tmp_path / "points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"))
+    fault(written(tmp_path / "index.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"))
+    nan = trimesh.creation.box()
+    nan.vertices[3, 1] = np.nan
+    for form in ("stl", "ply", "glb"):
+        nan.export(tmp_path / f"nan.{form}")
+        assert "finite" in fault(tmp_path / f"nan.{form}")
+
+
+def test_numbers_that_make_no_model_are_one_line(tmp_path):
+    box = trimesh.creation.box()
+    faces = "".join("f {} {} {}\n".format(*(f + 1)) for f in box.faces)
+
+    def obj(vertices: np.ndarray) -> str:
+        return "".join(f"v {' '.join(map(repr, row))}\n" for row in vertices.tolist()) + faces
+
+    assert "line 1 gives a vertex 2 of" in fault(written(tmp_path / "two.obj", obj(box.vertices[:, :2])))
+    assert "line 21 gives a vertex 1 of" in fault(written(tmp_path / "one.obj", obj(box.vertices) + "v 7\n"))
+    for size in (1e30, 1e200):
+        assert "not read" in fault(written(tmp_path / "big.obj", obj(box.vertices * size)))
+        assert "not read" in fault(written(tmp_path / "far.obj", obj(box.vertices + size)))
+    fault(written(tmp_path / "small.obj", obj(box.vertices * 1e-200)))
+    big = trimesh.Trimesh(box.vertices * 1e30, box.faces, process=False)
+    for form in ("stl", "ply", "glb"):
+        big.export(tmp_path / f"big.{form}")
+        assert "1e+06 m are not read" in fault(tmp_path / f"big.{form}")
+
+
+@pytest.mark.parametrize(
+    ("node", "word"),
+    [
+        ({"matrix": [float("nan")] * 16}, "finite"),
+        ({"scale": [float("nan"), 1, 1]}, "finite"),
+        ({"translation": [float("inf"), 0, 0]}, "again"),
+        ({"scale": [1e30, 1e30, 1e30]}, "not read"),
+        ({"scale": [0, 0, 0]}, "positive area"),
+        ({"matrix": [1, 2, 3]}, "again"),
+        ({"mesh": 7}, "again"),
+    ],
+)
+def test_placements_of_a_glb_file_that_make_no_model_are_one_line(tmp_path, node, word):
+    assert word in fault(write_glb(tmp_path / "a.glb", nodes=[{"mesh": 0, "name": "box", **node}]))
+
+
+def test_a_glb_file_with_bad_text_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "charset_normalizer", None)
+    path = write_glb(tmp_path / "a.glb")
+    assert "JSON is damaged" in fault(written(path, path.read_bytes().replace(b'"box"', b'"b\xe4x"')))
+    assert "compression" in fault(write_glb(path, extensionsRequired=["KHR_draco_mesh_compression"]))
+
+
+@pytest.mark.parametrize(
+    ("surface", "number"), [("TOROIDAL", 1), ("TOROIDAL", 2), ("CONICAL", 1), ("CONICAL", 2), ("CYLINDRICAL", 1)]
+)
+@pytest.mark.parametrize("value", ["0.", "-1."])
+def test_a_surface_without_size_is_a_scene_or_one_line(tmp_path, surface, number, value):
+    solids = {
+        "TOROIDAL": m.torus(0.02, 0.005),
+        "CONICAL": m.cone(0.02, 0.01, 0.03),
+        "CYLINDRICAL": m.cylinder(0.01, 0.1),
+    }
+    path = m.write_step(tmp_path / "a.step", {"odd": solids[surface], "box": m.box(0.1, 0.1, 0.1)})
+    numbers = r"[-+.0-9E]+"
+    pattern = rf"({surface}_SURFACE\('',#\d+,{f'{numbers},' * (number - 1)}){numbers}"
+    text, times = re.subn(pattern, rf"\g<1>{value}", path.read_text())
+    assert times == 1
+    scene = vp.load(written(path, text))
+    assert "box" in scene.names
+    if "odd" not in scene.names:
+        assert any("odd" in note for note in scene.notes)
+
+
+def test_parameters_out_of_range(tmp_path, step):
+    assert "deflection" in fault(step, deflection=0.0)
+    assert "angular" in fault(step, angular=float("nan"))
+    assert "timeout" in fault(step, timeout=-1.0)
+    assert "unit" in fault(step, unit="mm")
+    trimesh.creation.box().export(tmp_path / "a.stl")
+    assert "parsec" in fault(tmp_path / "a.stl", unit="parsec")
+
+
+def test_changed_bytes_end_in_one_line_or_in_a_scene_that_names_what_it_lost(tmp_path, step, capfd):
+    data = step.read_bytes()
+    whole = sum(len(part.surfaces) for part in vp.load(step).parts)
+    outcomes = set()
+    for seed, changes in enumerate([2, 4, 8, 16, 40, 100]):
+        rng = random.Random(seed)
+        bad = bytearray(data)
+        for _ in range(changes):
+            bad[rng.randrange(data.index(b"DATA;"), len(data) - 100)] = rng.randrange(256)
+        path = written(tmp_path / f"bad_{seed}.step", bytes(bad))
+        try:
+            scene = vp.load(path)
+        except vp.LoadError as error:
+            assert "\n" not in str(error)
+            outcomes.add("refused")
+        else:
+            outcomes.add("read")
+            if sum(len(part.surfaces) for part in scene.parts) < whole:
+                assert scene.notes
+    assert outcomes == {"refused", "read"}
+    assert capfd.readouterr() == ("", "")
+
+
+def test_lost_parts_and_faces_are_named(tmp_path, step):
+    lines = step.read_text().replace("\n  ", " ")
+    face = next(line for line in lines.splitlines() if "= ADVANCED_FACE" in line)
+    scene = vp.load(written(tmp_path / "face.step", lines.replace(face, face.replace("ADVANCED_FACE", "ADVANCED_FCE"))))
+    assert any("plate is incomplete: 6 of its 7 faces" in note for note in scene.notes)
+    solid = next(line for line in lines.splitlines() if "= MANIFOLD_SOLID_BREP" in line)
+    scene = vp.load(
+        written(tmp_path / "solid.step", lines.replace(solid, solid.replace(" MANIFOLD_SOLID_BREP(", " ((")))
+    )
+    assert "plate" not in scene.names
+    assert any("plate" in note for note in scene.notes)
+    assert any(f"#{solid.split()[0].strip('#=')}" in note and "line" in note for note in scene.notes)
+
+
+def test_the_text_tells_what_a_step_file_holds(step):
+    text = scan(step.read_bytes())
+    assert text.damage == []
+    assert dict(text.instances) == {"plate": 1, "bolt_1": 2, "cap": 1}
+    assert text.faces["plate"] == 7
+    assert text.lost(text.instances, text.faces) == []
+
+
+def test_the_text_is_read_in_linear_time_whatever_it_holds():
+    quotes = b"DATA;\n" + b"#1=A('" + b"''" * 200_000 + b";\n" + b"#2=B(('x')\n" * 2000 + b"ENDSEC;"
+    assert scan(quotes).damage  # by backtracking this would take hours
+
+
+READER = """
+import json, os, signal, sys, time
+request = json.loads(sys.argv[1])
+def say(**message):
+    print(json.dumps(message), flush=True)
+say(fraction=0.1, text="meshing a", shape=0)
+{body}
+"""
+
+
+def stand_in(tmp_path, monkeypatch, body: str) -> None:
+    (tmp_path / "stand_in_reader.py").write_text(READER.format(body=body))
+    monkeypatch.setattr(cad, "READER", tmp_path / "stand_in_reader.py")
+
+
+def test_a_shape_that_crashes_the_kernel_is_skipped_and_the_rest_is_read(tmp_path, step, monkeypatch):
+    stand_in(
+        tmp_path,
+        monkeypatch,
+        f"""
+if list(request["skip"]) != ["0"]:
+    os.kill(os.getpid(), signal.SIGSEGV)
+import runpy
+runpy.run_path({str(cad.READER)!r}, run_name="__main__")
+""",
+    )
+    scene = vp.load(step)
+    assert "plate" not in scene.names and "cap" in scene.names
+    assert any("plate is lost" in note and "crash" in note for note in scene.notes)
+
+
+def test_a_kernel_that_always_crashes_hangs_or_gives_up_is_one_line(tmp_path, step, monkeypatch):
+    stand_in(tmp_path, monkeypatch, "os.kill(os.getpid(), signal.SIGSEGV)")
+    assert "SIGSEGV" in fault(step)
+    stand_in(tmp_path, monkeypatch, "raise MemoryError('no room')")
+    assert "no room" in fault(step)
+    stand_in(tmp_path, monkeypatch, "time.sleep(60)")
+    assert "no answer within 1 s" in fault(step, timeout=1.0)
+
+
+def test_an_interrupt_while_reading_leaves_no_process_behind(tmp_path, step, monkeypatch):
+    pid = tmp_path / "pid"
+    stand_in(
+        tmp_path,
+        monkeypatch,
+        f"open({str(pid)!r}, 'w').write(str(os.getpid())); say(fraction=0.2, text='b')\ntime.sleep(60)",
+    )
+
+    def interrupt(fraction: float, text: str) -> None:
+        if text == "b":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        vp.load(step, progress=interrupt)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(pid.read_text()), 0)
+
+
+def test_nothing_that_lies_beside_a_file_is_run(tmp_path, step, monkeypatch):
+    """Reading a file must not run code from its folder, nor from where the user or the reading process is."""
+    for name in ("json", "numpy", "pickle", "vpframe", "sitecustomize", "usercustomize", "OCP/__init__"):
+        spy = tmp_path / f"{name}.py"
+        spy.parent.mkdir(exist_ok=True)
+        spy.write_text(f"open({str(tmp_path / 'run')!r}, 'a').write({name!r})\nraise SystemExit(3)\n")
+    path = written(tmp_path / "model.step", step.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert vp.load(path).names == vp.load("model.step").names == vp.load(step).names
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_source_checkout_reads_with_its_own_package(tmp_path, step):
+    """Run from a checkout by PYTHONPATH, the reading process uses that checkout, though it is on nobody's path."""
+    root = Path(vp.__file__).parent.parent
+    checkout = tmp_path / "checkout"
+    shutil.copytree(root / "vpframe", checkout / "vpframe", ignore=shutil.ignore_patterns("__pycache__", "view*"))
+    for package in ("collision", "constraints"):
+        (checkout / package).symlink_to(root / package)
+    with open(checkout / "vpframe" / "importers" / "document.py", "a") as file:
+        file.write(f"\nopen({str(tmp_path / 'read_by')!r}, 'w').write(__file__)\n")
+    script = f"import vpframe as vp; print(vp.__file__); print(*vp.load({str(step)!r}).names)"
+    run = subprocess.run(
+        [sys.executable, "-c", script],
+        env={**os.environ, "PYTHONPATH": str(checkout)},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.split() == [str(checkout / "vpframe" / "__init__.py"), *vp.load(step).names]
+    assert (tmp_path / "read_by").read_text() == str(checkout / "vpframe" / "importers" / "document.py")
+
+
+def test_packages_are_found_where_this_process_has_them_but_never_beside_the_file():
+    (folder,) = {str(Path(module.__file__).parent.parent) for module in (OCP, np)}
+    assert cad._package_folders(Path("/somewhere")) == [folder]
+    assert cad._package_folders(Path(folder)) == []
+
+
+def test_reading_ends_with_the_process_that_asked_for_it(tmp_path):
+    """After `kill -9` of the parent, while the kernel meshes and holds the GIL, nothing goes on computing."""
+    path = m.write_step(tmp_path / "ball.step", {"ball": m.sphere(0.1)})
+    script = f"""
+import vpframe as vp
+vp.load({str(path)!r}, deflection=3e-7, progress=lambda fraction, text: print(text, flush=True))
+"""
+    parent = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    while "meshing" not in parent.stdout.readline():
+        assert parent.poll() is None
+    children = [int(n) for f in Path(f"/proc/{parent.pid}/task").glob("*/children") for n in f.read_text().split()]
+    assert len(children) == 1
+    time.sleep(0.5)
+    parent.kill()
+    parent.communicate()
+    end = time.monotonic() + 5.0
+    while running(children[0]) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not running(children[0])
+
+
+def running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_a_shape_that_takes_too_much_memory_is_named_and_the_rest_is_read(tmp_path, monkeypatch):
+    path = m.write_step(tmp_path / "a.step", {"box": m.box(0.01, 0.01, 0.01), "ball": m.sphere(0.1)})
+    monkeypatch.setattr(cad, "MEMORY", 1200 << 20)
+    scene = vp.load(path, deflection=1e-7)
+    assert scene.names == ("box",)
+    assert scene.notes == ("part ball is lost: its geometry takes more than 1.3 GB to mesh",)
+
+
+def test_the_limit_of_time_grows_with_the_file_and_is_told(tmp_path, step, monkeypatch):
+    assert cad.time_limit(1000) == cad.time_limit(1_000_000) == 60.0
+    assert cad.time_limit(50_000_000) == 3000.0
+    monkeypatch.setattr(cad, "time_limit", lambda size: 0.5 + 0.0 * size)
+    stand_in(tmp_path, monkeypatch, "say(fraction=0.2, text='reading'); time.sleep(60)")
+    message = fault(step)
+    assert "no answer within 0.5 s, the limit for 0.1 MB, while reading" in message and "timeout" in message
+
+
+def test_a_shape_that_takes_all_the_time_is_left_out_and_no_second_one(tmp_path, step, monkeypatch):
+    stand_in(
+        tmp_path,
+        monkeypatch,
+        "say(fraction=0.2, text='meshing', shape=len(request['skip'])); time.sleep(60)",
+    )
+    began = time.monotonic()
+    assert "no answer within 0.5 s" in fault(step, timeout=0.5)
+    assert time.monotonic() - began < 10.0
+
+
+def test_two_parts_of_one_name_are_refused(step):
+    scene = vp.load(step)
+    with pytest.raises(vp.VpframeError, match=r"two parts are called 'plate'"):
+        scene.add(scene["plate"])
+
+
+def test_an_interrupt_as_reading_begins_leaves_nothing_behind(tmp_path, monkeypatch):
+    """Ctrl-C can come between any two lines; the clock that limits the reading must not keep the program alive."""
+    file = m.write_step(tmp_path / "box.step", {"box": (m.box(0.1, 0.1, 0.1), pin.SE3.Identity(), (0.5, 0.5, 0.5))})
+    started: list[threading.Timer] = []
+    start = threading.Timer.start
+
+    def interrupted(timer: threading.Timer) -> None:
+        started.append(timer)
+        start(timer)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(threading.Timer, "start", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        vp.load(file)
+    assert len(started) == 1 and started[0].daemon
+    started[0].join(5.0)
+    assert not started[0].is_alive()

@@ -1,0 +1,100 @@
+"""A long run needs no more memory than a short one, and loses nothing of what is asked of it afterwards."""
+
+from __future__ import annotations
+
+import gc
+import math
+import tempfile
+import tracemalloc
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from tests.vpframe.bench_scene import scene
+from vpframe.errors import OutputError
+from vpframe.hands.paths import Straight
+from vpframe.hands.segment import MotionSegment
+from vpframe.report import series
+from vpframe.report.series import Series
+from vpframe.session import rules, trails
+from vpframe.session.session import Session
+from vpframe.session.trails import Trails
+
+
+def allocated() -> int:
+    gc.collect()
+    return tracemalloc.get_traced_memory()[0]
+
+
+def test_memory_is_flat_over_the_steps_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two parts move at every step; the bounded stores are made small, so that they are full before it is measured."""
+    monkeypatch.setattr(trails, "ROWS", 256)
+    monkeypatch.setattr(series, "LIMIT", 64)
+    with Session(scene(), rule=rules.leave_all, clearance=True) as session:
+        session.log.history.limit = 32
+        hand = session.hand(at=(0.09, 0.07, 0.05))
+        hand.grab("cube", carry="peg")
+        begin = session.scene["cube"].pose
+        end = pin.SE3(np.eye(3), begin.translation + np.array([0.0, 0.0, 1.0]))
+        hand.start(MotionSegment("on and on", Straight(begin, end, 4000 * session.dt)))
+        tracemalloc.start()
+        try:
+            while session.step_count < 512:
+                session.step()
+            before, began = allocated(), session.step_count
+            while session.step_count < began + 2048:
+                session.step()
+            grown = allocated() - before
+        finally:
+            tracemalloc.stop()
+        assert grown < 2048 * 2 * 16, "16 bytes for each step of each part"
+        trail = session.trail("peg")
+        assert [step for step, _ in trail] == list(range(trail[0][0], session.step_count + 1))[: len(trail)]
+        assert len(trail) > 2400
+        heights = [pose.translation[2] for _, pose in trail]
+        assert all(b >= a for a, b in pairwise(heights))
+        assert trail[-1][1] == session.scene["peg"].pose
+
+
+def test_trails_keep_every_pose_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trails, "ROWS", 100)
+    rng, kept, known = np.random.default_rng(2), Trails(), {0: [], 1: [], 2: []}
+    for step in range(350):
+        for part in (0, 1, 2)[: 1 + step % 3]:
+            pose = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+            kept.add(step, part, pose)
+            known[part].append((step, pose.homogeneous.tobytes()))
+        if step in (10, 200, 349):
+            for part, expected in known.items():
+                assert [(s, p.homogeneous.tobytes()) for s, p in kept.of(part)] == expected
+
+
+def test_a_trail_that_could_not_be_kept_is_said_when_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trails, "ROWS", 10)
+
+    def full(**_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", full)
+    kept = Trails()
+    for step in range(30):
+        kept.add(step, 0, pin.SE3.Identity())
+    with pytest.raises(OutputError, match="cannot be written: No space left on device"):
+        kept.of(0)
+
+
+def test_a_series_keeps_what_stands_for_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(series, "LIMIT", 8)
+    least: Series[float] = Series(min)
+    every: Series[int] = Series()
+    values = np.random.default_rng(3).permutation(1000)
+    for n, value in enumerate(values, 1):
+        least.add(float(value))
+        every.add(n - 1)
+        stride = 1
+        while math.ceil(n / stride) > 8:
+            stride *= 2
+        assert list(every) == list(range(0, n, stride))
+        assert list(least) == [min(values[i : min(i + stride, n)]) for i in range(0, n, stride)]

@@ -1,0 +1,247 @@
+"""`vpframe study` as a whole: same answers whatever runs them, the report, exit codes, bad input."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.vpframe.studies.scripts import ENDINGS, HEAD, environment, firsts, lines, slow, written
+from tests.vpframe.terminal import CTRL_C, Terminal
+from vpframe.studies.results import answer
+
+
+def study(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "vpframe", "study", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=280, env=environment(), cwd=cwd)
+
+
+@pytest.fixture(scope="module")
+def endings(tmp_path_factory) -> tuple[Path, Path, subprocess.CompletedProcess[str]]:
+    """A study of every ending by one process: script, folder of the results, what was printed."""
+    folder = tmp_path_factory.mktemp("endings")
+    script = written(folder, ENDINGS.replace(', "exit", "hang"', ""))
+    done = study(script, "--samples", 10, "--seed", 5, "--jobs", 1, "--retries", 0, "--out", folder / "one", "--json")
+    return script, folder / "one", done
+
+
+def test_one_json_document_tells_all(endings) -> None:
+    _, out, done = endings
+    assert done.returncode == 1, done.stderr
+    document = json.loads(done.stdout)
+    assert document == json.loads((out / "study.json").read_text())
+    records = firsts(out)
+    assert [one["index"] for one in records] == list(range(10))
+    counts = {s: sum(one["status"] == s for one in records) for s in document["statuses"]}
+    assert document["statuses"] == counts
+    assert counts["ok"] and counts["no"] and counts["error"] and counts["crashed"], "the seed gives some of each"
+    rate = document["rate"]
+    assert (rate["ok"], rate["of"], document["variants"]) == (counts["ok"], 10, 10)
+    assert rate["low"] < rate["value"] == counts["ok"] / 10 < rate["high"]
+    assert document["importance"]["can be done"]["how"]["first_order"] == pytest.approx(1.0)
+    assert sum(document["outcomes"]["square"]["histogram"]["counts"]) == counts["ok"]
+    assert document["outcomes"]["name"]["values"] == {"ok": counts["ok"]}
+    assert document["repeated"] == {"variants": 1, "different": []}
+    assert not document["interrupted"]
+
+
+def test_the_table_has_a_row_a_variant_by_index(endings) -> None:
+    _, out, _ = endings
+    rows = list(csv.DictReader((out / "results.csv").open()))
+    assert [int(row["index"]) for row in rows] == list(range(10))
+    for row, one in zip(rows, firsts(out), strict=True):
+        assert float(row["x"]) == one["parameters"]["x"]
+        assert row["status"] == one["status"]
+        assert row["square"] == ("" if one["status"] != "ok" else repr(one["measures"]["square"]))
+
+
+def test_the_page_is_one_file_without_scripts(endings) -> None:
+    _, out, _ = endings
+    page = (out / "index.html").read_text()
+    assert "<script" not in page and not re.search(r"(src|href)=['\"]https?:", page)
+    for title in ("Outcomes", "Which variables matter", "Rate by variable", "Why", "Worst variants"):
+        assert f"<h2>{title}</h2>" in page
+    ok = sum(one["status"] == "ok" for one in firsts(out))
+    assert f"{ok} of 10 variants can be done: " in page
+    assert "expected x is negative" in page
+
+
+def test_the_worst_variants_are_scripts_that_run_again(endings, tmp_path: Path) -> None:
+    _, out, _ = endings
+    one = next(one for one in firsts(out) if one["status"] == "no")
+    script = out / "worst" / f"variant_{one['index']:06d}.py"
+    done = subprocess.run(
+        [sys.executable, "-m", "vpframe", "run", script, "--report", tmp_path / "report"],
+        capture_output=True, text=True, timeout=200, env=environment(), cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    assert "expected x is negative" in done.stderr
+    assert (tmp_path / "report" / "scene.html").exists()
+
+
+def test_two_workers_give_the_same_answers_to_the_last_bit(endings, tmp_path: Path) -> None:
+    script, out, _ = endings
+    done = study(script, "--samples", 10, "--seed", 5, "--jobs", 2, "--retries", 0, "--out", tmp_path / "two", "--json")
+    assert done.returncode == 1, done.stderr
+    assert done.stderr == ""
+    one, two = firsts(out), firsts(tmp_path / "two")
+    assert [a["key"] for a in one] == [b["key"] for b in two]
+    assert [answer(a) for a in one] == [answer(b) for b in two]
+    assert len({b["address"] for b in two}) == 2, "two workers"
+    first, second = (
+        next(b for b in lines(tmp_path / "two") if b["index"] == 0 and b.get("repeat") is r) for r in (None, True)
+    )
+    assert first["worker"] != second["worker"]
+    mine, theirs = (json.loads(text) for text in (done.stdout, (out / "study.json").read_text()))
+    for name in ("statuses", "rate", "outcomes", "importance", "reasons", "worst", "variables"):
+        assert mine[name] == theirs[name]
+
+
+FORGETFUL = (
+    HEAD
+    + """
+VARIANTS = {"x": Uniform(0.0, 1.0)}
+
+def task(session, v):
+    return {"process": os.getpid()}
+"""
+)
+
+
+def test_a_task_that_does_not_repeat_itself_is_found_out(tmp_path: Path) -> None:
+    done = study(written(tmp_path, FORGETFUL), "--samples", 2, "--jobs", 1, "--out", tmp_path / "runs")
+    assert done.returncode == 0, done.stderr
+    assert "variants [0] gave another answer when they were run again" in done.stderr
+    assert "2 of 2 variants can be done: 100.00 %" in done.stdout
+    assert "the task does not repeat itself" in (tmp_path / "runs" / "index.html").read_text()
+
+
+def test_a_study_resumed_runs_what_is_missing_alone(endings, tmp_path: Path) -> None:
+    script, out, _ = endings
+    there = tmp_path / "runs"
+    there.mkdir()
+    content = (out / "results.jsonl").read_text().splitlines(keepends=True)
+    (there / "results.jsonl").write_text("".join(content[:5]) + content[5][:30])
+    done = study(
+        script, "--samples", 10, "--seed", 5, "--jobs", 1, "--retries", 0, "--out", there, "--resume", "--json"
+    )
+    assert done.returncode == 1, done.stderr
+    assert (there / "results.jsonl").read_text().startswith("".join(content[:5]))
+    assert [answer(a) for a in firsts(there)] == [answer(b) for b in firsts(out)]
+    assert len({one["worker"] for one in firsts(there)[:5]} & {one["worker"] for one in firsts(there)[5:]}) == 0
+    before = (there / "results.jsonl").read_bytes()
+    again = study(
+        script, "--samples", 10, "--seed", 5, "--jobs", 1, "--retries", 0, "--out", there, "--resume", "--json"
+    )
+    assert again.stdout == done.stdout
+    assert (there / "results.jsonl").read_bytes() == before, "nothing was missing"
+
+
+def test_ctrl_c_keeps_and_reports_what_is_finished(tmp_path: Path) -> None:
+    script = slow(tmp_path, 0.3)
+    with Terminal("study", script, "--samples", "500", "--jobs", "2", "--out", "runs", cwd=tmp_path) as terminal:
+        terminal.wait_for(r"\d+ of 500, \d+ without success, [\d.]+ a second")
+        terminal.press(CTRL_C)
+        assert terminal.end() == 130, terminal.text[-2000:]
+        assert "Traceback" not in terminal.text
+        assert "interrupted; what was finished is kept, --resume runs what is missing" in terminal.lines()
+        finished = firsts(tmp_path / "runs")
+        assert 0 < len(finished) < 500
+        assert re.search(rf"of {len(finished)} variants can be done", terminal.text)
+        assert f"{500 - len(finished)} not run" in terminal.text
+    document = json.loads((tmp_path / "runs" / "study.json").read_text())
+    assert document["interrupted"] and document["finished"] == len(finished)
+
+
+def test_a_script_of_variants_runs_alone_with_nominal_values(tmp_path: Path) -> None:
+    script = written(tmp_path, ENDINGS)
+    done = subprocess.run(
+        [sys.executable, "-m", "vpframe", "run", script], capture_output=True, text=True, timeout=200, env=environment()
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1].startswith("done: 0.03 s of the task in 2 steps")
+
+
+BAD = [
+    ("def task(session, v): pass", (), "says not what varies; write VARIANTS = "),
+    ("VARIANTS = {}\ndef task(session, v): pass", (), "says not what varies; write VARIANTS = "),
+    ("VARIANTS = {'x': 3}\ndef task(session, v): pass", (), "VARIANTS['x'] is 3; give a Normal, Uniform"),
+    (HEAD + "VARIANTS = {'x': Uniform(0, 1)}\ndef task(session): pass", (), "write `def task(session, v): …`"),
+    ("from vpframe.studies import *\nVARIANTS = {'x': Uniform(0, 1)}\nFILE = 'no.step'\ndef task(s, v): pass", (),
+     "its model no.step does not exist"),
+    ("from vpframe.studies import *\nVARIANTS = {'x': Uniform(1, 0)}", (), "py:2: Uniform(low=1, high=0): low must"),
+    (ENDINGS, ("--samples", 0), "0 variants; a study has at least one, and at most 1,000,000"),
+    (ENDINGS, ("--seed", -1), "--seed -1: give none below 0"),
+    (ENDINGS, ("--grid", "0"), "0 variants; a study has at least one"),
+    (ENDINGS, ("--grid", 10**9), "6,000,000,000 variants; a study has at least one, and at most 1,000,000"),
+    (ENDINGS, ("--retries", "-1"), "--timeout and --jobs must be positive, --retries not negative"),
+    (ENDINGS, ("--timeout", "soon"), "'soon' is not a time; write a number with one of s, ms, min, h: 120s"),
+    (ENDINGS, ("--timeout", "0"), "--timeout and --jobs must be positive, --retries not negative"),
+    (ENDINGS, ("--jobs", "0"), "--timeout and --jobs must be positive, --retries not negative"),
+    (ENDINGS, ("--sobol", "--grid"), "--sobol is a way to sample; leave out --grid"),
+    (ENDINGS, ("--samples", 3, "--grid"), "not allowed with argument"),
+    (ENDINGS, ("--cluster", "tcp://127.0.0.1:1", "--jobs", 2), "leave out --cluster"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "arguments", "words"), BAD)
+def test_bad_input_is_one_line_and_makes_no_folder(tmp_path: Path, capsys, monkeypatch, text, arguments, words) -> None:
+    from vpframe.app.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, text)
+    assert main(["study", "task.py", *map(str, arguments)]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and words in told, told
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize("name", ["index.html", "results.csv", "study.json", "results.jsonl"])
+def test_what_vpframe_did_not_write_stays(tmp_path: Path, capsys, name: str) -> None:
+    from vpframe.app.cli import main
+
+    own = written(tmp_path / "runs", "index, mine\n", name)
+    assert main(["study", str(written(tmp_path, ENDINGS)), "--out", str(tmp_path / "runs")]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and f"{name}: exists and is not " in told and "--force" in told
+    assert own.read_text() == "index, mine\n" and list((tmp_path / "runs").iterdir()) == [own]
+
+
+@pytest.mark.slow
+def test_a_program_without_a_guard_is_not_started_again_by_its_workers(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text("import sys\nprint('started')\nfrom vpframe.app.cli import main\nsys.exit(main())\n")
+    script = written(tmp_path, FORGETFUL)
+    done = subprocess.run(
+        [sys.executable, program, "study", script, "--samples", "4", "--jobs", "2", "--out", tmp_path / "runs"],
+        capture_output=True, text=True, timeout=200, env=environment(),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("started") == 1
+
+
+def test_help_and_one_job_do_without_dask(tmp_path: Path) -> None:
+    code = "import sys; sys.modules['distributed'] = None\nfrom vpframe.app.cli import main\nsys.exit(main())"
+    command = [sys.executable, "-c", code, "study"]
+    helped = subprocess.run([*command, "--help"], capture_output=True, text=True, env=environment(), timeout=100)
+    assert helped.returncode == 0 and "--cluster" in helped.stdout
+    script = written(tmp_path, FORGETFUL)
+    given = [script, "--samples", "1", "--out", tmp_path / "runs"]
+    run = subprocess.run(
+        [*command, *given, "--jobs", "1"], capture_output=True, text=True, env=environment(), timeout=200
+    )
+    assert run.returncode == 0, run.stderr
+    given[-1] = tmp_path / "more"
+    more = subprocess.run(
+        [*command, *given, "--jobs", "2"], capture_output=True, text=True, env=environment(), timeout=200
+    )
+    assert more.returncode == 2
+    assert (
+        more.stderr.count("\n") == 1
+        and "several jobs need Dask (pip install distributed); or give --jobs 1" in more.stderr
+    )

@@ -1,0 +1,511 @@
+"""The viewer as a page sees it: through its web server and its socket."""
+
+import asyncio
+import base64
+import gc
+import json
+import os
+import random
+import socket
+import struct
+import threading
+import time
+import urllib.error
+import urllib.parse
+import urllib.request
+
+import numpy as np
+import pytest
+import tornado.websocket
+
+from tests.vpframe.watching import fake_session, pressing_frames, pressing_scene
+from vpframe.errors import VpframeError
+from vpframe.view.controls import Controls, Request
+from vpframe.view.display import display_mesh
+from vpframe.view.meshcat_viewer import MeshcatViewer, view
+from vpframe.view.page_protocol import Encoder
+
+
+@pytest.fixture
+def viewer():
+    made = MeshcatViewer()
+    made.begin(fake_session().scene)
+    yield made
+    made.end()
+
+
+def socket_of(viewer, **changed):
+    """The address of the page's socket, with parts of it changed."""
+    place = urllib.parse.urlsplit(viewer.url)
+    return place._replace(scheme="ws", path="/socket")._replace(**changed).geturl()
+
+
+async def connect(viewer):
+    return await tornado.websocket.websocket_connect(socket_of(viewer))
+
+
+async def receive(page, wanted, answer=True, limit=10.0):
+    """Messages up to the first for which `wanted` is true; each is answered as the page does."""
+    got = []
+    while True:
+        text = await asyncio.wait_for(page.read_message(), limit)
+        if text is None:
+            return got
+        got.append(json.loads(text))
+        if answer:
+            await page.write_message('{"action": "drawn"}')
+        if wanted(got[-1]):
+            return got
+
+
+def of_type(kind):
+    return lambda message: message["type"] == kind
+
+
+def floats(text):
+    return np.frombuffer(base64.b64decode(text), "<f4")
+
+
+def test_a_page_gets_the_scene_and_then_the_latest_frame(viewer):
+    frames = pressing_frames(40)
+    for frame in frames[:21]:
+        viewer.frame(frame)
+
+    async def look():
+        page = await connect(viewer)
+        return await receive(page, of_type("events"))
+
+    messages = asyncio.run(look())
+    scene = messages[0]
+    assert scene["type"] == "scene"
+    assert [part["name"] for part in scene["parts"]] == ["plate", "rod"]
+    mesh = display_mesh(pressing_scene()["rod"].shape)
+    shape = scene["shapes"][scene["parts"][1]["shape"]]
+    np.testing.assert_array_equal(floats(shape["positions"]).reshape(-1, 3), mesh.positions)
+    frame = next(m for m in messages if m["type"] == "frame")
+    last = frames[20]
+    assert frame["step"] == last.step
+    assert frame["colliding"] == last.colliding.tolist()
+    assert frame["moved"] == [1]
+    matrix = floats(frame["poses"]).reshape(4, 4).T
+    np.testing.assert_allclose(matrix, last.poses["rod"].homogeneous, atol=1e-7)
+    known = {m["number"] for m in messages if m["type"] == "strips"}
+    assert {symbol["strips"] for symbol in frame["symbols"]} <= known
+    assert [e["kind"] for e in messages[-1]["events"]] == ["collided", "recognised"]
+
+
+def test_every_event_arrives_once_however_many_frames_are_skipped(viewer):
+    frames = pressing_frames(2000)
+
+    async def look():
+        page = await connect(viewer)
+        await receive(page, of_type("scene"))
+        thread = threading.Thread(target=lambda: [viewer.frame(frame) for frame in frames])
+        thread.start()
+        got = []
+        while not any(m["type"] == "frame" and m["step"] == frames[-1].step for m in got):
+            got += await receive(page, of_type("frame"))
+        got += await receive(page, of_type("events")) if not any(m["type"] == "events" for m in got[-2:]) else []
+        thread.join()
+        return got
+
+    messages = asyncio.run(look())
+    steps = [m["step"] for m in messages if m["type"] == "frame"]
+    assert steps == sorted(set(steps))
+    assert len(steps) < len(frames)  # a page gets the latest, not all
+    kinds = [e["kind"] for m in messages if m["type"] == "events" for e in m["events"]]
+    assert kinds == ["collided", "recognised", "parted"]
+
+
+def test_a_page_that_does_not_answer_gets_no_more_and_holds_nobody_up(viewer):
+    frames = pressing_frames(300)
+
+    async def look():
+        page = await connect(viewer)
+        await receive(page, of_type("scene"), answer=False)
+        for frame in frames:
+            viewer.frame(frame)
+        await asyncio.sleep(0.3)
+        got = []
+        while True:
+            try:
+                got.append(json.loads(await asyncio.wait_for(page.read_message(), 0.1)))
+            except TimeoutError:
+                return got
+
+    assert asyncio.run(look()) == []
+
+
+def test_a_page_that_is_gone_is_forgotten(viewer):
+    async def look():
+        page = await connect(viewer)
+        await receive(page, of_type("scene"))
+        page.close()
+
+    asyncio.run(look())
+    until = time.monotonic() + 5.0
+    while viewer.clients and time.monotonic() < until:
+        time.sleep(0.01)
+    assert viewer.clients == 0
+    viewer.frame(pressing_frames(2)[0])
+
+
+async def come_and_go(viewer, kind):
+    """A client that goes in the middle of something."""
+    place = urllib.parse.urlsplit(viewer.url)
+    chance = random.Random(kind)
+    await asyncio.sleep(2.0 * chance.random())
+    if kind % 4 < 2:  # before its page or its socket was answered, or soon after
+        asked = f"GET {'/' if kind % 4 else '/socket'}?{place.query} HTTP/1.1\r\nHost: {place.netloc}\r\n"
+        key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
+        _, writer = await asyncio.open_connection(place.hostname, place.port)
+        writer.write(f"{asked}Connection: Upgrade\r\nUpgrade: websocket\r\n{key}\r\n".encode())
+        await writer.drain()
+        await asyncio.sleep(0.02 * chance.random())
+        now = struct.pack("ii", 1, 0)
+        writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, now)
+        writer.transport.abort()
+        return
+    page = await connect(viewer)
+    for _ in range(chance.randrange(6)):
+        if await page.read_message() is None:
+            break
+        if kind % 4 == 2:
+            await page.write_message('{"action": "drawn"}')
+    page.close()
+
+
+def test_two_hundred_clients_come_and_go_and_leave_nothing(viewer, caplog):
+    frames, done = pressing_frames(2000), threading.Event()
+
+    def run():
+        while not done.is_set():
+            for frame in frames:
+                viewer.frame(frame)
+                if done.wait(5e-4):
+                    return
+
+    def handles():
+        return len(os.listdir("/proc/self/fd")) if os.path.isdir("/proc/self/fd") else 0
+
+    async def all_of_them():
+        await asyncio.wait_for(asyncio.gather(*(come_and_go(viewer, kind) for kind in range(200))), 60)
+
+    runner = threading.Thread(target=run)
+    gc.collect()  # of what other tests left
+    before = handles()
+    runner.start()
+    try:
+        asyncio.run(all_of_them())
+        until = time.monotonic() + 20.0
+        while (viewer.clients or handles() > before) and time.monotonic() < until:
+            time.sleep(0.05)
+    finally:
+        done.set()
+        runner.join()
+    gc.collect()  # an error that nobody heard of is said when its task goes
+    assert [record.getMessage() for record in caplog.records] == []
+    assert viewer.clients == 0 and handles() <= before
+
+
+def test_a_silent_page_is_dropped(viewer, monkeypatch):
+    from vpframe.view import server
+
+    monkeypatch.setattr(server, "PATIENCE", 0.05)
+
+    async def look():
+        page = await connect(viewer)
+        return await receive(page, lambda message: False, answer=False)
+
+    assert [m["type"] for m in asyncio.run(look())] == ["scene"]
+    assert viewer.clients == 0
+
+
+def test_only_this_machine_is_listened_to(viewer):
+    port = urllib.parse.urlsplit(viewer.url).port
+    assert viewer.url.startswith("http://127.0.0.1:")
+    with socket.socket() as other, pytest.raises(OSError):
+        other.settimeout(2.0)
+        other.connect((socket.gethostbyname(socket.gethostname()), port))
+        if other.getpeername()[0].startswith("127."):
+            raise OSError("this machine has no other address to try")
+
+
+def answer(address, **headers):
+    """Status and body of what a server answers to an ordinary request."""
+    try:
+        got = urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=5)
+    except urllib.error.HTTPError as refused:
+        got = refused
+    return got.status, got.read()
+
+
+def socket_answer(address, **headers):
+    """The first message that a socket sends, or the status that refuses it."""
+
+    async def look():
+        request = tornado.websocket.httpclient.HTTPRequest(address, headers=headers)
+        try:
+            page = await tornado.websocket.websocket_connect(request)
+        except tornado.httpclient.HTTPClientError as refused:
+            return refused.code
+        return json.loads(await asyncio.wait_for(page.read_message(), 10))["type"]
+
+    return asyncio.run(look())
+
+
+def without_token(address):
+    return urllib.parse.urlsplit(address)._replace(query="").geturl()
+
+
+def test_another_sites_name_for_this_machine_is_refused(viewer):
+    status, body = answer(viewer.url, Host="evil.example")
+    assert (status, b"own names and addresses" in body) == (403, True)
+    status, body = answer(viewer.url)
+    assert (status, b"vpframe" in body) == (200, True)
+
+
+def test_a_socket_from_another_site_is_refused(viewer):
+    assert socket_answer(socket_of(viewer), Origin="http://evil.example") == 403
+
+
+def test_a_socket_for_another_sites_name_is_refused(viewer):
+    """The page of a site whose name was made to mean this machine: its Origin is its Host."""
+    port = urllib.parse.urlsplit(viewer.url).port
+    for name in ("evil.example", "127.0.0.1.evil.example", "localhost.evil.example"):
+        host = f"{name}:{port}"
+        assert socket_answer(socket_of(viewer), Host=host, Origin=f"http://{host}") == 403
+        assert answer(viewer.url, Host=host)[0] == 403
+
+
+def test_this_machine_may_be_called_by_its_names_and_addresses(viewer):
+    port = urllib.parse.urlsplit(viewer.url).port
+    for name in ("127.0.0.1", "localhost", "LOCALHOST", "[::1]", "192.0.2.7", socket.gethostname()):
+        host = f"{name}:{port}"
+        assert answer(viewer.url, Host=host)[0] == 200, name
+        assert socket_answer(socket_of(viewer), Host=host, Origin=f"http://{host}") == "scene", name
+
+
+@pytest.mark.parametrize("query", ["", "token=", "token=guess", "token=%00", "other=1", "token=%C3%A9"])
+def test_without_the_token_nothing_is_served(viewer, query):
+    status, body = answer(urllib.parse.urlsplit(viewer.url)._replace(query=query).geturl())
+    assert (status, b"with its token" in body, b"meshcat" in body) == (403, True, False)
+    assert socket_answer(socket_of(viewer, query=query)) == 403
+    assert viewer.clients == 0
+
+
+def test_tokens_are_long_and_not_used_twice():
+    viewers = [MeshcatViewer(), MeshcatViewer()]
+    for viewer in viewers:
+        viewer.begin(fake_session().scene)
+    try:
+        tokens = [urllib.parse.parse_qs(urllib.parse.urlsplit(viewer.url).query)["token"][0] for viewer in viewers]
+        assert len(set(tokens)) == 2 and all(len(token) >= 40 for token in tokens)
+        assert answer(viewers[0].url.replace(tokens[0], tokens[1]))[0] == 403
+    finally:
+        for viewer in viewers:
+            viewer.end()
+
+
+def test_a_message_that_no_page_sends_ends_the_socket(viewer):
+    async def shout():
+        page = await connect(viewer)
+        await receive(page, of_type("scene"))
+        await page.write_message("x" * 100_000)
+        return await asyncio.wait_for(page.read_message(), 10)
+
+    assert asyncio.run(shout()) is None
+    assert viewer.controls.take() == ()
+
+
+def other_address():
+    """An address of this machine that is not loopback; nothing is sent to find it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))
+            address = probe.getsockname()[0]
+        except OSError:
+            pytest.skip("this machine has no network")
+    if address.startswith("127."):
+        pytest.skip("this machine has no other address")
+    return address
+
+
+def test_served_to_the_network_other_machines_see_and_act():
+    viewer = MeshcatViewer(host="0.0.0.0")
+    viewer.begin(fake_session().scene)
+    try:
+        port = urllib.parse.urlsplit(viewer.url).port
+        assert viewer.url.startswith("http://127.0.0.1:")
+        assert urllib.parse.urlsplit(viewer.outside).hostname == socket.gethostname().lower()
+        for name in (other_address(), "127.0.0.1"):
+            place = f"{name}:{port}"
+            assert answer(urllib.parse.urlsplit(viewer.url)._replace(netloc=place).geturl())[0] == 200
+            assert socket_answer(socket_of(viewer, netloc=place), Origin=f"http://{place}") == "scene"
+            assert answer(f"http://{place}/")[0] == 403
+            assert socket_answer(socket_of(viewer, netloc=place, query="")) == 403
+        assert answer(viewer.url, Host="evil.example")[0] == 403
+    finally:
+        viewer.end()
+
+
+def test_an_address_of_version_6_is_printed_in_brackets():
+    viewer = MeshcatViewer(host="::1")
+    try:
+        viewer.begin(fake_session().scene)
+    except VpframeError:
+        pytest.skip("no IPv6 here")
+    try:
+        assert viewer.url.startswith("http://[::1]:") and viewer.outside is None
+        assert answer(viewer.url)[0] == 200
+        assert socket_answer(socket_of(viewer)) == "scene"
+    finally:
+        viewer.end()
+
+
+def test_what_a_person_does_on_the_page_reaches_the_session(viewer):
+    async def act():
+        page = await connect(viewer)
+        for message in ({"action": "accept", "id": 3}, {"action": "refuse", "id": 4}, {"action": "pause"}):
+            await page.write_message(json.dumps(message))
+        for nonsense in ("{", "[]", '{"action": "erase"}', '{"action": "accept"}', '{"action": "accept", "id": true}'):
+            await page.write_message(nonsense)
+        while not viewer.controls.paused:
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(0.05)
+
+    asyncio.run(asyncio.wait_for(act(), 10))
+    assert viewer.controls.take() == (Request("accept", 3), Request("refuse", 4))
+    assert viewer.controls.take() == ()
+
+
+def test_pause_holds_a_frame_until_play_and_step_lets_one_through(viewer):
+    frames, passed = pressing_frames(6), []
+    viewer.controls.put(Request("pause"))
+
+    def run():
+        for frame in frames:
+            viewer.frame(frame)
+            passed.append(frame.step)
+
+    def settled(count):
+        until = time.monotonic() + 5.0
+        while len(passed) < count and time.monotonic() < until:
+            time.sleep(0.005)
+        time.sleep(0.03)
+        return len(passed)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    assert settled(0) == 0
+    viewer.controls.put(Request("step"))
+    assert settled(1) == 1
+    viewer.controls.put(Request("play"))
+    thread.join(5.0)
+    assert passed == [frame.step for frame in frames]
+
+
+def test_pace_holds_the_session_to_the_clock_only_while_a_page_looks(monkeypatch):
+    from vpframe.view import meshcat_viewer
+
+    frames, slept = pressing_frames(30), []
+    viewer = MeshcatViewer(pace=0.5)
+    monkeypatch.setattr(meshcat_viewer.time, "sleep", slept.append)
+    for frame in frames:
+        viewer.frame(frame)
+    assert slept == []
+    monkeypatch.setattr(MeshcatViewer, "clients", 1)
+    for frame in frames[1:]:
+        viewer.frame(frame)
+    assert max(slept) <= 2 / 60  # twice the step, less what has passed
+    assert len(slept) >= 25
+
+
+def test_without_a_screen_the_address_is_printed(monkeypatch, capsys):
+    monkeypatch.setattr("vpframe.view.meshcat_viewer.has_screen", lambda: False)
+    viewer = MeshcatViewer(open_browser=True)
+    viewer.begin(fake_session().scene)
+    try:
+        assert viewer.url in capsys.readouterr().err
+    finally:
+        viewer.end()
+
+
+def test_waiting_gives_up_after_its_timeout():
+    controls = Controls()
+    assert controls.wait(0.0)
+    controls.put(Request("pause"))
+    assert not controls.wait(0.01)
+    controls.put(Request("step"))
+    assert controls.wait(0.01)
+    assert not controls.wait(0.01)
+
+
+def test_a_taken_port_is_one_clear_error():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(VpframeError, match=f"127.0.0.1:{port}"):
+            MeshcatViewer(port=port).show(pressing_scene())
+
+
+def test_before_the_session_there_is_no_address_and_nothing_to_write(tmp_path):
+    with pytest.raises(VpframeError):
+        _ = MeshcatViewer().url
+    with pytest.raises(VpframeError):
+        MeshcatViewer().static_html(tmp_path / "page.html")
+
+
+def embedded(page):
+    """The messages in a static page, each frame with what it takes from the one before."""
+    messages, before = [], {}
+    for message in json.loads(page.split("const EMBEDDED = ", 1)[1].split(";</script>", 1)[0]):
+        if message["type"] == "frame":
+            message = before = {**before, **message}
+        messages.append(message)
+    return messages
+
+
+def test_the_static_page_needs_nothing_from_outside(viewer, tmp_path):
+    frames = pressing_frames(40)
+    for frame in frames:
+        viewer.frame(frame)
+    page = viewer.static_html(tmp_path / "deep" / "page.html").read_text()
+    head = page.split("<script>", 1)[0]
+    assert "src=" not in head
+    assert '<link rel="stylesheet"' not in page
+    messages = embedded(page)
+    assert [m["step"] for m in messages if m["type"] == "frame"] == [frame.step for frame in frames]
+    assert sum(len(m["events"]) for m in messages if m["type"] == "frame") == 3
+    encoder = Encoder(pressing_scene())
+    whole = [json.loads(json.dumps(encoder.frame(frame, frame.events)[1])) for frame in frames]
+    assert [m for m in messages if m["type"] == "frame"] == whole
+
+
+def test_the_static_page_survives_names_that_look_like_markup(tmp_path):
+    from vpframe.scene.scene import Part, Scene
+
+    name = "</script><script>alert(1)</script>"
+    scene = Scene([Part(name, pressing_scene()["rod"].shape, pressing_scene()["rod"].pose)])
+    page = tmp_path / "page.html"
+    assert view(scene, static=page) == str(page)
+    assert "alert(1)</script>" not in page.read_text()
+    assert embedded(page.read_text())[0]["parts"][0]["name"] == name
+
+
+def test_a_long_run_is_thinned_evenly_and_keeps_its_end_and_its_events():
+    from vpframe.view.history import History
+
+    history = History(limit=100)
+    frames = pressing_frames(1000)
+    for frame in frames:
+        history.add(frame)
+    kept = list(history)
+    steps = [frame.step for frame, _ in kept]
+    assert 50 <= len(kept) <= 101
+    assert steps[0] == 0 and steps[-1] == 999
+    assert max(np.diff(steps)) <= 16
+    assert [e.kind for _, events in kept for e in events] == ["collided", "recognised", "parted"]
+    assert all(event.step <= frame.step for frame, events in kept for event in events)
+    assert len(history) == 1000

@@ -1,0 +1,86 @@
+"""Pairs of surfaces grouped by pair of parts: one row a pair, as clash tables and reports list them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from vpframe.scene.scene import Part
+
+OPEN_FIRST = ("new", "persistent", "accepted", "resolved")
+"""the status of a pair of parts is the first of these that one of its surface pairs has"""
+
+
+def by_parts(
+    rows: Iterable[dict[str, Any]],
+    kinds: Sequence[str],
+    apart: Callable[[dict[str, Any]], Any] = lambda row: None,
+) -> list[dict[str, Any]]:
+    """One row a pair of parts, the gravest and deepest first.
+
+    Parameters
+    ----------
+    rows: of surface pairs: "kind", "parts" [a, b], "surfaces", "depth" (m, or None) and what else they have.
+    kinds: from the gravest to the least.
+    apart: rows of two parts for which it differs become two rows.
+
+    Returns
+    -------
+    Each the row of its worst surface pair ("kind", "surfaces", "faces", "depth", "point", …), with the gravest
+    "status" of all, their number as "count" and themselves as "surface_pairs", worst first.
+    """
+    groups: dict[Any, list[dict[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault((*row["parts"], apart(row)), []).append(row)
+    out = []
+    for members in groups.values():
+        members.sort(key=lambda row: worst_first(row, kinds))
+        statuses = {row["status"] for row in members if "status" in row}
+        status = {"status": min(statuses, key=OPEN_FIRST.index)} if statuses else {}
+        remark = next((row["remark"] for row in members if row.get("remark")), "")
+        out.append(
+            {
+                **members[0],
+                **status,
+                **({"remark": remark} if statuses else {}),
+                "count": len(members),
+                "surface_pairs": members,
+            }
+        )
+    return sorted(out, key=lambda row: worst_first(row, kinds))
+
+
+def worst_first(row: Mapping[str, Any], kinds: Sequence[str]) -> tuple[int, float, float, int]:
+    """By kind, depth, distance; of rows that are alike to a nanometre the one of a bore and its shaft before planes."""
+    planes = sum(face.endswith("plane") for face in row.get("faces", ()))
+    return kinds.index(row["kind"]), -round(row["depth"] or 0.0, 9), round(row.get("distance") or 0.0, 9), planes
+
+
+def meeting_box(
+    parts: Sequence[Part], poses: Sequence[pin.SE3], surfaces: Sequence[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners (3,), (3,) m, world, of the box that the boxes of two surfaces share, or that is between them."""
+    lows, highs = [], []
+    for part, pose, surface in zip(parts, poses, surfaces, strict=True):
+        corners = part.mesh.vertices[part.mesh.triangles[part.mesh.triangles_of(surface)]].reshape(-1, 3)
+        points = corners @ pose.rotation.T + pose.translation
+        lows.append(points.min(axis=0))
+        highs.append(points.max(axis=0))
+    low, high = np.max(lows, axis=0), np.min(highs, axis=0)
+    return np.minimum(low, high), np.maximum(low, high)
+
+
+def place_words(point: Sequence[float] | None) -> str:
+    """A point (3,) m as "(1.25, 0, -3.1) mm"; nothing for None."""
+    if point is None:
+        return ""
+    return "({}) mm".format(", ".join(f"{round(1e3 * x, 2) + 0.0:g}" for x in point))
+
+
+def count_words(count: int, what: str) -> str:
+    """ "1 pair of parts", "3 pairs of parts"."""
+    return f"{count} pair{'s' if count != 1 else ''} of {what}"

@@ -1,0 +1,175 @@
+"""`Gripper`: what a hand holds and where it wants it; the verbs of `vpframe.hands.verbs` move it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from vpframe.errors import TaskError
+from vpframe.hands.arguments import rigid
+from vpframe.hands.assist import Assist
+from vpframe.hands.reach import surface_distances
+from vpframe.hands.segment import MotionSegment, Outcome
+from vpframe.hands.workplace import Workplace
+from vpframe.scene.subassembly import listed
+
+if TYPE_CHECKING:
+    from physics import SpringHand
+
+
+class Gripper:
+    """One hand without its verbs: what it holds, where it wants that to be, how a motion ended.
+
+    A hand is a point in space with a reach: it grabs a part when a surface of the part is within `reach` of it.
+    While it holds a part, the part goes to the nearest pose to the wanted one that its constraints and the solid
+    parts around it allow; the hand may be ahead of it by `give`.
+    """
+
+    reach = 0.015
+    """m: what is nearer than this to the hand, it touches"""
+    give = 0.03
+    """m: how far the part may stay behind before a motion is given up as blocked"""
+    slack = 1e-3
+    """m: how far from its goal a part may end for the motion to count as done (rotations count by the part's size)"""
+    speed = 0.25
+    """m/s, of motions that name neither duration nor speed"""
+    turn_speed = np.pi
+    """rad/s, likewise"""
+
+    def __init__(self, session: Workplace, name: str, pose: pin.SE3) -> None:
+        self.session = session
+        self.name = name
+        self.pose = pose
+        """world pose of the hand"""
+        self.held: str | None = None
+        """name of the part in the hand"""
+        self.grip = pin.SE3.Identity()
+        """pose of the held part seen from the hand"""
+        self.surfaces: tuple[int, ...] = ()
+        """surfaces of the held part that the hand touches"""
+        self.carried: tuple[str, ...] = ()
+        """parts that move with the held one as if glued to it"""
+        self.assist = Assist()
+        self.spring: SpringHand | None = None
+        """set a `physics.SpringHand` to pull parts that have behaviours with limited force instead of carrying them"""
+        self.stopped_by: str = ""
+        """what keeps the held part from following; empty while it can"""
+        self.doing = ""
+        """the verb under way, in words"""
+        self.segment: MotionSegment | None = None
+        self.clock = 0.0
+        """s along the segment's path"""
+        self.wanted: pin.SE3 | None = None
+        """pose asked of the held part (of the empty hand) in this step"""
+
+    # ---- what it moves
+
+    @property
+    def subject(self) -> pin.SE3:
+        """World pose of the held part, or of the empty hand: what poses in verbs refer to."""
+        return self.session.scene[self.held].pose if self.held else self.pose
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, holds {self.held!r})"
+
+    # ---- called by verbs and by the session
+
+    def touched(self, part: str) -> tuple[int, ...]:
+        """Surfaces of a part that are within reach."""
+        body = self.session.scene[part]
+        distances, _ = surface_distances(body.mesh, body.pose, self.pose.translation)
+        return tuple(int(s) for s in np.flatnonzero(distances <= self.reach))
+
+    def take(self, part: str, surface: int | None, carried: tuple[str, ...], named: str = "") -> None:
+        """Close the hand on a part that it touches; `named`: what the script called it, where that is not its name."""
+        touched = self.touched(part)
+        if not touched or (surface is not None and surface not in touched):
+            what = part if surface is None else f"surface {surface} of {part}"
+            raise TaskError(f"{self.name} does not touch {what} (reach {self.reach * 1e3:g} mm); approach it first")
+        self.held, self.surfaces, self.carried = part, touched, carried
+        self.grip = self.pose.actInv(self.session.scene[part].pose)
+        self.stopped_by = ""
+        self.session.note_grab(self, named)
+
+    def holding(self, named: str = "", how: str = "") -> str:
+        """What is held and carried, in words: `named` if given, `how` after the part that is held."""
+        words = f"{named}: {self.held}{how}" if named else f"{self.held}{how}"
+        return f"{words}, carrying {listed(self.carried)}" if self.carried else words
+
+    def let_go(self) -> None:
+        """Open the hand."""
+        if self.held is None:
+            raise TaskError(f"{self.name} holds nothing; grab a part before releasing it")
+        self.session.note_release(self)
+        self.held, self.surfaces, self.carried, self.stopped_by = None, (), (), ""
+
+    def start(self, segment: MotionSegment) -> None:
+        """Begin a segment at the present pose."""
+        self.segment, self.clock, self.doing, self.stopped_by = segment, 0.0, segment.text, ""
+
+    def desire(self, dt: float, rate: float) -> pin.SE3:
+        """The pose asked of the subject after `dt` more seconds, at `rate` times the path's own speed."""
+        if self.segment is None:
+            self.wanted = pin.SE3(self.subject)
+        else:
+            self.clock += dt * rate
+            aim = rigid(self.segment.path.pose(self.clock), f"{self.doing}: the path at {self.clock:.3f} s")
+            self.wanted = self.assist.shape(self.segment.path.pose(0.0), aim)
+        if self.held is None:
+            self.pose = self.wanted
+        else:
+            self.pose = self.wanted * self.grip.inverse()
+        return self.wanted
+
+    def lag(self) -> float:
+        """m: how far the subject is from the wanted pose; rotation counts by half the part's size."""
+        if self.held is None or self.wanted is None:
+            return 0.0
+        behind = self.wanted.actInv(self.subject)
+        arm = self.session.half_size(self.held)
+        return float(np.linalg.norm(behind.translation) + arm * np.linalg.norm(pin.log3(behind.rotation)))
+
+    def judge(self) -> Outcome | None:
+        """After a step: how the segment ended, or None while it goes on."""
+        segment, session = self.segment, self.session
+        if segment is None:
+            return None
+        if segment.until is not None and segment.until(session, self):
+            return self._finish(True, segment.until.text)
+        over = self.clock >= segment.path.duration - 1e-9 * session.dt
+        behind = self.lag()
+        if not over and behind <= self.give:
+            return None
+        if segment.until is None and behind <= self.slack:
+            return self._finish(True, "arrived")
+        reason = (
+            self._obstacle(behind)
+            if behind > self.slack
+            else f"the motion ended before its condition held: {segment.until}"
+        )
+        if segment.required:
+            self._finish(False, reason)
+            raise TaskError(f"{segment.text}: {reason}")
+        return self._finish(False, reason)
+
+    def _obstacle(self, behind: float) -> str:
+        assert self.held is not None
+        held_by = [f"{c.kind} to {_other(c.parts, self.held)}" for c in self.session.constraints_of(self.held)]
+        reasons = [f"stopped by {self.stopped_by}"] * bool(self.stopped_by)
+        reasons += [f"constrained: {', '.join(held_by)}"] * bool(held_by)
+        why = "; ".join(reasons)
+        return f"{self.held} ended {behind * 1e3:.2f} mm short of its target" + (f", {why}" if why else "")
+
+    def _finish(self, done: bool, reason: str) -> Outcome:
+        self.segment, self.doing = None, ""
+        if self.held is not None:  # the hand comes back to the part it holds
+            self.pose = self.subject * self.grip.inverse()
+        self.wanted = None
+        return Outcome(done, reason, self.session.time)
+
+
+def _other(parts: Sequence[str], name: str) -> str:
+    return parts[1] if parts[0] == name else parts[0]

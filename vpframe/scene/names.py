@@ -1,0 +1,62 @@
+"""What people call a face, in every table, message and report."""
+
+from __future__ import annotations
+
+import math
+
+from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus
+from vpframe.scene.scene import Part
+
+CYLINDERS = {"convex": "shaft", "concave": "bore"}
+"""by `Surface.orientation`"""
+NAMED = 6
+"""numbers of several faces that are listed"""
+
+
+def face_name(part: Part, *surfaces: int) -> str:
+    """A face of a part, "housing · face 12 · bore Ø20", or several: its number is its place in `part.surfaces`."""
+    return f"{part.name} · {face_words(part, *surfaces)}"
+
+
+def face_words(part: Part, *surfaces: int) -> str:
+    """The same without the part's name, for where that stands already: "face 12 · bore Ø20"."""
+    known = [part.surfaces[s] for s in surfaces if 0 <= s < len(part.surfaces)]
+    words = dict.fromkeys(geometry_words(face.geometry, face.orientation) for face in known)
+    numbers = ", ".join(map(str, surfaces[:NAMED])) + (f" … ({len(surfaces)})" if len(surfaces) > NAMED else "")
+    return " · ".join([f"face{'s' if len(surfaces) > 1 else ''} {numbers}", *([", ".join(words)] if words else [])])
+
+
+def geometry_words(geometry: Geometry, orientation: str = "") -> str:
+    """What a face is, with its size in mm: "plane", "bore Ø20", "cone 90°", …
+
+    Parameters
+    ----------
+    orientation: "convex" or "concave", as `Surface.orientation`: whether a cylinder is a shaft or a bore.
+    """
+    match geometry:
+        case Plane():
+            return "plane"
+        case Cylinder(radius=radius):
+            return f"{CYLINDERS.get(orientation, 'cylinder')} {_diameter(radius)}"
+        case Cone(half_angle=half):
+            return f"cone {_round(math.degrees(2.0 * half))}°"
+        case Sphere(radius=radius):
+            return f"sphere {_diameter(radius)}"
+        case Torus(major=major, minor=minor):
+            return f"torus {_diameter(major)} × {_diameter(minor)}"
+        case _:
+            return "free form"
+
+
+def is_of(part: str, name: str) -> bool:
+    """Whether a part is of that name, or of the subassembly of that name."""
+    return part == name or part.startswith(f"{name}/")
+
+
+def _diameter(radius: float) -> str:
+    return f"Ø{_round(2e3 * radius)}"
+
+
+def _round(value: float) -> str:
+    """To three digits after the point, small ones to three in all; without zeros at the end."""
+    return f"{round(value, 3):.12g}" if value >= 0.1 else f"{value:.3g}"

@@ -1,0 +1,209 @@
+"""`Readings`: quantities derived from a state, cached while it lasts: views, freedom, clearance, velocity, contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from constraints.freedom.mobility import mobility
+from constraints.kinds.stated import taken_along
+from constraints.recognition.candidate import Candidate
+from constraints.solve.groups import ALONE
+from vpframe.scene.boxes import corners
+from vpframe.session.events import ConstraintView, ContactPoint
+from vpframe.session.state import COLUMNS, State
+from vpframe.session.views import Views
+
+
+class Readings:
+    """Derived quantities of a state; reading changes nothing."""
+
+    def __init__(self, state: State) -> None:
+        self.state = state
+        self._corners: dict[int, NDArray[np.float64]] = {}
+        self._forget()
+        state.on_change(self._forget)
+
+    def _forget(self) -> None:
+        self._freedom: dict[tuple[int, tuple[int, ...]], tuple[int, str]] = {}
+        self._freedoms: tuple[Any, tuple[dict[str, int], dict[str, str]]] = None, ({}, {})
+        self._active = Views()
+        self._drawn_at: tuple[pin.SE3, ...] = ()
+        self._offered: dict[int, tuple[Candidate, ConstraintView]] = {}
+
+    def near_pairs(self) -> NDArray[np.int32]:
+        """(k, 4) object, surface, object, surface that touch, of parts that were ever held; mated ones left out."""
+        rows = self.state.rows
+        near = np.flatnonzero(rows["distance"] <= 2.0 * self.state.tolerance.linear)  # motion stops at `linear`
+        return np.stack([rows[c][near] for c in COLUMNS], axis=1)
+
+    def views(self) -> tuple[ConstraintView, ...]:
+        """All constraints in the user's terms: active by age, then candidates by score, then refused."""
+        self.state.start()
+        mates, poses = self.state.mates, self.state.poses
+        before = self._drawn_at or (None,) * len(poses)
+        moved = np.array([now is not then for now, then in zip(poses, before, strict=True)])
+        active = self._active.active(mates.in_force, self.state.names, poses, moved, self.state.motion.groups)
+        self._drawn_at = poses
+        offers = sorted(mates.candidates.items(), key=lambda item: (-item[1].score, item[0]))
+        known_offers, self._offered = self._offered, {}
+        for state, candidates in (("candidate", offers), ("refused", mates.refused.items())):
+            for id, candidate in candidates:
+                old = known_offers.get(id)
+                same = old is not None and old[0] is candidate and old[1].state == state
+                self._offered[id] = old if same and old else (candidate, self.view(id, candidate, state))
+        return (*active, *(view for _, view in self._offered.values()))
+
+    def view(self, id: int, candidate: Candidate, state: str) -> ConstraintView:
+        """A candidate or constraint in the user's terms."""
+        names, poses = self.state.names, self.state.poses
+        a, b = candidate.bodies
+        match, residual = candidate.match, candidate.residual
+        origin, direction = match.origin, match.direction
+        if state == "active":
+            constraint = candidate.constraint
+            symbol = constraint.drawing(poses[a])
+            origin, direction = poses[a].act(match.local), symbol.direction
+            rows = constraint.residual(poses[a], poses[b])[~constraint.angular]
+            residual = float(np.abs(rows).max(initial=0.0))
+        return ConstraintView(
+            id=id,
+            kind=candidate.kind,
+            parts=(names[a], names[b]),
+            surfaces=candidate.surfaces,
+            residual=residual,
+            state=state,
+            origin=_fixed(origin),
+            direction=_fixed(direction),
+            size=match.size,
+            why=candidate.why,
+        )
+
+    def freedom(self, i: int) -> tuple[int, str]:
+        """Degrees of freedom left to a part, and the lower pair's name; others stay, but what statements join to it."""
+        state = self.state
+        if state.scene.parts[i].fixed:
+            return 0, "rigid"
+        state.start()
+        group = along(state, {i})
+        accepted = state.mates.accepted
+        on_it = {id: accepted[id].candidate for id in state.mates.in_force.about(group, ALONE)}
+        key = (i, tuple(sorted(on_it)))
+        if key not in self._freedom:
+            others = [j for j in range(len(state.names)) if j not in group]
+            constraints = [c.constraint for c in on_it.values()]
+            found = mobility(constraints, state.poses, others, state.tolerance).parts[i]
+            self._freedom[key] = (found.freedom, found.joint)
+        return self._freedom[key]
+
+    def freedoms(self) -> tuple[dict[str, int], dict[str, str]]:
+        """Degrees of freedom and lower pairs of all parts that ever moved or were held, by name."""
+        state = self.state
+        key = tuple(state.mates.accepted), len(state.moved)
+        if self._freedoms[0] != key:
+            found = {state.names[i]: self.freedom(i) for i in sorted(state.moved)}
+            freedoms = {name: number for name, (number, _) in found.items()}
+            self._freedoms = key, (freedoms, {name: joint for name, (_, joint) in found.items()})
+        return self._freedoms[1]
+
+    def pitch_of(self, i: int) -> float | None:
+        """m a turn, negative for a left-hand thread: from the script, else from a recognised thread."""
+        state = self.state
+        if i in state.threads:
+            return state.threads[i]
+        state.start()
+        pitches = [e.candidate.pitch for e in state.mates.accepted.values() if i in e.candidate.bodies]
+        return next((p for p in pitches if p is not None), None)
+
+    def clearance(self, i: int, others: Sequence[int]) -> float:
+        """Least distance (m) of an object to some others; inf if there are none."""
+        self.state.start()
+        low, high = self._box(i)
+        boxes = [(j, *self._box(j)) for j in others]
+        apart = [(float(np.linalg.norm(np.maximum(0.0, np.maximum(lo - high, low - hi)))), j) for j, lo, hi in boxes]
+        best = np.inf
+        for bound, j in sorted(apart):
+            if bound >= best:
+                break
+            best = min(best, float(self.state.collision.clearance(i, j)["distance"][0]))
+        return best
+
+    def velocity(self, i: int, dt: float) -> pin.Motion:
+        """Twist of a part's frame, world axes at its origin: m/s and rad/s; as forces have it, else over the last step.
+
+        dt: s, of the last step.
+        """
+        state = self.state
+        state.start()
+        here = state.poses[i]
+        if state.dynamics is not None and i in state.dynamics.bodies:
+            v, center = state.dynamics.velocity(i)
+            return pin.Motion(v[:3] + np.cross(v[3:], here.translation - here.act(center)), v[3:])
+        before = state.last.get(i, here)
+        turn = pin.log3(here.rotation @ before.rotation.T)
+        return pin.Motion((here.translation - before.translation) / dt, turn / dt)
+
+    def contacts(self, i: int) -> tuple[ContactPoint, ...]:
+        """Where a part meets others, mated surfaces left out: with forces where it moves under them."""
+        state = self.state
+        state.start()
+        found = []
+        if state.dynamics is not None and i in state.dynamics.bodies:
+            for touch, force in state.dynamics.touches(i):
+                found.append(ContactPoint(state.names[touch.other], touch.point, touch.normal, force))
+        pressed = {contact.other for contact in found}
+        rows = state.rows[state.rows["distance"] <= 2.0 * state.tolerance.linear]
+        rows = rows[(rows["object_a"] == i) | (rows["object_b"] == i)]
+        normals, gaps = state.motion.walls.parted(rows, state.poses)
+        for row, normal, gap in zip(rows, normals, gaps, strict=True):
+            first = row["object_a"] == i
+            other = state.names[row["object_b"] if first else row["object_a"]]
+            if other not in pressed:
+                point = np.array(row["point_a"] if first else row["point_b"])
+                away = normal * (-1.0 if first else 1.0) if np.isfinite(gap) else np.zeros(3)
+                found.append(ContactPoint(other, point, away, None))
+        return tuple(found)
+
+    def _box(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """World box of an object: that of its own box's corners, so it is never too small."""
+        if i not in self._corners:
+            self._corners[i] = corners(self.state.collision.mesh(i))
+        pose = self.state.poses[i]
+        placed = self._corners[i] @ pose.rotation.T + pose.translation
+        return placed.min(0), placed.max(0)
+
+    def least_clearance(self) -> float | None:
+        """m: of what hands hold to all that no constraint joins it to; None if there is nothing."""
+        state = self.state
+        mates: dict[int, set[int]] = {}
+        for entry in state.mates.accepted.values():
+            a, b = entry.candidate.bodies
+            mates.setdefault(a, set()).add(b)
+            mates.setdefault(b, set()).add(a)
+        n = range(len(state.names))
+        found = [
+            self.clearance(i, [j for j in n if j not in state.held and j not in mates.get(i, ())])
+            for i in sorted(state.held)
+        ]
+        least = min(found, default=np.inf)
+        return least if np.isfinite(least) else None
+
+
+def _fixed(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A copy that cannot be written to: observers get it."""
+    out = np.array(vector)
+    out.setflags(write=False)
+    return out
+
+
+def along(state: State, bodies: set[int] | frozenset[int] | dict[int, pin.SE3]) -> frozenset[int]:
+    """Bodies that move with some that do: what the script states takes along what it joins."""
+    stated = state.mates.in_force.stated
+    if not stated:
+        return frozenset(bodies)
+    fixed = [i for i, part in enumerate(state.scene.parts) if part.fixed]
+    return taken_along(stated, bodies, fixed)

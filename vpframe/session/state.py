@@ -1,0 +1,542 @@
+"""`State`: all that changes while a session runs, in one place.
+
+A `Scene` is the model and stays as it is. What changes is here: the poses (the collision manager's, the only ones
+there are, with a version each), constraints in force, offered and refused, velocities and sleep, contacts, what hands
+hold, the script's decisions that wait for the next step, the time. Three ways back:
+
+    mark = state.mark();  state.undo(mark)      within a process, in microseconds: a step that fails is undone
+    data = state.save();  state.restore(data)   bytes, also in another process: the same future to the bit
+    state.reset()                               to where the session began
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from typing import Any, NamedTuple, get_type_hints
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import CONTACT_DTYPE, CollisionManager, Tolerance
+from constraints import ConstraintManager, kinds
+from constraints.geometry.surfaces import Cone, Cylinder, Freeform, Plane, Sphere, Torus
+from constraints.kinds import Constraint
+from constraints.manager import Accepted, Change
+from constraints.motion.motion import Motion
+from constraints.recognition.candidate import Candidate, Key, Match
+from constraints.solve.groups import Groups
+from physics import Behaviour, Body, Material, SpringHand
+from vpframe.analysis.static import threaded_features
+from vpframe.codec import WRONG, Codec, CodecError, Packing, conforms
+from vpframe.errors import VpframeError
+from vpframe.hands.arguments import rigid
+from vpframe.hands.gripper import Gripper
+from vpframe.scene.scene import Scene
+from vpframe.session.dynamics import Dynamics
+from vpframe.session.events import ConstraintView, NewEvent
+
+NO_PAIRS = np.zeros((0, 4), np.int32)
+COLUMNS = ("object_a", "surface_a", "object_b", "surface_b")
+Judge = Callable[[Candidate], bool | None]
+"""who accepts (True) or refuses (False) a candidate; None leaves it on offer"""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What a script decides about a candidate or constraint: "accept", "refuse", "remove" or "impose"."""
+
+    verb: str
+    id: int
+    limits: tuple[tuple[str, float], ...] = ()
+    """of what is accepted: "break_distance" (m), "break_force" (N)"""
+    stated: Candidate | None = None
+    """of the verb "impose": what the script states"""
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """What a step changed, by value; poses of parts that moved only."""
+
+    poses: Mapping[str, pin.SE3]
+    colliding: NDArray[np.int32]
+    touching: NDArray[np.int32]
+    """(k, 4) object, surface, object, surface that touch, of parts that were ever held; mated surfaces left out"""
+    constraints: tuple[ConstraintView, ...]
+    freedom: Mapping[str, int]
+    joint: Mapping[str, str]
+    clearance: float | None
+    blocked: Mapping[str, str]
+    """held parts that solid bodies kept from following, and what stood in the way"""
+    events: tuple[NewEvent, ...]
+    mates: Mapping[str, Any] | None = None
+    """state of the constraint manager, if it changed"""
+    timings: Mapping[str, float] = field(default_factory=dict)
+
+
+def _pose(rows: NDArray[np.float64]) -> pin.SE3:
+    if not isinstance(rows, np.ndarray) or rows.shape != (3, 4) or rows.dtype != np.float64:
+        raise ValueError("a pose is no (3, 4) matrix")
+    return rigid(pin.SE3(rows[:, :3], rows[:, 3]), "a pose")
+
+
+def _new_event(fields: tuple[Any, ...]) -> NewEvent:
+    hints = get_type_hints(NewEvent).values()
+    if len(fields) != len(hints) or not all(map(conforms, fields, hints)):
+        raise ValueError("an event has other fields")
+    return NewEvent(*fields)
+
+
+CODEC = Codec(
+    [
+        *(Plane, Cylinder, Cone, Sphere, Torus, Freeform, kinds.Line, kinds.Point, kinds.Circle),
+        *(kinds.Against, kinds.Angle, kinds.Belt, kinds.Concentric, kinds.Conical, kinds.Contact, kinds.Coplanar),
+        *(kinds.Distance, kinds.Fixed, kinds.Gear, kinds.Groove, kinds.Offset, kinds.Parallel, kinds.Perpendicular),
+        *(kinds.RackAndPinion, kinds.Screw, kinds.Spherical, kinds.Tangent, kinds.Toroidal),
+        *(Match, Candidate, Accepted, Change, ConstraintView, Changes, Decision, SpringHand),
+    ],
+    {
+        pin.SE3: Packing(lambda pose: np.ascontiguousarray(pose.homogeneous[:3]), _pose),
+        NewEvent: Packing(tuple, _new_event),
+    },
+)
+"""What steps and states are made of."""
+
+
+class StateError(VpframeError):
+    """A saved state that is damaged, or of another scene."""
+
+
+class Mark(NamedTuple):
+    """What `State.mark` keeps: references and small copies."""
+
+    own: tuple[Any, ...]
+    hands: list[tuple[str, Gripper, tuple[Any, ...]]]
+    collision: Any
+    mates: Any
+    motion: Any
+    dynamics: Any
+
+
+class State:
+    """All that changes in a session on a scene.
+
+    Managers come into being with `start`; until then a session costs nothing but its scene. Values below are replaced,
+    never changed in place: a mark refers to them.
+
+    Parameters
+    ----------
+    gravity: (3,) m/s², on parts that are given mass.
+    judge: is asked about each new candidate.
+    make_hand: makes a hand, by name and world pose, and puts it into `hands`.
+    """
+
+    _OWN = (
+        "step", "decisions", "authorised", "threads", "held", "moved", "blocked", "rows", "colliding", "joined",
+        "targets", "last", "untold", "remated", "decided",
+    )  # fmt: skip
+    _HAND = ("pose", "held", "grip", "surfaces", "carried", "stopped_by", "doing", "segment", "clock", "wanted")
+    _values = staticmethod(attrgetter(*_HAND))
+
+    def __init__(
+        self,
+        scene: Scene,
+        tolerance: Tolerance,
+        gravity: NDArray[np.float64],
+        judge: Judge,
+        make_hand: Callable[[str, pin.SE3], Gripper],
+    ) -> None:
+        self.scene = scene
+        self.tolerance = tolerance
+        self.started = False
+        self.dynamics: Dynamics | None = None
+        """None until a part is given mass"""
+        self.hands: dict[str, Gripper] = {}
+        self.threads: Mapping[int, float] = {}
+        """pitch (m a turn, negative for left-hand threads) that the script told of parts, by object"""
+        self.authorised: tuple[tuple[int, int], ...] = ()
+        """pairs of objects that may overlap"""
+        self.decisions: tuple[Decision, ...] = ()
+        """of the script, for the next step"""
+        self.arms: dict[int, float] = {}
+        """m: the diameter of a part, once it was asked for"""
+        self._gravity = gravity
+        self._judge = judge
+        self._make_hand = make_hand
+        self._on_change: list[Callable[[], None]] = []
+        self._begin()
+        for i, part in enumerate(scene.parts):
+            part.enter(self, i)
+
+    def _begin(self) -> None:
+        self.recognised: tuple[Tolerance, NDArray[Any], tuple[pin.SE3, ...]] | None = None
+        """what the constraints were last brought up to date with, if no hand pulled"""
+        self.step = 0
+        """how many steps there were"""
+        self.held: frozenset[int] = frozenset()
+        """parts that a hand holds or carries"""
+        self.moved: frozenset[int] = frozenset()
+        """parts that ever moved or were held"""
+        self.blocked: Mapping[str, str] = {}
+        """held parts that solid bodies keep from following, and what stands in the way"""
+        self.rows: NDArray[Any] = np.zeros(0, CONTACT_DTYPE)
+        """contact rows of the parts that ever moved or were held, within the distance that recognition needs"""
+        self.colliding: NDArray[np.int32] = NO_PAIRS
+        self.joined: frozenset[tuple[str, str]] = frozenset()
+        """pairs of parts that an accepted constraint joined at any time"""
+        self.targets: Mapping[int, pin.SE3] = {}
+        """poses that hands asked of parts in the last step"""
+        self.last: Mapping[int, pin.SE3] = {}
+        """where the parts were before the last step that this moved"""
+        self.untold: tuple[NewEvent, ...] = ()
+        """what was found when the managers began, for the first step to tell"""
+        self.remated: frozenset[int] = frozenset()
+        """parts whose mated surfaces changed since colliding surfaces were last asked for"""
+        self.decided = False
+        """whether anything was decided since the constraints were last brought up to date"""
+
+    # ---- the managers
+
+    def start(self) -> None:
+        """Build the managers, where the parts are now; the first step does it by itself."""
+        if self.started:
+            return
+        scene = self.scene
+        self.names = scene.names
+        self.number = {name: i for i, name in enumerate(self.names)}
+        self.collision = CollisionManager(self.tolerance)
+        for i, part in enumerate(scene.parts):
+            self.collision.add(part.mesh, part.pose, movable=not part.fixed)
+            part.enter(self, i)
+        for a, b in self.authorised:
+            self.collision.ignore(a, b)
+        features, threads = threaded_features(scene)
+        fixed = [i for i, part in enumerate(scene.parts) if part.fixed]
+        self.mates = ConstraintManager(features, self.tolerance, threads=threads, rules=[self._judge], fixed=fixed)
+        self.motion = Motion(self.collision, self.mates, self.tolerance)
+        self._recognise_as_it_stands()
+        self.colliding = self.collision.colliding_surfaces()
+        self.started = True  # not before: a start that was interrupted is made again
+        self._first = self.mark()
+
+    def _recognise_as_it_stands(self) -> None:
+        """Recognise exact fits of the parts as they stand; nothing is pulled into place."""
+        self.mates.tolerance = replace(self.tolerance, reach=0.0, reach_angular=0.0)
+        rows = self.collision.contacts(self.mates.within)
+        changes = self.mates.update(self.poses, rows, {})
+        self.untold = tuple(self.event(change) for change in changes)
+        self.joined = frozenset(self.pair(change.candidate) for change in changes if change.kind == "accepted")
+        self.mates.tolerance = self.tolerance
+        self.motion.sync()
+        open_pairs = {c.bodies for d in (self.mates.candidates, self.mates.refused) for c in d.values()}
+        pairs = zip(rows["object_a"].tolist(), rows["object_b"].tolist(), strict=True)
+        self.rows = rows[np.array([pair in open_pairs for pair in pairs], dtype=bool)]
+
+    def event(self, change: Change) -> NewEvent:
+        """The event of a change in the constraint manager."""
+        candidate = change.candidate
+        a, b = self.pair(candidate)
+        data = {"id": change.id, "constraint": candidate.kind, "residual": candidate.residual}
+        text = f"{candidate.kind} between {a} and {b}: {change.text}"
+        return NewEvent(change.kind, (a, b), candidate.surfaces, text, data)
+
+    def pair(self, candidate: Candidate) -> tuple[str, str]:
+        """The names of a candidate's parts."""
+        a, b = candidate.bodies
+        return self.names[a], self.names[b]
+
+    def authorise(self, a: int, b: int) -> None:
+        """Leave a pair of objects out of collision for good."""
+        if self.started:
+            self.collision.ignore(a, b)
+        self.authorised = (*self.authorised, (a, b))
+
+    def behave(
+        self, i: int, body: Body, behaviours: Sequence[Behaviour], material: Material | str | None = None
+    ) -> None:
+        """Give a part mass, behaviours and a material: it moves under forces whenever no hand holds it."""
+        self.start()
+        if self.dynamics is None:
+            self.dynamics = Dynamics(self.scene, self.collision, self.tolerance, self._gravity)
+        self.dynamics.add(i, body, behaviours, material)
+
+    def on_change(self, forget: Callable[[], None]) -> None:
+        """Call `forget` whenever the state has gone back: what was derived from the one before is void."""
+        self._on_change.append(forget)
+
+    # ---- poses
+
+    @property
+    def poses(self) -> tuple[pin.SE3, ...]:
+        """Of all parts, in scene order; a pose is the same object as long as its part was not moved."""
+        return self.collision.poses
+
+    def pose(self, i: int) -> pin.SE3 | None:
+        """A copy of a part's pose; None before the managers are."""
+        return self.collision.pose(i) if self.started else None
+
+    def leave(self) -> None:
+        """Leave the parts where they are: from now on their poses are theirs."""
+        for part in self.scene.parts:
+            part.leave(self)
+
+    def in_force(self) -> dict[int, Constraint]:
+        """Constraints in force, by id."""
+        return {id: entry.candidate.constraint for id, entry in self.mates.accepted.items()}
+
+    # ---- back
+
+    def mark(self) -> Mark:
+        """Where things stand, to `undo` what follows."""
+        return Mark(
+            tuple(getattr(self, name) for name in self._OWN),
+            [(name, hand, self._values(hand)) for name, hand in self.hands.items()],
+            self.collision.mark(),
+            self.mates.mark(),
+            self.motion.mark(),
+            None if self.dynamics is None else self.dynamics.mark(),
+        )
+
+    def undo(self, mark: Mark) -> None:
+        """Go back to a mark, whatever was interrupted since; parts were not given mass meanwhile."""
+        for name, value in zip(self._OWN, mark.own, strict=True):
+            setattr(self, name, value)
+        self.hands.clear()
+        for name, hand, values in mark.hands:
+            self.hands[name] = hand
+            for field_name, value in zip(self._HAND, values, strict=True):
+                setattr(hand, field_name, value)
+        if self.dynamics is not None and mark.dynamics is not None:
+            self.dynamics.undo(mark.dynamics)
+        self.collision.undo(mark.collision)
+        self.mates.undo(mark.mates)
+        self.motion.undo(mark.motion)
+        self._changed()
+
+    def reset(self) -> None:
+        """Go back to where the session began: poses, constraints as the parts stood, all at rest, hands gone.
+
+        What the script has set stays: masses and behaviours, threads, authorised pairs.
+        """
+        self.start()
+        authorised, threads = self.authorised, self.threads
+        for hand in self.hands.values():
+            hand.held, hand.surfaces, hand.carried, hand.stopped_by = None, (), (), ""
+        self.undo(self._first)
+        self.threads = threads
+        self.authorised = ()
+        for a, b in authorised:
+            self.authorise(a, b)
+        if self.dynamics is not None:
+            self.dynamics.reset(self.in_force())
+
+    def _changed(self) -> None:
+        self.recognised = None
+        for forget in self._on_change:
+            forget()
+
+    # ---- to a file and back
+
+    def save(self) -> bytes:
+        """All that the next steps depend on (but the scene, and the script's own behaviours and rules), as bytes."""
+        return CODEC.encode(self.data())
+
+    def data(self) -> dict[str, Any]:
+        """What `save` writes, as values that `CODEC` knows."""
+        self.start()
+        return {
+            "schema": CODEC.schema,
+            "parts": list(self.names),
+            "step": self.step,
+            "poses": list(self.poses),
+            "mates": self.mates.state(),
+            "rows": self.rows,
+            "colliding": self.colliding,
+            "active": set(self.held),
+            "moved": set(self.moved),
+            "blocked": dict(self.blocked),
+            "joined": sorted(self.joined),
+            "last_wanted": dict(self.targets),
+            "last": dict(self.last),
+            "carried": dict(self.motion.groups.seats),
+            "untold": list(self.untold),
+            "remated": set(self.remated),
+            "decided": self.decided,
+            "decisions": list(self.decisions),
+            "authorised": list(self.authorised),
+            "threads": dict(self.threads),
+            "hands": {
+                name: (h.pose, h.held, h.grip, h.surfaces, h.carried, h.stopped_by, float(h.clock))
+                for name, h in self.hands.items()
+            },
+            "dynamics": None if self.dynamics is None else self.dynamics.state(),
+        }
+
+    def restore(self, saved: bytes) -> None:
+        """Go back to what `save` returned, in this or another process: the same future, to the bit.
+
+        The session is set up as the one that was saved: same scene, tolerance, rule, masses and behaviours.
+        Raises StateError, and changes nothing, if the bytes are damaged or of another scene.
+        """
+        try:
+            data = CODEC.decode(saved)
+        except CodecError as error:
+            raise StateError(str(error)) from None
+        self.restore_data(data)
+
+    def restore_data(self, data: Mapping[str, Any]) -> None:
+        """The same of what `data` returned."""
+        self.start()
+        before = self.mark()
+        try:
+            self._adopt(data)
+        except BaseException as error:
+            self.undo(before)
+            if isinstance(error, WRONG):
+                what = " ".join(str(error).split()) or type(error).__name__
+                raise StateError(f"damaged: {what}") from None
+            raise
+
+    def _adopt(self, data: Mapping[str, Any]) -> None:
+        self._require_data(data)
+        self.mates.restore(data["mates"])
+        poses = data["poses"]
+        self.collision.set_poses(range(len(poses)), poses)
+        if self.dynamics is not None:
+            self.dynamics.restore(data["dynamics"], self.in_force())
+            self.collision.set_poses(range(len(poses)), poses)  # it has those of carried parts but for rounding
+        self.motion.sync()
+        for a, b in self.authorised:
+            self.collision.enable(a, b)
+        for a, b in data["authorised"]:
+            self.collision.ignore(a, b)
+        self.motion.regroup(Groups(dict(data["carried"])))
+        self.step, self.rows, self.colliding = data["step"], data["rows"], data["colliding"]
+        self.held, self.moved, self.blocked = frozenset(data["active"]), frozenset(data["moved"]), data["blocked"]
+        self.joined, self.targets, self.untold = frozenset(data["joined"]), data["last_wanted"], tuple(data["untold"])
+        self.last = data["last"]
+        self.remated, self.decided = frozenset(data["remated"]), data["decided"]
+        self.decisions, self.authorised = tuple(data["decisions"]), tuple(data["authorised"])
+        self.threads = data["threads"]
+        for name in [name for name in self.hands if name not in data["hands"]]:
+            hand = self.hands.pop(name)
+            hand.held, hand.surfaces, hand.carried, hand.stopped_by = None, (), (), ""
+        for name, values in data["hands"].items():
+            hand = self.hands.get(name) or self._make_hand(name, values[0])
+            hand.pose, hand.held, hand.grip, hand.surfaces, hand.carried, hand.stopped_by, hand.clock = values
+        self._changed()
+
+    def follow(self, changes: Changes) -> None:
+        """Take over a step that was computed before, so that questions about it are answered as they were then.
+
+        Raises
+        ------
+        ValueError, TypeError, LookupError: these are no such changes, or not of this scene.
+        """
+        _require(isinstance(changes, Changes), "result")
+        self._require_rows(changes.colliding)
+        self._require_rows(changes.touching)
+        for name in (*changes.freedom, *changes.joint, *(name for view in changes.constraints for name in view.parts)):
+            self.scene.index(name)
+        if changes.mates is not None:
+            self._require_mates(changes.mates)
+        poses = {self.scene.index(name): pose for name, pose in changes.poses.items()}
+        self.last = {i: self.poses[i] for i in poses}
+        for i, pose in poses.items():
+            self.collision.set_pose(i, pose)
+        if changes.mates is not None:
+            self.mates.restore(changes.mates)
+            self.motion.sync()
+
+    # ---- what is read from a file is not trusted
+
+    def _require_data(self, data: Mapping[str, Any]) -> None:
+        if data["schema"] != CODEC.schema:
+            raise ValueError("it was saved by another version of vpframe")
+        for name, hint in _DATA.items():
+            _require(conforms(data[name], hint), name)
+        _require(len(data["poses"]) == len(self.names) and tuple(data["parts"]) == self.names, "list of parts")
+        _require(data["rows"].dtype == CONTACT_DTYPE and data["rows"].ndim == 1, "rows")
+        rows = data["rows"]
+        self._require_rows(np.stack([rows[c] for c in COLUMNS], axis=1))
+        self._require_rows(data["colliding"])
+        self._require_mates(data["mates"])
+        for name in ("active", "moved", "last_wanted", "last", "remated", "threads"):
+            self._require_parts(data[name])
+        self._require_parts([*data["carried"], *(i for i, _ in data["carried"].values())])
+        _require(all(i not in data["carried"] for i, _ in data["carried"].values()), "what is carried")
+        self._require_parts([i for pair in data["authorised"] for i in pair])
+        for decision in data["decisions"]:
+            if decision.stated is not None:
+                self._require_candidate(decision.stated)
+        held = [name for _, held, _, _, carried, _, _ in data["hands"].values() for name in (held, *carried) if name]
+        _require(all(name in self.number for name in held), "what a hand holds")
+        _require((data["dynamics"] is None) == (self.dynamics is None), "which parts have behaviours")
+
+    def _require_parts(self, ids: Iterable[int]) -> None:
+        _require(all(0 <= i < len(self.names) for i in ids), "an object's number")
+
+    def _require_rows(self, rows: NDArray[Any]) -> None:
+        """Rows (k, 4) of object, surface, object, surface that there are."""
+        _require(rows.ndim == 2 and rows.shape[1] == 4, "rows")
+        surfaces = np.array([part.mesh.n_surfaces for part in self.scene.parts])
+        for objects, of_them in ((rows[:, 0], rows[:, 1]), (rows[:, 2], rows[:, 3])):
+            _require(bool(((objects >= 0) & (objects < len(surfaces))).all()), "an object's number")
+            _require(bool(((of_them >= 0) & (of_them < surfaces[objects])).all()), "a surface's number")
+
+    def _require_mates(self, state: Mapping[str, Any]) -> None:
+        for name, hint in _MATES.items():
+            _require(conforms(state[name], hint), name)
+        _require(len(state["poses"]) in (0, len(self.names)), "poses")
+        offered = (c for name in ("candidates", "refused", "pulled") for c in state[name].values())
+        in_force = (entry.candidate for entry in state["accepted"].values())
+        for c in (*offered, *in_force, *(change.candidate for change in state["pending"])):
+            self._require_candidate(c)
+
+    def _require_candidate(self, c: Candidate) -> None:
+        _require(c.constraint.bodies == c.bodies and type(c.match.local) is np.ndarray, "a constraint")
+        self._require_parts(c.bodies)
+
+
+_HAND = tuple[pin.SE3, str | None, pin.SE3, tuple[int, ...], tuple[str, ...], str, float]
+_DATA: dict[str, Any] = {
+    "parts": list[str],
+    "step": int,
+    "poses": list[pin.SE3],
+    "mates": dict[str, Any],
+    "rows": NDArray[Any],
+    "colliding": NDArray[np.int32],
+    "active": set[int],
+    "moved": set[int],
+    "blocked": dict[str, str],
+    "joined": list[tuple[str, str]],
+    "last_wanted": dict[int, pin.SE3],
+    "last": dict[int, pin.SE3],
+    "carried": dict[int, tuple[int, pin.SE3]],
+    "untold": list[NewEvent],
+    "remated": set[int],
+    "decided": bool,
+    "decisions": list[Decision],
+    "authorised": list[tuple[int, int]],
+    "threads": dict[int, float],
+    "hands": dict[str, _HAND],
+    "dynamics": dict[str, Any] | None,
+}
+_MATES: dict[str, Any] = {
+    "ids": dict[Key, int],
+    "candidates": dict[int, Candidate],
+    "accepted": dict[int, Accepted],
+    "refused": dict[int, Candidate],
+    "pulled": dict[int, Candidate],
+    "pending": list[Change],
+    "poses": tuple[pin.SE3, ...],
+    "unproven": list[int],
+}
+"""of what types a state is that was read from a file"""
+
+
+def _require(holds: bool, what: str) -> None:
+    if not holds:
+        raise ValueError(f"{what} is not of this scene")

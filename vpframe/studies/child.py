@@ -1,0 +1,262 @@
+"""Child processes that run variants: a crash or an endless loop costs one variant and no more."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from vpframe.errors import VpframeError
+from vpframe.studies.job import Job
+from vpframe.studies.variants import Variant
+
+Work = deque[tuple[Variant, str]]
+"""variants to run, each with the child ("host:pid") that must not run it, or "" """
+Done = Iterator[tuple[Variant, str, dict[str, Any]]]
+"""variant and child to avoid, as in `Work`, and the outcome"""
+
+IDLE = 600.0
+"""s without a variant after which a child ends: a killed study cannot end the children of a cluster's workers"""
+START = 600.0
+"""s that a child may take to read the script"""
+LOOK = 1.0
+"""s between two looks whether a child that says nothing lives: processes it has forked may hold its pipe open"""
+OUTPUT = 4000
+"""characters kept of the output of a child that crashed or was ended"""
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def in_turn(job: Job, work: Work) -> Done:
+    """Run `work`, and what is appended to it meanwhile, one variant after the other on this machine."""
+    children = Children(job.script.resolve(), job.timeout, job.retries)
+    try:
+        while work:
+            variant, avoid = work.popleft()
+            yield variant, avoid, children.run(variant, avoid)
+    finally:
+        children.close()
+
+
+def unanswered(status: str, reason: str, **more: Any) -> dict[str, Any]:
+    """The outcome of a variant whose process did not answer."""
+    nothing = dict.fromkeys(("clearance", "time", "steps", "seconds", "memory"))
+    return {"status": status, "reason": reason, **nothing, "measures": {}, **more}
+
+
+class _CrashError(Exception):
+    """The child has ended."""
+
+
+class _TimeoutError(Exception):
+    """The child takes too long."""
+
+
+class Child:
+    """One process of `vpframe.studies.runner` that has read the script."""
+
+    def __init__(self, script: Path) -> None:
+        root = str(Path(__file__).resolve().parents[2])
+        environment = {**os.environ, **dict.fromkeys(_THREADS, "1"), "PYTHONHASHSEED": "0"}
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, [root, environment.get("PYTHONPATH")]))
+        self._output = _unnamed_file()
+        with ctrl_c_blocked():
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "vpframe.studies.runner", str(script), str(os.getpid())],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._output, env=environment, bufsize=0,
+            )  # fmt: skip
+        self.name = f"{os.uname().nodename}:{self.process.pid}"
+        self._script = script
+        self._buffer = b""
+        self._ready = False
+        self._used = time.monotonic()
+
+    def run(self, variant: Variant, timeout: float) -> dict[str, Any]:
+        """Run one variant; returns its outcome, with status "crashed" or "timeout" if the child has ended by it.
+
+        Raises
+        ------
+        VpframeError: the script cannot be read.
+        """
+        began, limit = time.monotonic(), START
+        try:
+            if not self._ready:
+                self._receive("ready", limit)
+                self._ready = True
+            began, limit = time.monotonic(), timeout
+            os.ftruncate(self._output, 0)
+            request = {"index": variant.index, "seed": variant.seed, "parameters": dict(variant.parameters)}
+            with contextlib.suppress(BrokenPipeError):  # it has ended: `_receive` finds that
+                assert self.process.stdin is not None
+                self.process.stdin.write(json.dumps(request).encode() + b"\n")
+            outcome: dict[str, Any] = self._receive("done", limit)
+            if outcome["status"] == "error":
+                outcome["output"] = self._last_output()
+        except _CrashError:
+            outcome = self._ended("crashed", how_it_ended(self.process.wait()), began)
+        except _TimeoutError:
+            self.process.send_signal(signal.SIGUSR1)  # it prints where it is, if it can
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self.process.wait(0.2)
+            outcome = self._ended("timeout", f"no answer within {limit:g} s", began)
+        self._used = time.monotonic()
+        return outcome
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can run another variant: it runs, and is not about to end for want of one."""
+        return self.process.poll() is None and time.monotonic() - self._used < 0.5 * IDLE
+
+    def close(self) -> None:
+        """End the process."""
+        self.process.kill()
+        self.process.communicate()
+        with contextlib.suppress(OSError):
+            os.close(self._output)
+
+    def _ended(self, status: str, reason: str, began: float) -> dict[str, Any]:
+        self.process.kill()
+        self.process.wait()
+        output = self._last_output().partition("\n\nExtension modules:")[0]
+        if not self._ready:
+            reason += " while it read the script"
+        reason = self._place(output) + reason
+        return unanswered(status, reason, seconds=time.monotonic() - began, output=output)
+
+    def _last_output(self) -> str:
+        size = os.fstat(self._output).st_size
+        return os.pread(self._output, OUTPUT, max(size - OUTPUT, 0)).decode(errors="replace")
+
+    def _place(self, output: str) -> str:
+        """`task.py:12: `, the innermost line of the script in a traceback of `faulthandler`."""
+        lines = re.findall(r'File "([^"\n]*)", line (\d+)', output)
+        own = [number for file, number in lines if Path(file).name == self._script.name]
+        return f"{self._script.name}:{own[0]}: " if own else ""
+
+    def _receive(self, name: str, timeout: float) -> Any:
+        """The next message of this name; the clock stands while kernels are compiled."""
+        deadline = time.monotonic() + timeout
+        compiling: float | None = None
+        while True:
+            message = self._message(deadline if compiling is None else None)
+            if "error" in message:
+                raise VpframeError(message["error"])
+            if message.get("compiling") is True:
+                compiling = time.monotonic()
+            elif compiling is not None:
+                deadline += time.monotonic() - compiling
+                compiling = None
+            if name in message:
+                return message[name]
+
+    def _message(self, deadline: float | None) -> dict[str, Any]:
+        assert self.process.stdout is not None
+        out = self.process.stdout.fileno()
+        poll = select.poll()
+        poll.register(out, select.POLLIN)
+        while b"\n" not in self._buffer:
+            left = LOOK if deadline is None else min(max(deadline - time.monotonic(), 0.0), LOOK)
+            ready = poll.poll(1e3 * left)
+            data = os.read(out, 65536) if ready else b""
+            if not data and (ready or self.process.poll() is not None):
+                raise _CrashError
+            if not ready and deadline is not None and time.monotonic() >= deadline:
+                raise _TimeoutError
+            self._buffer += data
+        line, _, self._buffer = self._buffer.partition(b"\n")
+        message: dict[str, Any] = json.loads(line)
+        return message
+
+
+class Children:
+    """The children of one process: one for each variant that runs at the same time, replaced when they end."""
+
+    def __init__(self, script: Path, timeout: float, retries: int) -> None:
+        self._script, self._timeout, self._retries = script, timeout, retries
+        self._lock = threading.Lock()
+        self._all: set[Child] = set()
+        self._idle: list[Child] = []
+        self._closed = False
+
+    def run(self, variant: Variant, avoid: str = "") -> dict[str, Any]:
+        """Run a variant, again after a crash, by another child than `avoid`; returns its outcome.
+
+        Raises
+        ------
+        VpframeError: the script cannot be read here.
+        """
+        attempts = 0
+        while True:
+            attempts += 1
+            child = self._take(avoid)
+            outcome = child.run(variant, self._timeout)
+            self._give_back(child)
+            if outcome["status"] != "crashed" or attempts > self._retries or self._closed:
+                return outcome | {"attempts": attempts, "worker": child.name}
+
+    def close(self) -> None:
+        """End all of them; a variant under way ends as crashed."""
+        self._closed = True
+        with self._lock:
+            everyone, self._all = list(self._all), set()
+            self._idle.clear()
+        for child in everyone:
+            child.process.kill()
+
+    def _take(self, avoid: str) -> Child:
+        with self._lock:
+            while self._idle:
+                child = self._idle.pop()
+                if child.alive and child.name != avoid:
+                    return child
+                self._all.discard(child)
+                child.close()
+            child = Child(self._script)
+            self._all.add(child)
+            return child
+
+    def _give_back(self, child: Child) -> None:
+        with self._lock:
+            if child.alive and not self._closed:
+                self._idle.append(child)
+            else:
+                self._all.discard(child)
+                child.close()
+
+
+def how_it_ended(code: int) -> str:
+    """`killed by SIGSEGV` or `ended with exit code 3`, of a return code."""
+    if code < 0:
+        with contextlib.suppress(ValueError):
+            return f"killed by {signal.Signals(-code).name}"
+    return f"ended with exit code {abs(code)}"
+
+
+@contextlib.contextmanager
+def ctrl_c_blocked() -> Iterator[None]:
+    """Block Ctrl-C for processes and threads that are started inside, and for this thread until the block ends."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _unnamed_file() -> int:
+    """Descriptor of a temporary file in append mode: after a truncation its writers go on at the new end."""
+    descriptor, name = tempfile.mkstemp(prefix="vpframe-study-")
+    os.close(descriptor)
+    descriptor = os.open(name, os.O_RDWR | os.O_APPEND)
+    os.unlink(name)
+    return descriptor

@@ -1,0 +1,31 @@
+"""One variant of a study as a task script: what the scripts of the worst variants are made of."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+from vpframe.app.task_runner import imported
+from vpframe.errors import VpframeError
+from vpframe.studies.distributions import Value
+from vpframe.studies.variants import Variant, bound, variables_of
+
+_open = contextlib.ExitStack()
+"""scripts that stay importable by name until the process ends"""
+
+
+def opened(script: Path) -> ModuleType:
+    """The module of a script, for the rest of this process. Raises VpframeError, in one line."""
+    return _open.enter_context(imported(script))
+
+
+def replayed(script: str | Path, index: int, seed: int, parameters: Mapping[str, Value]) -> SimpleNamespace:
+    """`scene`, `task` and `OPTIONS` of one variant. Raises VpframeError if the script no longer has its variables."""
+    path = Path(script)
+    module = opened(path)
+    changed = set(variables_of(module, path)) ^ set(parameters)
+    if changed:
+        raise VpframeError(f"{path}: VARIANTS has changed since the study: {', '.join(sorted(changed))}; run it again")
+    return bound(module, path, Variant(index, seed, dict(parameters)))

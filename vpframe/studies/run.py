@@ -1,0 +1,157 @@
+"""`vpframe study`: sample the variants, run what is missing, keep every result, report."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from vpframe.app.outputs import STUDY_FILES, OutputFolder
+from vpframe.app.progress import Progress, warn
+from vpframe.errors import VpframeError
+from vpframe.studies import report, variants
+from vpframe.studies.child import Done, Work, in_turn
+from vpframe.studies.job import Job, Machines, read_job
+from vpframe.studies.results import UNANSWERED, Record, Results, record
+from vpframe.studies.summary import summary
+from vpframe.studies.variants import Variant
+
+REPEAT = 100
+"""one variant in so many is run again by another process, and compared"""
+TIMEOUT = 600.0
+"""s"""
+RETRIES = 2
+SAMPLES = 100
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Which variants a study consists of."""
+
+    samples: int = SAMPLES
+    sobol: bool = False
+    """from a Sobol' sequence instead of at random"""
+    levels: int | None = None
+    """a grid with so many values of each continuous variable, instead of samples"""
+    seed: int = 0
+
+    def variants(self, job: Job) -> list[Variant]:
+        """All of them, by index. Raises VpframeError: none, or too many."""
+        if self.seed < 0:
+            raise VpframeError(f"--seed {self.seed}: give none below 0")
+        if self.levels is not None:
+            return variants.grid(job.variables, self.levels, self.seed)
+        sample = variants.sobol_sample if self.sobol else variants.random_sample
+        return sample(job.variables, self.samples, self.seed)
+
+    def document(self) -> dict[str, Any]:
+        """As `study.json` has it."""
+        if self.levels is not None:
+            return {"method": "grid", "levels": self.levels, "seed": self.seed}
+        return {"method": "Sobol' sequence" if self.sobol else "random", "samples": self.samples, "seed": self.seed}
+
+
+def run_study(
+    script: str | Path,
+    out: str | Path,
+    sampling: Sampling,
+    machines: Machines,
+    timeout: float = TIMEOUT,
+    retries: int = RETRIES,
+    resume: bool = False,
+    force: bool = False,
+) -> tuple[dict[str, Any], bool]:
+    """Run a study and write its report into the folder `out`; returns its document, and whether Ctrl-C ended it.
+
+    Parameters
+    ----------
+    timeout: s that one variant may take.
+    retries: how often a variant that crashed is run again.
+    resume: go on from the results that are in `out`.
+    force: write the report also over what vpframe did not write; results are never replaced.
+
+    Raises
+    ------
+    VpframeError: bad input in one line; what was finished is kept in `out`, and `resume` goes on from it.
+    """
+    if not timeout > 0.0 or retries < 0 or machines.jobs < 1:
+        raise VpframeError("--timeout and --jobs must be positive, --retries not negative")
+    job = read_job(script, timeout, retries)
+    by_key = {job.key(variant): variant for variant in sampling.variants(job)}
+    with OutputFolder(out, STUDY_FILES, force, [*job.code, *job.models]) as folder:
+        with Results(folder, by_key, timeout, resume) as results:
+            if results.unreadable:
+                warn(f"{results.path}: {results.unreadable} lines are no results and are passed over")
+            interrupted = _interrupted(job, by_key, results, machines)
+        records = sorted(results.records.values(), key=lambda one: one["index"])
+        repeats = list(results.repeats.values())
+        found = summary(job.variables, sampling.document(), records, repeats, len(by_key))
+        head = {"generator": "vpframe", "study": job.script.stem, "script": str(script), "interrupted": interrupted}
+        document = {**head, **found}
+        report.write(folder, job.script, job.variables, document, records)
+    return document, interrupted
+
+
+def _interrupted(job: Job, by_key: dict[str, Variant], results: Results, machines: Machines) -> bool:
+    """Run what is missing in `results`; returns whether Ctrl-C ended it."""
+    finished = results.records.items()
+    work: Work = deque((variant, "") for key, variant in by_key.items() if key not in results.records)
+    work += [(by_key[key], one["worker"]) for key, one in finished if _is_repeated(one) and key not in results.repeats]
+    if not work:
+        return False
+    rate = _Rate(len(by_key), len(finished), sum(one["status"] != "ok" for _, one in finished))
+    try:
+        with (
+            Progress(f"study {job.script.stem}") as progress,
+            contextlib.closing(_done(job, work, machines)) as done,  # type: ignore[type-var]
+        ):
+            progress(None, "the first variants; kernels are compiled once a machine")
+            for variant, avoid, outcome in done:
+                one = record(job.key(variant), variant, outcome, job.timeout, bool(avoid))
+                results.add(one)
+                if not avoid:
+                    if _is_repeated(one):
+                        work.append((variant, one["worker"]))
+                    progress(*rate.after(one["status"] != "ok"))
+    except KeyboardInterrupt:
+        return True
+    return False
+
+
+def _done(job: Job, work: Work, machines: Machines) -> Done:
+    if machines.cluster is None and machines.jobs == 1:
+        return in_turn(job, work)
+    try:
+        from vpframe.studies.cluster import on_machines
+    except ModuleNotFoundError as error:
+        raise VpframeError(f"{error}: several jobs need Dask (pip install distributed); or give --jobs 1") from None
+    return on_machines(job, work, machines)
+
+
+def _is_repeated(one: Record) -> bool:
+    """Whether a variant is run twice; not if it was ended from outside, which a second run says nothing about."""
+    return one["index"] % REPEAT == 0 and one["status"] not in UNANSWERED
+
+
+class _Rate:
+    """Counts what has finished, for the line of progress."""
+
+    def __init__(self, total: int, finished: int, failed: int) -> None:
+        self._total, self._finished, self._failed = total, finished, failed
+        self._first = finished + 1
+        self._began = 0.0
+
+    def after(self, failed: bool) -> tuple[float, str]:
+        """Count one more variant; returns the fraction that has finished, and the words of the line."""
+        self._finished += 1
+        self._failed += failed
+        now = time.monotonic()
+        text = f"{self._finished} of {self._total}, {self._failed} without success"
+        if self._finished == self._first:  # kernels were compiled and workers started before it
+            self._began = now
+        else:
+            text += f", {(self._finished - self._first) / max(now - self._began, 1e-9):.3g} a second"
+        return self._finished / self._total, text

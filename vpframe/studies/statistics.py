@@ -1,0 +1,97 @@
+"""What many outcomes tell: rate with its interval, percentiles, classes, and which variables matter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+CONFIDENCE = 0.95
+PERCENTS = (0, 1, 5, 25, 50, 75, 95, 99, 100)
+_MOST_CLASSES = 30
+
+
+def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """The interval that covers the true rate with this confidence; (0, 1) without trials.
+
+    Source: Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22 (1927).
+    """
+    from scipy.stats import binomtest
+
+    if trials == 0:
+        return 0.0, 1.0
+    interval = binomtest(successes, trials).proportion_ci(confidence, method="wilson")
+    return float(interval.low), float(interval.high)
+
+
+def percentiles(values: ArrayLike) -> dict[str, float]:
+    """By percent ("0" … "100"), the value that so many stay below; empty without values."""
+    data = np.asarray(values, dtype=np.float64)
+    return {str(p): float(x) for p, x in zip(PERCENTS, np.percentile(data, PERCENTS), strict=True)} if len(data) else {}
+
+
+@dataclass(frozen=True)
+class Classes:
+    """Counts of values between edges."""
+
+    edges: tuple[float, ...]
+    """one more than there are counts"""
+    counts: tuple[int, ...]
+
+
+def classes(values: ArrayLike) -> Classes:
+    """A histogram of 2 n^(1/3) classes of equal width (Rice's rule), at most 30; one class if all values are equal."""
+    data = np.asarray(values, dtype=np.float64)
+    if not len(data) or np.ptp(data) <= 1e-12 * np.abs(data).max():
+        edge = float(data[0]) if len(data) else 0.0
+        return Classes((edge, edge), (len(data),))
+    counts, edges = np.histogram(data, min(math.ceil(2.0 * len(data) ** (1.0 / 3.0)), _MOST_CLASSES))
+    return Classes(tuple(edges.tolist()), tuple(counts.tolist()))
+
+
+def rank_correlation(x: ArrayLike, y: ArrayLike) -> float | None:
+    """Spearman's coefficient, -1 … 1: how far y rises (falls) with x; None where one of them does not vary."""
+    from scipy.stats import spearmanr
+
+    a, b = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    if len(a) < 3 or np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
+        return None
+    return float(spearmanr(a, b).statistic)
+
+
+def groups(x: Sequence[float | str]) -> NDArray[np.int64]:
+    """(n,) the class of each value: of few different values one each, of many about n^(1/3) of equal counts."""
+    _, place, counts = np.unique(np.asarray(x), return_inverse=True, return_counts=True)
+    wanted = int(np.clip(round(len(place) ** (1.0 / 3.0)), 2, _MOST_CLASSES))
+    if len(counts) <= wanted or isinstance(x[0], str):
+        return place.astype(np.int64)
+    before = np.cumsum(counts) - counts  # equal values stay together
+    return ((before + 0.5 * counts) * wanted / len(place)).astype(np.int64)[place]
+
+
+def first_order(x: Sequence[float | str], y: ArrayLike) -> float | None:
+    """First-order Sobol' index of y for x from given data: the share of y's variance that x alone explains, 0 … 1.
+
+    It is the variance of the means of y over classes of x, less what chance would give (Kelley's epsilon squared).
+    None where y does not vary or there are too few values.
+
+    Source: Plischke, Borgonovo, Smith, "Global sensitivity measures from given data", EJOR 226 (2013), section 3;
+    Kelley, "An unbiased correlation ratio measure", PNAS 21 (1935).
+    """
+    values = np.asarray(y, dtype=np.float64)
+    if len(values) < 4:
+        return None
+    of = groups(x)
+    counts = np.bincount(of)
+    used = counts > 0
+    k, n = int(used.sum()), len(values)
+    centred = values - values.mean()
+    total = float(centred @ centred)
+    if total <= (1e-12 * np.abs(values).max()) ** 2 * n or k >= n:
+        return None
+    means = np.bincount(of, centred)[used] / counts[used]
+    within = total - float(counts[used] @ means**2)
+    return float(min(max(1.0 - (within / (n - k)) / (total / (n - 1)), 0.0), 1.0))

@@ -1,0 +1,159 @@
+"""`study.json`: all that a study found, from its records."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+from vpframe import __version__
+from vpframe.studies import statistics
+from vpframe.studies.distributions import Choice, Distribution
+from vpframe.studies.results import STATUSES, UNANSWERED, Record, answer
+
+WORST = 10
+"""variants that scripts are written of"""
+TEXTS = 30
+"""values of a measure of texts that are counted, the most frequent ones"""
+SUCCESS = "can be done"
+CLEARANCE = "least clearance (m)"
+
+
+def summary(
+    variables: Mapping[str, Distribution],
+    sampling: Mapping[str, Any],
+    records: Sequence[Record],
+    repeats: Sequence[Record],
+    total: int,
+) -> dict[str, Any]:
+    """The document of a study of `total` variants; `records` are the finished ones by index, `repeats` the second runs.
+
+    The rate is that of "ok" over all finished: a variant without an answer was not shown to be possible.
+    """
+    counts = Counter(one["status"] for one in records)
+    low, high = statistics.wilson(counts["ok"], len(records))
+    values = outcomes(records)
+    by_key = {one["key"]: one for one in records}
+    twice = [one for one in repeats if one["key"] in by_key and one["status"] not in UNANSWERED]
+    return {
+        "version": __version__,
+        "sampling": dict(sampling),
+        "variables": {name: _words(distribution) for name, distribution in variables.items()},
+        "variants": total,
+        "finished": len(records),
+        "statuses": {status: counts[status] for status in STATUSES},
+        "rate": {
+            "ok": counts["ok"],
+            "of": len(records),
+            "value": counts["ok"] / len(records) if records else None,
+            "low": low,
+            "high": high,
+            "confidence": statistics.CONFIDENCE,
+        },
+        "outcomes": {name: _distribution(column) for name, column in values.items() if name != SUCCESS},
+        "importance": _importance(variables, records, values),
+        "reasons": [{"status": s, "reason": r, "count": n} for (s, r), n in _reasons(records).most_common()],
+        "worst": [one["index"] for one in worst(records)],
+        "repeated": {
+            "variants": len(twice),
+            "different": sorted(one["index"] for one in twice if answer(one) != answer(by_key[one["key"]])),
+        },
+        "seconds": statistics.percentiles([one["seconds"] for one in records if one["seconds"] is not None]),
+        "memory": max((one["memory"] for one in records if one.get("memory")), default=None),
+    }
+
+
+def _words(distribution: Distribution) -> str:
+    """`Normal(mean=0.00802, deviation=5e-06)`; limits that are not there left out."""
+    given = {field.name: getattr(distribution, field.name) for field in fields(distribution)}
+    there = {name: value for name, value in given.items() if value not in (math.inf, -math.inf)}
+    words = (f"{name}={f'{value:.6g}' if isinstance(value, float) else repr(value)}" for name, value in there.items())
+    return f"{type(distribution).__name__}({', '.join(words)})"
+
+
+def outcomes(records: Sequence[Record]) -> dict[str, list[Any]]:
+    """By name, the column of each outcome: 1 or 0 for success, least clearance, every measure; None where it lacks."""
+    columns: dict[str, list[Any]] = {SUCCESS: [float(one["status"] == "ok") for one in records]}
+    if any(one["clearance"] is not None for one in records):
+        columns[CLEARANCE] = [one["clearance"] for one in records]
+    for name in sorted({name for one in records for name in one["measures"]}):
+        columns[name] = [one["measures"].get(name) for one in records]
+    return columns
+
+
+def worst(records: Sequence[Record], count: int = WORST) -> list[Record]:
+    """The first to look at: those without success, a new reason first, then by least clearance; then the tightest."""
+    seen: Counter[str] = Counter()
+    ranked: list[tuple[bool, int, int, Record]] = []
+    for one in sorted(records, key=lambda r: (r["status"] == "ok", _or_inf(r["clearance"]), r["index"])):
+        kind = _kind(one)
+        ranked.append((one["status"] == "ok", seen[kind] if kind else 0, len(ranked), one))
+        seen[kind] += 1
+    return [one for *_, one in sorted(ranked, key=lambda r: r[:3])[:count]]
+
+
+def _or_inf(value: float | None) -> float:
+    return math.inf if value is None else value
+
+
+def _kind(one: Record) -> str:
+    """The reason without its numbers, so that variants that fail alike count as one."""
+    reason = str(one["reason"])
+    return re.sub(r"\d+", "0", reason) if one["status"] != "ok" else ""
+
+
+def _reasons(records: Sequence[Record]) -> Counter[tuple[str, str]]:
+    """How often what ended a task, the first reason of each kind standing for all."""
+    named: dict[tuple[str, str], str] = {}
+    counted: Counter[tuple[str, str]] = Counter()
+    for one in records:
+        if one["status"] != "ok":
+            text = named.setdefault((one["status"], _kind(one)), str(one["reason"]))
+            counted[one["status"], text] += 1
+    return counted
+
+
+def _distribution(column: Sequence[Any]) -> dict[str, Any]:
+    there = [value for value in column if value is not None]
+    if any(isinstance(value, str | bool) for value in there):
+        return {"count": len(there), "values": dict(Counter(map(str, there)).most_common(TEXTS))}
+    made = statistics.classes(there)
+    return {
+        "count": len(there),
+        "percentiles": statistics.percentiles(there),
+        "histogram": {"edges": list(made.edges), "counts": list(made.counts)},
+    }
+
+
+def _importance(
+    variables: Mapping[str, Distribution], records: Sequence[Record], columns: Mapping[str, Sequence[Any]]
+) -> dict[str, dict[str, dict[str, float | None]]]:
+    """By outcome, then by variable: first-order Sobol' index, and rank correlation where the variable is a number."""
+    found: dict[str, dict[str, dict[str, float | None]]] = {}
+    for name, column in columns.items():
+        there = [i for i, value in enumerate(column) if value is not None and not isinstance(value, str)]
+        y = [float(column[i]) for i in there]
+        found[name] = {}
+        for variable, distribution in variables.items():
+            x = [records[i]["parameters"][variable] for i in there]
+            is_number = all(isinstance(value, int | float) for value in x)
+            grouped = [str(value) for value in x] if isinstance(distribution, Choice) else x
+            found[name][variable] = {
+                "first_order": statistics.first_order(grouped, y) if x else None,
+                "rank_correlation": statistics.rank_correlation(x, y) if x and is_number else None,
+            }
+    return found
+
+
+def ranking(document: Mapping[str, Any], outcome: str) -> list[str]:
+    """The variables by what they explain of an outcome, the most first."""
+    of = document["importance"].get(outcome, {})
+
+    def weight(name: str) -> float:
+        row = of[name]
+        return max(row["first_order"] or 0.0, (row["rank_correlation"] or 0.0) ** 2)
+
+    return sorted(of, key=lambda name: -weight(name))
