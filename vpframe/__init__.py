@@ -62,7 +62,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "vpframe.app.task_runner": ("main",),
 }  # fmt: skip
 _LAZY = {name: module for module, names in _NAMES.items() for name in names}
-_MODULES = {"modelling": "vpframe.scene.modelling", "rules": "vpframe.session.rules"}
+_MODULES = {"modelling": "vpframe.scene.modelling", "planning": "vpframe.planning", "rules": "vpframe.session.rules"}
 
 __all__ = ["__version__", *_LAZY, *_MODULES]
 

@@ -43,7 +43,7 @@ def test_pairs_within_a_group_are_left_out_of_every_answer_and_come_back() -> No
             assert pairs_in(world.contacts(2e-3, chosen)) == pairs_in(near) - inside
     assert world.ignored(3, 5) and not world.ignored(5, 6)
     up = {k: free.pose(k) * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5])) for k in (3, 4, 5)}
-    assert not inside & pairs_in(world.time_of_contact(up).contacts)
+    assert not inside & pairs_in(world.time_of_impact(up).contacts)
     world.set_groups([])
     assert np.array_equal(world.colliding_surfaces(), free.colliding_surfaces())
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
 from vpframe import __version__
+from vpframe.app import disassemble
 from vpframe.app.outputs import PAGE, STATUS, URDF, Kind, Output
 from vpframe.app.progress import say, warn
 from vpframe.scene.units import NAMES, length, seconds
@@ -21,7 +22,14 @@ from vpframe.session.interrupts import handled
 OK, NO, BAD = 0, 1, 2
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """the disk has no room"""
-_KERNELS = {"demo": "session", "run": "session", "new": "session", "clash": "clash", "mates": "mates"}
+_KERNELS = {
+    "demo": "session",
+    "run": "session",
+    "new": "session",
+    "clash": "clash",
+    "disassemble": "session",
+    "mates": "mates",
+}
 """what of `vpframe.app.warm_up` a command needs"""
 
 
@@ -170,6 +178,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_loading(sub)
     sub.add_argument("--json", action="store_true")
 
+    sub = add("disassemble", _disassemble, "which parts come out, in which order, along which way; exit 1 if one stays")
+    disassemble.add_arguments(sub, _length)
+
     sub = add("view", _view, "look at a model in meshcat")
     sub.add_argument("file", metavar="FILE")
     sub.add_argument("--html", metavar="OUT", help="write a self-contained page and end")
@@ -209,7 +220,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-SUITES = ("collision", "constraints", "physics", "session", "study")
+SUITES = ("collision", "constraints", "physics", "planning", "session", "study")
 
 
 def _length(text: str) -> float:
@@ -372,6 +383,11 @@ def _mates(arguments: argparse.Namespace) -> int:
             mates.write_urdf(scene, urdf, tolerance)
             print(f"wrote {urdf}", file=sys.stderr)
     return OK
+
+
+def _disassemble(arguments: argparse.Namespace) -> int:
+    with _document(arguments.json) as emit:
+        return disassemble.run(arguments, lambda path: _load(path, arguments), emit)
 
 
 def _view(arguments: argparse.Namespace) -> int:

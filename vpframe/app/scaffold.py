@@ -1,7 +1,7 @@
 """`vpframe new`: a first task script for a model, tried before it is written.
 
-The smallest parts are tried in turn, each along the axis that holds it and along the main directions, until one comes
-out. When none does the script is written all the same, with the reason and what to change in it.
+Planning looks for a way out of the smallest parts in turn; the script says it in a verb of the hand. When none comes
+out the script is written all the same, with the reason and what to change in it.
 """
 
 from __future__ import annotations
@@ -9,28 +9,26 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from vpframe import files
+from vpframe import files, planning
 from vpframe.app.outputs import SCRIPT, claimed
 from vpframe.app.progress import Progress
 from vpframe.errors import TaskError, VpframeError
 from vpframe.hands.hand import Hand
-from vpframe.scene.boxes import half_size
 from vpframe.scene.scene import Part, Scene
 from vpframe.session.session import Session
 from vpframe.text import plain
 
 PARTS = 6
 """how many parts are tried at most"""
-SECONDS = 30.0
-"""after so many seconds no further way is tried"""
+SECONDS = 5.0
+"""of planning, a part"""
+WORDS = {"up": (0, 0, 1), "down": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0), "y": (0, 1, 0), "-y": (0, -1, 0)}
 LISTED = 60
 """how many parts the script names"""
 
@@ -40,7 +38,7 @@ class Way:
     """How a part may come out: a verb of the hand."""
 
     verb: str
-    along: str
+    along: str | tuple[float, ...] | None
     options: tuple[tuple[str, float | str], ...]
 
     @property
@@ -49,11 +47,13 @@ class Way:
         options = ", ".join(
             f'{name}="{value}"' if isinstance(value, str) else f"{name}={value:g}" for name, value in self.options
         )
-        return f'hand.{self.verb}("{self.along}", {options})'
+        along = "" if self.along is None else f'"{self.along}", ' if isinstance(self.along, str) else f"{self.along}, "
+        return f"hand.{self.verb}({along}{options})"
 
     def go(self, hand: Hand) -> None:
         """Do it."""
-        getattr(hand, self.verb)(self.along, **dict(self.options))
+        along = () if self.along is None else (self.along,)
+        getattr(hand, self.verb)(*along, **dict(self.options))
 
 
 def new_task(path: str | os.PathLike[str], scene: Scene, model: Path) -> str:
@@ -87,7 +87,6 @@ def new_task(path: str | os.PathLike[str], scene: Scene, model: Path) -> str:
 
 def _found(scene: Scene, progress: Progress) -> tuple[Part, Way, str]:
     """A part and a way that it comes out; with the reason why not, if none was found."""
-    began = time.monotonic()
     parts = sorted((p for p in scene.parts if not p.fixed), key=lambda p: (p.shape.volume or np.inf, p.name))
     if not parts:
         raise VpframeError("all parts are fixed: there is none to take in hand")
@@ -95,34 +94,38 @@ def _found(scene: Scene, progress: Progress) -> tuple[Part, Way, str]:
     tried = list(dict.fromkeys(part.shape for part in parts))[:PARTS]  # of equal parts the first
     for number, shape in enumerate(tried):
         part = next(p for p in parts if p.shape is shape)
-        for way in _ways(scene, part):
-            progress(number / len(tried), f"{part.name}: {way.line}")
+        progress(number / len(tried), part.name)
+        found = planning.removal(scene, part.name, budget=SECONDS, motion="mates")
+        for way in _ways(scene, part, found):
             reason = _tried(scene, part, way)
             if not reason:
                 return part, way, ""
-            if first is None or first[1].verb == "pull":  # that there is no axis says less than what stands in the way
-                first = (part, way, reason)
-            if time.monotonic() - began > SECONDS:
-                return first
+            first = first or (part, way, reason)
+        if not found:
+            by = f", in its way: {', '.join(found.blockers)}" if found.blockers else ""
+            first = first or (part, Way("slide", "up", (("distance", 0.1),)), f"{part.name} is {found.verdict}{by}")
     assert first is not None
     return first
 
 
-def _ways(scene: Scene, part: Part) -> Iterator[Way]:
-    far = _rounded(1.2 * sum(half_size(p.mesh) for p in {q.shape: q for q in (part, _largest(scene))}.values()))
-    if len(scene) > 1:
-        yield Way("pull", "axis", (("until", "free"),))
-    for direction in ("up", "down", "x", "-x", "y", "-y"):
-        yield Way("slide", direction, (("distance", far),))
-
-
-def _largest(scene: Scene) -> Part:
-    return max(scene.parts, key=lambda p: half_size(p.mesh))
+def _ways(scene: Scene, part: Part, found: planning.Removal) -> list[Way]:
+    """The planned way as verbs of a hand, the shortest to read first; none for what is more than one verb."""
+    if found.way is None or found.way.motion not in ("straight", "screw"):
+        return []
+    if found.way.motion == "screw":
+        return [Way("unscrew", None, (("until", "free"),))]
+    direction = found.way.direction
+    far = _rounded(float(np.linalg.norm(found.way.knots[-1].translation)))
+    word = next((name for name, axis in WORDS.items() if np.abs(direction - axis).max() < 1e-9), None)
+    along = word or tuple(round(float(x), 6) for x in direction)
+    slide = Way("slide", along, (("distance", far),))
+    return [Way("pull", "axis", (("until", "free"),)), slide] if len(scene) > 1 else [slide]
 
 
 def _rounded(length: float) -> float:
-    """Two digits are enough, m."""
-    return float(f"{length:.2g}")
+    """Two digits are enough, m; not less than the length."""
+    digits = 1 - int(np.floor(np.log10(length)))
+    return float(f"{np.ceil(length * 10.0**digits) / 10.0**digits:.2g}")
 
 
 def _tried(scene: Scene, part: Part, way: Way) -> str:

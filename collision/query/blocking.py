@@ -1,0 +1,356 @@
+"""Which objects stand in each other's way along given motions: the blocking table of an assembly.
+
+A motion is a list of knots, world displacements of the moving object from where it stands, the first the identity; from
+one knot to the next it goes along one screw (the SE(3) geodesic, less than half a turn). Each pair of objects is swept
+by itself, so that a row of the table stays true whatever other objects are there (Wilson & Latombe, "Geometric
+reasoning about mechanical assembly", Artificial Intelligence 71, 1994: the non-directional blocking graph, of finite
+motions here instead of infinitesimal ones).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision.manager import CollisionManager
+from collision.mesh import SurfaceMesh
+from collision.tolerance import Tolerance
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+
+Array = NDArray[np.float64]
+Pairing = tuple[tuple[int, ...], tuple[int, ...]]
+"""surfaces of the moving object and of the standing one: each of the first is left out with each of the second"""
+Excuse = Callable[[int, int, "pin.SE3", "pin.SE3"], Iterable[Pairing] | None]
+"""(moving, standing, displacement at the start of a leg, at its end) -> the surface pairs that this leg leaves out, or
+None where the pair stops the leg before it begins"""
+GRAZES = 64
+"""contacts that a leg may graze before it counts as stopped"""
+SIDES = 8
+"""directions across a straight way along which shadows are compared"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stop:
+    """Where one object stops another on its way."""
+
+    leg: int
+    """between which knots: `leg` and `leg + 1`"""
+    t: float
+    """in [0, 1): how far along that leg; until then nothing has come nearer than it may"""
+    contacts: NDArray[Any]
+    """CONTACT_DTYPE rows of the surface pairs that stop it, `object_a` the moving object; none where an excuse does"""
+
+
+class Sweeps:
+    """Sweeps of pairs of objects that begin where the objects stand.
+
+    Parameters
+    ----------
+    meshes, poses: of the objects, in the order of their ids.
+    tolerance: `linear` is how near surfaces may come that are apart, `slop` by how much of it surfaces in contact may
+        be pressed further in one leg (see `collision.query.time_of_impact`).
+    excuse: asked for each leg which surface pairs it leaves out.
+    """
+
+    def __init__(
+        self,
+        meshes: Sequence[SurfaceMesh],
+        poses: Sequence[pin.SE3],
+        tolerance: Tolerance,
+        excuse: Excuse = lambda i, j, start, end: (),
+    ) -> None:
+        self.meshes, self.poses, self.tolerance, self.excuse = tuple(meshes), tuple(poses), tolerance, excuse
+        self.count = 0
+        """legs swept so far"""
+        self._corners = [np.ascontiguousarray(m.vertices[np.unique(m.triangles)]) for m in self.meshes]
+        self._worlds: dict[tuple[Any, ...], CollisionManager] = {}
+        self._boxes: dict[tuple[int, int], tuple[Sequence[pin.SE3], Array, Array]] = {}
+        self._start: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
+        self._extents: dict[tuple[int, bytes], tuple[float, float]] = {}
+
+    def extent(self, i: int, direction: Array) -> tuple[float, float]:
+        """(least, greatest) coordinate of object i, where it stands, along a world direction (3,), m."""
+        key = i, np.ascontiguousarray(direction).tobytes()
+        if key not in self._extents:
+            heights = self._corners[i] @ (self.poses[i].rotation.T @ direction) + self.poses[i].translation @ direction
+            self._extents[key] = float(heights.min()), float(heights.max())
+        return self._extents[key]
+
+    def corners(self, i: int) -> Array:
+        """(n, 3) the vertices of object i where it stands, world, m."""
+        return np.asarray(self._corners[i] @ self.poses[i].rotation.T + self.poses[i].translation)
+
+    def length_until_apart(self, i: int, j: int, direction: Array) -> float:
+        """m: how far i goes along a unit direction until a plane across it parts it from j; 0 if one does already."""
+        return max(0.0, self.extent(j, direction)[1] - self.extent(i, direction)[0])
+
+    def shadows_meet(self, i: int, j: int, direction: Array) -> bool:
+        """Whether j may lie in the shadow of i along a direction: False is sure, and i then passes j."""
+        return all(
+            self.extent(i, side)[0] <= self.extent(j, side)[1] + self.tolerance.linear
+            and self.extent(j, side)[0] <= self.extent(i, side)[1] + self.tolerance.linear
+            for side in _across(direction)
+        )
+
+    def stop(self, i: int, j: int, knots: Sequence[pin.SE3], besides: tuple[Pairing, ...] = ()) -> Stop | None:
+        """Where object j, standing, stops object i on its way along `knots`; None if it goes to the end.
+
+        besides: surface pairs that are left out beside those that the legs leave out.
+        """
+        near = True
+        if len(knots) > 2:  # of one leg the box is looked at below
+            (low, high), box = self._whole_box(i, knots), self._box(j)
+            near = bool((low <= box[1]).all() and (box[0] <= high).all())
+        for leg, (start, end) in enumerate(pairwise(knots)):
+            left_out = self.excuse(i, j, start, end)
+            if left_out is None:
+                return Stop(leg, 0.0, _none())
+            if not near or not self._boxes_meet(i, j, start, end):
+                continue
+            found = self._leg(i, j, start, end, (*left_out, *besides))
+            if found is not None:
+                return Stop(leg, *found)
+        return None
+
+    def _leg(
+        self, i: int, j: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...]
+    ) -> tuple[float, NDArray[Any]] | None:
+        """Where and by what i is stopped on one leg, None if it is not.
+
+        A sweep stops where surfaces come into contact, and so where edges that lie in one plane slide past each other.
+        Twice the tolerance farther they have parted again; there the group goes on, if nothing is deeper than where the
+        objects stand. What is thinner than that may be passed.
+        """
+        import pinocchio as pin
+
+        world = self._world(i, j, left_out)
+        way = pin.log6(start.actInv(end))
+        speed = self._speed(i, start, end)
+        step = 2.0 * self.tolerance.linear / speed if speed > 0.0 else 1.0
+        at = 0.0
+        for _ in range(GRAZES):
+            begin = start * pin.exp6(way * at)
+            world.set_pose(0, begin * self.poses[i])
+            self.count += 1
+            found = world.time_of_impact({0: end * self.poses[i]})
+            if not found.hit:
+                return None
+            t = at + (1.0 - at) * float(found.t)
+            at = min(t + step, 1.0)
+            if at < 1.0 and self._meets_squarely(
+                i, j, start * pin.exp6(way * t), np.asarray(way) * step, found.contacts
+            ):
+                break
+            if not self._no_deeper(i, j, world, end if at == 1.0 else start * pin.exp6(way * at)):
+                break
+            if at == 1.0:
+                return None
+        rows = found.contacts.copy()
+        rows["object_a"], rows["object_b"] = i, j
+        return t, rows
+
+    def _speed(self, i: int, start: pin.SE3, end: pin.SE3) -> float:
+        """m: no point of i goes farther on a leg."""
+        import pinocchio as pin
+
+        way = np.asarray(pin.log6(start.actInv(end)))
+        return float(np.linalg.norm(way[:3] + np.cross(way[3:], _box_corners(self._box(i))), axis=1).max())
+
+    def _meets_squarely(self, i: int, j: int, at: pin.SE3, way: Array, rows: NDArray[Any]) -> bool:
+        """Whether facets that lie over each other run into each other on the next piece `way` (6,) of a leg: then the
+        group is stopped, and nothing needs to be measured."""
+        slack = self.tolerance.slop * self.tolerance.linear
+        pose = at * self.poses[i]
+        mine, theirs = self.meshes[i], self.meshes[j]
+        for row in rows[:4]:
+            a = mine.vertices[mine.triangles[row["triangle_a"]]] @ pose.rotation.T + pose.translation
+            b = theirs.vertices[theirs.triangles[row["triangle_b"]]]
+            b = b @ self.poses[j].rotation.T + self.poses[j].translation
+            d = float(row["distance"])
+            n = np.cross(a[1] - a[0], a[2] - a[0]) if d <= slack else row["point_b"] - row["point_a"]
+            length = float(np.linalg.norm(n))
+            if length == 0.0:
+                continue
+            n = n / length
+            speed = at.rotation @ (way[:3] + np.cross(way[3:], at.actInv(np.array(row["point_a"])))) @ n
+            # where they touch, the normal of the moving facet tells the side, if both lie in one plane, back to back
+            flush = d > slack or (
+                np.cross(b[1] - b[0], b[2] - b[0]) @ n < 0.0 and np.abs((b - a[0]) @ n).max() <= slack
+            )
+            if speed - d <= 2.0 * slack or not (flush and _lies_across(a, n) and _lies_across(b, n)):
+                continue
+            u = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
+            u /= np.linalg.norm(u)
+            flat = np.stack([u, np.cross(n, u)], axis=1)
+            a, b = a @ flat, b @ flat
+            longest = min(float(np.ptp(a, axis=0).max()), float(np.ptp(b, axis=0).max()))
+            if _shared_area(a, b) > 10.0 * self.tolerance.linear * longest:  # more than a strip along an edge
+                return True
+        return False
+
+    def _no_deeper(self, i: int, j: int, world: CollisionManager, at: pin.SE3) -> bool:
+        """Whether no surfaces of i, displaced, and j reach deeper into each other than where they stand."""
+        known = self._depths(i, j)  # before the pose is set: it may be the same world
+        world.set_pose(0, at * self.poses[i])
+        if not len(world.colliding_surfaces()):
+            return True
+        slack = 2.0 * self.tolerance.slop * self.tolerance.linear
+        names = ("surface_a", "surface_b", "depth")
+        rows = world.penetration(0, 1)
+        return all(
+            d <= known.get((a, b), 0.0) + slack for a, b, d in zip(*(rows[n].tolist() for n in names), strict=True)
+        )
+
+    def _depths(self, i: int, j: int) -> dict[tuple[int, int], float]:
+        """m by surface of i and of j: how deep they reach into each other where the objects stand."""
+        if (i, j) not in self._start:
+            world = self._world(i, j, ())
+            world.set_pose(0, self.poses[i])
+            rows = world.penetration(0, 1)
+            names = ("surface_a", "surface_b", "depth")
+            self._start[i, j] = {(a, b): d for a, b, d in zip(*(rows[n].tolist() for n in names), strict=True)}
+        return self._start[i, j]
+
+    def near(
+        self, i: int, j: int, start: pin.SE3, end: pin.SE3, within: float, besides: tuple[Pairing, ...] = ()
+    ) -> NDArray[Any]:
+        """CONTACT_DTYPE rows of i, displaced by `start`, with j within `within` m, world; `object_a` is i.
+
+        Left out is what a leg from there to `end` leaves out, and `besides`.
+        """
+        world = self._world(i, j, (*(self.excuse(i, j, start, end) or ()), *besides))
+        world.set_pose(0, start * self.poses[i])
+        rows = world.contacts(within)
+        rows["object_a"], rows["object_b"] = i, j
+        return rows
+
+    def straight(self, i: int, j: int, direction: Array, margin: float) -> Stop | None:
+        """Where j stops i on its straight way along a unit direction until a plane across it parts them by `margin`."""
+        import pinocchio as pin
+
+        far = self.length_until_apart(i, j, direction)
+        if far == 0.0 or not self.shadows_meet(i, j, direction):
+            identity = pin.SE3.Identity()  # nothing is swept; whether the pair is held together is asked all the same
+            held = self.excuse(i, j, identity, pin.SE3(np.eye(3), margin * direction)) is None
+            return Stop(0, 0.0, _none()) if held else None
+        return self.stop(i, j, (pin.SE3.Identity(), pin.SE3(np.eye(3), (far + margin) * direction)))
+
+    def table(self, directions: Sequence[Array], margin: float) -> NDArray[np.bool_]:
+        """(k, n, n) whether object j stops object i on its straight way along direction k until they are apart.
+
+        directions: (3,) unit vectors. Opposite ones cost one sweep a pair: j in the way of i is i in the way of j.
+        """
+        n = len(self.meshes)
+        out = np.zeros((len(directions), n, n), bool)
+        for k, direction in enumerate(directions):
+            twin = next((m for m in range(k) if np.array_equal(directions[m], -direction)), None)
+            if twin is not None:
+                out[k] = out[twin].T
+                continue
+            for i in range(n):
+                for j in range(n):
+                    out[k, i, j] = i != j and self.straight(i, j, direction, margin) is not None
+        return out
+
+    def _boxes_meet(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> bool:
+        """Whether the boxes of i on one leg and of j come near each other."""
+        low, high = self._leg_box(i, start, end)
+        box = self._box(j)
+        return bool((low <= box[1]).all() and (box[0] <= high).all())
+
+    def _leg_box(self, i: int, start: pin.SE3, end: pin.SE3) -> tuple[Array, Array]:
+        """Corners of a box that holds i on a leg, and the tolerance around; points stray from chords by their arcs."""
+        import pinocchio as pin
+
+        at = self.corners(i) if len(self._corners[i]) <= 64 else _box_corners(self._box(i))
+        first, last = at @ start.rotation.T + start.translation, at @ end.rotation.T + end.translation
+        turn = float(np.linalg.norm(pin.log3(start.rotation.T @ end.rotation)))
+        beyond = self.tolerance.linear
+        if turn > 0.0:
+            w = np.asarray(pin.log6(start.actInv(end)))
+            speed = np.linalg.norm(w[:3] + np.cross(w[3:], at), axis=1).max()
+            beyond += float(speed) / turn * (1.0 - np.cos(0.5 * min(turn, np.pi)))
+        low, high = np.minimum(first, last).min(axis=0) - beyond, np.maximum(first, last).max(axis=0) + beyond
+        return low, high
+
+    def _whole_box(self, i: int, knots: Sequence[pin.SE3]) -> tuple[Array, Array]:
+        """The same of all legs; kept, because a way is asked about for every other object."""
+        kept = self._boxes.get((i, id(knots)))
+        if kept is None or kept[0] is not knots:
+            boxes = [self._leg_box(i, start, end) for start, end in pairwise(knots)]
+            lows, highs = zip(*boxes, strict=True)
+            kept = self._boxes[i, id(knots)] = knots, np.min(lows, axis=0), np.max(highs, axis=0)
+        return kept[1], kept[2]
+
+    def _box(self, i: int) -> Array:
+        """(2, 3) least and greatest corner of object i where it stands."""
+        return np.array([self.extent(i, axis) for axis in np.eye(3)]).T
+
+    def _world(self, i: int, j: int, left_out: tuple[Pairing, ...]) -> CollisionManager:
+        """The two objects, i as object 0, without the surface pairs that are left out."""
+        key = i, j, left_out
+        if key not in self._worlds:
+            world = CollisionManager(self.tolerance)
+            world.add(self.meshes[i], self.poses[i])
+            world.add(self.meshes[j], self.poses[j])
+            for mine, theirs in left_out:
+                world.ignore_surfaces(0, mine, 1, theirs)
+            self._worlds[key] = world
+        return self._worlds[key]
+
+
+def _none() -> NDArray[Any]:
+    from collision.contact import CONTACT_DTYPE
+
+    return np.empty(0, CONTACT_DTYPE)
+
+
+def _across(direction: Array) -> Iterable[Array]:
+    """Unit vectors at right angles to a unit direction, half a circle of them; those of -direction are the same."""
+    d = direction if tuple(direction) > tuple(-direction) else -direction
+    u = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
+    u /= np.linalg.norm(u)
+    v = np.cross(d, u)
+    for k in range(SIDES):
+        angle = np.pi * k / SIDES
+        yield np.cos(angle) * u + np.sin(angle) * v
+
+
+def _lies_across(triangle: Array, direction: Array) -> bool:
+    """Whether a triangle (3, 3) is at right angles to a unit direction."""
+    normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+    return bool(abs(normal @ direction) > 0.999 * np.linalg.norm(normal))
+
+
+def _shared_area(a: Array, b: Array) -> float:
+    """m²: what two plane triangles (3, 2) share (Sutherland & Hodgman 1974)."""
+    polygon = [tuple(p) for p in a.tolist()]
+    (bx, by), (cx, cy), (dx, dy) = b.tolist()
+    turn = 1.0 if (cx - bx) * (dy - by) - (cy - by) * (dx - bx) > 0.0 else -1.0
+    for (px, py), (qx, qy) in (((bx, by), (cx, cy)), ((cx, cy), (dx, dy)), ((dx, dy), (bx, by))):
+        side = [turn * ((qx - px) * (y - py) - (qy - py) * (x - px)) for x, y in polygon]
+        kept = []
+        for k, (x, y) in enumerate(polygon):
+            m = (k + 1) % len(polygon)
+            if side[k] >= 0.0:
+                kept.append((x, y))
+            if (side[k] > 0.0 > side[m]) or (side[k] < 0.0 < side[m]):
+                s = side[k] / (side[k] - side[m])
+                kept.append((x + s * (polygon[m][0] - x), y + s * (polygon[m][1] - y)))
+        polygon = kept
+        if len(polygon) < 3:
+            return 0.0
+    area = sum(x * polygon[k - 1][1] - y * polygon[k - 1][0] for k, (x, y) in enumerate(polygon))
+    return 0.5 * abs(area)
+
+
+def _box_corners(box: Array) -> Array:
+    """(8, 3) of a box (2, 3)."""
+    return np.array([[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]])

@@ -1,0 +1,354 @@
+"""The planning suite: ways out of tight pairs, orders of whole assemblies, least sets, and cases without an answer.
+
+Pairs are generated in seven families, each turned as a whole by random rotations, so that nothing lies along the axes
+of the world. Every planned leg is checked by coal at poses 10 µm apart, where it finds a contact by exact tests of
+triangles: `error` is by how much any surfaces then reach deeper into each other than where the parts stand, m. The
+peers are OMPL planners, where `ompl` can be imported, on the same intersection queries. Whole assemblies of real models
+need VPFRAME_DATA.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Callable, Iterator
+from itertools import combinations, pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+import vpframe as vp
+from collision import CollisionManager
+from vpframe.app.progress import report
+from vpframe.planning.assembly import Assembly
+from vpframe.planning.target import least
+from vpframe.planning.verdict import Removal
+from vpframe.scene import modelling as m
+
+ORIENTATIONS = 10
+STEP = 1e-5
+"""m between two poses that are checked"""
+MOST_POSES = 4000
+"""a leg; of longer ones fewer poses are checked, evenly"""
+PEER_SECONDS = 10.0
+
+
+def pairs() -> Iterator[tuple[str, Callable[[], vp.Scene], str]]:
+    """Name, scene and the part to take out, 76 of them."""
+    for sides in (0, 3, 4, 6):
+        for clearance in (1e-5, 2e-5, 5e-5):
+            for depth in (0.01, 0.03):
+                yield (
+                    f"peg {sides} {clearance:g} {depth:g}",
+                    lambda s=sides, c=clearance, d=depth: _peg(s, c, d),
+                    "mover",
+                )
+    for slope in (15, 30, 45, 60):
+        for clearance in (1e-5, 5e-5, 2e-4):
+            yield f"dovetail {slope} {clearance:g}", lambda a=slope, c=clearance: _dovetail(a, c), "mover"
+    for head in (0.002, 0.004, 0.006, 0.008):
+        for clearance in (1e-5, 1e-4):
+            yield f"tee {head:g} {clearance:g}", lambda h=head, c=clearance: _tee(h, c), "mover"
+    for angle in (30, 45, 60, 75, 90, 105, 120, 135):
+        yield f"bayonet {angle}", lambda a=angle: _bayonet(a), "mover"
+    for mouth in (4.4, 4.8, 5.2, 5.6, 6.0, 6.6, 7.2, 8.0):
+        yield f"clip {mouth:g}", lambda w=mouth: _clip(w * 1e-3), "mover"
+    for first in (0.005, 0.01, 0.015, 0.02):
+        for clearance in (5e-5, 2e-4):
+            yield f"elbow {first:g} {clearance:g}", lambda f=first, c=clearance: _elbow(f, c), "mover"
+    for foot in (12.5, 13.0, 13.5, 14.0, 14.5, 15.0, 15.5, 16.0):
+        yield f"hook {foot:g}", lambda f=foot: _hook(f * 1e-3), "mover"
+
+
+def _scene(fixed: m.Solid, mover: m.Solid) -> vp.Scene:
+    return m.scene({"fixed": fixed, "mover": mover})
+
+
+def _peg(sides: int, clearance: float, depth: float) -> vp.Scene:
+    def prism(radius: float, height: float) -> m.Solid:
+        if not sides:
+            return m.cylinder(radius, height)
+        at = 2.0 * np.pi * np.arange(sides) / sides
+        return m.extrude([(radius * np.cos(a), radius * np.sin(a)) for a in at], height)
+
+    out = clearance / (np.cos(np.pi / sides) if sides else 1.0)
+    if not sides:  # facets of a shaft and its bore would cross: both are prisms of as many sides, as files have them
+        out += 0.006 * (1.0 - np.cos(0.175))
+    block = m.box(0.03, 0.03, depth + 0.005).translated(-0.015, -0.015, -0.005) - prism(0.006 + out, depth)
+    return _scene(block, prism(0.006, depth + 0.005).translated(z=clearance))
+
+
+def _dovetail(slope: float, clearance: float) -> vp.Scene:
+    wide = 0.005 + 0.006 * np.tan(np.radians(slope)) * 0.5
+    upright = pin.SE3(pin.exp3(np.array([0.5 * np.pi, 0.0, 0.0])), np.array([0.0, 0.04, 0.0]))
+    tongue = m.extrude([(-0.005, 0.001), (0.005, 0.001), (wide, -0.006), (-wide, -0.006)], 0.04).moved(upright)
+    c = clearance * 1.5 / np.cos(np.radians(slope))
+    groove = m.extrude(
+        [(-0.005 - c, 0.001), (0.005 + c, 0.001), (wide + c, -0.006 - clearance), (-wide - c, -0.006 - clearance)], 0.06
+    ).moved(pin.SE3(upright.rotation, np.array([0.0, 0.05, 0.0])))
+    body = m.box(0.04, 0.04, 0.012).translated(-0.02, 0.0, -0.012) - groove
+    return _scene(body, tongue + m.box(0.03, 0.04, 0.01).translated(-0.015, 0.0, clearance))
+
+
+def _tee(head: float, clearance: float) -> vp.Scene:
+    c = clearance
+    tee = m.box(0.006, 0.03, 0.01).translated(-0.003) + m.box(0.006 + 2 * head, 0.03, 0.004).translated(
+        -0.003 - head, 0.0, -0.004
+    )
+    slot = m.box(0.006 + 2 * c, 0.03, 0.01).translated(-0.003 - c)
+    slot = slot + m.box(0.006 + 2 * head + 2 * c, 0.03, 0.004 + 2 * c).translated(-0.003 - head - c, 0.0, -0.004 - c)
+    block = (
+        m.box(0.04, 0.03, 0.018).translated(-0.02, 0.0, -0.01)
+        - slot
+        - m.box(0.04, 0.002, 0.03).translated(-0.02, -0.002, -0.01)
+    )
+    return _scene(block, tee)
+
+
+def _sector(inner: float, outer: float, low: float, high: float, start: float, stop: float) -> m.Solid:
+    a, b = np.radians(start), np.radians(stop)
+    return m.revolve([(inner, low), (outer, low), (outer, high), (inner, high)], b - a).rotated((0, 0, 1), a)
+
+
+def _bayonet(angle: float) -> vp.Scene:
+    socket = m.cylinder(0.015, 0.02) - m.cylinder(0.01, 0.02) - _sector(0.008, 0.013, 0.008, 0.02, -20.0, 20.0)
+    socket = socket - _sector(0.008, 0.013, 0.008, 0.012, -20.0, angle + 25.0)
+    plug = m.cylinder(0.0097, 0.018).translated(z=0.002) + m.cylinder(0.014, 0.005).translated(z=0.0203)
+    plug = plug + m.cylinder(0.0097, 0.001).translated(z=0.0195)
+    return _scene(socket, plug + _sector(0.008, 0.0127, 0.0083, 0.0117, angle - 10.0, angle + 20.0))
+
+
+def _clip(mouth: float) -> vp.Scene:
+    bar = m.box(0.01, 0.004, 0.03).translated(-0.005, -0.002)
+    frame = bar + m.cylinder(0.02, 0.005).translated(z=0.03) + m.cylinder(0.02, 0.005).translated(z=-0.005)
+    clip = m.cylinder(0.01, 0.008) - m.cylinder(0.006, 0.008) - m.box(mouth, 0.02, 0.008).translated(-0.5 * mouth)
+    return _scene(frame, clip.translated(z=0.011))
+
+
+def _elbow(first: float, clearance: float) -> vp.Scene:
+    """A block in a channel that goes round a corner: along x, then up."""
+    c, size = clearance, 0.01
+    channel = m.box(first + size + 2 * c, size + 2 * c, size + 2 * c).translated(-c, -c, -c)
+    channel = channel + m.box(size + 2 * c, size + 2 * c, 0.03).translated(first - c, -c, -c)
+    block = m.box(first + 0.03, 0.03, 0.03).translated(-0.01, -0.01, -0.01)
+    return _scene(block - channel, m.box(size, size, size))
+
+
+def _hook(foot: float) -> vp.Scene:
+    plate = m.box(0.06, 0.04, 0.002).translated(-0.03, -0.02) - m.box(0.012, 0.008, 0.002).translated(0.0, -0.004)
+    hook = m.box(0.003, 0.006, 0.026).translated(0.001, -0.003, -0.006)
+    hook = hook + m.box(foot, 0.006, 0.003).translated(0.001, -0.003, -0.006)
+    return _scene(plate, hook + m.box(0.003, 0.02, 0.003).translated(0.001, -0.01, 0.02))
+
+
+def turned(scene: vp.Scene, seed: int) -> vp.Scene:
+    """The scene, turned as a whole; as it is for seed 0."""
+    if seed:
+        q = np.random.default_rng(seed).normal(size=4)
+        rotation = pin.SE3(pin.Quaternion(q / np.linalg.norm(q)).toRotationMatrix(), np.zeros(3))
+        for part in scene.parts:
+            part.pose = rotation * part.pose
+    return scene
+
+
+def deepest(scene: vp.Scene, found: Removal) -> tuple[float, int]:
+    """(m, legs): by how much surfaces reach deeper on a way than where the parts stand, fits and threads left out."""
+    assert found.way is not None
+    assembly, out = Assembly(scene), 0.0
+    i = scene.index(found.parts[0])
+    for j in (j for j in range(len(scene)) if j != i):
+        world, exact = CollisionManager(method="coal"), CollisionManager()
+        for manager in (world, exact):
+            for k in (i, j):
+                manager.add(scene.parts[k].mesh, assembly.poses[k])
+            for mine, theirs in assembly.excused(i, j):
+                manager.ignore_surfaces(0, mine, 1, theirs)
+        known = {(r["surface_a"], r["surface_b"]): r["depth"] for r in exact.penetration(0, 1)}
+        for start, end in pairwise(found.way.knots):
+            way = pin.log6(start.actInv(end))
+            far = max(np.linalg.norm(end.act(p) - start.act(p)) for p in assembly.sweeps.corners(i)[:64])
+            for s in np.linspace(0.0, 1.0, min(MOST_POSES, 2 + int(far / STEP))):
+                pose = start * pin.exp6(way * s) * assembly.poses[i]
+                world.set_pose(0, pose)
+                if len(world.colliding_surfaces()):
+                    exact.set_pose(0, pose)
+                    for r in exact.penetration(0, 1) if len(exact.colliding_surfaces()) else ():
+                        out = max(out, r["depth"] - known.get((r["surface_a"], r["surface_b"]), 0.0))
+    return out, len(found.way.knots) - 1
+
+
+def bolted(count: int) -> vp.Scene:
+    """A cover on a base, held by `count` // 2 - 1 M6 bolts with nuts: as many parts as asked for."""
+    n = count // 2 - 1
+    per = int(np.ceil(np.sqrt(n)))
+    places = [(0.015 + 0.03 * (k % per), 0.015 + 0.03 * (k // per)) for k in range(n)]
+    size = 0.03 * per
+    base, cover = m.box(size, size, 0.008), m.box(size, size, 0.006)
+    for x, y in places:
+        base = base - m.cylinder(0.0033, 0.008).translated(x, y)
+        cover = cover - m.cylinder(0.0033, 0.006).translated(x, y)
+    bolt = m.cylinder(0.003, 0.022) + m.hexagon(0.01, 0.004).translated(z=0.022)
+    nut = m.hexagon(0.01, 0.005) - m.cylinder(0.0025, 0.005)
+    parts: dict[str, Any] = {"base": base, "cover": (cover, _at(0.0, 0.0, 0.008))}
+    for k, (x, y) in enumerate(places):
+        parts[f"bolt_{k}"], parts[f"nut_{k}"] = (bolt, _at(x, y, -0.008)), (nut, _at(x, y, -0.005))
+    return m.scene(parts)
+
+
+def _at(x: float, y: float, z: float) -> pin.SE3:
+    return pin.SE3(np.eye(3), np.array([x, y, z]))
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """All cases; `quick` takes two pairs of each family, once, and no large assemblies."""
+    rows: list[dict[str, Any]] = []
+    ratios: dict[str, float] = {}
+    _tight(rows, ratios, quick)
+    _wholes(rows, quick)
+    _least(rows, 60 if quick else 500)
+    _without_answer(rows)
+    return {
+        "suite": "planning",
+        "machine": f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores",
+        "rows": rows,
+        "ratios": ratios,
+    }
+
+
+def _tight(rows: list[dict[str, Any]], ratios: dict[str, float], quick: bool) -> None:
+    every = list(pairs())
+    if quick:
+        families = dict.fromkeys(name.split()[0] for name, _, _ in every)
+        every = [p for f in families for p in [q for q in every if q[0].startswith(f + " ")][:2]]
+    seconds, found, total, legs, deep, peers = [], 0, 0, 0, 0.0, {}
+    for k, (name, make, part) in enumerate(every):
+        report(0.7 * k / len(every), name)
+        for seed in range(1 if quick else ORIENTATIONS):
+            scene = turned(make(), seed + 1)
+            began = time.perf_counter()
+            way = vp.planning.removal(scene, part, budget=60.0, seed=seed)
+            spent = time.perf_counter() - began
+            total += 1
+            seconds.append(spent)
+            found += bool(way)
+            rows.append(_row(name, "vpframe", spent, np.nan, "m deeper", 1, found=bool(way)))
+            if way:
+                worst, count = deepest(scene, way) if seed == 0 else (0.0, 0)
+                rows[-1]["error"] = worst if seed == 0 else np.nan
+                deep, legs = max(deep, worst), legs + count
+            for planner, spent, solved in _peers(scene, part, way) if seed == 0 and way else ():
+                peers.setdefault(planner, []).append((spent, solved))
+                rows.append(_row(name, planner, spent, np.nan, "m deeper", 1, found=solved))
+    ratios["pairs found"] = found / total
+    ratios["median seconds a pair"] = float(np.median(seconds))
+    ratios["legs checked"] = float(legs)
+    ratios["deepest beyond the start, m"] = deep
+    for planner, each in peers.items():
+        ratios[f"{planner}: found"] = float(np.mean([s for _, s in each]))
+        ratios[f"{planner}: slower by"] = float(np.median([t for t, _ in each]) / np.median(seconds))
+
+
+def _row(case: str, method: str, seconds: float, error: float, unit: str, n: int, **more: Any) -> dict[str, Any]:
+    return {"case": case, "method": method, "seconds": seconds, "error": error, "unit": unit, "n": n, **more}
+
+
+def _peers(scene: vp.Scene, part: str, found: Removal) -> Iterator[tuple[str, float, bool]]:
+    """OMPL's planners on the same queries: (planner, seconds, found); none where it is not installed."""
+    try:
+        from planning_ompl import PLANNERS, solve
+    except ImportError:
+        return
+    for planner in PLANNERS:
+        assert found.way is not None
+        yield planner, *solve(scene, part, planner, found.way.knots[-1], PEER_SECONDS)
+
+
+def _wholes(rows: list[dict[str, Any]], quick: bool) -> None:
+    cases: list[tuple[str, Callable[[], vp.Scene]]] = [("12 bolted parts", lambda: bolted(12))]
+    folder = os.environ.get("VPFRAME_DATA")
+    if not quick:
+        cases.append(("100 bolted parts", lambda: bolted(100)))
+    if folder:
+        cases.append(("AS1", lambda: vp.load(Path(folder) / "step" / "as1-oc-214.stp")))
+    if folder and not quick:
+        cases.append(("print head", lambda: vp.load(Path(folder) / "step" / "um2_head.step")))
+    for name, make in cases:
+        report(0.8, name)
+        scene = make()
+        began = time.perf_counter()
+        plan = vp.planning.disassembly(scene, budget=300.0, motion="mates")
+        spent = time.perf_counter() - began
+        rows.append(_row(name, "vpframe, whole order", spent, float(len(plan.remaining)), "parts left", len(scene)))
+
+
+def _least(rows: list[dict[str, Any]], count: int) -> None:
+    """Random assemblies of at most 12 units; `error` is how often the least set is not that of enumeration."""
+    random, wrong, seconds = np.random.default_rng(0), 0, []
+    for k in range(count):
+        report(0.85 + 0.1 * k / count, "least sets")
+        n = int(random.integers(2, 13))
+        ways = [int(random.integers(0, 4)) for _ in range(n)]
+        blockers = [
+            [frozenset(v for v in range(n) if v != u and random.random() < 0.25) for _ in range(ways[u])]
+            for u in range(n)
+        ]
+        began = time.perf_counter()
+        found = least(blockers, 0)
+        seconds.append(time.perf_counter() - began)
+        wrong += (None if found is None else len(found.chosen)) != _enumerated(blockers)
+    rows.append(_row("least sets", "vpframe", float(np.median(seconds)), float(wrong), "wrong", count))
+
+
+def _enumerated(blockers: list[list[frozenset[int]]]) -> int | None:
+    for size in range(1, len(blockers) + 1):
+        for others in combinations(range(1, len(blockers)), size - 1):
+            chosen, gone = {0, *others}, set[int]()
+            while new := {u for u in chosen - gone if any(by <= gone for by in blockers[u])}:
+                gone |= new
+            if gone == chosen:
+                return size
+    return None
+
+
+def _without_answer(rows: list[dict[str, Any]]) -> None:
+    """Linked rings: `error` is by how much the budget was exceeded, s."""
+    ring = pin.SE3(pin.exp3(np.array([0.5 * np.pi, 0.0, 0.0])), np.array([0.02, 0.0, 0.0]))
+    scene = m.scene({"one": m.torus(0.02, 0.003), "two": (m.torus(0.02, 0.003), ring)})
+    vp.planning.removal(scene, "two", budget=0.2)  # kernels
+    began = time.perf_counter()
+    found = vp.planning.removal(scene, "two", budget=3.0)
+    spent = time.perf_counter() - began
+    assert found.verdict == "not found"
+    rows.append(_row("linked rings", "vpframe", spent, max(0.0, spent - 3.0), "s over budget", 1))
+
+
+def table(result: dict[str, Any]) -> str:
+    """For a person: a line a case, then the goals."""
+    lines = [f"planning on {result['machine']}"]
+    for row in result["rows"]:
+        found = "" if "found" not in row else "  found" if row["found"] else "  not found"
+        error = "" if np.isnan(row["error"]) else f"  {row['error']:.3g} {row['unit']}"
+        lines.append(f"  {row['case']:28} {row['method']:22} {row['seconds']:9.3f} s{error}{found}")
+    lines += [f"  {name}: {value:.4g}" for name, value in result["ratios"].items()]
+    return "\n".join(lines)
+
+
+def plot(result: dict[str, Any], directory: str) -> None:
+    """Seconds a pair, sorted."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(7, 4))
+    for method in dict.fromkeys(row["method"] for row in result["rows"] if "found" in row):
+        seconds = sorted(row["seconds"] for row in result["rows"] if row["method"] == method and row.get("found"))
+        axes.plot(np.arange(1, len(seconds) + 1), seconds, label=method)
+    axes.set(xlabel="pairs found", ylabel="s", yscale="log")
+    axes.legend()
+    Path(directory).mkdir(parents=True, exist_ok=True)
+    figure.savefig(Path(directory) / "planning.png", dpi=120, bbox_inches="tight")
+    pyplot.close(figure)

@@ -1,0 +1,116 @@
+"""`vpframe disassemble`: its document, its files, its exit codes, and a script that does the plan."""
+
+import json
+from pathlib import Path
+
+import cases
+import numpy as np
+import pytest
+
+import vpframe as vp
+from vpframe.app import task_runner
+from vpframe.app.cli import main
+from vpframe.hands.paths import read_track
+from vpframe.scene.modelling import write_step
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bolted") / "bolted.step"
+    return write_step(path, cases.bolted_plate_solids())
+
+
+def test_the_document(model, capsys):
+    assert main(["disassemble", str(model), "--json", "--budget", "10min", "--seed", "7"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["verdict"] == "removable" and document["seed"] == 7 and document["budget"]["seconds"] == 600.0
+    assert [step["parts"] for step in document["steps"]] == [["nut"], ["bolt"], ["plate"]]
+    nut = document["steps"][0]
+    assert (nut["motion"], nut["turns"], nut["level"]) == ("screw", pytest.approx(8.0), 0)
+    assert np.allclose(nut["direction"], [0, 0, -1]) and nut["length"] > 0.01
+    assert set(nut["least_clearance"]) == {"distance", "surfaces", "at"}
+    assert document["precedence"]["plate"] == ["bolt"]
+    assert document["levels"] == [["nut"], ["bolt"], ["plate"]]
+    assert document["minimal"] == {"proven": False, "bound": None}
+    assert document["tolerance"] == 1e-6 and document["interrupted"] is False
+
+
+def test_one_part_the_fewest_removals_and_a_no(model, capsys):
+    assert main(["disassemble", str(model), "--part", "nut", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [step["parts"] for step in document["steps"]] == [["nut"]]
+    assert document["minimal"] == {"proven": True, "bound": 1}
+    assert main(["disassemble", str(model), "--part", "bolt", "--motion", "straight"]) == 1
+    assert "in the way: nut" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--part", "nutt"], "did you mean 'nut'"),
+        (["--part", "base", "--base", "base"], "name another base"),
+        (["--budget", "soon"], "60s or 5min"),
+        (["--authorise", "nut"], "as A:B"),
+        (["--carry", "nut"], "two parts or more"),
+        (["--carry", "nut,bolt", "--carry", "bolt,plate"], "in two groups"),
+        (["--clearance", "0.1"], "unit"),
+        (["--thread", "nut"], "PART=PITCH"),
+        (["--thread", "nut=0mm"], "not zero"),
+        (["--motion", "sideways"], "invalid choice"),
+        (["--resume"], "--tracks or --report"),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_2(model, capsys, options, words):
+    assert main(["disassemble", str(model), *options]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == "" and words in captured.err and captured.err.count("\n") == 1
+
+
+def test_tracks_script_and_report_are_written_and_the_script_does_it(model, tmp_path, capsys):
+    tracks, report, script = tmp_path / "tracks", tmp_path / "report", tmp_path / "apart.py"
+    written = ["--tracks", str(tracks), "--report", str(report), "--task", str(script)]
+    assert main(["disassemble", str(model), *written]) == 0
+    plan = json.loads((tracks / "plan.json").read_text())
+    assert plan == json.loads((report / "plan.json").read_text())
+    scene = vp.load(model)
+    for step in plan["steps"]:
+        for name in step["parts"]:
+            track = read_track(tracks / step["track"][name])
+            assert track.pose(0.0).isApprox(scene[name].pose, 1e-9)
+    page = (report / "index.html").read_text()
+    assert page.count("<figure>") == 4 and "comes out" in page
+    assert 'name="generator" content="vpframe"' in page
+    assert task_runner.run_task(script) == 0
+    # again, over what it wrote itself; the script is a person's by now
+    assert main(["disassemble", str(model), *written[:4], "--resume"]) == 0
+    capsys.readouterr()
+    assert main(["disassemble", str(model), "--task", str(script)]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["{}", "nonsense", '{"steps": [{"parts": ["nut"]}]}', '{"steps": 3}'])
+def test_a_plan_that_is_none_is_not_resumed(model, tmp_path, capsys, text):
+    (tmp_path / "plan.json").write_text(text)
+    assert main(["disassemble", str(model), "--tracks", str(tmp_path), "--resume", "--force"]) == 2
+    assert "plan.json" in capsys.readouterr().err
+
+
+def test_a_known_way_is_swept_anew_before_it_is_used(capsys, tmp_path):
+    """A way through the wall, written by somebody else: nothing of it is believed."""
+    scene = cases.ball_in_shell()
+    identity, out = [0, 0, 0, 0, 0, 0, 1], [0, 0, 0.1, 0, 0, 0, 1]
+    forged = {
+        "steps": [{"parts": ["ball"], "motion": "free", "direction": [0, 0, 1], "turns": 0, "knots": [identity, out]}]
+    }
+    from vpframe.planning.document import known_ways
+
+    known = known_ways(json.dumps(forged), "plan.json")
+    plan = vp.planning.disassembly(scene, "ball", known=known, budget=60.0)
+    assert not plan and plan.stuck["ball"].verdict == "enclosed"
+
+
+def test_the_recording_shows_a_hand_that_does_it(model, tmp_path):
+    record = tmp_path / "run.rrd"
+    assert main(["disassemble", str(model), "--part", "nut", "--record", str(record)]) == 0
+    assert record.stat().st_size > 10_000
+    assert Path(model).exists()

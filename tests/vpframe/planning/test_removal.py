@@ -1,0 +1,202 @@
+"""One part, cases with known answers: the way, or the proof that there is none. Every way is checked pose by pose."""
+
+from itertools import pairwise
+
+import cases
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import vpframe as vp
+from collision import CollisionManager
+from constraints.freedom.escape import holds
+from vpframe.planning.assembly import LINEAR, Assembly, Budget
+from vpframe.planning.certify import STRAY
+from vpframe.planning.verdict import find
+
+LONG = 600.0
+"""s: no case may end by the clock on a slow machine; each ends by itself"""
+
+
+def angle_of(removal):
+    """rad: the greatest turn of the way from where the part stands."""
+    return max(float(np.linalg.norm(pin.log3(k.rotation))) for k in removal.way.knots)
+
+
+def turned(removal):
+    """rad: all turns along the way."""
+    knots = removal.way.knots
+    return sum(float(np.linalg.norm(pin.log3(a.rotation.T @ b.rotation))) for a, b in pairwise(knots))
+
+
+def deepest_beyond(scene, removal, poses=60):
+    """m: by how much any surfaces reach deeper into each other on the way than where the parts stand, but for those
+    that a fit or thread excuses; poses between the knots a leg."""
+    assembly = Assembly(scene)
+    out = 0.0
+    for name in removal.parts:
+        i = scene.index(name)
+        for j in set(range(len(scene))) - {scene.index(n) for n in removal.parts}:
+            world = CollisionManager()
+            world.add(scene.parts[i].mesh, assembly.poses[i])
+            world.add(scene.parts[j].mesh, assembly.poses[j])
+            for mine, theirs in assembly.excused(i, j):
+                world.ignore_surfaces(0, mine, 1, theirs)
+            known = {(r["surface_a"], r["surface_b"]): r["depth"] for r in world.penetration(0, 1)}
+            for a, b in pairwise(removal.way.knots):
+                way = pin.log6(a.actInv(b))
+                for s in np.linspace(0.0, 1.0, poses):
+                    world.set_pose(0, a * pin.exp6(way * s) * assembly.poses[i])
+                    if len(world.colliding_surfaces()):
+                        for r in world.penetration(0, 1):
+                            out = max(out, r["depth"] - known.get((r["surface_a"], r["surface_b"]), 0.0))
+    return out
+
+
+def is_clear(scene, removal):
+    """Whether a plane across its last direction parts what came out from all that stays."""
+    parts = {scene.index(n) for n in removal.parts}
+    d, end = removal.way.direction, removal.way.knots[-1]
+    assembly = Assembly(scene)
+    mine = min(((assembly.sweeps.corners(i) @ end.rotation.T + end.translation) @ d).min() for i in parts)
+    return mine > max((assembly.sweeps.corners(j) @ d).max() for j in range(len(scene)) if j not in parts)
+
+
+def test_a_nut_turns_by_the_engaged_length_over_the_pitch_and_is_not_pulled():
+    scene = cases.m16(engaged=0.012)
+    found = vp.planning.removal(scene, "nut", budget=LONG)
+    assert found.verdict == "removable" and found.way.motion == "screw"
+    assert found.way.turns == pytest.approx(0.012 / 0.002)
+    assert turned(found) >= 2.0 * np.pi * 6.0
+    pulled = vp.planning.removal(scene, "nut", budget=LONG, motion="straight")
+    assert pulled.verdict == "not found" and pulled.blockers == ("stud",)
+    assert all("thread" in t.why for t in pulled.tried if t.way.endswith("(0, 0, 1)"))
+
+
+@pytest.mark.parametrize(
+    ("scene", "part", "least"),
+    [
+        (cases.c_clip, "clip", cases.clip_angle()),
+        (cases.bayonet, "plug", cases.BAYONET),
+        (cases.l_hook, "hook", np.radians(20.0)),
+    ],
+)
+def test_what_has_to_be_turned_is_turned_by_the_analytic_angle(scene, part, least):
+    scene = scene()
+    straight = vp.planning.removal(scene, part, motion="straight", budget=LONG)
+    assert straight.verdict == "not found"
+    found = vp.planning.removal(scene, part, budget=LONG)
+    assert found.verdict == "removable" and found.way.motion == "slide"
+    assert angle_of(found) >= least
+    assert deepest_beyond(scene, found) <= 0.1 * LINEAR
+    assert is_clear(scene, found)
+
+
+def test_a_dovetail_leaves_one_direction_and_its_opposite():
+    scene = cases.dovetail()
+    assembly = Assembly(scene)
+    free = []
+    for d in [np.array(d, float) for d in ([1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1])]:
+        if assembly.straight(1, 0, d) is None:
+            free.append(tuple(d))
+    assert free == [(0, 1, 0), (0, -1, 0)]
+    found = vp.planning.removal(scene, "slide", budget=LONG)
+    assert found.verdict == "removable" and abs(found.way.direction[1]) == 1.0
+    assert deepest_beyond(scene, found) <= 0.1 * LINEAR
+
+
+def test_the_blockers_of_a_pin_with_two_heads_are_named():
+    found = vp.planning.removal(cases.headed_pin(), "pin", motion="straight", budget=LONG)
+    assert found.verdict == "not found"
+    assert set(found.blockers) <= {"lower", "upper"}
+    up = next(t for t in found.tried if t.way == "straight along (0, 0, 1)")
+    assert up.stopped_by == ("lower", "upper")
+    assert up.reached == pytest.approx(1e-4, abs=1e-5)
+    assert {(a, b) for a, _, b, _ in up.surfaces} >= {("pin", "lower")}
+
+
+def test_linked_rings_are_not_found_and_never_locked():
+    found = vp.planning.removal(cases.linked_rings(), "two", budget=1.0)
+    assert found.verdict == "not found" and found.proof is None
+    assert max(t.reached for t in found.tried) > 1e-3
+
+
+def test_a_ball_in_a_closed_shell_is_enclosed_and_not_where_the_shell_has_a_hole():
+    scene = cases.ball_in_shell()
+    found = vp.planning.removal(scene, "ball", budget=LONG)
+    assert (found.verdict, found.blockers) == ("enclosed", ("shell",))
+    assert vp.planning.removal(scene, "shell", budget=0.1, motion="straight").verdict != "enclosed"
+
+
+def test_a_block_in_its_pocket_is_locked_by_a_proof_that_holds_exactly():
+    found = vp.planning.removal(cases.box_in_pocket(), "block", budget=LONG)
+    assert found.verdict == "locked"
+    proof = found.proof
+    assert holds(proof.cone.rows[list(proof.lock.rows)], proof.multipliers)
+    assert {(a, b) for a, _, b, _ in proof.surfaces} == {("block", "housing")}
+    assert proof.tolerance == LINEAR
+
+
+def test_a_peg_comes_out_of_ten_micrometres_and_its_clearance_is_told():
+    scene = cases.peg(1e-5)
+    found = vp.planning.removal(scene, "peg", budget=LONG)
+    assert found.verdict == "removable"
+    assert found.clearance.distance == pytest.approx(1e-5, rel=0.06)
+    assert deepest_beyond(scene, found) == 0.0
+    wider = vp.planning.removal(scene, "peg", budget=LONG, clearance=9e-6)
+    assert wider.verdict == "removable"
+
+
+def test_the_track_is_what_a_hand_follows_and_keeps_to_the_certified_way():
+    scene = cases.bayonet()
+    found = vp.planning.removal(scene, "plug", budget=LONG)
+    track, pose = found.track, Assembly(scene).poses[scene.index("plug")]
+    assert track.poses[0].isApprox(pose)
+    assert track.poses[-1].isApprox(found.way.knots[-1] * pose, 1e-9)
+    lines = track.text().splitlines()
+    assert lines[0] == "t,x,y,z,qx,qy,qz,qw" and len(lines) == len(track.times) + 1
+    fine = [
+        a * pin.exp6(pin.log6(a.actInv(b)) * s) * pose
+        for a, b in pairwise(found.way.knots)
+        for s in np.linspace(0, 1, 200)
+    ]
+    points = scene["plug"].mesh.vertices[:5]
+    for a, b in pairwise(track.poses):
+        middle = pin.SE3(
+            a.rotation @ pin.exp3(0.5 * pin.log3(a.rotation.T @ b.rotation)), 0.5 * (a.translation + b.translation)
+        )
+        way = min(np.abs([middle.act(p) - f.act(p) for p in points]).max() for f in fine)
+        assert way < STRAY + 2e-4  # the fine poses are as far apart as that
+
+
+def test_the_same_seed_gives_the_same_answer_and_another_seed_another():
+    def once(seed):
+        budget = Budget(0.6, clock=lambda: 0.0)  # 300 questions, whatever time they take
+        found = find(Assembly(cases.linked_rings()), (1,), (0,), budget, seed=seed)
+        return [(t.way, t.reached, t.stopped_by) for t in found.tried], found.questions
+
+    assert once(3) == once(3)
+    assert once(3) != once(4)
+
+
+def test_a_search_ends_when_its_questions_are_used_up():
+    budget = Budget(0.2, clock=lambda: 0.0)
+    found = find(Assembly(cases.linked_rings()), (1,), (0,), budget)
+    assert found.verdict == "not found" and not budget.by_clock
+    assert budget.questions == 100 and 100 <= found.questions < 120
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"part": "nut2"}, "no part"),
+        ({"part": ("nut", "nut")}, "name each once"),
+        ({"part": "nut", "motion": "up"}, "known are straight"),
+        ({"part": "nut", "budget": -1.0}, "positive number of seconds"),
+        ({"part": "nut", "clearance": float("nan")}, "length of at least 0"),
+        ({"part": "nut", "authorise": [("nut", "bolt")]}, "no part 'bolt'"),
+    ],
+)
+def test_bad_questions_are_answered_in_one_line(arguments, words):
+    with pytest.raises(vp.VpframeError, match=words):
+        vp.planning.removal(cases.m16(0.01), **arguments)

@@ -1,0 +1,212 @@
+"""`vpframe disassemble FILE`: which parts come out, in which order, along which way; `--part X`: what must go first."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from vpframe import files
+from vpframe.app.outputs import PAGE, RECORDING, REPORT, SCRIPT, Kind, Output, OutputFolder
+from vpframe.app.progress import Progress, say
+from vpframe.errors import VpframeError
+from vpframe.scene.units import NAMES, length
+
+PLAN = "plan.json"
+INTERRUPTED = 130
+HEADER = b"t,x,y,z,qx,qy,qz,qw\n0.0,"
+
+
+def _is_track(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(HEADER)) == HEADER
+
+
+TRACK = Kind("a track", _is_track)
+
+
+def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
+    """The options of the command; `metres` reads a length with its unit."""
+    sub.add_argument("file", metavar="FILE")
+    sub.add_argument("--part", metavar="X", help="take out this part only: the least that has to go before it")
+    sub.add_argument(
+        "--base", metavar="P", action="append", default=[], help="a part that stays (default: the largest)"
+    )
+    sub.add_argument("--carry", metavar="A,B", action="append", default=[], help="parts that come out as one")
+    sub.add_argument("--authorise", metavar="A:B", action="append", default=[], help="parts that may overlap")
+    sub.add_argument(
+        "--thread", metavar="A=PITCH", action="append", default=[],
+        help="a part whose snug fits are threads drawn without them, and metres a turn with a unit: nut=1.25mm",
+    )  # fmt: skip
+    sub.add_argument("--clearance", metavar="LENGTH", type=metres, default=0.0, help="kept all the way")
+    sub.add_argument(
+        "--motion", choices=("straight", "mates", "free"), default="free",
+        help="straight ways alone; threads and pushes, too; six freedoms, too (default)",
+    )  # fmt: skip
+    sub.add_argument("--budget", metavar="TIME", type=_seconds, default=60.0, help="of searching, such as 60s or 5min")
+    sub.add_argument("--seed", metavar="N", type=int, default=0, help="of the sampling")
+    sub.add_argument("--tracks", metavar="DIR", help=f"write each part's way as CSV, and {PLAN}")
+    sub.add_argument("--task", metavar="OUT.py", help="write a task script that does it")
+    sub.add_argument("--record", metavar="RUN.rrd", help="write a rerun recording of a hand that does it")
+    sub.add_argument("--report", metavar="DIR", help=f"write a page with pictures, and {PLAN}")
+    sub.add_argument("--resume", action="store_true", help=f"go on from the ways in {PLAN} of --tracks or --report")
+    sub.add_argument("--force", action="store_true", help="write also over what vpframe did not write")
+    sub.add_argument("--deflection", metavar="LENGTH", type=metres, help="greatest sag of a triangle")
+    sub.add_argument("--angular", metavar="RADIANS", type=float, help="greatest angle between neighbouring facets")
+    sub.add_argument(
+        "--timeout", metavar="SECONDS", type=float, help="limit of reading a CAD file (a minute a megabyte)"
+    )
+    sub.add_argument("--unit", metavar="UNIT", help="length unit of STL, OBJ and PLY files: " + NAMES)
+    sub.add_argument("--json", action="store_true")
+
+
+def _seconds(text: str) -> float:
+    """s of "60s", "5min" or "90"."""
+    for unit, scale in (("min", 60.0), ("s", 1.0), ("h", 3600.0), ("", 1.0)):
+        if unit and not text.endswith(unit):
+            continue
+        with contextlib.suppress(ValueError):
+            value = scale * float(text.removesuffix(unit))
+            if 0.0 < value < float("inf"):
+                return value
+    raise argparse.ArgumentTypeError(f"{text!r} is not a time; write a positive number of seconds, 60s or 5min")
+
+
+def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
+    """Plan, write what was asked for, and say it; exit code 0 where all that was asked for comes out, else 1.
+
+    load: reads the model. emit: takes the JSON document.
+    """
+    from vpframe.analysis.clash import authorised_pairs
+    from vpframe.planning import document, plan
+    from vpframe.planning.assembly import LINEAR
+
+    authorised = authorised_pairs(arguments.authorise)
+    threads = dict(_thread(text) for text in arguments.thread)
+    carry = [_names(text) for text in arguments.carry]
+    if arguments.resume and not (arguments.tracks or arguments.report):
+        raise VpframeError("--resume goes on from a plan; name its folder with --tracks or --report")
+    with contextlib.ExitStack() as claims:
+        inputs = [arguments.file]
+        tracks = _folder(claims, arguments.tracks, {PLAN: REPORT}, arguments.force, inputs)
+        report = _folder(claims, arguments.report, {PLAN: REPORT, "index.html": PAGE}, arguments.force, inputs)
+        record = _claim(claims, arguments.record, RECORDING, arguments.force, inputs)
+        task = _claim(claims, arguments.task, SCRIPT, arguments.force, inputs)
+        known = _known(document, tracks, report) if arguments.resume else ()
+        scene = load(arguments.file)
+        with Progress("taking apart") as progress:
+            found = plan.disassembly(
+                scene, arguments.part, base=arguments.base, carry=carry, authorise=authorised, threads=threads,
+                clearance=arguments.clearance, motion=arguments.motion, budget=arguments.budget, seed=arguments.seed,
+                known=known, progress=progress,
+                found=lambda parts, text: progress(None, f"{', '.join(parts)}: {text}"),
+            )  # fmt: skip
+        names = document.track_files(found)
+        written = {name: names[name] for name in names} if tracks is not None else {}
+        answer = document.document(found, arguments.seed, LINEAR, written)
+        answer["notes"] = list(scene.all_notes())
+        text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
+        if tracks is not None:
+            _write_tracks(tracks, found, names)
+            files.replace(tracks.file(PLAN), text)
+        if report is not None:
+            from vpframe.planning import page
+
+            with Progress("drawing") as progress:
+                files.replace(report.file("index.html"), page.html(found, scene, Path(arguments.file).name, progress))
+            files.replace(report.file(PLAN), text)
+        if task is not None:
+            _write_task(task, tracks, found, names, arguments.file, arguments.force)
+        if record is not None:
+            _record(record, scene, found)
+        emit(answer)
+        if not arguments.json:
+            say(document.table(found))
+            for note in scene.all_notes():
+                say(f"note: {note}")
+    if found.interrupted:
+        return INTERRUPTED
+    return 0 if found else 1
+
+
+def _names(text: str) -> tuple[str, ...]:
+    names = tuple(filter(None, (name.strip() for name in text.split(","))))
+    if len(names) < 2:
+        raise VpframeError(f"--carry {text}: name two parts or more, with commas between them")
+    return names
+
+
+def _thread(text: str) -> tuple[str, float]:
+    name, sign, pitch = text.rpartition("=")
+    try:
+        if not (name and sign):
+            raise ValueError("write it as PART=PITCH")
+        return name, (-1.0 if pitch.startswith("-") else 1.0) * length(pitch.removeprefix("-"))
+    except ValueError as error:
+        raise VpframeError(f"--thread {text}: {error}") from None
+
+
+def _claim(
+    claims: contextlib.ExitStack, path: str | None, kind: Kind, force: bool, inputs: Sequence[str]
+) -> Output | None:
+    return None if path is None else claims.enter_context(Output(path, kind, force, inputs))
+
+
+def _folder(
+    claims: contextlib.ExitStack, path: str | None, kinds: dict[str, Kind], force: bool, inputs: Sequence[str]
+) -> OutputFolder | None:
+    return None if path is None else claims.enter_context(OutputFolder(path, kinds, force, inputs))
+
+
+def _known(document: Any, *folders: OutputFolder | None) -> Any:
+    for folder in folders:
+        if folder is not None and (Path(folder) / PLAN).exists():
+            path = Path(folder) / PLAN
+            try:
+                return document.known_ways(path.read_text(encoding="utf-8"), str(path))
+            except UnicodeDecodeError as error:
+                raise VpframeError(f"{path}: is not text ({error}); leave out --resume") from None
+    return ()
+
+
+def _write_tracks(folder: OutputFolder, found: Any, names: dict[str, str]) -> None:
+    for step in found.steps:
+        for name, track in step.tracks.items():
+            files.replace(folder.file(names[name], TRACK), track.text())
+
+
+def _write_task(
+    task: Output, tracks: OutputFolder | None, found: Any, names: dict[str, str], model: str, force: bool
+) -> None:
+    """The script; the tracks that it follows go to the folder of --tracks, or to one beside it."""
+    from vpframe.planning import document
+
+    beside = task.path.parent.resolve()
+    folder = tracks
+    curved = [step for step in found.steps if step.motion != "straight"]
+    if folder is None and curved:
+        with OutputFolder(task.path.with_name(task.path.stem + "_tracks"), {}, force) as folder:
+            _write_tracks(folder, found, names)
+    where = "." if folder is None else os.path.relpath(Path(folder).resolve(), beside)
+    relative = os.path.relpath(Path(model).resolve(), beside)
+    files.replace(task.path, document.script(found, Path(relative).as_posix(), Path(where).as_posix(), names))
+
+
+def _record(record: Output, scene: Any, found: Any) -> None:
+    import pinocchio as pin
+
+    from vpframe.planning.replay import perform, rule_of
+    from vpframe.session.session import Session
+
+    before = {name: pin.SE3(part.pose) for name, part in scene.items()}
+    try:
+        with Progress("recording"), Session(scene, record=record, rule=rule_of(found)) as session:
+            perform(session, found)
+            session.conclude()
+    finally:
+        for name, pose in before.items():
+            scene[name].pose = pose

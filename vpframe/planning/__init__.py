@@ -1,0 +1,12 @@
+"""Removal paths, disassembly order, what is in the way.
+
+Out of scope: moving A half way, then B, then A again; parts that leave at once in different directions; flexible parts;
+whether a tool reaches.
+"""
+
+from __future__ import annotations
+
+from vpframe.planning.plan import Disassembly, PlannedStep, disassembly, removal
+from vpframe.planning.verdict import Removal
+
+__all__ = ["Disassembly", "PlannedStep", "Removal", "disassembly", "removal"]

@@ -1,0 +1,390 @@
+"""`Assembly`: a scene as planning sees it. What holds what, what overlaps already, and sweeps that know of both.
+
+All motions start where the parts stand. What a motion may do to each pair of parts:
+
+- surfaces that are apart stay apart, by `Tolerance.linear` at least;
+- surfaces that touch or overlap are pressed no further (a tenth of that tolerance at most);
+- the surfaces of a fit or thread are excused while the motion keeps the two on their common axis (or centre), as those
+  of a mate in a session are: their facets cross although the true surfaces fit;
+- a drawn thread lets nothing pass but its own screw, until its two cylinders share no length;
+- a pair of parts that the user authorised never stops anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import CollisionManager, Tolerance
+from collision.query.blocking import Pairing, Stop, Sweeps
+from constraints import Candidate
+from constraints.freedom.escape import Patch, contact_patch
+from constraints.geometry.sleeve import sleeve
+from constraints.geometry.surfaces import Cylinder, Sphere
+from constraints.geometry.views import Extent
+from constraints.recognition.mated import adjacent_surfaces
+from vpframe.analysis.clash import clash, is_open
+from vpframe.analysis.fits import BAD_KINDS
+from vpframe.analysis.static import candidates, threaded_features, world_of
+from vpframe.errors import VpframeError
+from vpframe.scene.boxes import half_size
+from vpframe.scene.deflection import deflections
+from vpframe.scene.scene import Scene
+
+Array = NDArray[np.float64]
+Knots = tuple[pin.SE3, ...]
+"""world displacements from where the parts stand, the first the identity"""
+Progress = Callable[[float | None, str], None]
+"""hears the fraction done and what has been found so far"""
+
+LINEAR: Final = 1e-6
+"""m: how near planned motions let surfaces come that are apart, and how near surfaces count as touching"""
+TOLERANCE: Final = Tolerance(linear=LINEAR, slop=1e-2)
+"""of planned motions"""
+ON_AXIS: Final = 1e-6
+"""m: how far an axis may leave its own line before its fit is excused no longer"""
+CLEAR: Final = 3e-3
+"""m: by how much parts that come out end clear of the others: beyond it a session's mates let go, too"""
+QUESTIONS: Final = 500
+"""a second of budget: sweeps and intersection tests. A machine that is slower ends by the clock"""
+
+
+class BudgetError(VpframeError):
+    """The questions or the time of a plan are used up."""
+
+
+class Budget:
+    """What a plan may ask: `seconds` times QUESTIONS questions, and as many seconds by the clock."""
+
+    def __init__(self, seconds: float, clock: Callable[[], float] | None = None) -> None:
+        import time
+
+        if not 0.0 < seconds < np.inf:
+            raise VpframeError(f"the budget is {seconds!r}; give a positive number of seconds")
+        self.seconds, self.questions, self.asked = seconds, int(np.ceil(seconds * QUESTIONS)), 0
+        self._clock = clock or time.monotonic
+        self._end = self._clock() + seconds
+        self.by_clock = False
+        """whether the clock ended it: another run may then come farther"""
+
+    def ask(self, questions: int = 1) -> None:
+        """Count questions that are about to be asked; BudgetError when there are none left."""
+        self.asked += questions
+        if self._clock() > self._end:
+            self.by_clock = True
+        if self.by_clock or self.asked > self.questions:
+            raise BudgetError("the budget is used up")
+
+    def share(self, part: float) -> Budget:
+        """A budget of a part of what is left, for one question among several; `take` its questions back."""
+        left = max(self._end - self._clock(), 1e-3)
+        out = Budget(max(part * left, 1e-3), self._clock)
+        out.questions = int(np.ceil(part * max(self.questions - self.asked, 0)))
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Mate:
+    """A fit or thread between two parts as they stand: the motions of a against b that keep it, and its surfaces."""
+
+    parts: tuple[int, int]
+    kind: str
+    """"concentric", "screw" or "spherical\""""
+    origin: Array
+    """(3,) world, m: a point of the axis, or the centre"""
+    axis: Array
+    """(3,) unit, world"""
+    pitch: float | None
+    """m a turn, of a thread"""
+    drawn: bool
+    """whether it is a thread that is drawn as two cylinders"""
+    apart: tuple[float, float]
+    """m: how far a goes along the axis, and against it, until the two surfaces share no length"""
+    excused: tuple[Pairing, ...]
+    """surfaces of a, surfaces of b"""
+
+    def keeps(self, start: pin.SE3, end: pin.SE3) -> bool:
+        """Whether the motion of a against b from one displacement to another, along a screw, keeps the mate."""
+        return all(self._holds(d) for d in (start, end)) and (self.pitch is None or self._engages(start, end))
+
+    def _holds(self, d: pin.SE3) -> bool:
+        shift = d.act(self.origin) - self.origin
+        if self.kind == "spherical":
+            return bool(np.linalg.norm(shift) <= ON_AXIS)
+        arm = max(1.0, float(np.linalg.norm(d.translation)))
+        aside = shift - (shift @ self.axis) * self.axis
+        tilt = np.linalg.norm(d.rotation @ self.axis - self.axis)
+        return bool(np.linalg.norm(aside) <= ON_AXIS and tilt * arm <= ON_AXIS)
+
+    def _engages(self, start: pin.SE3, end: pin.SE3) -> bool:
+        assert self.pitch is not None
+        advance = (end.act(self.origin) - start.act(self.origin)) @ self.axis
+        turn = pin.log3(end.rotation @ start.rotation.T) @ self.axis
+        return bool(abs(advance - self.pitch * turn / (2.0 * np.pi)) <= ON_AXIS)
+
+    def engaged(self, d: pin.SE3) -> bool:
+        """Whether the two share some length at a displacement of a against b."""
+        along = float((d.act(self.origin) - self.origin) @ self.axis)
+        return -self.apart[1] + ON_AXIS < along < self.apart[0] - ON_AXIS
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Surfaces that reach into each other where the parts stand, beyond what fits and facets explain."""
+
+    parts: tuple[str, str]
+    surfaces: tuple[int, ...]
+    depth: float
+    """m"""
+
+
+@dataclass(frozen=True, eq=False)
+class GroupStop:
+    """What stops a group of parts that move as one body."""
+
+    t: float
+    """in [0, 1): how far along the leg"""
+    part: int
+    """of the group"""
+    by: int
+    stop: Stop
+
+
+class Assembly:
+    """A scene as it stands.
+
+    Parameters
+    ----------
+    authorised: pairs of part names that may overlap as they like.
+    threads: m a turn by part name: its snug fits are threads, drawn without them.
+    tolerance: of planned motions.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        authorised: Iterable[tuple[str, str]] = (),
+        threads: Mapping[str, float] | None = None,
+        tolerance: Tolerance = TOLERANCE,
+        progress: Progress = lambda fraction, text: None,
+    ) -> None:
+        self.scene, self.tolerance = scene, tolerance
+        self.names = scene.names
+        self.poses = tuple(pin.SE3(part.pose) for part in scene.parts)
+        self.meshes = tuple(part.mesh for part in scene.parts)
+        self.authorised = frozenset(frozenset((scene.index(a), scene.index(b))) for a, b in authorised)
+        self._threads = {scene.index(name): pitch for name, pitch in (threads or {}).items()}
+        for name, pitch in (threads or {}).items():
+            if not (np.isfinite(pitch) and pitch != 0.0):
+                raise VpframeError(f"the thread of {name} has a pitch of {pitch!r}; give metres a turn, not zero")
+        self._progress = progress
+        self.sweeps = Sweeps(self.meshes, self.poses, tolerance, self._excuse)
+        self._stops: dict[tuple[Any, ...], Stop | None] = {}
+        self._patches: dict[tuple[int, int], tuple[Patch, ...]] = {}
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def world(self) -> CollisionManager:
+        """The parts where they stand, under the tolerance of recognition."""
+        return world_of(self.scene)
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """What the features of parts that touch are to each other, best first."""
+        return candidates(self.scene, self.world, lambda done: self._progress(done, "mates"), implied=True)
+
+    @cached_property
+    def overlaps(self) -> tuple[Overlap, ...]:
+        """What overlaps where the parts stand and is not authorised, the deepest first."""
+        pairs = [tuple(self.names[i] for i in sorted(pair)) for pair in self.authorised]
+        rows = clash(self.scene, authorised=pairs, progress=self._progress)["pairs"]  # type: ignore[arg-type]
+        found = [
+            Overlap(tuple(row["parts"]), tuple(row["surfaces"]), row["depth"])
+            for row in rows
+            if row["kind"] in BAD_KINDS and is_open(row)
+        ]
+        return tuple(sorted(found, key=lambda o: (-o.depth, o.parts, o.surfaces)))
+
+    # -- mates
+
+    @cached_property
+    def mates(self) -> dict[tuple[int, int], tuple[Mate, ...]]:
+        """Fits and threads by pair of parts (a, b), a < b."""
+        features, _ = threaded_features(self.scene)
+        sags = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
+        out: dict[tuple[int, int], list[Mate]] = {}
+        for candidate in self.candidates:
+            mate = self._mate(candidate, features, sags)
+            if mate is not None:
+                out.setdefault(mate.parts, []).append(mate)
+        return {pair: tuple(mates) for pair, mates in sorted(out.items())}
+
+    def _mate(self, candidate: Candidate, features: Sequence[Any], sags: Sequence[float]) -> Mate | None:
+        a, fa, b, fb, kind = candidate.key
+        first, second = features[a][fa].geometry, features[b][fb].geometry
+        fit, t = candidate.match.fit, self.world.tolerance
+        if kind == "spherical" and isinstance(first, Sphere):
+            origin, axis = self.poses[a].act(first.center), np.zeros(3)
+        elif kind in ("concentric", "screw") and isinstance(first, Cylinder) and isinstance(second, Cylinder):
+            origin, axis = self.poses[a].act(first.origin), self.poses[a].rotation @ first.axis
+        else:
+            return None
+        stated = self._threads.get(a, self._threads.get(b)) if kind == "concentric" else None
+        pitch = candidate.pitch if stated is None else stated
+        thread = kind == "screw" or stated is not None
+        if not thread:  # what fits loosely needs no excuse; what is pressed in is an overlap
+            gap = (fit or 0.0) - candidate.residual
+            if not -t.linear <= gap <= sags[a] + sags[b] + t.linear:
+                return None
+        apart = np.inf, np.inf
+        if isinstance(first, Cylinder):
+            spans = [Extent.of(features[i][f]).spans for i, f in ((a, fa), (b, fb))]
+            low_a, high_a = self._heights(a, first, spans[0], origin, axis)
+            low_b, high_b = self._heights(b, second, spans[1], origin, axis)
+            apart = max(high_b - low_a, 0.0), max(high_a - low_b, 0.0)
+        surfaces = candidate.surfaces
+        beside = tuple(adjacent_surfaces(self.meshes[i], s) for i, s in zip((a, b), surfaces, strict=True))
+        excused: list[Pairing] = [(surfaces[0], surfaces[1] + beside[1]), (beside[0], surfaces[1])]
+        found = sleeve(candidate, features, (self.meshes[a], self.meshes[b]), t.fit)
+        if found is not None:
+            excused.append(found)
+        return Mate(
+            (a, b), "screw" if thread else kind, np.asarray(origin), np.asarray(axis), pitch if thread else None,
+            thread and fit is not None, apart, tuple(excused),
+        )  # fmt: skip
+
+    def _heights(self, i: int, cylinder: Any, spans: Array, origin: Array, axis: Array) -> tuple[float, float]:
+        """Least and greatest height (m) of a cylinder of part i along a world line, from its spans along its own."""
+        own = self.poses[i].rotation @ cylinder.axis
+        base = (self.poses[i].act(cylinder.origin) - origin) @ axis
+        ends = base + (own @ axis) * np.array([spans[0, 0], spans[-1, 1]])
+        return float(ends.min()), float(ends.max())
+
+    def mates_of(self, i: int, j: int) -> tuple[Mate, ...]:
+        """Fits and threads of two parts."""
+        return self.mates.get((min(i, j), max(i, j)), ())
+
+    def excused(self, i: int, j: int) -> tuple[Pairing, ...]:
+        """Surfaces of i, surfaces of j that some motions leave out."""
+        pairs = [(m.parts[0] == i, pairing) for m in self.mates_of(i, j) for pairing in m.excused]
+        return tuple(pairing if first else (pairing[1], pairing[0]) for first, pairing in pairs)
+
+    def _excuse(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> Iterable[Pairing] | None:
+        """What `Sweeps` asks of each leg of part i against part j."""
+        out: list[Pairing] = []
+        for mate in self.mates_of(i, j):
+            first = mate.parts[0] == i
+            one, other = (start, end) if first else (start.inverse(), end.inverse())
+            if mate.keeps(one, other):
+                out += mate.excused if first else [(b, a) for a, b in mate.excused]
+            elif mate.drawn and mate.engaged(one) and mate.axis @ mate.axis > 0.0:
+                return None
+        return out
+
+    # -- contacts
+
+    @cached_property
+    def _touching(self) -> dict[tuple[int, int], set[tuple[int, int]]]:
+        """Pairs of features by pair of parts that may touch where the parts stand."""
+        features = [part.features for part in self.scene.parts]
+        place = [{s: f for f, feature in enumerate(own) for s in feature.surfaces} for own in features]
+        sag = max((float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts), default=0.0)
+        out: dict[tuple[int, int], set[tuple[int, int]]] = {}
+        for row in self.world.contacts(within=2.0 * sag + 2.0 * self.tolerance.linear):
+            a, b = int(row["object_a"]), int(row["object_b"])
+            fa, fb = place[a].get(int(row["surface_a"])), place[b].get(int(row["surface_b"]))
+            if fa is not None and fb is not None and frozenset((a, b)) not in self.authorised:
+                out.setdefault((a, b), set()).add((fa, fb))
+        return out
+
+    def patches(self, i: int, j: int) -> tuple[Patch, ...]:
+        """Where part i, which may move, touches part j where they stand; of closed solids only, whose normals tell the
+        outside. Kept."""
+        if (i, j) not in self._patches:
+            low, high = min(i, j), max(i, j)
+            found = []
+            closed = self.scene.parts[i].shape.closed and self.scene.parts[j].shape.closed
+            for fa, fb in sorted(self._touching.get((low, high), ())) if closed else ():
+                mine, theirs = (fa, fb) if i == low else (fb, fa)
+                patch = contact_patch(
+                    self.scene.parts[i].features[mine], self.poses[i],
+                    self.scene.parts[j].features[theirs], self.poses[j], self.tolerance.linear,
+                )  # fmt: skip
+                if patch is not None:
+                    found.append(patch)
+            self._patches[i, j] = tuple(found)
+        return self._patches[i, j]
+
+    # -- questions
+
+    def stop(self, i: int, j: int, knots: Knots) -> Stop | None:
+        """Where part j, standing, stops part i on its way; None if it goes to the end. Kept."""
+        if frozenset((i, j)) in self.authorised:
+            return None
+        key = i, j, *(k.homogeneous.tobytes() for k in knots)
+        if key not in self._stops:
+            self._stops[key] = self.sweeps.stop(i, j, knots)
+        return self._stops[key]
+
+    def straight(self, i: int, j: int, direction: Array) -> Stop | None:
+        """Where part j stops part i on its straight way along a unit direction until they are apart. Kept."""
+        if frozenset((i, j)) in self.authorised:
+            return None
+        key = i, j, direction.tobytes()
+        back = j, i, (0.0 - direction).tobytes()
+        if key not in self._stops:
+            if back in self._stops and self._stops[back] is None:
+                return None
+            self._stops[key] = self.sweeps.straight(i, j, direction, CLEAR)
+        return self._stops[key]
+
+    def first_stop(self, group: Sequence[int], others: Iterable[int], start: pin.SE3, end: pin.SE3) -> GroupStop | None:
+        """The first stop of a group that moves as one body from one displacement to another, None without one."""
+        best: GroupStop | None = None
+        for i in group:
+            for j in others:
+                if frozenset((i, j)) in self.authorised:
+                    continue
+                found = self.sweeps.stop(i, j, (start, end))
+                if found is not None and (best is None or found.t < best.t):
+                    best = GroupStop(found.t, i, j, found)
+        return best
+
+    def size(self, i: int) -> float:
+        """m: half the diagonal of a part's box."""
+        return half_size(self.meshes[i])
+
+    def far(self, group: Sequence[int], others: Iterable[int], direction: Array, at: pin.SE3 | None = None) -> float:
+        """m: how far a group, displaced by `at`, goes along a unit direction until a plane parts it from all others."""
+        front = max((self.sweeps.extent(j, direction)[1] for j in others), default=-np.inf)
+        if at is None:
+            back = min(self.sweeps.extent(i, direction)[0] for i in group)
+        else:
+            turned = at.rotation.T @ direction
+            back = min(float((self.sweeps.corners(i) @ turned).min()) for i in group)
+            back += float(at.translation @ direction)
+        return max(0.0, front - back) + CLEAR if np.isfinite(front) else CLEAR
+
+    def with_tolerance(self, linear: float) -> Sweeps:
+        """Sweeps that stop at another distance: to find the least clearance of a way."""
+        slop = min(1.0, self.tolerance.slop * self.tolerance.linear / linear)
+        return Sweeps(self.meshes, self.poses, replace(self.tolerance, linear=linear, slop=slop), self._excuse)
+
+
+def translation(vector: Array) -> pin.SE3:
+    """The displacement by a vector (3,), m."""
+    return pin.SE3(np.eye(3), np.asarray(vector, np.float64))
+
+
+def turned(origin: Array, axis: Array, angle: float, advance: float = 0.0) -> pin.SE3:
+    """The displacement that turns by `angle` rad about a line and goes `advance` m along it."""
+    rotation = pin.exp3(angle * axis)
+    return pin.SE3(rotation, origin - rotation @ origin + advance * axis)

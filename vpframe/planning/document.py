@@ -1,0 +1,244 @@
+"""What a plan is written as: one JSON document, lines for a person, track files, a task script."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from vpframe.errors import VpframeError
+from vpframe.planning.certify import Clearance
+from vpframe.planning.plan import Disassembly, PlannedStep
+from vpframe.planning.verdict import Removal, Tried
+from vpframe.planning.ways import Way
+from vpframe.text import plain
+
+GENERATOR = "vpframe"
+
+
+def document(plan: Disassembly, seed: int, tolerance: float, tracks: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """The plan as JSON; lengths in metres. tracks: file names by part, where tracks were written."""
+    files = tracks or {}
+    return {
+        "generator": GENERATOR,
+        "verdict": plan.verdict,
+        "target": plan.target,
+        "base": list(plan.base),
+        "steps": [_step(step, plan.names, files) for step in plan.steps],
+        "precedence": {name: list(after) for name, after in plan.precedence.items()},
+        "levels": [list(level) for level in plan.levels],
+        "minimal": {"proven": plan.proven, "bound": plan.bound},
+        "remaining": list(plan.remaining),
+        "tried": [row for name, stuck in plan.stuck.items() for row in _tried(name, stuck.tried)],
+        "proofs": {name: found for name, stuck in plan.stuck.items() if (found := _proof(stuck)) is not None},
+        "overlaps": [{"parts": list(o.parts), "surfaces": list(o.surfaces), "depth": o.depth} for o in plan.overlaps],
+        "budget": {
+            "seconds": plan.budget.seconds,
+            "questions": plan.budget.questions,
+            "asked": plan.budget.asked,
+            "ended_by_clock": plan.budget.by_clock,
+        },
+        "seed": seed,
+        "tolerance": tolerance,
+        "interrupted": plan.interrupted,
+    }
+
+
+def _step(step: PlannedStep, names: Sequence[str], files: Mapping[str, str]) -> dict[str, Any]:
+    way = step.way
+    return {
+        "parts": list(step.parts),
+        "motion": way.motion,
+        "direction": [float(x) for x in way.direction],
+        "turns": way.turns,
+        "level": step.level,
+        "after": list(step.after),
+        "track": {name: files[name] for name in step.parts if name in files},
+        "length": step.length,
+        "least_clearance": _clearance(step.clearance, names),
+        "knots": [[float(x) for x in (*k.translation, *pin.Quaternion(k.rotation).coeffs())] for k in way.knots],
+    }
+
+
+def _clearance(clearance: Clearance, names: Sequence[str]) -> dict[str, Any] | None:
+    if clearance.parts is None or clearance.surfaces is None or clearance.at is None:
+        return None
+    (a, b), (i, j) = clearance.parts, clearance.surfaces
+    return {
+        "distance": clearance.distance,
+        "surfaces": [names[a], i, names[b], j],
+        "at": [float(x) for x in clearance.at],
+    }
+
+
+def _tried(name: str, tried: Iterable[Tried]) -> list[dict[str, Any]]:
+    return [
+        {
+            "part": name,
+            "way": t.way,
+            "stopped_by": list(t.stopped_by),
+            "surfaces": [list(s) for s in t.surfaces],
+            "reached": t.reached,
+            "why": t.why,
+        }
+        for t in tried
+    ]
+
+
+def _proof(found: Removal) -> dict[str, Any] | None:
+    if found.verdict == "enclosed":
+        return {"verdict": "enclosed", "by": list(found.blockers)}
+    if found.proof is None:
+        return None
+    return {
+        "verdict": "locked",
+        "surfaces": [list(s) for s in found.proof.surfaces],
+        "multipliers": [str(x) for x in found.proof.multipliers],
+        "rows": [[float(x) for x in found.proof.cone.rows[k]] for k in found.proof.lock.rows],
+        "margin": found.proof.margin,
+        "tolerance": found.proof.tolerance,
+    }
+
+
+def table(plan: Disassembly) -> str:
+    """The plan for a person: a line a step, then what did not come out and why."""
+    what = plan.target or "everything but " + ", ".join(plan.base)
+    lines = []
+    if plan.verdict == "removable":
+        least = f", the fewest over the ways found ({plan.bound} at least)" if plan.proven else ""
+        lines.append(f"{what} comes out in {len(plan.steps)} step{'s' * (len(plan.steps) != 1)}{least}")
+    else:
+        lines.append(f"{plan.verdict}: {', '.join(plan.remaining)}")
+    for n, step in enumerate(plan.steps, 1):
+        d = step.clearance.distance
+        near = "" if not math.isfinite(d) else f", {d * 1e3:.3g} mm clear"
+        lines.append(f"  {n:3}  {', '.join(step.parts)}: {step.way.text}, {step.length * 1e3:.4g} mm{near}")
+    for name, stuck in plan.stuck.items():
+        by = f" (in the way: {', '.join(stuck.blockers)})" if stuck.blockers else ""
+        lines.append(f"  {name} is {WORDS[stuck.verdict]}{by}")
+    for o in plan.overlaps:
+        lines.append(f"  overlaps as it stands, not deepened: {o.parts[0]} – {o.parts[1]}, {o.depth * 1e3:.3f} mm")
+    if plan.interrupted:
+        lines.append("  interrupted; these are the steps found until then")
+    elif plan.remaining and plan.budget.by_clock:
+        lines.append("  the time was used up; a larger --budget may find more")
+    return "\n".join(map(plain, lines))
+
+
+WORDS = {
+    "locked": "locked: contacts leave it no motion (proof)",
+    "enclosed": "enclosed (proof)",
+    "not found": "not found to come out within the budget",
+    "removable": "removable",
+}
+
+
+def track_files(plan: Disassembly) -> dict[str, str]:
+    """File names by part, none twice."""
+    out: dict[str, str] = {}
+    for step in plan.steps:
+        for name in step.parts:
+            stem = "".join(c if c.isalnum() or c in "-_." else "_" for c in name).strip(".") or "part"
+            taken = set(out.values())
+            out[name] = next(
+                file for k in range(len(out) + 1) if (file := f"{stem}{f'_{k + 1}' if k else ''}.csv") not in taken
+            )
+    return out
+
+
+def known_ways(text: str, path: str) -> list[tuple[tuple[str, ...], Way]]:
+    """The ways of a plan that was written before, for `--resume`; nothing of them is believed but that they are ways.
+
+    Raises VpframeError, naming the file, where it is no such document.
+    """
+    try:
+        out = []
+        for step in json.loads(text)["steps"]:
+            knots = []
+            for row in step["knots"]:
+                x = np.array([float(v) for v in row], np.float64)
+                if x.shape != (7,) or not np.isfinite(x).all() or np.linalg.norm(x[3:]) < 0.5:
+                    raise ValueError("a knot")
+                quaternion = pin.Quaternion(x[3:] / np.linalg.norm(x[3:]))
+                knots.append(pin.SE3(quaternion.toRotationMatrix(), x[:3]))
+            direction = np.array([float(v) for v in step["direction"]], np.float64)
+            if len(knots) < 2 or not knots[0].isIdentity(1e-12) or direction.shape != (3,):
+                raise ValueError("knots")
+            if not np.isfinite(direction).all() or abs(np.linalg.norm(direction) - 1.0) > 1e-6:
+                raise ValueError("a direction")
+            motion = step["motion"]
+            if motion not in ("straight", "screw", "slide", "free"):
+                raise ValueError("a motion")
+            way = Way(motion, direction, (pin.SE3.Identity(), *knots[1:]), float(step["turns"]))
+            out.append((tuple(str(name) for name in step["parts"]), way))
+        return out
+    except (KeyError, TypeError, ValueError) as error:
+        raise VpframeError(f"{path}: is not a plan to go on from ({error}); leave out --resume") from None
+
+
+def script(plan: Disassembly, model: str, folder: str, files: Mapping[str, str]) -> str:
+    """A task script that takes the model apart as planned: to be read, changed and run."""
+    lines = []
+    for n, step in enumerate(plan.steps, 1):
+        first, carried = step.parts[0], step.parts[1:]
+        carry = f", carry={_list(carried)}" if carried else ""
+        lines.append(f"    # {n}: {plain(step.way.text)}")
+        lines.append(f"    hand.grab({_quoted(first)}{carry})")
+        if step.motion == "straight":
+            far = float(np.linalg.norm(step.way.knots[-1].translation))
+            d = ", ".join(repr(float(x)) for x in step.way.direction)
+            lines.append(f"    hand.slide(({d}), distance={far!r})")
+        else:
+            lines.append(f"    hand.follow(TRACKS / {_quoted(files[first])})")
+        lines += ["    hand.release()", f"    put_aside(session, {_list(step.parts)})", ""]
+    mates = "".join(f"    ({', '.join(map(_quoted, mate))}),\n" for mate in plan.mates)
+    return _TEMPLATE.format(
+        mates=mates,
+        model=_quoted(Path(model).name)[1:-1],
+        file=_quoted(model),
+        folder=_quoted(folder),
+        steps="\n".join(lines),
+    )
+
+
+def _list(names: Iterable[str]) -> str:
+    return "[" + ", ".join(map(_quoted, names)) + "]"
+
+
+def _quoted(text: str) -> str:
+    return plain(json.dumps(text, ensure_ascii=False))
+
+
+_TEMPLATE = '''"""Take {model} apart, as planned by `vpframe disassemble`: change what you like, then run it."""
+
+from pathlib import Path
+
+import vpframe as vp
+
+FILE = {file}
+TRACKS = Path(__file__).parent / {folder}
+MATES = [  # what the ways keep to; parts that only lie against others leave them
+{mates}]
+OPTIONS = {{"rule": vp.first_of(*(vp.accept_between(a, b, kind) for a, b, kind in MATES))}}
+
+
+def put_aside(session, parts):
+    """What has come out stands in nobody's way any more."""
+    for part in parts:
+        for other in session.scene:
+            if other not in parts:
+                session.authorise(part, other)
+
+
+def task(session):
+    hand = session.hand()
+{steps}
+
+if __name__ == "__main__":
+    vp.main(__file__)
+'''

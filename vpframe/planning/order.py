@@ -1,0 +1,228 @@
+"""In which order parts come out: greedy peeling over known ways, and groups where single parts block each other.
+
+Removing a part never blocks another, so peeling what is free until nothing is finds every part that the known ways can
+take out one at a time. Where single parts do not come out, the strong components of the blocking graph of a direction
+may come out as one (Wilson & Latombe, "Geometric reasoning about mechanical assembly", 1994).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vpframe.planning import certify, ways
+from vpframe.planning.assembly import Array, Assembly, Budget
+from vpframe.planning.certify import Clearance
+from vpframe.planning.ways import Way
+
+Unit = tuple[int, ...]
+"""parts that move as one"""
+SIMPLEST: Final = ("straight", "screw", "slide", "free")
+SMALLEST_GROUPS: Final = 6
+"""how many groups that come out are weighed against each other"""
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A way of a unit, and the parts that stand in it where all parts are there."""
+
+    unit: Unit
+    way: Way
+    blockers: frozenset[int]
+    length: float
+    """m, of its straight part"""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A unit that comes out."""
+
+    unit: Unit
+    way: Way
+    clearance: Clearance
+    after: frozenset[int]
+    """parts that have to be gone before"""
+
+
+class Ways:
+    """The straight ways and threads of units, with what blocks each, found once."""
+
+    def __init__(self, assembly: Assembly, budget: Budget, motion: str, clearance: float) -> None:
+        self.assembly, self.budget, self.motion, self.clearance = assembly, budget, motion, clearance
+        self.larger = False
+        """whether ways count by which the larger part of a thread turns, not the smaller"""
+        self._ways: dict[Unit, list[Way]] = {}
+        self._known: dict[tuple[Unit, int], Known] = {}
+        self._wide: dict[tuple[int, frozenset[int]], Clearance] = {}
+
+    def _others(self, unit: Unit) -> list[int]:
+        return [j for j in range(len(self.assembly)) if j not in unit]
+
+    def _candidates(self, unit: Unit) -> list[Way]:
+        """The ways of a unit among all parts, the simplest and shortest first."""
+        if unit not in self._ways:
+            others = self._others(unit)
+            cone, _ = ways.cone_of(self.assembly, unit, others)
+            found = [
+                ways.straight(self.assembly, unit, others, direction)
+                for direction in ways.directions(self.assembly, unit, others, cone)
+            ]
+            if self.motion != "straight":
+                found += ways.screws(self.assembly, unit, others)
+            self._ways[unit] = sorted(found, key=_simplest)
+        return [way for way in self._ways[unit] if self.larger or not way.larger]
+
+    def straight_directions(self, unit: Unit) -> list[Array]:
+        """(3,) unit vectors, along which straight ways of a unit are looked for."""
+        return [way.direction for way in self._candidates(unit) if way.motion == "straight"]
+
+    def of(self, unit: Unit) -> tuple[Known, ...]:
+        """All ways of a unit, with what blocks each."""
+        return tuple(self._with_blockers(unit, way) for way in self._candidates(unit))
+
+    def _with_blockers(self, unit: Unit, way: Way) -> Known:
+        key = unit, id(way)
+        if key not in self._known:
+            blockers = frozenset(j for j in self._others(unit) if self._stands_in(unit, way, j))
+            self._known[key] = Known(unit, way, blockers, _length(way))
+        return self._known[key]
+
+    def _stands_in(self, unit: Unit, way: Way, j: int) -> bool:
+        if way.motion == "straight":
+            return self.blocked(unit, j, way.direction)
+        before = self.assembly.sweeps.count
+        out = any(self.assembly.stop(i, j, way.knots) is not None for i in unit)
+        self.budget.ask(self.assembly.sweeps.count - before)
+        return out
+
+    def blocked(self, unit: Unit, j: int, direction: Array) -> bool:
+        """Whether part j stops any part of a unit on its straight way along a direction."""
+        before = self.assembly.sweeps.count
+        out = any(self.assembly.straight(i, j, direction) is not None for i in unit)
+        self.budget.ask(self.assembly.sweeps.count - before)
+        return out
+
+    def add(self, unit: Unit, way: Way) -> Known:
+        """Keep a way that a search found; which parts stand in it is asked now."""
+        self._candidates(unit)
+        self._ways[unit].append(way)
+        return self._with_blockers(unit, way)
+
+    def free(self, unit: Unit, present: Set[int]) -> Known | None:
+        """The simplest, then shortest, way of a unit that no part still there blocks, and that is wide enough.
+
+        A way is left at the first part that blocks it; what is found is kept.
+        """
+        standing = sorted(set(present) - set(unit))
+        for way in self._candidates(unit):
+            if any(self._stands_in(unit, way, j) for j in standing):
+                continue
+            known = self._with_blockers(unit, way)
+            if not self.clearance or self.clearance_of(known, frozenset(standing)).distance >= self.clearance:
+                return known
+        return None
+
+    def clearance_of(self, known: Known, standing: Set[int]) -> Clearance:
+        """The least clearance of a way among parts that do not block it."""
+        key = id(known), frozenset(standing)
+        if key not in self._wide:
+            found = certify.least_clearance(
+                self.assembly, known.unit, sorted(standing), known.way.knots, self.clearance
+            )
+            self._wide[key] = found
+        return self._wide[key]
+
+    def step(self, known: Known, present: Set[int], scope: Set[int]) -> Step:
+        """The step that takes a unit out along a way while some parts of a scope are still there."""
+        standing = frozenset(present) - set(known.unit)
+        return Step(known.unit, known.way, self.clearance_of(known, standing), known.blockers & frozenset(scope))
+
+
+def _simplest(way: Way) -> tuple[int, float]:
+    return SIMPLEST.index(way.motion), round(_length(way), 9)
+
+
+def _length(way: Way) -> float:
+    return sum(
+        float(np.linalg.norm(b.translation - a.translation)) for a, b in zip(way.knots[:-1], way.knots[1:], strict=True)
+    )
+
+
+def groups(all_ways: Ways, units: Sequence[Unit], base: Set[int]) -> list[Known]:
+    """Groups of units that come out together, straight, from among all of `units`; the best first.
+
+    In the blocking graph of a direction a strong component that leads to no other moves freely along it. The best are
+    those whose parts contacts join, then the smallest. Parts of `base` stay.
+    """
+    assembly = all_ways.assembly
+    present = frozenset(i for unit in units for i in unit)
+    tried = ways.distinct(d for unit in units for d in all_ways.straight_directions(unit))
+    found: dict[Unit, Known] = {}
+    for direction in tried:
+        for members in free_components(all_ways, units, direction):
+            unit = tuple(sorted(i for k in members for i in units[k]))
+            if base & set(unit) or unit in found or len(unit) == len(present):
+                continue
+            others = [j for j in range(len(assembly)) if j not in unit]
+            way = ways.straight(assembly, unit, others, direction)
+            blockers = frozenset(j for j in others if all_ways.blocked(unit, j, direction))
+            found[unit] = Known(unit, way, blockers, _length(way))
+    ranked = sorted(found.values(), key=lambda g: (not _joined(assembly, g.unit), len(g.unit), g.unit))
+    return ranked[:SMALLEST_GROUPS]
+
+
+def free_components(all_ways: Ways, units: Sequence[Unit], direction: Array) -> list[list[int]]:
+    """Places of the units of each strong component that no other unit blocks along a direction."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(units)
+    blocked = np.zeros((n, n), bool)
+    for a, unit in enumerate(units):
+        for b, other in enumerate(units):
+            blocked[a, b] = a != b and any(all_ways.blocked(unit, j, direction) for j in other)
+    count, label = connected_components(coo_matrix(blocked), directed=True, connection="strong")
+    out = []
+    for k in range(count):
+        members = np.flatnonzero(label == k)
+        if not blocked[np.ix_(members, label != k)].any():
+            out.append(members.tolist())
+    return out
+
+
+def _joined(assembly: Assembly, unit: Unit) -> bool:
+    """Whether contacts or fits join all parts of a unit."""
+    reached, queue = {unit[0]}, [unit[0]]
+    while queue:
+        i = queue.pop()
+        for j in unit:
+            if j not in reached and (assembly.mates_of(i, j) or assembly.patches(i, j)):
+                reached.add(j)
+                queue.append(j)
+    return len(reached) == len(unit)
+
+
+def levels(steps: Sequence[Step]) -> tuple[int, ...]:
+    """Of each step the level at which it may be done: one more than the highest that has to come before, from 0."""
+    level: dict[int, int] = {}
+    out = []
+    for step in steps:
+        mine = 1 + max((level[j] for j in step.after | set(step.unit) if j in level), default=-1)
+        out.append(mine)
+        for i in step.unit:
+            level[i] = mine
+    return tuple(out)
+
+
+def needed(steps: Sequence[Step], target: int) -> list[Step]:
+    """The steps without those that nothing on the way to taking the target out waits for."""
+    wanted: set[int] = {target}
+    kept: list[Step] = []
+    for step in reversed(steps):
+        if wanted & set(step.unit):
+            kept.append(step)
+            wanted |= step.after
+    return kept[::-1]

@@ -1,0 +1,197 @@
+"""The page of a plan: a picture a step, what has to go before what, what may go side by side, and an exploded view."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from string import Template
+
+import numpy as np
+import pinocchio as pin
+
+import vpframe.report
+from vpframe.planning.certify import Track
+from vpframe.planning.document import WORDS
+from vpframe.planning.plan import Disassembly, PlannedStep
+from vpframe.scene.scene import Scene
+from vpframe.text import escape
+from vpframe.view.camera import Camera, look_at
+from vpframe.view.snapshot import png, render
+
+SIZE = (480, 360)
+PICTURES = 60
+"""steps that are drawn at most"""
+GONE = 0.0
+FAINT = 0.35
+"""opacity of parts that are still there, beside those that come out"""
+ROW, WIDTH, LABEL = 20, 860, 300
+
+
+def html(
+    plan: Disassembly, scene: Scene, title: str, progress: Callable[[float | None, str], None] = lambda f, t: None
+) -> str:
+    """The whole page; one file without outside parts."""
+    pictures = []
+    for n, step in enumerate(plan.steps[:PICTURES]):
+        progress(n / max(1, len(plan.steps)), "pictures")
+        gone = {name for other in plan.steps[:n] for name in other.parts}
+        pictures.append(_figure(_step_picture(scene, step, gone), f"{n + 1}: {', '.join(step.parts)}, {step.way.text}"))
+    sections = [
+        _head(plan, title),
+        _section("Exploded", f"<div class='wide'>{_figure(exploded(scene, plan), 'drawn along the ways out')}</div>")
+        if plan.steps else "",
+        _section("Steps", f"<div class='pictures'>{''.join(pictures)}</div>"),
+        _section("What has to go before what", _precedence(plan)),
+        _section("What may go side by side", _gantt(plan)),
+        _section("What stays in", _stuck(plan)),
+        _section("Overlaps as it stands, not deepened", _overlaps(plan)),
+    ]  # fmt: skip
+    template = Template((Path(vpframe.report.__file__).parent / "page.html").read_text(encoding="utf-8"))
+    return template.substitute(title=escape(f"{title}: taken apart"), body="\n".join(filter(None, sections)))
+
+
+def exploded(scene: Scene, plan: Disassembly) -> bytes:
+    """PNG: every part some way along its way out, those of higher levels, and of the same way, farther."""
+    poses = {}
+    count = max((step.level for step in plan.steps), default=0) + 1
+    for step in plan.steps:
+        share = 0.35 + 0.55 * (count - step.level) / count
+        for name in step.parts:
+            poses[name] = _along(step.tracks[name], share)
+    return png(render(scene, poses, size=(960, 720), camera=_camera(scene, poses)))
+
+
+def _step_picture(scene: Scene, step: PlannedStep, gone: set[str]) -> bytes:
+    poses = {name: _along(track, 0.6) for name, track in step.tracks.items()}
+    opacity = {name: GONE if name in gone else 1.0 if name in step.parts else FAINT for name in scene.names}
+    there = {name: poses.get(name, part.pose) for name, part in scene.items() if name not in gone}
+    return png(render(scene, poses, size=SIZE, camera=_camera(scene, there), opacity=opacity))
+
+
+def _along(track: Track, share: float) -> pin.SE3:
+    k = int(np.searchsorted(track.times, share * track.times[-1]))
+    return _between(track, min(k, len(track.poses) - 1), share)
+
+
+def _between(track: Track, k: int, share: float) -> pin.SE3:
+    if k == 0:
+        return track.poses[0]
+    t = share * float(track.times[-1])
+    first, last = float(track.times[k - 1]), float(track.times[k])
+    return pin.SE3.Interpolate(track.poses[k - 1], track.poses[k], min(1.0, (t - first) / (last - first)))
+
+
+def _camera(scene: Scene, poses: Mapping[str, pin.SE3]) -> Camera:
+    points = [
+        part.mesh.vertices @ poses.get(name, part.pose).rotation.T + poses.get(name, part.pose).translation
+        for name, part in scene.items()
+    ]
+    return look_at(np.concatenate(points))
+
+
+def _head(plan: Disassembly, title: str) -> str:
+    good = plan.verdict == "removable"
+    what = plan.target or "Everything"
+    words = f"{what} comes out." if good else f"{', '.join(plan.remaining)}: {plan.verdict}."
+    facts = [
+        ("steps", str(len(plan.steps))),
+        ("levels", str(len(plan.levels))),
+        ("stays", ", ".join(plan.base)),
+        ("fewest", "proven over the ways found" if plan.proven else "not proven" if plan.target else "not asked"),
+    ]
+    cells = "".join(f'<div class="fact"><span class="dim">{k}</span><b>{escape(v)}</b></div>' for k, v in facts)
+    return (
+        f"<h1>{escape(title)}</h1><div class='dim'>taken apart by vpframe · <a href='plan.json'>plan.json</a></div>"
+        f"<div class='verdict{'' if good else ' no'}'>{escape(words)}</div><div class='facts'>{cells}</div>"
+    )
+
+
+def _section(title: str, content: str) -> str:
+    return f"<h2>{title}</h2>\n{content}" if content else ""
+
+
+def _figure(picture: bytes, caption: str) -> str:
+    data = base64.b64encode(picture).decode("ascii")
+    text = escape(caption)
+    return f"<figure><img alt='{text}' src='data:image/png;base64,{data}'><figcaption>{text}</figcaption></figure>"
+
+
+def _precedence(plan: Disassembly) -> str:
+    """SVG: a column a level, a line from each part to those that wait for it; implied lines left out."""
+    if not plan.steps:
+        return ""
+    place: dict[str, tuple[float, float]] = {}
+    columns = plan.levels
+    wide = max(120.0, (WIDTH - 20) / len(columns))
+    body = []
+    for k, names in enumerate(columns):
+        for r, name in enumerate(names):
+            place[name] = 10.0 + k * wide, 12.0 + ROW * (r + 1)
+    before = plan.precedence
+    drawn = [(a, b) for b in before for a in before[b] if a in place and not _implied(before, a, b)]
+    for a, b in drawn:
+        (x, y), (u, v) = place[a], place[b]
+        start = x + min(wide - 24.0, 6.2 * len(_short(a)) + 6.0)
+        body.append(
+            f'<path d="M{start:.0f} {y - 4:.0f} C{start + 30:.0f} {y - 4:.0f} {u - 34:.0f} {v - 4:.0f} {u - 4:.0f} '
+            f'{v - 4:.0f}" fill="none" stroke="#9aa5b5"/>'
+        )
+    for name, (x, y) in place.items():
+        label = escape(_short(name))
+        body.append(f'<text x="{x:.0f}" y="{y:.0f}">{label}<title>{escape(name)}</title></text>')
+    height = 24 + ROW * max(map(len, columns))
+    width = 20.0 + wide * len(columns)
+    return f'<svg viewBox="0 0 {width:.0f} {height}" role="img">{"".join(body)}</svg>'
+
+
+def _implied(before: Mapping[str, tuple[str, ...]], a: str, b: str) -> bool:
+    """Whether a has to go before something else that has to go before b."""
+    return any(a in before.get(c, ()) for c in before[b] if c != a)
+
+
+def _short(name: str) -> str:
+    tail = name.rsplit("/", 1)[-1]
+    return tail if len(tail) <= 24 else tail[:23] + "…"
+
+
+def _gantt(plan: Disassembly) -> str:
+    """SVG: a lane a part; each level begins when the slowest way of the one before has ended."""
+    if not plan.steps:
+        return ""
+    seconds = [
+        max(float(t.times[-1]) for s in plan.steps if s.level == k for t in s.tracks.values())
+        for k in range(len(plan.levels))
+    ]
+    start = np.concatenate([[0.0], np.cumsum(seconds)])
+    scale = (WIDTH - LABEL - 20) / max(float(start[-1]), 1e-9)
+    body = []
+    for row, (name, step) in enumerate((n, s) for s in plan.steps for n in s.parts):
+        y = ROW * row + 4
+        x = LABEL + float(start[step.level]) * scale
+        width = max(2.0, float(step.tracks[name].times[-1]) * scale)
+        body.append(f'<text x="{LABEL - 8}" y="{y + 12}" text-anchor="end">{escape(_short(name))}</text>')
+        body.append(
+            f'<rect x="{x:.1f}" y="{y}" width="{width:.1f}" height="{ROW - 6}" rx="2" fill="#2a6bd6">'
+            f"<title>{escape(name)}, level {step.level + 1}</title></rect>"
+        )
+    count = sum(len(step.parts) for step in plan.steps)
+    return f'<svg viewBox="0 0 {WIDTH} {ROW * count + 8}" role="img">{"".join(body)}</svg>'
+
+
+def _stuck(plan: Disassembly) -> str:
+    rows = []
+    for name in plan.remaining:
+        stuck = plan.stuck.get(name)
+        word = WORDS[stuck.verdict] if stuck is not None else "not looked at within the budget"
+        by = ", ".join(stuck.blockers) if stuck is not None else ""
+        rows.append(f"<tr><td>{escape(name)}</td><td>{escape(word)}</td><td>{escape(by)}</td></tr>")
+    return f"<table><tr><th>part</th><th>verdict</th><th>in the way</th></tr>{''.join(rows)}</table>" if rows else ""
+
+
+def _overlaps(plan: Disassembly) -> str:
+    rows = [
+        f"<tr><td>{escape(o.parts[0])}</td><td>{escape(o.parts[1])}</td><td class=n>{o.depth * 1e3:.3f} mm</td></tr>"
+        for o in plan.overlaps
+    ]
+    return f"<table><tr><th>part</th><th>part</th><th class=n>depth</th></tr>{''.join(rows)}</table>" if rows else ""

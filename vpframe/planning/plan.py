@@ -1,0 +1,382 @@
+"""`removal` and `disassembly`: what scripts and the command line ask."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from vpframe.analysis.mates import base_parts
+from vpframe.errors import VpframeError
+from vpframe.planning import order, ways
+from vpframe.planning import target as least_set
+from vpframe.planning.assembly import Assembly, Budget, BudgetError, Overlap, Progress
+from vpframe.planning.certify import Clearance, Track, track
+from vpframe.planning.order import Known, Step, Unit, Ways
+from vpframe.planning.verdict import MOTIONS, Motion, Removal, Verdict, find
+from vpframe.planning.ways import Way
+from vpframe.scene.scene import Scene
+
+SECONDS = 60.0
+"""s: the budget of a disassembly where none is given"""
+
+
+def removal(
+    scene: Scene,
+    part: str | Sequence[str],
+    *,
+    budget: float = 10.0,
+    seed: int = 0,
+    motion: Motion = "free",
+    clearance: float = 0.0,
+    authorise: Iterable[tuple[str, str]] = (),
+    threads: Mapping[str, float] | None = None,
+) -> Removal:
+    """Take one part (or several that move as one) out from among all others, which stay where they are.
+
+    Parameters
+    ----------
+    budget: s; questions are counted, so that the same call gives the same answer (`Removal.questions`).
+    seed: of the sampling.
+    motion: "straight" ways alone; "mates": along threads and pushed along what is touched, too; "free": six freedoms.
+    clearance: m that surfaces keep all the way, but for those that are nearer where the parts stand.
+    authorise: pairs of part names that may overlap.
+    threads: m a turn by part, negative for left-hand ones: its snug fits are threads, drawn without them.
+
+    Raises
+    ------
+    UnknownPartError, VpframeError: no such part, a bad number or name.
+    """
+    _check(motion, clearance)
+    names = (part,) if isinstance(part, str) else tuple(part)
+    group = tuple(sorted(scene.index(name) for name in names))
+    if len(set(group)) != len(names) or not names:
+        raise VpframeError(f"the parts to take out are {list(names)}; name each once")
+    assembly = Assembly(scene, authorise, threads)
+    others = [j for j in range(len(assembly)) if j not in group]
+    return find(assembly, group, others, Budget(budget), motion, clearance, seed)
+
+
+def _check(motion: str, clearance: float) -> None:
+    if motion not in MOTIONS:
+        raise VpframeError(f"motion {motion!r}; known are {', '.join(MOTIONS)}")
+    if not 0.0 <= clearance < float("inf"):
+        raise VpframeError(f"clearance is {clearance!r}; give a length of at least 0 m")
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedStep:
+    """Parts that come out together."""
+
+    parts: tuple[str, ...]
+    way: Way
+    tracks: dict[str, Track]
+    """by part"""
+    clearance: Clearance
+    after: tuple[str, ...]
+    """parts that have to be gone before"""
+    level: int
+    """steps of one level may go side by side"""
+
+    @property
+    def motion(self) -> str:
+        """ "straight", "screw", "slide" or "free\""""
+        return self.way.motion
+
+    @property
+    def length(self) -> float:
+        """m that the first part's origin goes."""
+        return self.tracks[self.parts[0]].length
+
+
+@dataclass(frozen=True, eq=False)
+class Disassembly:
+    """An order in which parts come out."""
+
+    names: tuple[str, ...]
+    """of all parts of the scene"""
+    verdict: Verdict
+    """"removable" if all that was asked for comes out; else what is known of the first part that does not"""
+    steps: tuple[PlannedStep, ...]
+    base: tuple[str, ...]
+    """parts that stay"""
+    remaining: tuple[str, ...]
+    """parts that were asked for and did not come out"""
+    target: str | None
+    bound: int | None
+    """with a target: no plan over the ways found has fewer steps; None where that is not known"""
+    proven: bool
+    """whether the steps are as few as `bound`"""
+    stuck: dict[str, Removal]
+    """what searches found of parts that did not come out, among what was left then"""
+    overlaps: tuple[Overlap, ...]
+    mates: tuple[tuple[str, str, str], ...]
+    """part, part, kind: the fits and threads that ways keep to; a session that does the plan accepts these"""
+    budget: Budget = field(repr=False)
+    questions: int = 0
+    interrupted: bool = False
+
+    @property
+    def precedence(self) -> dict[str, tuple[str, ...]]:
+        """By part, the parts that have to be gone before it."""
+        return {name: step.after for step in self.steps for name in step.parts}
+
+    @property
+    def levels(self) -> tuple[tuple[str, ...], ...]:
+        """Parts that may go side by side, level by level."""
+        count = max((step.level for step in self.steps), default=-1) + 1
+        return tuple(tuple(n for step in self.steps if step.level == k for n in step.parts) for k in range(count))
+
+    def __bool__(self) -> bool:
+        return self.verdict == "removable"
+
+
+def disassembly(
+    scene: Scene,
+    target: str | None = None,
+    *,
+    base: Iterable[str] = (),
+    carry: Iterable[Sequence[str]] = (),
+    authorise: Iterable[tuple[str, str]] = (),
+    threads: Mapping[str, float] | None = None,
+    clearance: float = 0.0,
+    motion: Motion = "free",
+    budget: float = SECONDS,
+    seed: int = 0,
+    known: Iterable[tuple[Sequence[str], Way]] = (),
+    progress: Progress = lambda fraction, text: None,
+    found: Callable[[Sequence[str], str], None] = lambda parts, text: None,
+) -> Disassembly:
+    """In which order all parts come out, or the least that has to go before the target comes out, and the target.
+
+    Parameters
+    ----------
+    base: parts that stay; by default those that are fixed, else the largest.
+    carry: groups of parts that come out as one.
+    authorise, threads, clearance, motion, budget, seed: as of `removal`.
+    known: parts and ways from an earlier plan; they are swept anew before they are used.
+    progress: hears the fraction done and what has been found so far.
+    found: hears the parts of each step as it is found, and the way in words.
+
+    Ctrl-C ends the search; the steps found until then are kept, and `interrupted` is set.
+
+    Raises
+    ------
+    UnknownPartError, VpframeError: no such part, a part in two groups, a target that is a base, a bad number or name.
+    """
+    _check(motion, clearance)
+    assembly = Assembly(scene, authorise, threads, progress=progress)
+    return _Plan(assembly, target, base, carry, clearance, motion, Budget(budget), seed, progress, found).run(known)
+
+
+class _Plan:
+    def __init__(
+        self, assembly: Assembly, target: str | None, base: Iterable[str], carry: Iterable[Sequence[str]],
+        clearance: float, motion: Motion, budget: Budget, seed: int, progress: Progress,
+        found: Callable[[Sequence[str], str], None],
+    ) -> None:  # fmt: skip
+        scene = assembly.scene
+        self.assembly, self.clearance, self.motion, self.seed = assembly, clearance, motion, seed
+        self.budget, self.progress, self.found = budget, progress, found
+        self.target = None if target is None else scene.index(target)
+        given = tuple(scene.index(name) for name in base)
+        self.base = set(given or (i for i in base_parts(scene) if given or i != self.target))
+        self.units = self._units(carry)
+        if self.target is not None and self.target in self.base:
+            raise VpframeError(f"{target} is to come out and to stay; name another base with --base")
+        for unit in self.units:
+            if len(unit) > 1 and self.base & set(unit):
+                raise VpframeError(f"{assembly.names[min(self.base & set(unit))]} stays, so nothing can carry it")
+        self.ways = Ways(assembly, budget, motion, clearance)
+        self.steps: list[Step] = []
+        self.out: set[int] = set()
+        """parts that came out, and the bases of groups that did"""
+        self.results: dict[Unit, Removal] = {}
+        """what searches found of units that did not come out"""
+        self.bound: int | None = None
+        self.interrupted = False
+
+    def _units(self, carry: Iterable[Sequence[str]]) -> list[Unit]:
+        index = self.assembly.scene.index
+        groups = [tuple(sorted(index(name) for name in group)) for group in carry]
+        taken = [i for group in groups for i in group]
+        if len(set(taken)) != len(taken):
+            twice = next(i for i in taken if taken.count(i) > 1)
+            raise VpframeError(f"{self.assembly.names[twice]} is in two groups that come out as one; name it in one")
+        single = [(i,) for i in range(len(self.assembly)) if i not in taken]
+        return sorted([*groups, *single])
+
+    def run(self, known: Iterable[tuple[Sequence[str], Way]] = ()) -> Disassembly:
+        """Plan; `known` ways are among those that are tried."""
+        everything = set(range(len(self.assembly)))
+        try:
+            for names, way in known:
+                unit = tuple(sorted(self.assembly.scene.index(name) for name in names))
+                if unit in self.units and way.motion not in ("straight", "screw"):  # those are found anew at once
+                    self.ways.add(unit, way)
+            if self.target is None or not self._least_ways(everything):
+                self._peel(set(everything), self.base, everything)
+        except BudgetError:
+            pass
+        except KeyboardInterrupt:
+            self.interrupted = True
+        if self.target is not None and self.target in self.out:
+            self.steps = order.needed(self.steps, self.target)
+        return self._told()
+
+    # -- the target, by the least number of removals
+
+    def _least_ways(self, everything: set[int]) -> bool:
+        """`_least`, the larger part of a thread turned only where it takes the smaller part's ways no farther."""
+        for self.ways.larger in (False, True):
+            if self._least(everything):
+                return True
+        self.ways.larger = False
+        return False
+
+    def _least(self, everything: set[int]) -> bool:
+        """Take the target out by the fewest removals over straight ways and threads; False if they do not do it."""
+        assert self.target is not None
+        of_part = {i: u for u, unit in enumerate(self.units) for i in unit}
+        alone = self.ways.free(self.units[of_part[self.target]], everything)
+        if alone is not None:  # nothing has to go before it, so there is nothing to weigh
+            self._take(alone, set(everything), everything)
+            self.bound = 1
+            return True
+        known: list[list[Known]] = []
+        for u, unit in enumerate(self.units):
+            self.progress(u / len(self.units), f"ways of {self.assembly.names[unit[0]]}")
+            known.append([] if self.base & set(unit) else list(self.ways.of(unit)))
+        blockers = [[frozenset(of_part[j] for j in k.blockers) for k in mine] for mine in known]
+        found = least_set.least(blockers, of_part[self.target])
+        if found is None:
+            return False
+        chosen = [known[u][k] for u, k in found.chosen]
+        standing = set(everything)
+        for k in chosen:
+            standing -= set(k.unit)
+            if self.clearance and self.ways.clearance_of(k, standing).distance < self.clearance:
+                return False
+        standing = set(everything)
+        for k in chosen:
+            self._take(k, standing, everything)
+            standing -= set(k.unit)
+        self.bound = found.bound
+        return True
+
+    # -- everything, or until the target is out
+
+    def _peel(self, present: set[int], base: set[int], scope: set[int]) -> None:
+        """Take parts out of those present until only the base is left, the target is out, or nothing more comes out.
+
+        scope: the parts that there were: of the whole, or of a group that is taken apart by itself.
+        """
+        while not present <= base and self.target not in self.out:
+            left = [unit for unit in self.units if set(unit) <= present and not base & set(unit)]
+            free: list[Known] = []
+            try:
+                for n, unit in enumerate(left):
+                    done = len(self.out) / max(1, len(self.assembly))
+                    self.progress(done, f"{len(self.steps)} steps found; part {n + 1} of {len(left)}")
+                    known = self.ways.free(unit, present)
+                    if known is not None:
+                        free.append(known)
+            finally:  # also of a search that is cut off
+                standing = set(present)
+                for known in self._side_by_side(free):  # each way was found among all that is there now
+                    self._take(known, standing, scope)
+                    present -= set(known.unit)
+            if free:
+                self.ways.larger = False
+            elif not self.ways.larger:
+                self.ways.larger = True  # a bolt turns in its nut only where nothing else goes
+            elif not self._group(present, base, scope) and not self._search(left, present, scope):
+                return
+
+    def _side_by_side(self, free: Sequence[Known]) -> list[Known]:
+        """The ways that may be gone at once: of two parts of one thread the smaller turns, and the larger waits."""
+        size = {known.unit: sum(map(self.assembly.size, known.unit)) for known in free}
+        out: list[Known] = []
+        for known in sorted(free, key=lambda k: (size[k.unit], k.unit)):
+            turned = [other.unit for other in out if other.way.motion == "screw" or known.way.motion == "screw"]
+            mates = [m for unit in turned for m in ways.mates_between(self.assembly, known.unit, unit)]
+            if not any(mate.kind == "screw" for mate in mates):
+                out.append(known)
+        return sorted(out, key=lambda k: k.unit)
+
+    def _take(self, known: Known, standing: set[int], scope: set[int]) -> None:
+        self.steps.append(self.ways.step(known, standing, scope))
+        self.out |= set(known.unit)
+        self.found(tuple(self.assembly.names[i] for i in known.unit), known.way.text)
+
+    def _group(self, present: set[int], base: set[int], scope: set[int]) -> bool:
+        """Take out the best group that comes out as one, and take it apart by itself; False if there is none."""
+        left = [unit for unit in self.units if set(unit) <= present]
+        found = order.groups(self.ways, left, base)
+        if not found:
+            return False
+        known = found[0]
+        self._take(known, present, scope)
+        present -= set(known.unit)
+        if self.target is None or self.target in known.unit:
+            inside = [unit for unit in self.units if set(unit) <= set(known.unit)]
+            largest = max(
+                (unit for unit in inside if self.target not in unit),
+                key=lambda unit: (sum(map(self.assembly.size, unit)), unit),
+            )
+            self.out -= set(known.unit) - set(largest)
+            self._peel(set(known.unit), set(largest), set(known.unit))
+        return True
+
+    def _search(self, left: Sequence[Unit], present: set[int], scope: set[int]) -> bool:
+        """Push and sample, for each unit that is left, the target and the small ones first; whether one came out."""
+        if self.motion == "straight":
+            left = [unit for unit in left if self.target is None or self.target in unit]
+        ranked = sorted(left, key=lambda unit: (self.target not in unit, sum(map(self.assembly.size, unit)), unit))
+        for n, unit in enumerate(ranked):
+            share = self.budget.share(0.5 if len(ranked) - n > 1 else 0.9)
+            self.progress(None, f"{len(self.steps)} steps found; a way for {self.assembly.names[unit[0]]}")
+            try:
+                got = find(
+                    self.assembly, unit, sorted(present - set(unit)), share, self.motion, self.clearance, self.seed
+                )
+            finally:
+                self.budget.asked += share.asked
+                self.budget.by_clock |= share.by_clock
+            self.results[unit] = got
+            known = None if got.way is None else self.ways.add(unit, got.way)  # swept once more, against all parts
+            if known is not None and not known.blockers & (present - set(unit)):
+                self._take(known, set(present), scope)
+                present -= set(unit)
+                return True
+        return False
+
+    # -- the answer
+
+    def _mates(self) -> tuple[tuple[str, str, str], ...]:
+        names = self.assembly.names
+        found = {(names[a], names[b], m.kind) for (a, b), mates in self.assembly.mates.items() for m in mates}
+        return tuple(sorted(found))
+
+    def _told(self) -> Disassembly:
+        names = self.assembly.names
+        steps = tuple(
+            PlannedStep(
+                tuple(names[i] for i in step.unit), step.way,
+                {names[i]: track(self.assembly.poses[i], step.way.knots) for i in step.unit}, step.clearance,
+                tuple(names[j] for j in sorted(step.after)), level,
+            )
+            for step, level in zip(self.steps, order.levels(self.steps), strict=True)
+        )  # fmt: skip
+        wanted = {self.target} if self.target is not None else set(range(len(names))) - self.base
+        remaining = sorted(wanted - self.out)
+        results = {i: got for unit, got in self.results.items() for i in unit if i in remaining}
+        verdict: Verdict = "removable"
+        if remaining:
+            verdict = results[remaining[0]].verdict if remaining[0] in results else "not found"
+        proven = self.bound is not None and len(steps) <= self.bound and not remaining
+        return Disassembly(
+            names, verdict, steps, tuple(names[i] for i in sorted(self.base)), tuple(names[i] for i in remaining),
+            None if self.target is None else names[self.target], self.bound, proven,
+            {names[i]: results[i] for i in sorted(results)},
+            self.assembly.overlaps, self._mates(), self.budget, self.assembly.sweeps.count, self.interrupted,
+        )  # fmt: skip

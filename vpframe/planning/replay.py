@@ -1,0 +1,34 @@
+"""The plan done by a hand in a session: what a recording shows, and a check by other means than the plan's own."""
+
+from __future__ import annotations
+
+from vpframe.hands.paths import Track as HandTrack
+from vpframe.planning.plan import Disassembly
+from vpframe.session.rules import Rule, accept_between, first_of
+from vpframe.session.session import Session
+
+
+def rule_of(plan: Disassembly) -> Rule:
+    """What a session that does the plan accepts: its fits and threads; what only lies against a part leaves it."""
+    return first_of(*(accept_between(a, b, kind) for a, b, kind in plan.mates))
+
+
+def perform(session: Session, plan: Disassembly) -> None:
+    """Take the parts out, step by step, in a session with `rule_of(plan)`; what is out stands in nobody's way any more.
+
+    Raises
+    ------
+    TaskError: the hand was stopped.
+    """
+    hand = session.hand()
+    names = session.scene.names
+    for step in plan.steps:
+        first, carried = step.parts[0], step.parts[1:]
+        track = step.tracks[first]
+        hand.grab(first, carry=carried)
+        hand.follow(HandTrack(track.times, track.poses))
+        hand.release()
+        for part in step.parts:
+            for other in names:
+                if other not in step.parts:
+                    session.authorise(part, other)
