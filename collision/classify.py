@@ -125,7 +125,7 @@ def _with_open_ones_named(manager: CollisionManager, pairs: list[PairClass], cal
     from collision.solid import solid_of
 
     gaps = [
-        f"{called[i]} is not closed: what is inside it is told by its winding number"
+        f"{called[i]} is not closed: its winding number decides what is inside it"
         for i in pairs[0].objects
         if not solid_of(manager.mesh(i)).closed
     ]

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from collision.contact import joined
+from collision.contact import joined, picked
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
 from collision.methods import METHODS, Method, examine
 from collision.objects import Objects, ids_of, key_of
+from collision.poses import pack_rigid
 from collision.reference.shape import ShapeMesh, mesh_of_shape
 from collision.statistics import Statistics
 from collision.tolerance import Tolerance
@@ -106,9 +107,9 @@ class CollisionManager(Objects):
         n, chosen = len(self._meshes), None
         if objects is not None:
             chosen = np.zeros(n, np.bool_)
-            for i in objects:
-                self.mesh(i)
-                chosen[i] = True
+            ids = list(objects)
+            self._require(ids)
+            chosen[ids] = True
         self._reset_broad_phase()
         keys = self._broad.near(self._bodies, n, within, chosen)
         if self._ignored:
@@ -210,7 +211,9 @@ class CollisionManager(Objects):
                 i, j, surface_contacts(self.mesh(i), self.mesh(j), pose, within, enabled, self.checked)
             )
 
-        return joined(self._rows(keys, of_meshes, of_pair))
+        rows = joined(self._rows(keys, of_meshes, of_pair))
+        near = rows["distance"] <= within
+        return rows if near.all() else picked(rows, near)
 
     def _to_world(self, i: int, j: int, rows: NDArray[Any]) -> NDArray[Any]:
         pose = self.pose(i)
@@ -256,6 +259,20 @@ class CollisionManager(Objects):
         from collision.query.penetration import penetration
 
         return penetration(self, i, j)
+
+    def signed_distances(
+        self, i: int, j: int, surfaces: ArrayLike, within: float = 0.0, at: pin.SE3 | None = None
+    ) -> NDArray[np.float64]:
+        """Return (n,) signed distances, m, of pairs (n, 2) of surfaces of i and of j; `within` where they are more.
+
+        Negative where surfaces meet: minus the shortest translation that parts two of their triangles. at: the pose of
+        j in the frame of i, where it is not that of now. Ignored pairs have a distance too.
+        """
+        from collision.bvh.build import bvh_of
+        from collision.query.signed_distance import signed_distances_of
+
+        pose = pack_rigid(self.relative_pose(i, j) if at is None else at)
+        return signed_distances_of(bvh_of(self.mesh(i)), bvh_of(self.mesh(j)), pose, np.asarray(surfaces), within)
 
     def time_of_impact(self, moves: Mapping[int, pin.SE3], deflection: float = 0.0) -> TimeOfImpact:
         """Return the first impact on the way of objects to their target poses; see `query.time_of_impact`."""

@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
+from time import perf_counter
 from typing import Any, Final
 
 import numpy as np
@@ -18,15 +19,15 @@ from numpy.typing import NDArray
 from collision.bvh.build import build, bvh_of
 from collision.bvh.layout import LANES, Bvh
 from collision.bvh.traverse import Workspace, counts_of, large_enough
-from collision.contact import CONTACT_DTYPE, picked
+from collision.contact import CONTACT_DTYPE
 from collision.query.distance import clearance_of, contacts_of, lanes_of, with_surfaces
 from collision.query.intersection import ALL_ENABLED, NO_TRIANGLES, intersect_of
 from collision.statistics import Statistics
 
 MOST_CACHED: Final = 1 << 16
 """pairs of surfaces beyond which no triangles are kept for a pair of objects"""
-WORTH_A_THREAD: Final = 4
-"""pairs of objects whose queries take longer than handing them to a thread"""
+WORTH_A_THREAD: Final = 2e-3
+"""s: queries that take longer together are shared by two threads"""
 NO_ROWS: Final = np.empty((0, 4), np.int32)
 Enabled = Callable[[int, int], NDArray[np.uint8] | None]
 """(ka, kb), 0 for the pairs of surfaces of two objects that are left out; None if none is"""
@@ -53,11 +54,6 @@ class PairCache:
         self.version = -1
         """how often both had been moved when `rows` was made"""
 
-    def rows_within(self, within: float) -> NDArray[Any]:
-        """Return the rows of `contacts` at most `within` (m) apart, which is no more than was asked for."""
-        rows = self.contacts
-        return rows if within == self.within[1] else picked(rows, rows["distance"] <= within)
-
     def table(self) -> NDArray[np.int64]:
         """Return a table for two triangles a pair of surfaces, empty if there are more than MOST_CACHED."""
         pairs = len(self.a.root) * len(self.b.root)
@@ -72,6 +68,7 @@ class NarrowPhase:
         """by key, 2³²·i + j"""
         self._workspaces: list[Workspace | None] = [None, None]
         self._sizes = 1, 1
+        self._pace = [0.1 * WORTH_A_THREAD] * 2  # s a pair, of either query, when last measured
 
     def __reduce__(self) -> tuple[Any, ...]:
         return NarrowPhase, ()
@@ -87,14 +84,14 @@ class NarrowPhase:
         pairs = self.pairs
         self._add(keys, meshes, enabled)
         moved = [pair for key in keys if (pair := pairs[key]).version != version[pair.i] + version[pair.j]]
-        self._share(self._intersect, moved, version, poses)
+        self._share(0, self._intersect, moved, version, poses)
         return [pairs[key].rows for key in keys]
 
     def contacts(
         self, keys: list[int], meshes: Sequence[Any], version: Sequence[int], poses: NDArray[np.float64],
         enabled: Enabled, within: float,
     ) -> list[NDArray[Any]]:  # fmt: skip
-        """Return CONTACT_DTYPE rows of the surfaces at most `within` (m) apart, for each pair; read-only."""
+        """Return CONTACT_DTYPE rows of the surfaces at most `within` (m) apart, or a little more; read-only."""
         pairs = self.pairs
         self._add(keys, meshes, enabled)
         moved = []
@@ -102,8 +99,8 @@ class NarrowPhase:
             pair = pairs[key]
             if pair.within[0] != version[pair.i] + version[pair.j] or pair.within[1] < within:
                 moved.append(pair)
-        self._share(partial(self._contacts, within), moved, version, poses)
-        return [pairs[key].rows_within(within) for key in keys]
+        self._share(1, partial(self._contacts, within), moved, version, poses)
+        return [pairs[key].contacts for key in keys]
 
     def clearance(
         self, key: int, meshes: Sequence[Any], poses: NDArray[np.float64], enabled: Enabled,
@@ -135,15 +132,20 @@ class NarrowPhase:
         self._sizes = nodes, packets
 
     def _share(
-        self, work: Callable[..., None], pairs: list[PairCache], version: Sequence[int], poses: NDArray[np.float64]
-    ) -> None:
-        """Run a query for these pairs, on two threads if there are enough."""
-        if len(pairs) >= 2 * WORTH_A_THREAD:
-            other = _pool().submit(work, pairs[1::2], 1, version, poses)
-            work(pairs[::2], 0, version, poses)
+        self, query: int, work: Callable[..., None], pairs: list[PairCache], version: Sequence[int],
+        poses: NDArray[np.float64],
+    ) -> None:  # fmt: skip
+        """Run a query for these pairs, on two threads if they would take long at the pace of the last such query."""
+        if not pairs:
+            return
+        shared = len(pairs) > 1 and len(pairs) * self._pace[query] > WORTH_A_THREAD
+        own = pairs[::2] if shared else pairs
+        other = _pool().submit(work, pairs[1::2], 1, version, poses) if shared else None
+        began = perf_counter()
+        work(own, 0, version, poses)
+        self._pace[query] = (perf_counter() - began) / len(own)
+        if other is not None:
             other.result()
-        elif pairs:
-            work(pairs, 0, version, poses)
 
     def _intersect(
         self, pairs: list[PairCache], thread: int, version: Sequence[int], poses: NDArray[np.float64]
@@ -163,16 +165,19 @@ class NarrowPhase:
         self, within: float, pairs: list[PairCache], thread: int, version: Sequence[int], poses: NDArray[np.float64]
     ) -> None:
         ws = self._workspaces[thread] = large_enough(self._workspaces[thread], *self._sizes)
+        rows = np.zeros(len(ws.pairs), CONTACT_DTYPE)
         for pair in pairs:
             if not len(pair.near):
                 pair.near = pair.table()
             while True:
-                rows = np.zeros(len(ws.pairs), CONTACT_DTYPE)
+                if len(rows) != len(ws.pairs):
+                    rows = np.zeros(len(ws.pairs), CONTACT_DTYPE)
                 found = contacts_of(pair.a, pair.b, ws, poses, pair.i, pair.j, within, pair.enabled, pair.near, rows)
                 if found >= 0:
                     break
                 ws = self._workspaces[thread] = large_enough(ws, *self._sizes, pairs=~found)
             pair.contacts, pair.within = rows[:found].copy(), (version[pair.i] + version[pair.j], within)
+            rows[:found] = 0
 
     def forget(self, outdated: Callable[[int, int], bool]) -> None:
         """Drop the pairs (i, j) of objects that are outdated."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -128,6 +128,13 @@ class Objects:
             raise UnknownObjectError(f"no object {i!r}; {hint}", i)
         return mesh
 
+    def _require(self, ids: Iterable[int]) -> None:
+        """Raise UnknownObjectError unless there are objects of all these ids."""
+        meshes, n = self._meshes, len(self._meshes)
+        for i in ids:
+            if type(i) is not int or not 0 <= i < n or meshes[i] is None:
+                self.mesh(i)
+
     def movable(self, i: int) -> bool:
         """Whether an object may move."""
         self.mesh(i)
@@ -170,27 +177,49 @@ class Objects:
         ------
         UnknownObjectError, PoseError: as `set_pose`; another number of poses than of ids.
         """
-        for i in ids.tolist() if isinstance(ids, np.ndarray) else ids:
-            self.mesh(i)
-        where = np.asarray(ids, np.int64)
-        try:
-            if not isinstance(poses, np.ndarray):
-                poses = [getattr(pose, "homogeneous", pose) for pose in poses]  # type: ignore[union-attr]
-            matrices = np.ascontiguousarray(poses, np.float64)
-        except (TypeError, ValueError):
-            matrices = np.empty(0)
-        if where.ndim != 1 or matrices.shape != (len(where), 4, 4):
-            raise PoseError(f"{where.shape} ids take as many poses, (n, 4, 4), not {matrices.shape}")
-        packed, bad = self._broad.packed(matrices, self.tolerance.rigid)
-        if bad >= 0:
-            i = int(where[bad])
-            _poses.pack(matrices[bad], f"object {i} ({self.mesh(i).name})", i, self.tolerance.rigid)  # raises
-        moved = (packed != self._bodies.pose[where]).any(axis=1)
+        if isinstance(poses, list) and len(ids) == len(poses) == 1:
+            self.set_pose(ids[0], poses[0])
+            return
+        ids = ids.tolist() if isinstance(ids, np.ndarray) else list(ids)
+        listed = poses if isinstance(poses, np.ndarray | Sequence) else [poses]
+        if len(listed) != len(ids):
+            raise PoseError(f"{len(ids)} ids take as many poses, (n, 4, 4), not {len(listed)}")
+        packed, where = self.packed(ids, listed), np.array(ids, np.int64)
+        moved = (packed.view(np.int64) != self._bodies.pose[where].view(np.int64)).any(axis=1)
+        if not moved.any():
+            return
         where = where[moved]
         self._bodies.pose[where] = packed[moved]
         self._bodies.stale[where] = True
         self._version[where] = self._next_version()
         self._revision += 1
+
+    def packed(
+        self, ids: Sequence[int], poses: Sequence[Any] | NDArray[np.float64], what: str = "object"
+    ) -> NDArray[np.float64]:
+        """Return (n, 12) poses, rotation by rows and translation in m, of as many objects; nothing is moved.
+
+        Parameters
+        ----------
+        poses: n `pinocchio.SE3` or (4, 4), or one array (n, 4, 4).
+        what: how an error calls an object.
+
+        Raises
+        ------
+        UnknownObjectError, PoseError: no such object; a pose that is not a finite rigid motion.
+        """
+        self._require(ids)
+        plain = poses if isinstance(poses, np.ndarray) else [getattr(pose, "homogeneous", pose) for pose in poses]
+        try:
+            matrices = np.ascontiguousarray(plain, np.float64)
+        except (TypeError, ValueError):
+            matrices = np.empty(0)
+        if matrices.shape == (len(ids), 4, 4):
+            packed, bad = self._broad.packed(matrices, self.tolerance.rigid)
+            if bad < 0:
+                return packed
+        named = [(pose, f"{what} {i} ({self.mesh(i).name})", i) for i, pose in zip(ids, poses, strict=True)]
+        return np.array([_poses.pack(*each, self.tolerance.rigid) for each in named]).reshape(-1, 12)
 
     def _next_version(self) -> int:
         self._moves += 1
@@ -211,8 +240,9 @@ class Objects:
         if len(known) != len(now):
             known, versions = (), np.full(len(now), -1)
         poses: list[pin.SE3] = list(known) or [None] * len(now)
-        for i in np.flatnonzero(versions != now).tolist():
-            poses[i] = _poses.unpack(self._bodies.pose[i])
+        moved = np.flatnonzero(versions != now)
+        for i, pose in zip(moved.tolist(), _poses.unpack_all(self._bodies.pose[moved]), strict=True):
+            poses[i] = pose
         self._posed = self._moves, tuple(poses), now.copy()
         return self._posed[1]
 
@@ -230,8 +260,11 @@ class Objects:
 
     def undo(self, mark: Mark) -> None:
         """Restore poses and ignored pairs of a mark; what moved since gets a version that it never had."""
-        moved = np.flatnonzero(self.versions != mark.versions)
-        self._bodies.pose[moved], self._bodies.stale[moved] = mark.poses[moved], True
+        pose = self._bodies.pose[: len(mark.poses)]
+        # an interrupt may come between a pose and its version
+        other = (pose.view(np.int64) != mark.poses.view(np.int64)).any(axis=1)
+        moved = np.flatnonzero(other | (self.versions != mark.versions))
+        pose[moved], self._bodies.stale[moved] = mark.poses[moved], True
         self._version[moved] = self._next_version()
         self._ignored, self._ignored_surfaces, self._marked = mark.ignored, mark.ignored_surfaces, True
         self._enabled = {}

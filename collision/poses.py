@@ -48,6 +48,22 @@ def pack(pose: Any, who: str, object_id: int | None = None, rigid: float = Toler
     return np.concatenate([rotation.ravel(), matrix[:3, 3]])
 
 
+def pack_rigid(pose: Any) -> NDArray[np.float64]:
+    """Return the (12,) form of a `pinocchio.SE3` that is known to be a rigid motion."""
+    packed = np.empty(12)
+    packed[:9], packed[9:] = pose.rotation.ravel(), pose.translation
+    return packed
+
+
+def frames(pose: Any = None) -> NDArray[np.float64]:
+    """Return (2, 12): the identity, and the packed `pinocchio.SE3`, or zeros where it is to be filled in."""
+    out = np.zeros((2, 12))
+    out[0, 0] = out[0, 4] = out[0, 8] = 1.0
+    if pose is not None:
+        out[1] = pack_rigid(pose)
+    return out
+
+
 def unpack(packed: NDArray[np.float64]) -> Any:
     """Return the `pinocchio.SE3` of a (12,) pose."""
     import pinocchio as pin
@@ -55,8 +71,12 @@ def unpack(packed: NDArray[np.float64]) -> Any:
     return pin.SE3(packed[:9].reshape(3, 3), packed[9:].copy())
 
 
-def matrix_of(packed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (4, 4) matrix of a (12,) pose."""
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = packed[:9].reshape(3, 3), packed[9:]
-    return matrix
+def unpack_all(packed: NDArray[np.float64]) -> list[Any]:
+    """Return the `pinocchio.SE3` of each of (k, 12) poses."""
+    if len(packed) < 4:
+        return [unpack(row) for row in packed]
+    import pinocchio as pin
+
+    matrices = np.zeros((len(packed), 4, 4))
+    matrices[:, :3, :3], matrices[:, :3, 3], matrices[:, 3, 3] = packed[:, :9].reshape(-1, 3, 3), packed[:, 9:], 1.0
+    return [pin.SE3(matrix) for matrix in matrices]

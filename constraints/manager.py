@@ -20,7 +20,7 @@ from collision.contact import picked
 from constraints.errors import ConstraintsError
 from constraints.freedom.lower_pairs import orthonormal
 from constraints.geometry.features import Feature
-from constraints.geometry.surfaces import Plane
+from constraints.geometry.surfaces import Cone, Plane
 from constraints.geometry.views import Limits
 from constraints.kinds import Constraint
 from constraints.recognition.attention import Attention, rows_about
@@ -32,6 +32,9 @@ from constraints.recognition.recognise import Near, Recogniser
 from constraints.solve.groups import ALONE, Groups
 from constraints.solve.solver import solve
 from constraints.solve.together import Together
+
+APPROACHING = 0.5
+"""Cosine of the angle between a hand's way and a face's normal up to which it goes to the face, not past it (60°)."""
 
 Rule = Callable[[Candidate], bool | None]
 """Decides on a new candidate: True accepts, False refuses, None leaves it open."""
@@ -180,6 +183,8 @@ class ConstraintManager:
         """refused until their parts part, by id"""
         self.groups: Groups = ALONE
         """what is carried (see `Motion.carry`): among bodies that move as one nothing is looked at"""
+        self.assisted = False
+        """whether mates within the reach are offered to a hand that passes by, too"""
         self._ids: dict[Key, int] = {}
         self._pulled: dict[int, Candidate] = {}  # broken by a pull that has not relaxed yet
         self._pending: list[Change] = []
@@ -316,11 +321,12 @@ class ConstraintManager:
         if len(poses) < len(self.recogniser.features):
             count = len(self.recogniser.features)
             raise ConstraintsError(f"{len(poses)} poses for {count} bodies; give one a body, by id")
+        before = self._poses or None
         self._poses = poses if isinstance(poses, tuple) else tuple(poses)
         about = self._attention.begin((self.tolerance, self.kinds), poses, contacts, versions)
         self._remove_broken(about | (force or {}).keys(), poses, wanted or {}, force or {})
         about |= self._attention.noted().union(*(candidate.bodies for candidate in self._pulled.values()))
-        self._offer(about, poses, contacts, wanted or {})
+        self._offer(about, before, poses, contacts, wanted or {})
         self._remove_contradicted(poses)
         self._note_satisfied(about | self._attention.noted(), poses)
         self._attention.end()
@@ -421,7 +427,12 @@ class ConstraintManager:
                 self._note("satisfied", id, entry.candidate, f"the parts are in place, within {residual * 1e3:.1g} mm")
 
     def _offer(
-        self, about: Set[int], poses: Sequence[pin.SE3], contacts: NDArray[Any], wanted: Mapping[int, pin.SE3]
+        self,
+        about: Set[int],
+        before: Sequence[pin.SE3] | None,
+        poses: Sequence[pin.SE3],
+        contacts: NDArray[Any],
+        wanted: Mapping[int, pin.SE3],
     ) -> None:
         t, recogniser, within = self.tolerance, self.recogniser, self.groups.within
         offer, keep, _ = _limits(t)
@@ -459,7 +470,11 @@ class ConstraintManager:
         matches = [(pair, match) for pair, match in found if match is not None]
         faces = recogniser.near(contacts, reach)
         for pair, match in without_implied(matches, recogniser.features, recogniser.threads, offer):
-            if match.kind in self.kinds:
+            if match.kind not in self.kinds:
+                continue
+            if self._passes_by(pair, match, before, poses, wanted):
+                self._attention.note((pair[0], pair[2]))  # hands that stop or let go change the answer
+            else:
                 self._recognise(pair, match, faces[pair], poses)
 
     def _pairs(self, which: int, codes: NDArray[np.int64]) -> dict[Pair, None]:
@@ -481,6 +496,55 @@ class ConstraintManager:
             carrier = self.groups.carriers(len(self.recogniser.features))
             chosen = chosen & (carrier[contacts["object_a"]] != carrier[contacts["object_b"]])
         return picked(contacts, chosen)
+
+    def _passes_by(
+        self, pair: Pair, match: Match, before: Sequence[pin.SE3] | None, poses: Sequence[pin.SE3],
+        wanted: Mapping[int, pin.SE3],
+    ) -> bool:  # fmt: skip
+        """Whether hands bring two surfaces past each other: not in place, and not on their way there.
+
+        Faces and cones are on their way if the hands want them to meet, on a way that closes them at `APPROACHING` of
+        its length or more; a shaft is if it comes nearer to the axis of its bore, or farther into it; a thread that is
+        drawn plain is if it does not go straight along it. At the first look nothing is on its way yet.
+        """
+        bodies, exact = (pair[0], pair[2]), 0.5 * self.tolerance.slop * self.tolerance.linear
+        if self.assisted or before is None or wanted.keys().isdisjoint(bodies):
+            return False
+        if match.kind == "screw" and self.recogniser.pitch(pair) is None:
+            ends = [(before[i].inverse() * wanted.get(i, poses[i])) for i in bodies]
+            axial = [
+                float((before[i].rotation @ e.translation) @ match.direction) for i, e in zip(bodies, ends, strict=True)
+            ]
+            turned = [
+                float((before[i].rotation @ pin.log3(e.rotation)) @ match.direction)
+                for i, e in zip(bodies, ends, strict=True)
+            ]
+            if abs(axial[1] - axial[0]) > abs(match.parameters["pitch"] * (turned[1] - turned[0])) + exact:
+                return True
+        if match.kind in ("concentric", "screw"):
+            if match.residual <= exact + max(match.fit or 0.0, 0.0):
+                return False
+            limits, key = Limits.offer(self.tolerance), (*pair, match.kind)
+            was = self.recogniser.match(key, before, limits)
+            goal = self.recogniser.match(key, [wanted.get(i, pose) for i, pose in enumerate(poses)], limits)
+            if was is None or goal is None:
+                return was is not None
+            return goal.residual >= was.residual - exact and goal.overlap <= was.overlap + exact
+        if match.kind not in ("against", "conical") or match.residual <= exact:
+            return False
+        apart = match.residual
+        if match.kind == "conical":
+            cone = self.recogniser.features[pair[0]][pair[1]].geometry
+            assert isinstance(cone, Cone) and match.fit is not None
+            apart = abs(match.fit) / float(np.sin(cone.half_angle))
+        shift, ahead = np.zeros(3), np.zeros(3)
+        for body, sign in zip(bodies, (1.0, -1.0), strict=True):
+            local = poses[body].actInv(match.origin)
+            goal_point = wanted.get(body, poses[body]).act(local)
+            shift += sign * (goal_point - before[body].act(local))
+            ahead += sign * (goal_point - match.origin)
+        closing, left = float(shift @ match.approach), apart - float(ahead @ match.approach)
+        return left > exact or closing <= 0.0 or closing < APPROACHING * float(np.linalg.norm(shift))
 
     def _recognise(self, pair: Pair, match: Match, near: Sequence[Near], poses: Sequence[pin.SE3]) -> None:
         """Offer a match that is not known yet, and ask the rules."""
@@ -504,22 +568,38 @@ class ConstraintManager:
         fresh, self._unproven = [i for i in self._unproven if i in self.accepted], []
         if not fresh or self._holds(list(self.accepted), poses):
             return
+        fresh.sort(key=self._looseness)
         for k, id in enumerate(fresh):
             proven = [i for i in self.accepted if i not in fresh[k + 1 :]]
             if id not in self.accepted or self._holds(proven, poses):
                 continue
             mine = self.accepted[id].candidate
             stated = [i for i in proven if self.accepted[i].candidate.stated]
+            better = [i for i in proven if i in fresh[:k]]
+            if better and not mine.stated and not self._holds([*better, id], poses):
+                self._give_way(id, "cannot hold together with a better fit; until the parts part")
+                continue
             if stated and not mine.stated and not self._holds([*stated, id], poses):
-                del self._own("accepted")[id]
-                self._own("refused")[id] = mine  # else it would be offered again in the next step
-                self._note("refused", id, mine, "cannot hold together with what is stated; until the parts part")
+                self._give_way(id, "cannot hold together with what is stated; until the parts part")
                 continue
             older = [i for i in reversed(proven) if i != id and i not in stated]
             culprit = next((i for i in older if self._holds([k for k in proven if k != i], poses)), None)
             same_pair = [i for i in older if self.accepted[i].candidate.bodies == mine.bodies]
             for i in same_pair if culprit is None else [culprit]:
                 self.remove(i, f"cannot hold together with the {mine.kind} just accepted")
+
+    def _looseness(self, id: int) -> tuple[bool, bool, float]:
+        """Orders constraints that were accepted together: what is stated, fits that can be, those that share most."""
+        candidate = self.accepted[id].candidate
+        fit = candidate.match.fit
+        pressed = fit is not None and fit < -self.tolerance.linear
+        return not candidate.stated, pressed, -candidate.match.overlap
+
+    def _give_way(self, id: int, reason: str) -> None:
+        """Refuse what was just accepted, else it would be offered again in the next step."""
+        mine = self._own("accepted").pop(id).candidate
+        self._own("refused")[id] = mine
+        self._note("refused", id, mine, reason)
 
     def _holds(self, ids: Sequence[int], poses: Sequence[pin.SE3]) -> bool:
         """Whether the constraints of these ids can hold together, starting from `poses`."""

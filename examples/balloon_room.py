@@ -7,20 +7,21 @@ import numpy as np
 from parts import STEEL, WOOD, at
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 ROOM = 2.4  # m high
 RADIUS = 0.15  # m, of the balloon
 
 
 def scene():
-    slab = vp.modelling.box(2.0, 2.0, 0.1).translated(-1.0, -1.0, 0.0)
-    made = vp.modelling.scene(
+    slab = modelling.box(2.0, 2.0, 0.1).translated(-1.0, -1.0, 0.0)
+    made = modelling.scene(
         {
             "floor": (slab, at(z=-0.1), WOOD),
             "ceiling": (slab, at(z=ROOM), (0.9, 0.9, 0.9)),
-            "ball": (vp.modelling.sphere(0.05), at(-0.5, 0.0, 1.0), (0.8, 0.3, 0.2), 1100.0),
-            "box": (vp.modelling.box(0.2, 0.2, 0.2).translated(-0.1, -0.1, 0.0), at(0.5, 0.0, 0.8), STEEL, 300.0),
-            "balloon": (vp.modelling.sphere(RADIUS), at(0.0, 0.4, 0.3), (0.3, 0.5, 0.9)),
+            "ball": (modelling.sphere(0.05), at(-0.5, 0.0, 1.0), (0.8, 0.3, 0.2), 1100.0),
+            "box": (modelling.box(0.2, 0.2, 0.2).translated(-0.1, -0.1, 0.0), at(0.5, 0.0, 0.8), STEEL, 300.0),
+            "balloon": (modelling.sphere(RADIUS), at(0.0, 0.4, 0.3), (0.3, 0.5, 0.9)),
         },
         deflection=2e-3,
     )

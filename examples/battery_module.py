@@ -7,20 +7,21 @@ import numpy as np
 from parts import ALUMINIUM, BRASS, WOOD, at, bench
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 SIZE = np.array([0.060, 0.100, 0.050])  # m, of a module
 OPTIONS = {"rule": vp.accept_kinds("against"), "clearance": True}
 
 
 def scene():
-    tray = vp.modelling.box(0.22, 0.13, 0.08).translated(-0.11, -0.065, 0.0)
-    tray = tray - vp.modelling.box(0.20, 0.11, 0.075).translated(-0.10, -0.055, 0.005)
-    block = vp.modelling.box(*SIZE).translated(-SIZE[0] / 2, -SIZE[1] / 2, 0.0)
-    handle = vp.modelling.box(0.03, 0.008, 0.012).translated(-0.015, 0.0, SIZE[2])
+    tray = modelling.box(0.22, 0.13, 0.08).translated(-0.11, -0.065, 0.0)
+    tray = tray - modelling.box(0.20, 0.11, 0.075).translated(-0.10, -0.055, 0.005)
+    block = modelling.box(*SIZE).translated(-SIZE[0] / 2, -SIZE[1] / 2, 0.0)
+    handle = modelling.box(0.03, 0.008, 0.012).translated(-0.015, 0.0, SIZE[2])
     module = block + handle.translated(0.0, 0.035, 0.0) + handle.translated(0.0, -0.043, 0.0)
-    busbar = vp.modelling.box(0.16, 0.012, 0.003).translated(-0.08, -0.006, 0.0)
-    lid = vp.modelling.box(0.22, 0.13, 0.004).translated(-0.11, -0.065, 0.0)
-    made = vp.modelling.scene(
+    busbar = modelling.box(0.16, 0.012, 0.003).translated(-0.08, -0.006, 0.0)
+    lid = modelling.box(0.22, 0.13, 0.004).translated(-0.11, -0.065, 0.0)
+    made = modelling.scene(
         {
             "tray": (tray, at(), ALUMINIUM),
             "bench": (bench(0.4, 0.3), at(x=0.40), WOOD),

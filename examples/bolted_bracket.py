@@ -4,6 +4,7 @@ import numpy as np
 from parts import ALUMINIUM, BRASS, STEEL, WOOD, at, bench, bolt, nut, plate
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 HOLES = [(-0.02, 0.0), (0.02, 0.0)]
 PITCH = 0.0015  # m a turn, M10
@@ -12,10 +13,10 @@ PITCH = 0.0015  # m a turn, M10
 def scene():
     base = plate(0.18, 0.08, 0.020, HOLES, 0.0104)
     foot = plate(0.08, 0.06, 0.010, HOLES, 0.0104)
-    web = vp.modelling.box(0.08, 0.010, 0.07).translated(-0.04, 0.020, 0.0)
-    eye = vp.modelling.cylinder(0.00502, 0.010).rotated((1.0, 0.0, 0.0), -np.pi / 2).translated(0.0, 0.020, 0.05)
+    web = modelling.box(0.08, 0.010, 0.07).translated(-0.04, 0.020, 0.0)
+    eye = modelling.cylinder(0.00502, 0.010).rotated((1.0, 0.0, 0.0), -np.pi / 2).translated(0.0, 0.020, 0.05)
     bracket = foot + web - eye
-    rod = vp.modelling.revolve(
+    rod = modelling.revolve(
         [(0.0, -0.06), (0.0042, -0.06), (0.005, -0.0592), (0.005, 0.0), (0.009, 0.0), (0.009, 0.006), (0.0, 0.006)]
     ).rotated((1.0, 0.0, 0.0), np.pi / 2)
     m10, m10_nut = bolt(0.010, 0.042, 0.016, 0.0064), nut(0.010, 0.016, 0.008)
@@ -28,7 +29,7 @@ def scene():
     for i, (x, y) in enumerate(HOLES, start=1):
         parts[f"bolt_{i}"] = (m10, at(x, y, 0.030), STEEL)
         parts[f"nut_{i}"] = (m10_nut, at(x, y, -0.008), BRASS)
-    made = vp.modelling.scene(parts)
+    made = modelling.scene(parts)
     made["plate"].fixed = made["bench"].fixed = True
     return made
 

@@ -7,6 +7,7 @@ import numpy as np
 from parts import ALUMINIUM, BRASS, RUBBER, STEEL, WOOD, at, bench, bolt, plate
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 HOLES = [(0.03, 0.03), (-0.03, -0.03), (-0.03, 0.03), (0.03, -0.03)]  # crosswise
 PITCH = 0.001  # m a turn, M6
@@ -14,16 +15,14 @@ TOP = 0.040  # m, of the housing
 
 
 def scene():
-    housing = vp.modelling.box(0.09, 0.09, TOP).translated(-0.045, -0.045, 0.0)
-    housing = housing - vp.modelling.box(0.03, 0.03, 0.03).translated(-0.015, -0.015, 0.01)
-    groove = vp.modelling.cylinder(0.0250, 0.0015) - vp.modelling.cylinder(0.0225, 0.0015)
+    housing = modelling.box(0.09, 0.09, TOP).translated(-0.045, -0.045, 0.0)
+    housing = housing - modelling.box(0.03, 0.03, 0.03).translated(-0.015, -0.015, 0.01)
+    groove = modelling.cylinder(0.0250, 0.0015) - modelling.cylinder(0.0225, 0.0015)
     housing = housing - groove.translated(0.0, 0.0, TOP - 0.0015)
     for x, y in HOLES:
-        housing = housing - vp.modelling.cylinder(0.003, 0.016).translated(x, y, TOP - 0.016)
+        housing = housing - modelling.cylinder(0.003, 0.016).translated(x, y, TOP - 0.016)
     cover = plate(0.09, 0.09, 0.006, HOLES, 0.0064)
-    seal = (vp.modelling.cylinder(0.02495, 0.0015) - vp.modelling.cylinder(0.02255, 0.0015)).translated(
-        0.0, 0.0, -0.0015
-    )
+    seal = (modelling.cylinder(0.02495, 0.0015) - modelling.cylinder(0.02255, 0.0015)).translated(0.0, 0.0, -0.0015)
     m6 = bolt(0.006, 0.018, 0.010, 0.004)
     parts = {
         "housing": (housing, at(), ALUMINIUM),
@@ -34,7 +33,7 @@ def scene():
     }
     for i, (x, y) in enumerate(HOLES, start=1):
         parts[f"bolt_{i}"] = (m6, at(x, y, TOP + 0.006), BRASS)
-    made = vp.modelling.scene(parts)
+    made = modelling.scene(parts)
     made["housing"].fixed = made["tray"].fixed = True
     return made
 

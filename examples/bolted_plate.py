@@ -7,6 +7,7 @@ import numpy as np
 from parts import ALUMINIUM, BRASS, STEEL, WOOD, at, bench, bolt, nut, plate
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 HOLES = [(x, y) for y in (-0.02, 0.02) for x in (-0.035, 0.035)]
 PITCH = 0.00125  # m a turn, M8
@@ -23,7 +24,7 @@ def scene():
     for i, (x, y) in enumerate(HOLES, start=1):
         parts[f"bolt_{i}"] = (m8, at(x, y, 0.016), STEEL)
         parts[f"nut_{i}"] = (m8_nut, at(x, y, -0.0065), BRASS)
-    made = vp.modelling.scene(parts)
+    made = modelling.scene(parts)
     for name in ("lower", "upper", "bench"):
         made[name].fixed = True
     return made

@@ -327,7 +327,7 @@ def shaft_trajectory(n: int = 200) -> list[pin.SE3]:
 
 
 def unrelated_poses(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, n: int = 200, seed: int = 1) -> list[pin.SE3]:
-    """n random poses of b in the frame of a whose bounding boxes overlap: turned anyhow, one not near the next."""
+    """n random poses of b in the frame of a, each turned at random, of which the bounding boxes overlap."""
     rng = np.random.default_rng(seed)
     low, high = mesh_a.vertices.min(axis=0), mesh_a.vertices.max(axis=0)
     middle = (mesh_b.vertices.min(axis=0) + mesh_b.vertices.max(axis=0)) / 2

@@ -11,6 +11,7 @@ import pinocchio as pin
 from parts import ALUMINIUM, STEEL, at
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 PIN, EYE = 0.0250, 0.0253
 LEAN = pin.SE3(pin.exp3(np.array([0.5, 0.4, 0.0])), np.zeros(3))  # machines seldom stand along the axes
@@ -18,17 +19,17 @@ OPTIONS = {"tolerance": vp.Tolerance(clearance=5e-4)}
 
 
 def scene():
-    lug = vp.modelling.box(0.22, 0.10, 0.025).translated(-0.05, -0.05, 0.0)
+    lug = modelling.box(0.22, 0.10, 0.025).translated(-0.05, -0.05, 0.0)
     for x in (0.0, 0.085):  # the eye, and one beside it for a longer stroke
-        lug = lug - vp.modelling.cylinder(EYE, 0.025).translated(x, 0.0, 0.0)
-    web = vp.modelling.box(0.05, 0.10, 0.131).translated(0.17, -0.05, -0.106)
+        lug = lug - modelling.cylinder(EYE, 0.025).translated(x, 0.0, 0.0)
+    web = modelling.box(0.05, 0.10, 0.131).translated(0.17, -0.05, -0.106)
     fork = lug.translated(0.0, 0.0, 0.0) + lug.translated(0.0, 0.0, -0.106) + web
-    arm = vp.modelling.cylinder(0.05, 0.078) + vp.modelling.box(0.4, 0.06, 0.06).translated(-0.4, -0.03, 0.009)
-    arm = arm - vp.modelling.cylinder(EYE, 0.078)
-    bolt = vp.modelling.revolve(
-        [(0.0, -0.115), (0.021, -0.115), (PIN, -0.109), (PIN, 0.0), (0.0, 0.0)]
-    ) + vp.modelling.box(0.11, 0.07, 0.01).translated(-0.035, -0.035, 0.0)
-    made = vp.modelling.scene(
+    arm = modelling.cylinder(0.05, 0.078) + modelling.box(0.4, 0.06, 0.06).translated(-0.4, -0.03, 0.009)
+    arm = arm - modelling.cylinder(EYE, 0.078)
+    bolt = modelling.revolve([(0.0, -0.115), (0.021, -0.115), (PIN, -0.109), (PIN, 0.0), (0.0, 0.0)]) + modelling.box(
+        0.11, 0.07, 0.01
+    ).translated(-0.035, -0.035, 0.0)
+    made = modelling.scene(
         {
             "fork": (fork, LEAN, (0.85, 0.62, 0.15)),
             "arm": (arm, LEAN * at(z=-0.08), ALUMINIUM),

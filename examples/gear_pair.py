@@ -12,6 +12,7 @@ import pinocchio as pin
 from parts import BRASS, STEEL, at
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 DRIVER, DRIVEN, MODULE, WIDTH = 20, 30, 0.002, 0.010  # teeth, teeth, m, m
 DISTANCE = (DRIVER + DRIVEN) * MODULE / 2 + 0.0004  # m between the axes, 0.4 mm more than the pitch circles
@@ -26,19 +27,17 @@ def gear(teeth):
     for k in range(teeth):
         outline += [(radius, (k - half) * step) for radius, half in flank]
         outline += [(radius, (k + half) * step) for radius, half in reversed(flank)]
-    solid = vp.modelling.extrude([(r * np.cos(a), r * np.sin(a)) for r, a in outline], WIDTH)
-    return solid - vp.modelling.cylinder(0.00502, WIDTH)
+    solid = modelling.extrude([(r * np.cos(a), r * np.sin(a)) for r, a in outline], WIDTH)
+    return solid - modelling.cylinder(0.00502, WIDTH)
 
 
 def scene():
-    base = vp.modelling.box(0.12, 0.05, 0.01).translated(-0.03, -0.025, -0.0121)
-    shaft = vp.modelling.revolve([(0.0, 0.0), (0.005, 0.0), (0.005, 0.029), (0.004, 0.030), (0.0, 0.030)])
+    base = modelling.box(0.12, 0.05, 0.01).translated(-0.03, -0.025, -0.0121)
+    shaft = modelling.revolve([(0.0, 0.0), (0.005, 0.0), (0.005, 0.029), (0.004, 0.030), (0.0, 0.030)])
     for x in (0.0, DISTANCE):
-        base = (
-            base + shaft.translated(x, 0.0, -0.0021) + vp.modelling.cylinder(0.007, 0.002).translated(x, 0.0, -0.0021)
-        )
+        base = base + shaft.translated(x, 0.0, -0.0021) + modelling.cylinder(0.007, 0.002).translated(x, 0.0, -0.0021)
     turned = pin.SE3(pin.exp3(np.array([0.0, 0.0, np.pi / DRIVEN])), np.array([DISTANCE, 0.0, 0.060]))
-    made = vp.modelling.scene(
+    made = modelling.scene(
         {
             "base": (base, at(), (0.5, 0.52, 0.55)),
             "driver": (gear(DRIVER), at(), STEEL),

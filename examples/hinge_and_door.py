@@ -8,34 +8,35 @@ import pinocchio as pin
 from parts import BRASS, STEEL, WOOD, at
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 PIN, KNUCKLE = 0.0040, 0.00402
 
 
 def knuckle(z, height):
-    return vp.modelling.cylinder(0.008, height).translated(0.0, 0.0, z)
+    return modelling.cylinder(0.008, height).translated(0.0, 0.0, z)
 
 
 def scene():
     # the hinge's axis is z through the origin, and leans by 8 degrees against the vertical
-    frame = vp.modelling.box(0.04, 0.03, 0.30).translated(-0.06, -0.015, 0.0)
-    strap = vp.modelling.box(0.045, 0.006, 0.024)
+    frame = modelling.box(0.04, 0.03, 0.30).translated(-0.06, -0.015, 0.0)
+    strap = modelling.box(0.045, 0.006, 0.024)
     for z in (0.050, 0.226):
         frame = frame + knuckle(z, 0.024) + strap.translated(-0.05, -0.003, z)
-    door = vp.modelling.box(0.20, 0.02, 0.29).translated(0.02, -0.01, 0.005)
+    door = modelling.box(0.20, 0.02, 0.29).translated(0.02, -0.01, 0.005)
     for z in (0.077, 0.199):
         door = door + knuckle(z, 0.024) + strap.translated(0.0, -0.003, z)
-    bore = vp.modelling.cylinder(KNUCKLE, 0.30)
-    rod = vp.modelling.revolve(
+    bore = modelling.cylinder(KNUCKLE, 0.30)
+    rod = modelling.revolve(
         [(0.0, -0.22), (0.003, -0.22), (PIN, -0.219), (PIN, 0.0), (0.007, 0.0), (0.007, 0.004), (0.0, 0.004)]
     )
     lean = pin.SE3(pin.exp3(np.radians([0.0, 8.0, 0.0])), np.zeros(3))
-    made = vp.modelling.scene(
+    made = modelling.scene(
         {
             "frame": (frame - bore, lean, (0.55, 0.57, 0.60)),
             "door": (door - bore, lean, WOOD, 700.0),
             "pin": (rod, lean * at(z=0.48), BRASS, 8500.0),
-            "stop": (vp.modelling.box(0.02, 0.05, 0.05), lean * at(0.17, 0.012, 0.12), STEEL),
+            "stop": (modelling.box(0.02, 0.05, 0.05), lean * at(0.17, 0.012, 0.12), STEEL),
         }
     )
     made["frame"].fixed = made["stop"].fixed = True

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-import vpframe as vp
 from collision import CollisionManager
 from physics import Behaviour, Body, Buoyancy, Drag, Gravity, World, force
+from vpframe.scene import modelling
 
 
 class Draught(Behaviour):
@@ -28,11 +28,11 @@ def main(height: float = 2.5) -> dict[str, float]:
     radius, mass = 0.15, 0.008
     manager = CollisionManager()
     manager.add(
-        vp.modelling.shape(vp.modelling.box(4, 4, 0.2).translated(-2, -2, height)).mesh,
+        modelling.shape(modelling.box(4, 4, 0.2).translated(-2, -2, height)).mesh,
         pin.SE3.Identity(),
         movable=False,
     )
-    made = vp.modelling.shape(vp.modelling.sphere(radius), deflection=2e-3)
+    made = modelling.shape(modelling.sphere(radius), deflection=2e-3)
     balloon = manager.add(made.mesh, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3])))
     world = World(manager)
     behaviours = [Gravity(), Buoyancy(1.204), Drag(area=np.pi * radius**2), Draught(0.005, 2.0)]

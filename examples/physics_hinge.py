@@ -8,24 +8,24 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-import vpframe as vp
 from collision import CollisionManager
 from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
 from physics import Body, Gravity, Sleeping, World
+from vpframe.scene import modelling
 
 
 def main(seconds: float = 2.0) -> dict[str, float]:
     """Hold the leaf level, put the pin in, let go; how far the joint opened, and where the leaf would be without it."""
     manager = CollisionManager()
-    rod = vp.modelling.cylinder(0.004, 0.044).rotated((1.0, 0.0, 0.0), np.pi / 2).translated(0.012, 0.032, 0.0)
-    post_solid = vp.modelling.box(0.04, 0.02, 0.3).translated(-0.008, 0.0105, -0.15) - rod
-    leaf_shape = vp.modelling.shape(vp.modelling.box(0.2, 0.02, 0.02).translated(0.0, -0.01, -0.01) - rod, name="leaf")
+    rod = modelling.cylinder(0.004, 0.044).rotated((1.0, 0.0, 0.0), np.pi / 2).translated(0.012, 0.032, 0.0)
+    post_solid = modelling.box(0.04, 0.02, 0.3).translated(-0.008, 0.0105, -0.15) - rod
+    leaf_shape = modelling.shape(modelling.box(0.2, 0.02, 0.02).translated(0.0, -0.01, -0.01) - rod, name="leaf")
     drawn = pin.SE3(np.eye(3), np.array([0.0, -0.08, 0.0]))
-    post = manager.add(vp.modelling.shape(post_solid, name="post").mesh, pin.SE3.Identity(), movable=False)
+    post = manager.add(modelling.shape(post_solid, name="post").mesh, pin.SE3.Identity(), movable=False)
     leaf = manager.add(leaf_shape.mesh, pin.SE3.Identity())
-    hinge_pin = manager.add(vp.modelling.shape(rod, name="pin").mesh, drawn)
+    hinge_pin = manager.add(modelling.shape(rod, name="pin").mesh, drawn)
     manager.ignore(hinge_pin, post)  # it fits without play: facets would meet
     manager.ignore(hinge_pin, leaf)
     world = World(manager)

@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-import vpframe as vp
 from collision import CollisionManager
 from constraints.geometry.surfaces import Cylinder, Plane, Sphere
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
 from physics import Body, Elastic, Friction, Gravity, World
 from physics.forces.behaviours import STANDARD_GRAVITY
+from vpframe.scene import modelling
 
 
 def main(seconds: float = 3.0, balls: int = 5, angle: float = 0.5) -> dict[str, list[float]]:
@@ -24,12 +24,12 @@ def main(seconds: float = 3.0, balls: int = 5, angle: float = 0.5) -> dict[str, 
     radius, arm, mass = 0.02, 0.3, 0.26
     manager = CollisionManager()
     bar = manager.add(
-        vp.modelling.shape(vp.modelling.box(0.4, 0.02, 0.02)).mesh,
+        modelling.shape(modelling.box(0.4, 0.02, 0.02)).mesh,
         pin.SE3(np.eye(3), np.array([-0.2, -0.01, 0.05])),
         movable=False,
     )
     world = World(manager)
-    made = vp.modelling.shape(vp.modelling.sphere(radius), deflection=5e-4)
+    made = modelling.shape(modelling.sphere(radius), deflection=5e-4)
     known = {s.index: Sphere(np.zeros(3), radius) for s in made.surfaces}
     axis = np.array([0.0, 1.0, 0.0])
     ids, joints = [], []

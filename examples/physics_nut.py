@@ -14,13 +14,13 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-import vpframe as vp
 from collision import CollisionManager
 from constraints.geometry.surfaces import Cylinder
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.screw import Screw
 from physics import Behaviour, Body, Friction, Gravity, Motor, View, World
 from physics.forces.behaviours import STANDARD_GRAVITY
+from vpframe.scene import modelling
 
 PITCH, FLANK, MU = 0.002, np.radians(30.0), 0.15
 RADIUS = 0.5 * 0.014701  # m, of the pitch cylinder
@@ -46,13 +46,11 @@ class Bench:
     def __init__(self) -> None:
         manager = CollisionManager()
         bolt = manager.add(
-            vp.modelling.shape(vp.modelling.cylinder(0.008, 0.2), name="bolt").mesh, pin.SE3.Identity(), movable=False
+            modelling.shape(modelling.cylinder(0.008, 0.2), name="bolt").mesh, pin.SE3.Identity(), movable=False
         )
-        plate = vp.modelling.shape(
-            vp.modelling.cylinder(0.04, 0.01) - vp.modelling.cylinder(0.009, 0.01), name="plate"
-        ).mesh
+        plate = modelling.shape(modelling.cylinder(0.04, 0.01) - modelling.cylinder(0.009, 0.01), name="plate").mesh
         manager.add(plate, pin.SE3(np.eye(3), (PLATE - 0.01) * Z), movable=False)
-        solid = vp.modelling.shape(vp.modelling.hexagon(0.024, 0.013) - vp.modelling.cylinder(0.008, 0.013), name="nut")
+        solid = modelling.shape(modelling.hexagon(0.024, 0.013) - modelling.cylinder(0.008, 0.013), name="nut")
         self.nut = manager.add(solid.mesh, pin.SE3(np.eye(3), START * Z))
         manager.ignore(bolt, self.nut)
         self.world = World(manager)

@@ -8,32 +8,32 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-import vpframe as vp
 from collision import CollisionManager
 from physics import Body, Elastic, Friction, Gravity, World
+from vpframe.scene import modelling
 
 
-def tray() -> vp.modelling.Solid:
+def tray() -> modelling.Solid:
     """A flat tray 30 cm wide with a rim 5 cm high; its floor is z = 0."""
-    outer = vp.modelling.box(0.30, 0.30, 0.06).translated(-0.15, -0.15, -0.01)
-    return outer - vp.modelling.box(0.28, 0.28, 0.10).translated(-0.14, -0.14, 0.0)
+    outer = modelling.box(0.30, 0.30, 0.06).translated(-0.15, -0.15, -0.01)
+    return outer - modelling.box(0.28, 0.28, 0.10).translated(-0.14, -0.14, 0.0)
 
 
 def main(seconds: float = 1.5, parts: int = 6, seed: int = 1) -> dict[str, object]:
     """Drop the parts, step until `seconds` (s) or until all sleep; what came of it."""
     rng = np.random.default_rng(seed)
     manager = CollisionManager()
-    manager.add(vp.modelling.shape(tray(), name="tray").mesh, pin.SE3.Identity(), movable=False)
+    manager.add(modelling.shape(tray(), name="tray").mesh, pin.SE3.Identity(), movable=False)
     world = World(manager)
     solids = [
-        (vp.modelling.box(0.03, 0.02, 0.02).translated(-0.015, -0.01, -0.01), "steel", 0.3),
-        (vp.modelling.sphere(0.012), "rubber", 0.6),
-        (vp.modelling.cylinder(0.006, 0.05).translated(0.0, 0.0, -0.025), "brass", 0.2),
+        (modelling.box(0.03, 0.02, 0.02).translated(-0.015, -0.01, -0.01), "steel", 0.3),
+        (modelling.sphere(0.012), "rubber", 0.6),
+        (modelling.cylinder(0.006, 0.05).translated(0.0, 0.0, -0.025), "brass", 0.2),
     ]
     ids = []
     for k in range(parts):
         solid, material, rebound = solids[k % len(solids)]
-        made = vp.modelling.shape(solid, name=f"part_{k}")
+        made = modelling.shape(solid, name=f"part_{k}")
         turn = pin.exp3(rng.normal(size=3))
         place = np.array([*rng.uniform(-0.08, 0.08, 2), 0.06 + 0.05 * k])
         i = manager.add(made.mesh, pin.SE3(turn, place))

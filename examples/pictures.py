@@ -208,6 +208,12 @@ STRIPS: dict[str, Strip] = {
         (0.34, 0.08, 0.08),
         (0.25, -0.7, 0.6),
     ),
+    "fan_exchange": Strip(
+        [Shot("grabbed", "guard", 40), Shot("grabbed", "fan", 60), Shot("grabbed", "spare", 120)],
+        (-0.04, -0.05, 0.0),
+        (0.17, 0.05, 0.03),
+        (0.25, -0.7, 0.6),
+    ),
     "tolerance_study": Strip(
         [Shot("grabbed", "shaft", 5), Shot("accepted", "concentric", 6), Shot("accepted", "against")],
         (-0.03, -0.03, -0.003),

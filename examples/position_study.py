@@ -11,6 +11,7 @@ import numpy as np
 from parts import ALUMINIUM, BRASS, STEEL, at
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 HOLES = [(0.03, 0.03), (-0.03, -0.03), (-0.03, 0.03), (0.03, -0.03)]
 BOLT, HOLE, DEVIATION = 0.006, 0.0064, 8e-5  # m: diameters, standard deviation of a hole's x and y
@@ -35,23 +36,23 @@ def expected_rate():
 @cache
 def unvaried():
     """Housing and bolt, the same in all variants: meshed once a process."""
-    housing = vp.modelling.box(0.09, 0.09, 0.02).translated(-0.045, -0.045, -0.02)
+    housing = modelling.box(0.09, 0.09, 0.02).translated(-0.045, -0.045, -0.02)
     for x, y in HOLES:
-        housing = housing - vp.modelling.cylinder(BOLT / 2, 0.016).translated(x, y, -0.016)
+        housing = housing - modelling.cylinder(BOLT / 2, 0.016).translated(x, y, -0.016)
     r = BOLT / 2
-    shank = vp.modelling.revolve([(0.0, -0.018), (r - 5e-4, -0.018), (r, -0.0175), (r, 0.001), (0.0, 0.001)])
-    bolt = shank + vp.modelling.hexagon(0.010, 0.004)
-    return vp.modelling.shape(housing, FINE, name="housing"), vp.modelling.shape(bolt, FINE, name="bolt")
+    shank = modelling.revolve([(0.0, -0.018), (r - 5e-4, -0.018), (r, -0.0175), (r, 0.001), (0.0, 0.001)])
+    bolt = shank + modelling.hexagon(0.010, 0.004)
+    return modelling.shape(housing, FINE, name="housing"), modelling.shape(bolt, FINE, name="bolt")
 
 
 def scene(v):
-    cover = vp.modelling.box(0.09, 0.09, COVER).translated(-0.045, -0.045, 0.0)
+    cover = modelling.box(0.09, 0.09, COVER).translated(-0.045, -0.045, 0.0)
     for i, (x, y) in enumerate(HOLES, start=1):
-        cover = cover - vp.modelling.cylinder(HOLE / 2, COVER).translated(x + v[f"x{i}"], y + v[f"y{i}"], 0.0)
+        cover = cover - modelling.cylinder(HOLE / 2, COVER).translated(x + v[f"x{i}"], y + v[f"y{i}"], 0.0)
     housing, bolt = unvaried()
     parts = [
         vp.Part("housing", housing, at(), ALUMINIUM, fixed=True),
-        vp.Part("cover", vp.modelling.shape(cover, FINE, name="cover"), at(), STEEL, fixed=True),
+        vp.Part("cover", modelling.shape(cover, FINE, name="cover"), at(), STEEL, fixed=True),
     ]
     parts += [vp.Part(f"bolt_{i}", bolt, at(x, y, 0.06), BRASS) for i, (x, y) in enumerate(HOLES, start=1)]
     return vp.Scene(parts)

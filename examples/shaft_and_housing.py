@@ -7,17 +7,18 @@ import numpy as np
 from parts import BRASS, STEEL, WOOD, at, bench
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 OPTIONS = {"rule": vp.accept_kinds("concentric", "against"), "clearance": True}
 
 
 def scene():
-    housing = vp.modelling.box(0.08, 0.08, 0.045).translated(-0.04, -0.04, 0.0) - vp.modelling.cylinder(0.01002, 0.045)
-    shaft = vp.modelling.revolve(
+    housing = modelling.box(0.08, 0.08, 0.045).translated(-0.04, -0.04, 0.0) - modelling.cylinder(0.01002, 0.045)
+    shaft = modelling.revolve(
         [(0.0, -0.040), (0.0085, -0.040), (0.010, -0.0385), (0.010, 0.0), (0.022, 0.0), (0.022, 0.006),
          (0.014, 0.006), (0.014, 0.022), (0.008, 0.022), (0.008, 0.045), (0.0, 0.045)]
     )  # fmt: skip
-    made = vp.modelling.scene(
+    made = modelling.scene(
         {
             "bench": (bench(0.4, 0.2), at(), WOOD),
             "housing": (housing, at(), STEEL),

@@ -12,6 +12,7 @@ import pinocchio as pin
 from parts import BRASS, STEEL, at
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 DIAMETER = 0.020  # m
 BORE = (0.0, 21.0)  # um, H7 at 18 to 30 mm (ISO 286-2)
@@ -49,16 +50,16 @@ def expected_rate(fit):
 
 @cache
 def block():
-    return vp.modelling.box(0.05, 0.05, 0.03).translated(-0.025, -0.025, 0.0)
+    return modelling.box(0.05, 0.05, 0.03).translated(-0.025, -0.025, 0.0)
 
 
 def scene(v):
     r = size(SHAFTS[v["fit"]], v["shaft"]) / 2
-    shaft = vp.modelling.revolve(
+    shaft = modelling.revolve(
         [(0.0, -0.025), (r - 0.0015, -0.025), (r, -0.0235), (r, 0.0), (0.016, 0.0), (0.016, 0.006), (0.0, 0.006)]
     )
-    housing = block() - vp.modelling.cylinder(size(BORE, v["bore"]) / 2, 0.03)
-    made = vp.modelling.scene({"housing": (housing, at(), STEEL), "shaft": (shaft, at(z=0.07), BRASS)})
+    housing = block() - modelling.cylinder(size(BORE, v["bore"]) / 2, 0.03)
+    made = modelling.scene({"housing": (housing, at(), STEEL), "shaft": (shaft, at(z=0.07), BRASS)})
     made["housing"].fixed = True
     return made
 

@@ -14,25 +14,35 @@ __version__ = "0.1.0"
 _NAMES: dict[str, tuple[str, ...]] = {
     # scene
     "vpframe.importers": ("load",),
-    "vpframe.scene.scene": ("Edge", "Part", "Scene", "Shape", "Surface"),
+    "vpframe.scene.scene": ("Edge", "Part", "Scene", "Shape", "Size", "Surface"),
     "vpframe.scene.units": ("length",),
     "vpframe.scene.boxes": ("bounds", "half_size"),
+    "vpframe.scene.motion": ("Motion",),
+    "vpframe.scene.joints": ("Statement",),
+    # in and out
+    "vpframe.importers.motion": ("read_motion",),
+    "vpframe.exporters": ("export",),
+    "vpframe.exporters.tables": ("write_table",),
+    "vpframe.exporters.bcf": ("write_bcf",),
     "constraints.geometry.surfaces": ("Cone", "Cylinder", "Freeform", "Plane", "Sphere", "Torus"),
     # session
     "vpframe.session.session": ("Session",),
     "vpframe.session.state": ("State", "StateError"),
     "vpframe.session.events": ("ConstraintView", "ContactPoint", "Event", "Frame", "Frames", "Observer"),
     "vpframe.session.rules": (
-        "accept_all", "accept_between", "accept_kinds", "ask", "first_of", "leave_all", "refuse_between",
-        "refuse_kinds",
+        "accept_all", "accept_between", "accept_kinds", "accept_standing", "ask", "first_of", "leave_all",
+        "refuse_between", "refuse_kinds",
     ),
     "collision": ("Tolerance",),
     # hands
     "vpframe.hands.hand": ("Hand",),
     "vpframe.hands.segment": ("MotionSegment", "Outcome"),
+    "vpframe.hands.access": ("Reach",),
     "vpframe.hands.assist": ("Assist",),
     "vpframe.hands.arguments": ("pose_from",),
-    "vpframe.hands.paths": ("Path", "Resting", "Reversed", "Spline", "Straight", "Track", "Turning", "read_track"),
+    "vpframe.hands.paths": (
+        "Path", "Resting", "Reversed", "Spline", "Straight", "Track", "Turning", "read_track", "write_track",
+    ),
     "vpframe.hands.conditions": (
         "Condition", "blocked", "candidate", "clearance", "constraint", "contact", "free", "freedom",
     ),
@@ -62,7 +72,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "vpframe.app.task_runner": ("main",),
 }  # fmt: skip
 _LAZY = {name: module for module, names in _NAMES.items() for name in names}
-_MODULES = {"modelling": "vpframe.scene.modelling", "planning": "vpframe.planning", "rules": "vpframe.session.rules"}
+_MODULES = {"planning": "vpframe.planning", "rules": "vpframe.session.rules"}
 
 __all__ = ["__version__", *_LAZY, *_MODULES]
 

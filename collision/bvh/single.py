@@ -24,7 +24,7 @@ def below_packets_alone(task, bvh, lane):
 
 
 def no_children(task, a, b, ws, lane_a, node):
-    """`children_of_b` of tasks about one hierarchy: never asked, for the one box is at the bottom."""
+    """`children_of_b` of tasks about one hierarchy: never called, for the one box is at the bottom."""
     return 0
 
 

@@ -183,7 +183,7 @@ def children_of_b(task, a, b, ws, lane_a, node):
 
 
 def visit(task, a, b, ws, lane_a, lane_b):
-    """Look at two boxes at the bottom; True ends the walk."""
+    """Test two boxes at the bottom; True ends the walk."""
 
 
 def is_open(task, ws, bound):
@@ -435,7 +435,7 @@ def near_children_of_b(task, a, b, ws, lane_a, node):
 
 @implements(visit, Surfaces)
 def add_surface_pair(task, a, b, ws, lane_a, lane_b):
-    """Add a pair of surfaces, as long as there is room, and count it."""
+    """Count a pair of surfaces, and add it unless `ws.pairs` is full."""
     found = ws.counts[FOUND]
     if found < len(ws.pairs):
         ws.pairs[found] = np.int64(a.surface[lane_a]) * len(b.root) + b.surface[lane_b]
@@ -447,7 +447,7 @@ def add_surface_pair(task, a, b, ws, lane_a, lane_b):
 def near_surfaces(a, b, ws, limit):
     """Fill `ws.pairs` with the pairs of surfaces whose boxes are within `limit` (squared, m²); how many there are.
 
-    If these are more than `ws.pairs` takes, its content is undefined; the caller must ask again with more room.
+    If there are more than `ws.pairs` can hold, its content is undefined; the caller must call again with a longer one.
     """
     ws.counts[FOUND] = 0
     task = Surfaces(np.float32(min(limit * (1.0 + 2.0**-20) + 1e-37, 3e38)))

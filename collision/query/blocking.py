@@ -10,6 +10,7 @@ motions here instead of infinitesimal ones).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -56,7 +57,7 @@ class Sweeps:
     meshes, poses: of the objects, in the order of their ids.
     tolerance: `linear` is how near surfaces may come that are apart, `slop` by how much of it surfaces in contact may
         be pressed further in one leg (see `collision.query.time_of_impact`).
-    excuse: asked for each leg which surface pairs it leaves out.
+    excuse: returns, for each leg, the pairs of surfaces that are left out.
     """
 
     def __init__(
@@ -74,6 +75,13 @@ class Sweeps:
         self._boxes: dict[tuple[int, int], tuple[Sequence[pin.SE3], Array, Array]] = {}
         self._start: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
         self._extents: dict[tuple[int, bytes], tuple[float, float]] = {}
+
+    def with_tolerance(self, tolerance: Tolerance) -> Sweeps:
+        """The same objects where they stand, under another tolerance; what hangs on none is shared."""
+        out = copy(self)
+        out.tolerance, out.count = tolerance, 0
+        out._worlds, out._boxes, out._start = {}, {}, {}
+        return out
 
     def extent(self, i: int, direction: Array) -> tuple[float, float]:
         """(least, greatest) coordinate of object i, where it stands, along a world direction (3,), m."""
@@ -106,8 +114,7 @@ class Sweeps:
         """
         near = True
         if len(knots) > 2:  # of one leg the box is looked at below
-            (low, high), box = self._whole_box(i, knots), self._box(j)
-            near = bool((low <= box[1]).all() and (box[0] <= high).all())
+            near = self.box_meets(j, *self._whole_box(i, knots))
         for leg, (start, end) in enumerate(pairwise(knots)):
             left_out = self.excuse(i, j, start, end)
             if left_out is None:
@@ -161,7 +168,7 @@ class Sweeps:
         import pinocchio as pin
 
         way = np.asarray(pin.log6(start.actInv(end)))
-        return float(np.linalg.norm(way[:3] + np.cross(way[3:], _box_corners(self._box(i))), axis=1).max())
+        return float(np.linalg.norm(way[:3] + _box_corners(self._box(i)) @ pin.skew(way[3:]).T, axis=1).max())
 
     def _meets_squarely(self, i: int, j: int, at: pin.SE3, way: Array, rows: NDArray[Any]) -> bool:
         """Whether facets that lie over each other run into each other on the next piece `way` (6,) of a leg: then the
@@ -197,25 +204,19 @@ class Sweeps:
 
     def _no_deeper(self, i: int, j: int, world: CollisionManager, at: pin.SE3) -> bool:
         """Whether no surfaces of i, displaced, and j reach deeper into each other than where they stand."""
-        known = self._depths(i, j)  # before the pose is set: it may be the same world
+        known = self.depths(i, j)  # before the pose is set: it may be the same world
         world.set_pose(0, at * self.poses[i])
         if not len(world.colliding_surfaces()):
             return True
         slack = 2.0 * self.tolerance.slop * self.tolerance.linear
-        names = ("surface_a", "surface_b", "depth")
-        rows = world.penetration(0, 1)
-        return all(
-            d <= known.get((a, b), 0.0) + slack for a, b, d in zip(*(rows[n].tolist() for n in names), strict=True)
-        )
+        return all(depth <= known.get(pair, 0.0) + slack for pair, depth in _depths_of(world).items())
 
-    def _depths(self, i: int, j: int) -> dict[tuple[int, int], float]:
+    def depths(self, i: int, j: int) -> dict[tuple[int, int], float]:
         """m by surface of i and of j: how deep they reach into each other where the objects stand."""
         if (i, j) not in self._start:
             world = self._world(i, j, ())
             world.set_pose(0, self.poses[i])
-            rows = world.penetration(0, 1)
-            names = ("surface_a", "surface_b", "depth")
-            self._start[i, j] = {(a, b): d for a, b, d in zip(*(rows[n].tolist() for n in names), strict=True)}
+            self._start[i, j] = _depths_of(world)
         return self._start[i, j]
 
     def near(
@@ -237,7 +238,7 @@ class Sweeps:
 
         far = self.length_until_apart(i, j, direction)
         if far == 0.0 or not self.shadows_meet(i, j, direction):
-            identity = pin.SE3.Identity()  # nothing is swept; whether the pair is held together is asked all the same
+            identity = pin.SE3.Identity()  # nothing is swept, but the pair may be held together
             held = self.excuse(i, j, identity, pin.SE3(np.eye(3), margin * direction)) is None
             return Stop(0, 0.0, _none()) if held else None
         return self.stop(i, j, (pin.SE3.Identity(), pin.SE3(np.eye(3), (far + margin) * direction)))
@@ -261,9 +262,7 @@ class Sweeps:
 
     def _boxes_meet(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> bool:
         """Whether the boxes of i on one leg and of j come near each other."""
-        low, high = self._leg_box(i, start, end)
-        box = self._box(j)
-        return bool((low <= box[1]).all() and (box[0] <= high).all())
+        return self.box_meets(j, *self._leg_box(i, start, end))
 
     def _leg_box(self, i: int, start: pin.SE3, end: pin.SE3) -> tuple[Array, Array]:
         """Corners of a box that holds i on a leg, and the tolerance around; points stray from chords by their arcs."""
@@ -275,18 +274,27 @@ class Sweeps:
         beyond = self.tolerance.linear
         if turn > 0.0:
             w = np.asarray(pin.log6(start.actInv(end)))
-            speed = np.linalg.norm(w[:3] + np.cross(w[3:], at), axis=1).max()
+            speed = np.linalg.norm(w[:3] + at @ pin.skew(w[3:]).T, axis=1).max()
             beyond += float(speed) / turn * (1.0 - np.cos(0.5 * min(turn, np.pi)))
         low, high = np.minimum(first, last).min(axis=0) - beyond, np.maximum(first, last).max(axis=0) + beyond
         return low, high
 
+    def way_box(self, i: int, knots: Sequence[pin.SE3]) -> tuple[Array, Array]:
+        """Least and greatest corner (3,) of a box that holds i on its way, and the tolerance around; m."""
+        boxes = [self._leg_box(i, start, end) for start, end in pairwise(knots)]
+        lows, highs = zip(*boxes, strict=True)
+        return np.min(lows, axis=0), np.max(highs, axis=0)
+
+    def box_meets(self, j: int, low: Array, high: Array) -> bool:
+        """Whether the box of object j, where it stands, meets a box."""
+        box = self._box(j)
+        return bool((low <= box[1]).all() and (box[0] <= high).all())
+
     def _whole_box(self, i: int, knots: Sequence[pin.SE3]) -> tuple[Array, Array]:
-        """The same of all legs; kept, because a way is asked about for every other object."""
+        """The same of all legs; kept, because a way is tested against every other object."""
         kept = self._boxes.get((i, id(knots)))
         if kept is None or kept[0] is not knots:
-            boxes = [self._leg_box(i, start, end) for start, end in pairwise(knots)]
-            lows, highs = zip(*boxes, strict=True)
-            kept = self._boxes[i, id(knots)] = knots, np.min(lows, axis=0), np.max(highs, axis=0)
+            kept = self._boxes[i, id(knots)] = knots, *self.way_box(i, knots)
         return kept[1], kept[2]
 
     def _box(self, i: int) -> Array:
@@ -304,6 +312,23 @@ class Sweeps:
                 world.ignore_surfaces(0, mine, 1, theirs)
             self._worlds[key] = world
         return self._worlds[key]
+
+
+def _depths_of(world: CollisionManager) -> dict[tuple[int, int], float]:
+    """m by surface of object 0 and of object 1 that meet: the depths of `CollisionManager.penetration`, without the
+    directions, which take most of the time where many surfaces only touch."""
+    from collision.query.intersection import intersecting
+    from collision.query.penetration import deepest_points
+
+    pose, enabled = world.relative_pose(0, 1), world.enabled_surfaces(0, 1)
+    a, b = world.mesh(0), world.mesh(1)
+    pairs = intersecting(a, b, pose, world.checked.rigid)[0]
+    if enabled is not None:
+        pairs = pairs[enabled[pairs[:, 0], pairs[:, 1]] != 0]
+    if not len(pairs):
+        return {}
+    depths = deepest_points(world, (a, b), pose, pairs)[:, 0]
+    return dict(zip(map(tuple, pairs.tolist()), depths.tolist(), strict=True))
 
 
 def _none() -> NDArray[Any]:

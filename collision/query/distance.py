@@ -2,8 +2,8 @@
 
 Distances are those of the triangles. Two surfaces are at distance 0 if and only if the exact test says that they meet;
 a positive distance carries the rounding of float64 arithmetic in a's frame (about 1e-15 of the coordinates). Boxes and
-float32 triangles may only rule out what is farther than the nearest triangles known; the triangles that were nearest at
-the last question are looked at first.
+float32 triangles may only rule out what is farther than the nearest triangles known; the nearest triangles of the
+last query are tested first.
 """
 
 # mypy: disable-error-code="call-arg, var-annotated"
@@ -48,6 +48,7 @@ from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import kernel
 from collision.numeric.rigid_transforms import relative_pose
 from collision.numeric.simd import near_lane
+from collision.poses import frames
 from collision.query.intersection import ALL_ENABLED, NO_TRIANGLES, Intersect
 from collision.triangle.distance import ROUNDING, closest_features, common_point
 from collision.triangle.intersection import triangles_meet
@@ -105,7 +106,7 @@ def set_limit(task):
 
 @inline_kernel
 def look_at_triangles(task, a, b, ws, ta, tb):
-    """Better `task` by triangle ta of a and tb of b, in leaf order; whether they meet."""
+    """Update `task` with triangles ta of a and tb of b, in leaf order; return whether they meet."""
     best = task.best
     bound, rounding = best[0], best[7]
     (u, v, w), (p, q, r) = triangle_of(a, ta), moved_triangle(b, tb, ws.pose.matrix)
@@ -142,7 +143,7 @@ def look_at_triangles(task, a, b, ws, ta, tb):
 
 @implements(visit, Distance)
 def nearest_of_packets(task, a, b, ws, lane_a, lane_b):
-    """Better `task` by the triangles of two packets, the nearest by their bounds first; whether any meet."""
+    """Update `task` with the triangles of two packets, in the order of their bounds; return whether any meet."""
     best = task.best
     along = np.float32(best[8]), np.float32(best[9]), np.float32(best[10])
     bits = near_triangles(a, b, ws, lane_a, lane_b, task.limit[1], along, False)
@@ -175,8 +176,7 @@ def rounding_of(a, b, matrix):
 def nearest_triangles(task, a, b, ws, lane_a, lane_b, last):
     """Find the nearest triangles below two boxes within `task.best[0]`; whether there are any.
 
-    last: where the triangles that were nearest when last asked are kept, (1,) int64, -1 for none; (0,) for nothing
-    kept.
+    last: (1,) int64, the nearest triangles of the last query, -1 for none; updated. (0,) if they are not kept.
     """
     task.hit[0] = -1
     task.best[8] = task.best[9] = task.best[10] = 0.0
@@ -212,9 +212,9 @@ def contacts(a, b, ws, poses, i, j, within, enabled, near, rows):
     apart.
 
     Sorted by surface of i, surface of j. poses: (n, 12), of the objects in the world. enabled: (ka·kb,) uint8, 0 for
-    pairs of surfaces that are left out; (0,) where none is. near: (ka·kb,) int64, the triangles that were nearest when
-    last asked, -1 for none; (0,) where nothing is remembered. How many rows, or ~n if there must be room for n pairs of
-    surfaces in `ws.pairs` and in `rows`.
+    pairs of surfaces that are left out; (0,) where none is. near: (ka·kb,) int64, the nearest triangles of
+    the last query, -1 for none; (0,) if they are not kept. Returns the number of rows, or ~n if `ws.pairs` and `rows`
+    must be long enough for n pairs of surfaces.
     """
     relative_pose(poses[i], poses[j], ws.pose.matrix)
     start(a, b, ws)
@@ -245,7 +245,7 @@ def clearance(a, b, ws, poses, i, j, bound, last, rows):
     """Fill `rows[0]` (CONTACT_DTYPE, world frame) with the nearest triangles of objects i and j; 1, or 0 for none.
 
     bound: m, only what is within it is looked for. last: (3,) int64, the box of either (lane 0, or that of a surface)
-    and the triangles that were nearest when last asked, or -1. The row's surfaces are those of its triangles.
+    and the nearest triangles of the last query, or -1. The row's surfaces are those of its triangles.
     """
     relative_pose(poses[i], poses[j], ws.pose.matrix)
     start(a, b, ws)
@@ -273,14 +273,6 @@ def clearance_of(*arguments: Any) -> int:
     return found
 
 
-def poses_of(pose_ab: Any) -> NDArray[np.float64]:
-    """(2, 12) poses of two objects in the frame of the first."""
-    poses = np.zeros((2, 12))
-    poses[0, 0] = poses[0, 4] = poses[0, 8] = 1.0
-    poses[1, :9], poses[1, 9:] = np.ravel(pose_ab.rotation), pose_ab.translation
-    return poses
-
-
 def contacts_at(
     mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, within: float, enabled: NDArray[np.uint8] | None = None
 ) -> NDArray[Any]:
@@ -289,16 +281,27 @@ def contacts_at(
     pose_ab: `pinocchio.SE3`, of b in a's frame. enabled: (ka, kb), 0 for pairs of surfaces to leave out. `object_a` is
     0 and `object_b` is 1.
     """
-    a, b, poses = bvh_of(mesh_a), bvh_of(mesh_b), poses_of(pose_ab)
-    mask = ALL_ENABLED if enabled is None else enabled.ravel()
-    ws = workspace_for(a, b)
+    mask = ALL_ENABLED if enabled is None else enabled
+    return contacts_between(bvh_of(mesh_a), bvh_of(mesh_b), frames(pose_ab), float(within), mask)
+
+
+def contacts_between(
+    a: Bvh, b: Bvh, poses: NDArray[np.float64], within: float, enabled: NDArray[np.uint8]
+) -> NDArray[Any]:
+    """Return CONTACT_DTYPE rows, in the world frame, of the pairs of surfaces at most `within` (m) apart.
+
+    poses: (2, 12), of both in the world. enabled: (ka, kb), 0 for pairs of surfaces to leave out, or `ALL_ENABLED`.
+    `object_a` is 0 and `object_b` is 1.
+    """
+    mask = enabled.ravel()
+    mask.setflags(write=False)  # as `ALL_ENABLED`
     while True:
+        ws = workspace_for(a, b)
         rows = np.zeros(len(ws.pairs), CONTACT_DTYPE)
-        found = contacts_of(a, b, ws, poses, 0, 1, float(within), mask, NO_TRIANGLES, rows)
+        found = contacts_of(a, b, ws, poses, 0, 1, within, mask, NO_TRIANGLES, rows)
         if found >= 0:
             return rows[:found]
         workspace(pairs=~found)
-        ws = workspace_for(a, b)
 
 
 def clearance_at(
@@ -311,12 +314,12 @@ def clearance_at(
     """
     a, b, rows = bvh_of(mesh_a), bvh_of(mesh_b), np.zeros(1, CONTACT_DTYPE)
     last = lanes_of(a, b, surface_a, surface_b)
-    found = clearance_of(a, b, workspace_for(a, b), poses_of(pose_ab), 0, 1, float(bound), last, rows)
+    found = clearance_of(a, b, workspace_for(a, b), frames(pose_ab), 0, 1, float(bound), last, rows)
     return with_surfaces(rows[:found], mesh_a, mesh_b)
 
 
 def lanes_of(a: Bvh, b: Bvh, surface_a: int | None, surface_b: int | None) -> NDArray[np.int64]:
-    """What `clearance` takes as `last` at the first question about two meshes, or a surface of either."""
+    """Return `last` of `clearance` for a first query about two meshes, or a surface of either."""
     lane_a = 0 if surface_a is None else int(a.root[surface_a])
     lane_b = 0 if surface_b is None else int(b.root[surface_b])
     return np.array([lane_a, lane_b, -1], np.int64)

@@ -46,9 +46,9 @@ from collision.bvh.traverse import (
 )
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import kernel
-from collision.numeric.rigid_transforms import relative_pose, take_pose
+from collision.numeric.rigid_transforms import relative_pose, take_poses
 from collision.numeric.simd import lowest, overlapping_lane, perhaps_meeting
-from collision.poses import matrix_of, pack
+from collision.poses import frames, pack
 from collision.triangle.intersection import triangles_meet
 
 NO_TRIANGLES: Final = np.empty(0, np.int64)
@@ -121,8 +121,8 @@ def packets_meet(task, a, b, ws, lane_a, lane_b):
 
 @inline_kernel
 def intersecting_surfaces(a, b, ws, met, enabled):
-    """Fill `ws.pairs` with the pairs of surfaces that intersect, sorted; return their number n, or ~n for the number of
-    pairs that the workspace must have room for.
+    """Fill `ws.pairs` with the pairs of surfaces that intersect, sorted; return their number n, or ~n if `ws.pairs`
+    must be long enough for n pairs.
 
     b is at the pose in `ws.pose.matrix[:12]`. met: (ka·kb,) int64, the two triangles of each pair of surfaces that
     intersected in the last query, -1 for none; tested first, and updated; or `NO_TRIANGLES`. enabled: (ka·kb,) uint8, 0
@@ -155,18 +155,7 @@ def intersecting_surfaces(a, b, ws, met, enabled):
 
 
 @kernel
-def intersect(a, b, ws, matrix, rigid, met, enabled):
-    """Fill `ws.rows[:, 1::2]` with the pairs of surfaces of a and of b at a (4, 4) pose that intersect.
-
-    Returns as `intersecting_surfaces`, at most -2 for want of room; -1 if the matrix is no rigid motion.
-    """
-    if not take_pose(matrix, rigid, ws.pose.matrix):
-        return -1
-    return intersecting_surfaces(a, b, ws, met, enabled)
-
-
-@kernel
-def intersect_objects(a, b, ws, poses, i, j, met, enabled):
+def intersect(a, b, ws, poses, i, j, met, enabled):
     """Fill `ws.rows` with object, surface, object, surface of the surfaces of objects i and j that intersect.
 
     poses: (n, 12), world frame, m. Returns as `intersecting_surfaces`.
@@ -180,13 +169,12 @@ def intersect_objects(a, b, ws, poses, i, j, met, enabled):
 
 # --- from Python -----------------------------------------------------------------------------------------------------
 
-_intersect = Door(intersect)
-_objects = Door(intersect_objects)
+_intersect, _take_poses = Door(intersect), Door(take_poses)
 
 
 def intersect_of(*arguments: Any) -> int:
-    """`intersect_objects`."""
-    found: int = _objects.call(*arguments)
+    """`intersect`."""
+    found: int = _intersect.call(*arguments)
     return found
 
 
@@ -198,13 +186,12 @@ def intersecting(
     pose_ab: pose of b in a's frame, `pinocchio.SE3` or (4, 4), m. rigid: see `poses.pack`, which raises PoseError.
     """
     a, b = bvh_of(mesh_a), bvh_of(mesh_b)
-    ws = workspace_for(a, b)
-    matrix = getattr(pose_ab, "homogeneous", None)
-    if matrix is None:
-        matrix = matrix_of(pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=rigid))
-    found = _intersect.call(a, b, ws, matrix, rigid, NO_TRIANGLES, ALL_ENABLED)
-    if found < 0:
-        pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=rigid)  # raises, if that is why
+    poses, matrix = frames(), getattr(pose_ab, "homogeneous", None)
+    if matrix is None or _take_poses.call(matrix[None], rigid, poses[1:]) >= 0:
+        poses[1] = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=rigid)
+    while True:
+        ws = workspace_for(a, b)
+        found = intersect_of(a, b, ws, poses, 0, 1, NO_TRIANGLES, ALL_ENABLED)
+        if found >= 0:
+            return ws.rows[:found, 1::2].copy(), ws
         workspace(pairs=~found)
-        return intersecting(mesh_a, mesh_b, pose_ab, rigid)
-    return ws.rows[:found, 1::2].copy(), ws

@@ -8,12 +8,14 @@ the height of a sphere's cap below a plane, the interference of a peg and a bore
 translation into the material as long as the nearest surface stays the same; it is never more than half the wall's
 thickness, for beyond the middle the other side is nearer. Surfaces that only touch have depth 0. Behind means inside
 for closed meshes; an open mesh counts as the boundary of what lies behind it, and where it ends the winding number
-tells (see `collision.query.signed_distance`).
+decides (see `collision.query.signed_distance`).
 
 Depths are found by branch and bound, from below: none is deeper than what is returned by more than `Tolerance.depth`
-(1 %) of it and of `Tolerance.linear`, unless `BUDGET` ended the search. What is searched is the hierarchy of t, and
-below its packets triangles that are cut in two. Each piece has an upper bound of the depth of its points; the piece of
-the greatest is opened next, until no bound is above the deepest point seen by more than the precision asked for.
+(1 %) of it and of `Tolerance.linear`, unless `BUDGET` ended the search. What is searched are the hierarchies of s and
+of t, and below their packets triangles that are cut in two. Each piece has an upper bound of the depth of its points;
+the piece of the greatest bound is opened next, until no bound is above the deepest point seen by more than the
+precision. Both directions are one search: the deepest point of either rules out pieces of both. A point of s in B
+counts only if it is deeper than those of t in A by more than the precision.
 
 Of a piece with middle c and radius r, no point is deeper than the depth of c plus r, for the distance to a boundary is
 1-Lipschitz. Of a triangle there are up to six convex functions of its points that are never below their depth: the
@@ -60,6 +62,7 @@ from collision.numeric.kernel import inner_kernel, kernel
 from collision.numeric.simd import lowest, near_lane, overlapping_lane, prepare_triangles, reaching
 from collision.numeric.vectors import along, dot, norm, sub
 from collision.objects import Objects
+from collision.poses import pack_rigid
 from collision.query.containment import SolidQuery, query_about, winds
 from collision.query.distance import clearance_at
 from collision.query.intersection import intersecting
@@ -72,7 +75,9 @@ if TYPE_CHECKING:
 
 
 BUDGET: Final = 20000
-"""pieces opened for one surface in another; beyond it the deepest point seen counts"""
+"""pieces opened for a pair of surfaces; beyond it the deepest point seen counts"""
+TURN: Final = 32
+"""pieces opened in one direction before the other is considered again"""
 TIE: Final = 1.0 + 64.0 * 2.0**-52
 """squared distances that differ by no more than their rounding (some 30 operations each) are of one nearest point"""
 BEYOND: Final = 2.0**-44
@@ -154,19 +159,29 @@ def _pop(pieces):
 # --- a search --------------------------------------------------------------------------------------------------------
 
 
-class Search(NamedTuple):
-    """A search for the deepest point of a surface of another mesh behind one surface of a solid."""
+class Direction(NamedTuple):
+    """One of two meshes as the solid, the other as what reaches into it; what is known of the other's points."""
 
     query: SolidQuery
-    """the solid; `query.ws.pose.matrix` has the pose of the other mesh in its frame"""
     other: Bvh
+    matrix: Any
+    """(12,) float64: pose of the other mesh in the solid's frame, rotation by rows, translation"""
     depth: Any
     """(n,) float64: depths of the other's vertices behind the solid, m, once they are known"""
     nearest: Any
     """(n,) int64: triangles of the solid nearest to them; -1, not yet known"""
     pieces: Pieces
+    side: Any
+    """0 if the solid is the first of the two meshes, else 1"""
+
+
+class Search(NamedTuple):
+    """A search for the deepest point of a surface of another mesh behind one surface of a solid."""
+
+    way: Direction
     best: Any
-    """(7,) float64: greatest depth seen, its point, the nearest point of the solid's surface; m, the solid's frame"""
+    """(8,) float64: greatest depth known, its point, the nearest point of the solid's surface; m, in the frame of the
+    solid; `Direction.side` of that solid"""
     surface: Any
     """of the solid"""
     relative: Any
@@ -178,6 +193,13 @@ class Search(NamedTuple):
 def _enough(search):
     """m: the depth above which is looked."""
     return search.best[0] * (1.0 + search.relative) + search.precision
+
+
+@inline_kernel
+def _least_better(search):
+    """m: the depth above which a point takes the place of the best; more if that is of the first direction and it is
+    not, so that the direction of a penetration does not depend on rounding."""
+    return _enough(search) if search.best[7] < search.way.side and search.best[0] > 0.0 else search.best[0]
 
 
 @inner_kernel
@@ -192,7 +214,7 @@ def _see(search, p, depth, t):
 
     A closed mesh must wind about it, too: where it meets itself, what is behind the nearest triangle may be outside.
     """
-    best, query = search.best, search.query
+    best, query = search.best, search.way.query
     bvh = query.solid.bvh
     if query.solid.surface[t] == search.surface:
         q, _ = nearest_on(bvh, t, p)
@@ -202,7 +224,7 @@ def _see(search, p, depth, t):
         return
     if query.solid.closed and not winds(query, p):
         return
-    best[0] = depth
+    best[0], best[7] = depth, search.way.side
     for d in range(3):
         best[1 + d], best[4 + d] = p[d], q[d]
 
@@ -337,8 +359,8 @@ def _may_be_nearest(query, surface, p, q, r, far, bound):
 @inner_kernel
 def _add_box(search, lane, guess):
     """Put a box of the other's hierarchy among the pieces, if there may be something deeper than enough in it."""
-    query, other = search.query, search.other
-    solid, m = query.solid, query.ws.pose.matrix
+    query, other = search.way.query, search.way.other
+    solid, m = query.solid, search.way.matrix
     (x, y, z), half = box_middle(other, lane)
     radius = norm(half) * (1.0 + 2.0**-40)
     middle = (
@@ -354,14 +376,14 @@ def _add_box(search, lane, guess):
         reach = radius + bound
         if _nearest_below(query, np.int64(solid.bvh.root[search.surface]), middle, reach * reach) < 0:
             return
-    place = _new_piece(search.pieces, bound, lane)
-    search.pieces.index[place, 0] = t
+    place = _new_piece(search.way.pieces, bound, lane)
+    search.way.pieces.index[place, 0] = t
 
 
 @inner_kernel
 def _add_triangle(search, p, q, r, depth, near):
     """Put a triangle among the pieces, if there may be something deeper than enough in it."""
-    solid, enough = search.query.solid, _enough(search)
+    solid, enough = search.way.query.solid, _enough(search)
     bvh, (dp, dq, dr), (a, b, c) = solid.bvh, depth, near
     cone = _cones(solid.closed, p, q, r, depth)
     bound = min(_most(cone[0]), _most(cone[1]), _most(cone[2]))
@@ -379,9 +401,9 @@ def _add_triangle(search, p, q, r, depth, near):
         return
     on, surface = solid.surface, search.surface
     elsewhere = on[a] != surface and on[b] != surface and on[c] != surface
-    if elsewhere and not _may_be_nearest(search.query, surface, p, q, r, far, bound):
+    if elsewhere and not _may_be_nearest(search.way.query, surface, p, q, r, far, bound):
         return
-    pieces = search.pieces
+    pieces = search.way.pieces
     place = _new_piece(pieces, bound, -1)
     for d in range(3):
         pieces.value[place, CORNERS + d] = p[d]
@@ -393,7 +415,7 @@ def _add_triangle(search, p, q, r, depth, near):
 @inline_kernel
 def _open_box(search, lane, guess):
     """Put the boxes, or the triangles, of a box of the other's hierarchy among the pieces."""
-    other, m = search.other, search.query.ws.pose.matrix
+    other, m = search.way.other, search.way.matrix
     child = np.int64(other.child[lane])
     if child >= 0:
         for k in range(LANES * child, LANES * child + LANES):
@@ -404,16 +426,16 @@ def _open_box(search, lane, guess):
         for c in range(i, i + 3):
             v = other.corner[c]
             p = moved_corner(other, c, m)
-            if search.nearest[v] < 0:
-                search.depth[v], search.nearest[v] = depth_at(search.query, p, guess)
-            guess = search.nearest[v]
-            if search.depth[v] > search.best[0]:
-                _see(search, p, search.depth[v], guess)
+            if search.way.nearest[v] < 0:
+                search.way.depth[v], search.way.nearest[v] = depth_at(search.way.query, p, guess)
+            guess = search.way.nearest[v]
+            if search.way.depth[v] > _least_better(search):
+                _see(search, p, search.way.depth[v], guess)
         a, b, c = other.corner[i], other.corner[i + 1], other.corner[i + 2]
         _add_triangle(
             search, moved_corner(other, i, m), moved_corner(other, i + 1, m), moved_corner(other, i + 2, m),
-            (search.depth[a], search.depth[b], search.depth[c]),
-            (search.nearest[a], search.nearest[b], search.nearest[c]),
+            (search.way.depth[a], search.way.depth[b], search.way.depth[c]),
+            (search.way.nearest[a], search.way.nearest[b], search.way.nearest[c]),
         )  # fmt: skip
 
 
@@ -523,7 +545,7 @@ def _cut(solid, p, q, r, tp, tq, tr):
 @inline_kernel
 def _open_triangle(search, place):
     """Cut a triangle in two, unless a step that is no longer than what counts takes it out of the solid."""
-    query, v, index = search.query, search.pieces.value[place], search.pieces.index[place]
+    query, v, index = search.way.query, search.way.pieces.value[place], search.way.pieces.index[place]
     p, q, r = (v[1], v[2], v[3]), (v[4], v[5], v[6]), (v[7], v[8], v[9])
     dp, dq, dr = v[DEPTHS], v[DEPTHS + 1], v[DEPTHS + 2]
     tp, tq, tr = index[0], index[1], index[2]
@@ -543,7 +565,7 @@ def _open_triangle(search, place):
     if tp == tq or _to_triangle(bvh, tp, m, -1, 0.0) <= _to_triangle(bvh, tq, m, -1, 0.0):
         nearer = tp
     dm, tm = depth_at(query, m, nearer)
-    if dm > search.best[0]:
+    if dm > _least_better(search):
         _see(search, m, dm, tm)
     for k in range(2):
         if k == 0:
@@ -553,20 +575,32 @@ def _open_triangle(search, place):
 
 
 @inline_kernel
-def _deepest_of(search, surface, budget):
-    """Make `search.best` the deepest point of a surface of the other; beyond `budget` pieces opened, the deepest seen.
-    Returns the pieces opened."""
-    pieces = search.pieces
+def _begin(search, surface):
+    """Make a surface of the other the only piece of a search."""
+    pieces = search.way.pieces
     pieces.size[0], pieces.size[1] = 0, 0
-    _add_box(search, np.int64(search.other.root[surface]), np.int64(0))
-    opened, at_hand = 0, pieces.size[1] - 1
-    while opened < budget and pieces.size[1] + LANES <= len(pieces.value):
-        enough = _enough(search)
-        if at_hand < 0 or pieces.value[at_hand, BOUND] <= enough:
+    search.way.query.ws.counts[QUESTION] += 1
+    _add_box(search, np.int64(search.way.other.root[surface]), np.int64(0))
+    if pieces.size[1] > 0:
+        _push(pieces, 0)
+
+
+@inner_kernel
+def _advance(search, most):
+    """Open up to `most` pieces that may hold something deeper than is known, those of greatest bound first.
+
+    Returns their number.
+    """
+    pieces = search.way.pieces
+    search.way.query.ws.counts[QUESTION] += 1
+    opened, at_hand = 0, -1
+    while opened < most and pieces.size[1] + LANES <= len(pieces.value):
+        if at_hand < 0 or pieces.value[at_hand, BOUND] <= _enough(search):
             if pieces.size[0] == 0:
                 break
             at_hand = _pop(pieces)
-            if pieces.value[at_hand, BOUND] <= enough:
+            if pieces.value[at_hand, BOUND] <= _enough(search):
+                pieces.size[0], at_hand = 0, -1
                 break
         opened += 1
         fresh, lane = pieces.size[1], pieces.index[at_hand, LANE]
@@ -580,23 +614,42 @@ def _deepest_of(search, surface, budget):
                 at_hand, place = place, at_hand
             if place >= 0:
                 _push(pieces, place)
+    if at_hand >= 0:
+        _push(pieces, at_hand)
     return opened
+
+
+@inline_kernel
+def _greatest_bound(pieces):
+    """m: no point of the pieces that are not yet opened is deeper."""
+    return pieces.value[pieces.heap[0], BOUND] if pieces.size[0] > 0 else -np.inf
 
 
 @kernel
-def deepest(query, other, depth, near, pieces, pairs, limits, out):
-    """The deepest points of the other's surfaces behind the solid, where nearest to one of its surfaces.
+def deepest(one, other, pairs, limits, out):
+    """Fill `out` (n, 8), see `Search.best`, with the deepest points of pairs of surfaces behind one another.
 
-    See `Search` for depth and near. pairs: (n, 2) surface of the solid, of the other. limits: (3,) float64, relative
-    (1), precision (m), pieces opened for a pair. Only what is deeper than out[:, 0] is looked for. out: (n, 7) as
-    `Search.best`. Returns the pieces opened.
+    one, other: the two `Direction`s; `one.query` has the first mesh. pairs: (n, 2) int32 surface of the first mesh, of
+    the second. limits: (3,) float64, relative (1), precision (m), pieces opened for a pair. Returns the pieces opened.
     """
-    query.ws.counts[QUESTION] += 1
-    opened = 0
+    total = 0
     for k in range(len(pairs)):
-        search = Search(query, other, depth, near, pieces, out[k], np.int64(pairs[k, 0]), limits[0], limits[1])
-        opened += _deepest_of(search, pairs[k, 1], limits[2])
-    return opened
+        out[k] = 0.0
+        opened = 0
+        b_in_a = Search(one, out[k], np.int64(pairs[k, 0]), limits[0], limits[1])
+        a_in_b = Search(other, out[k], np.int64(pairs[k, 1]), limits[0], limits[1])
+        _begin(b_in_a, pairs[k, 1])
+        _begin(a_in_b, pairs[k, 0])
+        while opened < limits[2]:
+            if opened == 0 or _greatest_bound(one.pieces) >= _greatest_bound(other.pieces):
+                now = _advance(b_in_a, TURN)
+            else:
+                now = _advance(a_in_b, TURN)
+            if now == 0 and opened > 0:
+                break
+            opened += max(now, 1)
+        total += opened
+    return total
 
 
 # --- from Python -----------------------------------------------------------------------------------------------------
@@ -620,17 +673,16 @@ def penetration(objects: Objects, i: int, j: int) -> NDArray[Any]:
     rows["object_a"], rows["surface_a"], rows["object_b"], rows["surface_b"] = i, surfaces[:, 0], j, surfaces[:, 1]
     if not len(rows):
         return rows
-    b_in_a = _deepest(objects, mesh_a, mesh_b, pose, surfaces, np.zeros(len(rows)))
-    a_in_b = _deepest(objects, mesh_b, mesh_a, pose.inverse(), surfaces[:, ::-1], b_in_a[:, 0])
-    deeper = a_in_b[:, 0] > b_in_a[:, 0]
-    back = a_in_b[:, 1:].reshape(-1, 2, 3) @ pose.rotation.T + pose.translation
-    ends = np.where(deeper[:, None, None], back, b_in_a[:, 1:].reshape(-1, 2, 3))
-    out = (ends[:, 1] - ends[:, 0]) * np.where(deeper, -1.0, 1.0)[:, None]
+    found = deepest_points(objects, (mesh_a, mesh_b), pose, surfaces)
+    swapped = found[:, 7] == 1.0
+    ends = found[:, 1:7].reshape(-1, 2, 3)
+    ends[swapped] = ends[swapped] @ pose.rotation.T + pose.translation
+    out = (ends[:, 1] - ends[:, 0]) * np.where(swapped, -1.0, 1.0)[:, None]
     length = np.linalg.norm(out, axis=1)
     for k in np.flatnonzero(length <= objects.tolerance.solver).tolist():
         contact = clearance_at(mesh_a, mesh_b, pose, *surfaces[k].tolist())
         out[k], length[k], ends[k, 0] = _normal(mesh_a, int(contact["triangle_a"][0])), 1.0, contact["point_a"][0]
-    rows["depth"] = np.maximum(a_in_b[:, 0], b_in_a[:, 0])
+    rows["depth"] = found[:, 0]
     rows["direction"] = out / length[:, None] @ world.rotation.T
     rows["point"] = ends[:, 0] @ world.rotation.T + world.translation
     return rows
@@ -643,24 +695,26 @@ def _normal(mesh: SurfaceMesh, triangle: int) -> NDArray[np.float64]:
     return n / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
-def _deepest(
-    objects: Objects, solid: SurfaceMesh, other: SurfaceMesh, pose: pin.SE3,
-    pairs: NDArray[np.int32], known: NDArray[np.float64],
-) -> NDArray[np.float64]:  # fmt: skip
-    """(n, 7) depth, point and nearest boundary point, in the frame of `solid`, in which `other` is at `pose`.
+def deepest_points(
+    objects: Objects, meshes: tuple[SurfaceMesh, SurfaceMesh], pose: pin.SE3, pairs: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Return (n, 8) rows of `Search.best` of pairs of surfaces (n, 2), whether or not they meet.
 
-    pairs: (n, 2) surface of the solid, surface of the other. known: (n,) depths above which is looked; else depth 0.
+    pose: of the second mesh in the frame of the first. objects: their tolerance is the precision.
     """
-    query, n, room = query_about(solid), len(other.vertices), 4 * BUDGET
-    query.ws.pose.matrix[:12] = [*pose.rotation.ravel(), *pose.translation]
+    a, b = meshes
+    ways = _direction(a, b, pose, 0), _direction(b, a, pose.inverse(), 1)
     relative = objects.tolerance.depth
-    pieces = Pieces(
-        np.empty((room, PIECE)), np.empty((room, LANE + 1), np.int64), np.empty(room, np.int64), np.zeros(2, np.int64)
-    )
-    out = np.zeros((len(pairs), 7))
-    out[:, 0] = known
-    _deepest_points.call(
-        query, bvh_of(other), np.empty(n), np.full(n, -1, np.int64), pieces, np.ascontiguousarray(pairs, np.int32),
-        np.array([relative, relative * objects.tolerance.linear, BUDGET]), out,
-    )  # fmt: skip
+    limits = np.array([relative, relative * objects.tolerance.linear, BUDGET])
+    out = np.empty((len(pairs), 8))
+    _deepest_points.call(*ways, np.ascontiguousarray(pairs, np.int32), limits, out)
     return out
+
+
+def _direction(solid: SurfaceMesh, other: SurfaceMesh, pose: pin.SE3, side: int) -> Direction:
+    n, most = len(other.vertices), 4 * BUDGET
+    pieces = Pieces(
+        np.empty((most, PIECE)), np.empty((most, LANE + 1), np.int64), np.empty(most, np.int64), np.zeros(2, np.int64)
+    )
+    matrix, nearest = pack_rigid(pose), np.full(n, -1, np.int64)
+    return Direction(query_about(solid), bvh_of(other), matrix, np.empty(n), nearest, pieces, side)

@@ -1,6 +1,6 @@
 """Signed distances of points from a solid: how far its boundary is, and on which side of it they lie.
 
-The side is told by the pseudonormal of the nearest feature, which is right for any closed mesh without
+The pseudonormal of the nearest feature gives the side, which is right for any closed mesh without
 self-intersections (Bærentzen & Aanæs, "Signed Distance Computation Using the Angle Weighted Pseudonormal", 2005); by
 the winding number where that normal is not sure: in slivers and folds, and where an open mesh ends.
 """
@@ -105,7 +105,7 @@ def triangle_bounds(bvh, ws, lane, point):
 
 @implements(visit, Nearest)
 def nearest_in_packet(task, a, b, ws, lane_a, lane_b):
-    """Better `task` by the triangles of a packet."""
+    """Update `task` with the triangles of a packet."""
     packet = ~np.int64(a.child[lane_a])
     triangle_bounds(a, ws, lane_a, task.point)
     first = np.int64(a.first[packet])
@@ -278,7 +278,7 @@ def signed_distances(mesh: SurfaceMesh, points: ArrayLike) -> NDArray[np.float64
     """(n,) distances in m of points (n, 3), in the mesh's frame, to the mesh: negative behind the nearest surface.
 
     For a closed mesh without self-intersections, behind is inside; where the nearest point lies in a sliver or a fold,
-    or where an open mesh ends, the winding number tells.
+    or where an open mesh ends, the winding number decides.
     """
     p = np.array(points, np.float64).reshape(-1, 3)
     out = np.empty(len(p))

@@ -6,11 +6,11 @@ at T0·exp(t·log(T0⁻¹·T1)); all move at once. Contact is when the distance 
 - Never late: before the time that is returned no two surfaces that were apart have met.
 - Early by no more than the tolerance: at that time two surfaces are within `Tolerance.linear` of each other.
 
-Surfaces in contact at the start, at most the tolerance apart, could not part if that alone stopped them. Such a pair
+Surfaces in contact at the start, at most the tolerance apart, could not part if contact alone stopped them. Such a pair
 stops the motion only if it approaches. Its signed distance (that of the triangles, and where they meet minus the
 shortest translation that parts the two triangles) may shrink by `Tolerance.slop`, a tenth of the tolerance, below what
 it is at the start, so that surfaces slide; a pair that is pressed further stops the motion before it has begun to. The
-time is the last at which it had not got there, to within one and a half times that tenth. However often that is asked,
+time is the last at which it had not got there, to within one and a half times that tenth. However often it is repeated,
 a pair that is not deeper already is let no deeper than the tolerance, or than the deflection if that is given: the
 tessellations of a shaft and its bore reach into each other by as much while the surfaces fit. Triangles smaller than
 that depth are the one thing that may be passed, by the very pair of surfaces that is in contact already.
@@ -18,7 +18,7 @@ that depth are the one thing that may be passed, by the very pair of surfaces th
 Conservative advancement: the least time for which any pair of boxes or of triangles surely stays apart
 (`collision.triangle.motion`) is the step, found best first (Tang, Kim & Manocha, "C²A: Controlled Conservative
 Advancement", ICRA 2009; here the direction of a certificate is any separating one, and its second-order term lets
-motion along a surface be told from motion towards it).
+motion along a surface be distinguished from motion towards it).
 """
 
 # mypy: disable-error-code="call-arg, var-annotated"
@@ -27,9 +27,7 @@ motion along a surface be told from motion towards it).
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -59,16 +57,15 @@ from collision.bvh.traverse import (
     workspace,
     workspace_for,
 )
-from collision.contact import CONTACT_DTYPE, TimeOfImpact
+from collision.contact import CONTACT_DTYPE, TimeOfImpact, joined, picked
 from collision.errors import CollisionError
-from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import inner_kernel, kernel
 from collision.numeric.rigid_transforms import relative_pose, screw_pose
 from collision.numeric.simd import RATES, TERMS, apart_lane_a, apart_lane_b, lowest, perhaps_nearing
 from collision.numeric.vectors import cross, norm, sub
 from collision.objects import Objects
-from collision.query.distance import clearance_of, contacts_of, lanes_of, poses_of, rounding_of
-from collision.query.intersection import ALL_ENABLED, NO_TRIANGLES
+from collision.query.distance import clearance_of, contacts_between, lanes_of, rounding_of
+from collision.query.intersection import ALL_ENABLED
 from collision.query.signed_distance import least_signed_distance, signed_distances_of
 from collision.reference.shape import ShapeMesh
 from collision.triangle.motion import Motion, pair_step
@@ -298,43 +295,43 @@ def _set_rates(a_frame, b_frame, matrix, screws, task):
     rates[22] = _up(2.0**-19 * (speed + (norm(dw) + norm(turned)) * extent) + 1e-30)
 
 
-class Room(NamedTuple):
-    """What `impact` works in, and where it places what it finds."""
+class SweepWorkspace(NamedTuple):
+    """What `impact` works in, and where it places its results."""
 
     task: Sweep
     """its `level` long enough for any pair of objects"""
     poses: Any
     """(2, 12) float64"""
     least: Any
-    """(2,) float64, see `SignedDistance`"""
+    """(2,) float64, m: see `SignedDistance`"""
     found: Any
     """(2,) float64: time, or infinity; whether `task.level` is in use"""
 
 
 @inline_kernel
-def _move_to(a, b, ws, screws, t, room):
+def _move_to(a, b, ws, screws, t, work):
     """Begin a question about a and b at a time; `task.step[1]` and `least[1]` become its rounding."""
-    screw_pose(screws[0], t, room.poses[0])
-    screw_pose(screws[1], t, room.poses[1])
-    relative_pose(room.poses[0], room.poses[1], ws.pose.matrix)
+    screw_pose(screws[0], t, work.poses[0])
+    screw_pose(screws[1], t, work.poses[1])
+    relative_pose(work.poses[0], work.poses[1], ws.pose.matrix)
     start(a, b, ws)
-    room.task.step[1] = room.least[1] = rounding_of(a, b, ws.pose.matrix)
+    work.task.step[1] = work.least[1] = rounding_of(a, b, ws.pose.matrix)
 
 
 @inner_kernel
-def _set_levels(a, b, ws, near, limits, enabled, room):
-    """Fill `room.task.level`: pairs of surfaces in contact, of the first `near` of `ws.pairs`, have one of their own.
+def _set_levels(a, b, ws, near, limits, enabled, work):
+    """Fill `work.task.level`: pairs of surfaces in contact, of the first `near` of `ws.pairs`, have one of their own.
 
     A motion that is shorter than what a pair may come nearer does not bring it to its level, so it need not be known.
     """
-    task, kb = room.task, len(b.root)
+    task, kb = work.task, len(b.root)
     until, deflection = limits[0], limits[1]
     tolerance, slop = task.tolerance, task.slop
     for pair in range(len(a.root) * kb):
         task.level[pair] = -np.inf if len(enabled) > 0 and enabled[pair] == 0 else tolerance
     frame = b.frame
     motion = _motion_of(ws.pose.matrix, task.motion, _vector(frame, 0), _vector(frame, 3))
-    way = until * motion.fastest * (1.0 + 1e-9) + 4.0 * room.least[1]
+    way = until * motion.fastest * (1.0 + 1e-9) + 4.0 * work.least[1]
     for k in range(near):
         pair = ws.pairs[k]
         if task.level[pair] == -np.inf:
@@ -344,7 +341,7 @@ def _set_levels(a, b, ws, near, limits, enabled, room):
             continue
         short = way < slop
         within = slop - tolerance if short else tolerance * (1.0 + 2.0**-50)
-        depth = least_signed_distance(a, b, ws, pair, within, room.least)
+        depth = least_signed_distance(a, b, ws, pair, within, work.least)
         if short and depth >= within:
             task.level[pair] = -np.inf
         elif depth <= tolerance:
@@ -353,17 +350,17 @@ def _set_levels(a, b, ws, near, limits, enabled, room):
 
 
 @inner_kernel
-def _last_above(a, b, ws, screws, before, pair, room):
+def _last_above(a, b, ws, screws, before, pair, work):
     """A time from `before` on at which the signed distance of a pair of surfaces is above its level by little.
 
     It is above at `before`, and at or below at the time found; in between nothing gets below what the advancement held
     to.
     """
-    level, slop, time = room.task.level[pair], room.task.slop, room.found[0]
+    level, slop, time = work.task.level[pair], work.task.slop, work.found[0]
     within, middle, apart = max(0.0, level + 2.0 * slop), before, np.inf
     while True:
-        _move_to(a, b, ws, screws, middle, room)
-        there = least_signed_distance(a, b, ws, pair, within, room.least)
+        _move_to(a, b, ws, screws, middle, work)
+        there = least_signed_distance(a, b, ws, pair, within, work.least)
         if there > level or apart == np.inf:
             before, apart = middle, there
         else:
@@ -374,26 +371,26 @@ def _last_above(a, b, ws, screws, before, pair, room):
 
 
 @kernel
-def impact(a, b, ws, screws, limits, enabled, room):
-    """The first time in [0, until] at which a pair of surfaces comes to its level, or infinity, into `room.found`.
+def impact(a, b, ws, screws, limits, enabled, work):
+    """The first time in [0, until] at which a pair of surfaces comes to its level, or infinity, into `work.found`.
 
     screws: (2, 18) float64, pose at t = 0 and body twist (v, w) over the unit of time, of a and of b. limits: (3,)
     float64, until, deflection (m), advancements. enabled: (ka·kb,) uint8, 0 for pairs of surfaces that are left out;
-    (0,) where none is. The pair is in the first two places of `room.task.hit`, also where the advancements do not
-    suffice and it counts as met where they end. Returns how many pairs of surfaces `ws.pairs` must have room for, or 0.
+    (0,) where none is. The pair is in the first two places of `work.task.hit`, also where the advancements do not
+    suffice and it counts as met where they end. Returns the length that `ws.pairs` must have, or 0 if it has.
     """
-    task, found, hit = room.task, room.found, room.task.hit
+    task, found, hit = work.task, work.found, work.task.hit
     hit[:] = -1
     found[0] = np.inf
-    _move_to(a, b, ws, screws, 0.0, room)
+    _move_to(a, b, ws, screws, 0.0, work)
     _set_rates(a.frame, b.frame, ws.pose.matrix, screws, task)
-    reach = task.tolerance + room.least[1]
+    reach = task.tolerance + work.least[1]
     near = near_surfaces(a, b, ws, reach * reach)
     if near > len(ws.pairs):
         return near
     found[1] = near > 0 or len(enabled) > 0
     if found[1] > 0.0:
-        _set_levels(a, b, ws, near, limits, enabled, room)
+        _set_levels(a, b, ws, near, limits, enabled, work)
     else:
         task = Sweep(
             task.level[:0], task.tolerance, task.slop, task.rates, task.motion, task.step, task.hit, task.terms
@@ -402,11 +399,12 @@ def impact(a, b, ws, screws, limits, enabled, room):
     stopped = False
     while taken > 0 and not stopped:
         taken -= 1
-        _move_to(a, b, ws, screws, t, room)
-        _set_rates(a.frame, b.frame, ws.pose.matrix, screws, task)
+        if t > 0.0:
+            _move_to(a, b, ws, screws, t, work)
+            _set_rates(a.frame, b.frame, ws.pose.matrix, screws, task)
         task.step[0] = until - t
         last_a, last_b = hit[2], hit[3]
-        # what held the last step back is likely to hold this one back: looked at first, it rules out much
+        # the pair that limited the last step is likely to limit this one: visited first, it rules out many others
         for k in range(0 if last_a >= 0 else 1, 2):
             if k == 1:
                 last_a, last_b = 0, 0
@@ -419,30 +417,16 @@ def impact(a, b, ws, screws, limits, enabled, room):
             before = t
             t += task.step[0]
     found[0] = t
-    if found[1] > 0.0:
+    if found[1] > 0.0 and t > 0.0:
         pair = _pair_of(b, hit[0], hit[1])
         if task.level[pair] < task.tolerance:
-            found[0] = _last_above(a, b, ws, screws, before, pair, room)
+            found[0] = _last_above(a, b, ws, screws, before, pair, work)
     return 0
 
 
 # --- from Python -----------------------------------------------------------------------------------------------------
 
 _impact = Door(impact)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Mover:
-    """One object on its way, or standing: pose at t = 0 and body twist over the unit of time."""
-
-    mesh: SurfaceMesh
-    screw: NDArray[np.float64]
-    """(18,) pose at t = 0, rotation by rows and translation; body twist (v, w) over the unit of time"""
-
-    def at(self, t: float) -> pin.SE3:
-        import pinocchio as pin
-
-        return poses.unpack(self.screw[:12]) * pin.exp6(pin.Motion(t * self.screw[12:]))
 
 
 def time_of_impact(objects: Objects, moves: Mapping[int, Any], deflection: float = 0.0) -> TimeOfImpact:
@@ -454,75 +438,80 @@ def time_of_impact(objects: Objects, moves: Mapping[int, Any], deflection: float
     deflection: m, how deep surfaces in contact at the start may reach into each other because of their tessellation.
 
     Ignored pairs of objects and of surfaces stop nothing.
-    """
 
+    Raises
+    ------
+    UnknownObjectError, PoseError: no such object; a target that is not a finite rigid motion.
+    CollisionError: a deflection that is no length; a shape without triangles in the way.
+    """
     if not 0.0 <= deflection < np.inf:
         raise CollisionError(f"deflection is {deflection!r}; give a finite length of at least 0 m")
-    ends = {i: _target(objects, i, target) for i, target in moves.items()}
-    movers = {i: _mover(objects, i, end) for i, end in ends.items()}
-    pairs = _pairs(objects, movers, ends)
-    for k in {k for pair in pairs for k in pair}.difference(movers):
-        movers[k] = _mover(objects, k, None)
+    ends = objects.packed(list(moves), list(moves.values()), "target of object")
+    starts, still = objects.packed_poses(), np.zeros(6)
+    screws = {i: _screw(starts[i], end) for i, end in zip(moves, ends, strict=True)}
+    pairs = _pairs(objects, screws, ends)
+    for k in {k for pair in pairs for k in pair}.difference(screws):
+        screws[k] = np.concatenate([starts[k], still])
     first, stops = 1.0, []
-    room = _room(objects, max((movers[i].mesh.n_surfaces * movers[j].mesh.n_surfaces for i, j in pairs), default=0))
-    for i, j in pairs:
-        t, surfaces = _pair_time(movers[i], movers[j], objects.enabled_surfaces(i, j), (first, deflection, STEPS), room)
+    sizes = (objects.mesh(i).n_surfaces * objects.mesh(j).n_surfaces for i, j in pairs)
+    work = _workspace(objects, max(sizes, default=0))
+    for pair in pairs:
+        t, surfaces = _pair_time(objects, pair, screws, (first, deflection, STEPS), work)
         if t <= first:
             if t < first:
                 stops.clear()
             first = t
-            apart = room.task.level.copy() if room.found[1] else None
-            stops.append((i, j, surfaces, apart))
-    contacts = [_contacts(objects, movers, stop, first) for stop in stops]
-    rows = np.concatenate([np.empty(0, CONTACT_DTYPE), *contacts])
-    return TimeOfImpact(first, rows, {i: movers[i].at(first) for i in sorted(ends)})
+            stops.append((pair, surfaces, work.task.level.copy() if work.found[1] else None))
+    at_first = {i: _at(screws[i], first) for i in {*sorted(moves)}.union(*(pair for pair, *_ in stops))}
+    rows = joined([_contacts(objects, screws, at_first, stop) for stop in stops])
+    return TimeOfImpact(first, rows, {i: at_first[i] for i in sorted(moves)})
 
 
-def _room(objects: Objects, surfaces: int) -> Room:
-    """What `impact` works in, for so many pairs of surfaces."""
+def _screw(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(18,) pose at t = 0 and body twist over the unit of time, of the motion from one (12,) pose to another."""
+    import pinocchio as pin
+
+    twist = pin.log6(poses.unpack(start).actInv(poses.unpack(end)))
+    return np.concatenate([start, twist.vector])
+
+
+def _at(screw: NDArray[np.float64], t: float) -> pin.SE3:
+    """The pose at time t."""
+    import pinocchio as pin
+
+    return poses.unpack(screw[:12]) * pin.exp6(pin.Motion(t * screw[12:]))
+
+
+def _workspace(objects: Objects, surfaces: int) -> SweepWorkspace:
+    """A workspace for so many pairs of surfaces."""
     linear = objects.tolerance.linear
     task = Sweep(
         np.empty(surfaces), linear, objects.tolerance.slop * linear, np.empty(RATES, np.float32), np.empty(15),
         np.empty(2), np.empty(4, np.int64), np.empty(TERMS, np.float32),
     )  # fmt: skip
-    return Room(task, np.empty((2, 12)), np.empty(2), np.empty(2))
-
-
-def _target(objects: Objects, i: int, target: Any) -> NDArray[np.float64]:
-    return poses.pack(target, f"target of object {i} ({objects.mesh(i).name})", i, objects.tolerance.rigid)
-
-
-def _mover(objects: Objects, i: int, end: NDArray[np.float64] | None) -> _Mover:
-    """An object on its way to the (12,) pose `end`, or standing."""
-    import pinocchio as pin
-
-    mesh, pose, screw = objects.mesh(i), objects.pose(i), np.zeros(18)
-    screw[:9], screw[9:12] = pose.rotation.ravel(), pose.translation
-    if end is not None:
-        screw[12:] = pin.log6(pose.actInv(poses.unpack(end)))
-    return _Mover(mesh, screw)
+    return SweepWorkspace(task, np.empty((2, 12)), np.empty(2), np.empty(2))
 
 
 def _pairs(
-    objects: Objects, moving: Mapping[int, _Mover], ends: Mapping[int, NDArray[np.float64]]
+    objects: Objects, screws: Mapping[int, NDArray[np.float64]], ends: NDArray[np.float64]
 ) -> list[tuple[int, int]]:
     """Pairs i < j of which one moves, that are enabled, and whose ways come near each other."""
     known, box, linear = frozenset(objects.objects), objects.world_boxes().copy(), objects.tolerance.linear
-    for i, mover in moving.items():
-        x0, y0, z0, x1, y1, z1, _ = bounds_of(mover.mesh).tolist()
+    for i, end in zip(screws, ends.tolist(), strict=True):
+        x0, y0, z0, x1, y1, z1, _ = bounds_of(objects.mesh(i)).tolist()
         center = (0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1))
         half = (0.5 * (x1 - x0), 0.5 * (y1 - y0), 0.5 * (z1 - z0))
-        end, now = ends[i].tolist(), box[i].tolist()
+        now = box[i].tolist()
         rounding = ROUNDING * (sum(map(abs, end[9:])) + sum(map(abs, center)) + sum(half))
-        beyond = _sagitta(mover.screw[12:].tolist(), center, math.hypot(*half)) + rounding
+        beyond = _sagitta(screws[i][12:].tolist(), center, math.hypot(*half)) + rounding
         for d in range(3):
-            row = end[3 * d : 3 * d + 3]
-            middle = sum(map(operator.mul, row, center), end[9 + d])
-            reach = sum(abs(r) * h for r, h in zip(row, half, strict=True))
+            r = end[3 * d : 3 * d + 3]
+            middle = r[0] * center[0] + r[1] * center[1] + r[2] * center[2] + end[9 + d]
+            reach = abs(r[0]) * half[0] + abs(r[1]) * half[1] + abs(r[2]) * half[2]
             now[d], now[3 + d] = min(now[d], middle - reach) - beyond, max(now[3 + d], middle + reach) + beyond
         box[i] = now
     out, low, high = set(), box[:, :3], box[:, 3:]
-    for i in moving:
+    for i in screws:
         near = ((low <= high[i] + linear) & (high >= low[i] - linear)).all(axis=1)
         out |= {(min(i, j), max(i, j)) for j in np.flatnonzero(near).tolist() if j != i and j in known}
     return sorted(pair for pair in out if not objects.ignored(*pair))
@@ -542,55 +531,49 @@ def _sagitta(twist: list[float], center: tuple[float, float, float], radius: flo
 
 
 def _pair_time(
-    a: _Mover, b: _Mover, enabled: NDArray[np.uint8] | None, limits: tuple[float, float, int], room: Room
-) -> tuple[float, tuple[int, int]]:
+    objects: Objects, pair: tuple[int, int], screws: Mapping[int, NDArray[np.float64]],
+    limits: tuple[float, float, int], work: SweepWorkspace,
+) -> tuple[float, tuple[int, int]]:  # fmt: skip
     """(time, or infinity; the pair of surfaces). limits: see `impact`."""
-    for mesh in (a.mesh, b.mesh):
+    meshes = [objects.mesh(k) for k in pair]
+    for mesh in meshes:
         if isinstance(mesh, ShapeMesh):
             raise CollisionError(f"{mesh.name}: a shape without triangles is not swept; give it as a SurfaceMesh")
-    bvh_a, bvh_b = bvh_of(a.mesh), bvh_of(b.mesh)
-    screws, mask = np.stack([a.screw, b.screw]), ALL_ENABLED if enabled is None else enabled.ravel()
-    while wanted := _impact.call(bvh_a, bvh_b, workspace_for(bvh_a, bvh_b), screws, np.array(limits), mask, room):
+    a, b, enabled = bvh_of(meshes[0]), bvh_of(meshes[1]), objects.enabled_surfaces(*pair)
+    both, mask = np.array([screws[k] for k in pair]), ALL_ENABLED if enabled is None else enabled.ravel()
+    while wanted := _impact.call(a, b, workspace_for(a, b), both, np.array(limits), mask, work):
         workspace(pairs=wanted)
-    hit = room.task.hit
-    return float(room.found[0]), (int(hit[0]), int(hit[1]))
+    hit = work.task.hit
+    return float(work.found[0]), (int(hit[0]), int(hit[1]))
 
 
 def _contacts(
-    objects: Objects, movers: Mapping[int, _Mover],
-    stop: tuple[int, int, tuple[int, int], NDArray[np.float64] | None], t: float,
+    objects: Objects, screws: Mapping[int, NDArray[np.float64]], at_first: Mapping[int, pin.SE3],
+    stop: tuple[tuple[int, int], tuple[int, int], NDArray[np.float64] | None],
 ) -> NDArray[Any]:  # fmt: skip
-    """The pairs of surfaces that stop objects i and j at time t: the one found, and those that come into contact with
-    it. stop: i, j, the pair, and the levels of all pairs if any are their own."""
-    i, j, pair, level = stop
-    a, b, enabled, linear = movers[i], movers[j], objects.enabled_surfaces(i, j), objects.tolerance.linear
-    bvh_a, bvh_b, shape = bvh_of(a.mesh), bvh_of(b.mesh), (a.mesh.n_surfaces, b.mesh.n_surfaces)
+    """The pairs of surfaces that stop two objects: the one found, and those that come into contact with it.
+
+    at_first: poses at the time of impact. stop: the objects, the pair found, and the levels of all pairs if any are
+    their own.
+    """
+    (i, j), pair, level = stop
+    enabled, linear = objects.enabled_surfaces(i, j), objects.tolerance.linear
+    a, b = bvh_of(objects.mesh(i)), bvh_of(objects.mesh(j))
+    shape = len(a.root), len(b.root)
     mask = np.ones(shape, np.uint8) if enabled is None else enabled.copy()
     if level is not None:
         level = level[: mask.size].reshape(shape)
         unknown = np.argwhere((level == -np.inf) & (mask != 0))
         mask[level < linear] = 0
         if len(unknown):  # the motion was too short for them
-            start, within = poses_of(a.at(0.0).actInv(b.at(0.0)))[1], float(np.nextafter(linear, np.inf))
-            depths = signed_distances_of(bvh_a, bvh_b, start, unknown, within)
+            start = poses.pack_rigid(_at(screws[i], 0.0).actInv(_at(screws[j], 0.0)))
+            depths = signed_distances_of(a, b, start, unknown, float(np.nextafter(linear, np.inf)))
             mask[tuple(unknown[depths > linear].T)] = 1
     mask[pair] = 0
-    mask = mask.ravel()
-    mask.setflags(write=False)  # as `ALL_ENABLED`
-    where = np.empty((2, 12))
-    for k, pose in enumerate((a.at(t), b.at(t))):
-        where[k, :9], where[k, 9:] = pose.rotation.ravel(), pose.translation
-    while True:
-        ws = workspace_for(bvh_a, bvh_b)
-        rows = np.zeros(len(ws.pairs) + 1, CONTACT_DTYPE)
-        found = contacts_of(bvh_a, bvh_b, ws, where, 0, 1, linear, mask, NO_TRIANGLES, rows[:-1])
-        if found >= 0:
-            break
-        workspace(pairs=~found)
-    nearest = rows[found : found + 1]
-    clearance_of(bvh_a, bvh_b, ws, where, 0, 1, np.inf, lanes_of(bvh_a, bvh_b, *pair), nearest)
+    where = np.array([poses.pack_rigid(at_first[k]) for k in (i, j)])
+    nearest = np.zeros(1, CONTACT_DTYPE)
+    clearance_of(a, b, workspace_for(a, b), where, 0, 1, np.inf, lanes_of(a, b, *pair), nearest)
     nearest["surface_a"], nearest["surface_b"] = pair
-    rows = rows[: found + 1]
+    rows = joined([contacts_between(a, b, where, linear, mask), nearest])
     rows["object_a"], rows["object_b"] = i, j
-    rows = rows[np.lexsort((rows["surface_b"], rows["surface_a"]))]
-    return rows
+    return rows if len(rows) == 1 else picked(rows, np.lexsort((rows["surface_b"], rows["surface_a"])))

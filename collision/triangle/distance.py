@@ -31,7 +31,7 @@ def closest_on_segment(p, a, b):
 
 @inner_kernel
 def _vertex_edges(best, x, y, p, a, b, c):
-    """Better the nearest pair (x on p's side, y on the triangle's) by the edges of a b c."""
+    """Update (squared distance, x, y) with the point y of the edges of a b c that is nearest to x = p."""
     for k in range(3):
         if k == 0:
             q = closest_on_segment(p, a, b)
@@ -48,7 +48,7 @@ def _vertex_edges(best, x, y, p, a, b, c):
 
 @inner_kernel
 def _vertex_face(best, x, y, p, a, b, c, n, nn):
-    """Better the nearest pair by the foot of p inside the triangle a b c of normal n, nn = n·n > 0."""
+    """Update (squared distance, x, y) with the foot of p on the triangle a b c of normal n, nn = n·n > 0, if inside."""
     h = dot(n, sub(p, a))
     if h * h < best * nn:
         f = along(p, -h / nn, n)
@@ -66,7 +66,7 @@ def _vertex_face(best, x, y, p, a, b, c, n, nn):
 
 @inner_kernel
 def _edge_edge(best, x, y, p, u, q, v):
-    """Better the nearest pair by the common normal of the edges p + s·u and q + t·v, where it meets both inside."""
+    """Update (squared distance, x, y) with the common normal of the edges p + s·u and q + t·v, if it meets both."""
     n = cross(u, v)
     nn = dot(n, n)
     if nn > 0.0:

@@ -14,7 +14,7 @@ from collision.numeric.predicates import ORIENT3D, TINY
 
 APART: Final = 0
 MEET: Final = 1
-IN_DOUBT: Final = -1
+UNCERTAIN: Final = -1
 
 
 @inner_kernel(forceinline=True)
@@ -33,7 +33,7 @@ def _plane(e, f):
 
 @inner_kernel(forceinline=True)
 def _above(d, plane):
-    """1 if d · (e × f) is positive, -1 if negative, 0 in doubt."""
+    """1 if d · (e × f) is positive, -1 if negative, 0 if uncertain."""
     n, m = plane
     det = d[0] * n[0] + d[1] * n[1] + d[2] * n[2]
     bound = ORIENT3D * (abs(d[0]) * m[0] + abs(d[1]) * m[1] + abs(d[2]) * m[2]) + TINY
@@ -65,7 +65,7 @@ def arranged(one, s, other, t):
 
 @inner_kernel
 def verdict(p1, q1, r1, p2, q2, r2):
-    """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common: `MEET`, `APART` or `IN_DOUBT`.
+    """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common: `MEET`, `APART` or `UNCERTAIN`.
 
     Guigue & Devillers' test, as `polygons.triangles_meet` has it, for triangles of which no corner is too near the
     other's plane.
@@ -79,7 +79,7 @@ def verdict(p1, q1, r1, p2, q2, r2):
     if abs(tp + tq + tr) == 3:
         return APART
     if sp * sq * sr * tp * tq * tr == 0:
-        return IN_DOUBT
+        return UNCERTAIN
     # its orient3d, which is positive below, is the other sign
     p1, q1, r1, p2, q2, r2 = arranged((p1, q1, r1), (-sp, -sq, -sr), (p2, q2, r2), (-tp, -tq, -tr))
     between = _minus(p2, p1)
@@ -87,4 +87,4 @@ def verdict(p1, q1, r1, p2, q2, r2):
     right = _above(between, _plane(_minus(r1, p1), _minus(r2, p1)))
     if left > 0 or right < 0:
         return APART
-    return MEET if left < 0 and right > 0 else IN_DOUBT
+    return MEET if left < 0 and right > 0 else UNCERTAIN

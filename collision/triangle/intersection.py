@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collision.numeric.kernel import inner_kernel
 from collision.numeric.predicates import orient2d, orient3d
-from collision.triangle.filter import IN_DOUBT, MEET, arranged, verdict
+from collision.triangle.filter import MEET, UNCERTAIN, arranged, verdict
 
 
 @inner_kernel
@@ -129,4 +129,4 @@ def _meet(p1, q1, r1, p2, q2, r2, w):
 def triangles_meet(p1, q1, r1, p2, q2, r2, w):
     """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common, exactly, though mostly by float64."""
     known = verdict(p1, q1, r1, p2, q2, r2)
-    return _meet(p1, q1, r1, p2, q2, r2, w) if known == IN_DOUBT else known == MEET
+    return _meet(p1, q1, r1, p2, q2, r2, w) if known == UNCERTAIN else known == MEET

@@ -59,20 +59,20 @@ def _range(n, triangle):
 
 
 @inner_kernel
-def _hold(n, front, triangle, motion, aim):
-    """How long a triangle that moves surely stays more than `aim` beyond the plane n·x = `front`.
+def _hold(n, offset, triangle, motion, aim):
+    """How long a triangle that moves surely stays more than `aim` beyond the plane n·x = `offset`.
 
     Each corner closes the gap by its own speed: what is far beyond may come fast, as a large triangle that turns.
     """
     turn, turn_a = motion.turn, motion.turn_a
     if turn == turn_a == (0.0, 0.0, 0.0):
-        gap, closing = _range(n, triangle)[0] - front - aim, -dot(n, motion.velocity)
+        gap, closing = _range(n, triangle)[0] - offset - aim, -dot(n, motion.velocity)
         return (gap / closing if closing > 0.0 else np.inf) if gap > 0.0 else 0.0
     bend = norm(cross(n, turn)) + norm(cross(turn_a, turn))
     growth = norm(cross(n, turn_a)) * motion.fastest + bend * motion.own
     hold = np.inf
     for x in triangle:
-        gap = dot(n, x) - front - aim
+        gap = dot(n, x) - offset - aim
         if gap <= 0.0:
             return 0.0
         hold = min(hold, _safe(gap, -dot(n, motion.velocity) - dot(n, cross(turn, x)), growth))
@@ -135,6 +135,6 @@ def pair_step(one, other, motion, aim, enough, touching, work):
     if d > aim:
         n = sub(y, x)
         n = (n[0] / d, n[1] / d, n[2] / d)
-        _, front = _range(n, one)
-        hold = max(hold, _hold(n, front, other, motion, aim))
+        _, offset = _range(n, one)
+        hold = max(hold, _hold(n, offset, other, motion, aim))
     return d, hold

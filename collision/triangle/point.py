@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from collision.numeric.kernel import inner_kernel
 from collision.numeric.vectors import along, cross, dot, norm, sub
-from collision.triangle.distance import closest_on_segment
+
+SURE: Final = 1e12
+"""1: the side of an edge on which a point lies is sure if the squared area is above 1/SURE of the squared size"""
 
 
 @inner_kernel
@@ -21,29 +25,36 @@ def solid_angle(a, b, c):
 
 @inner_kernel
 def closest_on_triangle(p, a, b, c):
-    """(nearest point, where it lies: 0 … 2 on the edge ab, bc, ca, 3 … 5 in the corner a, b, c, 6 inside)."""
-    n = cross(sub(b, a), sub(c, a))
+    """(nearest point, where it lies: 0 … 2 on the edge ab, bc, ca, 3 … 5 in the corner a, b, c, 6 inside).
+
+    A point whose foot is outside the triangle is nearest to an edge that it lies beyond; where rounding might hide such
+    an edge, as of a sliver, all three are compared.
+    """
+    ab, ac, ap = sub(b, a), sub(c, a), sub(p, a)
+    n = cross(ab, ac)
     nn = dot(n, n)
-    if nn > 0.0:
-        f = along(p, -dot(n, sub(p, a)) / nn, n)
-        if (
-            dot(cross(sub(b, a), sub(f, a)), n) > 0.0
-            and dot(cross(sub(c, b), sub(f, b)), n) > 0.0
-            and dot(cross(sub(a, c), sub(f, c)), n) > 0.0
-        ):
-            return f, 6
+    within_ab = dot(cross(n, ab), ap)
+    within_ca = dot(cross(ac, n), ap)
+    within_bc = dot(cross(n, sub(c, b)), sub(p, b))
+    if within_ab > 0.0 and within_bc > 0.0 and within_ca > 0.0:
+        return along(p, -dot(n, ap) / nn, n), 6
+    size = dot(ab, ab) + dot(ac, ac) + dot(ap, ap)
+    least = 0.0 if SURE * nn > size * size else np.inf
     best, nearest, feature = np.inf, a, 3
     for k in range(3):
+        if (within_ab if k == 0 else (within_bc if k == 1 else within_ca)) > least:
+            continue
         e, f = (a, b) if k == 0 else ((b, c) if k == 1 else (c, a))
-        q = closest_on_segment(p, e, f)
+        u, w = sub(f, e), sub(p, e)
+        length, s = dot(u, u), dot(w, u)
+        if s <= 0.0 or length == 0.0:
+            q, on = e, 3 + k
+        elif s >= length:
+            q, on = f, 3 + (k + 1) % 3
+        else:
+            q, on = along(e, s / length, u), k
         w = sub(p, q)
         d = dot(w, w)
         if d < best:
-            best, nearest = d, q
-            if q == e:
-                feature = 3 + k
-            elif q == f:
-                feature = 3 + (k + 1) % 3
-            else:
-                feature = k
+            best, nearest, feature = d, q, on
     return nearest, feature

@@ -16,26 +16,7 @@ import numpy as np
 from collision import Tolerance
 from constraints.freedom.mobility import Mobility, mobility
 from constraints.kinds import Constraint
-from constraints.solve.system import Poses
-
-
-def components(nodes: Iterable[int], edges: Iterable[tuple[int, int]]) -> tuple[tuple[int, ...], ...]:
-    """Connected components of a graph, each ascending, ordered by their least node."""
-    parent = {n: n for n in nodes}
-
-    def find(x: int) -> int:
-        while parent[x] != x:
-            parent[x] = parent[parent[x]]
-            x = parent[x]
-        return x
-
-    for a, b in edges:
-        ra, rb = find(a), find(b)
-        parent[max(ra, rb)] = min(ra, rb)
-    groups: dict[int, list[int]] = {}
-    for n in sorted(parent):
-        groups.setdefault(find(n), []).append(n)
-    return tuple(tuple(g) for g in groups.values())
+from constraints.solve.system import Poses, components
 
 
 @dataclass(frozen=True, eq=False)

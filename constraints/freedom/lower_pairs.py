@@ -113,3 +113,24 @@ def frame_along(z: Array, origin: Array) -> pin.SE3:
     x = x - (x @ z) * z
     x /= np.linalg.norm(x)
     return pin.SE3(np.stack([x, np.cross(z, x), z], axis=1), origin)
+
+
+def joint_model(name: str, pitch: float = 0.0) -> pin.JointModel:
+    """Pinocchio's joint for a lower pair of that name, along and about z of its frame; a free flyer for any other.
+
+    pitch: m a radian, of a screw.
+    """
+    if name == "cylindrical":
+        joint = pin.JointModelComposite()
+        joint.addJoint(pin.JointModelPZ())
+        joint.addJoint(pin.JointModelRZ())
+        return joint
+    if name == "screw":
+        return pin.JointModelHZ(pitch)
+    simple = {
+        "revolute": pin.JointModelRZ,
+        "prismatic": pin.JointModelPZ,
+        "spherical": pin.JointModelSpherical,
+        "planar": pin.JointModelPlanar,
+    }
+    return simple.get(name, pin.JointModelFreeFlyer)()

@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from constraints.freedom.graph import AssemblyGraph
-from constraints.freedom.lower_pairs import SUBGROUPS, frame_along
+from constraints.freedom.lower_pairs import SUBGROUPS, frame_along, joint_model
 from constraints.freedom.mobility import Freedom, Mobility, mobility
 from constraints.kinds import Constraint
 from constraints.solve.solver import solve
@@ -125,9 +125,8 @@ class Mechanism:
     def _chain(model: pin.Model, joint: Joint, start: tuple[int, pin.SE3]) -> tuple[int, pin.SE3]:
         joint_id, frame = start
         for k, axis in enumerate(joint.axes):
-            kind = {"revolute": pin.JointModelRZ, "prismatic": pin.JointModelPZ}.get(axis.kind)
-            j = pin.JointModelHZ(axis.pitch) if kind is None else kind()
-            joint_id = model.addJoint(joint_id, j, frame.actInv(axis.frame), axis_name(joint, k))
+            kind = joint_model(axis.kind, axis.pitch)
+            joint_id = model.addJoint(joint_id, kind, frame.actInv(axis.frame), axis_name(joint, k))
             frame = axis.frame
         return joint_id, frame
 

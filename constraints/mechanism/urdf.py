@@ -22,10 +22,12 @@ def to_urdf(
     name: str = "assembly",
     inertias: Mapping[int, pin.Inertia] | None = None,
     meshes: Mapping[int, str] | None = None,
+    colors: Mapping[int, tuple[float, float, float, float]] | None = None,
 ) -> str:
     """URDF text of a mechanism.
 
     inertias: of each body, in its frame. meshes: file name of each body's mesh, relative to where the URDF will lie.
+    colors: of each body's mesh, red, green, blue, opacity.
     """
     robot = xml.Element("robot", name=name)
     ends = {0: (_link(robot, "world"), pin.SE3.Identity())}
@@ -38,8 +40,11 @@ def to_urdf(
             _inertial(element, (inertias or {}).get(body))
             mesh = (meshes or {}).get(body)
             for tag in ("visual", "collision") if mesh is not None else ():
-                geometry = xml.SubElement(xml.SubElement(element, tag), "geometry")
-                xml.SubElement(geometry, "mesh", filename=str(mesh))
+                shown = xml.SubElement(element, tag)
+                xml.SubElement(xml.SubElement(shown, "geometry"), "mesh", filename=str(mesh))
+                if tag == "visual" and colors is not None and body in colors:
+                    material = xml.SubElement(shown, "material", name=f"{mechanism.names[body]}__color")
+                    xml.SubElement(material, "color", rgba=_numbers(np.array(colors[body])))
             _fixed(robot, parent, element, frame.actInv(mechanism.poses[body]))
     for k, loop in enumerate(mechanism.loops):
         parent, frame = _chain(robot, loop, ends[loop.parent])

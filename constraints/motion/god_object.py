@@ -9,7 +9,8 @@ surfaces: the part slides.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -18,6 +19,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CONTACT_DTYPE, Tolerance
+from constraints.motion.passage import Drawn, Sweeping, passable
 from constraints.motion.quadratic_program import UNMOVED, UndecidedError, minimum, quadratic_program
 from constraints.motion.unknowns import Unknowns
 from constraints.motion.walls import Walls
@@ -42,13 +44,9 @@ FOLLOW = 1e-6
 NAMES = ("object_a", "surface_a", "object_b", "surface_b")
 
 
-class Swept(Protocol):
+class Swept(Sweeping, Protocol):
     """What is asked of `collision.CollisionManager`."""
 
-    def set_pose(self, i: int, pose: pin.SE3) -> None: ...
-    def time_of_impact(self, moves: Mapping[int, pin.SE3]) -> Any: ...
-    def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
-    def enable_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
     def ignored_surfaces(self, i: int, j: int) -> frozenset[tuple[int, int]]: ...
 
 
@@ -166,11 +164,11 @@ class Step:
 
     def __init__(
         self, unknowns: Unknowns, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3], known: Linear | None,
-        collision: Swept, walls: Walls, mated: MatedSurfaces, tolerance: Tolerance, solving: Tolerance,
+        drawn: Drawn, collision: Swept, walls: Walls, mated: MatedSurfaces, tolerance: Tolerance, solving: Tolerance,
     ) -> None:  # fmt: skip
         """known: what the step before ended with. solving: how exactly the constraints are to hold."""
         self.unknowns, self.wanted, self.bodies = unknowns, dict(wanted), unknowns.bodies
-        self.collision, self.walls, self.mated = collision, walls, mated
+        self.drawn, self.collision, self.walls, self.mated = drawn, collision, walls, mated
         self.tolerance, self.solving = tolerance, solving
         self.poses: list[pin.SE3] = list(poses)
         self.acting: list[NDArray[Any]] = []
@@ -181,6 +179,21 @@ class Step:
 
     def run(self) -> MotionResult:
         """Go as far as it goes."""
+        begin, at = {b: self.poses[b] for b in self.unknowns.place}, self.linear
+        blocked = self._approach()
+        if blocked and (self._error() <= FINE * self.tolerance.linear or self._pass(begin, at)):
+            blocked = False
+            self.acting.clear()
+        return MotionResult(
+            poses={b: self.poses[b] for b in self.unknowns.place},
+            blocked=blocked,
+            contacts=_latest(self.acting),
+            residual=float(np.abs(self.linear.residual).max(initial=0.0)),
+            remaining={b: (_length(e[:3]), _length(e[3:])) for b, e in sorted(self.left.items())},
+        )
+
+    def _approach(self) -> bool:
+        """Go to the nearest allowed pose, at a margin from what is solid; whether anything stood in the way."""
         blocked = lifted = False
         best = self._error()
         aim = self._aim()
@@ -208,13 +221,38 @@ class Step:
             if self.unknowns.travel(aim.along(proposal.pressed)) <= FINE * self.tolerance.linear:
                 break
             best = error
-        return MotionResult(
-            poses={b: self.poses[b] for b in self.unknowns.place},
-            blocked=blocked,
-            contacts=_latest(self.acting),
-            residual=float(np.abs(self.linear.residual).max(initial=0.0)),
-            remaining={b: (_length(e[:3]), _length(e[3:])) for b, e in sorted(self.left.items())},
-        )
+        return blocked
+
+    def _pass(self, begin: dict[int, pin.SE3], at: Linear) -> bool:
+        """Go straight to the wanted poses from `begin` instead, where solid bodies leave a way without any margin."""
+        here, error = {b: self.poses[b] for b in begin}, self._error()
+        self._put(begin, at)
+        target = self._target()
+        self._put(target)
+        nearer = self._error() < error - FINE * self.tolerance.linear
+        self._put(begin, at)
+        with self._flush_ignored():
+            passed = nearer and passable(self.collision, self.walls, self.drawn, self.poses, target, self.tolerance)
+        self._put(target if passed else here)
+        return passed
+
+    def _target(self) -> dict[int, pin.SE3]:
+        """The wanted poses as the constraints allow them."""
+        target = dict(self.wanted)
+        held = min(self.wanted)
+        shift = self.wanted[held] * self.poses[held].inverse()
+        for body in self.bodies:
+            target.setdefault(body, shift * self.poses[body])
+        return self._projected(target)
+
+    def _put(self, poses: Mapping[int, pin.SE3], linear: Linear | None = None) -> None:
+        """Have bodies somewhere, without a way there."""
+        for body, pose in poses.items():
+            self.poses[body] = pose
+        self.collision.set_poses(list(poses), list(poses.values()))
+        known = self.linear if linear is None else linear
+        self.linear = Linear.at(self.unknowns, self.poses, known, self.tolerance.rigid)
+        self.left = self._left()
 
     # -- what is wanted
 
@@ -346,12 +384,17 @@ class Step:
         Faces that run on flush from one part to the other across a mate (the rims of two flanges) meet all along its
         edge, and cannot go deeper while it holds; bodies that move apart on two screws would jam there by rounding.
         """
+        with self._flush_ignored():
+            return self._advance(target, rows)
+
+    @contextmanager
+    def _flush_ignored(self) -> Iterator[None]:
         collision = self.collision
         flush = [(a, s, b, t) for a, s, b, t in sorted(self.flush) if (s, t) not in collision.ignored_surfaces(a, b)]
         for a, s, b, t in flush:
             collision.ignore_surfaces(a, (s,), b, (t,))
         try:
-            return self._advance(target, rows)
+            yield
         finally:
             for a, s, b, t in flush:
                 collision.enable_surfaces(a, (s,), b, (t,))
@@ -379,11 +422,7 @@ class Step:
             center, reach = self.unknowns.center[k], float(self.unknowns.reach[k])
             step = self.poses[body].actInv(target[body])
             travel = max(travel, _length(step.act(center) - center) + reach * _length(pin.log3(step.rotation)))
-        for body, pose in target.items():
-            self.poses[body] = pose
-            self.collision.set_pose(body, pose)
-        self.linear = Linear.at(self.unknowns, self.poses, self.linear, self.tolerance.rigid)
-        self.left = self._left()
+        self._put(target)
         return travel
 
 

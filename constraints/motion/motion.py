@@ -19,13 +19,14 @@ from collision import CONTACT_DTYPE, Tolerance
 from constraints.errors import ConstraintsError
 from constraints.manager import ConstraintManager
 from constraints.motion.god_object import Linear, MotionResult, Step, Swept
+from constraints.motion.passage import Drawn
 from constraints.motion.unknowns import Unknowns
-from constraints.motion.walls import Near, Walls
+from constraints.motion.walls import Walls
 from constraints.recognition.mated import Ignoring, MatedSurfaces
 from constraints.solve.groups import Groups
 
 
-class Solids(Near, Swept, Ignoring, Protocol):
+class Solids(Swept, Ignoring, Protocol):
     """What motion needs of `collision.CollisionManager`."""
 
     def set_groups(self, groups: Iterable[Iterable[int]]) -> None: ...
@@ -42,9 +43,16 @@ class Motion:
     collision: a `CollisionManager` whose object ids are the bodies' ids.
     constraints: whose constraints in force hold.
     tolerance: `linear` is the distance that free motion keeps between solids.
+    drawn: poses of all bodies in the assembly as drawn; by default those of the first step.
     """
 
-    def __init__(self, collision: Solids, constraints: ConstraintManager, tolerance: Tolerance | None = None) -> None:
+    def __init__(
+        self,
+        collision: Solids,
+        constraints: ConstraintManager,
+        tolerance: Tolerance | None = None,
+        drawn: Sequence[pin.SE3] | None = None,
+    ) -> None:
         self.collision = collision
         self.constraints = constraints
         self.tolerance = tolerance or constraints.tolerance
@@ -53,6 +61,7 @@ class Motion:
         self._shape: dict[int, tuple[NDArray[np.float64], float]] = {}
         self._unknowns: tuple[Any, Unknowns] | None = None
         self._linear: Linear | None = None
+        self._drawn = None if drawn is None else Drawn(collision, self.walls, drawn)
         # a projection finer than this does not pay where measured features contradict one another by rounding
         self.solving = replace(self.tolerance, solver=max(self.tolerance.solver, 0.1 * self.tolerance.satisfied))
 
@@ -94,8 +103,10 @@ class Motion:
         if self._unknowns is None or self._unknowns[0] != key:
             constraints = self.groups.constraints(key[0])
             self._unknowns = (key, Unknowns.of(constraints, moves, key[2], self.shape, self.groups))
+        if self._drawn is None:
+            self._drawn = Drawn(self.collision, self.walls, poses)
         step = Step(
-            self._unknowns[1], wanted, poses, self._linear,
+            self._unknowns[1], wanted, poses, self._linear, self._drawn,
             self.collision, self.walls, self.mated, self.tolerance, self.solving,
         )  # fmt: skip
         result = step.run()
@@ -130,15 +141,24 @@ class Motion:
 
     def mark(self) -> tuple[Any, ...]:
         """What a step changes, to `undo` it."""
-        return self.groups, self.mated.mark()
+        return self.groups, self.mated.mark(), self._drawn
 
     def undo(self, mark: tuple[Any, ...]) -> None:
         """Go back to a mark, whatever was interrupted since; collision and constraints go back by their own."""
-        groups, mated = mark
+        groups, mated, self._drawn = mark
         self.constraints.groups = groups
         self.collision.set_groups(groups.members.values())
         self.mated.undo(mated)
         self._unknowns = self._linear = None  # they may have been interrupted while they were filled
+
+    @property
+    def drawn(self) -> tuple[pin.SE3, ...]:
+        """The poses of all bodies in the assembly as drawn; none before the first step, if they were not given."""
+        return () if self._drawn is None else self._drawn.poses
+
+    def redraw(self, poses: Sequence[pin.SE3]) -> None:
+        """Take other poses for those of the assembly as drawn."""
+        self._drawn = Drawn(self.collision, self.walls, poses)
 
     def shape(self, body: int) -> tuple[NDArray[np.float64], float]:
         """Centre (3,) of a body's box in its frame and the radius of the ball about it that holds the body, m."""

@@ -5,7 +5,7 @@ A pair of facing planes gives a row a corner of the area they share: one witness
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,6 +18,8 @@ from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere
 from constraints.recognition.recognise import Recogniser
 
 Array = NDArray[np.float64]
+Surfaces = tuple[int, int, int, int]
+"""Body, surface, body, surface."""
 
 TOUCHING = 1e-3
 """Of `Tolerance.linear`: nearer than this two witnesses no longer tell a direction."""
@@ -39,6 +41,7 @@ class Walls:
         self.collision = collision
         self.recogniser = recogniser
         self.tolerance = tolerance
+        self._borders: dict[tuple[int, int], float] = {}
 
     def near(self, reach: float, bodies: Iterable[int], poses: Sequence[pin.SE3]) -> NDArray[Any]:
         """Contact rows of `bodies` with all others within `reach` m, those of facing planes as one a corner."""
@@ -86,6 +89,57 @@ class Walls:
         if not len(region.gaps) or (apart and region.gap_min < 0.0):  # back to back through a thin plate
             return None
         return region, normal
+
+    def deflection(self, body: int, surface: int) -> float:
+        """m: how far the facets of an analytic surface stray from it; 0 for any other."""
+        feature = self.recogniser.feature_of(body, surface)
+        if feature is None:
+            return 0.0
+        # it is measured at centroids: a cylinder's facets stray most midway between their sides
+        return 1.125 * self.recogniser.view(body, feature, pin.SE3.Identity()).extent.deflection
+
+    def _border(self, body: int, surface: int) -> float:
+        """m: length of the border of a plane."""
+        known = self._borders.get((body, surface))
+        if known is None:
+            feature = self.recogniser.feature_of(body, surface)
+            assert feature is not None
+            sides = self.recogniser.view(body, feature, pin.SE3.Identity()).sides
+            known = self._borders[body, surface] = float(np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1).sum())
+        return known
+
+    def pressed(
+        self, rows: NDArray[Any], poses: Sequence[pin.SE3], target: Mapping[int, pin.SE3], slop: float,
+        strip: Callable[[Surfaces], float],
+    ) -> bool:  # fmt: skip
+        """Whether bodies on their way from `poses` to `target` press planes that face each other, in contact rows
+        there, by more than `slop` (m) into each other: triangles tell no depth of what is parallel.
+
+        Faces that share a strip no wider than `slop` pass each other. So do those that share no more than a strip along
+        their border, as wide (m) as `strip` has it of a pair: the end of a shaft and the mouth of its bore.
+        """
+        for row in rows:
+            a, sa, b, sb = (int(row[name]) for name in ("object_a", "surface_a", "object_b", "surface_b"))
+            found = self._shared(a, sa, b, sb, 0.0, poses)
+            if found is None:
+                continue
+            region, normal = found
+            spread = region.corners - region.corners.mean(axis=0)
+            if len(spread) < 3 or np.linalg.svd(spread, compute_uv=False)[1] <= slop:
+                continue
+            wide = strip((a, sa, b, sb))
+            if wide > 0.0 and region.area <= wide * min(self._border(a, sa), self._border(b, sb)):
+                continue
+            ends = [target.get(i, poses[i]) for i in (a, b)]
+            way = [end * poses[i].inverse() for end, i in zip(ends, (a, b), strict=True)]
+            opposite = region.corners + region.gaps[:, None] * normal
+            after = (opposite @ way[1].rotation.T + way[1].translation) - (
+                region.corners @ way[0].rotation.T + way[0].translation
+            )
+            gaps = after @ (way[0].rotation @ normal)
+            if (gaps < np.minimum(region.gaps, 0.0) - slop).any():
+                return True
+        return False
 
     def parted(self, rows: NDArray[Any], poses: Sequence[pin.SE3]) -> tuple[Array, Array]:
         """For each row the direction (k, 3), unit, world, from a to b, along which its gap (k,) opens.

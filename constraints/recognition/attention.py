@@ -83,12 +83,14 @@ def rows_about(a: NDArray[Any], b: NDArray[Any], bodies: Collection[int]) -> NDA
 
 def _not_about(rows: Rows, bodies: Collection[int]) -> Rows:
     keep = ~rows_about(rows[0], rows[2], bodies)
+    if not keep.any():
+        return tuple(column[:0] for column in rows)
     return tuple(column[keep] for column in rows)
 
 
 def _differing(old: Rows, new: Rows) -> set[int]:
     """Bodies of the rows that are in one of the two only, or not as often."""
-    if all(np.array_equal(a, b) for a, b in zip(old, new, strict=True)):
+    if len(old[0]) == len(new[0]) and all((a == b).all() for a, b in zip(old, new, strict=True)):
         return set()
     both = np.empty(len(old[0]) + len(new[0]), [(name, c.dtype) for name, c in zip(COLUMNS, new, strict=True)])
     for name, was, now in zip(COLUMNS, old, new, strict=True):

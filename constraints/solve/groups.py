@@ -81,10 +81,16 @@ class Groups:
         return bool(self.seats) and self.carrier(bodies[0]) == self.carrier(bodies[1])
 
     def carriers(self, count: int) -> NDArray[np.int64]:
-        """(count,) what carries each body, the body itself where nothing does."""
-        out = np.arange(count)
-        out[list(self.seats)] = [carrier for carrier, _ in self.seats.values()]
-        return out
+        """(count,) what carries each body, the body itself where nothing does; not to be written to."""
+        known = self._carriers.get(count)
+        if known is None:
+            known = self._carriers[count] = np.arange(count)
+            known[list(self.seats)] = [carrier for carrier, _ in self.seats.values()]
+        return known
+
+    @cached_property
+    def _carriers(self) -> dict[int, NDArray[np.int64]]:
+        return {}
 
     @cached_property
     def members(self) -> dict[int, tuple[int, ...]]:
@@ -110,10 +116,10 @@ class Groups:
     def followed(self, poses: Mapping[int, pin.SE3], before: Sequence[pin.SE3]) -> dict[int, pin.SE3]:
         """`poses` of carriers, and those that what they carry has with them; `before`, where the carrier stays."""
         out = dict(poses)
-        for body, (carrier, seat) in self.seats.items():
-            pose = poses.get(carrier)
-            if pose is not None:
-                out[body] = before[body] if pose is before[carrier] or pose == before[carrier] else pose * seat
+        for carrier, pose in poses.items() if self.seats else ():
+            stays = pose is before[carrier] or pose == before[carrier]
+            for body in self.members.get(carrier, (carrier,))[1:]:
+                out[body] = before[body] if stays else pose * self.seats[body][1]
         return out
 
 

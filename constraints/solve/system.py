@@ -115,34 +115,47 @@ class System:
         return r * self.weight, jacobian.reshape(self.rows, -1)
 
 
-def components(constraints: Sequence[Constraint], movable: Iterable[int]) -> list[list[int]]:
-    """Places of the constraints that a movable body takes part in, grouped by connection through movable bodies."""
-    moves = set(movable)
-    parent: dict[int, int] = {}
+def components(nodes: Iterable[int], edges: Iterable[tuple[int, int]]) -> tuple[tuple[int, ...], ...]:
+    """Connected components of a graph, each ascending, ordered by their least node."""
+    parent = {n: n for n in nodes}
 
     def find(x: int) -> int:
-        while parent.setdefault(x, x) != x:
+        while parent[x] != x:
             parent[x] = parent[parent[x]]
             x = parent[x]
         return x
 
-    for c in constraints:
-        a, b = c.bodies
-        if a in moves and b in moves:
-            ra, rb = find(a), find(b)
-            parent[max(ra, rb)] = min(ra, rb)
+    for a, b in edges:
+        ra, rb = find(a), find(b)
+        parent[max(ra, rb)] = min(ra, rb)
     groups: dict[int, list[int]] = {}
-    for i, c in enumerate(constraints):
-        a, b = c.bodies
-        if a in moves or b in moves:
-            groups.setdefault(find(a if a in moves else b), []).append(i)
+    for n in sorted(parent):
+        groups.setdefault(find(n), []).append(n)
+    return tuple(tuple(g) for g in groups.values())
+
+
+def connected(constraints: Sequence[Constraint], movable: Iterable[int]) -> list[list[int]]:
+    """Places of the constraints that a movable body takes part in, grouped by connection through movable bodies."""
+    moves = set(movable)
+    between = [[body for body in c.bodies if body in moves] for c in constraints]
+    label = {
+        body: k
+        for k, group in enumerate(components(
+            {body for bodies in between for body in bodies}, ((b[0], b[1]) for b in between if len(b) == 2)
+        ))
+        for body in group
+    }  # fmt: skip
+    groups: dict[int, list[int]] = {}
+    for i, bodies in enumerate(between):
+        if bodies:
+            groups.setdefault(label[bodies[0]], []).append(i)
     return [groups[k] for k in sorted(groups)]
 
 
 @lru_cache(maxsize=128)
 def systems(constraints: tuple[Constraint, ...], movable: frozenset[int]) -> tuple[System, ...]:
     """One `System` a connected component; kept, since the same constraints are solved step after step."""
-    return tuple(build(constraints, tuple(group), movable) for group in components(constraints, movable))
+    return tuple(build(constraints, tuple(group), movable) for group in connected(constraints, movable))
 
 
 @dataclass(frozen=True, eq=False)

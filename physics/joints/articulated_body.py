@@ -15,8 +15,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from constraints.freedom.lower_pairs import LowerPair
-from physics.joints.lower_pair import model_of, pair_between
+from constraints.freedom.lower_pairs import LowerPair, joint_model
+from physics.joints.lower_pair import pair_between
 from physics.joints.rows import Joint
 from physics.joints.thread import Thread
 from physics.model.bodies import FREE, Bodies
@@ -197,7 +197,7 @@ def _add_link(model, body, parent, pair, placed, poses, bodies) -> Link:
     else:
         frame = pair.frame
         placement = above.actInv(poses[body] * frame)
-        joint = model.addJoint(joint, model_of(pair), placement, str(body))
+        joint = model.addJoint(joint, joint_model(pair.name, pair.pitch), placement, str(body))
     rotation = frame.rotation
     inertia = pin.Inertia(
         float(bodies.mass[body]), frame.actInv(bodies.offset[body]), rotation.T @ bodies.inertia[body] @ rotation

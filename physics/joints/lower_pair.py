@@ -1,4 +1,4 @@
-"""The lower pair that joints leave between two bodies, and Pinocchio's joint for it."""
+"""The lower pair that joints leave between two bodies."""
 
 from __future__ import annotations
 
@@ -27,23 +27,3 @@ def pair_between(joints: Sequence[Joint], child: int, pose_parent: pin.SE3, pose
     _, s, vt = np.linalg.svd(np.concatenate(rows))
     rank = int((s > INDEPENDENT * max(s.max(), 1.0)).sum())
     return lower_pair(vt[rank:].T, 1.0, ACROSS)
-
-
-def model_of(pair: LowerPair) -> pin.JointModel:
-    """Pinocchio's joint for a lower pair, along and about z of its frame."""
-    if pair.name == "revolute":
-        return pin.JointModelRZ()
-    if pair.name == "prismatic":
-        return pin.JointModelPZ()
-    if pair.name == "screw":
-        return pin.JointModelHZ(pair.pitch)
-    if pair.name == "spherical":
-        return pin.JointModelSpherical()
-    if pair.name == "planar":
-        return pin.JointModelPlanar()
-    if pair.name == "cylindrical":
-        joint = pin.JointModelComposite()
-        joint.addJoint(pin.JointModelPZ())
-        joint.addJoint(pin.JointModelRZ())
-        return joint
-    return pin.JointModelFreeFlyer()

@@ -65,10 +65,6 @@ class Thread:
         """The coefficients μ' on the flanks and μ across the axis, of a pair of bodies with the coefficient μ."""
         return coefficient / float(np.cos(self.flank)), coefficient
 
-    def holds_itself(self, coefficient: float) -> bool:
-        """Whether friction alone holds an axial load."""
-        return abs(self.lead) <= self.friction(coefficient)[0] * self.radius
-
     def rows(self, pose: pin.SE3) -> tuple[Array, Array, Array]:
         """Speeds of the second body against the first that the thread forbids and allows, as linear forms.
 

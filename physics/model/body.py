@@ -185,13 +185,15 @@ def _split(vertices: Array, edges: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.array(out, np.int64).reshape(-1, 2)
 
 
-def polyhedron(triangles: Array) -> tuple[float, Array, Array]:
+def polyhedron(triangles: Array, apex: Array | None = None) -> tuple[float, Array, Array]:
     """Signed volume (m³), centre (3,) and inertia (3, 3) about it at density 1, of outward triangles (m, 3, 3).
 
-    Sums over the tetrahedra from the mean vertex (near the solid, so that nothing cancels far from the origin) of
-    the exact integrals of 1, x and x xᵀ (Eberly 2002; Tonon 2004).
+    Sums over the tetrahedra to one point of the exact integrals of 1, x and x xᵀ (Eberly 2002; Tonon 2004).
+
+    apex: (3,) that point, by default the mean vertex (near the solid, so that nothing cancels far from the origin). Of
+    closed triangles it does not matter; of open ones each edge without a neighbour is joined to it.
     """
-    origin = triangles.reshape(-1, 3).mean(axis=0)
+    origin = triangles.reshape(-1, 3).mean(axis=0) if apex is None else apex
     p = triangles - origin
     six = np.einsum("ij,ij->i", p[:, 0], np.cross(p[:, 1], p[:, 2]))
     volume = float(six.sum()) / 6.0
@@ -201,8 +203,8 @@ def polyhedron(triangles: Array) -> tuple[float, Array, Array]:
     center = (six @ total) / 24.0 / volume
     second = (np.einsum("i,ij,ik->jk", six, total, total) + np.einsum("i,inj,ink->jk", six, p, p)) / 120.0
     second -= volume * np.outer(center, center)
-    inertia = np.trace(second) * np.eye(3) - second
-    return volume, origin + center, inertia
+    second = 0.5 * (second + second.T)
+    return volume, origin + center, np.trace(second) * np.eye(3) - second
 
 
 def _hull(points: Array, name: str) -> Array:

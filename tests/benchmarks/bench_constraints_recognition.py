@@ -24,8 +24,7 @@ from collision import CONTACT_DTYPE, CollisionManager, Tolerance
 from constraints import ConstraintManager, Motion, recognise
 from constraints.geometry.surfaces import Cylinder
 from constraints.recognition.recognise import contacts_within
-from vpframe.analysis.mates import base_parts
-from vpframe.analysis.static import threaded_features
+from vpframe.analysis.static import base_parts, threaded_features
 from vpframe.scene import modelling as m
 
 Truth = Counter[tuple[str, str, str]]

@@ -1,14 +1,16 @@
 """The planning suite: ways out of tight pairs, orders of whole assemblies, least sets, and cases without an answer.
 
 Pairs are generated in seven families, each turned as a whole by random rotations, so that nothing lies along the axes
-of the world. Every planned leg is checked by coal at poses 10 µm apart, where it finds a contact by exact tests of
-triangles: `error` is by how much any surfaces then reach deeper into each other than where the parts stand, m. The
+of the world. Planned legs are checked by coal at poses 10 µm apart, and where it finds a contact by exact tests:
+`error` is by how much any surfaces then reach deeper into each other than where the parts stand, m. So are 10,000
+segments that the planner accepts on its way, at 200 poses at most, and ends of them by arithmetic on integers. The
 peers are OMPL planners, where `ompl` can be imported, on the same intersection queries. Whole assemblies of real models
 need VPFRAME_DATA.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import platform
 import time
@@ -23,7 +25,8 @@ import pinocchio as pin
 import vpframe as vp
 from collision import CollisionManager
 from vpframe.app.progress import report
-from vpframe.planning.assembly import Assembly
+from vpframe.planning.assembly import Assembly, Budget
+from vpframe.planning.pushes import Pushes
 from vpframe.planning.target import least
 from vpframe.planning.verdict import Removal
 from vpframe.scene import modelling as m
@@ -33,6 +36,8 @@ STEP = 1e-5
 """m between two poses that are checked"""
 MOST_POSES = 4000
 """a leg; of longer ones fewer poses are checked, evenly"""
+SEGMENT_POSES = 200
+"""of a segment that are checked at most, evenly"""
 PEER_SECONDS = 10.0
 
 
@@ -154,30 +159,122 @@ def turned(scene: vp.Scene, seed: int) -> vp.Scene:
     return scene
 
 
-def deepest(scene: vp.Scene, found: Removal) -> tuple[float, int]:
-    """(m, legs): by how much surfaces reach deeper on a way than where the parts stand, fits and threads left out."""
-    assert found.way is not None
-    assembly, out = Assembly(scene), 0.0
-    i = scene.index(found.parts[0])
-    for j in (j for j in range(len(scene)) if j != i):
-        world, exact = CollisionManager(method="coal"), CollisionManager()
-        for manager in (world, exact):
-            for k in (i, j):
-                manager.add(scene.parts[k].mesh, assembly.poses[k])
-            for mine, theirs in assembly.excused(i, j):
-                manager.ignore_surfaces(0, mine, 1, theirs)
-        known = {(r["surface_a"], r["surface_b"]): r["depth"] for r in exact.penetration(0, 1)}
-        for start, end in pairwise(found.way.knots):
-            way = pin.log6(start.actInv(end))
-            far = max(np.linalg.norm(end.act(p) - start.act(p)) for p in assembly.sweeps.corners(i)[:64])
-            for s in np.linspace(0.0, 1.0, min(MOST_POSES, 2 + int(far / STEP))):
-                pose = start * pin.exp6(way * s) * assembly.poses[i]
+class Check:
+    """By how much the surfaces of part i reach deeper into the others' than where the parts stand, on legs; fits and
+    threads are left out. Contacts are coal's, at poses STEP apart; depths are ours, where coal finds any."""
+
+    def __init__(self, assembly: Assembly, i: int) -> None:
+        self.assembly, self.i = assembly, i
+        self.worlds = []
+        for j in (j for j in range(len(assembly)) if j != i):
+            world, exact = CollisionManager(method="coal"), CollisionManager()
+            for manager in (world, exact):
+                for k in (i, j):
+                    manager.add(assembly.meshes[k], assembly.poses[k])
+                for mine, theirs in assembly.excused(i, j):
+                    manager.ignore_surfaces(0, mine, 1, theirs)
+            known = {(r["surface_a"], r["surface_b"]): r["depth"] for r in exact.penetration(0, 1)}
+            self.worlds.append((j, world, exact, known))
+
+    def deepest(self, start: pin.SE3, end: pin.SE3, most: int = MOST_POSES) -> float:
+        """m, at no more than `most` poses of a leg."""
+        way, out = pin.log6(start.actInv(end)), 0.0
+        far = max(np.linalg.norm(end.act(p) - start.act(p)) for p in self.assembly.sweeps.corners(self.i)[:64])
+        for s in np.linspace(0.0, 1.0, min(most, 2 + int(far / STEP))):
+            pose = start * pin.exp6(way * s) * self.assembly.poses[self.i]
+            for _, world, exact, known in self.worlds:
                 world.set_pose(0, pose)
                 if len(world.colliding_surfaces()):
                     exact.set_pose(0, pose)
                     for r in exact.penetration(0, 1) if len(exact.colliding_surfaces()) else ():
                         out = max(out, r["depth"] - known.get((r["surface_a"], r["surface_b"]), 0.0))
-    return out, len(found.way.knots) - 1
+        return out
+
+    def disagreements(self, at: pin.SE3) -> int:
+        """Pairs of surfaces of which our test and integers say different things about whether they meet."""
+        meets, out = _exact_triangles(), 0
+        pose = at * self.assembly.poses[self.i]
+        mesh = self.assembly.meshes[self.i]
+        for _, _, exact, _ in self.worlds:
+            exact.set_pose(0, pose)
+            other, relative = exact.mesh(1), exact.relative_pose(0, 1)
+            a = mesh.vertices[mesh.triangles]
+            b = moved(other.vertices, relative)[other.triangles]
+            low, high = a.min(axis=1)[:, None] <= b.max(axis=1), b.min(axis=1) <= a.max(axis=1)[:, None]
+            ours, theirs = {tuple(row) for row in exact.colliding_surfaces()[:, [1, 3]].tolist()}, set()
+            enabled = exact.enabled_surfaces(0, 1)
+            for s, t in np.argwhere((low & high).all(axis=2)).tolist():
+                pair = int(mesh.surface_of_triangle[s]), int(other.surface_of_triangle[t])
+                left_out = enabled is not None and not enabled[pair]
+                if pair not in theirs and not left_out and meets(np.concatenate([a[s], b[t]])):
+                    theirs.add(pair)
+            out += len(ours ^ theirs)
+        return out
+
+
+def moved(vertices: Any, pose: pin.SE3) -> Any:
+    """(n, 3) vertices at a pose, by the sums in the order in which the kernels make them."""
+    r, (x, y, z) = pose.rotation, vertices.T
+    return np.stack([r[k, 0] * x + r[k, 1] * y + r[k, 2] * z + pose.translation[k] for k in range(3)], axis=1)
+
+
+def _exact_triangles() -> Callable[[Any], bool]:
+    """The test of triangles by integers that the tests of `collision` use."""
+    path = Path(__file__).resolve().parents[1] / "collision" / "exact.py"
+    spec = importlib.util.spec_from_file_location("exact_triangles", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.triangles_meet  # type: ignore[no-any-return]
+
+
+def deepest(scene: vp.Scene, found: Removal) -> tuple[float, int]:
+    """(m, legs): by how much surfaces reach deeper on a way than where the parts stand, fits and threads left out."""
+    assert found.way is not None
+    check = Check(Assembly(scene), scene.index(found.parts[0]))
+    legs = list(pairwise(found.way.knots))
+    return max((check.deepest(start, end) for start, end in legs), default=0.0), len(legs)
+
+
+def _segments(rows: list[dict[str, Any]], ratios: dict[str, float], count: int) -> None:
+    """Segments that the planner accepts: from displacements reached, towards random ones, until something stops them.
+
+    `error` is by how much any surfaces then reach deeper; of each tenth the end is looked at by integers, too.
+    """
+    every = list(pairs())
+    each, checked, worst, wrong = -(-count // len(every)), 0, 0.0, 0
+    began = time.perf_counter()
+    for k, (name, make, part) in enumerate(every):
+        report(0.7 + 0.1 * k / len(every), f"segments: {name}")
+        scene = turned(make(), k + 1)
+        assembly, i, random = Assembly(scene), scene.index(part), np.random.default_rng(k)
+        check = Check(assembly, i)
+        pushes = Pushes(assembly, (i,), [j for j in range(len(scene)) if j != i], Budget(1e6))
+        here = 0
+        for _ in range(20 * each):
+            if here == each:
+                break
+            start = pushes.nodes[int(random.integers(len(pushes.nodes)))].at
+            twist = random.normal(size=6) * np.array([1.0] * 3 + [1.0 / pushes.length] * 3)
+            twist *= pushes.length * 10.0 ** random.uniform(-3.0, 0.0) / np.linalg.norm(twist[:3])
+            if random.random() < 0.5:
+                twist[3:] = 0.0
+            middle = pushes.center
+            end = start * _at(*middle) * pin.exp6(0.5 * twist) * _at(*(-middle))
+            reached, stop = pushes.push(start, end)
+            if pushes.distance(start, reached) < 1e-6:
+                continue
+            pushes.add(0, [reached], stop)
+            worst = max(worst, check.deepest(start, reached, SEGMENT_POSES))
+            wrong += check.disagreements(reached) if here % 10 == 0 else 0
+            here += 1
+        checked += here
+    rows.append(
+        _row("segments", "vpframe", (time.perf_counter() - began) / max(1, checked), worst, "m deeper", checked)
+    )
+    ratios["segments checked"] = float(checked)
+    ratios["deepest on segments, m"] = worst
+    ratios["ends that integers see otherwise"] = float(wrong)
 
 
 def bolted(count: int) -> vp.Scene:
@@ -207,6 +304,7 @@ def run(quick: bool = False) -> dict[str, Any]:
     rows: list[dict[str, Any]] = []
     ratios: dict[str, float] = {}
     _tight(rows, ratios, quick)
+    _segments(rows, ratios, 152 if quick else 10_000)
     _wholes(rows, quick)
     _least(rows, 60 if quick else 500)
     _without_answer(rows)

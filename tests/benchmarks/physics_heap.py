@@ -19,7 +19,7 @@ import numpy as np
 SIDE, DENSITY, FRICTION, G, DT = 0.03, 1000.0, 0.4, 9.80665, 0.01
 """m, kg/m³, 1, m/s², s"""
 APART, COLUMNS, WALL = 0.054, 7, 0.05
-"""m between cubes at the start (they may be turned anyhow), cubes along a side of the tray, m of its walls"""
+"""m between cubes at the start (each turned at random), cubes along a side of the tray, m of its walls"""
 
 
 def starts(n: int, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:

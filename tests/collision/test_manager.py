@@ -33,6 +33,7 @@ def test_all_pairs_against_pairs_one_by_one() -> None:
 
 
 def test_threads_and_memory_change_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("collision.narrow_phase.WORTH_A_THREAD", 0.0)  # s: whatever takes any time is shared
     manager = crowd(40, 6, 3.0)
     rng = np.random.default_rng(7)
     answers = []
@@ -40,7 +41,7 @@ def test_threads_and_memory_change_no_answer(monkeypatch: pytest.MonkeyPatch) ->
         manager.set_poses(range(0, 40, 2), [anywhere(rng, 3.0) for _ in range(20)])
         answers.append((manager.colliding_surfaces(), [manager.pose(i) for i in range(40)]))
     assert len(manager.object_pairs()) > 40
-    monkeypatch.setattr("collision.narrow_phase.WORTH_A_THREAD", 10**9)
+    monkeypatch.setattr("collision.narrow_phase.WORTH_A_THREAD", 1e9)
     monkeypatch.setattr("collision.narrow_phase.MOST_CACHED", 0)
     for rows, poses in reversed(answers):
         manager.set_poses(range(40), poses)

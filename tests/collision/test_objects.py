@@ -49,6 +49,26 @@ def test_many_poses_at_once() -> None:
     assert np.array_equal(before, [manager.pose(i).homogeneous for i in manager.objects])
 
 
+def test_a_move_that_was_interrupted_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupt may come when an object has its new pose, and its version is still the old one."""
+    manager = crowd(4, 5, 2.0)
+    before, mark = manager.packed_poses().tobytes(), manager.mark()
+    rows = manager.colliding_surfaces().tolist()
+
+    def interrupted() -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(manager, "_next_version", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        manager.set_pose(2, at(5.0))
+    with pytest.raises(KeyboardInterrupt):
+        manager.set_poses([0, 1], [at(6.0), at(7.0)])
+    monkeypatch.undo()
+    manager.undo(mark)
+    assert manager.packed_poses().tobytes() == before
+    assert manager.colliding_surfaces().tolist() == rows == one_by_one(manager)
+
+
 def test_enabled_surfaces_are_the_same_in_either_order() -> None:
     manager = CollisionManager()
     a, b = manager.add(shapes.box(), at(0)), manager.add(shapes.soup(40, 4, 1), at(0.5))

@@ -8,14 +8,14 @@ import pytest
 
 from collision import PoseError
 from collision.numeric.rigid_transforms import take_poses
-from collision.poses import matrix_of, pack, unpack
+from collision.poses import pack, pack_rigid, unpack
 
 
 def test_a_packed_pose_is_the_same_pose() -> None:
     pose = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.1])), np.array([1.0, 2.0, 3.0]))
     packed = pack(pose, "part")
     assert np.array_equal(packed, pack(pose.homogeneous, "part"))
-    assert np.array_equal(matrix_of(packed), pose.homogeneous)
+    assert np.array_equal(packed, pack_rigid(pose))
     assert np.array_equal(unpack(packed).homogeneous, pose.homogeneous)
 
 

@@ -34,6 +34,7 @@ def test_several_surfaces_meet_along_the_digger_trajectory() -> None:
     assert sum(k > 1 for k in found) > 20
 
 
+@pytest.mark.slow
 def test_truth_of_the_shaft_agrees_with_a_fine_tessellation() -> None:
     shaft, housing = digger.shaft(384, None), digger.housing(384, None)
     for pose in digger.shaft_trajectory(40)[::3]:

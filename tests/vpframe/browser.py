@@ -120,6 +120,43 @@ class Browser:
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
+    def mouse(self, kind: str, x: float, y: float, button: str = "none", clicks: int = 1) -> None:
+        """One event of the mouse: "Moved", "Pressed" or "Released"; `button` is held, or changes."""
+        held = {"none": 0, "left": 1, "right": 2}[button] if kind != "Released" else 0
+        self.call(
+            "Input.dispatchMouseEvent",
+            type=f"mouse{kind}",
+            x=x,
+            y=y,
+            button=button,
+            buttons=held,
+            clickCount=clicks,
+        )
+
+    def press(self, x: float, y: float, clicks: int = 1) -> None:
+        """Click with the left button at a place of the window."""
+        self.mouse("Moved", x, y)
+        self.mouse("Pressed", x, y, "left", clicks)
+        self.mouse("Released", x, y, "left", clicks)
+
+    def drag(self, *places: tuple[float, float]) -> None:
+        """Press the left button at the first place, move to the others, let go at the last."""
+        self.mouse("Moved", *places[0])
+        self.mouse("Pressed", *places[0], "left")
+        for x, y in places[1:]:
+            self.mouse("Moved", x, y, "left")
+            self.settle()
+        self.mouse("Released", *places[-1], "left")
+
+    def key(self, key: str, ctrl: bool = False) -> None:
+        """Press a key."""
+        for kind in ("keyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, modifiers=2 if ctrl else 0)
+
+    def text(self, selector: str) -> str:
+        """The text of an element."""
+        return str(self.run(f"document.querySelector({json.dumps(selector)}).textContent"))
+
     def wait(self, expression: str, seconds: float = 30.0) -> None:
         """Wait until an expression is true."""
         until = time.monotonic() + seconds

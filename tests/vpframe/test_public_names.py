@@ -35,6 +35,7 @@ def test_an_example_imports_vpframe_by_its_door_only(path: Path) -> None:
         return
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom):
-            assert (node.module or "").partition(".")[0] != "vpframe", ast.unparse(node)
+            if ast.unparse(node) != "from vpframe.scene import modelling":  # their geometry, beside the public face
+                assert (node.module or "").partition(".")[0] != "vpframe", ast.unparse(node)
         elif isinstance(node, ast.Import):
             assert all(alias.name == "vpframe" for alias in node.names if alias.name.startswith("vpframe"))

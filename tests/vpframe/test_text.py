@@ -155,6 +155,7 @@ def test_the_events_of_a_recording_are_printed_as_text(name, tmp_path, capsys):
     assert harmless(printed) and f"plate and {plain(name)} collide" in printed
 
 
+@pytest.mark.slow
 def test_a_model_with_such_names_on_the_command_line(tmp_path, vpframe):
     cube = modelling.box(0.02, 0.02, 0.02)
     name = "\x1b[2Jcube<img onerror>"

@@ -58,6 +58,8 @@ def merged(scenes: Sequence[Scene]) -> Scene:
         prefix = stem if stems[stem] == 1 else f"{stem}_{stems[stem]}"
         for part in scene.parts:
             out.add(replace(part, name=f"{prefix}/{part.name}"))
+        names = {name: f"{prefix}/{name}" for name in scene.names}
+        out.statements += tuple(statement.renamed(names) for statement in scene.statements)
     out.notes = tuple(f"{scene.source}: {note}" for scene in scenes for note in scene.notes)
     return out
 

@@ -19,30 +19,29 @@ import pinocchio as pin
 
 from collision import Tolerance
 from constraints import Candidate, Constraint, Freedom
-from constraints.freedom.graph import AssemblyGraph, components
+from constraints.freedom.graph import AssemblyGraph
 from constraints.freedom.mobility import mobility
-from constraints.mechanism.model import mechanism
+from constraints.kinds.stated import stated
+from constraints.mechanism.mjcf import TINY, to_mjcf
+from constraints.mechanism.model import Mechanism, mechanism
 from constraints.mechanism.urdf import to_urdf
+from constraints.recognition.iso286 import FitClassError, fit_class
+from constraints.solve.system import components
 from vpframe import files
-from vpframe.analysis.static import candidates, world_of
-from vpframe.app.outputs import GENERATOR, MESH, URDF, OutputFolder, claimed
-from vpframe.scene.scene import Part, Scene
+from vpframe.analysis.static import base_parts, candidates, world_of
+from vpframe.app.outputs import GENERATOR, MESH, MJCF, URDF, Output, OutputFolder, claimed
+from vpframe.scene.scene import Part, Scene, Size
 from vpframe.scene.stl import write_stl
+from vpframe.session.statements import statement, words
 from vpframe.text import plain
 
 Progress = Callable[[float, str], None]
 """hears the fraction done and what is being done"""
 
+LARGEST_MESH = 200_000
+"""triangles: MuJoCo reads no larger STL"""
 WATER = 1000.0
 """kg/m³, of parts whose file gives no density"""
-
-
-def base_parts(scene: Scene) -> tuple[int, ...]:
-    """Places of the parts that do not move: those marked fixed, else the largest by volume (the first of equals)."""
-    fixed = tuple(i for i, part in enumerate(scene.parts) if part.fixed)
-    if fixed or not scene.parts:
-        return fixed
-    return (max(range(len(scene)), key=lambda i: (scene.parts[i].shape.volume, -i)),)
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,17 @@ def find(
     world = world_of(scene, tolerance)
     progress(0.05, "contacts")
     found = candidates(scene, world, lambda done: progress(0.3 + 0.7 * done, "pairs of features"))
-    return tuple(sorted(found, key=lambda c: (c.kind, c.key)))
+    return tuple(sorted((*found, *imposed(scene, world.tolerance)), key=lambda c: (c.kind, c.key)))
+
+
+def imposed(scene: Scene, tolerance: Tolerance) -> list[Candidate]:
+    """The constraints that the model itself states (`Scene.statements`), as they stand."""
+    features, poses = [part.features for part in scene.parts], [part.pose for part in scene.parts]
+    out = []
+    for number, s in enumerate(scene.statements):
+        constraint = statement(scene, features, poses, s.kind, s.a, s.b, s.parameters, tolerance)
+        out.append(stated(constraint, poses, features, number, words(constraint).replace("script", "model", 1)))
+    return out
 
 
 def mates(
@@ -91,7 +100,9 @@ def mates(
     -------
     {"parts": [{"name", "joint", "freedom", "alone": {"joint", "freedom"}, "base": […], "neighbours": [{"part", "joint",
     "freedom"}]}], "groups": [{"parts": […], "base": […], "why"}], "constraints": [{"kind", "parts": [a, b], "surfaces":
-    [[…], […]], "residual"}]}. "joint" and "freedom" are a part's with what it carries, against the base of its group;
+    [[…], […]], "residual"}], "sizes": as `sizes` returns them, where there are any}.
+
+    "joint" and "freedom" are a part's with what it carries, against the base of its group;
     of a base they are "fixed" and 0. "surfaces" are the faces that are near each other; constraints also carry "fit"
     (m, radial clearance, negative for interference) where there is one, and "why" in words.
     """
@@ -124,13 +135,75 @@ def mates(
                 "neighbours": [{"part": names[k], **_joint(neighbours[k])} for k in sorted(neighbours)],
             }
         )
+    toleranced = sizes(scene, found)
     return {
         "parts": parts,
         "groups": [
             {"parts": [names[k] for k in g.parts], "base": [names[k] for k in g.base], "why": g.why} for g in joined
         ],
         "constraints": [_row(c, names) for c in found],
+        **({"sizes": toleranced} if toleranced else {}),
     }
+
+
+def sizes(scene: Scene, found: Iterable[Candidate]) -> list[dict[str, Any]]:
+    """What the model's PMI makes recognition expect: a fit where a size is toleranced, of the classes that are stated.
+
+    found: of the scene, from `find`.
+
+    Returns
+    -------
+    {"part", "surface", "size": "Ø8 H7", "measured" (m, diameter), "mates": [{"part", "fit"}], "holds", "why"} a
+    toleranced face. It holds where the face is drawn at its nominal size or within its deviations, and what it is
+    concentric with has the clearance that the two classes allow, or is drawn at nominal size, too (ISO 286-1). A
+    toleranced face without a mate does not hold.
+    """
+    slack = Tolerance().linear
+    out = []
+    for i, part in enumerate(scene.parts):
+        for surface in part.surfaces:
+            size, radius = surface.size, getattr(surface.geometry, "radius", None)
+            if size is None or radius is None:
+                continue
+            off = 2.0 * radius - size.nominal
+            lower, upper = size.lower or 0.0, size.upper or 0.0
+            drawn = abs(off) <= slack or lower - slack <= off <= upper + slack
+            wrong = [] if drawn else [f"drawn Ø{2e3 * radius:.6g}"]
+            fitted = []
+            for c in found:
+                side = c.bodies.index(i) if c.kind == "concentric" and i in c.bodies else None
+                if side is None or surface.index not in {near[side] for near in c.near}:
+                    continue
+                other = scene.parts[c.bodies[1 - side]]
+                fitted.append({"part": other.name, "fit": c.match.fit})
+                mated = (other.surfaces[int(near[1 - side])].size for near in c.near)
+                wrong += _misfit(size, next(filter(None, mated), None), c.match.fit, slack)
+            if not fitted:
+                wrong.append("nothing is fitted to it")
+            out.append(
+                {
+                    "part": part.name, "surface": surface.index, "size": str(size), "measured": 2.0 * radius,
+                    "mates": fitted, "holds": not wrong, "why": "; ".join(wrong),
+                }
+            )  # fmt: skip
+    return out
+
+
+def _misfit(size: Size, mate: Size | None, fit: float | None, slack: float) -> list[str]:
+    """What is wrong with a radial clearance `fit` (m) of two toleranced faces."""
+    if mate is None or fit is None or not (size.fit and mate.fit):
+        return []
+    hole, shaft = (size, mate) if size.fit[0].isupper() else (mate, size)
+    name = f"{hole.fit}/{shaft.fit}"
+    try:
+        allowed = fit_class(name, size.nominal)
+    except FitClassError as error:
+        return [str(error)]
+    if allowed.allows(2.0 * fit, slack):
+        return []
+    return [
+        f"clearance {2e3 * fit:.4f} mm on the diameter, {name} allows {allowed.least * 1e3:g} … {allowed.most * 1e3:g}"
+    ]
 
 
 def _joint(freedom: Freedom) -> dict[str, Any]:
@@ -173,6 +246,12 @@ def table(document: dict[str, Any]) -> str:
     counts = ", ".join(f"{sum(c['kind'] == k for c in document['constraints'])} {k}" for k in kinds)
     lines += [counts or "no constraints"]
     lines += [f"  {c['kind']:10}  {c['parts'][0]} – {c['parts'][1]}: {c['why']}" for c in document["constraints"]]
+    if "sizes" in document:
+        lines += ["", "toleranced sizes"]
+    for size in document.get("sizes", ()):
+        mated = ", ".join(mate["part"] for mate in size["mates"])
+        verdict = f"fits {mated}" if size["holds"] else f"EXPECTED OTHERWISE: {size['why']}"
+        lines.append(f"  {size['part']} · face {size['surface']} · {size['size']}: {verdict}")
     return "\n".join(map(plain, lines))
 
 
@@ -204,27 +283,77 @@ def write_urdf(scene: Scene, path: str | os.PathLike[str], tolerance: Tolerance 
     """
     with claimed(path, URDF) as output:
         path = output.path
-        made = mechanism(_graph(scene, [plain(name) for name in scene.names], tolerance))  # XML has no control codes
-        folder = path.with_name(f"{path.stem}_meshes")
-        names: dict[int, str] = {}
-        shapes = {}
-        meshes = {}
-        for i, part in enumerate(scene.parts):
-            key = id(part.shape)
-            if key not in names:
-                names[key] = f"{len(names)}_{re.sub(r'[^A-Za-z0-9_-]+', '_', part.name)}.stl"
-                shapes[names[key]] = part.shape
-            meshes[i] = f"{folder.name}/{names[key]}"
-        with OutputFolder(folder, dict.fromkeys(shapes, MESH), output.force, output.inputs) as beside:
-            for name, shape in shapes.items():
-                write_stl(beside.file(name), shape.mesh.vertices, shape.mesh.triangles)
-        inertias = {i: _inertia(part) for i, part in enumerate(scene.parts) if part.shape.volume > 0.0}
-        declaration, _, robot = to_urdf(made, path.stem, inertias, meshes).partition("\n")
+        made = _mechanism(scene, tolerance)
+        inertias, meshes = _inertias(scene), _write_meshes(scene, output)
+        declaration, _, robot = to_urdf(made, path.stem, inertias, meshes, _colors(scene)).partition("\n")
         files.replace(path, f"{declaration}\n<!-- {GENERATOR} -->\n{robot}")
     return made.notes
 
 
+def write_mjcf(scene: Scene, path: str | os.PathLike[str], tolerance: Tolerance | None = None) -> tuple[str, ...]:
+    """Write the mechanism of a scene as MJCF, with its meshes and masses as `write_urdf` does.
+
+    Returns notes: contacts that are no joint, and what MuJoCo takes otherwise.
+
+    Raises
+    ------
+    OutputError: there is something at `path`, or in the folder of meshes, that vpframe did not write.
+    """
+    with claimed(path, MJCF) as output:
+        path = output.path
+        made = _mechanism(scene, tolerance)
+        inertias, meshes = _inertias(scene), _write_meshes(scene, output)
+        notes = [*made.notes]
+        for i, part in enumerate(scene.parts):
+            if part.mesh.n_triangles > LARGEST_MESH:
+                del meshes[i]
+                notes.append(
+                    f"{part.name}: its {part.mesh.n_triangles} triangles are more than MuJoCo reads; no geometry"
+                )
+        for group in made.links[1:]:
+            notes += [f"{scene.names[i]}: no mass is known; {TINY:g} kg is written" for i in group if i not in inertias]
+        notes += [f"loop at {made.link_name(loop.child)}: closed by an equality, which is soft" for loop in made.loops]
+        screws = [j.name for j in (*made.joints, *made.loops) if any(a.kind == "screw" for a in j.axes)]
+        notes += [f"screw {name}: a hinge and a slide that an equality ties, which is soft" for name in screws]
+        text = to_mjcf(made, path.stem, inertias, meshes, _colors(scene))
+        files.replace(path, f"<!-- {GENERATOR} -->\n{text}")
+    return tuple(notes)
+
+
+def _mechanism(scene: Scene, tolerance: Tolerance | None) -> Mechanism:
+    return mechanism(_graph(scene, [plain(name) for name in scene.names], tolerance))  # XML has no control codes
+
+
+def _write_meshes(scene: Scene, output: Output) -> dict[int, str]:
+    """Write one STL a shape into a folder beside `output`; the file of each part, relative to where `output` is."""
+    folder = output.path.with_name(f"{output.path.stem}_meshes")
+    names: dict[int, str] = {}
+    shapes = {}
+    meshes = {}
+    for i, part in enumerate(scene.parts):
+        key = id(part.shape)
+        if key not in names:
+            names[key] = f"{len(names)}_{re.sub(r'[^A-Za-z0-9_-]+', '_', part.name)}.stl"
+            shapes[names[key]] = part.shape
+        meshes[i] = f"{folder.name}/{names[key]}"
+    with OutputFolder(folder, dict.fromkeys(shapes, MESH), output.force, output.inputs) as beside:
+        for name, shape in shapes.items():
+            write_stl(beside.file(name), shape.mesh.vertices, shape.mesh.triangles)
+    return meshes
+
+
+def _colors(scene: Scene) -> dict[int, tuple[float, float, float, float]]:
+    return {i: part.color for i, part in enumerate(scene.parts)}
+
+
+def _inertias(scene: Scene) -> dict[int, pin.Inertia]:
+    known = (i for i, part in enumerate(scene.parts) if part.inertia is not None or part.shape.volume > 0.0)
+    return {i: _inertia(scene.parts[i]) for i in known}
+
+
 def _inertia(part: Part) -> pin.Inertia:
+    if part.inertia is not None:
+        return part.inertia
     density = WATER if part.density is None else part.density
     shape = part.shape
     return pin.Inertia(density * shape.volume, np.asarray(shape.center), density * np.asarray(shape.inertia))

@@ -55,3 +55,11 @@ def threaded_features(scene: Scene) -> tuple[list[tuple[Feature, ...]], dict[tup
         features.append(known[key][0])
         threads.update({(i, place): pitch for place, pitch in known[key][1].items()})
     return features, threads
+
+
+def base_parts(scene: Scene) -> tuple[int, ...]:
+    """Places of the parts that do not move: those marked fixed, else the largest by volume (the first of equals)."""
+    fixed = tuple(i for i, part in enumerate(scene.parts) if part.fixed)
+    if fixed or not scene.parts:
+        return fixed
+    return (max(range(len(scene)), key=lambda i: (scene.parts[i].shape.volume, -i)),)

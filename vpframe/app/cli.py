@@ -14,10 +14,11 @@ from typing import Any, NoReturn
 
 from vpframe import __version__
 from vpframe.app import disassemble
-from vpframe.app.outputs import PAGE, STATUS, URDF, Kind, Output
+from vpframe.app.outputs import BCF, PAGE, SCRIPT, STATUS, URDF, Kind, Output
 from vpframe.app.progress import say, warn
 from vpframe.scene.units import NAMES, length, seconds
 from vpframe.session.interrupts import handled
+from vpframe.text import plain
 
 OK, NO, BAD = 0, 1, 2
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -27,8 +28,10 @@ _KERNELS = {
     "run": "session",
     "new": "session",
     "clash": "clash",
-    "disassemble": "session",
+    "disassemble": "disassemble",
     "mates": "mates",
+    "export": "mates",
+    "view": "session",
 }
 """what of `vpframe.app.warm_up` a command needs"""
 
@@ -38,6 +41,7 @@ class UsageError(Exception):
 
 
 ACCEPT = "clash accept"
+EXPORTS = (".step", ".glb", ".urdf", ".mjcf", ".usd", ".usda", ".csv", ".parquet")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -49,6 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     # before numpy is imported: our matrices are small, and threads that wait for each other on a busy machine are slow
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # before numba is: it would have colorama write an escape sequence when we end
+    os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
     try:
         words = list(sys.argv[1:] if argv is None else argv)
         if words[:2] == ACCEPT.split():  # one command to argparse, which knows no second word beside a list of files
@@ -139,6 +145,7 @@ def _parser() -> argparse.ArgumentParser:
     add_view(sub)
     sub.add_argument("--record", metavar="RUN.rrd", help="write a rerun recording")
     sub.add_argument("--report", metavar="DIR", help="write report.json, a page with pictures, and the clashes as CSV")
+    sub.add_argument("--access", action="store_true", help="a straight tool must get to what hands grab and turn")
     sub.add_argument("--checkpoint", metavar="FILE", help="save where the run is, once a second")
     sub.add_argument("--resume", action="store_true", help="go on from the checkpoint of a run that was cut off")
     add_force(sub)
@@ -146,6 +153,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = add("new", _new, "write a first task script for the parts of a model")
     sub.add_argument("task", metavar="TASK.py")
     sub.add_argument("--from", dest="file", metavar="FILE", required=True, help="the model")
+    sub.add_argument("--part", metavar="NAME", help="the part to take out (default: the first that comes out)")
     add_force(sub)
 
     sub = add("clash", _clash, "clash, contact, clearance and containment by pair of parts; exit 1 on a clash")
@@ -153,6 +161,8 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--clearance", metavar="LENGTH", type=_length, default=0.0, help="also list pairs nearer than it")
     sub.add_argument("--authorise", metavar="A:B", action="append", default=[], help="a pair of parts meant to clash")
     sub.add_argument("--status", metavar="FILE", help="keep what is new, accepted and resolved in this file, over runs")
+    sub.add_argument("--bcf", metavar="OUT", help="write the clashes as BCF 3.0: a topic a pair, with view and picture")
+    sub.add_argument("--table", metavar="OUT", help="write all pairs of surfaces as CSV or Parquet")
     sub.add_argument("--surfaces", action="store_true", help="a line a pair of surfaces, as JSON has them nested")
     sub.add_argument("--contacts", action="store_true", help="list parts that only touch, too, instead of their count")
     add_force(sub)
@@ -178,12 +188,27 @@ def _parser() -> argparse.ArgumentParser:
     _add_loading(sub)
     sub.add_argument("--json", action="store_true")
 
+    sub = add(
+        "export", _export, "write a model in another format, its parts where a recording has them; names what is lost"
+    )
+    sub.add_argument("files", metavar="FILE", nargs="+", help="models; several are put into one scene as they stand")
+    sub.add_argument("--to", metavar="OUT", required=True, help=f"one of {', '.join(EXPORTS)}, by its ending")
+    sub.add_argument(
+        "--poses", metavar="RUN[@TIME]",
+        help="a recording (.rrd) or table of poses (.csv, .parquet): its state at a time (run.rrd@12.5s); without one "
+        "the motion where the format carries it, else its end",
+    )  # fmt: skip
+    add_force(sub)
+    _add_loading(sub)
+    sub.add_argument("--json", action="store_true")
+
     sub = add("disassemble", _disassemble, "which parts come out, in which order, along which way; exit 1 if one stays")
     disassemble.add_arguments(sub, _length)
 
-    sub = add("view", _view, "look at a model in meshcat")
+    sub = add("view", _view, "look at a model in the browser, and take its parts in hand")
     sub.add_argument("file", metavar="FILE")
     sub.add_argument("--html", metavar="OUT", help="write a self-contained page and end")
+    sub.add_argument("--save", metavar="TASK.py", help="keep what is done at the page as a task script")
     add_force(sub)
     sub.add_argument("--host", default="127.0.0.1", help="address to serve on (default: this machine only)")
     _add_loading(sub)
@@ -191,6 +216,8 @@ def _parser() -> argparse.ArgumentParser:
     sub = add("replay", _replay, "open a recording in rerun")
     sub.add_argument("recording", metavar="RUN.rrd")
     sub.add_argument("--script", action="store_true", help="print the recorded events instead")
+    sub.add_argument("--events", metavar="OUT", help="write the recorded events as CSV or Parquet instead")
+    add_force(sub)
 
     sub = add("study", _study, "run a task over many variants: in how many it can be done, and which variables matter")
     sub.add_argument("task", metavar="TASK.py", help="a task script with VARIANTS, `scene(v)` and `task(session, v)`")
@@ -214,13 +241,16 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = add("bench", _bench, "speed against error, side by side with named peers")
     sub.add_argument("suite", nargs="?", choices=SUITES, help="one suite (default: all)")
+    sub.add_argument("--all", action="store_true", help="every suite, as without SUITE")
     sub.add_argument("--plot", metavar="DIR", help="draw the plots (needs matplotlib)")
+    sub.add_argument("--html", metavar="PAGE", help="write tables, plots, machine and versions as one page")
+    add_force(sub)
     sub.add_argument("--quick", action="store_true", help="fewer repetitions")
     sub.add_argument("--json", action="store_true")
     return parser
 
 
-SUITES = ("collision", "constraints", "physics", "planning", "session", "study")
+SUITES = ("collision", "constraints", "physics", "planning", "service", "session", "study")
 
 
 def _length(text: str) -> float:
@@ -258,9 +288,14 @@ def _load(path: str, arguments: argparse.Namespace) -> Any:
     import vpframe as vp
     from vpframe.app.progress import Progress
 
-    given = {name: getattr(arguments, name) for name in ("deflection", "angular", "timeout", "unit")}
     with Progress("loading " + os.path.basename(path)) as progress:
-        return vp.load(path, progress=progress, **{name: value for name, value in given.items() if value is not None})
+        return vp.load(path, progress=progress, **_given(arguments))
+
+
+def _given(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What `vp.load` is given, other than by default."""
+    given = {name: getattr(arguments, name) for name in ("deflection", "angular", "timeout", "unit")}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 @contextlib.contextmanager
@@ -316,16 +351,18 @@ def _run(arguments: argparse.Namespace) -> int:
         resume=arguments.resume,
         force=arguments.force,
         wait=arguments.wait,
+        access=arguments.access,
     )
 
 
 def _new(arguments: argparse.Namespace) -> int:
     from vpframe.app import task_runner as study
 
-    stops = study.new_task(arguments.task, arguments.file, arguments.force)
+    stops = study.new_task(arguments.task, arguments.file, arguments.force, arguments.part)
     print(f"wrote {arguments.task}; run it with: vpframe run {arguments.task} --view")
     if stops:
-        say(f"no part came out by itself; as written it stops: {stops}")
+        which = f"{arguments.part} did not come" if arguments.part else "no part came"
+        say(f"{which} out by itself; as written it stops: {stops}")
     return OK
 
 
@@ -333,7 +370,11 @@ def _clash(arguments: argparse.Namespace) -> int:
     from vpframe.analysis import clash
     from vpframe.app.progress import Progress
 
-    with _document(arguments.json) as emit, _claimed(arguments, "status", STATUS, arguments.files) as status:
+    with (
+        _document(arguments.json) as emit,
+        _claimed(arguments, "status", STATUS, arguments.files) as status,
+        _claimed(arguments, "bcf", BCF, arguments.files) as bcf,
+    ):
         scene = clash.merged([_load(path, arguments) for path in arguments.files])
         authorised = clash.authorised_pairs(arguments.authorise, scene)
         with Progress("looking for clashes") as progress:
@@ -344,7 +385,24 @@ def _clash(arguments: argparse.Namespace) -> int:
         if not arguments.json:
             print(clash.table(found, arguments.surfaces, arguments.contacts))
             _print_notes(scene)
+        if bcf is not None:
+            from vpframe.exporters.bcf import write_bcf
+
+            with Progress("drawing the clashes") as progress:
+                left = write_bcf(bcf, scene, found, progress=progress)
+            _print_written(arguments.bcf, left)
+        if arguments.table is not None:
+            from vpframe.exporters.tables import clash_rows, write_table
+
+            write_table(arguments.table, clash_rows(found), force=arguments.force)
+            _print_written(arguments.table, ())
     return NO if any(map(clash.is_open, found["pairs"])) else OK
+
+
+def _print_written(path: str, left: Sequence[str]) -> None:
+    say(f"wrote {path}")
+    for line in left:
+        say(f"not carried: {plain(line)}")
 
 
 def _print_notes(scene: Any) -> None:
@@ -385,24 +443,81 @@ def _mates(arguments: argparse.Namespace) -> int:
     return OK
 
 
+def _export(arguments: argparse.Namespace) -> int:
+    from vpframe import exporters
+    from vpframe.analysis import clash
+    from vpframe.importers.motion import read_motion
+
+    source, time = _poses(arguments.poses)
+    with _document(arguments.json) as emit:
+        kind = exporters.kind_of(arguments.to)
+        inputs = [*arguments.files, *([source] if source else [])]
+        with Output(arguments.to, kind, arguments.force, inputs) as output:
+            motion = read_motion(source) if source else None
+            scene = clash.merged([_load(path, arguments) for path in arguments.files])
+            left = exporters.export(scene, output, motion, time)
+        emit({"written": arguments.to, "parts": len(scene), "left_out": list(left), "notes": list(scene.all_notes())})
+        if not arguments.json:
+            print(f"wrote {arguments.to}: {len(scene)} parts")
+            _print_notes(scene)
+            for line in left:
+                say(f"not carried: {plain(line)}")
+    return OK
+
+
+def _poses(given: str | None) -> tuple[str | None, float | None]:
+    """The file that `--poses` names, and the time after its last @ where that is one."""
+    if given is None:
+        return None, None
+    path, at, time = given.rpartition("@")
+    if not at or os.path.exists(given):
+        return given, None
+    try:
+        return path, seconds(time)
+    except ValueError as error:
+        raise UsageError(f"--poses {given}: {error}") from None
+
+
 def _disassemble(arguments: argparse.Namespace) -> int:
     with _document(arguments.json) as emit:
         return disassemble.run(arguments, lambda path: _load(path, arguments), emit)
 
 
 def _view(arguments: argparse.Namespace) -> int:
-    from vpframe.view.meshcat_viewer import view
+    from vpframe.app.workbench import Workbench
+    from vpframe.view.meshcat_viewer import write_page
+    from vpframe.view.screen import has_screen
 
-    with _claimed(arguments, "html", PAGE, [arguments.file]) as page:
+    if arguments.html is not None and arguments.save is not None:
+        raise UsageError("--save is for the live page; leave out --html")
+    with (
+        _claimed(arguments, "html", PAGE, [arguments.file]) as page,
+        _claimed(arguments, "save", SCRIPT, [arguments.file]) as script,
+    ):
         scene = _load(arguments.file, arguments)
         _print_notes(scene)
-        view(scene, static=page, host=arguments.host)
+        if page is not None:
+            write_page(scene, (), page.path)
+            return OK
+        bench = Workbench(scene, arguments.file, _given(arguments), script, arguments.host, open_browser=has_screen())
+        print(f"{bench.viewer.url}  (Ctrl-C ends)", flush=True)
+        if bench.viewer.outside:
+            print(f"from other machines: {bench.viewer.outside}", flush=True)
+        bench.run()
     return OK
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from vpframe.view.replay import replay
+    from vpframe.view.replay import lines, replay
 
+    if arguments.events is not None:
+        from vpframe.exporters.tables import write_table
+
+        columns = ("step", "time", "kind", "text")
+        rows = ({name: getattr(line, name) for name in columns} for line in lines(arguments.recording))
+        write_table(arguments.events, rows, columns, force=arguments.force)
+        _print_written(arguments.events, ())
+        return OK
     return replay(arguments.recording, script=arguments.script)
 
 
@@ -432,6 +547,8 @@ def _study(arguments: argparse.Namespace) -> int:
             print(f"report: {os.path.join(arguments.out, 'index.html')}")
     if document["repeated"]["different"]:
         warn(f"variants {document['repeated']['different']} gave another answer when they were run again")
+    if document["repeated"]["unanswered"]:
+        warn(f"variants {document['repeated']['unanswered']} crashed or timed out when they were run again")
     if interrupted:
         warn("interrupted; what was finished is kept, --resume runs what is missing")
         return 130
@@ -439,18 +556,33 @@ def _study(arguments: argparse.Namespace) -> int:
 
 
 def _bench(arguments: argparse.Namespace) -> int:
-    from vpframe.app import bench
+    from vpframe.app import bench, bench_page
+    from vpframe.app.outputs import PAGE
     from vpframe.app.progress import Progress
+    from vpframe.errors import VpframeError
 
-    with _document(arguments.json) as emit:
+    if arguments.all and arguments.suite:
+        raise UsageError(f"--all is every suite; leave out {arguments.suite}")
+    failed = False
+    with _document(arguments.json) as emit, _claimed(arguments, "html", PAGE, []) as page:
         results = {}
         for suite in [arguments.suite] if arguments.suite else SUITES:
-            module = bench.suite(suite)
-            with Progress(f"benchmark {suite}"):
-                results[suite] = module.run(quick=arguments.quick)
+            try:
+                module = bench.suite(suite)
+                with Progress(f"benchmark {suite}"):
+                    results[suite] = module, module.run(quick=arguments.quick)
+            except (VpframeError, ImportError) as error:
+                if arguments.suite:
+                    raise
+                failed = True
+                warn(f"vpframe: {suite}: {error}")  # the other suites are worth having
+                continue
             if not arguments.json:
-                print(module.table(results[suite]), end="\n\n")
+                print(module.table(results[suite][1]), end="\n\n")
             if arguments.plot:
-                module.plot(results[suite], arguments.plot)
-        emit(results[arguments.suite] if arguments.suite else {"suites": list(results.values())})
-    return OK
+                module.plot(results[suite][1], arguments.plot)
+            if page is not None:  # after each: a long run that is cut off leaves what it has
+                page.path.write_text(bench_page.page(results), encoding="utf-8")
+        found = [result for _, result in results.values()]
+        emit(found[0] if arguments.suite else {"suites": found})
+    return BAD if failed else OK

@@ -52,6 +52,8 @@ def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
     sub.add_argument("--tracks", metavar="DIR", help=f"write each part's way as CSV, and {PLAN}")
     sub.add_argument("--task", metavar="OUT.py", help="write a task script that does it")
     sub.add_argument("--record", metavar="RUN.rrd", help="write a rerun recording of a hand that does it")
+    sub.add_argument("--view", action="store_true", help="a hand does it in meshcat: waits for the first browser")
+    sub.add_argument("--no-wait", dest="wait", action="store_false", help="with --view: do not wait for anybody")
     sub.add_argument("--report", metavar="DIR", help=f"write a page with pictures, and {PLAN}")
     sub.add_argument("--resume", action="store_true", help=f"go on from the ways in {PLAN} of --tracks or --report")
     sub.add_argument("--force", action="store_true", help="write also over what vpframe did not write")
@@ -121,13 +123,16 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
             files.replace(report.file(PLAN), text)
         if task is not None:
             _write_task(task, tracks, found, names, arguments.file, arguments.force)
-        if record is not None:
-            _record(record, scene, found)
+        viewer = _viewer(arguments.wait) if arguments.view else None
+        if record is not None or viewer is not None:
+            _perform(scene, found, record, viewer)
         emit(answer)
         if not arguments.json:
             say(document.table(found))
             for note in scene.all_notes():
                 say(f"note: {note}")
+        if viewer is not None and arguments.wait and not found.interrupted:
+            viewer.stay()
     if found.interrupted:
         return INTERRUPTED
     return 0 if found else 1
@@ -196,7 +201,14 @@ def _write_task(
     files.replace(task.path, document.script(found, Path(relative).as_posix(), Path(where).as_posix(), names))
 
 
-def _record(record: Output, scene: Any, found: Any) -> None:
+def _viewer(wait: bool) -> Any:
+    from vpframe.view.meshcat_viewer import watched
+
+    return watched(wait)
+
+
+def _perform(scene: Any, found: Any, record: Output | None, viewer: Any) -> None:
+    """A hand does the plan, for a recording, a viewer or both; the scene stands afterwards as before."""
     import pinocchio as pin
 
     from vpframe.planning.replay import perform, rule_of
@@ -204,7 +216,8 @@ def _record(record: Output, scene: Any, found: Any) -> None:
 
     before = {name: pin.SE3(part.pose) for name, part in scene.items()}
     try:
-        with Progress("recording"), Session(scene, record=record, rule=rule_of(found)) as session:
+        words = "recording" if viewer is None else "a hand does it"
+        with Progress(words), Session(scene, viewer=viewer, record=record, rule=rule_of(found)) as session:
             perform(session, found)
             session.conclude()
     finally:

@@ -50,6 +50,11 @@ def _begins(pattern: bytes) -> Callable[[Path], bool]:
     return recognise
 
 
+def _holds(mark: bytes) -> Callable[[Path], bool]:
+    """Known by its mark anywhere: of binary formats that keep the maker's name at a place of their own."""
+    return lambda path: mark in path.read_bytes()
+
+
 def _is_status(path: Path) -> bool:
     try:
         content = json.loads(path.read_bytes())
@@ -64,6 +69,12 @@ STATUS = Kind("a clash status file", _is_status)
 URDF = Kind("a URDF file", _begins(rb"(<\?xml[^>]*>\s*)?<!-- vpframe"))
 MESH = Kind("a mesh", _begins(rb"vpframe[^\n]{73}"))
 MODEL = Kind("a model", _begins(rb"ISO-10303-21;.*'vpframe'"))
+GLB = Kind("a GLB file", _begins(rb'glTF.{16}\{"asset":\{"generator":"vpframe"'))
+MJCF = Kind("an MJCF file", _begins(rb"<!-- vpframe"))
+USD = Kind("a USD file", _holds(b"vpframe"))
+POSES = Kind("a table of poses", _begins(rb"part,t,x,y,z,qx,"))
+PARQUET = Kind("a table", _holds(b"vpframe"))
+BCF = Kind("a BCF file", _holds(b"vpframe"))
 PAGE = Kind("a page", _begins(rb'<!DOCTYPE html>.*<meta name="generator" content="vpframe">'))
 REPORT = Kind("a report", _begins(rb'\{\s*"generator": "vpframe"'))
 CLASHES = Kind("a list of clashes", _begins(rb"status,part_a,surface_a,part_b,surface_b,"))
@@ -83,6 +94,11 @@ REPORT_FILES = {
 """what every report folder holds"""
 STUDY_FILES = {"results.jsonl": RESULTS, "results.csv": TABLE, "index.html": PAGE, "study.json": REPORT}
 """what the folder of a study holds, and scripts of variants in `worst/`"""
+
+
+def table_of(columns: Iterable[str]) -> Kind:
+    """A table with these columns."""
+    return Kind("a table of these columns", _begins(re.escape(",".join(columns).encode())))
 
 
 def may_write(path: str | os.PathLike[str], kind: Kind, force: bool = False) -> Path:

@@ -15,6 +15,7 @@ import shutil
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sized
 from typing import TYPE_CHECKING, TextIO, TypeVar
 
@@ -30,6 +31,14 @@ DELAY = 2.0
 INTERVAL = 0.1
 """s between two drawings"""
 WIPE = "\r\x1b[K"
+WINDOW = 10.0
+"""s of work that the rate is taken over, and without news after which nothing is claimed"""
+FEW = 4
+"""pieces of news that the rate is taken over where they come more slowly"""
+LEAST = 1.0
+"""s of work before anything is claimed"""
+CLIMB = 1.25
+"""by how much the time left may be more than was claimed; the claim is given up then, until there is a new rate"""
 
 _drawing = threading.RLock()
 _drawn: dict[int, TextIO] = {}
@@ -111,6 +120,45 @@ def _wipe(stream: TextIO) -> None:
     del _drawn[id(stream)]
 
 
+class Remaining:
+    """The time that is left, by the rate of the last seconds. What is claimed never climbs: it is given up instead."""
+
+    def __init__(self) -> None:
+        self._samples = deque([(0.0, 0.0)])
+        """(s of work, fraction), the oldest first: when there was news, and one before the window"""
+        self._claim: tuple[float, float] | None = None
+        """(s of work, s left)"""
+
+    def seconds(self, worked: float, fraction: float) -> float | None:
+        """s left after `worked` seconds at `fraction`; None while that is not known."""
+        samples = self._samples
+        if fraction < samples[-1][1]:  # other work has begun
+            self._begin(worked, fraction)
+        elif fraction > samples[-1][1]:
+            samples.append((worked, fraction))
+        samples = self._samples
+        while len(samples) > FEW and samples[1][0] <= worked - WINDOW:
+            samples.popleft()
+        (since, before), (last, _) = samples[0], samples[-1]
+        if worked - since < LEAST or not before < fraction < 1.0:
+            return None
+        if worked - last > max(WINDOW, 2.0 * (last - since) / (len(samples) - 1)):  # it stands still
+            return None
+        left = (1.0 - fraction) * (worked - since) / (fraction - before)
+        if self._claim is not None:
+            claimed = max(self._claim[1] - (worked - self._claim[0]), 0.0)
+            if left > CLIMB * claimed + 1.0:
+                self._begin(worked, fraction)
+                return None
+            left = min(left, claimed)
+        self._claim = worked, left
+        return left
+
+    def _begin(self, worked: float, fraction: float) -> None:
+        self._samples = deque([(worked, fraction)])
+        self._claim = None
+
+
 class Progress:
     """A bar while work runs; call it with the fraction done (0 … 1, None if unknown) and what is being done.
 
@@ -134,6 +182,9 @@ class Progress:
         self._delay = delay
         self._fraction: float | None = None
         self._text = ""
+        self._remaining = Remaining()
+        self._due = False
+        """whether the delay is over"""
         self._began = self._compiled = 0.0
         self._done = threading.Event()
         self._thread: threading.Thread | None = None
@@ -170,17 +221,26 @@ class Progress:
         """What is drawn `elapsed` seconds after the start."""
         if self._line.compiling:
             return f"{self.title}  {self._line.count()}"
-        return f"{self.title}  {bar(self._fraction, elapsed, elapsed - (self._line.compiled - self._compiled))}" + (
-            f"  {self._text}" if self._text else ""
-        )
+        fraction, worked = self._fraction, elapsed - (self._line.compiled - self._compiled)
+        left = None if fraction is None else self._remaining.seconds(worked, fraction)
+        return f"{self.title}  {bar(fraction, elapsed, left)}" + (f"  {self._text}" if self._text else "")
 
     def _draw_on(self) -> None:
         if self._done.wait(self._delay):
             return
+        self._due = True
         while True:
-            self._line.draw(self.line(time.monotonic() - self._began))
+            line = self.line(time.monotonic() - self._began)
+            with _drawing:
+                if self is _shown(self._line.stream):
+                    self._line.draw(line)
             if self._done.wait(INTERVAL):
                 return
+
+
+def _shown(stream: TextIO) -> Progress | None:
+    """The one whose line a stream shows: the innermost of those whose delay is over."""
+    return next((p for p in reversed(_current) if p._due and p._line.stream is stream), None)
 
 
 class Watch:
@@ -248,20 +308,18 @@ class Watch:
             with _drawing:
                 if not self._always and self._began is None:  # the piece ended meanwhile
                     continue
+                if _shown(self._line.stream) is not None:
+                    continue
                 self._line.draw(text)
 
 
-def bar(fraction: float | None, elapsed: float, worked: float | None = None) -> str:
-    """`[######..................]  25 %  15 s left`; the seconds so far where the fraction is not known.
-
-    The estimate is in proportion to `worked`, the seconds that went into the work itself (`elapsed` by default).
-    """
+def bar(fraction: float | None, elapsed: float, left: float | None = None) -> str:
+    """`[######..................]  25 %  15 s left`; the seconds so far where the fraction is not known."""
     if fraction is None:
         return duration(elapsed)
     filled = round(24 * fraction)
-    worked = elapsed if worked is None else worked
-    left = f"  {duration(worked * (1.0 - fraction) / fraction)} left" if 0.02 <= fraction < 1.0 else ""
-    return f"[{'#' * filled}{'.' * (24 - filled)}] {100 * fraction:3.0f} %{left}"
+    words = "" if left is None else f"  {duration(left)} left"
+    return f"[{'#' * filled}{'.' * (24 - filled)}] {100 * fraction:3.0f} %{words}"
 
 
 TAIL = 24

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,11 +17,13 @@ import numpy as np
 import pinocchio as pin
 
 from vpframe import files, planning
+from vpframe.app.outline import outline
 from vpframe.app.outputs import SCRIPT, claimed
 from vpframe.app.progress import Progress
 from vpframe.errors import TaskError, VpframeError
 from vpframe.hands.hand import Hand
 from vpframe.scene.scene import Part, Scene
+from vpframe.scene.subassembly import listed, parts_named
 from vpframe.session.session import Session
 from vpframe.text import plain
 
@@ -29,8 +32,6 @@ PARTS = 6
 SECONDS = 5.0
 """of planning, a part"""
 WORDS = {"up": (0, 0, 1), "down": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0), "y": (0, 1, 0), "-y": (0, -1, 0)}
-LISTED = 60
-"""how many parts the script names"""
 
 
 @dataclass(frozen=True)
@@ -56,26 +57,26 @@ class Way:
         getattr(hand, self.verb)(*along, **dict(self.options))
 
 
-def new_task(path: str | os.PathLike[str], scene: Scene, model: Path) -> str:
+def new_task(path: str | os.PathLike[str], scene: Scene, model: Path, name: str | None = None) -> str:
     """Write a first task script for the parts of a scene; returns what to know of it, empty when it runs to its end.
+
+    name: of the part to take out; None: the first that comes out.
 
     Raises
     ------
-    OutputError: the script exists already, or cannot be written.
+    OutputError: the script exists already, or cannot be written. UnknownPartError, TaskError: no part has that name.
     """
+    wanted = scene.parts if name is None else (_named(scene, name),)
     output = claimed(path, SCRIPT)
     script = output.path
     with contextlib.suppress(ValueError):  # another drive
         model = Path(os.path.relpath(str(model), str(script.parent)))
     with Progress("looking for a part that comes out") as progress:
-        part, way, reason = _found(scene, progress)
-    listed = [f"#   {quoted(p.name)}: {len(p.surfaces)} surfaces" for p in scene.parts[:LISTED]]
-    if len(scene) > LISTED:
-        listed.append(f"#   … and {len(scene) - LISTED} more")
+        part, way, reason = _found(scene, progress, wanted)
     text = _TEMPLATE.format(
         model=_in_docstring(model.name),
         file=quoted(model.as_posix()),
-        parts="\n".join(listed),
+        parts="\n".join(f"#   {line}" for line in outline(scene)),
         part=quoted(part.name),
         way=way.line,
         note=_STOPS.format(reason=plain(reason)) if reason else "",
@@ -85,9 +86,18 @@ def new_task(path: str | os.PathLike[str], scene: Scene, model: Path) -> str:
     return reason
 
 
-def _found(scene: Scene, progress: Progress) -> tuple[Part, Way, str]:
+def _named(scene: Scene, name: str) -> Part:
+    group = parts_named(scene.names, name)
+    if len(group) > 1:
+        raise TaskError(f"{name} has {len(group)} parts, {listed(group)}; name one of them")
+    if scene[group[0]].fixed:
+        raise TaskError(f"{group[0]} is fixed in the scene; name a part that moves")
+    return scene[group[0]]
+
+
+def _found(scene: Scene, progress: Progress, wanted: Sequence[Part]) -> tuple[Part, Way, str]:
     """A part and a way that it comes out; with the reason why not, if none was found."""
-    parts = sorted((p for p in scene.parts if not p.fixed), key=lambda p: (p.shape.volume or np.inf, p.name))
+    parts = sorted((p for p in wanted if not p.fixed), key=lambda p: (p.shape.volume or np.inf, p.name))
     if not parts:
         raise VpframeError("all parts are fixed: there is none to take in hand")
     first: tuple[Part, Way, str] | None = None
@@ -165,7 +175,7 @@ import vpframe as vp
 
 FILE = {file}
 
-# The parts of the model (lengths in scripts are metres):
+# The parts of the model, the world's axes along their sizes (lengths in scripts are metres):
 {parts}
 
 

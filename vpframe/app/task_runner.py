@@ -68,6 +68,7 @@ def run_task(
     resume: bool = False,
     force: bool = False,
     wait: bool = False,
+    access: bool = False,
 ) -> int:
     """Run one task script; 0 it can be done, 1 it cannot (or the script has a fault, see stderr), 130 interrupted.
 
@@ -80,6 +81,7 @@ def run_task(
     checkpoint: a file that keeps where the run is; `resume` goes on from it.
     force: write there whatever is there; otherwise only over what vpframe wrote.
     wait: with `view`, wait for the first browser, and show the end until Ctrl-C.
+    access: a straight tool must get to what hands grab and turn, where the script names none.
 
     Raises
     ------
@@ -109,6 +111,8 @@ def run_task(
         options = dict(getattr(module, "OPTIONS", {}))
         if saved is not None:
             options.update(checkpoint=saved, resume=resume, run={"script": _digest(script)})
+        if access:
+            options.setdefault("access", True)
         began = time.perf_counter()
         viewer = _viewer(wait) if view else None
         with _located(script):
@@ -192,6 +196,7 @@ def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
     parser.add_argument("--no-wait", dest="wait", action="store_false", help="with --view: do not wait for anybody")
     parser.add_argument("--record", metavar="RUN.rrd", help="record to this file")
     parser.add_argument("--report", metavar="DIR", help="write the report to this folder")
+    parser.add_argument("--access", action="store_true", help="a straight tool must get to what hands grab and turn")
     parser.add_argument("--checkpoint", metavar="FILE", help="save where the run is, once a second")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint of a run that was cut off")
     parser.add_argument("--force", action="store_true", help="write there whatever is there")
@@ -208,13 +213,15 @@ def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
     sys.exit(code)
 
 
-def new_task(path: str | Path, from_file: str | Path, force: bool = False) -> str:
+def new_task(path: str | Path, from_file: str | Path, force: bool = False, part: str | None = None) -> str:
     """Write a first task script for the parts of a model; returns why it stops, empty when it runs to its end.
+
+    part: the name of the one to take out; None: the first that comes out.
 
     Raises
     ------
     OutputError: the script exists already (and is not to be replaced by `force`), or cannot be written; LoadError: the
-        model cannot be read.
+        model cannot be read; UnknownPartError, TaskError: no part has that name.
     """
     with Output(path, SCRIPT, force, [from_file]) as script:
         from vpframe.app.scaffold import new_task as write
@@ -222,7 +229,7 @@ def new_task(path: str | Path, from_file: str | Path, force: bool = False) -> st
         scene = loaded(from_file)
         for note in scene.all_notes():
             say(f"note: {note}")
-        return write(script, scene, Path(from_file))
+        return write(script, scene, Path(from_file), part)
 
 
 def loaded(path: str | Path) -> Scene:

@@ -39,6 +39,12 @@ def start(use: str) -> None:
             _helpers.append(helper)  # its standard input closes when this process ends
 
 
+def wait() -> None:
+    """Return when the processes that `start` has started have ended."""
+    for helper in _helpers:
+        helper.wait()
+
+
 def note_enough(use: str) -> None:
     """Note all shares of a use as done if this process has compiled nothing."""
     from collision.numeric import kernel_cache
@@ -119,8 +125,22 @@ def _motions() -> None:
     _boxes(0.005).time_of_impact({1: _shifted(0.005)})  # type: ignore[dict-item]
 
 
+def _surfaces() -> None:
+    import numpy as np
+
+    from collision import colliding_surfaces
+
+    colliding_surfaces(_box(0.010), _box(0.004), np.eye(4))
+
+
 def _depths() -> None:
-    _boxes(-0.001).penetration(0, 1)
+    import numpy as np
+
+    from collision.query.penetration import deepest_points
+
+    world = _boxes(-0.001)
+    meshes = world.mesh(0), world.mesh(1)
+    deepest_points(world, meshes, world.relative_pose(0, 1), np.array([[1, 0]], np.int32))
 
 
 def _classes() -> None:
@@ -187,9 +207,24 @@ def _pictures() -> None:
     raster.draw_segments(ends, np.zeros((1, 2)), np.zeros((1, 3)), one, one, depth, image)
 
 
+def _ways() -> None:
+    import pinocchio as pin
+
+    from vpframe.planning import tree, ways
+    from vpframe.planning.assembly import Assembly, Budget
+    from vpframe.scene.scene import Part, Scene, Shape
+
+    small, large = Shape(_box(0.004), (), ()), Shape(_box(0.010), (), ())
+    scene = Scene([Part("small", small, _shifted(0.0105)), Part("large", large, pin.SE3.Identity())])  # type: ignore[arg-type]
+    assembly = Assembly(scene)
+    cone, _ = ways.cone_of(assembly, (0,), (1,))
+    tree.search(assembly, (0,), (1,), cone, Budget(60.0), 0)
+
+
 USES: dict[str, tuple[tuple[Callable[[], None], ...], ...]] = {
     "session": ((_contacts, _collisions, _motions), (_solutions, _programs, _overlaps, _pictures)),
-    "clash": ((_contacts, _overlaps), (_depths, _classes)),
+    "disassemble": ((_contacts, _collisions, _motions), (_solutions, _programs, _overlaps, _depths, _ways)),
+    "clash": ((_contacts, _surfaces, _overlaps), (_depths, _classes)),
     "mates": ((_contacts,), (_overlaps, _solutions)),
 }
 """the examples of each process, by use, in the order in which the command needs their kernels"""

@@ -1,5 +1,6 @@
 """Hands, their verbs and paths, and the conditions that end a motion."""
 
+from vpframe.hands.access import Reach
 from vpframe.hands.arguments import pose_from
 from vpframe.hands.assist import Assist
 from vpframe.hands.conditions import (
@@ -23,6 +24,7 @@ __all__ = [
     "MotionSegment",
     "Outcome",
     "Path",
+    "Reach",
     "Resting",
     "Reversed",
     "Spline",

@@ -66,7 +66,9 @@ def rigid(pose: Any, what: str) -> pin.SE3:
     rotation = pose.rotation
     if not np.isfinite(pose.homogeneous).all():
         raise TaskError(f"{what} must be finite; the pose given holds NaN or infinity")
-    if np.abs(rotation.T @ rotation - np.eye(3)).max() > RIGID or np.linalg.det(rotation) < 0.0:
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    mirrored = a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0.0
+    if mirrored or np.abs(rotation.T @ rotation - np.eye(3)).max() > RIGID:
         raise TaskError(f"{what} is no rigid motion: its rotation is stretched or mirrored; normalise it")
     return pose
 

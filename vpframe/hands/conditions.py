@@ -47,33 +47,43 @@ def _part(hand: Holder | None, name: str | None, what: str) -> str:
     return hand.held
 
 
+def _group(session: Workplace, hand: Holder | None, name: str | None, what: str) -> tuple[str, ...]:
+    """The parts that a name is of; without one what the hand holds and carries."""
+    part = _part(hand, name, what)
+    return session.group(part) if name is not None or hand is None else (part, *hand.carried)
+
+
 def _touches(session: Workplace, hand: Holder | None) -> bool:
-    return bool(session.touching(_part(hand, None, "contact")))
+    return bool(session.touching(*_group(session, hand, None, "contact")))
 
 
 def _is_free(session: Workplace, hand: Holder | None) -> bool:
-    part = _part(hand, None, "free")
-    return not session.constraints_of(part) and not session.touching(part)
+    group = _group(session, hand, None, "free")
+    return not session.constraints_of(*group) and not session.touching(*group)
 
 
 contact = Condition("contact", _touches)
-"""The held part touches another one, mated surfaces left out."""
+"""The held part, or what it carries, touches another one, mated surfaces left out."""
 
 free = Condition("free", _is_free)
-"""The held part is under no constraint and touches nothing."""
+"""No constraint joins the held part and what it carries to others, and they touch nothing."""
 
 blocked: Condition = Condition("blocked", lambda session, hand: hand is not None and bool(hand.stopped_by))
 """The held part cannot follow the hand."""
 
 
 def constraint(kind: str | None = None, part: str | None = None, other: str | None = None) -> Condition:
-    """An active constraint of that kind (any kind if None) on `part` (the held one if None), with `other` if given."""
+    """An active constraint of that kind (any kind if None) on `part` (what is held if None), with `other` if given.
+
+    Both may be subassemblies.
+    """
 
     def test(session: Workplace, hand: Holder | None) -> bool:
-        subject = _part(hand, part, "constraint(…)")
+        group = _group(session, hand, part, "constraint(…)")
+        others = None if other is None else set(session.group(other))
         return any(
-            (kind is None or c.kind == kind) and (other is None or other in c.parts)
-            for c in session.constraints_of(subject)
+            (kind is None or c.kind == kind) and (others is None or not others.isdisjoint(c.parts))
+            for c in session.constraints_of(*group)
         )
 
     text = f"constraint {kind or 'of any kind'}"
@@ -88,9 +98,12 @@ def candidate(kind: str | None = None, other: str | None = None) -> Condition:
     """A candidate of that kind is on offer for the held part."""
 
     def test(session: Workplace, hand: Holder | None) -> bool:
-        subject = _part(hand, None, "candidate(…)")
+        group = set(_group(session, hand, None, "candidate(…)"))
+        others = None if other is None else set(session.group(other))
         return any(
-            (kind is None or c.kind == kind) and subject in c.parts and (other is None or other in c.parts)
+            (kind is None or c.kind == kind)
+            and not group.isdisjoint(c.parts)
+            and (others is None or not others.isdisjoint(c.parts))
             for c in session.candidates
         )
 
@@ -98,8 +111,13 @@ def candidate(kind: str | None = None, other: str | None = None) -> Condition:
 
 
 def freedom(n: int, part: str | None = None) -> Condition:
-    """`part` (the held one if None) has `n` degrees of freedom left."""
-    return Condition(f"freedom {n}", lambda s, h: s.freedom(_part(h, part, "freedom(…)")) == n)
+    """`part` (the held one with what it carries, if None) has `n` degrees of freedom left."""
+
+    def test(session: Workplace, hand: Holder | None) -> bool:
+        first, *carried = _group(session, hand, part, "freedom(…)")
+        return session.freedom(first, carried=carried) == n
+
+    return Condition(f"freedom {n}", test)
 
 
 @dataclass(frozen=True)
@@ -115,7 +133,7 @@ class Clearance:
         return Clearance(other)
 
     def _of(self, session: Workplace, hand: Holder | None) -> float:
-        return session.clearance(_part(hand, None, "clearance"), self.other)
+        return min(session.clearance(part, self.other) for part in _group(session, hand, None, "clearance"))
 
     @property
     def _text(self) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
@@ -37,25 +40,48 @@ def direction(hand: Gripper, along: str | ArrayLike, outward: bool) -> Vector:
         return np.array(_DIRECTIONS[along])
     if along != "axis":
         raise TaskError(f"along={along!r}: give 'axis', one of {', '.join(_DIRECTIONS)}, or a vector of three numbers")
-    part = held_part(hand, "along='axis'")
-    fit = _axial(hand, part.name)
+    held_part(hand, "along='axis'")
+    fit = _axial(hand)
     axis = np.array(fit.direction)
-    partner = fit.parts[1] if fit.parts[0] == part.name else fit.parts[0]
-    sign = _out_sign(hand, part, partner, axis)
+    mine = 0 if fit.parts[0] in grip(hand) else 1
+    sign = _out_sign(hand, hand.session.scene[fit.parts[mine]], fit.parts[1 - mine], axis)
     return axis * (sign if outward else -sign)
 
 
 def _out_sign(hand: Gripper, part: Part, partner: str, axis: Vector) -> float:
     """+1 if the part leaves along +axis: away from what it stands against, else away from the partner's middle."""
-    resting = [
-        c for c in hand.session.constraints_of(part.name) if c.kind == "against" and abs(c.direction @ axis) > 0.9
-    ]
-    for c in sorted(resting, key=lambda c: partner not in c.parts):
-        # an against's direction is the normal of its first part's plane, which points at the second part
-        leaving = -c.direction if c.parts[0] == part.name else c.direction
-        return 1.0 if leaving @ axis > 0.0 else -1.0
+    for c in sorted(resting(hand), key=lambda c: partner not in c.parts):
+        if abs(c.direction @ axis) > 0.9:
+            return 1.0 if leaving(hand, c) @ axis > 0.0 else -1.0
     other = hand.session.scene[partner]
     return 1.0 if (middle(part) - middle(other)) @ axis >= 0.0 else -1.0
+
+
+def grip(hand: Gripper) -> tuple[str, ...]:
+    """The parts that a hand holds and carries, the held one first."""
+    return (hand.held, *hand.carried) if hand.held else ()
+
+
+def resting(hand: Gripper) -> list[ConstraintView]:
+    """By which constraints what the hand holds stands against other parts."""
+    return [c for c in hand.session.constraints_of(*grip(hand)) if c.kind == "against"]
+
+
+def leaving(hand: Gripper, against: ConstraintView) -> Vector:
+    """(3,) unit, world: away from what the held parts stand against."""
+    # an against's direction is the normal of its first part's plane, which points at the second part
+    return -against.direction if against.parts[0] in grip(hand) else against.direction
+
+
+def way_out(hand: Gripper, along: str | ArrayLike | None) -> Vector:
+    """(3,) unit, world: `along`; if None the part's axis outward, else away from what it stands against, else up."""
+    if along is not None:
+        return direction(hand, along, outward=True)
+    if any(c.kind in _AXIAL for c in hand.session.constraints_of(*grip(hand))):
+        return direction(hand, "axis", outward=True)
+    away = sum((leaving(hand, c) for c in resting(hand)), np.zeros(3))
+    length = float(np.linalg.norm(away))
+    return away / length if length > 0.1 else np.array([0.0, 0.0, 1.0])
 
 
 def line(hand: Gripper, about: str | ArrayLike | tuple[ArrayLike, ArrayLike]) -> tuple[Vector, Vector]:
@@ -63,43 +89,48 @@ def line(hand: Gripper, about: str | ArrayLike | tuple[ArrayLike, ArrayLike]) ->
     if isinstance(about, tuple) and len(about) == 2:
         return vector(about[0], "about"), direction(hand, about[1], outward=True)
     if isinstance(about, str) and about == "axis":
-        fit = _axial(hand, held_part(hand, "about='axis'").name)
+        held_part(hand, "about='axis'")
+        fit = _axial(hand)
         return np.array(fit.origin), np.array(fit.direction)
     where = middle(hand.session.scene[hand.held]) if hand.held else np.array(hand.pose.translation)
     return where, direction(hand, about, outward=True)  # type: ignore[arg-type]
 
 
-def _axial(hand: Gripper, part: str) -> ConstraintView:
-    fits = [c for c in hand.session.constraints_of(part) if c.kind in _AXIAL]
+def _axial(hand: Gripper) -> ConstraintView:
+    on_it = hand.session.constraints_of(*grip(hand))
+    fits = [c for c in on_it if c.kind in _AXIAL]
     if not fits:
-        have = ", ".join(c.kind for c in hand.session.constraints_of(part)) or "none"
-        raise TaskError(f"{part} has no axis to go by: no concentric fit holds it (its constraints: {have})")
+        have = ", ".join(c.kind for c in on_it) or "none"
+        raise TaskError(f"{hand.held} has no axis to go by: no concentric fit holds it (its constraints: {have})")
     return min(fits, key=lambda c: (_AXIAL.index(c.kind), c.id))
 
 
-def best_fit(part: Part, target: Part, tolerance: Tolerance) -> tuple[Feature, Feature]:
-    """The shaft of `part` and the bore of `target` (or the other way round: a ring over a pin) that fit best.
+Fit = tuple[Part, Feature, Part, Feature]
+"""a part with its cylinder, and the part and cylinder that it fits: a shaft and a bore, or a ring and a pin"""
+
+
+def best_fit(parts: Sequence[Part], targets: Sequence[Part], tolerance: Tolerance, names: tuple[str, str]) -> Fit:
+    """The shaft of one of `parts` and the bore of one of `targets` (or the other way round) that fit best.
 
     Radii that fit: within `Tolerance.clearance`, else as clearance holes do; of those the largest shared surface; of
-    equal ones (within 1 %) the nearest.
+    equal ones (within 1 %) the nearest. names: of the two groups, for the message.
     """
     limits = Limits.offer(tolerance)
 
-    def cylinders(of: Part, sense: int) -> list[Feature]:
-        return [f for f in of.features if isinstance(f.geometry, Cylinder) and f.sense == sense]
+    def cylinders(of: Sequence[Part], sense: int) -> list[tuple[Part, Feature]]:
+        return [(p, f) for p in of for f in p.features if isinstance(f.geometry, Cylinder) and f.sense == sense]
 
-    pairs = [(s, b) for s in cylinders(part, 1) for b in cylinders(target, -1)]
-    pairs += [(s, b) for s in cylinders(part, -1) for b in cylinders(target, 1)]
-    loose = [(s, b) for s, b in pairs if limits.fit(*_shaft_and_clearance(s, b))]
-    fits = [(s, b) for s, b in loose if abs(_radius(s) - _radius(b)) <= tolerance.clearance] or loose
+    pairs = [(*a, *b) for s in (1, -1) for a in cylinders(parts, s) for b in cylinders(targets, -s)]
+    loose = [fit for fit in pairs if limits.fit(*_shaft_and_clearance(fit[1], fit[3]))]
+    fits = [fit for fit in loose if abs(_radius(fit[1]) - _radius(fit[3])) <= tolerance.clearance] or loose
     if not fits:
         raise TaskError(
-            f"nothing of {part.name} fits into {target.name}: no shaft and bore with a radial clearance of at most "
+            f"nothing of {names[0]} fits into {names[1]}: no shaft and bore with a radial clearance of at most "
             f"{tolerance.clearance * 1e3:g} mm, or {tolerance.clearance_relative:.2g} of the shaft's diameter "
             "(Tolerance.clearance, clearance_relative)"
         )
-    largest = max(min(s.area, b.area) for s, b in fits)
-    return min((f for f in fits if min(f[0].area, f[1].area) > 0.99 * largest), key=lambda f: _aside(part, target, *f))
+    largest = max(min(s.area, b.area) for _, s, _, b in fits)
+    return min((f for f in fits if min(f[1].area, f[3].area) > 0.99 * largest), key=_aside)
 
 
 def _shaft_and_clearance(s: Feature, b: Feature) -> tuple[float, float]:
@@ -108,18 +139,36 @@ def _shaft_and_clearance(s: Feature, b: Feature) -> tuple[float, float]:
     return _radius(shaft), _radius(bore) - _radius(shaft)
 
 
-def _aside(part: Part, target: Part, shaft: Feature, bore: Feature) -> float:
+def _aside(fit: Fit) -> float:
     """m: how far the middle of the shaft is from the axis of the bore."""
+    part, shaft, target, bore = fit
     assert isinstance(bore.geometry, Cylinder)
     to = target.pose.actInv(part.pose.act(shaft.samples.mean(0))) - bore.geometry.origin
     return float(np.linalg.norm(np.cross(to, bore.geometry.axis)))
 
 
-def in_front(part: Part, target: Part, shaft: Feature, bore: Feature, gap: float) -> tuple[Vector, pin.SE3]:
-    """The way in (3,) and the pose in which `part` stands on the bore's axis, `gap` before the nearest of its mouth.
+@dataclass(frozen=True)
+class Entry:
+    """How parts come into a bore; lengths are m along `way` from `aligned`."""
 
-    The part comes in by the side it is on, and keeps its heading as far as the axis allows.
+    way: Vector
+    """(3,) unit, world"""
+    aligned: pin.SE3
+    """pose of the fitting part in front of the bore, on its axis"""
+    tip: float
+    """until the tip of the shaft is at the bore's mouth"""
+    flush: float
+    """until the shaft is about to leave the bore again: beyond it less and less of the two cylinders overlaps"""
+    collar: bool
+    """whether something wider than the bore follows the shaft, and must seat"""
+
+
+def in_front(parts: Sequence[Part], fit: Fit, gap: float) -> Entry:
+    """How `parts`, which move as one, come into the bore of a fit, from `gap` (m) before the nearest of its mouth.
+
+    They come in by the side they are on, and keep their heading as far as the axis allows.
     """
+    part, shaft, target, bore = fit
     assert isinstance(shaft.geometry, Cylinder) and isinstance(bore.geometry, Cylinder)
     axis = target.pose.rotation @ bore.geometry.axis
     mouth = target.pose.act(bore.samples.mean(0))
@@ -128,26 +177,43 @@ def in_front(part: Part, target: Part, shaft: Feature, bore: Feature, gap: float
     own = part.pose.rotation @ shaft.geometry.axis
     if own @ way < 0.0:
         own = -own
-    turn = pin.Quaternion.FromTwoVectors(own, way).toRotationMatrix()
-    rotation = turn @ part.pose.rotation
+    rotation = pin.Quaternion.FromTwoVectors(own, way).toRotationMatrix() @ part.pose.rotation
     on_axis = target.pose.act(np.array(bore.geometry.origin))
-    point = rotation @ shaft.geometry.origin
-    shift = on_axis - point
-    vertices = part.mesh.vertices[np.unique(part.mesh.triangles)] @ rotation.T + shift
-    lead = float((vertices @ way).max())
-    entry = float((bore.samples @ target.pose.rotation.T @ way).min() + target.pose.translation @ way)
-    return way, pin.SE3(rotation, shift + (entry - gap - lead) * way)
+    turned = pin.SE3(rotation, on_axis - rotation @ shaft.geometry.origin)
+    points = np.concatenate([_points(p, turned * part.pose.actInv(p.pose)) for p in parts]) - on_axis
+    along = points @ way
+    hole = (bore.samples @ target.pose.rotation.T + target.pose.translation - on_axis) @ way
+    entry = float(hole.min())
+    back = entry - gap - float(along.max())
+    rod = (shaft.samples @ turned.rotation.T + turned.translation - on_axis) @ way
+    off = np.linalg.norm(points - along[:, None] * way, axis=1)
+    within = along[off <= 1.01 * _radius(shaft)] if shaft.sense > 0 else rod
+    behind = along <= rod.min() + 0.01 * (rod.max() - rod.min())
+    collar = along[behind & (off > _radius(bore))] if shaft.sense > 0 else np.empty(0)
+    last = float(collar.max() if len(collar) else rod.min())
+    return Entry(
+        way,
+        pin.SE3(rotation, turned.translation + back * way),
+        tip=entry - float(within.max()) - back,
+        flush=max(entry - float(rod.min()), float(hole.max()) - float(rod.max()), entry - last) - back,
+        collar=len(collar) > 0,
+    )
 
 
-def top_of(part: Part) -> tuple[float, Vector]:
-    """Height (m, world z) and middle (x, y) of the largest upward plane of a part."""
+def _points(part: Part, pose: pin.SE3) -> Vector:
+    """(n, 3) vertices of a part at a pose, world, m."""
+    return part.mesh.vertices[np.unique(part.mesh.triangles)] @ pose.rotation.T + pose.translation
+
+
+def top_of(parts: Sequence[Part], name: str) -> tuple[float, Vector]:
+    """Height (m, world z) and middle (x, y) of the largest upward plane of some parts; name: theirs together."""
     flat = []
-    for feature in part.features:
+    for part, feature in ((p, f) for p in parts for f in p.features):
         if isinstance(feature.geometry, Plane) and (part.pose.rotation @ feature.geometry.normal)[2] > 0.999:
             points = feature.samples @ part.pose.rotation.T + part.pose.translation
             flat.append((feature.area, float(points[:, 2].mean()), 0.5 * (points.min(0) + points.max(0))[:2]))
     if not flat:
-        raise TaskError(f"{part.name} has no flat top to place anything on")
+        raise TaskError(f"{name} has no flat top to place anything on")
     _, height, middle = max(flat, key=lambda f: f[0])
     return height, middle
 
@@ -164,11 +230,18 @@ def held_part(hand: Gripper, verb: str) -> Part:
     return hand.session.scene[hand.held]
 
 
-def other_part(hand: Gripper, verb: str, name: str) -> Part:
-    """The part that the held one is to be brought to."""
-    if name == hand.held:
+def held_parts(hand: Gripper, verb: str) -> tuple[Part, ...]:
+    """What the hand holds and carries, the held part first; TaskError if nothing."""
+    held_part(hand, verb)
+    return tuple(hand.session.scene[name] for name in grip(hand))
+
+
+def other_parts(hand: Gripper, verb: str, name: str) -> tuple[Part, ...]:
+    """The parts that those in the hand are to be brought to."""
+    group = hand.session.group(name)
+    if not set(group).isdisjoint(grip(hand)):
         raise TaskError(f"{who(hand)}.{verb}({name!r}): that is the part in the hand; name another")
-    return hand.session.scene[name]
+    return tuple(hand.session.scene[name] for name in group)
 
 
 def who(hand: Gripper) -> str:
@@ -176,12 +249,18 @@ def who(hand: Gripper) -> str:
     return f"{hand.name}[{hand.held}]" if hand.held else hand.name
 
 
-def extent(part: Part, pose: pin.SE3) -> tuple[float, Vector]:
-    """Lowest z and middle (3,) of the part's bounding box, world."""
-    points = part.mesh.vertices[np.unique(part.mesh.triangles)] @ pose.rotation.T + pose.translation
+def extent(parts: Sequence[Part]) -> tuple[float, Vector]:
+    """Lowest z and middle (3,) of the bounding box of some parts, world."""
+    points = np.concatenate([_points(part, part.pose) for part in parts])
     return float(points[:, 2].min()), 0.5 * (points.min(0) + points.max(0))
+
+
+def spans(parts: Sequence[Part], way: Vector) -> tuple[float, float]:
+    """m: least and greatest reach of some parts along a world direction (3,)."""
+    along = np.concatenate([_points(part, part.pose) @ way for part in parts])
+    return float(along.min()), float(along.max())
 
 
 def middle(part: Part) -> Vector:
     """(3,) m, world: the middle of the part's box."""
-    return extent(part, part.pose)[1]
+    return extent((part,))[1]

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from typing import Any
 
+from vpframe.errors import TaskError
 from vpframe.hands.gripper import Gripper
 from vpframe.hands.segment import Outcome
 from vpframe.hands.verbs import Verb
@@ -21,13 +22,17 @@ def drive(
     outcomes: dict[str, Outcome] = {}
     running: dict[str, Generator[Any, Outcome, Outcome]] = {}
 
-    def go_on(name: str, last: Outcome | None) -> None:
-        """Give a hand its next segment, from the verb it is at or from the next one."""
+    def go_on(name: str, last: Outcome | None, failed: TaskError | None = None) -> None:
+        """Give a hand its next segment, from the verb it is at or from the next one; a verb hears what failed in it."""
         while name in running or queues[name]:
             if name not in running:
                 running[name], last = queues[name].popleft(), None
             try:
-                segment = next(running[name]) if last is None else running[name].send(last)
+                if failed is not None:
+                    error, failed = failed, None
+                    segment = running[name].throw(error)
+                else:
+                    segment = next(running[name]) if last is None else running[name].send(last)
             except StopIteration as end:
                 outcomes[name] = end.value
                 del running[name]
@@ -41,7 +46,11 @@ def drive(
         while running:
             step()
             for name in [n for n in queues if n in running]:
-                ended = hands[name].judge()
+                try:
+                    ended = hands[name].judge()
+                except TaskError as error:
+                    go_on(name, None, error)
+                    continue
                 if ended is not None:
                     go_on(name, ended)
     finally:

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from vpframe.errors import TaskError
+from vpframe.hands.access import Reach
 from vpframe.hands.arguments import rigid
 from vpframe.hands.assist import Assist
 from vpframe.hands.reach import surface_distances
@@ -53,6 +54,8 @@ class Gripper:
         self.carried: tuple[str, ...] = ()
         """parts that move with the held one as if glued to it"""
         self.assist = Assist()
+        self.access: Reach | None = None
+        """the tool or finger that must get to what the hand grabs or turns; None: that is not asked"""
         self.spring: SpringHand | None = None
         """set a `physics.SpringHand` to pull parts that have behaviours with limited force instead of carrying them"""
         self.stopped_by: str = ""
@@ -146,7 +149,7 @@ class Gripper:
         if segment.until is None and behind <= self.slack:
             return self._finish(True, "arrived")
         reason = (
-            self._obstacle(behind)
+            self._obstacle(behind, over)
             if behind > self.slack
             else f"the motion ended before its condition held: {segment.until}"
         )
@@ -155,13 +158,19 @@ class Gripper:
             raise TaskError(f"{segment.text}: {reason}")
         return self._finish(False, reason)
 
-    def _obstacle(self, behind: float) -> str:
-        assert self.held is not None
-        held_by = [f"{c.kind} to {_other(c.parts, self.held)}" for c in self.session.constraints_of(self.held)]
-        reasons = [f"stopped by {self.stopped_by}"] * bool(self.stopped_by)
-        reasons += [f"constrained: {', '.join(held_by)}"] * bool(held_by)
-        why = "; ".join(reasons)
-        return f"{self.held} ended {behind * 1e3:.2f} mm short of its target" + (f", {why}" if why else "")
+    def _obstacle(self, behind: float, over: bool) -> str:
+        """Why the held part is `behind` (m) at the end of its path, or where it was given up before."""
+        assert self.held is not None and self.segment is not None
+        way = self.segment.path.pose(0.0).actInv(self.subject)
+        far, turned = float(np.linalg.norm(way.translation)), float(np.linalg.norm(pin.log3(way.rotation)))
+        turns = turned * self.session.half_size(self.held) > far
+        text = f"{self.held} stopped after {f'{np.degrees(turned):.1f}°' if turns else f'{1e3 * far:.1f} mm'}"
+        if over:
+            text += f", {1e3 * behind:.2f} mm short of its target"
+        if self.stopped_by:
+            return f"{text}: {self.stopped_by}"
+        mates = [f"{c.kind} with {_other(c.parts, self.held)}" for c in self.session.constraints_of(self.held)]
+        return f"{text}: held by {listed(list(dict.fromkeys(mates)))}" if mates else text
 
     def _finish(self, done: bool, reason: str) -> Outcome:
         self.segment, self.doing = None, ""

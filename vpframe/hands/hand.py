@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path as FilePath
 
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from vpframe.hands import verbs
+from vpframe.errors import TaskError
+from vpframe.hands import service, verbs
 from vpframe.hands.conditions import Condition
 from vpframe.hands.gripper import Gripper
 from vpframe.hands.paths import Path
@@ -74,6 +75,14 @@ class Hand(Gripper):
         which it goes smoothly at the hand's own speeds. It goes to where the path begins first."""
         return self._do(verbs.follow(self, path, until, required))
 
+    def drag(self, poses: Iterable[pin.SE3 | ArrayLike]) -> Outcome:
+        """Ask for one pose (as of `move_to`) after another, each for one step, as a person's mouse does.
+
+        The held part goes as near to each as its constraints and solid parts allow; nothing that stops it is an error.
+        Poses are taken from `poses` as they are needed.
+        """
+        return self._do(verbs.drag(self, poses))
+
     def slide(
         self,
         along: str | ArrayLike = "axis",
@@ -116,9 +125,14 @@ class Hand(Gripper):
         speed: float | None = None,
         gap: float = 3e-3,
         required: bool = True,
+        depth: float | None = None,
     ) -> Outcome:
-        """Put the held part's shaft into the best fitting bore of `into`: align in front of it, then slide in."""
-        return self._do(verbs.insert(self, into, until, speed, gap, required))
+        """Put the best fitting shaft of what is held into its bore in `into`: align in front of it, then slide in.
+
+        depth: m that its tip goes past the mouth of the bore. until: as of `slide`. With neither it goes on until it is
+        seated, on whatever part, or until nothing more is gained: the shaft would leave the bore again.
+        """
+        return self._do(verbs.insert(self, into, until, speed, gap, required, depth))
 
     def screw(
         self,
@@ -127,11 +141,16 @@ class Hand(Gripper):
         until: Condition | str | None = None,
         rate: float = 2.0,
         required: bool = True,
+        parts: str | Sequence[str] = (),
     ) -> Outcome:
         """Screw in, `rate` turns a second, by `turns` or until the condition (by default until against something).
 
-        The thread is the one that holds the part, or `pitch` (m a turn): negative for a left-hand thread.
+        The thread is the one that holds the part, or `pitch` (m a turn): negative for a left-hand thread. parts:
+        `refit` a list of screws instead of turning what is held.
         """
+        if parts:
+            self._alone("screw", turns=turns, pitch=pitch, until=until)
+            return self._do(service.refit(self, parts, "screw"))
         return self._do(verbs.screw(self, turns, pitch, until, rate, required))
 
     def unscrew(
@@ -141,9 +160,44 @@ class Hand(Gripper):
         until: Condition | str | None = None,
         rate: float = 2.0,
         required: bool = True,
+        parts: str | Sequence[str] = (),
     ) -> Outcome:
-        """Unscrew by `turns` (or until the condition; by default until free): `screw`, the other way."""
+        """Unscrew by `turns` (or until the condition; by default until free): `screw`, the other way.
+
+        parts: `remove` a list of screws, each threaded or of that `pitch`, instead of turning what is held.
+        """
+        if parts:
+            self._alone("unscrew", turns=turns, until=until)
+            return self._do(service.remove(self, parts, None, pitch, "unscrew"))
         return self._do(verbs.unscrew(self, turns, pitch, until, rate, required))
+
+    def remove(self, parts: str | Sequence[str], along: str | ArrayLike | None = None) -> Outcome:
+        """Take parts and subassemblies out, one after another, and lay them in a row beside the scene.
+
+        Each is grabbed, unscrewed if it is threaded, pulled until it is clear of all others, and released. along: as of
+        `pull`; by default the axis that holds it, else away from what it stands against, else up, and where it does not
+        come out so, the way that `vpframe.planning` finds.
+
+        Raises
+        ------
+        TaskError: one of them does not come out: which, how many did, and what stopped it.
+        """
+        return self._do(service.remove(self, parts, along, None, "remove"))
+
+    def refit(self, parts: str | Sequence[str]) -> Outcome:
+        """Put parts and subassemblies back where the session began, each the way it came, the last one out first."""
+        return self._do(service.refit(self, parts, "refit"))
+
+    def exchange(self, old: str, new: str, along: str | ArrayLike | None = None) -> Outcome:
+        """Take `old` out (as `remove`) and put `new` in its place, frame on frame, the way `old` came out."""
+        return self._do(service.exchange(self, old, new, along))
+
+    def _alone(self, verb: str, **given: object) -> None:
+        """Refuse what a list of parts cannot be given as well."""
+        for name in (name for name, value in given.items() if value is not None):
+            raise TaskError(
+                f"{self.name}.{verb}: {name}= is of the part in the hand; leave it out, or leave out parts="
+            )
 
     def place(self, on: str, at: ArrayLike | None = None, height: float = 0.05, release: bool = True) -> Outcome:
         """Put the held part down on the highest flat top of `on`, over `at` (x, y) if given, and let go."""

@@ -15,8 +15,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from vpframe import files
 from vpframe.errors import TaskError
 from vpframe.hands.arguments import number, pose_from, rigid, vector
+
+_COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 
 
 class Path(Protocol):
@@ -252,15 +255,48 @@ def read_track(path: str | FilePath) -> Track:
         raise TaskError(f"{file}: {error}") from None
 
 
+def write_track(path: str | FilePath, track: Path, rate: float = 60.0) -> FilePath:
+    """Write a path as `read_track` reads it, .csv or .json by the name's ending; returns its name.
+
+    A `Track` is written by its own times and poses, to the last bit of its positions; any other path is sampled.
+
+    Parameters
+    ----------
+    rate: samples a second of a path that is no track; its end is always one.
+
+    Raises
+    ------
+    TaskError: the path has no length in time, or the ending is another. OutputError: it cannot be written.
+    """
+    file = FilePath(path)
+    if file.suffix.lower() not in (".csv", ".json"):
+        raise TaskError(f"{file}: tracks are written as .csv or .json")
+    if isinstance(track, Track):
+        times, poses = track.times.tolist(), list(track.poses)
+    else:
+        steps = int(np.ceil(track.duration * number(rate, "write_track: rate", above=0.0)))
+        if steps < 1:
+            raise TaskError(f"{file}: the path takes no time; a track has two poses or more")
+        times = (track.duration * np.arange(steps + 1) / steps).tolist()
+        poses = [track.pose(t) for t in times]
+    rows = [[t, *pin.SE3ToXYZQUAT(pose).tolist()] for t, pose in zip(times, poses, strict=True)]
+    if file.suffix.lower() == ".csv":
+        text = "\n".join([",".join(_COLUMNS), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+    else:
+        objects = [{"t": row[0], "position": row[1:4], "quaternion": row[4:]} for row in rows]
+        text = json.dumps(objects, indent=1) + "\n"
+    files.replace(file, text)
+    return file
+
+
 def _csv_rows(text: str) -> Iterable[list[float]]:
-    columns = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
     reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
-    missing = [c for c in columns if c not in (reader.fieldnames or ())]
+    missing = [c for c in _COLUMNS if c not in (reader.fieldnames or ())]
     if missing:
         raise ValueError(f"no column {', '.join(missing)}")
     for n, row in enumerate(reader):
         try:
-            yield [float(row[c]) for c in columns]
+            yield [float(row[c]) for c in _COLUMNS]
         except (TypeError, ValueError):
             raise ValueError(f"row {n} is {list(row.values())}") from None
 

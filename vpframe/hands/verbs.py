@@ -6,8 +6,9 @@ decides, it decides from the scene as it stands when the segment begins.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from pathlib import Path as FilePath
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -15,16 +16,33 @@ from numpy.typing import ArrayLike
 
 from vpframe.errors import TaskError
 from vpframe.hands import paths
+from vpframe.hands.access import refused, to_grab, to_turn
 from vpframe.hands.arguments import FAR, as_pose, metres, number, vector
 from vpframe.hands.conditions import Condition, as_condition, constraint, contact
-from vpframe.hands.directions import best_fit, direction, extent, held_part, in_front, line, other_part, top_of, who
+from vpframe.hands.directions import (
+    best_fit,
+    direction,
+    extent,
+    grip,
+    held_part,
+    held_parts,
+    in_front,
+    line,
+    other_parts,
+    top_of,
+    who,
+)
 from vpframe.hands.gripper import Gripper
 from vpframe.hands.reach import surface_distances
+from vpframe.hands.seat import Seat
 from vpframe.hands.segment import MotionSegment, Outcome
 from vpframe.scene.boxes import half_size
 from vpframe.scene.subassembly import parts_named
 
-Verb = Generator[MotionSegment, Outcome, Outcome]
+T = TypeVar("T")
+Generating = Generator[MotionSegment, Outcome, T]
+"""of motion segments, which returns something"""
+Verb = Generating[Outcome]
 
 # ---- motion
 
@@ -33,8 +51,12 @@ def approach(hand: Gripper, part: str, surface: int | None, duration: float | No
     """To the nearest point of a part, or of one of its surfaces: `Hand.approach`."""
     if hand.held is not None:
         raise TaskError(f"{hand.name} holds {hand.held}; only an empty hand approaches, use move_to")
-    body = hand.session.scene[part]
-    distances, points = surface_distances(body.mesh, body.pose, hand.pose.translation)
+    group = hand.session.group(part)
+    if surface is not None and len(group) > 1:
+        raise TaskError(f"{hand.name}.approach({part!r}, surface={surface}): {part} has {len(group)} parts; name one")
+    bodies = [hand.session.scene[name] for name in group]
+    reached = [surface_distances(body.mesh, body.pose, hand.pose.translation) for body in bodies]
+    distances, points = min(reached, key=lambda found: float(found[0].min()))
     if surface is not None and surface not in range(len(distances)):
         raise TaskError(f"{part} has no surface {surface!r}; it has 0 … {len(distances) - 1}")
     goal = points[int(np.argmin(distances)) if surface is None else surface]
@@ -64,7 +86,11 @@ def grab(hand: Gripper, part: str, surface: int | None, carried: tuple[str, ...]
         return float(surface_distances(scene[name].mesh, scene[name].pose, hand.pose.translation)[0].min())
 
     held = min(meant, key=distance) if len(meant) > 1 else meant[0]
-    if not hand.touched(held) or surface is not None:
+    if hand.access is not None:
+        surface, there = to_grab(session, hand.access, scene[held], surface, hand.pose.translation)
+        path = _straight(hand, pin.SE3(hand.pose.rotation, there), None, None)
+        yield MotionSegment(f"{hand.name}.approach({held!r})", path)
+    elif not hand.touched(held) or surface is not None:
         yield from approach(hand, held, surface, None)
     rest = tuple(name for name in meant if name != held)
     named = "" if part == held else part
@@ -125,6 +151,17 @@ def follow(
     if np.linalg.norm(start.translation - here.translation) > hand.slack or not start.isApprox(here, 1e-6):
         yield from move_to(hand, start, None, None, True)
     return (yield MotionSegment(f"{who(hand)}.follow({name})", way, as_condition(until), required))
+
+
+def drag(hand: Gripper, poses: Iterable[pin.SE3 | ArrayLike]) -> Verb:
+    """As near to one pose after another as can be, a step each: `Hand.drag`."""
+    outcome = _outcome(hand, "went nowhere")
+    for pose in poses:
+        goal = as_pose(pose, hand.subject)
+        _in_metres(hand, goal.translation - hand.subject.translation, "drag")
+        path = paths.Resting(goal, hand.session.dt)
+        outcome = yield MotionSegment(f"{who(hand)}.drag()", path, None, False)
+    return outcome
 
 
 def slide(
@@ -205,17 +242,32 @@ def wait(hand: Gripper, seconds: float | None, until: Condition | str | None) ->
 
 
 def insert(
-    hand: Gripper, into: str, until: Condition | str | None, speed: float | None, gap: float, required: bool
+    hand: Gripper,
+    into: str,
+    until: Condition | str | None,
+    speed: float | None,
+    gap: float,
+    required: bool,
+    depth: float | None = None,
 ) -> Verb:
     """In front of the best fitting bore of a part, then in: `Hand.insert`."""
-    part, target = held_part(hand, "insert"), other_part(hand, "insert", into)
+    parts, targets = held_parts(hand, "insert"), other_parts(hand, "insert", into)
     gap = number(gap, f"{who(hand)}.insert: gap", least=0.0)
     _in_metres(hand, gap, f"insert: gap={gap!r}")
-    shaft, bore = best_fit(part, target, hand.session.tolerance)
-    way, aligned = in_front(part, target, shaft, bore, gap)
-    yield from move_to(hand, aligned, None, None, True)
-    end = as_condition(until) or constraint("against", other=into)
-    return (yield from slide(hand, way, None, end, speed, required, f"insert({into!r})"))
+    if depth is not None:
+        depth = number(depth, f"{who(hand)}.insert: depth", above=0.0)
+        _in_metres(hand, depth, f"insert: depth={depth!r}")
+    fit = best_fit(parts, targets, hand.session.tolerance, (hand.holding(), into))
+    entry = in_front(parts, fit, gap)
+    yield from move_to(hand, entry.aligned * fit[0].pose.actInv(hand.subject), None, None, True)
+    verb = f"insert({into!r})"
+    if depth is not None:
+        return (yield from slide(hand, entry.way, entry.tip + depth, until, speed, required, verb))
+    if until is not None:
+        return (yield from slide(hand, entry.way, None, until, speed, required, verb))
+    seat = Seat(hand, entry)
+    outcome = yield from slide(hand, entry.way, seat.farthest, seat.condition, speed, False, verb)
+    return seat.judged(outcome, required, f"{who(hand)}.{verb}")
 
 
 def screw(
@@ -243,12 +295,20 @@ def _screw(
     required: bool,
     verb: str,
 ) -> Verb:
+    if pitch is None and hand.session.pitch_of(held_part(hand, verb).name) is None:
+        # a thread that is drawn plain is offered to a hand that rests
+        yield MotionSegment(f"{who(hand)}.{verb}()", paths.Resting(hand.subject, hand.session.dt))
     lead = _lead(hand, pitch, verb)
     rate = number(rate, f"{who(hand)}.{verb}: rate", above=0.0)
     if turns is not None:
         turns = number(turns, f"{who(hand)}.{verb}: turns", above=0.0)
     axis = direction(hand, "axis", outward=verb == "unscrew")
     origin, _ = line(hand, "axis")
+    if hand.access is not None:
+        outward = axis if verb == "unscrew" else -axis
+        met = to_turn(hand.session, hand.access, grip(hand), origin, outward)
+        if met:
+            raise TaskError(f"{who(hand)}.{verb}: {refused(hand.access, held_part(hand, verb).name, met)}")
     n = _scene_size(hand) / abs(lead) if turns is None else turns
     # positive turns about a direction advance along it in a right-hand thread, against it in a left-hand one
     angle = np.copysign(2.0 * np.pi * n, lead)
@@ -280,17 +340,17 @@ def _lead(hand: Gripper, pitch: float | None, verb: str) -> float:
 
 def place(hand: Gripper, on: str, at: ArrayLike | None, height: float, let_go: bool) -> Verb:
     """Down on the highest flat top of a part, and let go: `Hand.place`."""
-    part, target = held_part(hand, "place"), other_part(hand, "place", on)
+    parts, targets = held_parts(hand, "place"), other_parts(hand, "place", on)
     height = number(height, f"{who(hand)}.place: height", least=0.0)
     _in_metres(hand, height, f"place: height={height!r}")
-    top, middle = top_of(target)
+    top, middle = top_of(targets, on)
     try:
         over = middle if at is None else np.asarray(at, dtype=np.float64)
     except (TypeError, ValueError):
         over = np.empty(0)
     if over.shape != (2,) or not np.isfinite(over).all():
         raise TaskError(f"place(on={on!r}, at={at!r}): at is two finite numbers, x and y in metres")
-    low, mid = extent(part, part.pose)
+    low, mid = extent(parts)
     above = np.array([over[0] - mid[0], over[1] - mid[1], top + height - low])
     highest = max(above[2], 0.0)
     yield from move_by(hand, (0.0, 0.0, highest), None, None, True)

@@ -18,6 +18,7 @@ import signal
 import sys
 import threading
 from itertools import count
+from pathlib import Path
 from typing import Any, TextIO
 
 _PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
@@ -89,8 +90,13 @@ def _say(channel: TextIO, **message: Any) -> None:
 
 def _read(request: dict[str, Any], channel: TextIO) -> None:
     _say(channel, fraction=0.0, text="starting the CAD kernel")
+    if request["format"] == "write":
+        from vpframe.exporters.step_writer import write_step
+
+        write_step(request["content"], request["out"])
+        return
     from vpframe.importers.archive import write
-    from vpframe.importers.document import read_document
+    from vpframe.importers.document import Given, read_document, read_given
     from vpframe.importers.raw import RawScene, RawShape
 
     numbers = count()
@@ -105,7 +111,21 @@ def _read(request: dict[str, Any], channel: TextIO) -> None:
 
     skip = {int(number): why for number, why in request["skip"].items()}
     options = request["deflection"], request["angular"], skip, progress, keep
-    write(read_document(request["path"], request["format"], *options), os.path.join(request["out"], "scene.archive"))
+    if request["format"] == "mjcf":
+        from vpframe.importers.mjcf import read_model
+
+        raw = read_model(request["path"], *options)
+    elif request["format"] in ("brep", "given"):
+
+        def given(node: list[Any]) -> Given:
+            name, file, matrix, color, children = node
+            return Given(name, file, matrix, color, [given(child) for child in children])
+
+        named = [[Path(request["path"]).stem, request["path"], [], None, []]]
+        raw = read_given([given(node) for node in request["given"] or named], *options)
+    else:
+        raw = read_document(request["path"], request["format"], *options)
+    write(raw, os.path.join(request["out"], "scene.archive"))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import numpy as np
 
 from vpframe.codec import WRONG, Codec, CodecError
 from vpframe.errors import VpframeError
-from vpframe.importers.raw import Array, RawEdge, RawFace, RawPart, RawScene, RawShape
+from vpframe.importers.raw import Array, RawEdge, RawFace, RawJoint, RawPart, RawScene, RawShape
 
 
 class ArchiveError(VpframeError):
@@ -33,7 +33,16 @@ def write(raw: RawScene, path: str | Path) -> None:
             "samples": _joined([face.samples for face in shape.faces]),
             "lines": _joined([edge.points for edge in shape.edges]),
             "faces": [
-                [f.name, f.kind, list(map(float, f.numbers)), f.typed, len(f.samples), _listed(f.color), f.residual]
+                [
+                    f.name,
+                    f.kind,
+                    list(map(float, f.numbers)),
+                    f.typed,
+                    len(f.samples),
+                    _listed(f.color),
+                    f.residual,
+                    f.size,
+                ]
                 for f in shape.faces
             ],
             "edges": [[len(e.points), list(e.faces), _circle(e)] for e in shape.edges],
@@ -42,12 +51,16 @@ def write(raw: RawScene, path: str | Path) -> None:
             "inertia": shape.inertia,
             "notes": shape.notes,
             "settled": shape.settled,
+            "brep": np.frombuffer(shape.brep, np.uint8),
         }
         for shape in raw.shapes
     ]
-    parts = [[p.name, p.shape, p.rotation, p.translation, _listed(p.color), p.density] for p in raw.parts]
+    parts = [[p.name, p.shape, p.rotation, p.translation, _listed(p.color), p.density, p.mass] for p in raw.parts]
+    joints = [[j.name, j.links, j.axes, j.free, j.note] for j in raw.joints]
     counts = {"instances": dict(raw.instances), "faces": dict(raw.faces)}
-    content = CODEC.encode({"shapes": shapes, "parts": parts, "notes": raw.notes, **counts})
+    content = CODEC.encode(
+        {"shapes": shapes, "parts": parts, "links": raw.links, "joints": joints, "notes": raw.notes, **counts}
+    )
     with open(path, "wb") as file:
         file.write(_CHECKSUM.pack(zlib.crc32(content)))
         file.write(content)
@@ -62,10 +75,12 @@ def read(path: str | Path) -> RawScene:
         content = CODEC.decode(data[_CHECKSUM.size :])
         shapes = [_shape(shape) for shape in content["shapes"]]
         parts = [
-            RawPart(name, shape, rotation, translation, _color(color), density)
-            for name, shape, rotation, translation, color, density in content["parts"]
+            RawPart(name, shape, rotation, translation, _color(color), density, mass)
+            for name, shape, rotation, translation, color, density, mass in content["parts"]
         ]
-        return RawScene(shapes, parts, Counter(content["instances"]), Counter(content["faces"]), content["notes"])
+        joints = [RawJoint(*joint) for joint in content["joints"]]
+        counts = (Counter(content["instances"]), Counter(content["faces"]))
+        return RawScene(shapes, parts, *counts, content["notes"], content["links"], joints)
     except (*WRONG, CodecError, struct.error) as error:
         raise ArchiveError(f"{path}: damaged ({type(error).__name__}: {error})") from None
 
@@ -90,14 +105,17 @@ def _shape(content: Any) -> RawShape:
     samples = _cut(content["samples"], [face[4] for face in content["faces"]])
     lines = _cut(content["lines"], [edge[0] for edge in content["edges"]])
     faces = [
-        RawFace(name, kind, tuple(numbers), typed, points, _color(color), residual)
-        for (name, kind, numbers, typed, _, color, residual), points in zip(content["faces"], samples, strict=True)
+        RawFace(name, kind, tuple(numbers), typed, points, _color(color), residual, size)
+        for (name, kind, numbers, typed, _, color, residual, size), points in zip(
+            content["faces"], samples, strict=True
+        )
     ]
     edges = [
         RawEdge(points, tuple(beside), None if c is None else (np.array(c[0]), np.array(c[1]), c[2]))
         for (_, beside, c), points in zip(content["edges"], lines, strict=True)
     ]
-    whole = ("volume", "center", "inertia", "notes", "settled")
+    content["brep"] = content["brep"].tobytes()
+    whole = ("volume", "center", "inertia", "notes", "settled", "brep")
     arrays = (content["vertices"], content["triangles"], content["face_of_triangle"])
     return RawShape(*arrays, faces, edges, *(content[name] for name in whole))
 

@@ -5,11 +5,13 @@ OpenCascade works in millimetres here (what its readers convert every file to); 
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from itertools import product
 from typing import Any
 
 import numpy as np
+from OCP.BinTools import BinTools, BinTools_FormatVersion
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
@@ -34,7 +36,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from vpframe.importers.polyhedron import LONGEST, boundary_loops, fill, mass_properties, open_edges
-from vpframe.importers.raw import Array, Color, RawEdge, RawFace, RawShape
+from vpframe.importers.raw import Array, Color, RawEdge, RawFace, RawShape, Size
 
 MM = 1e-3
 RECOGNITION = 1e-5 / MM  # the kernel's own recognition invents cylinders at looser tolerances
@@ -60,19 +62,21 @@ def tessellate(
     deflection: float,
     angular: float,
     color: Callable[[TopoDS_Shape], Color | None] = lambda face: None,
+    size: Callable[[TopoDS_Shape], Size | None] = lambda face: None,
     tell: Callable[[float], None] = lambda fraction: None,
 ) -> RawShape:
     """Mesh `shape` (a solid, shell or face) and read everything a scene wants to know of it.
 
     `deflection` (m) bounds the distance between a triangle and its surface, `angular` (rad) the angle between
     neighbouring segments of a curve. Faces that mesh to nothing are filled from their neighbours' borders, meshed
-    before them, or repaired; they are named in `notes`. `color` gives a face's own colour. `tell` hears the fraction
-    done.
+    before them, or repaired; they are named in `notes`. `color` gives a face's own colour, `size` its toleranced
+    diameter. `tell` hears the fraction done.
     """
+    raw = RawShape(np.empty((0, 3)), np.empty((0, 3), np.int32), np.empty(0, np.int32), [])
+    raw.brep = brep_bytes(shape)
     BRepMesh_IncrementalMesh(shape, deflection / MM, False, angular, True)
     faces = ShapeMap()
     TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_FACE, faces)
-    raw = RawShape(np.empty((0, 3)), np.empty((0, 3), np.int32), np.empty(0, np.int32), [])
     pieces = _pieces(faces, lambda fraction: tell(MESHED + (TYPED - MESHED) * fraction))
     _weld(raw, pieces)
     empty = [number for number, (_, corners) in pieces.items() if len(corners) == 0]
@@ -90,10 +94,24 @@ def tessellate(
     for number in place:
         face = TopoDS.Face(faces.FindKey(number))
         raw.faces.append(_type(face, f"face_{number}"))
-        raw.faces[-1].color = color(face)
+        raw.faces[-1].color, raw.faces[-1].size = color(face), size(face)
     raw.edges = _edges(shape, faces, place, tell)
     _volume(shape, raw)
     return raw
+
+
+def brep_bytes(shape: TopoDS_Shape) -> bytes:
+    """The shape in OpenCascade's binary form (BinTools), without triangles."""
+    stream = io.BytesIO()
+    BinTools.Write_s(shape, stream, False, False, BinTools_FormatVersion.BinTools_FormatVersion_CURRENT)
+    return stream.getvalue()
+
+
+def brep_shape(data: bytes) -> TopoDS_Shape:
+    """The inverse of `brep_bytes`; null for bytes that are no B-rep. It may crash on damaged ones."""
+    shape = TopoDS_Shape()
+    BinTools.Read_s(shape, io.BytesIO(data))
+    return shape
 
 
 def _pieces(faces: ShapeMap, tell: Callable[[float], None] = lambda fraction: None) -> dict[int, Piece]:

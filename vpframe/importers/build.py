@@ -13,9 +13,10 @@ from constraints.errors import GeometryError
 from constraints.geometry.features import group_features
 from constraints.geometry.surfaces import Cone, Cylinder, Freeform, Geometry, Plane, Sphere, Torus
 from constraints.recognition.fits import allowed, fit_surface
+from vpframe.importers.mechanism import impose
 from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors, without_flat
-from vpframe.importers.raw import RawEdge, RawFace, RawScene, RawShape
-from vpframe.scene.scene import Edge, Part, Scene, Shape, Surface
+from vpframe.importers.raw import RawEdge, RawFace, RawPart, RawScene, RawShape
+from vpframe.scene.scene import Edge, Part, Scene, Shape, Size, Surface
 
 Array = NDArray[np.float64]
 
@@ -28,13 +29,19 @@ def scene(raw: RawScene, source: str | None = None, progress: Callable[[float, s
             progress(done / total, f"surfaces of {name}")
         shapes.append(shape(s, name))
         done += len(s.faces)
-    parts = (
-        Part(p.name, shapes[p.shape], pin.SE3(p.rotation, p.translation), density=p.density)
-        if p.color is None
-        else Part(p.name, shapes[p.shape], pin.SE3(p.rotation, p.translation), p.color, p.density)
-        for p in raw.parts
-    )
-    return Scene(parts, source=source, notes=raw.notes)
+    made = Scene((_part(p, shapes[p.shape]) for p in raw.parts), source=source, notes=raw.notes)
+    if raw.links:
+        impose(made, raw.links, raw.joints)
+    return made
+
+
+def _part(raw: RawPart, of: Shape) -> Part:
+    made = Part(raw.name, of, pin.SE3(raw.rotation, raw.translation), density=raw.density)
+    if raw.color is not None:
+        made.color = raw.color
+    if raw.mass is not None:
+        made.inertia = pin.Inertia(*raw.mass)
+    return made
 
 
 def _shape_names(raw: RawScene) -> list[str]:
@@ -57,9 +64,11 @@ def shape(raw: RawShape, name: str = "shape") -> Shape:
     edges = tuple(Edge(e.points, e.faces, e.circle) for e in raw.edges)
     closed = not len(open_edges(raw.triangles))
     assert raw.volume is not None
-    return Shape(mesh, surfaces, features, edges, raw.volume, raw.center, raw.inertia, closed, tuple(raw.notes))
+    measured = (raw.volume, raw.center, raw.inertia)
+    return Shape(mesh, surfaces, features, edges, *measured, closed, tuple(raw.notes), raw.brep)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # coordinates beyond all bounds are refused afterwards, in one line
 def settled(raw: RawShape) -> RawShape:
     """The shape with all decided that takes time: faces without triangles are gone, the others typed, as are volume,
     centre and inertia. Of a settled shape, the shape itself.
@@ -83,13 +92,14 @@ def settled(raw: RawShape) -> RawShape:
         points, middles = raw.vertices[np.unique(corners)], raw.vertices[corners].mean(axis=1)
         geometry, residual = recognised(face, points, middles, vectors[own])
         kind, numbers = raw_numbers(geometry)
-        faces.append(RawFace(face.name, kind, numbers, typed=True, color=face.color, residual=residual))
+        faces.append(RawFace(face.name, kind, numbers, typed=True, color=face.color, residual=residual, size=face.size))
     place = {k: i for i, k in enumerate(kept)}
     edges = [RawEdge(e.points, tuple(place[f] for f in e.faces if f in place), e.circle) for e in raw.edges]
     volume, center, inertia = raw.volume, raw.center, raw.inertia
     if volume is None:
         volume, center, inertia = mass_properties(raw.vertices, triangles)
-    return RawShape(raw.vertices, triangles, owners, faces, edges, volume, center, inertia, notes, settled=True)
+    measured = (volume, center, inertia)
+    return RawShape(raw.vertices, triangles, owners, faces, edges, *measured, notes, settled=True, brep=raw.brep)
 
 
 def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDArray[np.int32], list[int]]:
@@ -112,7 +122,15 @@ def _surface(index: int, raw: RawFace, mesh: SurfaceMesh, vectors: Array, triang
     geometry = raw_geometry(raw, mesh.vertices[np.unique(corners)], vectors.sum(axis=0))
     facing = orientation(geometry, mesh.vertices[corners].mean(axis=1), vectors)
     area = float(np.linalg.norm(vectors, axis=1).sum())
-    return Surface(index, raw.name, geometry, facing, raw.residual, area, raw.color)
+    return Surface(index, raw.name, geometry, facing, raw.residual, area, raw.color, _stated_size(raw, facing))
+
+
+def _stated_size(raw: RawFace, facing: str) -> Size | None:
+    """The face's size, its class spelt as ISO 286 does: capitals for bores."""
+    if raw.size is None:
+        return None
+    nominal, lower, upper, fit = raw.size
+    return Size(nominal, lower, upper, fit.upper() if facing == "concave" else fit.lower())
 
 
 def raw_geometry(raw: RawFace, points: Array, outward: Array) -> Geometry:

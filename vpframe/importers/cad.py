@@ -22,6 +22,7 @@ from typing import Any
 
 from vpframe.errors import LoadError
 from vpframe.importers import archive
+from vpframe.importers.checks import FORMATS
 from vpframe.importers.raw import RawScene, RawShape
 from vpframe.importers.step_text import StepText, scan
 
@@ -72,8 +73,11 @@ def read(
     timeout: float | None,
     progress: Progress | None,
     settle: Callable[[RawShape], RawShape],
+    given: Sequence[Any] = (),
 ) -> RawScene:
-    """The raw scene of a file; `form` is "step" or "iges", `files` are the file and those it refers to.
+    """The raw scene of a file; `form` is "step", "iges", "brep" or "mjcf", `files` are it and those it refers to.
+
+    "given" is a tree of B-reps, whose files `files` are: `given` are its roots, as `_reader` takes them.
 
     `settle` is called with each shape while the kernel, in its process, goes on with the next.
 
@@ -84,14 +88,16 @@ def read(
     path = files[0]
     with ThreadPoolExecutor(1) as pool:  # the text is read here while the kernel starts up there
         texts = pool.submit(lambda: [scan(_bytes(file)) for file in files] if form == "step" else [])
-        raw = _read_without_crashing(path, form, deflection, angular, timeout, progress, settle, _Said(files, texts))
+        said = _Said(files, texts)
+        raw = _read_without_crashing(path, form, deflection, angular, timeout, progress, settle, said, given)
     if form == "step":
         text = texts.result()[0]
         if text.damage:
             raw.notes.append(f"damaged: {text.damage_summary()}: faces or parts may be missing")
         if any(t.no_unit for t in texts.result()):
             raw.notes.append("names no length unit for some of its shapes: millimetres are taken")
-        raw.notes.extend(_missing_files(path, text))
+        for file, own in zip(files, texts.result(), strict=True):
+            raw.notes.extend(_missing_files(file, own))
         raw.notes.extend(text.lost(raw.instances, raw.faces))
     return raw
 
@@ -110,20 +116,37 @@ class _Said:
             if text.unit_fault:
                 raise LoadError(f"{file}: {text.unit_fault}; export it again, in millimetres", str(self.files[0]))
 
+    def end_if_refused(self, process: subprocess.Popen[str]) -> None:
+        """End the reading process as soon as the text says a length unit that is refused: it may go on for long."""
+
+        def look(texts: Future[list[StepText]]) -> None:
+            if not texts.cancelled() and texts.exception() is None and any(t.unit_fault for t in texts.result()):
+                process.kill()
+
+        self._texts.add_done_callback(look)
+
     def damage(self) -> str:
         """What is damaged or missing, in one line; "" where nothing is."""
         if not self._texts.result():
             return ""
         text = self._texts.result()[0]
-        return "; ".join(filter(None, [text.damage_summary(), *_missing_files(self.files[0], text)]))
+        missing = (
+            line
+            for file, own in zip(self.files, self._texts.result(), strict=True)
+            for line in _missing_files(file, own)
+        )
+        return "; ".join(filter(None, [text.damage_summary(), *missing]))
 
 
 def _missing_files(path: Path, text: StepText) -> list[str]:
-    return [
-        f"{name}, which it refers to, does not lie beside it: put it there"
-        for name in text.external
-        if not (path.parent / name).exists()
-    ]
+    """A line for each file that `path` refers to and that is not there, or is no STEP file."""
+    lines = []
+    for name in dict.fromkeys(text.external):
+        if not (path.parent / name).exists():
+            lines.append(f"{name}, which {path.name} refers to, does not lie beside it: put it there")
+        elif FORMATS.get(Path(name).suffix.lower()) != "step":
+            lines.append(f"{name}, which {path.name} refers to, is no STEP file: what it holds is left out")
+    return lines
 
 
 def _read_without_crashing(
@@ -135,6 +158,7 @@ def _read_without_crashing(
     progress: Progress | None,
     settle: Callable[[RawShape], RawShape],
     said: _Said,
+    given: Sequence[Any],
 ) -> RawScene:
     limit = time_limit(said.size) if timeout is None else timeout
     memory = MEMORY + MEMORY_OF_SIZE * said.size
@@ -149,6 +173,7 @@ def _read_without_crashing(
             "skip": skip,
             "memory": memory,
             "folders": _package_folders(path.resolve().parent),
+            "given": given,
         }
         outcome, raw = _read_once(request, limit, progress, settle, said)
         if raw is not None:
@@ -187,7 +212,7 @@ def _read_once(
             shapes.append(worker.submit(lambda: settle(archive.read(archived).shapes[0])))
 
         try:
-            outcome = _run({**request, "out": folder}, folder, limit, progress, ready)
+            outcome = _run({**request, "out": folder}, folder, limit, progress, ready, said.end_if_refused)
             said.check_units()
             if not outcome.done:
                 return outcome, None
@@ -259,7 +284,12 @@ class _Outcome:
 
 
 def _run(
-    request: dict[str, Any], folder: str, limit: float, progress: Progress | None, ready: Callable[[int], None]
+    request: dict[str, Any],
+    folder: str,
+    limit: float,
+    progress: Progress | None,
+    ready: Callable[[int], None],
+    begun: Callable[[subprocess.Popen[str]], None],
 ) -> _Outcome:
     outcome = _Outcome()
     command = [sys.executable, "-I", str(READER), json.dumps(request)]
@@ -280,6 +310,7 @@ def _run(
         watch.daemon = True  # Ctrl-C can come anywhere: what it leaves behind must not keep us from ending
         try:
             watch.start()
+            begun(process)
             assert process.stdout is not None
             for line in process.stdout:
                 outcome.hear(json.loads(line), progress, ready)
@@ -310,3 +341,16 @@ def _wait(process: subprocess.Popen[str]) -> int:
 def _give_up(process: subprocess.Popen[str], outcome: _Outcome) -> None:
     outcome.late = True
     process.kill()
+
+
+def in_kernel(request: dict[str, Any], folder: str, limit: float, size: int) -> str:
+    """Have the process do something else than reading; returns why it could not, "" if it could.
+
+    folder: a temporary one, for what the process says. limit: s. size: bytes of what it works on.
+    """
+    memory = MEMORY + MEMORY_OF_SIZE * size
+    whole = {**request, "memory": memory, "folders": _package_folders(Path(folder))}
+    outcome = _run(whole, folder, limit, None, lambda number: None, lambda process: None)
+    if outcome.done:
+        return ""
+    return outcome.error or outcome.how_it_ended(limit, memory)

@@ -14,6 +14,7 @@ from vpframe.errors import LoadError
 FORMATS = {
     ".step": "step", ".stp": "step", ".p21": "step", ".iges": "iges", ".igs": "iges",
     ".stl": "stl", ".obj": "obj", ".ply": "ply", ".glb": "glb",
+    ".brep": "brep", ".brp": "brep", ".urdf": "urdf", ".mjcf": "mjcf", ".xml": "mjcf",
 }  # fmt: skip
 """suffix -> format"""
 STL_HEADER = 80
@@ -21,6 +22,8 @@ STL_HEADER = 80
 FARTHEST = 1e6
 """m from the origin; beyond it a micrometre is lost to rounding soon, and products of lengths overflow at last"""
 
+_ROOT = re.compile(rb"(?:\s*<(?:\?[^>]*\?|!--.*?--|!DOCTYPE[^>]*)>)*\s*<([A-Za-z_][\w.-]*)", re.DOTALL)
+"""an XML file up to its first element"""
 _SHORT_VERTEX = re.compile(rb"^v[ \t]+(\S+(?:[ \t]+\S+)?)[ \t\r]*$", re.MULTILINE)
 
 
@@ -41,7 +44,9 @@ def checked_format(path: Path) -> str:
         raise LoadError(f"{path}: cannot be read ({error.strerror}); check its permissions", where) from None
     if not data.strip():
         raise LoadError(f"{path}: is empty; export it again", where)
-    content = _content(data)
+    content = content_of(data)
+    if content == "urdf" and path.suffix.lower() == ".xml":
+        form = "urdf"
     if content is not None and content != form:
         right = next(suffix for suffix, f in FORMATS.items() if f == content)
         raise LoadError(f"{path}: is a {content.upper()} file by its content; rename it to end in {right}", where)
@@ -59,13 +64,18 @@ def far_check(path: Path, name: str, vertices: NDArray[np.float64], translation:
         raise LoadError(f"{path}: {why}; check its unit, or export it again", str(path))
 
 
-def _content(data: bytes) -> str | None:
+def content_of(data: bytes) -> str | None:
     """The format by its marks; None when there are none (OBJ has none, nor has a damaged head)."""
     head = data[:1024].lstrip(b"\xef\xbb\xbf \t\r\n")
     if head.startswith(b"ISO-10303-21"):
         return "step"
     if head.startswith(b"glTF"):
         return "glb"
+    if re.match(rb"(DBRep_DrawableShape|CASCADE Topology|Open CASCADE Topology)", head):
+        return "brep"
+    if head.startswith(b"<"):
+        root = _ROOT.match(data.lstrip(b"\xef\xbb\xbf \t\r\n"))
+        return {b"robot": "urdf", b"mujoco": "mjcf"}.get(root[1]) if root else None
     if head.startswith((b"ply\n", b"ply\r")):
         return "ply"
     if is_binary_stl(data) or (head.startswith(b"solid") and b"facet" in data[:4096]):
@@ -124,6 +134,14 @@ def _ply_fault(data: bytes, content: str | None) -> str | None:
     return None if content else "is not a PLY file (it does not begin with ply); export it again"
 
 
+def _brep_fault(data: bytes, content: str | None) -> str | None:
+    return None if content else "is not a B-rep of OpenCascade (no `CASCADE Topology` at its head); write it again"
+
+
+def _xml_fault(data: bytes, content: str | None) -> str | None:
+    return None if content else "is neither URDF nor MJCF (its root is no <robot> and no <mujoco>)"
+
+
 def _obj_fault(data: bytes, content: str | None) -> str | None:
     if b"\0" in data[:4096] or not any(line.startswith((b"v ", b"v\t")) for line in data.splitlines()):
         return "is not an OBJ file (no line begins with v); export it again"
@@ -141,4 +159,7 @@ _FAULTS = {
     "obj": _obj_fault,
     "ply": _ply_fault,
     "glb": _glb_fault,
+    "brep": _brep_fault,
+    "urdf": _xml_fault,
+    "mjcf": _xml_fault,
 }

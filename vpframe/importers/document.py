@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from OCP.BinTools import BinTools
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeSolid, BRepBuilderAPI_Sewing, BRepBuilderAPI_Transform
 from OCP.BRepLib import BRepLib
+from OCP.BRepTools import BRepTools
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.collections import Sequence_TDF_Label
+from OCP.gp import gp_Trsf
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.IGESCAFControl import IGESCAFControl_Reader
 from OCP.Message import Message, Message_Printer
@@ -37,11 +40,13 @@ from OCP.XCAFDoc import (
 
 from vpframe.importers.brep import MM, tessellate
 from vpframe.importers.names import numbered
+from vpframe.importers.pmi import Sizes, sizes_of
 from vpframe.importers.raw import Array, Color, RawPart, RawScene, RawShape, UnreadableError
 
 Progress = Callable[..., None]
 
-_UNNAMED = re.compile(r"=>\[.*\]|NAUO\d+|\d+|")  # what kernels and exporters write where the user gave no name
+_UNNAMED = re.compile(r"=>\[.*\]|NAUO\d+|\*[A-Z]+\d*|\d+|")
+"""what kernels and exporters write where the user gave no name: "*DIT29" is a dictionary's key"""
 _SEWING = 1e-5  # m: gaps that are closed between loose faces (IGES has nothing else)
 _GENERIC = ("SOLID", "COMPOUND", "SHELL", "COMPSOLID")
 _KINDS = (XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen)
@@ -78,12 +83,15 @@ def read_document(
     progress(0.15, "reading the file")
     document = _transfer(path, form)
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
-    colors = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
     labels = Sequence_TDF_Label()
     shapes.GetFreeShapes(labels)
     roots = [_node(labels.Value(i), TopLoc_Location()) for i in range(1, labels.Length() + 1)]
     raw = RawScene()
-    found = _Solids(raw, colors)
+    found = _Solids(
+        raw,
+        _color_tool(document),
+        sizes_of(document, Path(path).read_bytes(), raw.notes) if form == "step" else Sizes(),
+    )
     leaves = list(_leaves(roots))
     if form == "iges" and not any(_holds(leaf.node.shape, TopAbs_ShapeEnum.TopAbs_SOLID) for leaf in leaves):
         leaves = _joined(leaves, Path(path).stem)
@@ -94,6 +102,73 @@ def read_document(
     return found.mesh(deflection, angular, skip, progress, keep)
 
 
+@dataclass
+class Given:
+    """A node of a tree of shapes that came without a file format of their own, children below it."""
+
+    name: str
+    file: str
+    """of its B-rep (BRepTools' text or BinTools' binary form); "" of a subassembly"""
+    matrix: list[float]
+    """rows of the placement under its parent: rotation | translation (mm); [] for none"""
+    color: Color | None
+    children: list[Given]
+
+
+def read_given(
+    roots: list[Given],
+    deflection: float,
+    angular: float,
+    skip: Mapping[int, str],
+    progress: Progress,
+    keep: Callable[[RawShape], None],
+) -> RawScene:
+    """Read a tree of B-reps as `read_document` does a file; nodes of one file share its shape."""
+    Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
+    progress(0.15, "reading the shapes")
+    raw, shapes = RawScene(), {}
+
+    def node(given: Given) -> Node:
+        if given.file and given.file not in shapes:
+            shapes[given.file] = _brep_file(given.file)
+        shape = shapes[given.file] if given.file else TopoDS_Compound()
+        color = None if given.color is None else (*given.color,)
+        pose = _location(given.matrix)
+        return Node(given.name, given.name, pose, shape, 0.0, color, [node(child) for child in given.children])
+
+    found = _Solids(raw, lambda shape: None, Sizes())
+    for leaf in _leaves([node(root) for root in roots]):
+        found.add(leaf)
+    if not found.has_solid:
+        raise UnreadableError("holds no closed solid; give parts as solids, not as wires or open surfaces")
+    return found.mesh(deflection, angular, skip, progress, keep)
+
+
+def _brep_file(path: str) -> TopoDS_Shape:
+    shape = TopoDS_Shape()
+    with open(path, "rb") as file:
+        binary = file.read(64).lstrip().startswith(b"Open CASCADE Topology")
+    try:
+        read = BinTools.Read_s(shape, path) if binary else BRepTools.Read_s(shape, path, BRep_Builder())
+    except MemoryError:
+        raise
+    except Exception:  # the kernel's own share no other root
+        read = False
+    if not read:
+        raise UnreadableError("cannot be parsed as a B-rep of OpenCascade; it is damaged: write it again")
+    if shape.IsNull():
+        raise UnreadableError("holds no shape; write it again")
+    return shape
+
+
+def _location(matrix: list[float]) -> TopLoc_Location:
+    if not matrix:
+        return TopLoc_Location()
+    trsf = gp_Trsf()
+    trsf.SetValues(*matrix)
+    return TopLoc_Location(trsf)
+
+
 def _transfer(path: str, form: str) -> TDocStd_Document:
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
     reader = STEPCAFControl_Reader() if form == "step" else IGESCAFControl_Reader()
@@ -102,6 +177,7 @@ def _transfer(path: str, form: str) -> TDocStd_Document:
     if form == "step":
         reader.SetMatMode(True)
         reader.SetPropsMode(True)
+        reader.SetGDTMode(True)
     if reader.ReadFile(path) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise UnreadableError("cannot be parsed; it is damaged or no such file: export it again")
     if not reader.Transfer(document):
@@ -128,6 +204,17 @@ def _color(label: Any) -> Color | None:
 def _rgba(color: Quantity_ColorRGBA) -> Color:
     red, green, blue = color.GetRGB().Values(Quantity_TypeOfColor.Quantity_TOC_sRGB)  # it keeps them linear
     return red, green, blue, float(color.Alpha())
+
+
+def _color_tool(document: TDocStd_Document) -> Callable[[TopoDS_Shape], Color | None]:
+    """The colour that a document gives a shape."""
+    colors: Any = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+
+    def color_of(shape: TopoDS_Shape) -> Color | None:
+        color = Quantity_ColorRGBA()
+        return next((_rgba(color) for kind in _KINDS if colors.GetColor(shape, kind, color)), None)
+
+    return color_of
 
 
 def _node(label: Any, pose: TopLoc_Location, within: str = "part") -> Node:
@@ -201,9 +288,10 @@ def _joined(leaves: list[Leaf], name: str) -> list[Leaf]:
 class _Solids:
     """Solids found so far: instances of one solid become parts of one shape."""
 
-    def __init__(self, raw: RawScene, colors: Any) -> None:
+    def __init__(self, raw: RawScene, color: Callable[[TopoDS_Shape], Color | None], sizes: Sizes) -> None:
         self.raw = raw
-        self.colors = colors
+        self.color = color
+        self.sizes = sizes
         self.shapes: list[TopoDS_Shape] = []
         self.has_solid = False
         self._owners: set[tuple[int, ...]] = set()
@@ -218,7 +306,7 @@ class _Solids:
             place = leaf.pose.Multiplied(solid.Location())
             number = self._number(solid, place)
             rotation, translation, _ = _rigid(place)
-            color = leaf.color or self._color_of(solid)
+            color = leaf.color or self.color(solid)
             name = leaf.path if len(solids) == 1 else f"{leaf.path}/{i}"
             self.raw.parts.append(RawPart(name, number, rotation, translation, color, density))
         product = leaf.node.product
@@ -251,10 +339,6 @@ class _Solids:
         self.shapes.append(shape)
         return len(self.shapes) - 1
 
-    def _color_of(self, shape: TopoDS_Shape) -> Color | None:
-        color = Quantity_ColorRGBA()
-        return next((_rgba(color) for kind in _KINDS if self.colors.GetColor(shape, kind, color)), None)
-
     def mesh(
         self,
         deflection: float,
@@ -275,7 +359,7 @@ class _Solids:
             begin, share = (0.65 * n / max(sum(faces), 1) for n in (sum(faces[:number]), faces[number]))
             tell = _Teller(progress, f"meshing {names[number]}", number, 0.35 + begin, share)
             tell(0.0)
-            raw = tessellate(shape, deflection, angular, self._color_of, tell)
+            raw = tessellate(shape, deflection, angular, self.color, self.sizes.of, tell)
             if raw.faces:
                 kept[number] = len(kept)
                 keep(raw)

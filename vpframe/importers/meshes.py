@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from scipy.spatial import cKDTree
 from collision import Tolerance
 from vpframe.errors import LoadError
 from vpframe.importers.build import raw_numbers
-from vpframe.importers.checks import STL_HEADER, far_check, is_binary_stl
+from vpframe.importers.checks import STL_HEADER, checked_format, far_check, is_binary_stl
 from vpframe.importers.names import numbered
 from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors, without_flat
 from vpframe.importers.raw import Array, Color, RawFace, RawPart, RawScene, RawShape
@@ -28,6 +29,8 @@ from vpframe.importers.segmentation import segment
 from vpframe.scene.units import METRES
 
 Progress = Callable[[float, str], None]
+
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else what it logs of a damaged file goes to stderr
 
 _MATERIALS = re.compile(rb"mtllib([^\r\n]*)")
 _TRIANGLES = 4
@@ -66,7 +69,56 @@ def read(path: Path, form: str, unit: str | None, tolerance: Tolerance, progress
     """The raw scene of a mesh file; raises LoadError with one line when it has no usable triangles."""
     raw = RawScene()
     pieces = _load(path, form, raw)
-    scale = _scale(path, form, unit, pieces, raw)
+    return _made(path, raw, pieces, _scale(path, form, unit, pieces, raw), tolerance, progress)
+
+
+def read_object(
+    source: trimesh.Trimesh | trimesh.Scene, unit: str | None, tolerance: Tolerance, progress: Progress | None
+) -> RawScene:
+    """The same of a mesh or scene of trimesh; its `units` count where `unit` is not given."""
+    raw = RawScene()
+    name = str(source.metadata.get("name") or source.metadata.get("file_name") or "mesh")
+    path = Path(name)
+    scene = source if isinstance(source, trimesh.Scene) else trimesh.Scene()
+    if isinstance(source, trimesh.Trimesh):
+        scene.add_geometry(source, node_name=path.stem, geom_name=path.stem)
+    pieces = _pieces(path, "trimesh", scene, set())
+    if unit is None and source.units is not None:
+        try:
+            scale = float(trimesh.units.unit_conversion(source.units, "meters"))
+        except (KeyError, ValueError):
+            raise LoadError(f"{path}: its units are {source.units!r}, which nobody knows; give unit=", name) from None
+    else:
+        scale = _scale(path, "trimesh", unit, pieces, raw)
+    return _made(path, raw, pieces, scale, tolerance, progress)
+
+
+def read_scaled(path: Path, factors: tuple[float, ...], tolerance: Tolerance) -> RawScene:
+    """A mesh file in metres whose coordinates are multiplied by `factors` (3,), as robot models give them."""
+    form = checked_format(path)
+    if form not in ("stl", "obj", "ply", "glb"):
+        raise LoadError(f"{path}: is {form.upper()}, no mesh; convert it to STL, OBJ, PLY or GLB", str(path))
+    raw = RawScene()
+    pieces = _load(path, form, raw)
+    if factors != (1.0, 1.0, 1.0):
+        for piece in pieces:
+            piece.vertices = (piece.vertices @ piece.rotation.T + piece.translation) * np.array(factors)
+            piece.rotation, piece.translation, piece.source = np.eye(3), np.zeros(3), -1 - len(pieces) - piece.source
+            if np.prod(factors) < 0.0:
+                piece.triangles = piece.triangles[:, [0, 2, 1]]
+    return _made(path, raw, pieces, 1.0, tolerance, None)
+
+
+def surfaced(raw: RawShape) -> RawShape:
+    """A mesh of one face cut into its surfaces."""
+    piece = _Piece("mesh", raw.vertices, raw.triangles.astype(np.int64), None, np.eye(3), np.zeros(3), 0)
+    made = _shape(Path("mesh"), [piece], Tolerance())
+    return raw if made is None else made
+
+
+def _made(
+    path: Path, raw: RawScene, pieces: list[_Piece], scale: float, tolerance: Tolerance, progress: Progress | None
+) -> RawScene:
     for piece in pieces:
         piece.vertices = piece.vertices * scale
         piece.translation = piece.translation * scale
@@ -107,6 +159,10 @@ def _load(path: Path, form: str, raw: RawScene) -> list[_Piece]:
         line = str(error).strip().splitlines() or [type(error).__name__]
         message = f"{path}: cannot be parsed as {form.upper()} ({line[0][:120]}); export it again"
         raise LoadError(message, str(path)) from None
+    return _pieces(path, form, scene, nodes)
+
+
+def _pieces(path: Path, form: str, scene: trimesh.Scene, nodes: set[str]) -> list[_Piece]:
     pieces: list[_Piece] = []
     places = {name: i for i, name in enumerate(scene.geometry)}
     placed = [(places[scene.graph[node][1]], _node_name(str(node), nodes), node) for node in scene.graph.nodes_geometry]
@@ -218,7 +274,8 @@ def _color(mesh: trimesh.Trimesh, form: str) -> Color | None:
     if value is None or len(value) < 3:
         return None
     r, g, b, a = (float(c) / 255.0 for c in (*value[:3], value[3] if len(value) > 3 else 255))
-    return (_srgb(r), _srgb(g), _srgb(b), a) if form == "glb" else (r, g, b, a)
+    linear = form == "glb" or isinstance(material, trimesh.visual.material.PBRMaterial)
+    return (_srgb(r), _srgb(g), _srgb(b), a) if linear else (r, g, b, a)
 
 
 def _srgb(linear: float) -> float:

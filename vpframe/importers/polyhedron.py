@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from physics.model.body import polyhedron
+
 Array = NDArray[np.float64]
 Triangles = NDArray[np.int32]
 
@@ -135,21 +137,10 @@ def fill(points: Array) -> Triangles:
 
 
 def mass_properties(vertices: Array, triangles: NDArray[np.int32]) -> tuple[float, Array, Array]:
-    """Volume, centre and inertia about it (density 1) of a mesh, by tetrahedra to one point.
+    """Volume (m³), centre (3,) and inertia (3, 3) about it at density 1, of vertices (n, 3) and triangles (m, 3).
 
-    Sums of the second moments of signed tetrahedra (Tonon, J. Math. Stat. 1 (2005) 8). The point does not matter if the
-    mesh is closed; of an open one it is the middle of its border, so that a flat hole counts as if it were filled.
+    An open mesh is closed to the middle of its border, so that a flat hole counts as if it were filled.
     """
     border = open_edges(triangles)
     origin = vertices[border].mean(axis=(0, 1)) if len(border) else vertices[triangles[0, 0]]
-    corners = vertices[triangles] - origin
-    volumes = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
-    volume = float(volumes.sum())
-    if volume == 0.0:
-        return 0.0, np.zeros(3), np.zeros((3, 3))
-    sums = corners.sum(axis=1)
-    center = (volumes @ sums) / (4.0 * volume)
-    second = np.einsum("i,ij,ik->jk", volumes, sums, sums) + np.einsum("i,iaj,iak->jk", volumes, corners, corners)
-    second = second / 20.0 - volume * np.outer(center, center)
-    second = 0.5 * (second + second.T)
-    return volume, origin + center, np.trace(second) * np.eye(3) - second
+    return polyhedron(vertices[triangles], origin)

@@ -16,6 +16,10 @@ Color = tuple[float, float, float, float]
 """red, green, blue (sRGB, as drawn) and opacity, each in 0 … 1"""
 
 
+Size = tuple[float, float | None, float | None, str]
+"""a toleranced diameter: nominal, lower and upper deviation (m), tolerance class ("H7")"""
+
+
 class UnreadableError(Exception):
     """A file that cannot be used; the message says what is wrong and how to mend it, without the file's name."""
 
@@ -37,6 +41,7 @@ class RawFace:
     color: Color | None = None
     residual: float = 0.0
     """m, of a typed face: greatest distance of its points to the surface that was fitted to them"""
+    size: Size | None = None
 
 
 @dataclass
@@ -64,6 +69,8 @@ class RawShape:
     notes: list[str] = field(default_factory=list)
     settled: bool = False
     """whether all is decided that takes time, as `build.settled` does"""
+    brep: bytes = b""
+    """the exact B-rep in OpenCascade's binary form, mm, without a mesh; empty of what is a mesh by itself"""
 
 
 @dataclass
@@ -77,6 +84,27 @@ class RawPart:
     translation: Array
     color: Color | None = None
     density: float | None = None
+    mass: tuple[float, Array, Array] | None = None
+    """where the file gives it: kg, (3,) centre, m, and (3, 3) inertia about it, kg·m², in the part's frame"""
+
+
+Axis = tuple[str, Array, Array]
+""""revolute" or "prismatic", (3,) origin, m, and (3,) unit direction, world"""
+
+
+@dataclass(eq=False)
+class RawJoint:
+    """What holds two links of a mechanism together, where they stand."""
+
+    name: str
+    links: tuple[int, int]
+    """places in `RawScene.links`"""
+    axes: list[Axis]
+    """one after another; none where it is fixed"""
+    free: bool = False
+    """whether it holds nothing"""
+    note: str = ""
+    """what of it is not read"""
 
 
 @dataclass
@@ -90,5 +118,8 @@ class RawScene:
     faces: Counter[str] = field(default_factory=Counter)
     """how many faces all instances of each product have together"""
     notes: list[str] = field(default_factory=list)
+    links: list[list[str]] = field(default_factory=list)
+    """of a mechanism: names of the parts of each link; the first is the ground"""
+    joints: list[RawJoint] = field(default_factory=list)
     whole: bool = True
     """False where parts were left out that crashed the kernel, or took too much time or memory: that may go better"""

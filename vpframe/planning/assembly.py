@@ -376,7 +376,7 @@ class Assembly:
     def with_tolerance(self, linear: float) -> Sweeps:
         """Sweeps that stop at another distance: to find the least clearance of a way."""
         slop = min(1.0, self.tolerance.slop * self.tolerance.linear / linear)
-        return Sweeps(self.meshes, self.poses, replace(self.tolerance, linear=linear, slop=slop), self._excuse)
+        return self.sweeps.with_tolerance(replace(self.tolerance, linear=linear, slop=slop))
 
 
 def translation(vector: Array) -> pin.SE3:

@@ -58,9 +58,10 @@ def least_clearance(
     linear = assembly.tolerance.linear
     limit = max(assembly.size(i) for i in group)
     best = Clearance(np.inf)
+    boxes = {i: assembly.with_tolerance(limit).way_box(i, knots) for i in group}
     for j in others:
         for i in group:
-            if frozenset((i, j)) in assembly.authorised:
+            if frozenset((i, j)) in assembly.authorised or not assembly.sweeps.box_meets(j, *boxes[i]):
                 continue
             best = _of_pair(assembly, i, j, knots, max(ignore, 2.0 * linear), min(limit, best.distance), best)
     return best

@@ -93,7 +93,11 @@ class Pushes:
         while node > 0:
             legs = [*self.nodes[node].legs, *legs]
             node = self.nodes[node].parent
-        return Way(motion, direction, tuple(self._shortened([pin.SE3.Identity(), *legs])))
+        return self.cut_short(motion, direction, [pin.SE3.Identity(), *legs])
+
+    def cut_short(self, motion: str, direction: Array, knots: list[pin.SE3]) -> Way:
+        """The way through the knots, without those that a straight leg passes by."""
+        return Way(motion, direction, tuple(self._shortened(knots)))
 
     def _shortened(self, knots: list[pin.SE3]) -> list[pin.SE3]:
         """The knots without those that a direct leg, certified like the others, passes by."""

@@ -134,6 +134,9 @@ class _Search:
             by = enclosure.enclosed_by(self.assembly, self.group, self.others)
             if by is not None:
                 return self._no("enclosed", blockers=(self.assembly.names[by],))
+            held = enclosure.caged_by(self.assembly, self.group, self.others)
+            if held is not None:
+                return self._no("enclosed", blockers=tuple(self.assembly.names[j] for j in held))
             if motion != "straight":
                 return self.searched(cone, motion) or self._no("not found")
         except BudgetError:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isnan, nan
+from operator import is_
 
 import numpy as np
 import pinocchio as pin
@@ -89,7 +91,10 @@ class SessionLog:
         """poses before the first step"""
         self.stages: list[Stage] = []
         self.clashes: dict[ClashKey, Clash] = {}
-        self.mates: dict[int, Mate] = {}
+        self._mates: dict[int, Mate] = {}
+        self._freedom_last: tuple[Mapping[str, int], Mapping[str, str]] = {}, {}
+        self._of: tuple[object, ...] | None = None
+        self._unread: Frame | None = None
         self.freedom: dict[str, list[tuple[float, int, str]]] = {}
         """by part, whenever it changed: time (s), degrees of freedom, the lower pair's name"""
         self.clearance: Series[tuple[float, float]] = Series(_nearer)
@@ -166,7 +171,10 @@ class SessionLog:
             self.stages.append(Stage(frame.script, self.stages[-1].end if self.stages else now, now))
         self._collect_clashes(frame)
         self._collect_mates(frame)
-        for part, freedom in frame.freedom.items():
+        freedom_now = dict(frame.freedom), dict(frame.joint)
+        changed = freedom_now != self._freedom_last
+        self._freedom_last = freedom_now
+        for part, freedom in frame.freedom.items() if changed else ():
             known = self.freedom.setdefault(part, [])
             joint = frame.joint.get(part, "")
             if not known or known[-1][1:] != (freedom, joint):
@@ -218,11 +226,31 @@ class SessionLog:
             stood[a, b] = max(turned, float(np.abs(now.translation - then.translation).max())) <= STILL
         return stood[a, b]
 
+    @property
+    def mates(self) -> dict[int, Mate]:
+        """By id, all constraints and candidates that there were."""
+        if self._unread is not None:
+            self._read_mates(self._unread)
+            self._unread = None
+        return self._mates
+
     def _collect_mates(self, frame: Frame) -> None:
+        """Take in the constraints of a step: of steps that have the same ones the first and the last are enough."""
+        of = getattr(frame.constraints, "of", None)
+        same = of is not None and self._of is not None and all(map(is_, of, self._of))
+        if same:
+            self._unread = frame
+            return
+        if self._unread is not None:
+            self._read_mates(self._unread)
+        self._of, self._unread = of, None
+        self._read_mates(frame)
+
+    def _read_mates(self, frame: Frame) -> None:
         for view in frame.constraints:
-            mate = self.mates.get(view.id)
+            mate = self._mates.get(view.id)
             if mate is None:
-                mate = self.mates[view.id] = Mate(
+                mate = self._mates[view.id] = Mate(
                     view.id, view.kind, view.parts, view.surfaces, view.why, view.residual
                 )
             mate.residual = view.residual

@@ -51,11 +51,11 @@ def pair_picture(
     opacity = dict.fromkeys(scene.names, GHOST)
     large, small = sorted((name for name, _ in surfaces), key=lambda name: -_size(scene[name]))
     opacity.update({large: GLASS, small: 1.0})
-    return render(scene, frame.poses, marked or surfaces, size, _near(scene, frame, surfaces), opacity=opacity)
+    return render(scene, frame.poses, marked or surfaces, size, pair_camera(scene, frame, surfaces), opacity=opacity)
 
 
-def _near(scene: Scene, frame: Frame, surfaces: Sequence[tuple[str, int]]) -> Camera:
-    """A camera on where the boxes of the surfaces overlap, from the side their normals face."""
+def pair_camera(scene: Scene, frame: Frame, surfaces: Sequence[tuple[str, int]]) -> Camera:
+    """A camera on where the boxes of two surfaces overlap, from the side their normals face."""
     sizes, whole, facing = [], [], np.zeros(3)
     parts = [scene[name] for name, _ in surfaces]
     poses = [frame.poses.get(part.name, part.pose) for part in parts]

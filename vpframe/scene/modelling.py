@@ -297,7 +297,7 @@ def write_step(path: str | Path, parts: Mapping[str, Any], name: str = "assembly
 def _write_assembly(tools: tuple[Any, ...], parts: Mapping[str, Any], name: str, written: dict[int, Any]) -> Any:
     shapes, colors, materials = tools
     assembly = shapes.NewShape()
-    TDataStd_Name.Set_s(assembly, TCollection_ExtendedString(name))
+    TDataStd_Name.Set_s(assembly, TCollection_ExtendedString(name, True))
     for part, value in parts.items():
         content, pose, color, density = _placed(value)
         if id(content) not in written:
@@ -305,14 +305,14 @@ def _write_assembly(tools: tuple[Any, ...], parts: Mapping[str, Any], name: str,
                 label = _write_assembly(tools, content, part, written)
             else:
                 label = shapes.AddShape(content.occ, False)
-                TDataStd_Name.Set_s(label, TCollection_ExtendedString(part))
+                TDataStd_Name.Set_s(label, TCollection_ExtendedString(part, True))
                 if density is not None:
                     text = TCollection_HAsciiString
                     material = (text("material"), text(""), density, text("density"), text("POSITIVE_RATIO_MEASURE"))
                     materials.SetMaterial(label, *material)
             written[id(content)] = label
         component = shapes.AddComponent(assembly, written[id(content)], TopLoc_Location(_trsf(pose)))
-        TDataStd_Name.Set_s(component, TCollection_ExtendedString(part))
+        TDataStd_Name.Set_s(component, TCollection_ExtendedString(part, True))
         if color is not None:
             red, green, blue, alpha = _rgba(color)
             kept = Quantity_Color(red, green, blue, Quantity_TypeOfColor.Quantity_TOC_sRGB)

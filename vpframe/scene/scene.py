@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol, overload
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +16,8 @@ from collision import SurfaceMesh
 from constraints.geometry.features import Feature
 from constraints.geometry.surfaces import Geometry
 from vpframe.errors import UnknownPartError, VpframeError
+from vpframe.scene.joints import Statement
+from vpframe.scene.motion import Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +27,22 @@ class Edge:
     points: NDArray[np.float64]
     surfaces: tuple[int, ...]
     circle: tuple[NDArray[np.float64], NDArray[np.float64], float] | None = None
+
+
+@dataclass(frozen=True)
+class Size:
+    """The diameter that a model's PMI gives a bore or shaft, m."""
+
+    nominal: float
+    lower: float | None = None
+    upper: float | None = None
+    """deviations from it"""
+    fit: str = ""
+    """tolerance class by ISO 286, "H7" of a bore, "g6" of a shaft"""
+
+    def __str__(self) -> str:
+        limits = "" if self.lower is None or self.upper is None else f" {self.upper * 1e3:+.4g}/{self.lower * 1e3:+.4g}"
+        return f"Ø{round(self.nominal * 1e3, 6):g}{f' {self.fit}' if self.fit else ''}{limits}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +60,8 @@ class Surface:
     area: float
     """m²"""
     color: tuple[float, float, float, float] | None = None
+    size: Size | None = None
+    """what the file's PMI says of its diameter"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +82,8 @@ class Shape:
     """whether the mesh bounds a volume (every edge is met as often one way as the other); a note says so if not"""
     notes: tuple[str, ...] = ()
     """what the reader had to say: open, faces lost or repaired, triangles dropped"""
+    brep: bytes = b""
+    """the exact B-rep in OpenCascade's binary form, mm, as `Scene.export` writes it; empty of a mesh"""
 
 
 class Placing(Protocol):
@@ -84,6 +108,8 @@ class Part:
     density: float | None = None
     """kg/m³; None when the file gives none that is plausible"""
     fixed: bool = False
+    inertia: pin.Inertia | None = None
+    """mass, centre and inertia in the part's frame where the model gives them; None: of density and shape"""
     _placing: tuple[Placing, int] | None = field(default=None, init=False, repr=False)
 
     def enter(self, session: Placing, index: int) -> None:
@@ -136,19 +162,55 @@ Part.pose = property(_pose_of, _set_pose, doc="Where the part is in the world.")
 class Scene(Mapping[str, Part]):
     """Parts by unique name, in a fixed order. `scene["shaft"]`, `for name in scene`, `scene.parts`."""
 
-    def __init__(self, parts: Iterable[Part] = (), source: str | None = None, notes: Iterable[str] = ()) -> None:
+    def __init__(
+        self,
+        parts: Iterable[Part] = (),
+        source: str | None = None,
+        notes: Iterable[str] = (),
+        statements: Iterable[Statement] = (),
+    ) -> None:
         self._parts: dict[str, Part] = {}
         self.source = source
         self.notes: tuple[str, ...] = tuple(notes)
+        self.statements: tuple[Statement, ...] = tuple(statements)
+        """constraints that the model itself states, of its joints"""
         for part in parts:
             self.add(part)
 
-    def add(self, part: Part) -> Part:
-        """Add one part; its name must be new."""
-        if part.name in self._parts:
-            raise VpframeError(f"two parts are called {part.name!r}; names must be unique, rename one")
-        self._parts[part.name] = part
-        return part
+    @overload
+    def add(self, source: Part) -> Part: ...
+    @overload
+    def add(
+        self, source: Any, name: str | None = None, pose: pin.SE3 | None = None, **options: Any
+    ) -> tuple[Part, ...]: ...
+    def add(
+        self, source: Any, name: str | None = None, pose: pin.SE3 | None = None, **options: Any
+    ) -> Part | tuple[Part, ...]:
+        """Add one part, or all parts of whatever `vpframe.load` takes; names must be new.
+
+        name: of the part that was loaded; of several it comes before theirs ("gearbox/shaft"). pose: moves them all.
+        options: as of `vpframe.load`. Statements and notes of what is loaded come along. Returns the part that was
+        given, or the parts that were loaded; of an error the scene has changed nothing.
+        """
+        if isinstance(source, Part):
+            self._check_new([source.name])
+            self._parts[source.name] = source
+            return source
+        loaded: Scene = importlib.import_module("vpframe.importers").load(source, **options)
+        names = {own: own if name is None else name if len(loaded) == 1 else f"{name}/{own}" for own in loaded}
+        self._check_new(names.values())
+        for part in loaded.parts:
+            part.name = names[part.name]
+            part.pose = part.pose if pose is None else pin.SE3(pose) * part.pose
+            self._parts[part.name] = part
+        self.notes += loaded.notes
+        self.statements += tuple(statement.renamed(names) for statement in loaded.statements)
+        return loaded.parts
+
+    def _check_new(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name in self._parts:
+                raise VpframeError(f"two parts are called {name!r}; names must be unique, rename one")
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -181,10 +243,19 @@ class Scene(Mapping[str, Part]):
             for note in shape.notes
         )
 
+    def export(
+        self, path: str | os.PathLike[str], motion: Motion | None = None, time: float | None = None
+    ) -> tuple[str, ...]:
+        """Write the scene, its parts where they are now, as STEP, GLB, URDF, MJCF, USD, CSV or Parquet.
+
+        See `vpframe.exporters.export`: the name's ending tells the format; returns what that could not carry.
+        """
+        return tuple(importlib.import_module("vpframe.exporters").export(self, path, motion, time))
+
     def copy(self) -> Scene:
         """A scene of the same shapes, with parts of its own where these are now."""
         parts = (replace(part, pose=part.pose.copy()) for part in self.parts)
-        return Scene(parts, self.source, self.notes)
+        return Scene(parts, self.source, self.notes, self.statements)
 
     def __getitem__(self, name: str) -> Part:
         try:
@@ -197,6 +268,11 @@ class Scene(Mapping[str, Part]):
 
     def __len__(self) -> int:
         return len(self._parts)
+
+    def _repr_html_(self) -> str:
+        """The scene as a notebook shows it."""
+        page: str = importlib.import_module("vpframe.view.notebook").shown(self)  # which knows scenes
+        return page
 
     def __repr__(self) -> str:
         return f"Scene({len(self)} parts, source={self.source!r})"

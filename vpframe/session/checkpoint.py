@@ -252,6 +252,6 @@ def advance_or_replay(
         return changes
     changes = advance(state, readings, replace(given, decisions=[*given.decisions, *asked()]))
     state.step += 1
-    if journal.append(digest, changes):
+    if journal.append(digest, replace(changes, constraints=tuple(changes.constraints))):
         journal.save(state.data())
     return changes

@@ -206,14 +206,17 @@ def body_of(part: Part, material: str | float | Material | None, mass: float | N
     """Mass properties of a part.
 
     material: a `physics.Material`, a name from `physics.MATERIALS`, or kg/m³; without a density the part's own
-        counts, else that of steel.
+        inertia counts, then its own density, else that of steel.
     mass: kg; scales mass and inertia.
     """
     if isinstance(material, Material) and material.density is None:
         material = None
     density = material if material is not None else part.density if part.density is not None else "steel"
     shape = part.shape
-    if shape.closed and shape.volume > 0.0:
+    given = part.inertia
+    if given is not None and material is None:
+        body = Body(given.mass, np.asarray(given.lever), np.asarray(given.inertia), shape.volume, part.name)
+    elif shape.closed and shape.volume > 0.0:
         body = Body.from_volume(shape.volume, shape.center, shape.inertia, density, part.name)
     else:
         body = Body.from_mesh(part.mesh, density, part.name)

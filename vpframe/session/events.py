@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
@@ -58,7 +58,7 @@ class ConstraintView:
     residual: float
     """m, largest of its position residuals"""
     state: str
-    """"candidate", "active" or "refused\""""
+    """"candidate", "active" or "refused"; rules are asked about the assembly as it stands with "standing\""""
     origin: NDArray[np.float64]
     """(3,) world, where to draw it"""
     direction: NDArray[np.float64]
@@ -129,7 +129,7 @@ class Frame:
     poses: Mapping[str, pin.SE3]
     colliding: NDArray[np.int32]
     """(k, 4) object, surface, object, surface: sorted; objects in scene order"""
-    constraints: tuple[ConstraintView, ...]
+    constraints: Sequence[ConstraintView]
     freedom: Mapping[str, int]
     """degrees of freedom left, of each part that is held, or moved since the session began"""
     joint: Mapping[str, str]

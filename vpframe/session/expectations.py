@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
@@ -10,30 +12,34 @@ from vpframe.hands.arguments import as_pose
 from vpframe.hands.workplace import Workplace
 from vpframe.scene.boxes import middle
 from vpframe.scene.scene import Part
+from vpframe.scene.subassembly import listed
 from vpframe.scene.symmetry import symmetry_of
 
 Verdict = tuple[bool, str]
 
 
 def constraint(session: Workplace, kind: str, a: str, b: str) -> Verdict:
-    """Of an active constraint of that kind between two parts."""
-    have = [c.kind for c in session.constraints_of(a) if session.scene[b].name in c.parts]
+    """Of an active constraint of that kind between two parts or subassemblies."""
+    own, others = set(session.group(a)), set(session.group(b))
+    between = [c for c in session.constraints_of(a) if not (set(c.parts) - own).isdisjoint(others)]
+    have = [c.kind for c in between]
     found = "" if kind in have else f" (there is: {', '.join(have) or 'none'})"
     return kind in have, f"{kind} between {a} and {b}{found}"
 
 
-def freedom(session: Workplace, part: str, n: int) -> Verdict:
-    """Of the degrees of freedom that a part has left."""
-    have = session.freedom(part)
-    return have == n, f"{part} has {n} degrees of freedom" + (f" (it has {have})" if have != n else "")
+def freedom(session: Workplace, part: str, n: int, to: str | None = None, carried: Sequence[str] = ()) -> Verdict:
+    """Of the degrees of freedom that a part or subassembly has left, with what it carries, to all others or one."""
+    have = session.freedom(part, to, carried)
+    group, found = f" with {listed(carried)}" if carried else "", f" (it has {have})" if have != n else ""
+    return have == n, f"{part}{group} has {n} degrees of freedom{f' to {to}' if to else ''}{found}"
 
 
-def free(session: Workplace, part: str) -> Verdict:
-    """Of a part that no constraint holds and that touches nothing."""
-    held = ", ".join(c.kind for c in session.constraints_of(part))
-    touched = ", ".join(session.touching(part))
+def free(session: Workplace, part: str, carried: Sequence[str] = ()) -> Verdict:
+    """Of a part or subassembly, with what it carries, that no constraint holds and that touches nothing."""
+    held = ", ".join(dict.fromkeys(c.kind for c in session.constraints_of(part, *carried)))
+    touched = listed(tuple(session.touching(part, *carried)))
     why = "; ".join([f"constrained: {held}"] * bool(held) + [f"touches {touched}"] * bool(touched))
-    return not why, f"{part} is free" + (f" ({why})" if why else "")
+    return not why, f"{part}{f' with {listed(carried)}' if carried else ''} is free" + (f" ({why})" if why else "")
 
 
 def no_clash(session: Workplace) -> Verdict:
@@ -53,8 +59,18 @@ def at(session: Workplace, part: str, pose: pin.SE3 | ArrayLike, within: float, 
     A position is where the origin of the part's frame is; rotation is not compared then. It is the place of the part as
     it is turned now, or as it was turned when the session began.
     """
-    body = session.scene[part]
-    here, centre = body.pose, _centre(body)
+    first, *rest = session.group(part)
+    body = session.scene[first]
+    for name in rest if first in session.start else ():
+        seat = session.start[first].actInv(session.start[name])
+        holds, text = _at(session, session.scene[name], body.pose * seat, within, angle)
+        if not holds:
+            return False, f"{part} in one piece: {text} from where it was on {first}"
+    return _at(session, body, pose, within, angle)
+
+
+def _at(session: Workplace, body: Part, pose: pin.SE3 | ArrayLike, within: float, angle: float) -> Verdict:
+    part, here, centre = body.name, body.pose, _centre(body)
     goal = as_pose(pose, here)
     far = float(np.linalg.norm(goal.act(centre) - here.act(centre)))
     named = f"{part} within {within * 1e3:g} mm of its place"

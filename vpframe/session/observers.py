@@ -108,9 +108,11 @@ class Observers:
 
         decided: ids that the script has decided about; it goes first. It is asked again until `heard`.
         """
-        state = {c.id: c.state for c in constraints if c.id not in decided}
         waiting = [(controls, controls.waiting()) for controls in self._controls()]
         self._heard = [(controls, len(requests)) for controls, requests in waiting]
+        if not any(requests for _, requests in waiting):
+            return []
+        state = {c.id: c.state for c in constraints if c.id not in decided}
         return [
             Decision(request.action, request.id)
             for _, requests in waiting

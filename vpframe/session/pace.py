@@ -32,7 +32,8 @@ class Pace:
 
 def catching_up(steps: int, left: int, pace: Pace) -> str:
     """Where a run stands that goes over `left` more steps of an earlier one."""
-    return f"going over the steps of the earlier run  {bar(steps / max(steps + left, 1), pace.seconds * steps)}"
+    fraction, ahead = steps / max(steps + left, 1), pace.seconds * left
+    return f"going over the steps of the earlier run  {bar(fraction, 0.0, ahead or None)}"
 
 
 def under_way(time: float, dt: float, hands: Iterable[Gripper], pace: Pace, ending: bool) -> str:

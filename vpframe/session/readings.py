@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from constraints.freedom.mobility import mobility
+from constraints.freedom.mobility import Freedom, mobility
 from constraints.kinds.stated import taken_along
+from constraints.manager import InForce
 from constraints.recognition.candidate import Candidate
-from constraints.solve.groups import ALONE
+from constraints.solve.groups import ALONE, Groups
 from vpframe.scene.boxes import corners
 from vpframe.session.events import ConstraintView, ContactPoint
 from vpframe.session.state import COLUMNS, State
-from vpframe.session.views import Views
+from vpframe.session.views import Views, ViewsOfStep
 
 
 class Readings:
@@ -29,10 +31,9 @@ class Readings:
         state.on_change(self._forget)
 
     def _forget(self) -> None:
-        self._freedom: dict[tuple[int, tuple[int, ...]], tuple[int, str]] = {}
+        self._freedom: dict[tuple[int, tuple[int, ...], tuple[int, ...]], tuple[int, str]] = {}
         self._freedoms: tuple[Any, tuple[dict[str, int], dict[str, str]]] = None, ({}, {})
         self._active = Views()
-        self._drawn_at: tuple[pin.SE3, ...] = ()
         self._offered: dict[int, tuple[Candidate, ConstraintView]] = {}
 
     def near_pairs(self) -> NDArray[np.int32]:
@@ -41,22 +42,28 @@ class Readings:
         near = np.flatnonzero(rows["distance"] <= 2.0 * self.state.tolerance.linear)  # motion stops at `linear`
         return np.stack([rows[c][near] for c in COLUMNS], axis=1)
 
-    def views(self) -> tuple[ConstraintView, ...]:
+    def views(self) -> ViewsOfStep:
         """All constraints in the user's terms: active by age, then candidates by score, then refused."""
         self.state.start()
-        mates, poses = self.state.mates, self.state.poses
-        before = self._drawn_at or (None,) * len(poses)
-        moved = np.array([now is not then for now, then in zip(poses, before, strict=True)])
-        active = self._active.active(mates.in_force, self.state.names, poses, moved, self.state.motion.groups)
-        self._drawn_at = poses
-        offers = sorted(mates.candidates.items(), key=lambda item: (-item[1].score, item[0]))
-        known_offers, self._offered = self._offered, {}
-        for state, candidates in (("candidate", offers), ("refused", mates.refused.items())):
+        mates = self.state.mates
+        mates.state()  # from here on changes are made to copies of its records
+        given = mates.in_force, mates.candidates, mates.refused
+        return ViewsOfStep(partial(self._views, *given, self.state.poses), given)
+
+    def _views(
+        self, in_force: InForce, offered: Mapping[int, Candidate], refused: Mapping[int, Candidate],
+        poses: tuple[pin.SE3, ...],
+    ) -> tuple[ConstraintView, ...]:  # fmt: skip
+        active = self._active.active(in_force, self.state.names, poses)
+        offers = sorted(offered.items(), key=lambda item: (-item[1].score, item[0]))
+        known, now = self._offered, {}
+        for state, candidates in (("candidate", offers), ("refused", refused.items())):
             for id, candidate in candidates:
-                old = known_offers.get(id)
+                old = known.get(id)
                 same = old is not None and old[0] is candidate and old[1].state == state
-                self._offered[id] = old if same and old else (candidate, self.view(id, candidate, state))
-        return (*active, *(view for _, view in self._offered.values()))
+                now[id] = old if same and old else (candidate, self.view(id, candidate, state))
+        self._offered = now
+        return (*active, *(view for _, view in now.values()))
 
     def view(self, id: int, candidate: Candidate, state: str) -> ConstraintView:
         """A candidate or constraint in the user's terms."""
@@ -83,22 +90,46 @@ class Readings:
             why=candidate.why,
         )
 
-    def freedom(self, i: int) -> tuple[int, str]:
-        """Degrees of freedom left to a part, and the lower pair's name; others stay, but what statements join to it."""
+    def freedom(self, i: int, carried: Sequence[int] = (), to: Sequence[int] | None = None) -> tuple[int, str]:
+        """Degrees of freedom left to a part, and the lower pair's name; others stay, but what statements join to it.
+
+        carried: bodies that move with it as one. to: count only what joins them to these; None: to all others.
+        """
         state = self.state
-        if state.scene.parts[i].fixed:
+        if any(state.scene.parts[j].fixed for j in (i, *carried)):
             return 0, "rigid"
-        state.start()
-        group = along(state, {i})
-        accepted = state.mates.accepted
-        on_it = {id: accepted[id].candidate for id in state.mates.in_force.about(group, ALONE)}
-        key = (i, tuple(sorted(on_it)))
+        group, rigid, on_it = self._constraining(i, carried, to)
+        key = (i, (*carried, -1 if to is None else -2), tuple(sorted(on_it)))
         if key not in self._freedom:
-            others = [j for j in range(len(state.names)) if j not in group]
-            constraints = [c.constraint for c in on_it.values()]
-            found = mobility(constraints, state.poses, others, state.tolerance).parts[i]
+            found = self._mobility(i, group, rigid, on_it)
             self._freedom[key] = (found.freedom, found.joint)
         return self._freedom[key]
+
+    def twists(self, i: int, carried: Sequence[int] = ()) -> NDArray[np.float64]:
+        """(6, k) orthonormal twists that are left to a part with what it carries, in the part's frame, linear first."""
+        if any(self.state.scene.parts[j].fixed for j in (i, *carried)):
+            return np.zeros((6, 0))
+        return self._mobility(i, *self._constraining(i, carried, None)).twists
+
+    def _constraining(
+        self, i: int, carried: Sequence[int], to: Sequence[int] | None
+    ) -> tuple[frozenset[int], Groups, dict[int, Candidate]]:
+        """What moves with a part, what it carries as one rigid body, and the constraints on them by id."""
+        state = self.state
+        state.start()
+        one = {i, *carried}
+        group = along(state, one) if to is None else frozenset(one)
+        rigid = Groups.of({i: carried}, state.poses, ALONE) if carried else ALONE
+        accepted = state.mates.accepted
+        on_it = {id: accepted[id].candidate for id in state.mates.in_force.about(group, rigid)}
+        if to is not None:
+            on_it = {id: c for id, c in on_it.items() if not set(to).isdisjoint(c.bodies)}
+        return group, rigid, on_it
+
+    def _mobility(self, i: int, group: frozenset[int], rigid: Groups, on_it: dict[int, Candidate]) -> Freedom:
+        others = [j for j in range(len(self.state.names)) if j not in group]
+        constraints = rigid.constraints(c.constraint for c in on_it.values())
+        return mobility(constraints, self.state.poses, others, self.state.tolerance).parts[i]
 
     def freedoms(self) -> tuple[dict[str, int], dict[str, str]]:
         """Degrees of freedom and lower pairs of all parts that ever moved or were held, by name."""

@@ -30,6 +30,11 @@ def leave_all(candidate: ConstraintView) -> Verdict:
     return None
 
 
+def accept_standing(candidate: ConstraintView) -> Verdict:
+    """Accept what the assembly has when the session begins; decide nothing of what comes about later."""
+    return "accept" if candidate.state == "standing" else None
+
+
 def accept_kinds(*kinds: str) -> Rule:
     """Accept candidates of these kinds; say nothing of others."""
     return lambda candidate: "accept" if candidate.kind in kinds else None

@@ -8,12 +8,12 @@ from __future__ import annotations
 import os
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +24,7 @@ from constraints.recognition.candidate import Candidate
 from vpframe.app.progress import Watch
 from vpframe.app.script_errors import ON_REQUEST, in_one_line, place
 from vpframe.errors import CheckpointError, OutputError, TaskError, VpframeError
+from vpframe.hands.access import Reach, reach_of
 from vpframe.hands.arguments import FAR, as_pose, metres, vector
 from vpframe.hands.conditions import Condition
 from vpframe.hands.driver import drive
@@ -33,6 +34,7 @@ from vpframe.hands.segment import Outcome
 from vpframe.report.log import SessionLog
 from vpframe.scene.boxes import above, bounds, half_size
 from vpframe.scene.scene import Part, Scene
+from vpframe.scene.subassembly import listed, parts_named
 from vpframe.session import expectations
 from vpframe.session.checkpoint import Journal, advance_or_replay, journal_of
 from vpframe.session.events import ConstraintView, ContactPoint, Event, Frame, Observer, Poses
@@ -41,9 +43,9 @@ from vpframe.session.observers import Observers, recorders, viewers
 from vpframe.session.pace import Pace, catching_up, under_way
 from vpframe.session.readings import Readings
 from vpframe.session.rules import Rule, accept_all
-from vpframe.session.state import Changes, Decision, State
+from vpframe.session.state import Changes, Decision, Mark, State
 from vpframe.session.statements import ContradictionError, Place, limits, stated
-from vpframe.session.step import DecisionError, HandTarget, Inputs
+from vpframe.session.step import DecisionError, HandTarget, Inputs, standing
 from vpframe.session.trails import Trails
 from vpframe.text import in_part_names
 
@@ -51,6 +53,13 @@ if TYPE_CHECKING:
     from physics import Behaviour, Material
     from vpframe.hands.verbs import Verb
     from vpframe.report.swept import SweptVolume
+
+
+class SessionMark(NamedTuple):
+    """What `Session.mark` keeps."""
+
+    state: Mark
+    trails: tuple[int, int]
 
 
 class Session:
@@ -67,6 +76,7 @@ class Session:
     dt: s, length of a step.
     tolerance: what counts as touching, parallel, fitting.
     clearance: whether to measure the least clearance of what moves at every step (observers show it).
+    access: whether a straight tool must get to what hands grab and turn: True, or a `Reach` of another size.
     observers: more of them.
     checkpoint: a file that keeps where the run is; `resume` goes on from it, `run` names what it depends on.
     name: of the task, for the report; the model's by default.
@@ -85,6 +95,7 @@ class Session:
         dt: float = 1.0 / 60.0,
         tolerance: Tolerance | None = None,
         clearance: bool = False,
+        access: Reach | bool = False,
         observers: Iterable[Observer] = (),
         checkpoint: str | os.PathLike[str] | None = None,
         resume: bool = False,
@@ -99,6 +110,8 @@ class Session:
         self.name = name
         self.dt = float(dt)
         self.tolerance = tolerance or Tolerance()
+        self.access = reach_of(access, "access")
+        """the tool that must get to what hands grab and turn; None: that is not asked"""
         self.rule = rule
         pull = vector((0.0, 0.0, 0.0) if gravity is None else gravity, "gravity")
         self.state = State(scene, self.tolerance, pull, self._judge, self._make_hand)
@@ -132,7 +145,10 @@ class Session:
         self._journal: Journal | None = None
         if checkpoint is not None:
             depends = {**(run or {}), "dt": repr(self.dt), "tolerance": repr(self.tolerance)}
+            if self.access is not None:
+                depends["access"] = repr(self.access)
             self._journal = journal_of(checkpoint, scene, depends, resume)
+        self._impose()
 
     # ---- the loop
 
@@ -188,6 +204,37 @@ class Session:
         assert self._frame is not None
         return self._frame
 
+    def show(self) -> Frame:
+        """Show observers the state as it stands, without a step: before the first one, or after it went back."""
+        if self._closed:
+            raise VpframeError("the session is closed; open a new one")
+        with self._watch:
+            self._begin()
+            self._observers.tell()
+            self.state.start()
+            self._changes = standing(self.state, self._readings)
+            self._frame = None  # poses of all parts are new
+            self._frame = self._frame_of(self._changes)
+            self._observers.show(self._frame)
+            self._observers.tell()
+        return self._frame
+
+    def mark(self) -> SessionMark:
+        """Where the session stands, to `undo` what follows; no part may be given mass meanwhile.
+
+        Raises VpframeError where a checkpoint is kept: its journal only goes on.
+        """
+        if self._journal is not None:
+            raise VpframeError("a session that keeps a checkpoint cannot go back; open it without one")
+        self._begin()
+        self.state.start()
+        return SessionMark(self.state.mark(), self._trails.mark())
+
+    def undo(self, mark: SessionMark) -> None:
+        """Go back to a mark, to the bit; the events until now are kept, and observers see it with `show`."""
+        self.state.undo(mark.state)
+        self._trails.undo(mark.trails)
+
     def _advance(self) -> None:
         """Go through one step and commit it; or, whatever happens meanwhile, be where it began, to the bit."""
         mark = self._mark()
@@ -230,8 +277,8 @@ class Session:
     def _commit(self, changes: Changes) -> None:
         """Make a step part of what was: trails, events, frame."""
         self._changes = changes
-        for name, pose in changes.poses.items():
-            self._trails.add(self.step_count, self._numbers[name], pose)
+        moved = [self._numbers[name] for name in changes.poses]
+        self._trails.add(self.step_count, moved, self.state.collision.packed_poses()[moved])
         for hand in self.state.hands.values():
             hand.stopped_by = changes.blocked.get(hand.held, "") if hand.held else ""
         for event in changes.events:
@@ -304,8 +351,7 @@ class Session:
             return
         self._pace.beat()
         self._trails.undo((0, 0))  # this may have been interrupted before
-        for i, part in enumerate(self.scene.parts):
-            self._trails.add(0, i, part.pose)
+        self._trails.add(0, range(len(self.scene)), Poses.of({part.name: part.pose for part in self.scene.parts}).rows)
         self._observers.begin(self.scene)
         self._begun = True
 
@@ -336,30 +382,41 @@ class Session:
         """The rule's word on mates that a hand makes or that the assembly has; what fell into place is offered."""
         if self.state.started and self.state.held.isdisjoint(candidate.bodies):
             return None
-        verdict = self.rule(self._readings.view(-1, candidate, "candidate"))
+        state = "candidate" if self.state.started else "standing"
+        verdict = self.rule(self._readings.view(-1, candidate, state))
         return None if verdict is None else verdict == "accept"
 
     # ---- hands
 
-    def hand(self, name: str = "hand", at: pin.SE3 | ArrayLike | None = None) -> Hand:
-        """The hand of that name; at first use it is made, at a world pose or position (over the scene by default)."""
+    def hand(
+        self, name: str = "hand", at: pin.SE3 | ArrayLike | None = None, reach: Reach | bool | None = None
+    ) -> Hand:
+        """The hand of that name; at first use it is made, at a world pose or position (over the scene by default).
+
+        reach: the tool or finger that must get to whatever it grabs or turns (`vp.Reach`; True: the default one; False:
+        none). If not given, what the session's `access` says.
+        """
         hands = self.state.hands
         if name not in hands:
             here = pin.SE3(np.eye(3), above(self.scene)) if at is None else as_pose(at, pin.SE3.Identity())
-            return self._make_hand(name, here)
-        if at is not None:
+            self._make_hand(name, here)
+        elif at is not None:
             raise TaskError(f"{name} exists already; move it with {name}.move_to")
         hand = hands[name]
         assert isinstance(hand, Hand)
+        if reach is not None:
+            hand.access = reach_of(reach, "hand: reach")
         return hand
 
     def _make_hand(self, name: str, pose: pin.SE3) -> Hand:
         self.state.hands[name] = hand = Hand(self, name, pose)
+        hand.access = self.access
         return hand
 
     def holder(self, part: str) -> Gripper | None:
-        """The hand that holds (or carries) a part."""
-        return next((h for h in self.state.hands.values() if h.held == part or part in h.carried), None)
+        """The hand that holds (or carries) a part, or one of a subassembly."""
+        group = set(self.group(part))
+        return next((h for h in self.state.hands.values() if not group.isdisjoint((h.held, *h.carried))), None)
 
     def note_grab(self, hand: Hand, named: str = "") -> None:
         """Called by a hand that has closed on a part, or on a subassembly of that name."""
@@ -390,54 +447,92 @@ class Session:
         known = self._readings.views() if self._changes is None else self._changes.constraints
         return tuple(c for c in known if c.state == state)
 
-    def constraints_of(self, part: str) -> tuple[ConstraintView, ...]:
-        """Active constraints on one part."""
-        self.scene[part]
-        return tuple(c for c in self.constraints if part in c.parts)
+    def group(self, *names: str) -> tuple[str, ...]:
+        """The parts that names are of, each once: a part, or all of a subassembly (see `scene.subassembly`).
 
-    def touching(self, part: str) -> dict[str, tuple[int, ...]]:
-        """What the part touches, mated surfaces left out: by part name, the surfaces of that part."""
-        me = self.scene.index(part)
+        Raises
+        ------
+        UnknownPartError: with near matches. TaskError: more than one thing has that name.
+        """
+        known = self._numbers
+        return tuple(dict.fromkeys(p for n in names for p in ((n,) if n in known else parts_named(tuple(known), n))))
+
+    def _indices(self, *names: str) -> list[int]:
+        return [self._numbers[name] for name in self.group(*names)]
+
+    def constraints_of(self, part: str, *carried: str) -> tuple[ConstraintView, ...]:
+        """Active constraints on a part; of a subassembly, or with what it carries, those that join it to others."""
+        group = set(self.group(part, *carried))
+        return tuple(c for c in self.constraints if (c.parts[0] in group) != (c.parts[1] in group))
+
+    def touching(self, part: str, *carried: str) -> dict[str, tuple[int, ...]]:
+        """What a part or subassembly, with what it carries, touches: by part name, the surfaces of that part.
+
+        Mated surfaces are left out.
+        """
+        group = set(self._indices(part, *carried))
         found: dict[str, set[int]] = {}
         names = self.scene.names
         for a, sa, b, sb in self._touching().tolist():
-            if me in (a, b):
-                other, surface = (b, sb) if a == me else (a, sa)
+            if (a in group) != (b in group):
+                other, surface = (b, sb) if a in group else (a, sa)
                 found.setdefault(names[other], set()).add(surface)
         return {name: tuple(sorted(surfaces)) for name, surfaces in sorted(found.items())}
 
-    def freedom(self, part: str) -> int:
-        """Degrees of freedom left to a part by the active constraints (0 when it is fixed)."""
-        return self._readings.freedom(self.scene.index(part))[0]
+    def freedom(self, part: str, to: str | None = None, carried: str | Sequence[str] = ()) -> int:
+        """Degrees of freedom that the active constraints leave a part or subassembly (0 when it is fixed).
 
-    def joint(self, part: str) -> str:
-        """The lower pair that the active constraints leave a part, by name ("free", "cylindrical", "revolute", …)."""
-        return self._readings.freedom(self.scene.index(part))[1]
+        All other parts stay. to: only what joins it to that part or subassembly counts. carried: parts that move with
+        it as one, such as the nut on a bolt.
+        """
+        return self._freedom(part, to, carried)[0]
+
+    def joint(self, part: str, to: str | None = None, carried: str | Sequence[str] = ()) -> str:
+        """The lower pair that `freedom` of the same counts, by name ("free", "cylindrical", "revolute", …)."""
+        return self._freedom(part, to, carried)[1]
+
+    def _freedom(self, part: str, to: str | None, carried: str | Sequence[str]) -> tuple[int, str]:
+        first, *rest = self._indices(part, *((carried,) if isinstance(carried, str) else carried))
+        other = None if to is None else self._indices(to)
+        if other is not None and not {first, *rest}.isdisjoint(other):
+            raise TaskError(f"freedom({part!r}, to={to!r}): a part is on both sides; name another to measure to")
+        if other is not None and all(self.scene.parts[i].fixed for i in (first, *rest)):
+            first, rest, other = other[0], other[1:], [first, *rest]  # freedom between two is the same seen from either
+        return self._readings.freedom(first, rest, other)
+
+    def twists(self, part: str, carried: str | Sequence[str] = ()) -> NDArray[np.float64]:
+        """(6, k) orthonormal twists that the constraints leave a part or subassembly, linear first (1 and 1/m), in the
+        frame of its first part; `carried` as of `freedom`. Solid bodies are not considered."""
+        first, *rest = self._indices(part, *((carried,) if isinstance(carried, str) else carried))
+        return self._readings.twists(first, rest)
 
     def clearance(self, part: str, other: str | None = None) -> float:
-        """Least distance (m) of a part to another, or to all it is not constrained to; inf if there are none."""
-        i = self.scene.index(part)
+        """Least distance (m) of a part or subassembly to another, or to all it is not constrained to; inf if none.
+
+        What a hand holds together with it does not count as another.
+        """
+        own = self._indices(part)
         if other is not None:
-            with in_part_names(self.scene):
-                return self._readings.clearance(i, [self.scene.index(other)])
-        mates = {self.scene.index(name) for c in self.constraints_of(part) for name in c.parts}
-        carried = {
-            self.scene.index(n)
-            for h in self.state.hands.values()
-            if part in (h.held, *h.carried)
-            for n in (h.held, *h.carried)
-            if n
-        }
+            to = [j for j in self._indices(other) if j not in own]
+        else:
+            group = self.group(part)
+            grips = [(h.held, *h.carried) for h in self.state.hands.values() if h.held]
+            alike = [name for grip in grips if not set(grip).isdisjoint(group) for name in grip]
+            mates = [name for c in self.constraints_of(part) for name in c.parts]
+            left_out = {self._numbers[name] for name in (*mates, *alike, *group)}
+            to = [j for j in range(len(self.scene)) if j not in left_out]
         with in_part_names(self.scene):
-            return self._readings.clearance(i, [j for j in range(len(self.scene)) if j not in mates | carried | {i}])
+            return min(self._readings.clearance(i, to) for i in own)
 
     def velocity(self, part: str) -> pin.Motion:
-        """Twist of a part's frame in world axes, m/s at its origin and rad/s, after the last step."""
-        return self._readings.velocity(self.scene.index(part), self.dt)
+        """Twist of a part's frame (of a subassembly its first part's) in world axes, m/s at its origin and rad/s."""
+        return self._readings.velocity(self._indices(part)[0], self.dt)
 
     def contacts(self, part: str) -> tuple[ContactPoint, ...]:
-        """Where a part meets others, mated surfaces left out; with the force where forces move it."""
-        return self._readings.contacts(self.scene.index(part))
+        """Where a part or subassembly meets others, mated surfaces left out; with the force where forces move it."""
+        own = self.group(part)
+        found = [c for name in own for c in self._readings.contacts(self._numbers[name])]
+        return tuple(c for c in found if c.other not in own)
 
     def clashes(self) -> NDArray[np.int32]:
         """(k, 4) object, surface, object, surface that intersect now, mated surfaces and authorised pairs left out."""
@@ -453,7 +548,9 @@ class Session:
         self._changes = None
 
     def half_size(self, part: str) -> float:
-        """Half the diagonal of a part's bounding box, m."""
+        """Half the diagonal of a part's bounding box, of a subassembly the largest of its parts', m."""
+        if part not in self.scene:
+            return max(self.half_size(name) for name in self.group(part))
         if part not in self._sizes:
             self._sizes[part] = half_size(self.scene[part].mesh)
         return self._sizes[part]
@@ -468,35 +565,35 @@ class Session:
     def pitch_of(self, part: str) -> float | None:
         """m a turn, of the thread that holds a part, negative for a left-hand one: from `thread`, else from a screw
         constraint; None if neither tells."""
-        return self._readings.pitch_of(self.scene.index(part))
+        return next(filter(None, map(self._readings.pitch_of, self._indices(part))), None)
 
     def trail(self, part: str) -> tuple[tuple[int, pin.SE3], ...]:
-        """(step, pose) whenever the part moved, from step 0 on."""
+        """(step, pose) whenever the part (of a subassembly its first part) moved, from step 0 on."""
         self._begin()
-        return self._trails.of(self.scene.index(part))
+        return self._trails.of(self._indices(part)[0])
 
     # ---- what the script decides
 
     def accept(
-        self, candidate: ConstraintView, break_distance: float | None = None, break_force: float | None = None
+        self, candidate: ConstraintView | int, break_distance: float | None = None, break_force: float | None = None
     ) -> None:
-        """Accept a candidate, from the next step on.
+        """Accept a candidate, or that of an id, from the next step on.
 
         break_distance: m; a pull farther than this ends it, `Tolerance.break_distance` if not given.
         break_force: N; a spring (`hand.spring`) that pulls harder ends it; other hands have no measure of force.
         """
-        self._decide(Decision("accept", candidate.id, limits("accept", break_distance, break_force)))
+        self._decide(Decision("accept", _id(candidate), limits("accept", break_distance, break_force)))
 
     def _decide(self, decision: Decision) -> None:
         self.state.decisions = (*self.state.decisions, decision)
 
-    def refuse(self, candidate: ConstraintView) -> None:
-        """Refuse a candidate; it is not offered again until the parts have parted."""
-        self._decide(Decision("refuse", candidate.id))
+    def refuse(self, candidate: ConstraintView | int) -> None:
+        """Refuse a candidate, or that of an id; it is not offered again until the parts have parted."""
+        self._decide(Decision("refuse", _id(candidate)))
 
-    def remove(self, constraint: ConstraintView) -> None:
-        """Drop an active constraint."""
-        self._decide(Decision("remove", constraint.id))
+    def remove(self, constraint: ConstraintView | int) -> None:
+        """Drop an active constraint, or that of an id."""
+        self._decide(Decision("remove", _id(constraint)))
 
     def constrain(
         self,
@@ -528,17 +625,39 @@ class Session:
         self._decide(decision)
         return view
 
+    def _impose(self) -> None:
+        """Put the constraints that the model itself states in force from the next step on."""
+        for s in self.scene.statements:
+            if not all(self.scene[name].fixed for name in s.parts):
+                self.constrain(s.kind, s.a, s.b, **s.parameters)
+
     def thread(self, part: str, pitch: float) -> None:
         """Say that a part is threaded with that pitch (m a turn): positive for a right-hand thread, else negative."""
         if not np.isfinite(pitch) or pitch == 0.0:
             raise TaskError(f"thread({part!r}, {pitch!r}): the pitch is metres a turn, negative for a left-hand thread")
         size = 2.0 * self.half_size(part)
         metres(pitch, f"thread({part!r}, {pitch!r})", part, size, FAR * size)
-        self.state.threads = {**self.state.threads, self.scene.index(part): float(pitch)}
+        self.state.threads = {**self.state.threads, self._one(part, "thread"): float(pitch)}
+
+    def _one(self, part: str, what: str) -> int:
+        """Id of one part, where a subassembly will not do."""
+        group = self.group(part)
+        if len(group) > 1:
+            raise TaskError(f"{what}({part!r}): that is {len(group)} parts, {listed(group)}; name one of them")
+        return self._numbers[group[0]]
+
+    @property
+    def threads(self) -> dict[str, float]:
+        """Pitches (m a turn, negative for left-hand threads) that the script told, by part."""
+        return {self.scene.names[i]: pitch for i, pitch in self.state.threads.items()}
 
     def authorise(self, a: str, b: str) -> None:
-        """Let two parts overlap (a press fit, a seal): they neither clash nor block each other."""
-        self.state.authorise(self.scene.index(a), self.scene.index(b))
+        """Let two parts or subassemblies overlap (a press fit, a seal): they neither clash nor block each other."""
+        pairs = [(i, j) for i in self._indices(a) for j in self._indices(b)]
+        if any(i == j for i, j in pairs):
+            raise TaskError(f"authorise({a!r}, {b!r}): a part is on both sides; name two different ones")
+        for i, j in pairs:
+            self.state.authorise(i, j)
 
     @property
     def authorised(self) -> list[tuple[str, str]]:
@@ -552,28 +671,33 @@ class Session:
         material: str | float | Material | None = None,
         mass: float | None = None,
     ) -> None:
-        """Give a part mass, so that forces move it whenever no hand holds it: it stands on, bounces off and slides
-        along the other parts.
+        """Give a part (each of a subassembly) mass, so that forces move it whenever no hand holds it: it stands on,
+        bounces off and slides along the other parts.
 
         behaviours: forces (`vp.Drag()`, `vp.Gravity()` where the session has none, …) and how it meets others
         (`vp.Friction(0.3)`, `vp.Elastic(0.6)`), which come before those of the material.
         material: a `vp.Material` or a name from `vp.MATERIALS` (density, friction, restitution), or kg/m³; without a
         density the part's own counts, else that of steel. mass: kg.
         """
-        i = self.scene.index(part)
-        if self.scene[part].fixed:
-            raise TaskError(f"{part} is fixed in the scene; set part.fixed = False before giving it behaviours")
+        group = self.group(part)
+        if len(group) > 1 and mass is not None:
+            raise TaskError(f"behave({part!r}, mass={mass!r}): that is {len(group)} parts; name one, or a material")
+        for fixed in (name for name in group if self.scene[name].fixed):
+            raise TaskError(f"{fixed} is fixed in the scene; set part.fixed = False before giving it behaviours")
         from vpframe.session.dynamics import body_of
 
-        body = body_of(self.scene[part], material, mass)
-        with in_part_names(self.scene):
-            self.state.behave(i, body, behaviours, None if isinstance(material, int | float) else material)
-        for note in body.notes:
-            self.note(note)
+        bodies = {name: body_of(self.scene[name], material, mass) for name in group}
+        for name, body in bodies.items():
+            with in_part_names(self.scene):
+                known = None if isinstance(material, int | float) else material
+                self.state.behave(self._numbers[name], body, behaviours, known)
+            for note in body.notes:
+                self.note(note)
 
     def reset(self) -> None:
         """Go back to where the session began (see `State.reset`); what was seen and told until then is kept."""
         self.state.reset()
+        self._impose()
 
     # ---- what the task expects
 
@@ -587,16 +711,16 @@ class Session:
             raise TaskError(self.failure)
 
     def expect_constraint(self, kind: str, a: str, b: str) -> None:
-        """Expect an active constraint of that kind between two parts."""
+        """Expect an active constraint of that kind between two parts or subassemblies."""
         self.expect(*expectations.constraint(self, kind, a, b))
 
-    def expect_freedom(self, part: str, n: int) -> None:
-        """Expect that a part has `n` degrees of freedom left."""
-        self.expect(*expectations.freedom(self, part, n))
+    def expect_freedom(self, part: str, n: int, to: str | None = None, carried: str | Sequence[str] = ()) -> None:
+        """Expect that a part or subassembly has `n` degrees of freedom left; `to` and `carried` as of `freedom`."""
+        self.expect(*expectations.freedom(self, part, n, to, (carried,) if isinstance(carried, str) else carried))
 
-    def expect_free(self, part: str) -> None:
-        """Expect that no constraint holds a part and that it touches nothing."""
-        self.expect(*expectations.free(self, part))
+    def expect_free(self, part: str, carried: str | Sequence[str] = ()) -> None:
+        """Expect that a part or subassembly, with what it carries, is held by no constraint and touches nothing."""
+        self.expect(*expectations.free(self, part, (carried,) if isinstance(carried, str) else carried))
 
     def expect_no_clash(self) -> None:
         """Expect that no surfaces intersect but mated ones and authorised pairs."""
@@ -605,7 +729,8 @@ class Session:
     def expect_at(self, part: str, pose: pin.SE3 | ArrayLike, within: float = 1e-3, angle: float = 0.02) -> None:
         """Expect a part at a pose: its centre within metres, its rotation within radians as far as it can be seen (a
         shaft may be turned about its axis, a hexagonal nut by 60°). Of a position (3,), as `move_to` takes it, rotation
-        is not compared.
+        is not compared. The pose of a subassembly is its first part's, and its others must stand to that as they did
+        when the session began.
         """
         self.expect(*expectations.at(self, part, pose, within, angle))
 
@@ -651,10 +776,8 @@ class Session:
             self.note(text)
 
     def sweep(self, part: str) -> None:
-        """Ask for the volume that a part sweeps in this session: the report shows it, and what it collides with."""
-        name = self.scene[part].name
-        if name not in self._swept:
-            self._swept.append(name)
+        """Ask for the volume that a part (each of a subassembly) sweeps: the report shows it, and what it meets."""
+        self._swept += [name for name in self.group(part) if name not in self._swept]
 
     def swept(self, part: str, resolution: float | None = None) -> SweptVolume:
         """The volume that a part has swept so far, and the parts that it collides with (see `vpframe.analysis.swept`).
@@ -670,14 +793,16 @@ class Session:
         return swept_volume(self.scene[part], [pose for _, pose in self.trail(part)], rest, resolution)
 
     def report(self, directory: str | os.PathLike[str]) -> Path:
-        """Write the report folder (`index.html`, `report.json`, `clashes.csv`), or the `OutputFolder` of one; its path.
+        """Write the report folder (`index.html`, `report.json`, `clashes.csv`), or the `OutputFolder` of one; its path,
+        which a notebook shows as the report.
 
         Raises OutputError where a file of such a name is none that an earlier report left.
         """
         from vpframe.report import write
+        from vpframe.view.notebook import ReportFolder
 
         swept = [self.swept(part) for part in self._swept]
-        return write(
+        folder = write(
             directory,
             self.log,
             failure=self.failure,
@@ -687,6 +812,13 @@ class Session:
             authorised=self.authorised,
             swept=swept,
         )
+        return ReportFolder(folder)
+
+    def _repr_html_(self) -> str:
+        """The session as a notebook shows it: what happened until now, to be played back."""
+        from vpframe.view.notebook import shown
+
+        return shown(self.scene, self.log.history, self.log.start)
 
     def close(self) -> None:
         """End view and recording. Called once or more; nothing moves afterwards. It ends the task, if nothing did.
@@ -730,6 +862,10 @@ class Session:
         if journal is not None and journal.replaying:
             return catching_up(self.step_count, journal.left, self._pace)
         return under_way(self.time, self.dt, list(self.state.hands.values()), self._pace, self._stop)
+
+
+def _id(constraint: ConstraintView | int) -> int:
+    return constraint if isinstance(constraint, int) else constraint.id
 
 
 __all__ = ["Part", "Session"]

@@ -64,7 +64,7 @@ class Changes:
     colliding: NDArray[np.int32]
     touching: NDArray[np.int32]
     """(k, 4) object, surface, object, surface that touch, of parts that were ever held; mated surfaces left out"""
-    constraints: tuple[ConstraintView, ...]
+    constraints: Sequence[ConstraintView]
     freedom: Mapping[str, int]
     joint: Mapping[str, str]
     clearance: float | None
@@ -135,7 +135,7 @@ class State:
 
     _OWN = (
         "step", "decisions", "authorised", "threads", "held", "moved", "blocked", "rows", "colliding", "joined",
-        "targets", "last", "untold", "remated", "decided",
+        "targets", "last", "untold", "remated", "decided", "renewed", "gripped",
     )  # fmt: skip
     _HAND = ("pose", "held", "grip", "surfaces", "carried", "stopped_by", "doing", "segment", "clock", "wanted")
     _values = staticmethod(attrgetter(*_HAND))
@@ -160,8 +160,8 @@ class State:
         """pairs of objects that may overlap"""
         self.decisions: tuple[Decision, ...] = ()
         """of the script, for the next step"""
-        self.arms: dict[int, float] = {}
-        """m: the diameter of a part, once it was asked for"""
+        self.arms: dict[int, tuple[Groups, float]] = {}
+        """m: how far from a part's origin it and what it carries in these groups reach, twice; once it was asked for"""
         self._gravity = gravity
         self._judge = judge
         self._make_hand = make_hand
@@ -183,6 +183,10 @@ class State:
         """held parts that solid bodies keep from following, and what stands in the way"""
         self.rows: NDArray[Any] = np.zeros(0, CONTACT_DTYPE)
         """contact rows of the parts that ever moved or were held, within the distance that recognition needs"""
+        self.gripped: tuple[tuple[str, tuple[str, ...], bool], ...] | None = None
+        """what hands held in the last step, what they carried with it, and whether firmly; None: not known"""
+        self.renewed = np.full(len(self.scene), -1, np.int64)
+        """(n,) by part the version of its pose at which its contact rows were asked for"""
         self.colliding: NDArray[np.int32] = NO_PAIRS
         self.joined: frozenset[tuple[str, str]] = frozenset()
         """pairs of parts that an accepted constraint joined at any time"""
@@ -215,7 +219,7 @@ class State:
         features, threads = threaded_features(scene)
         fixed = [i for i, part in enumerate(scene.parts) if part.fixed]
         self.mates = ConstraintManager(features, self.tolerance, threads=threads, rules=[self._judge], fixed=fixed)
-        self.motion = Motion(self.collision, self.mates, self.tolerance)
+        self.motion = Motion(self.collision, self.mates, self.tolerance, drawn=self.poses)
         self._recognise_as_it_stands()
         self.colliding = self.collision.colliding_surfaces()
         self.started = True  # not before: a start that was interrupted is made again
@@ -351,6 +355,7 @@ class State:
             "parts": list(self.names),
             "step": self.step,
             "poses": list(self.poses),
+            "drawn": list(self.motion.drawn),
             "mates": self.mates.state(),
             "rows": self.rows,
             "colliding": self.colliding,
@@ -413,10 +418,11 @@ class State:
         for a, b in data["authorised"]:
             self.collision.ignore(a, b)
         self.motion.regroup(Groups(dict(data["carried"])))
+        self.motion.redraw(data["drawn"])
         self.step, self.rows, self.colliding = data["step"], data["rows"], data["colliding"]
         self.held, self.moved, self.blocked = frozenset(data["active"]), frozenset(data["moved"]), data["blocked"]
         self.joined, self.targets, self.untold = frozenset(data["joined"]), data["last_wanted"], tuple(data["untold"])
-        self.last = data["last"]
+        self.last, self.renewed, self.gripped = data["last"], np.full(len(self.names), -1, np.int64), None
         self.remated, self.decided = frozenset(data["remated"]), data["decided"]
         self.decisions, self.authorised = tuple(data["decisions"]), tuple(data["authorised"])
         self.threads = data["threads"]
@@ -458,6 +464,7 @@ class State:
         for name, hint in _DATA.items():
             _require(conforms(data[name], hint), name)
         _require(len(data["poses"]) == len(self.names) and tuple(data["parts"]) == self.names, "list of parts")
+        _require(len(data["drawn"]) == len(self.names), "list of parts")
         _require(data["rows"].dtype == CONTACT_DTYPE and data["rows"].ndim == 1, "rows")
         rows = data["rows"]
         self._require_rows(np.stack([rows[c] for c in COLUMNS], axis=1))
@@ -505,6 +512,7 @@ _DATA: dict[str, Any] = {
     "parts": list[str],
     "step": int,
     "poses": list[pin.SE3],
+    "drawn": list[pin.SE3],
     "mates": dict[str, Any],
     "rows": NDArray[Any],
     "colliding": NDArray[np.int32],

@@ -26,15 +26,21 @@ from physics import SpringHand
 from vpframe.errors import TaskError
 from vpframe.hands.paths import between
 from vpframe.scene.boxes import half_size
+from vpframe.scene.names import face_words
+from vpframe.scene.subassembly import listed
 from vpframe.session.dynamics import spring
 from vpframe.session.events import NewEvent
 from vpframe.session.readings import Readings, along
-from vpframe.session.state import Changes, Decision, State
+from vpframe.session.state import COLUMNS, Changes, Decision, State
 
 MOST_SEGMENTS = 16
 """into how many segments a hand's way in one step is cut at most"""
 MOST_ROUNDS = 2
 """of following the hands and recognising in a segment: a part snaps on, or off, at once, and no further"""
+MOST_BLOCKERS = 3
+"""parts that are named as being in the way"""
+FACING = 0.1
+"""cosine of the angle to the way up to which what is met lies ahead, not beside it"""
 _MATING = ("recognised", "withdrawn", "accepted", "refused", "satisfied", "removed")
 
 
@@ -92,13 +98,16 @@ Stage = Callable[[State, Inputs], list[NewEvent]]
 def commands(state: State, given: Inputs) -> list[NewEvent]:
     """Take in what hands hold and what was decided; parts that a statement joins go to where it holds."""
     index = state.scene.index
+    gripped = tuple((target.part, target.carried, target.spring is None) for target in given.targets)
     for target in given.targets:
         if target.spring is not None and (state.dynamics is None or index(target.part) not in state.dynamics.bodies):
             raise TaskError(f"{target.part} has no behaviours, so a spring cannot pull it; session.behave(...) first")
-    carried = {index(target.part): [index(name) for name in target.carried] for target in given.firm}
-    held = [index(target.part) for target in given.targets]
-    state.held = frozenset(held).union(*carried.values())
-    state.remated |= state.motion.carry(carried, state.poses)
+    if gripped != state.gripped:
+        carried = {index(target.part): [index(name) for name in target.carried] for target in given.firm}
+        held = [index(target.part) for target in given.targets]
+        state.held = frozenset(held).union(*carried.values())
+        state.remated |= state.motion.carry(carried, state.poses)
+        state.gripped = gripped
     _reach_for(state, given.targets)
     events, state.untold = list(state.untold), ()
     for candidate in _decide(state, given.decisions):
@@ -181,13 +190,23 @@ def contacts(state: State, before: Sequence[pin.SE3], given: Inputs) -> list[New
     """Find the colliding surfaces of what moved, and who began or ceased to collide."""
     began = clock.perf_counter()
     about = sorted({i for i, pose in enumerate(state.poses) if pose is not before[i]} | state.remated)
-    state.remated = frozenset()
+    remated, state.remated = state.remated, frozenset()
     if not about:
         return []
-    old = state.colliding
+    old, fresh = state.colliding, not remated and bool((state.renewed[about] == state.collision.versions[about]).all())
+    rows = state.rows[state.rows["distance"] == 0.0]  # of surfaces that intersect, and of no others
+    if fresh and not len(old) and not len(rows):
+        given.seconds["collision"] += clock.perf_counter() - began
+        return []
     theirs = rows_about(old[:, 0], old[:, 2], about)
     theirs &= ~_within_groups(state, old[:, 0], old[:, 2])
-    before_now, new = old[theirs], state.collision.colliding_surfaces(about)
+    if fresh:
+        a, b = rows["object_a"], rows["object_b"]
+        rows = rows[rows_about(a, b, about) & ~_within_groups(state, a, b)]
+        new = np.stack([rows[column] for column in COLUMNS], axis=1)
+    else:
+        new = state.collision.colliding_surfaces(about)
+    before_now = old[theirs]
     events = []
     if not np.array_equal(before_now, new):
         rows = np.concatenate([old[~theirs], new])
@@ -204,22 +223,34 @@ def advance(state: State, readings: Readings, given: Inputs) -> Changes:
     for stage in STAGES:
         events += stage(state, given)
     events += contacts(state, before, given)
-    moved = [i for i, pose in enumerate(state.poses) if pose is not before[i]]
-    state.moved |= state.held.union(moved)
+    poses = state.poses
+    moved = [i for i, pose in enumerate(poses) if pose is not before[i]]
+    if not state.moved.issuperset(moved) or not state.moved >= state.held:
+        state.moved |= state.held.union(moved)
     state.last = {i: before[i] for i in moved}
+    return replace(
+        standing(state, readings),
+        poses={state.names[i]: poses[i] for i in moved},
+        clearance=readings.least_clearance() if given.measure_clearance else None,
+        events=tuple(events),
+        mates=state.mates.state() if any(event.kind in _MATING for event in events) else None,
+        timings=given.seconds,
+    )
+
+
+def standing(state: State, readings: Readings) -> Changes:
+    """What there is to see of a state that no step has changed."""
     freedom, joint = readings.freedoms()
     return Changes(
-        poses={state.names[i]: state.poses[i] for i in moved},
+        poses={},
         colliding=state.colliding,
         touching=readings.near_pairs(),
         constraints=readings.views(),
         freedom=freedom,
         joint=joint,
-        clearance=readings.least_clearance() if given.measure_clearance else None,
+        clearance=None,
         blocked=dict(state.blocked),
-        events=tuple(events),
-        mates=state.mates.state() if any(event.kind in _MATING for event in events) else None,
-        timings=given.seconds,
+        events=(),
     )
 
 
@@ -231,6 +262,7 @@ def _reach_for(state: State, targets: Sequence[HandTarget]) -> None:
     reach = max((t.snap for t in targets), default=0.0)
     angle = max((t.snap_angle for t in targets if t.snap > 0.0), default=0.0)
     known = state.tolerance
+    state.mates.assisted = reach > 0.0
     state.mates.tolerance = (
         known if reach <= known.reach else replace(known, reach=reach, reach_angular=max(angle, known.reach_angular))
     )
@@ -253,8 +285,7 @@ def _assemble(state: State, candidate: Candidate, given: Inputs) -> None:
     a, b = candidate.bodies
     mover = a if state.scene.parts[b].fixed else b
     before = state.poses
-    result = state.motion.step({mover: before[mover]}, before, along(state, {mover}))
-    _put(state, result.poses)
+    state.motion.step({mover: before[mover]}, before, along(state, {mover}))
     _renew_moved(state, before, given)
 
 
@@ -264,19 +295,20 @@ def _assemble(state: State, candidate: Candidate, given: Inputs) -> None:
 def _wanted(state: State, targets: Sequence[HandTarget]) -> dict[int, pin.SE3]:
     """Poses asked of what hands hold and carry, by object."""
     wanted: dict[int, pin.SE3] = {}
+    groups = state.motion.groups
     for target in targets:
         held = state.scene.index(target.part)
         wanted[held] = target.pose
-        for name in target.carried:
-            i = state.scene.index(name)
-            wanted[i] = target.pose * state.poses[held].actInv(state.poses[i])
+        for i in groups.members.get(held, (held,))[1:]:
+            wanted[i] = target.pose * groups.seats[i][1]
     return wanted
 
 
 def _segments(state: State, wanted: dict[int, pin.SE3]) -> list[dict[int, pin.SE3]]:
     """The hands' way in this step, cut so finely that no mate is passed unseen where there is anything near."""
-    last = {i: state.targets.get(i, state.poses[i]) for i in wanted}
-    far = max((_travel(state, i, last[i], pose) for i, pose in wanted.items()), default=0.0)
+    poses, seats = state.poses, state.motion.groups.seats
+    last = {i: state.targets.get(i, poses[i]) for i in wanted}
+    far = max((_travel(state, i, last[i], pose) for i, pose in wanted.items() if i not in seats), default=0.0)
     n = min(int(np.ceil(far / state.tolerance.reach)), MOST_SEGMENTS)
     if n <= 1 or not len(state.collision.object_pairs(sorted(wanted), within=far + state.mates.within)):
         return [wanted]
@@ -284,12 +316,16 @@ def _segments(state: State, wanted: dict[int, pin.SE3]) -> list[dict[int, pin.SE
 
 
 def _travel(state: State, i: int, a: pin.SE3, b: pin.SE3) -> float:
-    """m that no point of a part exceeds on the way from one pose to another."""
+    """m that no point of a part, or of what it carries, exceeds on the way from one pose to another."""
     way = a.actInv(b)
-    arm = state.arms.get(i)
-    if arm is None:
-        arm = state.arms[i] = 2.0 * half_size(state.scene.parts[i].mesh)
-    return float(np.linalg.norm(way.translation) + arm * np.linalg.norm(pin.log3(way.rotation)))
+    groups = state.motion.groups
+    known = state.arms.get(i)
+    if known is None or known[0] is not groups:
+        carried = [(j, groups.seats[j][1].translation) for j in groups.members.get(i, (i,))[1:]]
+        seats = [(i, np.zeros(3)), *carried]
+        arms = [2.0 * half_size(state.scene.parts[j].mesh) + float(np.linalg.norm(at)) for j, at in seats]
+        known = state.arms[i] = groups, max(arms)
+    return float(np.linalg.norm(way.translation) + known[1] * np.linalg.norm(pin.log3(way.rotation)))
 
 
 def _follow_hands(state: State, wanted: dict[int, pin.SE3], given: Inputs) -> list[NewEvent]:
@@ -300,39 +336,65 @@ def _follow_hands(state: State, wanted: dict[int, pin.SE3], given: Inputs) -> li
     targets, index = given.firm, state.scene.index
     held = {index(target.part) for target in targets}
     result = state.motion.step({i: wanted[i] for i in sorted(held)}, state.poses, along(state, wanted))
-    _put(state, result.poses)
     given.seconds["motion"] += clock.perf_counter() - began
     before, blocked = state.blocked, {}
     events: list[NewEvent] = []
     if result.blocked:
         for name in sorted(target.part for target in targets):
-            by = _in_the_way(state.motion.groups.members.get(index(name), (index(name),)), result.contacts)
+            i = index(name)
+            group = state.motion.groups.members.get(i, (i,))
+            by = _in_the_way(group, result.contacts, wanted[i].translation - state.poses[i].translation)
             if not by and len(targets) > 1:
                 continue  # it was another hand's part that was stopped
-            others = [state.names[i] for i in by]
-            text = ", ".join(f"{state.names[i]} (surfaces {', '.join(map(str, s))})" for i, s in by.items())
-            blocked[name] = text or "the parts it is held to"
+            blocked[name] = _blockers(state, by)
             if name not in before:
-                told = f"{name} is stopped by {blocked[name]}"
-                events.append(NewEvent("blocked", (name, *others), ((), *by.values()), told))
+                others = [state.names[i] for i in by]
+                surfaces = (tuple(sorted(met)) for met in by.values())
+                told = f"{name} stops: {blocked[name]}"
+                events.append(NewEvent("blocked", (name, *others), ((), *surfaces), told))
     state.blocked = blocked
     return events
 
 
-def _put(state: State, poses: Mapping[int, pin.SE3]) -> None:
-    for i, pose in poses.items():
-        state.collision.set_pose(i, pose)
+def _blockers(state: State, by: Mapping[int, Mapping[int, NDArray[np.float64]]]) -> str:
+    """What `_in_the_way` found as a sentence, each object with its nearest face and the point where it is met."""
+    if not by:
+        return "the parts that it is held to keep it"
+    met = []
+    for i, faces in by.items():
+        surface, point = next(iter(faces.items()))
+        where = ", ".join(f"{x + 0.0:.1f}" for x in np.round(1e3 * point, 1))
+        met.append((state.names[i], f"({face_words(state.scene.parts[i], surface)}, at {where} mm)"))
+    remove = "" if all(state.scene.parts[i].fixed for i in by) else f"; remove {'it' if len(by) == 1 else 'them'} first"
+    if len(met) == 1:
+        return f"{met[0][0]} stands in its way {met[0][1]}{remove}"
+    return f"{listed([f'{name} {face}' for name, face in met])} stand in its way{remove}"
 
 
-def _in_the_way(group: Sequence[int], rows: NDArray[Any]) -> dict[int, tuple[int, ...]]:
-    """Surfaces of each other object in rows about the objects of a group."""
-    by: dict[int, set[int]] = {}
+def _in_the_way(
+    group: Sequence[int], rows: NDArray[Any], way: NDArray[np.float64]
+) -> dict[int, dict[int, NDArray[np.float64]]]:
+    """Surfaces of other objects in contact rows about the objects of a group that it meets on its `way` (3,), m, and
+    the points (3,) where they are met, world, m.
+
+    At most `MOST_BLOCKERS` objects, nearest first; those beside the way only where nothing else is met.
+    """
+    length = float(np.linalg.norm(way))
+    met: list[tuple[bool, float, int, int, tuple[float, float, float]]] = []
     for row in rows:
         a, b = int(row["object_a"]), int(row["object_b"])
-        if a in group or b in group:
-            other, surface = (b, row["surface_b"]) if a in group else (a, row["surface_a"])
-            by.setdefault(other, set()).add(int(surface))
-    return {i: tuple(sorted(by[i])) for i in sorted(by)}
+        if a not in group and b not in group:
+            continue
+        other, end, sign = (b, "b", 1.0) if a in group else (a, "a", -1.0)
+        to = sign * (row["point_b"] - row["point_a"])
+        beside = float(to @ way) < FACING * length * float(np.linalg.norm(to))
+        met.append((beside, float(row["distance"]), other, int(row["surface_" + end]), tuple(row["point_" + end])))
+    ahead = [entry for entry in met if not entry[0]] or met
+    by: dict[int, dict[int, NDArray[np.float64]]] = {}
+    for _, _, other, surface, point in sorted(ahead):
+        if other in by or len(by) < MOST_BLOCKERS:
+            by.setdefault(other, {}).setdefault(surface, np.array(point))
+    return by
 
 
 def _renew_moved(state: State, before: Sequence[pin.SE3], given: Inputs) -> None:
@@ -355,6 +417,8 @@ def _renew(state: State, about: Iterable[int]) -> None:
         rows = joined([kept, rows])
         rows = picked(rows, np.lexsort([rows[c] for c in ("surface_b", "object_b", "surface_a", "object_a")]))
     state.rows = rows
+    state.renewed = state.renewed.copy()
+    state.renewed[ids] = state.collision.versions[ids]
 
 
 def _within_groups(state: State, a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -31,14 +31,17 @@ class Trails:
         self._file: BinaryIO | None = None
         self._lost = ""
 
-    def add(self, step: int, part: int, pose: pin.SE3) -> None:
-        """Keep the pose that a part has from a step on."""
-        if self._count == len(self._rows):
-            self._make_room()
-        row = self._rows[self._count]
-        row["step"], row["part"] = step, part
-        row["rotation"], row["translation"] = pose.rotation.ravel(), pose.translation
-        self._count += 1
+    def add(self, step: int, parts: Sequence[int], poses: NDArray[np.float64]) -> None:
+        """Keep the poses (k, 12), rotation by rows and translation in m, that parts have from a step on."""
+        done = 0
+        while done < len(parts):
+            if self._count == len(self._rows):
+                self._make_room()
+            rows = self._rows[self._count : self._count + len(parts) - done]
+            own = slice(done, done + len(rows))
+            rows["step"], rows["part"] = step, parts[own]
+            rows["rotation"], rows["translation"] = poses[own, :9], poses[own, 9:]
+            self._count, done = self._count + len(rows), own.stop
 
     def mark(self) -> tuple[int, int]:
         """How much there is, to `undo` what follows."""

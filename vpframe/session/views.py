@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from constraints.manager import InForce
-from constraints.solve.groups import Groups
 from constraints.solve.together import Together
 from vpframe.session.events import ConstraintView
 
@@ -23,79 +22,109 @@ class Selection(NamedTuple):
     """of each the first body"""
     local: NDArray[np.float64]
     """(k, 2, 3) where to draw each and its direction, in the frame of that body"""
-    measured: list[int]
-    """those of which the residual may be another"""
     together: Together
     """the same"""
 
 
+class Drawn(NamedTuple):
+    """What was last drawn."""
+
+    in_force: InForce
+    views: list[ConstraintView]
+    local: NDArray[np.float64]
+    """(k, 2, 3) where each is drawn and its direction, in the frame of its first body"""
+    poses: tuple[pin.SE3, ...]
+
+
+class ViewsOfStep(Sequence[ConstraintView]):
+    """The constraints after one step, drawn at first use: most steps nobody looks at them.
+
+    make: returns them; what it is made from does not change any more. of: the records of what is in force, offered
+    and refused; where two steps have the same records, they have the same constraints in the same states.
+    """
+
+    def __init__(self, make: Callable[[], tuple[ConstraintView, ...]], of: tuple[object, ...]) -> None:
+        self._make: Callable[[], tuple[ConstraintView, ...]] | None = make
+        self._views: tuple[ConstraintView, ...] = ()
+        self.of = of
+
+    def _made(self) -> tuple[ConstraintView, ...]:
+        make = self._make
+        if make is not None:
+            self._views = make()
+            self._make = None
+        return self._views
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return tuple, (self._made(),)  # a copy, or what goes to another process, has the views only
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, tuple | ViewsOfStep) and self._made() == tuple(other)
+
+    def __len__(self) -> int:
+        return len(self._made())
+
+    def __iter__(self) -> Iterator[ConstraintView]:
+        return iter(self._made())
+
+    @overload
+    def __getitem__(self, index: int) -> ConstraintView: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[ConstraintView, ...]: ...
+    def __getitem__(self, index: int | slice) -> ConstraintView | tuple[ConstraintView, ...]:
+        return self._made()[index]
+
+
 class Views:
-    """Keeps the views of constraints whose bodies stand still; of those that move as one only the place changes."""
+    """Draws constraints in force; those whose bodies stand where they were last drawn keep their views."""
 
     def __init__(self) -> None:
-        self.forget()
-
-    def forget(self) -> None:
-        """Draw all anew."""
-        self._in_force = InForce({})
-        self._views: list[ConstraintView | None] = []
-        self._local = np.zeros((0, 2, 3))
+        self._drawn = Drawn(InForce({}), [], np.zeros((0, 2, 3)), ())
         self._selection: tuple[Any, Selection | None] = None, None
 
-    def active(
-        self, in_force: InForce, names: Sequence[str], poses: Sequence[pin.SE3], moved: NDArray[np.bool_],
-        groups: Groups,
-    ) -> list[ConstraintView]:  # fmt: skip
-        """The constraints in force, in the order of acceptance, at `poses`; moved (n,): bodies since the last call."""
-        if in_force is not self._in_force:
-            self._begin(in_force, names)
-        selection = self._selected(moved, groups)
-        views = self._views
+    def active(self, in_force: InForce, names: Sequence[str], poses: tuple[pin.SE3, ...]) -> list[ConstraintView]:
+        """The constraints in force, in the order of acceptance, at `poses`."""
+        drawn = self._drawn if self._drawn.in_force is in_force else self._begun(in_force, names)
+        before = drawn.poses or (None,) * len(poses)
+        moved = np.array([now is not then for now, then in zip(poses, before, strict=True)])
+        selection = self._selected(drawn, moved)
+        views = list(drawn.views)
         if selection.places:
-            residual = selection.together.residual(poses)
-            distance = dict(zip(selection.measured, selection.together.distance(residual).tolist(), strict=True))
+            distance = selection.together.distance(selection.together.residual(poses)).tolist()
             at = np.array([poses[i].homogeneous for i in selection.first])
-            drawn = selection.local @ at[:, :3, :3].transpose(0, 2, 1)
-            drawn[:, 0] += at[:, :3, 3]
-            drawn.setflags(write=False)
-            for k, (origin, direction) in zip(selection.places, drawn, strict=True):
-                old = views[k]
-                assert old is not None
-                view = views[k] = object.__new__(ConstraintView)  # `replace`, a tenth as long: a frame has hundreds
-                moves = {"origin": origin, "direction": direction, "residual": distance.get(k, old.residual)}
-                view.__dict__.update(old.__dict__, **moves)
-        return [view for view in views if view is not None]
+            where = selection.local @ at[:, :3, :3].transpose(0, 2, 1)
+            where[:, 0] += at[:, :3, 3]
+            where.setflags(write=False)
+            for k, residual, (origin, direction) in zip(selection.places, distance, where, strict=True):
+                view = object.__new__(ConstraintView)  # `replace`, a tenth as long: there are hundreds
+                view.__dict__.update(views[k].__dict__, origin=origin, direction=direction, residual=residual)
+                views[k] = view
+        self._drawn = Drawn(in_force, views, drawn.local, poses)
+        return views
 
-    def _selected(self, moved: NDArray[np.bool_], groups: Groups) -> Selection:
-        key = moved.tobytes(), groups
+    def _selected(self, drawn: Drawn, moved: NDArray[np.bool_]) -> Selection:
+        key = drawn.in_force, moved.tobytes()
         known, selection = self._selection
         if selection is None or known != key:
-            bodies = self._in_force.together.bodies
-            new = np.array([np.isnan(view.residual) for view in self._views if view is not None], bool)
-            places = np.flatnonzero(moved[bodies].any(axis=1) | new)
-            carrier = groups.carriers(len(moved))[bodies[places]]
-            measured = places[(carrier[:, 0] != carrier[:, 1]) | new[places]]
-            selection = Selection(
-                places.tolist(), bodies[places, 0].tolist(), self._local[places], measured.tolist(),
-                self._in_force.together.subset(measured),
-            )  # fmt: skip
+            together = drawn.in_force.together
+            new = np.array([np.isnan(view.residual) for view in drawn.views], bool)
+            places = np.flatnonzero(moved[together.bodies].any(axis=1) | new)
+            first, local = together.bodies[places, 0].tolist(), drawn.local[places]
+            selection = Selection(places.tolist(), first, local, together.subset(places))
             self._selection = (None if new.any() else key), selection
         return selection
 
-    def _begin(self, in_force: InForce, names: Sequence[str]) -> None:
-        known = {id(e.candidate): v for e, v in zip(self._in_force.accepted.values(), self._views, strict=True)}
-        self._in_force, self._selection = in_force, (None, None)
-        self._views = []
+    def _begun(self, in_force: InForce, names: Sequence[str]) -> Drawn:
+        """The views of constraints that are still in force, and others that are yet to be drawn."""
+        last = self._drawn
+        known = {id(e.candidate): v for e, v in zip(last.in_force.accepted.values(), last.views, strict=True)}
+        views, local, home = [], [], pin.SE3.Identity()
         for number, entry in in_force.accepted.items():
             c = entry.candidate
             a, b = c.bodies
-            self._views.append(known.get(id(c)) or ConstraintView(
+            local.append((c.match.local, c.constraint.drawing(home).direction))
+            views.append(known.get(id(c)) or ConstraintView(
                 number, c.kind, (names[a], names[b]), c.surfaces, np.nan, "active", c.match.origin, c.match.direction,
                 c.match.size, c.why,
             ))  # fmt: skip
-        home = pin.SE3.Identity()
-        local = [
-            (c.match.local, c.constraint.drawing(home).direction)
-            for c in (e.candidate for e in in_force.accepted.values())
-        ]
-        self._local = np.array(local).reshape(-1, 2, 3)
+        return Drawn(in_force, views, np.array(local).reshape(-1, 2, 3), last.poses)

@@ -1,4 +1,4 @@
-"""A study on Dask workers: of this machine (bound to loopback), or of a cluster by its scheduler's address.
+"""A study on Dask workers: of this machine (loopback and TLS), or of a cluster by its scheduler's address.
 
 A plugin brings the script and its models to each worker once; the worker runs variants in child processes. Dask brings
 variants to workers and outcomes back, and gives a variant whose worker has died to another one.
@@ -92,6 +92,7 @@ def connected(machines: Machines, jobs: int, retries: int) -> Iterator[Client]:
     with contextlib.ExitStack() as stack:
         stack.enter_context(_quiet())
         if machines.cluster is None:
+            security = _own_certificates()
             settings: dict[str, Any] = {"distributed.scheduler.allowed-failures": retries}
             if not machines.dashboard:
                 settings["distributed.scheduler.http.routes"] = []
@@ -102,7 +103,7 @@ def connected(machines: Machines, jobs: int, retries: int) -> Iterator[Client]:
                 cluster = LocalCluster(
                     n_workers=jobs, threads_per_worker=1, processes=True, host="127.0.0.1", memory_limit=None,
                     dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": machines.dashboard},
-                    silence_logs=logging.CRITICAL,
+                    silence_logs=logging.CRITICAL, security=security,
                 )  # fmt: skip
                 stack.callback(cluster.close, timeout=CLOSE)
                 client = Client(cluster, set_as_default=False)
@@ -120,6 +121,21 @@ def connected(machines: Machines, jobs: int, retries: int) -> Iterator[Client]:
             start = f"start some: dask worker {machines.cluster}"
             raise VpframeError(f"no worker joined within {WAIT:g} s; {start}") from None
         yield client
+
+
+def _own_certificates() -> Security:
+    """A certificate of this study alone, which scheduler, workers and client ask each other for: tasks are code, and
+    any user of the machine can reach a loopback address.
+
+    Raises
+    ------
+    VpframeError: the library that makes certificates is missing.
+    """
+    try:
+        return Security.temporary()
+    except ImportError:
+        need = "several jobs prove themselves to each other with certificates, which need cryptography"
+        raise VpframeError(f"{need} (pip install cryptography); or give --jobs 1") from None
 
 
 async def _reach(address: str) -> None:

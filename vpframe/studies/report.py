@@ -304,6 +304,8 @@ def _run(document: Mapping[str, Any]) -> str:
         if different
         else f"{twice['variants']}, all equal to the last bit"
     )
+    if unanswered := twice["unanswered"]:
+        same += f"; {len(unanswered)} crashed or timed out then: {', '.join(map(str, unanswered[:FAILURES]))}"
     rows = [(name, value) for name, value in document["sampling"].items()]
     rows += [("vpframe", document["version"]), ("run again by another process", same)]
     if document["seconds"]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from vpframe.app import warm_up
 from vpframe.app.outputs import STUDY_FILES, OutputFolder
 from vpframe.app.progress import Progress, warn
 from vpframe.errors import VpframeError
@@ -108,7 +109,11 @@ def _interrupted(job: Job, by_key: dict[str, Variant], results: Results, machine
             Progress(f"study {job.script.stem}") as progress,
             contextlib.closing(_done(job, work, machines)) as done,  # type: ignore[type-var]
         ):
-            progress(None, "the first variants; kernels are compiled once a machine")
+            if machines.cluster is None:
+                progress(None, "kernels, compiled once a machine")
+                warm_up.start("session")
+                warm_up.wait()
+            progress(None, "the first variants")
             for variant, avoid, outcome in done:
                 one = record(job.key(variant), variant, outcome, job.timeout, bool(avoid))
                 results.add(one)

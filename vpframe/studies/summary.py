@@ -37,7 +37,8 @@ def summary(
     low, high = statistics.wilson(counts["ok"], len(records))
     values = outcomes(records)
     by_key = {one["key"]: one for one in records}
-    twice = [one for one in repeats if one["key"] in by_key and one["status"] not in UNANSWERED]
+    twice = [one for one in repeats if one["key"] in by_key]
+    compared = [one for one in twice if one["status"] not in UNANSWERED]
     return {
         "version": __version__,
         "sampling": dict(sampling),
@@ -58,8 +59,9 @@ def summary(
         "reasons": [{"status": s, "reason": r, "count": n} for (s, r), n in _reasons(records).most_common()],
         "worst": [one["index"] for one in worst(records)],
         "repeated": {
-            "variants": len(twice),
-            "different": sorted(one["index"] for one in twice if answer(one) != answer(by_key[one["key"]])),
+            "variants": len(compared),
+            "different": sorted(one["index"] for one in compared if answer(one) != answer(by_key[one["key"]])),
+            "unanswered": sorted(one["index"] for one in twice if one["status"] in UNANSWERED),
         },
         "seconds": statistics.percentiles([one["seconds"] for one in records if one["seconds"] is not None]),
         "memory": max((one["memory"] for one in records if one.get("memory")), default=None),

@@ -3,30 +3,8 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
-from typing import Any
 
-ACTIONS = ("play", "pause", "step", "accept", "refuse", "remove")
-
-
-@dataclass(frozen=True)
-class Request:
-    """What a person asks for; `id` is the constraint's for accept, refuse and remove."""
-
-    action: str
-    id: int | None = None
-
-    @classmethod
-    def read(cls, message: Any) -> Request | None:
-        """The request in a decoded message, or None if it is not one (a page is not trusted)."""
-        if not isinstance(message, dict) or message.get("action") not in ACTIONS:
-            return None
-        identity = message.get("id")
-        if message["action"] not in ("play", "pause", "step"):
-            if isinstance(identity, bool) or not isinstance(identity, int):
-                return None
-            return cls(message["action"], identity)
-        return cls(message["action"])
+from vpframe.view.requests import Request
 
 
 class Controls:

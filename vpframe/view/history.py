@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import bisect
 from collections.abc import Iterator
+from operator import itemgetter
 
 from vpframe.session.events import Event, Frame
 
@@ -39,9 +41,14 @@ class History:
         """All events, in order."""
         return tuple(event for _, event in self._events)
 
-    def events_since(self, count: int) -> tuple[Event, ...]:
-        """The events after the first `count`."""
-        return tuple(event for _, event in self._events[count:])
+    def events_since(self, count: int) -> tuple[tuple[int, Event], ...]:
+        """The events after the first `count`, each with the number of the frame that it came with."""
+        return tuple(self._events[count:])
+
+    def at(self, number: int) -> tuple[int, Frame] | None:
+        """The last kept frame up to that number, with its number; the first one kept if there is none, None of none."""
+        place = bisect.bisect_right(self._kept, number, key=itemgetter(0))
+        return self._kept[max(place - 1, 0)] if self._kept else None
 
     def __len__(self) -> int:
         """How many frames were added."""

@@ -9,14 +9,14 @@ import os
 import threading
 import time
 import webbrowser
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import pinocchio as pin
 
 from vpframe import files
-from vpframe.app.outputs import PAGE, claimed, may_write
+from vpframe.app.outputs import PAGE, may_write
 from vpframe.app.progress import warn
 from vpframe.errors import VpframeError
 from vpframe.scene.scene import Scene
@@ -26,6 +26,7 @@ from vpframe.view.controls import Controls
 from vpframe.view.history import History
 from vpframe.view.page import html
 from vpframe.view.page_protocol import Encoder, Message, event_message
+from vpframe.view.requests import ABOUT_CONSTRAINTS, OF_THE_RUN, Request
 from vpframe.view.screen import has_screen
 
 if TYPE_CHECKING:
@@ -35,11 +36,24 @@ BROWSER_SECONDS = 8.0
 """how long a session waits for the browser it has opened"""
 LOOK = 0.05
 """s between two looks whether it is there"""
+EVENTS = 1000
+"""that a page is told of which comes late"""
 MAX_PAUSE = 0.25
 """s, the longest wait between two frames that `pace` can ask for"""
 
-Cursor = tuple[int, int, bool]
-"""how many strips and how many events a page has seen, and whether it knows that the session is over"""
+
+class Cursor(NamedTuple):
+    """What a page has seen."""
+
+    client: int
+    strips: int = 0
+    events: int = 0
+    over: bool = False
+    notices: int = 0
+    look: int = -1
+    """number of the frame that a person looks back at; -1: the newest"""
+    shown: int = -1
+    """the frame that it was sent while it looks back"""
 
 
 class MeshcatViewer:
@@ -54,6 +68,8 @@ class MeshcatViewer:
     pace: s of the session a second of the clock, at most, while a page is looking; None lets the session run freely.
     wait: the session waits for the first page, or until it is interrupted, and after its end is served on until `stay`
         returns or `close` is called.
+    ask: takes the pages' requests for the hand and about what was done, any thread; None: pages have no hand.
+    gone: is told the number of a page that has gone.
 
     `frame` costs the session's loop a few microseconds: drawing happens in another thread, from the latest frame only.
     It waits in two cases: for `pace`, and when a person pressed "Pause". `controls` carries what they asked for.
@@ -67,8 +83,12 @@ class MeshcatViewer:
         frames: int = 1200,
         pace: float | None = None,
         wait: bool = False,
+        ask: Callable[[Request], None] | None = None,
+        gone: Callable[[int], None] = lambda client: None,
     ) -> None:
         self.controls = Controls()
+        self._ask = ask
+        self._gone = gone
         self._open_browser = open_browser
         self._address = (host, port)
         self._pace = pace
@@ -77,6 +97,9 @@ class MeshcatViewer:
         self._last = (0.0, 0.0)
         self._history = History(frames)
         self._lock = threading.Lock()
+        self._count = 0
+        self._notices: dict[str, tuple[int, int, str]] = {}
+        """by type and page: number, page (0: all), message"""
         self._server: Server | None = None
         self._scene: Scene | None = None
 
@@ -105,12 +128,14 @@ class MeshcatViewer:
         """Start to serve a scene as it stands."""
         from vpframe.view.server import Server
 
+        if self._server is not None:
+            return
         self._scene = scene
         self._encoder = Encoder(scene, camera=first_view(scene))
-        self._opening = _json(self._encoder.begin())
+        self._opening = _json({**self._encoder.begin(), "hand": self._ask is not None})
         self._strips: list[str] = []
         self._encoded: tuple[int, str] | None = None
-        self._server = Server(html(), self._open, self._latest, self.controls, *self._address)
+        self._server = Server(html(), self._open, self._latest, self._asked, *self._address, gone=self._left)
         opened = self._open_browser and has_screen() and webbrowser.open(self._server.url, new=2)
         if self._open_browser and not opened:
             warn(f"look at it at {self._server.url}")
@@ -166,26 +191,71 @@ class MeshcatViewer:
             frames = list(self._history)
         return write_page(self._scene, frames, may_write(path, PAGE), self._encoder.start)
 
-    def _open(self) -> tuple[list[str], Cursor]:
+    def publish(self, message: Message, client: int = 0) -> None:
+        """Show a message to all pages (the latest of its type to those that come later), or to one (any thread)."""
+        with self._lock:
+            self._count += 1
+            self._notices[f"{message['type']} {client}"] = (self._count, client, _json(message))
+        if self._server is not None:
+            self._server.notify()
+
+    def _asked(self, request: Request, cursor: Cursor) -> Cursor:
+        """Pass on what a page asks for (in the server's thread)."""
+        if request.action == "look":
+            return cursor._replace(look=max(request.given["frame"], -1), shown=-1)
+        if self._ask is not None and request.action not in OF_THE_RUN:
+            self._ask(request)
+        elif self._ask is None and request.action in (*OF_THE_RUN, *ABOUT_CONSTRAINTS):
+            self.controls.put(request)
+        return cursor
+
+    def _left(self, client: int) -> None:
+        """Forget what was said to a page that has gone (in the server's thread)."""
+        with self._lock:
+            self._notices = {key: notice for key, notice in self._notices.items() if notice[1] != client}
+        self._gone(client)
+
+    def _open(self, client: int) -> tuple[list[str], Cursor]:
         """What a page needs first (in the server's thread)."""
-        messages, cursor = self._latest((0, max(len(self._history.events) - 100, 0), False))
-        return [self._opening, *messages], cursor
+        first = Cursor(client, events=max(len(self._history.events) - EVENTS, 0))
+        messages, cursor = self._latest(first)
+        you = [_json({"type": "you", "client": client})] if self._ask is not None else []
+        return [self._opening, *you, *messages], cursor
 
     def _latest(self, cursor: Cursor) -> tuple[list[str], Cursor]:
         """What a page that has seen `cursor` does not know yet (in the server's thread)."""
         with self._lock:
-            frame, count, events = self._history.last, len(self._history), self._history.events_since(cursor[1])
-        over = [_json({"type": "over"})] if self._over and not cursor[2] else []
-        if frame is None:
-            return over, (*cursor[:2], self._over)
-        if self._encoded is None or self._encoded[0] != count:
-            fresh, message = self._encoder.frame(frame)
-            self._strips.extend(_json(strips) for strips in fresh)
-            self._encoded = (count, _json(message))
-        messages = [*self._strips[cursor[0] :], self._encoded[1]]
+            count, events = len(self._history), self._history.events_since(cursor.events)
+            known = (count - 1, self._history.last) if cursor.look < 0 else self._history.at(cursor.look)
+            news = sorted(n for n in self._notices.values() if n[0] > cursor.notices and n[1] in (0, cursor.client))
+            noticed = self._count
+        messages = [text for _, _, text in news]
+        number, frame = known or (-1, None)
+        back = cursor.look >= 0
+        if frame is not None and not (back and cursor.shown == number):
+            message = self._frame_message(number, frame, back)
+            messages += [*self._strips[cursor.strips :], message]
+            cursor = cursor._replace(strips=len(self._strips))
+        if back:
+            messages.append(_json({"type": "newest", "frame": count - 1}))
         if events:
-            messages.append(_json({"type": "events", "events": [event_message(event) for event in events]}))
-        return messages + over, (len(self._strips), cursor[1] + len(events), cursor[2] or bool(over))
+            rows = [event_message(event, frame=at) for at, event in events]
+            messages.append(_json({"type": "events", "events": rows}))
+        if self._over and not cursor.over:
+            messages.append(_json({"type": "over"}))
+        return messages, cursor._replace(
+            events=cursor.events + len(events), over=self._over, notices=noticed, shown=number
+        )
+
+    def _frame_message(self, number: int, frame: Frame, back: bool) -> str:
+        if not back and self._encoded is not None and self._encoded[0] == number:
+            return self._encoded[1]
+        fresh, message = self._encoder.frame(frame)
+        self._strips.extend(_json(strips) for strips in fresh)
+        text = _json({**message, "number": number, "back": back})
+        if not back:
+            self._encoded = (number, text)
+        return text
 
 
 def watched(wait: bool = False) -> MeshcatViewer:
@@ -193,13 +263,12 @@ def watched(wait: bool = False) -> MeshcatViewer:
     return MeshcatViewer(open_browser=True, pace=1.0, wait=wait)
 
 
-def write_page(
+def page_of(
     scene: Scene,
     frames: Iterable[tuple[Frame, tuple[Event, ...]]],
-    path: str | Path,
     start: Mapping[str, pin.SE3] | None = None,
-) -> Path:
-    """Write one self-contained file that shows a scene and plays `frames`, each with the events since the one before.
+) -> str:
+    """One self-contained page that shows a scene and plays `frames`, each with the events since the one before.
 
     `start`: poses before the first frame, where they are not the scene's present ones.
     """
@@ -213,37 +282,20 @@ def write_page(
         news = {k: v for k, v in message.items() if k == "type" or k not in before or before[k] != v}
         messages += [*fresh, news]  # the page takes the rest from the frame before
         before = message
+    return html(messages)
+
+
+def write_page(
+    scene: Scene,
+    frames: Iterable[tuple[Frame, tuple[Event, ...]]],
+    path: str | Path,
+    start: Mapping[str, pin.SE3] | None = None,
+) -> Path:
+    """Write `page_of` the same into a file."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    files.replace(path, html(messages))
+    files.replace(path, page_of(scene, frames, start))
     return path
-
-
-def view(
-    scene: Scene,
-    static: str | os.PathLike[str] | None = None,
-    wait: bool = True,
-    host: str = "127.0.0.1",
-    open_browser: bool = True,
-) -> str:
-    """Look at a scene in the browser, or write it as one file when `static` names one. Returns where it is.
-
-    `wait`: stay until Ctrl-C; without it the page is served as long as the program runs.
-    """
-    if static is not None:
-        with claimed(static, PAGE) as output:
-            return str(write_page(scene, (), output.path))
-    viewer = MeshcatViewer(open_browser=open_browser and has_screen(), host=host)
-    viewer.show(scene)
-    print(f"{viewer.url}  (Ctrl-C ends)" if wait else viewer.url, flush=True)
-    if viewer.outside:
-        print(f"from other machines: {viewer.outside}", flush=True)
-    if wait:
-        try:
-            threading.Event().wait()
-        except KeyboardInterrupt:
-            viewer.end()
-    return viewer.url
 
 
 def _json(message: Message) -> str:

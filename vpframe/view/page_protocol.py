@@ -10,7 +10,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from vpframe.scene.scene import Scene, Shape
+from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus
+from vpframe.scene.names import face_words
+from vpframe.scene.scene import Part, Scene, Shape
 from vpframe.session.events import Event, Frame, moved
 from vpframe.text import plain
 from vpframe.view import palette
@@ -30,7 +32,8 @@ class Encoder:
         self.camera = camera or frame_scene(scene, self.start)
         self._index = {name: i for i, name in enumerate(scene.names)}
         self._known: Mapping[str, pin.SE3] = {}
-        self._moved: dict[int, pin.SE3] = {}
+        self._moved: dict[int, str] = {}
+        """the parts that ever moved, by place"""
         self._strips: dict[tuple[object, ...], int] = {}
 
     def begin(self) -> Message:
@@ -40,13 +43,13 @@ class Encoder:
     def frame(self, frame: Frame, events: Iterable[Event] = ()) -> tuple[list[Message], Message]:
         """Messages with strips that are new, and the frame's own.
 
-        A page that has all strips can join at any frame: a frame names the pose of every part that ever moved.
+        A page that has all strips can join at any frame, and go back to one: a frame names the pose of every part that
+        ever moved in those that were asked for.
         """
         names, self._known = moved(self._known, frame.poses), frame.poses
         for name in names:
-            place, pose = self._index[name], frame.poses[name]
-            if place in self._moved or pose != self.start[name]:
-                self._moved[place] = pose
+            if frame.poses[name] != self.start[name]:
+                self._moved[self._index[name]] = name
         fresh: list[Message] = []
         drawn, places = [], []
         for symbol in (*frame_symbols(frame), *hand_symbols(frame.hands, 0.06 * self.camera.radius)):
@@ -67,7 +70,7 @@ class Encoder:
             "step": frame.step,
             "time": frame.time,
             "moved": list(self._moved),
-            "poses": pack(np.array([matrix(pose) for pose in self._moved.values()], dtype=np.float32)),
+            "poses": pack(np.array([matrix(frame.poses[name]) for name in self._moved.values()], dtype=np.float32)),
             "colliding": frame.colliding.tolist(),
             "constraints": [
                 {
@@ -75,6 +78,8 @@ class Encoder:
                     "kind": view.kind,
                     "parts": [plain(part) for part in view.parts],
                     "state": view.state,
+                    "surfaces": view.surfaces,
+                    "at": view.origin.tolist(),
                     "residual": view.residual,
                     "why": plain(view.why),
                 }
@@ -95,13 +100,16 @@ class Encoder:
 def scene_message(scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera) -> Message:
     """Everything a page needs before the first frame."""
     shapes: dict[Shape, int] = {}
+    first: list[Part] = []
     for part in scene.parts:
-        shapes.setdefault(part.shape, len(shapes))
+        if part.shape not in shapes:
+            shapes[part.shape] = len(shapes)
+            first.append(part)
     colors = palette.part_colors(scene)
     return {
         "type": "scene",
         "title": plain(scene.source or "vpframe"),
-        "shapes": [shape_message(shape) for shape in shapes],
+        "shapes": [shape_message(part) for part in first],
         "parts": [
             {
                 "name": plain(part.name),
@@ -109,7 +117,6 @@ def scene_message(scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera) ->
                 "color": palette.hex_color(colors[part.name]),
                 "fixed": part.fixed,
                 "pose": _matrix(poses[part.name]),
-                "surfaces": [plain(surface.name) for surface in part.surfaces],
             }
             for part in scene.parts
         ],
@@ -128,16 +135,38 @@ def scene_message(scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera) ->
     }
 
 
-def shape_message(shape: Shape) -> Message:
-    """Triangles of a shape by surface, and its lines."""
-    mesh = display_mesh(shape)
+def shape_message(part: Part) -> Message:
+    """Triangles of a part's shape by surface, its lines, and of its faces the names and what can be measured."""
+    mesh = display_mesh(part.shape)
     return {
         "positions": pack(mesh.positions),
         "normals": pack(mesh.normals),
         "triangles": pack(mesh.triangles),
         "vertex_start": mesh.vertex_start.tolist(),
+        "triangle_start": mesh.triangle_start.tolist(),
         "lines": pack(mesh.lines),
+        "closed": part.shape.closed,
+        "faces": [plain(face_words(part, s)) for s in range(len(part.surfaces))],
+        "measures": [_measure(surface.geometry) for surface in part.surfaces],
     }
+
+
+def _measure(geometry: Geometry) -> list[Any] | None:
+    """What is measured of a face: its kind, point and direction (part frame, m), radius (m; 0 of planes and cones)."""
+    match geometry:
+        case Plane(origin=origin, normal=direction):
+            kind, radius = "plane", 0.0
+        case (
+            Cylinder(origin=origin, axis=direction, radius=radius) | Torus(center=origin, axis=direction, major=radius)
+        ):
+            kind = "axis"
+        case Cone(apex=origin, axis=direction):
+            kind, radius = "axis", 0.0
+        case Sphere(center=origin, radius=radius):
+            kind, direction = "point", np.zeros(3)
+        case _:
+            return None
+    return [kind, np.asarray(origin).tolist(), np.asarray(direction).tolist(), float(radius)]
 
 
 def strips_message(number: int, symbol: Symbol) -> Message:
@@ -151,9 +180,11 @@ def strips_message(number: int, symbol: Symbol) -> Message:
     }
 
 
-def event_message(event: Event) -> Message:
-    """An event as a line in the page's log."""
+def event_message(event: Event, frame: int | None = None) -> Message:
+    """An event as a line in the page's log; `frame`: the number of the frame that it came with."""
     return {
+        "frame": frame,
+        "parts": [plain(name) for name in event.parts],
         "time": event.time,
         "kind": event.kind,
         "tone": palette.tone(event),

@@ -18,7 +18,7 @@ import queue
 import re
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -251,7 +251,7 @@ class RerunRecorder:
     def _tint(self, part: int, surface: int) -> palette.Color:
         return palette.COLLIDING if (part, surface) in self._red else self._colors[self._names[part]]
 
-    def _involved(self, frame: Frame) -> tuple[ConstraintView, ...]:
+    def _involved(self, frame: Frame) -> Sequence[ConstraintView]:
         """The constraints that are drawn: of many those that changed since the session began, or of parts once held."""
         views = frame.constraints
         if self._quiet is None:
@@ -269,7 +269,7 @@ class RerunRecorder:
         }
         return tuple(view for view in views if view.id not in self._quiet)
 
-    def _draw(self, frame: Frame, views: tuple[ConstraintView, ...]) -> None:
+    def _draw(self, frame: Frame, views: Sequence[ConstraintView]) -> None:
         seen = set()
         for symbol in (
             *frame_symbols(replace(frame, constraints=views)),
@@ -292,7 +292,7 @@ class RerunRecorder:
                 self._rows.add(entity("trail", name), "segment", np.array([self._hand[name], place]))
             self._hand[name] = place
 
-    def _states(self, views: tuple[ConstraintView, ...]) -> None:
+    def _states(self, views: Sequence[ConstraintView]) -> None:
         """Keep the state of each constraint when it changes; GONE is drawn as a gap."""
         now = {view.id: view.state for view in views}
         if now == self._state:

@@ -27,13 +27,15 @@ import tornado.web
 import tornado.websocket
 
 from vpframe.errors import VpframeError
-from vpframe.view.controls import Controls, Request
+from vpframe.view.requests import Request
 
 PATIENCE = 10.0
 LONGEST_MESSAGE = 1 << 12
 """bytes of a message from a page, at most"""
 EVERYWHERE = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
 """hosts that stand for every address of this machine, and the address that it reaches itself at"""
+MOST_MESSAGES = 300
+"""messages a second from a page; one that sends more for long is dropped"""
 RATE = 90.0
 """frames a second to a page, at most: above 60, so that every frame of a 60 Hz session can pass"""
 
@@ -47,25 +49,30 @@ class Server:
     Parameters
     ----------
     page: the HTML document.
-    opening: messages for a page that has just connected, each a JSON text, and a mark of what it has then seen.
+    opening: messages for a page that has just connected, by its number, each a JSON text, and a mark of what it has
+        then seen.
     latest: called in the server's thread when a page can take more, with its mark; returns messages and the new mark.
-    controls: where requests from pages go.
+    ask: takes a page's requests, with its mark, and returns the mark (in the server's thread: it must not wait).
+    gone: is told the number of a page that has gone.
     host, port: the address to listen on; loopback unless told otherwise, port 0 takes any that is free.
     """
 
     def __init__(
         self,
         page: str,
-        opening: Callable[[], tuple[list[str], Any]],
+        opening: Callable[[int], tuple[list[str], Any]],
         latest: Callable[[Any], tuple[list[str], Any]],
-        controls: Controls,
+        ask: Callable[[Request, Any], Any],
         host: str = "127.0.0.1",
         port: int = 0,
+        gone: Callable[[int], None] = lambda client: None,
     ) -> None:
         self._page = page
         self._opening = opening
         self._latest = latest
-        self._controls = controls
+        self._ask = ask
+        self._gone = gone
+        self._count = 0
         self._clients: set[_Socket] = set()
         self._news = threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -174,6 +181,11 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
     def initialize(self, server: Server) -> None:
         super().initialize(server)
         self.seen: Any = None
+        self.number = 0
+        """of the page, from 1; 0 before it is open"""
+        self.allowed = float(MOST_MESSAGES)
+        """messages that it may send now"""
+        self.counted = time.monotonic()
         self.owed = 0
         """messages sent that the page has not drawn"""
         self.heard = time.monotonic()
@@ -181,27 +193,39 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
         self.behind = False
 
     def open(self, *args: str, **kwargs: str) -> None:
-        messages, self.seen = self.server._opening()
+        self.server._count += 1
+        self.number = self.server._count
+        messages, self.seen = self.server._opening(self.number)
         self.server._clients.add(self)
         self._send(messages)
 
     def on_close(self) -> None:
         self.server._clients.discard(self)
+        if self.number:
+            self.server._gone(self.number)
 
     def on_message(self, message: str | bytes) -> None:
-        self.heard = time.monotonic()
+        now = self.heard = time.monotonic()
         try:
             content = json.loads(message)
-        except ValueError:
-            return
-        if content == {"action": "drawn"}:
-            self.owed = max(self.owed - 1, 0)
+        except (ValueError, RecursionError):
+            content = None
+        if self.owed and content == {"action": "drawn"}:
+            self.owed -= 1
             if self.behind and self.owed == 0:
                 self.send_latest()
             return
-        request = Request.read(content)
+        self.allowed = min(self.allowed + MOST_MESSAGES * (now - self.counted), MOST_MESSAGES) - 1.0
+        self.counted = now
+        if self.allowed < 0.0:
+            self.server._clients.discard(self)
+            self.close(1008, "too many messages")
+            return
+        request = Request.read(content, self.number)
         if request is not None:
-            self.server._controls.put(request)
+            self.seen = self.server._ask(request, self.seen)
+            if request.action == "look":
+                self.send_latest()
 
     def send_latest(self) -> None:
         """Send what is new, now or when the page has drawn what it has."""

@@ -81,13 +81,14 @@ def test_a_change_of_a_callee_is_noticed(package: Path) -> None:
     assert run(package) == (61.0, 2, [])
 
 
+@pytest.mark.slow
 def test_a_change_of_a_constant_in_a_third_file_is_noticed(package: Path) -> None:
     assert run(package)[0] == 21.0
     (package / "numbers.py").write_text("FACTOR = 20.0\n")
     assert run(package) == (41.0, 2, [])
 
 
-@pytest.mark.parametrize("left", [0, 10, 500])
+@pytest.mark.parametrize("left", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (10, 500))])
 def test_a_damaged_file_counts_as_missing(package: Path, left: int) -> None:
     run(package)
     for path in (package.parents[1] / "cache").rglob("*.nbc"):
@@ -116,6 +117,7 @@ def test_a_process_killed_while_it_compiles_costs_nothing(package: Path) -> None
     assert run(package)[0] == 21.0
 
 
+@pytest.mark.slow
 def test_where_the_users_cache_cannot_be_written(package: Path, tmp_path: Path) -> None:
     barred = tmp_path / "a file"
     barred.touch()
@@ -132,6 +134,7 @@ def test_where_the_users_cache_cannot_be_written(package: Path, tmp_path: Path) 
     assert len(said) == 1 and "compiled kernels cannot be kept" in said[0] and "somebody else" in said[0]
 
 
+@pytest.mark.slow
 def test_where_the_disk_is_full(package: Path) -> None:
     answer, compiled, said = run(package, most=1000, PYTHONDONTWRITEBYTECODE="1")
     assert (answer, compiled) == (21.0, 2)

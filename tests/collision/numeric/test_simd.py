@@ -174,36 +174,61 @@ def certified(a, b, ws, screws, task, most, aim, until, pairs, boxes):
     boxes[1] = apart_lane_b(ws.moved, 0, a.boxes, 0, task.rates, aim, until, ws.bounds) & 1
 
 
+def certified_pairs(
+    one: SurfaceMesh, other: SurfaceMesh, pose: pin.SE3, twists: np.ndarray, most: float, aim: float, until: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """(8, 8) which triangles, in leaf order, may come within `aim` until a time, and (2,) whether their boxes may."""
+    a, b = bvh_of(one), bvh_of(other)
+    ws, pairs, boxes = workspace_for(a, b), np.empty(8, np.int64), np.empty(2, np.int64)
+    ws.pose.matrix[:12] = [*pose.rotation.ravel(), *pose.translation]
+    task = Sweep(
+        np.empty(0), LEVEL, 1e-6, np.empty(RATES, np.float32), np.empty(15), np.empty(2),
+        np.empty(4, np.int64), np.empty(TERMS, np.float32),
+    )  # fmt: skip
+    certified(a, b, ws, np.hstack([np.zeros((2, 12)), twists]), task, most, aim, until, pairs, boxes)
+    return (pairs[None, :] >> np.arange(8)[:, None]) & 1 == 1, boxes
+
+
+LEVEL = 1e-5
+
+
+def test_a_triangle_of_no_area_has_no_normal_along_which_it_stays_apart() -> None:
+    """Of surfaces that may reach into each other: along a direction of no length a gap of 0 would be enough."""
+    rng = np.random.default_rng(4)
+    length, gap = 1e-3, 1e-4
+    for _ in range(100):
+        x, y, z = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        ends = 1e-5 * rng.normal(size=(8, 1, 2)) @ [x, y] - length * np.array([[0.0], [1.0], [0.5]]) * z
+        one = SurfaceMesh(ends.reshape(-1, 3), np.arange(24).reshape(8, 3))
+        flat = length * np.array([[-4.0, -3.0], [4.0, -3.0], [0.0, 5.0]]) @ [x, y] + gap * z
+        other = SurfaceMesh(np.tile(flat, (8, 1)), np.arange(24).reshape(8, 3))
+        twists = np.vstack([np.zeros(6), [*(-z), 0.0, 0.0, 0.0]])
+        perhaps, _ = certified_pairs(one, other, pin.SE3.Identity(), twists, 0.0, -1e-5, gap + 0.5 * length)
+        assert perhaps.all()
+        perhaps, _ = certified_pairs(one, other, pin.SE3.Identity(), twists, 0.0, -1e-5, 0.9 * gap)
+        assert not perhaps.any()
+
+
 def test_what_is_certified_stays_apart() -> None:
     rng = np.random.default_rng(2)
-    exact, pairs, boxes = np.empty((8, 8)), np.empty(8, np.int64), np.empty(2, np.int64)
+    exact = np.empty((8, 8))
     sure_pairs = sure_boxes = 0
     for _ in range(250):
         one, other = packet(rng, 1e-2, 1e-1), packet(rng, 1e-2, 1e-1)
-        a, b = bvh_of(one), bvh_of(other)
         start_a, start_b = relative(rng, 0.02), relative(rng, 0.02)
         turn = 10.0 ** rng.uniform(-3.0, 0.5)
         twists = np.concatenate([rng.normal(size=(2, 3)) * 0.1, rng.normal(size=(2, 3)) * turn], axis=1)
-        pose = start_a.actInv(start_b)
-        ws = workspace_for(a, b)
-        ws.pose.matrix[:12] = [*pose.rotation.ravel(), *pose.translation]
-        level = 1e-5
-        task = Sweep(
-            np.empty(0), level, 1e-6, np.empty(RATES, np.float32), np.empty(15), np.empty(2),
-            np.empty(4, np.int64), np.empty(TERMS, np.float32),
-        )  # fmt: skip
         # the acceleration of any point, generously: see `collision.triangle.motion`
         reach = 1.0 + float(np.abs(other.vertices).max())
         speed = np.linalg.norm(twists[:, :3], axis=1).sum() + np.linalg.norm(twists[:, 3:], axis=1).sum() * reach * 3.0
         most = 4.0 * speed * np.linalg.norm(twists[:, 3:], axis=1).sum()
         until = 10.0 ** rng.uniform(-3.0, 0.0)
-        certified(a, b, ws, np.hstack([np.zeros((2, 12)), twists]), task, most, 0.9 * level, until, pairs, boxes)
-        perhaps = (pairs[None, :] >> np.arange(8)[:, None]) & 1 == 1
+        perhaps, boxes = certified_pairs(one, other, start_a.actInv(start_b), twists, most, 0.9 * LEVEL, until)
         for t in np.linspace(0.0, until, 12):
             at_t = (start_a * pin.exp6(pin.Motion(t * twists[0]))).actInv(start_b * pin.exp6(pin.Motion(t * twists[1])))
             distances_between(in_leaf_order(one), in_leaf_order(other) @ at_t.rotation.T + at_t.translation, exact)
-            assert (exact[~perhaps] > 0.9 * level).all()
-            assert boxes.any() or exact.min() > 0.9 * level
+            assert (exact[~perhaps] > 0.9 * LEVEL).all()
+            assert boxes.any() or exact.min() > 0.9 * LEVEL
         sure_pairs += int((~perhaps).sum())
         sure_boxes += int(not boxes.all())
     assert sure_pairs > 1000 and sure_boxes > 10

@@ -6,8 +6,9 @@ import numpy as np
 import pinocchio as pin
 
 from constraints import Against, Concentric
-from constraints.freedom.graph import AssemblyGraph, components
+from constraints.freedom.graph import AssemblyGraph
 from constraints.geometry.surfaces import Cylinder, Plane
+from constraints.solve.system import components
 
 Z = [0.0, 0.0, 1.0]
 

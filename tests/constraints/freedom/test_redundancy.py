@@ -102,7 +102,7 @@ def test_a_hole_that_is_off_is_in_every_conflict() -> None:
 @pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-6, 1e-3, 0.1])
 @pytest.mark.parametrize("head", [Against, Coplanar])
 def test_a_bolt_upside_down_is_turned_over_and_no_contradiction(tilt: float, head: type) -> None:
-    """Athwart its hole the concentric pulls one way and the head's face the other: no solution, and no conflict."""
+    """Across its hole the concentric pulls one way and the head's face the other: no solution, and no conflict."""
     down = face(0.0, 1.0 if head is Against else -1.0)
     bolt = [head((0, 3), (face(0.0), down)), Concentric((0, 3), (hole(0.0), hole(0.0)))]
     poses = {0: at(0, 0, 0), 3: pin.SE3(pin.exp3(np.array([tilt, 0.0, 0.0])), np.array([0.0, 0.0, 0.03]))}

@@ -24,12 +24,14 @@ from tests.constraints.shapes import housing, shaft
         ("H7/g6", 0.0101, 6, 35),
         ("H11/h11", 0.100, 0, 440),
         ("H7/f7", 0.300, 56, 160),
+        ("H8/h7", 0.008, 0, 37),
+        ("D10/h9", 0.010, 40, 134),
     ],
 )
 def test_tables_of_the_standard(name, diameter, least, most):
     found = fit_class(name, diameter)
-    assert found.least == pytest.approx(1e-6 * least, abs=1.5e-6)
-    assert found.most == pytest.approx(1e-6 * most, rel=0.02, abs=1.5e-6)
+    assert found.least == pytest.approx(1e-6 * least, abs=1e-12)
+    assert found.most == pytest.approx(1e-6 * most, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["H7", "h7/g6", "H4/g6", "H7/k6", "", "H7/g6 "])

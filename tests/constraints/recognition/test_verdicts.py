@@ -48,6 +48,7 @@ def poses_at(offset: np.ndarray, turn: np.ndarray) -> list[pin.SE3]:
     ]
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),

@@ -10,7 +10,7 @@ from constraints.freedom.biconnected import GROUND, blocks
 from constraints.geometry.surfaces import Sphere
 from constraints.kinds import Spherical
 from constraints.solve.ranks import least_norm, null_basis, pivoted_qr, row_space
-from constraints.solve.system import components, systems
+from constraints.solve.system import connected, systems
 from tests.constraints import problems
 
 BALL = (Sphere([0, 0, 0], 0.01), Sphere([0, 0, 0], 0.01))
@@ -70,8 +70,8 @@ class TestRanks:
 class TestSystem:
     def test_components_join_through_movable_bodies_only(self) -> None:
         constraints = graph((0, 1), (1, 2), (0, 3), (3, 4), (5, 6), (0, 5))
-        assert components(constraints, {1, 2, 3, 4, 6}) == [[0, 1], [2, 3], [4]]
-        assert components(constraints, set()) == []
+        assert connected(constraints, {1, 2, 3, 4, 6}) == [[0, 1], [2, 3], [4]]
+        assert connected(constraints, set()) == []
 
     def test_systems_are_kept_while_the_constraints_are_the_same(self) -> None:
         constraints = tuple(graph((0, 1), (1, 2)))

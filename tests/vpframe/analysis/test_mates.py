@@ -14,6 +14,7 @@ import vpframe as vp
 from collision import Tolerance
 from constraints.mechanism.urdf import load_urdf
 from vpframe.analysis import mates
+from vpframe.analysis.static import base_parts
 from vpframe.app.cli import main
 from vpframe.scene import modelling
 
@@ -53,10 +54,10 @@ def test_a_bolted_plate():
 
 def test_the_base_is_what_is_fixed_else_the_largest():
     scene = bolted()
-    assert mates.base_parts(scene) == (scene.index("plate"),)
+    assert base_parts(scene) == (scene.index("plate"),)
     scene["bolt 2"].fixed = True
-    assert mates.base_parts(scene) == (scene.index("bolt 2"),)
-    assert mates.base_parts(vp.Scene()) == ()
+    assert base_parts(scene) == (scene.index("bolt 2"),)
+    assert base_parts(vp.Scene()) == ()
     assert mates.mates(vp.Scene()) == {"parts": [], "groups": [], "constraints": []}
 
 

@@ -1,11 +1,14 @@
 import io
 import time
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from collision.numeric.kernel import compilation
 from collision.numeric.kernel_cache import kept
-from vpframe.app.progress import Progress, Watch, duration, fitted, report, say
+from vpframe.app.progress import WINDOW, Progress, Remaining, Watch, duration, fitted, report, say
 
 
 class Terminal(io.StringIO):
@@ -54,6 +57,53 @@ def test_over_counts_items():
     seen = [(item, progress.line(1.0)) for item in progress.over([10, 20, 30, 40], "files")]
     assert [item for item, _ in seen] == [10, 20, 30, 40]
     assert [line.split("]")[1].split("%")[0].strip() for _, line in seen] == ["0", "25", "50", "75"]
+
+
+def test_the_rate_is_that_of_the_last_seconds():
+    remaining = Remaining()
+    fast = [remaining.seconds(t, 0.05 * t) for t in np.arange(0.1, 10.0, 0.1)]  # the first half in ten seconds
+    assert fast[0] is None, "nothing is known yet"
+    assert fast[-1] == pytest.approx(10.1)
+    slow = [remaining.seconds(10.0 + t, 0.5 + 0.01 * t) for t in np.arange(0.1, 40.0, 0.1)]  # then five times as slow
+    assert slow[-1] == pytest.approx((0.5 - 0.01 * 39.9) / 0.01, rel=0.05)
+    assert any(left is None for left in slow), "what was claimed is given up"
+
+
+@given(st.lists(st.tuples(st.floats(0.01, 20.0), st.floats(0.0, 0.1)), min_size=1, max_size=60))
+def test_the_time_left_never_climbs_but_is_given_up(news):
+    remaining, worked, fraction, last = Remaining(), 0.0, 0.0, None
+    for seconds, more in news:
+        worked, fraction = worked + seconds, min(fraction + more, 1.0)
+        left = remaining.seconds(worked, fraction)
+        if left is not None and last is not None:
+            assert left <= last
+        last = left
+
+
+def test_work_that_stands_still_claims_nothing():
+    remaining = Remaining()
+    assert remaining.seconds(5.0, 0.5) == pytest.approx(5.0)
+    assert remaining.seconds(6.0 + 2.0 * WINDOW, 0.5) is None
+
+
+def test_one_line_at_a_time_the_innermost():
+    stream = Terminal()
+    with Progress("outer", stream, delay=0.0):
+        while "outer" not in stream.getvalue():
+            time.sleep(0.01)
+        with Progress("inner", stream, delay=0.0):
+            while "inner" not in stream.getvalue():
+                time.sleep(0.01)
+            watch = Watch(lambda: "watched", stream, delay=0.0, always=True)
+            with watch:
+                begun = len(stream.getvalue())
+                time.sleep(0.5)
+            drawn = stream.getvalue()[begun:]
+        assert "inner" in drawn and "outer" not in drawn and "watched" not in drawn
+        begun = len(stream.getvalue())
+        while "outer" not in stream.getvalue()[begun:] and "watched" not in stream.getvalue()[begun:]:
+            time.sleep(0.01)
+        watch.close()
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(0.4, "0 s"), (59, "59 s"), (185, "3 min 05 s"), (4800, "1 h 20 min")])

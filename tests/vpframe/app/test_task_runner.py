@@ -143,6 +143,51 @@ def test_a_new_task_of_which_nothing_comes_out_says_what_to_change(tmp_path) -> 
     assert "# as it stands this stops: " in text and "# give another direction" in text
 
 
+def test_access_is_asked_with_one_flag(tmp_path, capsys) -> None:
+    path = tmp_path / "boxed.py"
+    path.write_text(
+        """
+import vpframe.app.task_runner
+from tests.vpframe.hands.test_access import boxed
+
+def scene():
+    return boxed(lid=True)
+
+def task(session):
+    session.hand().grab("cube")
+"""
+    )
+    assert study.run_task(path) == 0
+    assert study.run_task(path, access=True) == 1
+    assert "no access to cube" in capsys.readouterr().err
+
+
+def test_a_new_task_for_a_named_part_outlines_the_scene(tmp_path) -> None:
+    from vpframe.scene import modelling as m
+
+    block = m.box(0.04, 0.04, 0.02).translated(-0.02, -0.02, 0.0) - m.cylinder(0.005, 0.02)
+    peg = m.revolve([(0.0, 0.0), (0.005, 0.0), (0.005, 0.02), (0.008, 0.02), (0.008, 0.025), (0.0, 0.025)])
+    knob = m.cylinder(0.004, 0.01).translated(0.015, 0.015, 0.0205)
+    m.write_step(
+        tmp_path / "pegged.step", {"block": block, "peg": peg, "kit": {"knob": knob, "cap": knob.translated(0.1)}}
+    )
+    path = tmp_path / "first.py"
+    assert study.new_task(path, tmp_path / "pegged.step", part="peg") == ""
+    text = path.read_text()
+    assert 'hand.grab("peg")' in text
+    assert '"block": 7 surfaces, 40 x 40 x 20 mm around (0, 0, 10) mm; ' in text
+    (line,) = (line for line in text.splitlines() if line.startswith('#   "peg"'))
+    assert "16 x 16 x 25 mm around (0, 0, 12.5) mm; " in line
+    assert "concentric" in line and "against" in line and line.endswith(" to block")
+    (line,) = (line for line in text.splitlines() if line.startswith('#   "kit/knob"'))
+    assert line.endswith("; beside block")
+    assert study.run_task(path) == 0
+    for name, words in (("pegg", "peg"), ("kit", "kit has 2 parts"), ("", "no part")):
+        with pytest.raises(VpframeError, match=words):
+            study.new_task(tmp_path / "other.py", tmp_path / "pegged.step", part=name)
+    assert not (tmp_path / "other.py").exists()
+
+
 def test_ctrl_c_ends_cleanly_with_recording_and_report_of_what_was_done(tmp_path) -> None:
     path = script(tmp_path, LONG.format(times=10_000))
     process = start(str(path), "--record", str(tmp_path / "run.rrd"), "--report", str(tmp_path / "report"))

@@ -37,10 +37,14 @@ SOLVE = {
 }  # fmt: skip
 KERNELS = {
     "session": NEAR | SOLVE | {
-        "collision.broad_phase.place", "collision.query.intersection.intersect_objects",
+        "collision.broad_phase.place", "collision.query.intersection.intersect",
         "collision.query.time_of_impact.impact",
         "constraints.motion.quadratic_program._goldfarb_idnani", "vpframe.view.raster.draw_segments",
         "vpframe.view.raster.fill_triangles",
+    },
+    "disassemble": NEAR | SOLVE | {
+        "collision.query.intersection.intersect", "collision.query.penetration.deepest",
+        "collision.query.time_of_impact.impact", "vpframe.planning.tree.grow", "vpframe.planning.tree.meets_within",
     },
     "clash": NEAR | {
         "collision.query.containment.which_wind", "collision.query.intersection.intersect",

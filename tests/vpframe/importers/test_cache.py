@@ -86,6 +86,7 @@ def test_what_was_cached_is_what_is_read_without_a_cache(tmp_path, place, monkey
     assert same(vp.load(path), cached)
 
 
+@pytest.mark.slow
 def test_another_content_deflection_or_version_is_another_entry(tmp_path, place, runs, monkeypatch):
     path = model(tmp_path / "a.step")
     vp.load(path)
@@ -183,6 +184,7 @@ def test_a_folder_that_cannot_be_written_is_no_hindrance(tmp_path, monkeypatch):
     assert same(vp.load(path), vp.load(path))
 
 
+@pytest.mark.slow
 def test_the_oldest_entries_go_when_there_are_too_many(tmp_path, place, runs, monkeypatch):
     paths = [model(tmp_path / f"{i}.step", size=0.06 + 0.001 * i) for i in range(4)]
     vp.load(paths[0])

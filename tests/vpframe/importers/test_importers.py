@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import textwrap
@@ -274,6 +275,25 @@ def test_external_references_lie_beside_the_file(tmp_path, monkeypatch):
     (tmp_path / "models" / "top_plate.stp").unlink()
     with pytest.raises(vp.LoadError, match=r"top_plate\.stp"):
         vp.load(path)
+
+
+def test_a_file_missing_below_another_one_is_named(tmp_path):
+    parts = {"sub": {"pin": m.cylinder(0.004, 0.03), "nut": m.cylinder(0.006, 0.01)}, "plate": m.box(0.1, 0.1, 0.01)}
+    path = m.write_step(tmp_path / "top.step", parts, external=True)
+    assert set(vp.load(path).names) == {"sub/pin", "sub/nut", "plate"}
+    (nut,) = tmp_path.glob("*nut.stp")
+    nut.unlink()
+    scene = vp.load(path)
+    assert set(scene.names) == {"sub/pin", "plate"}
+    assert any(nut.name in note and "does not lie beside it" in note for note in scene.notes)
+
+
+def test_an_instance_without_a_name_has_its_products(tmp_path):
+    path = m.write_step(tmp_path / "a.step", {"bolt_1": m.cylinder(0.004, 0.03), "plate": m.box(0.1, 0.1, 0.01)})
+    text = path.read_text()
+    (usage,) = re.findall(r"NEXT_ASSEMBLY_USAGE_OCCURRENCE\('\d+','bolt_1'", text)
+    path.write_text(text.replace(usage, usage.replace("'bolt_1'", "'*DIT29'")))
+    assert vp.load(path).names == ("bolt_1", "plate")
 
 
 def test_a_script_needs_no_main_guard_and_the_kernel_does_not_write_to_its_output(tmp_path):

@@ -88,6 +88,7 @@ def test_the_surfaces_of_a_tessellated_solid_are_found_again(make, angular):
         assert segments[best].geometry.kind == kinds[face]
 
 
+@pytest.mark.slow
 def test_a_freeform_surface_between_planes_is_one_segment():
     n = 16
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(0, 0.05, n), np.linspace(0, 0.05, n)))

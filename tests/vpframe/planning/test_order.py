@@ -41,6 +41,7 @@ def test_latch_then_lid_then_content_and_no_fewer():
     assert order(lid) == [("latch",), ("lid",)] and lid.proven
 
 
+@pytest.mark.slow
 def test_of_a_thread_the_smaller_part_is_turned_and_the_larger_only_where_it_has_to_be():
     scene = cases.bolted_plate()
     plan = vp.planning.disassembly(scene, "plate", budget=LONG)

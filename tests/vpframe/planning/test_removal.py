@@ -6,13 +6,19 @@ import cases
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import vpframe as vp
 from collision import CollisionManager
 from constraints.freedom.escape import holds
-from vpframe.planning.assembly import LINEAR, Assembly, Budget
+from vpframe.planning import enclosure, tree, ways
+from vpframe.planning.assembly import LINEAR, Assembly, Budget, BudgetError
 from vpframe.planning.certify import STRAY
-from vpframe.planning.verdict import find
+from vpframe.planning.pushes import Pushes
+from vpframe.planning.verdict import Removal, find
+from vpframe.scene.modelling import box, sphere
+from vpframe.scene.modelling import scene as scene_of
 
 LONG = 600.0
 """s: no case may end by the clock on a slow machine; each ends by itself"""
@@ -92,6 +98,69 @@ def test_what_has_to_be_turned_is_turned_by_the_analytic_angle(scene, part, leas
     assert is_clear(scene, found)
 
 
+def sampled(scene, part, seed=0, seconds=60.0):
+    """What the tree alone finds, without straight ways and pushes; by its questions, not by the clock."""
+    assembly, i = Assembly(scene), scene.index(part)
+    others = [j for j in range(len(scene)) if j != i]
+    cone, _ = ways.cone_of(assembly, (i,), others)
+    return tree.search(assembly, (i,), others, cone, Budget(seconds, clock=lambda: 0.0), seed)
+
+
+@pytest.mark.parametrize(
+    ("scene", "part", "least"),
+    [
+        (cases.c_clip, "clip", cases.clip_angle()),
+        (cases.bayonet, "plug", cases.BAYONET),
+        (cases.l_hook, "hook", np.radians(20.0)),
+        (cases.peg, "peg", 0.0),
+        (cases.latched_box, "latch", 0.0),
+    ],
+)
+def test_the_tree_alone_finds_ways_that_deepen_nothing(scene, part, least):
+    scene = scene()
+    found = sampled(scene, part)
+    removal = Removal((part,), "removable", found.way)
+    assert angle_of(removal) >= least
+    assert deepest_beyond(scene, removal) <= 0.1 * LINEAR
+    assert is_clear(scene, removal)
+
+
+def test_walls_thinner_than_the_steps_of_the_tree_are_never_passed():
+    wall, thin = 2e-5, 2e-5
+    shell = box(0.03, 0.03, 0.01) - box(0.03 - 2 * wall, 0.03 - 2 * wall, 0.01 - 2 * wall).translated(wall, wall, wall)
+    scene = scene_of({"shell": shell, "plate": box(0.02, 0.02, thin).translated(0.005, 0.005, 0.005)})
+    assert wall + thin < tree.STEP * 0.01
+    found = sampled(scene, "plate", seconds=4.0)
+    assert found.way is None and found.reached > 0.0
+
+
+def test_the_displacements_of_the_tree_intersect_nothing_and_its_random_numbers_are_its_seed():
+    scene = cases.linked_rings()
+    assembly = Assembly(scene)
+    cone, _ = ways.cone_of(assembly, (1,), (0,))
+
+    def grown(seed):
+        pushes = Pushes(assembly, (1,), (0,), Budget(1.0, clock=lambda: 0.0))
+        search = tree._Search(pushes, cone, seed)
+        with pytest.raises(BudgetError):
+            search.run()
+        return search
+
+    search = grown(3)
+    n = int(search.tree.count[tree.NODES])
+    assert n > 100
+    world = CollisionManager()
+    for part, pose in zip(scene.parts, assembly.poses, strict=True):
+        world.add(part.mesh, pose)
+    for k in range(0, n, 7):
+        world.set_pose(1, search._displacement(search._at(k)) * assembly.poses[1])
+        assert not len(world.colliding_surfaces())
+        assert search.tree.parent[k] < k
+    again, other = grown(3), grown(4)
+    assert np.array_equal(again.tree.pose[:n], search.tree.pose[:n])
+    assert not np.array_equal(other.tree.pose[:n], search.tree.pose[:n])
+
+
 def test_a_dovetail_leaves_one_direction_and_its_opposite():
     scene = cases.dovetail()
     assembly = Assembly(scene)
@@ -126,6 +195,58 @@ def test_a_ball_in_a_closed_shell_is_enclosed_and_not_where_the_shell_has_a_hole
     found = vp.planning.removal(scene, "ball", budget=LONG)
     assert (found.verdict, found.blockers) == ("enclosed", ("shell",))
     assert vp.planning.removal(scene, "shell", budget=0.1, motion="straight").verdict != "enclosed"
+
+
+def caged(window, radius):
+    """A ball in a box of two parts, wall 5 mm, with a square window (m) in its lid."""
+    body = box(0.06, 0.06, 0.04) - box(0.05, 0.05, 0.035).translated(0.005, 0.005, 0.005)
+    lid = box(0.06, 0.06, 0.005)
+    if window:
+        lid = lid - box(window, window, 0.005).translated(0.03 - 0.5 * window, 0.03 - 0.5 * window)
+    return scene_of(
+        {"body": body, "lid": (lid, cases.at(z=0.04)), "ball": (sphere(radius), cases.at(0.03, 0.03, 0.02))}
+    )
+
+
+def test_what_several_parts_enclose_together_is_enclosed_by_them():
+    found = vp.planning.removal(cases.latched_box(), "content", budget=LONG)
+    assert found.verdict == "enclosed" and {"box", "lid"} <= set(found.blockers)
+    found = vp.planning.removal(caged(0.0, 0.01), "ball", budget=LONG)
+    assert (found.verdict, found.blockers) == ("enclosed", ("body", "lid"))
+    assert vp.planning.removal(caged(0.008, 0.01), "ball", budget=LONG).verdict == "enclosed"
+    assert vp.planning.removal(caged(0.022, 0.01), "ball", budget=LONG).verdict == "removable"
+    authorised = vp.planning.removal(caged(0.0, 0.01), "ball", budget=LONG, authorise=[("ball", "lid")])
+    assert authorised.verdict == "removable"
+
+
+@pytest.mark.slow
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.004, 0.03), st.floats(0.3, 1.7))
+def test_what_fits_through_a_window_is_never_enclosed(window, share):
+    radius = min(0.5 * window * share, 0.014)
+    assembly = Assembly(caged(window, radius))
+    held = enclosure.caged_by(assembly, (2,), (0, 1))
+    if radius < 0.5 * window:
+        assert held is None
+    elif radius > 0.9 * window:  # wider than the diagonal, and what the grid and the facets take
+        assert held == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("scene", "part"),
+    [
+        (cases.linked_rings, "two"), (cases.headed_pin, "pin"), (cases.peg, "peg"), (cases.dovetail, "slide"),
+        (cases.l_hook, "hook"), (cases.bayonet, "plug"), (cases.c_clip, "clip"), (cases.interlocked, "one"),
+    ],
+)  # fmt: skip
+def test_what_can_move_is_neither_locked_nor_enclosed(scene, part):
+    scene = scene()
+    assembly, i = Assembly(scene), scene.index(part)
+    others = [j for j in range(len(scene)) if j != i]
+    cone, _ = ways.cone_of(assembly, (i,), others)
+    assert cone.lock() is None
+    assert enclosure.enclosed_by(assembly, (i,), others) is None
+    assert enclosure.caged_by(assembly, (i,), others) is None
 
 
 def test_a_block_in_its_pocket_is_locked_by_a_proof_that_holds_exactly():

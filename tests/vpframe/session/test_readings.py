@@ -7,18 +7,19 @@ import pinocchio as pin
 import pytest
 
 import vpframe as vp
+from vpframe.scene import modelling
 
 G = np.array([0.0, 0.0, -9.81])
 
 
 def made() -> vp.Scene:
     at = [pin.SE3(np.eye(3), np.array([x, 0.0, z])) for x, z in ((0.0, -0.1), (0.0, 0.0), (0.3, 1.0), (0.6, 0.2))]
-    box = vp.modelling.box(0.06, 0.05, 0.04)
-    scene = vp.modelling.scene(
+    box = modelling.box(0.06, 0.05, 0.04)
+    scene = modelling.scene(
         {
-            "floor": (vp.modelling.box(2.0, 1.0, 0.1).translated(-1.0, -0.5, 0.0), at[0]),
+            "floor": (modelling.box(2.0, 1.0, 0.1).translated(-1.0, -0.5, 0.0), at[0]),
             "box": (box, at[1]),
-            "stone": (vp.modelling.sphere(0.03), at[2]),
+            "stone": (modelling.sphere(0.03), at[2]),
             "tool": (box, at[3]),
         },
         deflection=1e-3,

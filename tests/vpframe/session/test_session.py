@@ -167,7 +167,7 @@ def test_a_move_that_cannot_be_made_fails_with_the_reason() -> None:
     with Session(scene(), rule=rules.leave_all) as session:
         hand = session.hand(at=(0.09, 0.07, 0.05))
         hand.grab("cube")
-        with pytest.raises(TaskError, match=r"move_by.*cube ended .* mm short of its target, stopped by table"):
+        with pytest.raises(TaskError, match=r"move_by.*cube stopped after .* mm.*: table stands in its way"):
             hand.move_by((0.0, 0.0, -0.1))
 
 

@@ -10,8 +10,10 @@ import pytest
 
 from physics import Elastic, Friction, Gravity
 from tests.vpframe.killed_runs import by_value, kill
+from tests.vpframe.session.test_there_and_back import tight_fit
 from vpframe.scene import modelling
-from vpframe.scene.scene import Scene
+from vpframe.scene.scene import Part, Scene
+from vpframe.session import rules
 from vpframe.session.events import Frames
 from vpframe.session.session import Session
 
@@ -79,3 +81,23 @@ def test_what_a_checkpoint_holds_names_no_object_of_its_process() -> None:
         second.step()
         assert first.state.save() == second.state.save()
     assert first.scene["ball"].pose.translation[2] == second.scene["ball"].pose.translation[2]
+
+
+def test_how_deep_parts_were_drawn_into_each_other_is_saved() -> None:
+    """A dovetail drawn askew slides out also in a session that began with it elsewhere."""
+    housing, key = (modelling.shape(solid) for solid in tight_fit("dovetail", -2e-5))
+
+    def drawn(x: float) -> Session:
+        pose = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.05])), np.array([x, 0.0, 0.0]))
+        made = Scene([Part("housing", housing, pin.SE3.Identity()), Part("key", key, pose)])
+        made["housing"].fixed = True
+        return Session(made, rule=rules.leave_all)
+
+    first, second = drawn(0.0), drawn(0.2)
+    second.step()
+    first.hand().grab("key")
+    second.state.restore(first.state.save())
+    for session in (first, second):
+        session.hand().slide("z", 0.03, speed=0.3)
+    assert first.scene["key"].pose.translation[2] == pytest.approx(0.03, abs=1e-6)
+    assert first.state.save() == second.state.save()

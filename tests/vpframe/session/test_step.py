@@ -17,12 +17,14 @@ import pytest
 import physics
 from physics import Behaviour, Elastic, Friction, Gravity, SpringHand
 from tests.vpframe.bench_scene import SEAT, at, scene
+from tests.vpframe.session.test_there_and_back import tight_fit
 from vpframe.errors import TaskError, VpframeError
 from vpframe.hands.paths import Straight
 from vpframe.hands.segment import MotionSegment
 from vpframe.scene import modelling
-from vpframe.session import checkpoint, step
-from vpframe.session.events import ConstraintView, Frames
+from vpframe.scene.scene import Part, Scene
+from vpframe.session import checkpoint, rules, step
+from vpframe.session.events import ConstraintView, Frame, Frames
 from vpframe.session.session import Session
 from vpframe.session.state import StateError
 from vpframe.view.controls import Controls, Request
@@ -361,3 +363,28 @@ def test_the_pose_of_a_part_in_a_session_is_the_sessions() -> None:
     assert peg.pose == here
     peg.pose = pin.SE3.Identity()
     assert peg.pose == pin.SE3.Identity()
+
+
+def test_colliding_surfaces_are_those_of_a_query_of_their_own() -> None:
+    """Also where they are read off contact rows: a pressed dovetail slides out of its groove and back."""
+    housing, key = (modelling.shape(solid) for solid in tight_fit("dovetail", -2e-5))
+    pose = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.05])), np.zeros(3))
+    made = Scene([Part("housing", housing, pin.SE3.Identity()), Part("key", key, pose)])
+    made["housing"].fixed = True
+    sizes = set()
+    with Session(made, rule=rules.leave_all) as session:
+        advanced = session.step
+
+        def checked() -> Frame:
+            frame = advanced()
+            expected = session.state.collision.colliding_surfaces()
+            assert frame.colliding.tolist() == sorted(expected.tolist())
+            sizes.add(len(expected))
+            return frame
+
+        session.step = checked  # type: ignore[method-assign]
+        hand = session.hand()
+        hand.grab("key")
+        hand.slide("z", 0.03, speed=0.3)
+        hand.slide("z", -0.03, speed=0.3, required=False)
+    assert len(sizes) > 1 and 0 in sizes

@@ -38,24 +38,45 @@ def test_memory_is_flat_over_the_steps_of_a_run(monkeypatch: pytest.MonkeyPatch)
         hand.grab("cube", carry="peg")
         begin = session.scene["cube"].pose
         end = pin.SE3(np.eye(3), begin.translation + np.array([0.0, 0.0, 1.0]))
-        hand.start(MotionSegment("on and on", Straight(begin, end, 4000 * session.dt)))
+        hand.start(MotionSegment("on and on", Straight(begin, end, 2000 * session.dt)))
         tracemalloc.start()
         try:
-            while session.step_count < 512:
+            while session.step_count < 256:
                 session.step()
             before, began = allocated(), session.step_count
-            while session.step_count < began + 2048:
+            while session.step_count < began + 1024:
                 session.step()
             grown = allocated() - before
         finally:
             tracemalloc.stop()
-        assert grown < 2048 * 2 * 16, "16 bytes for each step of each part"
+        assert grown < 1024 * 2 * 16, "16 bytes for each step of each part"
         trail = session.trail("peg")
         assert [step for step, _ in trail] == list(range(trail[0][0], session.step_count + 1))[: len(trail)]
-        assert len(trail) > 2400
+        assert len(trail) > 1200
         heights = [pose.translation[2] for _, pose in trail]
         assert all(b >= a for a, b in pairwise(heights))
         assert trail[-1][1] == session.scene["peg"].pose
+
+
+def packed(pose: pin.SE3) -> np.ndarray:
+    return np.append(pose.rotation.ravel(), pose.translation)[None]
+
+
+def test_parts_that_move_together_are_kept_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As one by one, over the end of a block and back to a mark."""
+    monkeypatch.setattr(trails, "ROWS", 100)
+    rng, one, many = np.random.default_rng(3), Trails(), Trails()
+    for step in range(60):
+        poses = [pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)) for _ in range(7)]
+        mark = many.mark()
+        many.add(step, range(7), np.concatenate([packed(pose) for pose in poses[::-1]]))
+        many.undo(mark)
+        many.add(step, range(7), np.concatenate([packed(pose) for pose in poses]))
+        for part, pose in enumerate(poses):
+            one.add(step, [part], packed(pose))
+    for part in range(7):
+        expected = [(step, pose.homogeneous.tobytes()) for step, pose in one.of(part)]
+        assert [(step, pose.homogeneous.tobytes()) for step, pose in many.of(part)] == expected
 
 
 def test_trails_keep_every_pose_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,7 +85,7 @@ def test_trails_keep_every_pose_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> N
     for step in range(350):
         for part in (0, 1, 2)[: 1 + step % 3]:
             pose = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
-            kept.add(step, part, pose)
+            kept.add(step, [part], packed(pose))
             known[part].append((step, pose.homogeneous.tobytes()))
         if step in (10, 200, 349):
             for part, expected in known.items():
@@ -80,7 +101,7 @@ def test_a_trail_that_could_not_be_kept_is_said_when_it_is_asked_for(monkeypatch
     monkeypatch.setattr(tempfile, "TemporaryFile", full)
     kept = Trails()
     for step in range(30):
-        kept.add(step, 0, pin.SE3.Identity())
+        kept.add(step, [0], packed(pin.SE3.Identity()))
     with pytest.raises(OutputError, match="cannot be written: No space left on device"):
         kept.of(0)
 

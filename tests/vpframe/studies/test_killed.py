@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 import re
@@ -12,6 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from distributed import Security
+from distributed.comm import connect
 
 from tests.vpframe.studies.scripts import below, children, firsts, slow, start, wait_until
 from vpframe.studies import cluster as studies_cluster
@@ -156,6 +159,25 @@ def test_variants_whose_workers_have_all_gone_are_to_be_run_again(tmp_path: Path
             list(done)
     assert sorted(variant.index for variant, _ in work) == [v.index for v in sample if v != first][-len(work) :]
     assert len(work) >= 4, "at most one more was finished before its worker went"
+
+
+def test_nobody_else_on_this_machine_reaches_the_scheduler_or_a_worker(tmp_path: Path) -> None:
+    with studies_cluster.connected(Machines(1), 1, 2) as client:
+        scheduler, (worker,) = client.scheduler.address, client.nthreads()
+        for address in (scheduler, worker):
+            assert address.startswith("tls://127.0.0.1:")
+            for stranger in (Security(), Security.temporary()):
+                with pytest.raises((OSError, RuntimeError, TypeError)):
+                    asyncio.run(_hello(address, stranger))
+            with pytest.raises(OSError):
+                asyncio.run(_hello(address.replace("tls:", "tcp:"), Security()))
+            assert asyncio.run(_hello(address, client.security))
+
+
+async def _hello(address: str, security: Security) -> bool:
+    comm = await connect(address, timeout=2.0, **security.get_connection_args("client"))
+    comm.abort()
+    return True
 
 
 @pytest.mark.parametrize(

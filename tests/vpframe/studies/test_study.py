@@ -46,7 +46,7 @@ def test_one_json_document_tells_all(endings) -> None:
     assert document["importance"]["can be done"]["how"]["first_order"] == pytest.approx(1.0)
     assert sum(document["outcomes"]["square"]["histogram"]["counts"]) == counts["ok"]
     assert document["outcomes"]["name"]["values"] == {"ok": counts["ok"]}
-    assert document["repeated"] == {"variants": 1, "different": []}
+    assert document["repeated"] == {"variants": 1, "different": [], "unanswered": []}
     assert not document["interrupted"]
 
 
@@ -119,6 +119,60 @@ def test_a_task_that_does_not_repeat_itself_is_found_out(tmp_path: Path) -> None
     assert "variants [0] gave another answer when they were run again" in done.stderr
     assert "2 of 2 variants can be done: 100.00 %" in done.stdout
     assert "the task does not repeat itself" in (tmp_path / "runs" / "index.html").read_text()
+
+
+HANGS_AGAIN = (
+    HEAD
+    + """
+VARIANTS = {"x": Uniform(0.0, 1.0)}
+
+def task(session, v):
+    mark = Path(__file__).with_name(f"ran {v.index}")
+    if mark.exists():
+        time.sleep(1000.0)
+    mark.touch()
+"""
+)
+
+
+def test_a_second_run_without_an_answer_is_told_and_counts_as_no_difference(tmp_path: Path) -> None:
+    script, out = written(tmp_path, HANGS_AGAIN), tmp_path / "runs"
+    given = (script, "--samples", 2, "--jobs", 1, "--timeout", "2s", "--out", out, "--json")
+    done = study(*given)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["statuses"]["ok"] == 2
+    assert document["repeated"] == {"variants": 0, "different": [], "unanswered": [0]}
+    assert done.stderr == "variants [0] crashed or timed out when they were run again\n"
+    assert "0, all equal to the last bit; 1 crashed or timed out then: 0" in (out / "index.html").read_text()
+    (tmp_path / "ran 0").unlink()
+    assert json.loads(study(*given, "--resume").stdout)["repeated"] == document["repeated"], "its time was no shorter"
+    longer = json.loads(study(*given[:6], "3s", *given[7:], "--resume").stdout)
+    assert longer["repeated"] == {"variants": 1, "different": [], "unanswered": []}
+
+
+COMPILES = (
+    HEAD
+    + """
+VARIANTS = {"x": Uniform(0.0, 1.0)}
+
+def task(session, v):
+    return {"began": time.time()}
+"""
+)
+
+
+@pytest.mark.slow
+def test_kernels_are_compiled_before_the_first_variant(tmp_path: Path) -> None:
+    script, out = written(tmp_path, COMPILES), tmp_path / "runs"
+    command = [sys.executable, "-m", "vpframe", "study", script, "--samples", "2", "--jobs", "2", "--out", out]
+    kept = {**environment(), "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=280, env=kept)
+    assert done.returncode == 0, done.stderr
+    notes = list((tmp_path / "kernels").rglob("session-*.done"))
+    assert len(notes) == 2
+    first = min(one["measures"]["began"] - one["seconds"] for one in firsts(out))
+    assert max(note.stat().st_mtime for note in notes) <= first
 
 
 def test_a_study_resumed_runs_what_is_missing_alone(endings, tmp_path: Path) -> None:

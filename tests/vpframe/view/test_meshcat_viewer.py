@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import contextlib
 import gc
 import json
 import os
@@ -13,6 +14,7 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ from tests.vpframe.watching import fake_session, pressing_frames, pressing_scene
 from vpframe.errors import VpframeError
 from vpframe.view.controls import Controls, Request
 from vpframe.view.display import display_mesh
-from vpframe.view.meshcat_viewer import MeshcatViewer, view
+from vpframe.view.meshcat_viewer import MeshcatViewer, write_page
 from vpframe.view.page_protocol import Encoder
 
 
@@ -175,6 +177,7 @@ async def come_and_go(viewer, kind):
     page.close()
 
 
+@pytest.mark.slow
 def test_two_hundred_clients_come_and_go_and_leave_nothing(viewer, caplog):
     frames, done = pressing_frames(2000), threading.Event()
 
@@ -489,7 +492,7 @@ def test_the_static_page_survives_names_that_look_like_markup(tmp_path):
     name = "</script><script>alert(1)</script>"
     scene = Scene([Part(name, pressing_scene()["rod"].shape, pressing_scene()["rod"].pose)])
     page = tmp_path / "page.html"
-    assert view(scene, static=page) == str(page)
+    assert write_page(scene, (), page) == page
     assert "alert(1)</script>" not in page.read_text()
     assert embedded(page.read_text())[0]["parts"][0]["name"] == name
 
@@ -509,3 +512,82 @@ def test_a_long_run_is_thinned_evenly_and_keeps_its_end_and_its_events():
     assert [e.kind for _, events in kept for e in events] == ["collided", "recognised", "parted"]
     assert all(event.step <= frame.step for frame, events in kept for event in events)
     assert len(history) == 1000
+
+
+def raw_page(address):
+    """A socket of a page that the test can break off without a word."""
+    place = urllib.parse.urlsplit(address)
+    made = socket.create_connection((place.hostname, place.port), timeout=10)
+    lines = (
+        f"GET /socket?{place.query} HTTP/1.1",
+        f"Host: {place.netloc}",
+        "Upgrade: websocket",
+        "Connection: Upgrade",
+        "Sec-WebSocket-Version: 13",
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+    )
+    made.sendall("\r\n".join((*lines, "", "")).encode())
+    return made
+
+
+def test_200_pages_that_come_and_go_leave_no_handle_and_no_traceback(caplog, capfd):
+    viewer = MeshcatViewer()
+    viewer.begin(pressing_scene())
+    frames = pressing_frames(60)
+    handles = Path("/proc/self/fd")
+    if not handles.is_dir():
+        pytest.skip("handles are counted in /proc")
+    gone = []
+    viewer._gone = gone.append
+    viewer.frame(frames[0])
+    before = len(list(handles.iterdir()))
+    try:
+        for k in range(200):
+            page = raw_page(viewer.url)
+            if k % 4:
+                assert page.recv(12) == b"HTTP/1.1 101"
+            if k % 4 == 2:  # break off while it is written to
+                page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            viewer.frame(frames[k % len(frames)])
+            page.close()
+            viewer.frame(frames[(k + 1) % len(frames)])
+        until = time.monotonic() + 20.0
+        while time.monotonic() < until and (viewer.clients or len(list(handles.iterdir())) > before):
+            viewer.frame(frames[1])
+            time.sleep(0.05)
+        assert viewer.clients == 0
+        assert len(list(handles.iterdir())) <= before
+        assert len(gone) == len(set(gone)) and len(gone) >= 150
+        assert viewer._notices == {}
+    finally:
+        viewer.end()
+    gc.collect()  # exceptions that nobody asked for are told when they are collected
+    assert "Traceback" not in caplog.text + "".join(capfd.readouterr())
+
+
+def test_a_page_that_sends_too_much_is_dropped(viewer):
+    async def flood():
+        page = await tornado.websocket.websocket_connect(socket_of(viewer))
+        for _ in range(2000):
+            await page.write_message('{"action": "pause"}')
+            if page.close_code is not None:
+                break
+        while await asyncio.wait_for(page.read_message(), 10) is not None:
+            continue
+        return page.close_code, page.close_reason
+
+    with contextlib.suppress(tornado.websocket.WebSocketClosedError):
+        assert asyncio.run(flood()) == (1008, "too many messages")
+    assert viewer.clients == 0
+
+
+def test_without_a_hand_requests_for_it_are_not_heard(viewer):
+    async def ask():
+        page = await tornado.websocket.websocket_connect(socket_of(viewer))
+        for message in ({"action": "undo"}, {"action": "grab", "part": 0, "level": 0, "surface": -1}):
+            await page.write_message(json.dumps(message))
+        await page.write_message(json.dumps({"action": "accept", "id": 4}))
+        await asyncio.sleep(0.3)
+
+    asyncio.run(ask())
+    assert viewer.controls.take() == (Request("accept", 4),)

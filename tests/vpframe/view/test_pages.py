@@ -51,7 +51,9 @@ def test_the_static_page_shows_the_collision_while_it_lasts(browser, static_page
     touching = browser.picture()
     assert share(touching, palette.COLLIDING) > 0.05
     assert browser.run("document.querySelector('#clash-count').textContent") == "1"
-    assert browser.run("document.querySelector('#clashes').textContent") == "plate [5] – rod [0]"
+    assert browser.run("document.querySelector('#clashes').textContent") == "plate – rod"
+    faces = "plate · face 5 · plane – rod · face 0 · shaft Ø20"
+    assert browser.run("document.querySelector('#clashes .what').title") == faces
     browser.open(f"{static_page}?step=0")
     apart = browser.picture()
     assert share(apart, palette.COLLIDING) < 0.001

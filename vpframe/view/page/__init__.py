@@ -11,6 +11,8 @@ from typing import Any
 from vpframe.errors import VpframeError
 
 HERE = Path(__file__).parent
+SCRIPTS = ("scene", "panels", "pick", "look", "measure", "hand", "timeline", "main")
+"""the page's own, in the order in which they are put together"""
 
 
 def meshcat_script() -> str:
@@ -32,7 +34,7 @@ def html(messages: Iterable[dict[str, Any]] | None = None) -> str:
         ("/*STYLE*/", (HERE / "page.css").read_text(encoding="utf-8")),
         ("/*MESHCAT*/", meshcat_script().replace("</script", "<\\/script")),
         ("null/*EMBEDDED*/", embedded.replace("</", "<\\/")),
-        ("/*PAGE*/", (HERE / "page.js").read_text(encoding="utf-8")),
+        ("/*PAGE*/", "\n".join((HERE / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS)),
     ):
         page = page.replace(mark, content, 1)
     return page

@@ -6,9 +6,11 @@ const $ = (id) => document.getElementById(id);
 const viewer = new MeshCat.Viewer($("pane"));
 viewer.gui.domElement.classList.add("meshcat-gui");
 viewer.renderer.localClippingEnabled = true;
+viewer.renderer.shadowMap.enabled = false;
 const plane = new THREE.Plane(new THREE.Vector3(1, 0, 0), 0);
 const world = {
   info: null, parts: [], shapes: [], strips: new Map(), symbols: new Map(), red: new Map(), trail: new Map(), last: null,
+  client: 0, freedom: new Map(), found: null,
 };
 let socket = null;
 
@@ -42,6 +44,10 @@ function showScene(info) {
     index: new THREE.BufferAttribute(new Uint32Array(bytes(shape.triangles)), 1),
     lines: new THREE.BufferAttribute(floats(shape.lines), 3),
     start: shape.vertex_start,
+    triangles: shape.triangle_start,
+    closed: shape.closed,
+    faces: shape.faces,
+    measures: shape.measures,
   }));
   world.parts = info.parts.map(addPart);
   frameCamera();
@@ -50,7 +56,7 @@ function showScene(info) {
   viewer.set_dirty();
 }
 
-function addPart(info) {
+function addPart(info, index) {
   const shape = world.shapes[info.shape];
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", shape.positions);
@@ -58,6 +64,7 @@ function addPart(info) {
   geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(3 * shape.positions.count), 3));
   geometry.setIndex(shape.index);
   geometry.computeBoundingSphere();
+  geometry.computeBoundingBox();
   const color = new THREE.Color(info.color);
   const face = new THREE.MeshPhongMaterial({
     vertexColors: true, shininess: 40, specular: 0x1c1c1c, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
@@ -75,7 +82,12 @@ function addPart(info) {
   const path = ["parts", info.name.replaceAll("/", "›")];
   viewer.set_object(path, group);
   viewer.set_transform(path, info.pose);
-  const part = { ...info, path, geometry, color, start: shape.start, materials: [face, cut, edge], lines: drawn, group };
+  const { start, triangles, faces, measures } = shape;
+  inside.visible = !shape.closed; // else only a cut or a look through shows it
+  const part = {
+    ...info, index, path, closed: shape.closed, geometry, color, own: color, start, triangles, faces, measures, solid, inside, group,
+    materials: [face, cut, edge], lines: drawn, opacity: 1, hidden: false, path_names: info.name.split("/"),
+  };
   for (let surface = 0; surface + 1 < part.start.length; surface++) paint(part, surface, color);
   return part;
 }
@@ -85,6 +97,9 @@ function paint(part, surface, color) {
   for (let v = part.start[surface]; v < part.start[surface + 1]; v++) values.setXYZ(v, color.r, color.g, color.b);
   values.needsUpdate = true;
 }
+
+const colorOf = (part, surface) => (world.red.has(`${part.index}:${surface}`)
+  ? new THREE.Color(world.info.colors.colliding) : part.color);
 
 // one camera for good: meshcat's scene tree fails when an object with controls of its own is replaced twice
 let lamp = null;
@@ -99,6 +114,7 @@ function frameCamera() {
     lamp = new THREE.DirectionalLight(0xffffff, 0.5); // it goes with the camera, from above its left shoulder
     camera.add(lamp, lamp.target);
     viewer.controls.addEventListener("start", () => { world.steered = true; });
+    viewer.controls.enableZoom = false; // `zoomToCursor` does that
   }
   const camera = viewer.camera;
   camera.near = 0.02 * radius;
@@ -135,7 +151,8 @@ function showFrame(frame) {
   const poses = floats(frame.poses);
   frame.moved.forEach((index, i) => viewer.set_transform(world.parts[index].path, poses.subarray(16 * i, 16 * i + 16)));
   viewer.scene.updateMatrixWorld();
-  if (socket) follow(frame.moved);
+  if (socket && !dragging()) follow(frame.moved);
+  if (Number($("explode").value) > 0) explode();
   showCollisions(frame.colliding);
   showSymbols(frame);
   extendTrail(frame);
@@ -143,8 +160,10 @@ function showFrame(frame) {
   $("step").textContent = `step ${frame.step}`;
   $("script").textContent = frame.script;
   showHeld(frame);
-  showClashes(frame.colliding);
+  showClashes();
   showConstraints(frame.constraints);
+  showOffer(frame);
+  if (gizmo && !dragging()) showGizmo();
   viewer.set_dirty();
 }
 
@@ -209,7 +228,7 @@ function lineObject({ geometry, hidden: opacity }, color) {
 }
 
 function showSymbols(frame) {
-  const shown = $("symbols").checked ? frame.symbols : [];
+  const shown = $("symbols").checked && Number($("explode").value) === 0 ? frame.symbols : [];
   const poses = floats(frame.symbol_poses);
   const names = new Set(shown.map((symbol) => symbol.name));
   shown.forEach((symbol, i) => {
@@ -246,202 +265,3 @@ function drawTrail(name) {
     geometry, new THREE.LineBasicMaterial({ color: world.info.colors.trail })));
 }
 
-// ---- the panels ----------------------------------------------------------------------------------------------------
-
-const partName = (index) => world.parts[index].name;
-
-function showHeld(frame) {
-  const rows = Object.entries(frame.freedom).map(([name, [freedom, joint]]) => {
-    const row = element("div", "row");
-    row.append(element("span", "what", name + (frame.held.includes(name) ? " (in hand)" : "")),
-      element("span", "dim", `${joint} · ${freedom}`));
-    return row;
-  });
-  if (frame.clearance !== null) {
-    const row = element("div", "row");
-    row.append(element("span", "what", "clearance"), element("span", "dim", `${(1e3 * frame.clearance).toFixed(3)} mm`));
-    rows.push(row);
-  }
-  $("held").replaceChildren(...(rows.length ? rows : [element("span", "empty", "none")]));
-}
-
-function showClashes(rows) {
-  $("clash-count").textContent = rows.length;
-  $("clashes").replaceChildren(...rows.slice(0, 200).map(([a, s, b, t]) => {
-    const row = element("div", "row");
-    const dot = element("span", "dot");
-    dot.style.background = world.info.colors.colliding;
-    const what = element("span", "what", `${partName(a)} [${s}] – ${partName(b)} [${t}]`);
-    what.title = `${world.parts[a].surfaces[s]} – ${world.parts[b].surfaces[t]}`;
-    row.append(dot, what);
-    return row;
-  }));
-}
-
-function showConstraints(list) {
-  $("constraint-count").textContent = list.length;
-  const signature = JSON.stringify(list.map((c) => [c.id, c.state]));
-  if ($("constraints").dataset.signature === signature) return; // buttons must not be replaced under the pointer
-  $("constraints").dataset.signature = signature;
-  $("constraints").replaceChildren(...list.map((c) => {
-    const row = element("div", "row");
-    row.dataset.id = c.id;
-    const dot = element("span", "dot");
-    dot.style.background = world.info.colors.state[c.state];
-    const what = element("span", "what", `${c.kind}: ${c.parts[0]} – ${c.parts[1]}`);
-    what.title = `${c.state}, off by ${(1e3 * c.residual).toPrecision(2)} mm. ${c.why}`;
-    row.append(dot, what);
-    if (socket) {
-      if (c.state === "refused") row.append(element("span", "dim", "refused"));
-      if (c.state !== "active") row.append(button("Accept", { action: "accept", id: c.id }));
-      if (c.state === "candidate") row.append(button("Refuse", { action: "refuse", id: c.id }));
-      if (c.state === "active") row.append(button("Remove", { action: "remove", id: c.id }));
-    } else row.append(element("span", "dim", c.state));
-    return row;
-  }));
-}
-
-function button(text, message) {
-  const made = element("button", "", text);
-  made.onclick = () => { made.disabled = true; send(message); };
-  return made;
-}
-
-function addEvent(event) {
-  const line = element("div", event.tone);
-  line.append(element("span", "at", `${event.time.toFixed(3)} s`), element("span", "kind", event.kind),
-    document.createTextNode(event.text));
-  $("events").append(line);
-  while ($("events").childElementCount > 300) $("events").firstChild.remove();
-  $("events").parentElement.scrollTop = 1e9;
-}
-
-// ---- what a person does --------------------------------------------------------------------------------------------
-
-function send(message) {
-  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
-}
-
-function setOpacity(part, value) {
-  for (const material of part.materials) {
-    const before = material.transparent;
-    material.transparent = value < 1;
-    material.opacity = value;
-    material.depthWrite = value === 1;
-    if (before !== material.transparent) material.needsUpdate = true;
-  }
-  part.group.visible = value > 0;
-}
-
-function applySection() {
-  const axis = $("section-axis").value;
-  if (axis) {
-    const { target, radius } = world.info.camera;
-    const i = "xyz".indexOf(axis), sign = plane.flipped ? -1 : 1;
-    const place = target[i] + Number($("section").value) * radius;
-    const normal = [0, 0, 0];
-    normal[i] = -sign; // what the plane's normal points away from is cut
-    plane.normal.set(normal[0], normal[2], -normal[1]); // clipping is in three's world, whose y is up
-    plane.constant = sign * place;
-  }
-  for (const part of world.parts)
-    for (const material of part.materials) { material.clippingPlanes = clip(); material.needsUpdate = true; }
-  viewer.set_dirty();
-}
-
-for (const [name, action, status] of [["play", "play", ""], ["pause", "pause", "paused"], ["one", "step", "paused"]])
-  $(name).onclick = () => { send({ action }); $("status").textContent = status; };
-$("home").onclick = () => { frameCamera(); viewer.set_dirty(); };
-$("opacity").oninput = () => {
-  const choice = $("opacity-part").value;
-  for (const part of choice === "" ? world.parts : [world.parts[choice]]) setOpacity(part, Number($("opacity").value));
-  viewer.set_dirty();
-};
-$("opacity-part").onchange = () => {
-  const choice = $("opacity-part").value;
-  $("opacity").value = choice === "" ? 1 : world.parts[choice].materials[0].opacity;
-};
-$("section-axis").onchange = $("section").oninput = applySection;
-$("section-flip").onclick = () => { plane.flipped = !plane.flipped; applySection(); };
-$("edges").onchange = () => {
-  for (const part of world.parts) part.lines.visible = $("edges").checked;
-  viewer.set_dirty();
-};
-$("symbols").onchange = () => { if (world.last) showSymbols(world.last); viewer.set_dirty(); };
-$("trail").onchange = () => { for (const name of world.trail.keys()) drawTrail(name); viewer.set_dirty(); };
-
-// ---- live, or from the file ----------------------------------------------------------------------------------------
-
-function receive(message) {
-  if (message.type === "scene") showScene(message);
-  else if (message.type === "strips") keepStrips(message);
-  else if (message.type === "frame") showFrame(message);
-  else if (message.type === "events") message.events.forEach(addEvent);
-  else if (message.type === "over") over();
-}
-
-function over() {
-  $("status").textContent = "session ended";
-  for (const made of document.querySelectorAll("#transport button, #constraints button")) made.disabled = true;
-}
-
-function live() {
-  $("scrub").hidden = true;
-  socket = new WebSocket(`ws://${location.host}/socket${location.search}`); // with the token
-  socket.onmessage = (event) => {
-    receive(JSON.parse(event.data));
-    socket.send('{"action": "drawn"}');
-  };
-  socket.onclose = over;
-}
-
-function replay(messages) {
-  $("pause").hidden = $("one").hidden = true;
-  const frames = [];
-  for (const message of messages)
-    if (message.type === "frame") frames.push({ ...frames.at(-1), ...message }); // what is not said is as it was
-    else receive(message);
-  if (frames.length < 2) $("transport").hidden = true;
-  if (!frames.length) return;
-  $("scrub").max = frames.length - 1;
-  const show = (index) => {
-    world.trail.clear();
-    $("events").replaceChildren();
-    const past = frames.slice(0, index + 1).flatMap((frame) => frame.events);
-    for (const event of past.slice(-60)) addEvent(event);
-    for (const frame of frames.slice(0, index)) for (const [name, place] of Object.entries(frame.hands)) {
-      const trail = world.trail.get(name) ?? [];
-      trail.push(new THREE.Vector3(...place));
-      world.trail.set(name, trail);
-    }
-    const moved = new Set(frames[index].moved);
-    world.parts.forEach((part, i) => { if (!moved.has(i)) viewer.set_transform(part.path, part.pose); });
-    showFrame(frames[index]);
-  };
-  $("scrub").oninput = () => { playing = false; $("play").textContent = "Play"; show(Number($("scrub").value)); };
-  let playing = false, origin = 0;
-  const tick = () => {
-    if (!playing) return;
-    const now = performance.now() / 1e3 - origin;
-    let index = Number($("scrub").value);
-    while (index + 1 < frames.length && frames[index + 1].time <= now) index++;
-    $("scrub").value = index;
-    show(index);
-    if (index + 1 < frames.length) requestAnimationFrame(tick);
-    else { playing = false; $("play").textContent = "Play"; }
-  };
-  $("play").onclick = () => {
-    playing = !playing;
-    $("play").textContent = playing ? "Pause" : "Play";
-    if (!playing) return;
-    if (Number($("scrub").value) + 1 >= frames.length) $("scrub").value = 0;
-    origin = performance.now() / 1e3 - frames[Number($("scrub").value)].time;
-    requestAnimationFrame(tick);
-  };
-  const wanted = new URLSearchParams(location.search).get("step");
-  const first = wanted === null ? frames.length - 1 : frames.findIndex((frame) => frame.step >= Number(wanted));
-  $("scrub").value = Math.max(first, 0);
-  show(Number($("scrub").value));
-}
-
-if (EMBEDDED) replay(EMBEDDED); else live();

@@ -1,0 +1,147 @@
+"""Whether bodies may go straight to their targets, sliding along surfaces to which they have no clearance.
+
+Planned motion keeps a margin between solids, and the sweep stops where surfaces come into contact: neither enters a
+pocket without clearance. A passage does. It allows the poses in which no pair of surfaces reaches deeper into each
+other than rounding has it, or than it did as drawn (`Drawn`). This depends on the poses alone and not on how they were
+come to, so that a way that was travelled is open in both directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import Tolerance
+from constraints.motion.walls import Near, Surfaces, Walls
+from constraints.recognition.mated import adjacent_surfaces
+
+NAMES = ("object_a", "surface_a", "object_b", "surface_b")
+MOST_CONTACTS = 64
+"""Sweeps of one passage: each goes on past the surfaces that came into contact in the one before."""
+
+
+class Sweeping(Near, Protocol):
+    """What is asked of `collision.CollisionManager`."""
+
+    def set_poses(self, ids: Sequence[int], poses: Sequence[pin.SE3]) -> None: ...
+    def time_of_impact(self, moves: Mapping[int, pin.SE3], deflection: float = 0.0) -> Any: ...
+    def signed_distances(self, i: int, j: int, pairs: Any, within: float, at: Any = None) -> NDArray[np.float64]: ...
+    def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
+    def enable_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
+
+
+class Drawn:
+    """How deep pairs of surfaces reach into each other in the assembly as drawn: press fits, facets of a bore."""
+
+    def __init__(self, collision: Sweeping, walls: Walls, poses: Sequence[pin.SE3]) -> None:
+        self.collision, self.walls, self.poses = collision, walls, tuple(poses)
+        self._depth: dict[Surfaces, float] = {}
+        self._allowed: dict[Surfaces, float] = {}
+        self._strip: dict[Surfaces, float] = {}
+
+    def allowed(self, pair: Surfaces) -> float:
+        """m, at least 0: how deep a pair may reach into each other.
+
+        It is the depth of the pair as drawn, or that of a pair beside it: the rim of a bore is met by the facets that
+        reach into the bore, wherever the shaft ends. Facets that overlap as drawn may do so by their deflections more:
+        how deep they are depends on where the surfaces end.
+        """
+        known = self._allowed.get(pair)
+        if known is None:
+            a, s, b, t = pair
+            beside_a, beside_b = self._beside(pair)
+            pairs = [pair, *((a, i, b, t) for i in beside_a), *((a, s, b, i) for i in beside_b)]
+            known = self._allowed[pair] = max(map(self._fit, pairs))
+        return known
+
+    def strip(self, pair: Surfaces) -> float:
+        """m, at least 0: how wide a strip along their borders two faces may share: as deep as faces beside them fit."""
+        known = self._strip.get(pair)
+        if known is None:
+            beside_a, beside_b = self._beside(pair)
+            pairs = ((pair[0], i, pair[2], j) for i in beside_a for j in beside_b)
+            known = self._strip[pair] = max(map(self._fit, pairs), default=0.0)
+        return known
+
+    def _beside(self, pair: Surfaces) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        a, s, b, t = pair
+        mesh = self.collision.mesh
+        return adjacent_surfaces(mesh(a), (s,)), adjacent_surfaces(mesh(b), (t,))
+
+    def _fit(self, pair: Surfaces) -> float:
+        a, s, b, t = pair
+        depth = self.depth(pair)
+        return depth + self.walls.deflection(a, s) + self.walls.deflection(b, t) if depth > 0.0 else 0.0
+
+    def depth(self, pair: Surfaces) -> float:
+        """m, at least 0: as drawn."""
+        known = self._depth.get(pair)
+        if known is None:
+            a, s, b, t = pair
+            at = self.poses[a].actInv(self.poses[b])
+            known = self._depth[pair] = -float(self.collision.signed_distances(a, b, [(s, t)], 0.0, at)[0])
+        return known
+
+
+def passable(
+    collision: Sweeping,
+    walls: Walls,
+    drawn: Drawn,
+    poses: Sequence[pin.SE3],
+    target: Mapping[int, pin.SE3],
+    tolerance: Tolerance,
+) -> bool:
+    """Whether bodies may go from `poses`, where collision has them, along one screw each, to `target`.
+
+    Collision has them where they came to afterwards: at `target`, or anywhere on the way. The caller puts them back.
+    """
+    slop = tolerance.slop * tolerance.linear
+    met: set[Surfaces] = set()
+    deep: set[Surfaces] = set()
+    at = list(poses)
+
+    def fits(pairs: Iterable[Surfaces]) -> set[Surfaces]:
+        """Those that overlap as drawn: left out of the sweep from now on, and measured at the target."""
+        found = {pair for pair in pairs if drawn.allowed(pair) > slop} - deep
+        for a, s, b, t in sorted(found):
+            collision.ignore_surfaces(a, (s,), b, (t,))
+        deep.update(found)
+        return found
+
+    near = collision.contacts(tolerance.linear, target)
+    if walls.pressed(near, at, target, slop, drawn.strip):
+        return False
+    try:
+        fits(_pairs(near[near["distance"] <= slop]))
+        for _ in range(MOST_CONTACTS):
+            found = collision.time_of_impact(target, slop)
+            if found.t >= 1.0:
+                collision.set_poses(list(target), list(target.values()))
+                return all(_depth(collision, pair) <= drawn.allowed(pair) + slop for pair in sorted(deep))
+            pairs = _pairs(found.contacts)
+            pairs -= fits(pairs)
+            if pairs & met:
+                return False
+            met |= pairs
+            collision.set_poses(list(found.poses), list(found.poses.values()))
+            for body, pose in found.poses.items():
+                at[body] = pose
+            if walls.pressed(found.contacts, at, target, slop, drawn.strip):
+                return False
+        return False
+    finally:
+        for a, s, b, t in deep:
+            collision.enable_surfaces(a, (s,), b, (t,))
+
+
+def _pairs(rows: NDArray[Any]) -> set[Surfaces]:
+    return set(zip(*(rows[name].tolist() for name in NAMES), strict=True))
+
+
+def _depth(collision: Sweeping, pair: Surfaces) -> float:
+    a, s, b, t = pair
+    return -float(collision.signed_distances(a, b, [(s, t)], 0.0)[0])

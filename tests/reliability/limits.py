@@ -1,0 +1,142 @@
+"""Long sessions, many pages, full disks: memory stays flat, nobody is refused, one line says what is wrong.
+
+python -m tests.reliability.limits [steps N] [pages N] [disk N]
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import gc
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from tests.reliability.kills import ROOT, TASK
+
+
+def memory() -> int:
+    """Bytes of memory that this process holds now."""
+    gc.collect()
+    with open("/proc/self/statm", encoding="ascii") as file:
+        return int(file.read().split()[1]) * resource.getpagesize()
+
+
+def steps(count: int) -> dict[str, Any]:
+    """Steps of a session with a part in hand that goes to and fro: how far its memory grows after the first tenth."""
+    import numpy as np
+    import pinocchio as pin
+
+    import vpframe as vp
+    from tests.vpframe.studies.scripts import cube
+
+    scene = cube()
+    away = pin.SE3(np.eye(3), np.array([0.05, 0.0, 0.0]))
+    parts = [vp.Part("cube", scene["cube"].shape, scene["cube"].pose), vp.Part("wall", scene["cube"].shape, away)]
+    most = least = 0
+    with vp.Session(vp.Scene(parts)) as session:
+        session.scene["wall"].fixed = True
+        hand = session.hand()
+        hand.grab("cube")
+        began = time.perf_counter()
+        while session.step_count < count:
+            for way in (0.02, -0.02):
+                hand.move_by((way, 0.0, 0.0), duration=5.0)
+            if session.step_count > count // 10:
+                now = memory()
+                least, most = min(least or now, now), max(most, now)
+        seconds = time.perf_counter() - began
+        made = session.step_count
+    return {"steps": made, "growth": most - least, "milliseconds a step": 1e3 * seconds / made}
+
+
+def pages(count: int, together: int = 50) -> dict[str, Any]:
+    """Pages that join a live session, take the first messages and go, `together` at a time: those refused, memory."""
+    from tornado.websocket import websocket_connect
+
+    from tests.vpframe.watching import pressing_frames, pressing_scene
+    from vpframe.view.meshcat_viewer import MeshcatViewer
+
+    viewer = MeshcatViewer(frames=60)
+    viewer.begin(pressing_scene())
+    url = viewer.url.replace("http://", "ws://")
+    frames = pressing_frames(60)
+    done = threading.Event()
+
+    def run() -> None:
+        while not done.is_set():
+            for frame in frames:
+                viewer.frame(frame)
+                time.sleep(0.01)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    refused = heard = 0
+    at: list[int] = []
+
+    async def visit() -> int:
+        head, _, query = url.partition("?")
+        socket = await websocket_connect(f"{head}socket?{query}")
+        message = await asyncio.wait_for(socket.read_message(), 30.0)
+        socket.close()
+        return len(message or "")
+
+    async def crowd(number: int) -> list[Any]:
+        return await asyncio.gather(*(visit() for _ in range(number)), return_exceptions=True)
+
+    for begun in range(0, count, together):
+        answers = asyncio.run(crowd(min(together, count - begun)))
+        refused += sum(isinstance(answer, BaseException) or not answer for answer in answers)
+        heard += len(answers)
+        at.append(memory())
+    done.set()
+    thread.join()
+    viewer.end()
+    tenth = at[len(at) // 10 :]
+    return {"pages": heard, "refused": refused, "growth": tenth[-1] - tenth[0] if tenth else 0}
+
+
+DISK = """
+import resource, signal
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (MOST, resource.RLIM_INFINITY))  # no file longer than that
+"""
+
+
+def disk(count: int) -> dict[str, Any]:
+    """Runs whose files may grow to `count` different lengths: all end in one line, none in a traceback."""
+    faults = []
+    for i in range(count):
+        limit = 1000 + round(300_000 * i / max(count - 1, 1))
+        with tempfile.TemporaryDirectory(prefix="vpframe-disk-") as folder:
+            script = Path(folder, "task.py")
+            script.write_text(DISK.replace("MOST", str(limit)) + TASK.replace("STEPS", "300").replace("0.01", "0.0"))
+            outputs = ["--record", "run.rrd", "--checkpoint", "run.journal", "--report", "report"]
+            done = subprocess.run(
+                [sys.executable, "-m", "vpframe", "run", script, *outputs], cwd=folder, capture_output=True, text=True,
+                env={**os.environ, "PYTHONPATH": str(ROOT)}, timeout=300,
+            )  # fmt: skip
+            told = done.returncode == 0 or (done.returncode == 2 and "cannot be written" in done.stderr)
+            if not told or "Traceback" in done.stderr:
+                faults.append({"limit": limit, "code": done.returncode, "said": done.stderr[-300:]})
+    return {"limits": count, "errno": errno.errorcode[errno.EFBIG], "faults": faults}
+
+
+MEASURES = {"steps": (steps, 10**6), "pages": (pages, 1000), "disk": (disk, 50)}
+
+
+def main() -> None:
+    words = sys.argv[1:] or [word for name, (_, count) in MEASURES.items() for word in (name, str(count))]
+    for name, count in zip(words[::2], words[1::2], strict=True):
+        print(json.dumps({name: MEASURES[name][0](int(count))}), flush=True)
+
+
+if __name__ == "__main__":
+    main()

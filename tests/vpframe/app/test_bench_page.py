@@ -1,0 +1,66 @@
+"""`vpframe bench --html`: every suite on one page, with plots, machine and versions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+from vpframe.app import bench, cli
+from vpframe.errors import VpframeError
+
+
+def made(name: str, plots: bool = True) -> SimpleNamespace:
+    """A suite that has measured already."""
+
+    def plot(result: dict[str, Any], directory: str) -> None:
+        if not plots:
+            raise ModuleNotFoundError("No module named 'matplotlib'")
+        (Path(directory) / f"{name}.png").write_bytes(b"\x89PNG " + name.encode())
+
+    result = {"suite": name, "machine": "two cores", "rows": [], "ratios": {"ours over <theirs>": 0.25}}
+    return SimpleNamespace(run=lambda quick: result, table=lambda result: f"table of {name} & more", plot=plot)
+
+
+@pytest.fixture
+def suites(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What the suites are instead."""
+    given: dict[str, Any] = {name: made(name) for name in cli.SUITES}
+
+    def suite(name: str) -> ModuleType:
+        if isinstance(given[name], Exception):
+            raise given[name]
+        return given[name]
+
+    monkeypatch.setattr(bench, "suite", suite)
+    return given
+
+
+def test_all_suites_are_on_the_page(suites, tmp_path: Path, capsys) -> None:
+    path = tmp_path / "bench.html"
+    assert cli.main(["bench", "--all", "--html", str(path)]) == 0
+    page = path.read_text(encoding="utf-8")
+    for name in cli.SUITES:
+        assert f"<h2 id='{name}'>" in page and f"table of {name} &amp; more" in page
+    assert page.count("<img ") == len(cli.SUITES) and "src='data:image/png;base64," in page
+    assert "<script" not in page and "ours over &lt;theirs&gt;" in page and "two cores" in page and "numba " in page
+    assert cli.main(["bench", "study", "--html", str(path)]) == 0, "a page of ours is written over"
+    assert "table of session" not in path.read_text(encoding="utf-8")
+    path.write_text("mine")
+    assert cli.main(["bench", "study", "--html", str(path)]) == 2
+    assert path.read_text() == "mine" and "--force" in capsys.readouterr().err
+
+
+def test_a_suite_without_its_peers_costs_itself_alone(suites, tmp_path: Path, capsys) -> None:
+    suites["physics"] = VpframeError("needs models")
+    suites["planning"] = made("planning", plots=False)
+    path = tmp_path / "bench.html"
+    assert cli.main(["bench", "--html", str(path)]) == 2
+    assert capsys.readouterr().err == "vpframe: physics: needs models\n"
+    page = path.read_text(encoding="utf-8")
+    assert "table of study" in page and "table of physics" not in page
+    assert "No plots: No module named &#x27;matplotlib&#x27; (pip install matplotlib)" in page
+    assert cli.main(["bench", "physics"]) == 2
+    assert cli.main(["bench", "physics", "--all"]) == 2

@@ -1,0 +1,222 @@
+"""Lists of parts taken out, put back, and exchanged; freedom and messages of what a hand carries."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from tests.vpframe.bench_scene import at
+from vpframe.errors import TaskError, UnknownPartError
+from vpframe.hands import constraint, service
+from vpframe.scene import modelling as m
+from vpframe.scene.scene import Part, Scene
+from vpframe.session import rules
+from vpframe.session.session import Session
+
+FINE = (5e-6, 0.1)
+
+
+def bolted(spare: bool = False) -> Scene:
+    """A cover on a base, two headed bolts through the cover into the base."""
+    holes = [(0.0, 0.0), (0.05, 0.0)]
+    base, cover = (
+        m.box(0.09, 0.04, 0.02).translated(-0.02, -0.02, -0.02),
+        m.box(0.09, 0.04, 0.005).translated(-0.02, -0.02),
+    )
+    for x, y in holes:
+        base = base - m.cylinder(0.00302, 0.015).translated(x, y, -0.015)
+        cover = cover - m.cylinder(0.0034, 0.005).translated(x, y)
+    bolt = m.shape(m.cylinder(0.003, 0.015) + m.cylinder(0.006, 0.004).translated(0, 0, 0.015), *FINE)
+    parts = [
+        Part("base", m.shape(base, *FINE), at(0, 0, 0), fixed=True),
+        Part("lid/cover", m.shape(cover, *FINE), at(0, 0, 0)),
+    ]
+    parts += [Part(f"lid/bolt_{k + 1}", bolt, at(x, y, -0.01)) for k, (x, y) in enumerate(holes)]
+    if spare:
+        parts.append(Part("spare", bolt, at(-0.1, 0.0, 0.0)))
+    return Scene(parts)
+
+
+def poses(session: Session) -> dict[str, pin.SE3]:
+    return {name: part.pose.copy() for name, part in session.scene.items()}
+
+
+def test_a_list_goes_out_beside_the_scene_and_back() -> None:
+    with Session(bolted()) as session:
+        session.step()
+        begun = poses(session)
+        _, high = session.bounds
+        hand = session.hand()
+        outcome = hand.remove(["bolt_1", "bolt_2", "cover"])
+        assert outcome and "2 like bolt_1" in outcome.reason and "cover" in outcome.reason
+        for name in ("lid/bolt_1", "lid/bolt_2", "lid/cover"):
+            session.expect_free(name)
+            session.expect_freedom(name, 6)
+            assert (session.scene[name].pose.translation[1] > high[1]) or (
+                session.scene[name].pose.translation[0] > high[0]
+            )
+        assert hand.refit(["bolt_1", "bolt_2", "cover"])
+        for name, pose in begun.items():
+            np.testing.assert_allclose(session.scene[name].pose.homogeneous, pose.homogeneous, atol=1e-6)
+        session.expect_constraint("concentric", "bolt_1", "base")
+
+
+def test_screws_of_a_list_turn_out_by_their_thread_and_in_again() -> None:
+    with Session(bolted()) as session:
+        for name in ("bolt_1", "bolt_2"):
+            session.thread(name, 0.008)
+        session.step()
+        begun = poses(session)
+        hand = session.hand()
+        assert hand.unscrew(parts=["bolt_1", "bolt_2"], rate=4.0)
+        turned = [pin.log3(pose.rotation)[2] for _, pose in session.trail("bolt_1")]
+        assert max(map(abs, turned)) > 1.0
+        assert hand.screw(parts=["bolt_1", "bolt_2"])
+        for name, pose in begun.items():
+            np.testing.assert_allclose(session.scene[name].pose.homogeneous, pose.homogeneous, atol=1e-6)
+
+
+def test_a_part_is_exchanged_for_another() -> None:
+    with Session(bolted(spare=True)) as session:
+        session.step()
+        seat = session.scene["lid/bolt_1"].pose.copy()
+        assert session.hand().exchange("bolt_1", "spare")
+        session.expect_at("spare", seat, within=1e-6)
+        session.expect_constraint("concentric", "spare", "base")
+        session.expect_free("bolt_1")
+
+
+def test_a_list_that_stops_names_the_part_and_how_many_are_out() -> None:
+    with (
+        Session(bolted()) as session,
+        pytest.raises(TaskError, match=r"remove: cover, 2 of 2, after bolt_1: .*bolt_2"),
+    ):
+        session.hand().remove(["bolt_1", "cover"], along="up")
+
+
+def ledge(shut: bool) -> Scene:
+    """A key in a pocket under a ledge: first to the side, then up; `shut`, the side is walled up too."""
+    base = m.box(0.1, 0.06, 0.05) - m.box(0.08, 0.04, 0.03).translated(0.01, 0.01, 0.01)
+    base = base - m.box(0.04, 0.04, 0.02).translated(0.05, 0.01, 0.035)
+    parts = [
+        Part("base", m.shape(base), at(0, 0, 0), fixed=True),
+        Part("key", m.shape(m.box(0.03, 0.03, 0.02)), at(0.015, 0.015, 0.01)),
+    ]
+    if shut:
+        parts.append(Part("wall", m.shape(m.box(0.005, 0.04, 0.03)), at(0.047, 0.01, 0.01), fixed=True))
+    return Scene(parts)
+
+
+def test_what_does_not_come_out_straight_takes_the_way_that_is_planned_and_comes_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with Session(ledge(shut=False)) as session:
+        session.step()
+        home = session.scene["key"].pose.copy()
+        hand = session.hand()
+        with pytest.raises(TaskError, match=r"key stopped after 10\.0 mm.* base"):
+            hand.remove("key", along="up")
+        hand.move_to(home)
+        hand.release()
+        assert hand.remove("key")
+        session.expect_free("key")
+        assert hand.refit("key")
+        session.expect_at("key", home, within=1e-6)
+    monkeypatch.setattr(service, "SEARCH", 1.0)
+    with Session(ledge(shut=True)) as session:
+        session.step()
+        with pytest.raises(TaskError, match=r"remove: key, 1 of 1: .*key stopped after 10.*; no other way out"):
+            session.hand().remove("key")
+
+
+REFUSED = {
+    "none": (lambda h: h.remove([]), "the list of parts is empty"),
+    "no names": (lambda h: h.remove([3]), "give the name of a part, or a list of names"),
+    "twice": (lambda h: h.remove(["bolt_1", "lid"]), "lid is named twice"),
+    "fixed": (lambda h: h.remove("base"), "base is fixed"),
+    "not moved": (lambda h: h.refit("bolt_1"), "is where the session began; remove it first"),
+    "no thread": (lambda h: h.unscrew(parts="cover"), "no thread holds cover"),
+    "both": (lambda h: h.unscrew(parts="bolt_1", turns=2), "turns= is of the part in the hand"),
+    "with itself": (lambda h: h.exchange("bolt_1", "lid"), "lid is named twice"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_list_that_makes_no_sense_is_refused(case: str) -> None:
+    call, words = REFUSED[case]
+    with Session(bolted()) as session:
+        with pytest.raises(TaskError, match=words):
+            call(session.hand())
+        with pytest.raises(UnknownPartError, match="bolt_1"):
+            session.hand().remove("bolt_9")
+        assert session.hand().held is None
+
+
+# ---- what a hand carries
+
+
+def nutted() -> Scene:
+    """A bolt through a fixed plate's clearance hole, its nut beside it in the plate's plane, on the shank."""
+    plate = m.box(0.06, 0.06, 0.01).translated(-0.03, -0.03, -0.01) - m.cylinder(0.00302, 0.01).translated(0, 0, -0.01)
+    bolt = m.cylinder(0.003, 0.03).translated(0, 0, -0.005) + m.cylinder(0.006, 0.004).translated(0, 0, 0.025)
+    nut = m.cylinder(0.006, 0.004) - m.cylinder(0.00301, 0.004)
+    parts = [Part("plate", m.shape(plate, *FINE), at(0, 0, 0), fixed=True)]
+    parts += [
+        Part("set/bolt", m.shape(bolt, *FINE), at(0, 0, 0)),
+        Part("set/nut", m.shape(nut, *FINE), at(0, 0, 0.021)),
+    ]
+    return Scene(parts)
+
+
+def test_freedom_is_alone_with_what_is_carried_and_to_each_neighbour() -> None:
+    with Session(nutted()) as session:
+        session.step()
+        assert session.freedom("bolt") == 1  # concentric to plate and nut, against the nut
+        assert session.freedom("bolt", carried="nut") == session.freedom("set") == 2
+        assert session.joint("set") == "cylindrical"
+        assert session.freedom("bolt", to="nut") == 1 and session.freedom("bolt", to="plate") == 2
+        assert session.freedom("plate", to="set") == 2 and session.freedom("nut", to="plate") == 6
+        session.expect_freedom("bolt", 2, carried=["nut"])
+        with pytest.raises(TaskError, match=r"bolt with nut has 3 degrees of freedom to plate .it has 2"):
+            session.expect_freedom("bolt", 3, to="plate", carried="nut")
+        with pytest.raises(TaskError, match="a part is on both sides"):
+            session.freedom("bolt", to="set")
+
+
+@pytest.mark.parametrize("rule", [rules.accept_all, rules.leave_all], ids=["accept all", "leave all"])
+def test_a_pull_ends_when_the_group_is_free_though_it_carries_its_nut(rule) -> None:
+    with Session(nutted(), rule=rule) as session:
+        hand = session.hand()
+        hand.grab("bolt", carry="nut")
+        outcome = hand.pull("up", until="free")
+        assert outcome and session.scene["set/bolt"].pose.translation[2] < 0.03
+        session.expect_free("set")
+        session.expect_free("bolt", carried="nut")
+        if rule is rules.accept_all:
+            with pytest.raises(TaskError, match=r"bolt is free .constrained: "):
+                session.expect_free("bolt")
+            assert not constraint("concentric")(session, hand)
+
+
+def test_a_session_takes_subassemblies_wherever_it_takes_parts() -> None:
+    with Session(bolted(spare=True)) as session:
+        session.step()
+        assert {name for c in session.constraints_of("lid") for name in c.parts} - set(session.group("lid")) == {"base"}
+        session.expect_constraint("against", "lid", "base")
+        assert session.clearance("lid", "spare") == pytest.approx(0.08 - 0.006 - 0.0, abs=2e-2)
+        session.authorise("lid", "spare")
+        assert len(session.authorised) == 3
+        hand = session.hand()
+        hand.grab("lid")
+        hand.pull("up", until="free")
+        hand.move_by((0.0, 0.0, 0.03))
+        session.expect_at("lid", session.scene["lid/cover"].pose)
+        session.expect_free("lid")
+        with pytest.raises(TaskError, match="name one of them"):
+            session.thread("lid", 0.001)
+        with pytest.raises(TaskError, match="name one, or a material"):
+            session.behave("lid", mass=1.0)
+        hand.place("base", at=(0.0, 0.0))
+        low = min(p.mesh.vertices[:, 2].min() + p.pose.translation[2] for n, p in session.scene.items() if "lid" in n)
+        assert low == pytest.approx(0.0, abs=1e-4)  # the bolts stand out under the cover

@@ -1,0 +1,269 @@
+"""A person at the page in a real browser, with real mouse events: pick, drag, accept, undo, save, replay, look back."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import vpframe as vp
+from tests.vpframe.bench_model import write_bench
+from tests.vpframe.browser import PROGRAM, Browser
+from vpframe.app.workbench import Workbench
+from vpframe.session.session import Session
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the PATH"),
+]
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_bench(tmp_path_factory.mktemp("model") / "bench.step")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with Browser(1300, 800) as made:
+        yield made
+
+
+@pytest.fixture
+def bench(model: Path, browser: Browser) -> Iterator[Workbench]:
+    made = Workbench(vp.load(model), model, {})
+    runner = threading.Thread(target=made.run)
+    runner.start()
+    try:
+        browser.open(made.viewer.url)
+        browser.wait("world.last !== null", 120)
+        yield made
+        assert browser.errors == []
+    finally:
+        made.stop()
+        runner.join(60)
+    assert not runner.is_alive()
+
+
+def place(browser: Browser, part: str, local: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[float, float]:
+    """Where a point of a part is on the screen."""
+    x, y = browser.run(
+        f"""(() => {{
+            const part = world.parts.find((p) => p.name === {part!r});
+            viewer.scene.updateMatrixWorld();
+            const at = part.solid.localToWorld(new THREE.Vector3(...{list(local)})).project(viewer.camera);
+            return [(at.x + 1) / 2 * innerWidth, (1 - at.y) / 2 * innerHeight];
+        }})()"""
+    )
+    return x, y
+
+
+HEAD = (0.0, 0.0, 0.005)
+
+
+def take(browser: Browser) -> None:
+    """Click on the peg's head, and take it."""
+    browser.press(*place(browser, "peg", HEAD))
+    browser.wait("selection.parts.length === 1")
+    browser.click("#grab")
+    browser.wait("holding()")
+
+
+def accept_concentric(browser: Browser, bench: Workbench) -> None:
+    """Bring the peg nearer until the mate is offered, and accept it beside the cursor."""
+    x, y = place(browser, "peg", HEAD)
+    browser.drag((x, y), (x, y + 1), (x, y + 2))
+    browser.wait("!document.querySelector('#offer').hidden")
+    assert browser.text("#offer-text") == "concentric with block?"
+    browser.click("#offer-accept")
+    browser.wait("world.last.constraints.some((c) => c.kind === 'concentric' && c.state === 'active')")
+
+
+def peg(bench: Workbench) -> np.ndarray:
+    return bench.session.scene["peg"].pose.homogeneous
+
+
+def test_hover_names_part_and_face_and_a_click_selects(bench: Workbench, browser: Browser) -> None:
+    before = browser.picture().astype(int)
+    browser.mouse("Moved", *place(browser, "peg", HEAD))
+    browser.wait("!document.querySelector('#hover').hidden")
+    name = browser.text("#hover")
+    face = next(k for k in range(9) if f"face {k} " in name)
+    assert name == f"peg · {vp_face_words(bench, 'peg', face)}"
+    changed = np.abs(browser.picture().astype(int) - before).max(axis=2) > 60
+    assert 0.0005 < changed.mean() < 0.1  # the outline and the face, no more
+    browser.press(*place(browser, "peg", HEAD))
+    browser.wait("selection.parts.length === 1")
+    assert browser.text("#selected") == name
+    assert browser.run("document.querySelector('#tree .chosen').textContent").startswith("▾peg"[1:])
+    browser.press(30, 780)  # beside everything
+    browser.wait("selection.parts.length === 0")
+
+
+def vp_face_words(bench: Workbench, part: str, face: int) -> str:
+    from vpframe.scene.names import face_words
+
+    return face_words(bench.session.scene[part], face)
+
+
+def test_drag_along_the_bore_blocked_at_its_wall_undone_saved_and_replayed(
+    bench: Workbench, browser: Browser, tmp_path: Path
+) -> None:
+    take(browser)
+    accept_concentric(browser, bench)
+    x, y = place(browser, "peg", HEAD)
+    browser.drag((x, y), *((x + 12.0 * k, y + 30.0 * k) for k in range(1, 9)))  # down and far aside
+    browser.wait("desk.undo === 4")
+    at = peg(bench)[:3, 3]
+    assert np.abs(at[:2]).max() < 2e-5
+    assert at[2] == pytest.approx(0.020, abs=3e-5)  # the head on the block: the mouse went farther
+    assert "blocked" in [event.kind for event in bench.session.events]
+    end = peg(bench).copy()
+    browser.key("z", ctrl=True)
+    browser.wait("desk.redo === 1")
+    assert peg(bench)[2, 3] > 0.030
+    browser.wait("world.parts[1].group.parent.matrix.elements[14] > 0.030")
+    browser.click("#redo")
+    browser.wait("desk.redo === 0")
+    assert np.array_equal(peg(bench), end)
+    browser.click("#save")
+    browser.wait("Boolean(world.script)")
+    module = ModuleType("task")
+    script = browser.run("world.script")
+    exec(compile(script, "task.py", "exec"), module.__dict__)
+    scene = vp.load(bench._model)
+    with Session(scene, **module.OPTIONS) as session:
+        module.task(session)
+    assert scene["peg"].pose.homogeneous.tobytes() == end.tobytes()
+
+
+def test_the_gizmo_moves_along_one_axis_and_typed_numbers_are_exact(bench: Workbench, browser: Browser) -> None:
+    take(browser)
+    browser.wait("gizmo !== null")
+    tip = """(() => { const g = gizmo.group, h = gizmo.handles.find((m) => m.userData.name === 'z' && !m.userData.ring);
+        const at = h.localToWorld(new THREE.Vector3(0, h.geometry.boundingSphere.center.y, 0)).project(viewer.camera);
+        return [(at.x + 1) / 2 * innerWidth, (1 - at.y) / 2 * innerHeight]; })()"""
+    browser.run("gizmo.handles.forEach((h) => h.geometry.computeBoundingSphere()); 1")
+    x, y = browser.run(tip)
+    browser.drag((x, y), (x + 3, y - 20), (x + 6, y - 60))
+    browser.wait("desk.undo === 2")
+    at = peg(bench)[:3, 3]
+    assert at[2] > 0.0375 and np.abs(at[:2]).max() < 1e-6
+    assert np.allclose(peg(bench)[:3, :3], np.eye(3), atol=1e-8)
+    browser.run("$('exact-axis').value = 'x'; $('exact-by').value = '12.5'; 1")
+    browser.click("#exact-go")
+    browser.wait("desk.undo === 3")
+    assert peg(bench)[0, 3] - at[0] == pytest.approx(0.0125, abs=1e-9)
+
+
+def test_rows_show_the_place_with_all_else_faded(bench: Workbench, browser: Browser) -> None:
+    take(browser)
+    accept_concentric(browser, bench)
+    browser.run("world.parts.push({...world.parts[0], index: 99, faded: false}); 1")  # a third one, only to be faded
+    browser.click("#constraints .place")
+    browser.wait("marker !== null")
+    assert browser.run("world.parts.map((part) => Boolean(part.faded))") == [False, False, True]
+    browser.run("world.parts.pop(); focusOn(null); 1")
+
+
+def test_the_tree_hides_isolates_and_colours(bench: Workbench, browser: Browser) -> None:
+    browser.click("#tree .node input")
+    browser.wait("!world.parts[0].group.visible")
+    browser.click("#all")
+    browser.wait("world.parts[0].group.visible")
+    browser.run("document.querySelectorAll('#tree .node')[1].querySelector('button').click(); 1")
+    assert browser.run("world.parts.map((p) => p.group.visible)") == [False, True]
+    browser.click("#all")
+    browser.wait("world.freedom.size === 2")
+    plain = browser.picture().astype(int)
+    browser.click("#by-freedom")
+    assert (np.abs(browser.picture().astype(int) - plain).max(axis=2) > 25).mean() > 0.01
+
+
+def test_an_exploded_view_moves_no_part(bench: Workbench, browser: Browser) -> None:
+    def height(part: str) -> float:
+        return place(browser, part)[1]
+
+    before, apart = peg(bench).copy(), height("block") - height("peg")
+    browser.click("#explode")  # its middle
+    browser.wait("world.parts[1].group.position.length() > 0.001")
+    browser.settle()
+    assert height("block") - height("peg") > apart + 20
+    assert np.array_equal(peg(bench), before)
+    browser.run("$('explode').value = 0; $('explode').oninput(); 1")
+    assert height("block") - height("peg") == pytest.approx(apart, abs=0.5)
+
+
+def test_looking_back_while_the_session_goes_on(bench: Workbench, browser: Browser) -> None:
+    take(browser)
+    browser.run("$('exact-axis').value = 'z'; $('exact-by').value = '20'; 1")
+    browser.click("#exact-go")
+    browser.wait("desk.undo === 2")
+    browser.wait("timeline.shown === timeline.newest && world.last.time > 0.1")
+    top = browser.run("world.parts[1].group.parent.matrix.elements[14]")
+    browser.run("{const s = $('scrub'); s.value = 0; s.dispatchEvent(new Event('input'))}")
+    browser.wait("world.last.step === 0")
+    assert browser.text("#status") == "looking back"
+    browser.wait(f"world.parts[1].group.parent.matrix.elements[14] < {top} - 0.015")
+    assert peg(bench)[2, 3] == pytest.approx(0.0555, abs=1e-6)  # the session is where it was
+    browser.click("#later")
+    browser.wait("world.last.step > 0")
+    browser.click("#now")
+    browser.wait("timeline.shown === timeline.newest")
+    assert browser.text("#status") == ""
+
+
+def test_two_faces_are_measured(bench: Workbench, browser: Browser) -> None:
+    names = bench.session.scene["block"].surfaces
+    tops = [s.index for s in names if type(s.geometry).__name__ == "Plane" and abs(s.geometry.normal[2]) > 0.9]
+    assert len(tops) == 2
+    browser.click("#measure")
+    browser.run(
+        f"""for (const surface of {tops}) measure({{part: world.parts[0], surface, point: new THREE.Vector3()}}); 1"""
+    )
+    assert "angle 0°" in browser.text("#measured")
+    assert "distance 20 mm (along the normal)" in browser.text("#measured")
+    browser.press(*place(browser, "peg", HEAD))
+    browser.wait("measured.length === 1")
+    browser.click("#measure")
+    assert browser.text("#measured") == ""
+
+
+def test_the_wheel_keeps_what_is_under_the_cursor_and_f_frames_the_part(bench: Workbench, browser: Browser) -> None:
+    x, y = place(browser, "peg", HEAD)
+    far = browser.run("viewer.camera.position.distanceTo(viewer.controls.target)")
+    browser.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=-300)
+    browser.wait(f"viewer.camera.position.distanceTo(viewer.controls.target) < 0.8 * {far}")
+    assert place(browser, "peg", HEAD) == pytest.approx((x, y), abs=3.0)
+    browser.press(*place(browser, "peg", HEAD))
+    browser.wait("selection.parts.length === 1")
+    browser.key("f")
+    browser.settle()
+    assert place(browser, "peg", (0.0, 0.0, -0.005)) == pytest.approx((650, 400), abs=12)
+    browser.key("Home")
+    browser.settle()
+    assert browser.run("viewer.camera.position.distanceTo(viewer.controls.target)") == pytest.approx(far)
+
+
+def test_two_pages_see_the_same_and_one_holds(bench: Workbench, browser: Browser) -> None:
+    take(browser)
+    with Browser(1000, 700) as other:
+        other.open(bench.viewer.url)
+        other.wait("world.last !== null")
+        other.wait("document.querySelector('#in-hand').textContent === 'peg held by another page'")
+        assert other.run("document.querySelector('#grab').disabled")
+        browser.run("$('exact-axis').value = 'z'; $('exact-by').value = '15'; 1")
+        browser.click("#exact-go")
+        shown = "world.parts[1].group.parent.matrix.elements[14]"
+        browser.wait(f"{shown} > 0.0504")
+        other.wait(f"{shown} > 0.0504")
+        other.run("send({action: 'release'}); send({action: 'undo'}); 1")
+        other.wait("document.querySelector('#say').textContent.includes('another page holds peg')")
+        assert bench.hand.held == "peg"
+        browser.click("#release")
+        other.wait("document.querySelector('#in-hand').textContent === 'nothing in hand'")
+        assert other.errors == []

@@ -1,0 +1,413 @@
+"""`Workbench`: a model on the live page, where a person takes parts in hand by the session's own verbs.
+
+Pages send requests; the session's thread performs them, one after another, and keeps each as a statement of a script.
+Between requests nothing is computed but what the page has not been shown yet: clashes in depth, freedom of all parts.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from vpframe import files
+from vpframe.analysis.clash import clash, document
+from vpframe.analysis.fits import BAD_KINDS
+from vpframe.app.outputs import Output
+from vpframe.app.progress import warn
+from vpframe.app.written_task import Statement, task_source
+from vpframe.errors import TaskError, VpframeError
+from vpframe.hands.arguments import as_pose
+from vpframe.hands.assist import Assist
+from vpframe.hands.dragging import along_freedom
+from vpframe.hands.hand import Hand
+from vpframe.scene.scene import Scene
+from vpframe.session.rules import accept_standing
+from vpframe.session.session import Session, SessionMark
+from vpframe.text import plain
+from vpframe.view.meshcat_viewer import MeshcatViewer
+from vpframe.view.requests import ABOUT_CONSTRAINTS, Request
+
+WAITING = 200
+"""requests that wait at most; what comes on top of them is dropped"""
+LINGER = 10.0
+"""s that the search for clashes may take to end"""
+STILL = 1e-6
+"""m, and rad: what moves less in a step rests"""
+SNAP = 0.05
+"""of half the scene's size: the reach of the assist's snapping"""
+MOST_SNAP = 3e-3
+"""m, at most"""
+DIGITS = 7, 9
+"""of lengths (m) and of quaternions, in scripts"""
+MOVES = ("drag", "place")
+"""requests of which only the latest counts"""
+
+
+class Done:
+    """Statements that are undone together, and where the session stood before them."""
+
+    def __init__(self, statements: list[Statement], before: SessionMark) -> None:
+        self.statements = statements
+        self.before = before
+
+
+class Workbench:
+    """A session on a scene that pages work in.
+
+    Parameters
+    ----------
+    model: the file that the scene comes from; loading: what it was loaded with.
+    save: where the script is written, after each statement; None: pages can ask for its text.
+    host: as of `MeshcatViewer`.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        model: str | Path,
+        loading: Mapping[str, Any],
+        save: Output | None = None,
+        host: str = "127.0.0.1",
+        open_browser: bool = False,
+    ) -> None:
+        self._model, self._loading, self._save = Path(model), loading, save
+        self._requests: deque[Request] = deque()
+        self._change = threading.Condition()
+        self._stop = False
+        self._as_it_stands = scene.copy()
+        self.viewer = MeshcatViewer(open_browser=open_browser, host=host, ask=self.ask, gone=self._gone)
+        self.viewer.show(scene)
+        self.session = Session(scene, viewer=self.viewer, rule=accept_standing, name=self._model.stem)
+        self.hand: Hand = self.session.hand()
+        low, high = self.session.bounds
+        self.snap = float(f"{min(SNAP * 0.5 * float(np.linalg.norm(high - low)), MOST_SNAP):.2g}")
+        self.hand.assist = Assist(snap=self.snap)
+        self.holder = 0
+        """number of the page that holds the hand; 0: none"""
+        self.done: list[Done] = []
+        self.undone: list[Done] = []
+        self._freedom_of: tuple[int, ...] | None = None
+        decisions = dict.fromkeys(ABOUT_CONSTRAINTS, self._decide)
+        self._actions: dict[str, Callable[[Request], None]] = {
+            "grab": self._grab,
+            "release": self._release,
+            "drag": self._drag,
+            "place": self._drag,
+            "rest": lambda request: None,
+            "slide": self._slide,
+            "turn": self._turn,
+            **decisions,
+            "undo": self._undo,
+            "redo": self._redo,
+            "save": self._give_script,
+        }
+
+    # ---- requests
+
+    def ask(self, request: Request) -> None:
+        """Take a request in (any thread); of a page's successive moves only the latest waits."""
+        with self._change:
+            last = self._requests[-1] if self._requests else None
+            if last and request.action in MOVES and (last.action, last.client) == (request.action, request.client):
+                self._requests[-1] = request
+            elif len(self._requests) < WAITING or self._must_be_heard(request):
+                self._requests.append(request)
+            self._change.notify_all()
+
+    def _must_be_heard(self, request: Request) -> bool:
+        """A page that goes lets go, however much waits; once is enough."""
+        known = ((r.action, r.client) for r in self._requests)
+        return request.action == "release" and ("release", request.client) not in known
+
+    def _gone(self, client: int) -> None:
+        self.ask(Request("release", client=client))
+
+    def _next(self, timeout: float | None = None) -> Request | None:
+        """The next request; None when there was none for `timeout` seconds, or the bench is to close."""
+        with self._change:
+            self._change.wait_for(lambda: self._requests or self._stop, timeout)
+            return None if self._stop or not self._requests else self._requests.popleft()
+
+    def _next_move(self, wait: bool) -> Request | None:
+        """The next request if it is a move of the page that holds the hand; others stay."""
+        with self._change:
+            if wait:
+                self._change.wait_for(lambda: self._requests or self._stop)
+            first = self._requests[0] if self._requests and not self._stop else None
+            if first is None or first.action not in MOVES or first.client != self.holder:
+                return None
+            return self._requests.popleft()
+
+    def run(self) -> None:
+        """Serve until Ctrl-C or `stop`; the session is closed then."""
+        finder = threading.Thread(target=self._find_clashes, name="vpframe clashes", daemon=True)
+        try:
+            self.session.show()
+            self._tell()
+            finder.start()
+            while not self._stop:
+                request = self._next(None if self._freedom_of == self._in_force() else 0.3)
+                if request is not None:
+                    self.do(request)
+                elif not self._stop:
+                    self._tell_freedom()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            self._stop = True
+            self.session.close()
+            if finder.ident is not None:
+                finder.join(LINGER)  # it hears of the end with its next progress
+
+    def stop(self) -> None:
+        """End `run` (any thread)."""
+        with self._change:
+            self._stop = True
+            self._change.notify_all()
+
+    def do(self, request: Request) -> None:
+        """Perform one request; the page that asked is told what could not be done."""
+        try:
+            if request.action != "save" and self.holder not in (0, request.client):
+                if request.action in ("release", "rest"):
+                    return  # a page went that held nothing
+                raise TaskError(f"another page holds {self.hand.held}; it has to let go first")
+            if request.action in (*MOVES, "slide", "turn") and self.hand.held is None:
+                raise TaskError("no part is held; take one in hand first")
+            self._actions[request.action](request)
+        except VpframeError as error:
+            self._say(request.client, str(error))
+        self._tell()
+
+    # ---- one method an action
+
+    def _grab(self, request: Request) -> None:
+        names = self.session.scene.names
+        if not 0 <= request.given["part"] < len(names):
+            raise TaskError("there is no such part")
+        name, level, surface = names[request.given["part"]], request.given["level"], request.given["surface"]
+        if level > 0:
+            name = "/".join(name.split("/")[:level])
+        named = {"surface": surface} if surface >= 0 and level <= 0 else {}
+        let_go = [Statement("hand", "release")] if self.hand.held else []
+        self._perform([*let_go, Statement("hand", "grab", (name,), named)])
+        self.holder = request.client
+
+    def _release(self, request: Request) -> None:
+        if self.hand.held is not None:
+            self._perform([Statement("hand", "release")])
+        self.holder = 0
+
+    def _drag(self, request: Request) -> None:
+        poses: list[tuple[float, ...]] = []
+        before = self.session.mark()
+        self._guarded(before, lambda: self.hand.drag(self._targets(request, poses)))
+        if poses:
+            self._keep([Statement("hand", "drag", (poses,))], before)
+
+    def _slide(self, request: Request) -> None:
+        given = {"distance": request.given["distance"], "required": False}
+        self._perform([Statement("hand", "slide", (request.given["along"],), given)], request.client)
+
+    def _turn(self, request: Request) -> None:
+        given = {"about": request.given["about"], "required": False}
+        self._perform([Statement("hand", "turn", (request.given["angle"],), given)], request.client)
+
+    def _decide(self, request: Request) -> None:
+        views = self.session.frame.constraints if self.session.frame else ()
+        view = next((c for c in views if c.id == request.id), None)
+        if view is None:
+            raise TaskError("that constraint is not there any more")
+        remark = f"{view.kind}: {' – '.join(view.parts)}"
+        decision = Statement("session", request.action, (view.id,), remark=remark)
+        self._perform([decision, Statement("session", "step")])
+
+    def _undo(self, request: Request) -> None:
+        if not self.done:
+            raise TaskError("there is nothing to undo")
+        last = self.done.pop()
+        self.undone.append(last)
+        self._back_to(last.before)
+        self.holder = request.client if self.hand.held else 0
+
+    def _redo(self, request: Request) -> None:
+        if not self.undone:
+            raise TaskError("there is nothing to do again")
+        again, rest = self.undone.pop(), self.undone
+        self._perform(again.statements)
+        self.undone = rest
+        self.holder = request.client if self.hand.held else 0
+
+    def _give_script(self, request: Request) -> None:
+        if self._save is None:
+            name = f"{self._model.stem}_task.py"
+            self.viewer.publish({"type": "script", "name": plain(name), "text": self.source(Path())}, request.client)
+            return
+        self._write()
+        self._say(request.client, f"written to {self._save.path.name}")
+
+    # ---- how statements are performed
+
+    def _perform(self, statements: list[Statement], client: int = 0) -> None:
+        before = self.session.mark()
+        outcome = None
+
+        def go() -> None:
+            nonlocal outcome
+            for statement in statements:
+                outcome = statement.perform(self.session, self.hand)
+
+        self._guarded(before, go)
+        self._keep(statements, before)
+        if outcome is not None and not outcome.done and client:
+            self._say(client, outcome.reason)
+
+    def _guarded(self, before: SessionMark, act: Callable[[], object]) -> None:
+        """Do it; what fails leaves no trace, so that the script does not need it."""
+        try:
+            act()
+        except BaseException:
+            self._back_to(before)
+            raise
+
+    def _keep(self, statements: list[Statement], before: SessionMark) -> None:
+        self.done.append(Done(statements, before))
+        self.undone = []
+        if self._save is not None:
+            self._write()
+
+    def _back_to(self, mark: SessionMark) -> None:
+        self.session.undo(mark)
+        self.session.show()
+
+    def _targets(self, request: Request, poses: list[tuple[float, ...]]) -> Iterator[tuple[float, ...]]:
+        """The poses that a drag asks for, each put into `poses`, until it rests or something else is asked for."""
+        latest: Request | None = request
+        while latest is not None:
+            before = pin.SE3(self.hand.subject)
+            target = self._target(latest)
+            poses.append(target)
+            yield target
+            here, goal = pin.SE3(self.hand.subject), as_pose(target, self.hand.subject)
+            goes_on = _apart(before, here) > STILL and _apart(here, goal) > STILL
+            latest = self._next_move(wait=not goes_on) or (latest if goes_on and not self._requests else None)
+
+    def _target(self, request: Request) -> tuple[float, ...]:
+        """The pose that a move asks of what is held, as a script has it: x y z, or x y z qx qy qz qw."""
+        hand, here = self.hand, pin.SE3(self.hand.subject)
+        assert hand.held is not None
+        given = request.given
+        twists = None if given["free"] else self.session.twists(hand.held, hand.carried)
+        if request.action == "place":
+            goal = pin.XYZQUATToSE3(_unit(given["pose"]))
+            goal = goal if twists is None else here * pin.exp6(twists @ (twists.T @ pin.log6(here.actInv(goal)).vector))
+        else:
+            grip, to = np.array(given["point"]), np.array(given["to"])
+            goal = along_freedom(here, grip, to, twists, self.session.half_size(hand.held))
+        length, turn = DIGITS
+        position = tuple(round(float(x), length) for x in goal.translation)
+        if np.array_equal(goal.rotation, here.rotation):
+            return position
+        return (*position, *(round(float(x), turn) for x in pin.SE3ToXYZQUAT(goal)[3:]))
+
+    # ---- what pages are told
+
+    def source(self, folder: Path) -> str:
+        """The script of what was done, for a folder."""
+        statements = [statement for done in self.done for statement in done.statements]
+        return task_source(statements, self._model.resolve(), folder.resolve(), self._loading, self.snap)
+
+    def _write(self) -> None:
+        assert self._save is not None
+        files.replace(self._save.path, self.source(self._save.path.parent))
+
+    def _say(self, client: int, text: str) -> None:
+        self.viewer.publish({"type": "say", "text": plain(text), "at": time.monotonic()}, client)
+
+    def _tell(self) -> None:
+        names = self.session.scene.names
+        held = [self.hand.held, *self.hand.carried] if self.hand.held else []
+        self.viewer.publish(
+            {
+                "type": "desk",
+                "holder": self.holder,
+                "held": [names.index(name) for name in held],
+                "stopped": plain(self.hand.stopped_by),
+                "undo": len(self.done),
+                "redo": len(self.undone),
+                "script": [plain(s.short) for done in self.done[-20:] for s in done.statements],
+                "saves": plain(self._save.path.name) if self._save else "",
+            }
+        )
+
+    def _in_force(self) -> tuple[int, ...]:
+        return tuple(c.id for c in self.session.constraints)
+
+    def _tell_freedom(self) -> None:
+        """Freedom of all parts; a request that comes meanwhile is heard first."""
+        in_force = self._in_force()
+        rows = []
+        for name in self.session.scene.names:
+            if self._requests or self._stop:
+                return
+            rows.append([self.session.freedom(name), self.session.joint(name)])
+        self._freedom_of = in_force
+        self.viewer.publish({"type": "freedom", "rows": rows})
+
+    def _find_clashes(self) -> None:
+        """Clashes of the scene as it stood when it was opened (in a thread of its own)."""
+        index = self._as_it_stands.index
+
+        def tell(rows: list[Any], done: bool, text: str) -> None:
+            if not self._stop:
+                self.viewer.publish({"type": "clashes", "rows": rows, "done": done, "text": text})
+
+        def progress(fraction: float, text: str) -> None:
+            if self._stop:
+                raise KeyboardInterrupt
+            tell([], False, f"{100 * fraction:.0f} %")
+
+        with contextlib.suppress(KeyboardInterrupt):
+            try:
+                tell([], False, "looking for clashes")
+                pairs = document(clash(self._as_it_stands, progress=progress))["pairs"]
+            except VpframeError as error:
+                warn(f"clashes: {error}")
+                tell([], True, plain(str(error)))
+                return
+            rows = [
+                {
+                    "kind": pair["kind"],
+                    "parts": [index(name) for name in pair["parts"]],
+                    "surfaces": list(pair["surfaces"]),
+                    "depth": pair["depth"],
+                    "at": pair["point"],
+                    "count": pair["count"],
+                }
+                for pair in pairs
+                if pair["kind"] in BAD_KINDS
+            ]
+            tell(rows, True, "")
+
+
+def _apart(a: pin.SE3, b: pin.SE3) -> float:
+    """The larger of the distance (m) and the angle (rad) between two poses."""
+    way = a.actInv(b)
+    return max(float(np.linalg.norm(way.translation)), float(np.linalg.norm(pin.log3(way.rotation))))
+
+
+def _unit(pose: tuple[float, ...]) -> np.ndarray:
+    values = np.array(pose)
+    length = float(np.linalg.norm(values[3:]))
+    if length == 0.0:
+        raise TaskError("the pose has no rotation")
+    values[3:] /= length
+    return values

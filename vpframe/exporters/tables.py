@@ -1,0 +1,150 @@
+"""Tables as pandas, polars and spreadsheets read them: CSV, and Parquet where pyarrow is."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from vpframe import files
+from vpframe.app.outputs import PARQUET, Output, table_of
+from vpframe.errors import VpframeError
+from vpframe.scene.motion import Motion
+from vpframe.scene.scene import Scene
+from vpframe.session.events import Event
+
+SUFFIXES = (".csv", ".parquet")
+EVENT_COLUMNS = ("step", "time", "kind", "parts", "surfaces", "text", "data")
+
+
+def write_table(
+    path: str | os.PathLike[str],
+    rows: Iterable[Event | Mapping[str, Any]],
+    columns: Sequence[str] | None = None,
+    force: bool = False,
+) -> Path:
+    """Write events, or rows of named values, as CSV or Parquet by the name's ending; returns the path.
+
+    A column a name; numbers and text stay what they are, and what is nested (lists, dictionaries) becomes JSON. CSV is
+    UTF-8 with a header; numbers have all their digits.
+
+    columns: their names and order; without them, as they come up. force: replace a file that is no such table, too.
+
+    Raises
+    ------
+    OutputError: it cannot be written, or is there and not ours. VpframeError: another ending, or pyarrow is missing.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in SUFFIXES:
+        raise VpframeError(f"{path}: tables are written as {' or '.join(SUFFIXES)}")
+    flat = [_flat(row) for row in rows]
+    names = list(columns or dict.fromkeys(name for row in flat for name in row))
+    if not names:
+        names = list(EVENT_COLUMNS)
+    kind = table_of(names) if target.suffix.lower() == ".csv" else PARQUET
+    with path if isinstance(path, Output) else Output(path, kind, force) as output:
+        if target.suffix.lower() == ".csv":
+            files.replace(output.path, _csv(names, flat))
+        else:
+            files.replace(output.path, _parquet(names, flat))
+    return target
+
+
+def pose_rows(scene: Scene, poses: Mapping[str, pin.SE3], motion: Motion | None = None) -> list[dict[str, Any]]:
+    """A row a part and key: part, t (s), x y z (m), qx qy qz qw, with what else a part is; `read_motion` reads it."""
+    out = []
+    for part in scene.parts:
+        times, rows = (np.zeros(1), pin.SE3ToXYZQUAT(poses.get(part.name, part.pose))[None, :])
+        if motion is not None and part.name in motion.keys:
+            times, rows = motion.keys[part.name]
+        red, green, blue, alpha = part.color
+        rest = {
+            "density": part.density, "volume": part.shape.volume, "fixed": part.fixed,
+            "red": red, "green": green, "blue": blue, "alpha": alpha,
+        }  # fmt: skip
+        for time, row in zip(times.tolist(), rows.tolist(), strict=True):
+            pose = dict(zip(("x", "y", "z", "qx", "qy", "qz", "qw"), row, strict=True))
+            out.append({"part": part.name, "t": time, **pose, **rest})
+    return out
+
+
+def clash_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A row a pair of surfaces of what `vpframe.analysis.clash.clash` found; lengths in m."""
+    out = []
+    for pair in found["pairs"]:
+        surfaces, faces = (list(pair[name]) or [None, None] for name in ("surfaces", "faces"))
+        x, y, z = pair["point"]
+        a, b = pair["parts"]
+        out.append(
+            {
+                "kind": pair["kind"], "part_a": a, "part_b": b, "surface_a": surfaces[0], "surface_b": surfaces[1],
+                "face_a": faces[0], "face_b": faces[1], "distance": pair["distance"], "depth": pair["depth"],
+                "x": x, "y": y, "z": z, "reason": pair["reason"], "status": pair.get("status"),
+                "remark": pair.get("remark"),
+            }
+        )  # fmt: skip
+    return out
+
+
+def _flat(row: Event | Mapping[str, Any]) -> dict[str, Any]:
+    given = {name: getattr(row, name) for name in EVENT_COLUMNS} if isinstance(row, Event) else row
+    return {name: _cell(value) for name, value in given.items()}
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        value = {str(key): inner for key, inner in value.items()}
+    return json.dumps(value, ensure_ascii=False, default=lambda inner: _cell(inner) if _known(inner) else str(inner))
+
+
+def _known(value: Any) -> bool:
+    return isinstance(value, np.generic | np.ndarray)
+
+
+def _csv(names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    for row in rows:
+        writer.writerow(["" if row.get(name) is None else _digits(row[name]) for name in names])
+    return text.getvalue()
+
+
+def _digits(value: Any) -> Any:
+    return repr(value) if isinstance(value, float) else value
+
+
+def _parquet(names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> bytes:
+    module = parquet()
+    import pyarrow as pa
+
+    columns = {name: [row.get(name) for row in rows] for name in names}
+    try:
+        table = pa.table(columns).replace_schema_metadata({b"generator": b"vpframe"})
+    except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
+        raise VpframeError(f"a column holds values of several types, which Parquet cannot carry: {error}") from None
+    sink = io.BytesIO()
+    module.write_table(table, sink)
+    return sink.getvalue()
+
+
+def parquet() -> Any:
+    """`pyarrow.parquet`; VpframeError where it is not installed."""
+    try:
+        import pyarrow.parquet
+    except ImportError:
+        raise VpframeError("Parquet needs pyarrow, which is not installed; pip install pyarrow, or use .csv") from None
+    return pyarrow.parquet

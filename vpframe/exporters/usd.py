@@ -1,0 +1,143 @@
+"""USD out, by usd-core where it is installed: parts as meshes in their tree and colours, motion as time samples."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from vpframe import files
+from vpframe.errors import VpframeError
+from vpframe.scene.motion import Motion
+from vpframe.scene.scene import Scene
+
+GENERATOR = "vpframe"
+FRAMES = 60.0
+"""time codes a second"""
+
+
+def write_usd(scene: Scene, path: Path, poses: Mapping[str, pin.SE3], motion: Motion | None = None) -> list[str]:
+    """Write a scene with its parts at `poses` (.usd, .usda, .usdc), and what `motion` has of them as time samples.
+
+    Metres, z up; a shape is a prototype that its parts are instances of; densities are `UsdPhysics.MassAPI`'s. Returns
+    what was left out.
+
+    Raises VpframeError where usd-core is not installed.
+    """
+    try:
+        from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+    except ImportError:
+        raise VpframeError(f"{path}: USD needs usd-core, which is not installed; pip install usd-core") from None
+    with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
+        written = Path(folder, f"out{path.suffix}")
+        stage = Usd.Stage.CreateNew(str(written))
+        stage.SetMetadata("comment", GENERATOR)
+        UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+        UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+        stage.SetTimeCodesPerSecond(FRAMES)
+        if motion is not None and motion.moving:
+            stage.SetStartTimeCode(0.0)
+            stage.SetEndTimeCode(motion.duration * FRAMES)
+        root = UsdGeom.Xform.Define(stage, "/" + _identifier(Path(scene.source or "scene").stem, set()))
+        stage.SetDefaultPrim(root.GetPrim())
+        tree = _Tree(root.GetPath())
+        shapes: dict[int, Any] = {}
+        for part in scene.parts:
+            if id(part.shape) not in shapes:
+                shapes[id(part.shape)] = _prototype(stage, root.GetPath(), len(shapes), part.shape.mesh)
+            place = tree.path(part.name)
+            for above in place.GetPrefixes()[1:-1]:
+                if not stage.GetPrimAtPath(above):
+                    _named(UsdGeom.Xform.Define(stage, above).GetPrim(), tree.names[above])
+            xform = UsdGeom.Xform.Define(stage, place)
+            prim = xform.GetPrim()
+            _named(prim, part.name.split("/")[-1])
+            prim.SetCustomDataByKey("path", part.name)
+            operation = xform.AddTransformOp(UsdGeom.XformOp.PrecisionDouble)
+            operation.Set(_matrix(Gf, poses.get(part.name, part.pose)))
+            if motion is not None and part.name in motion.moving:
+                for time in motion.keys[part.name][0].tolist():
+                    operation.Set(_matrix(Gf, motion.at(time)[part.name]), Usd.TimeCode(time * FRAMES))
+            red, green, blue, alpha = part.color
+            variables = UsdGeom.PrimvarsAPI(prim)
+            for name, kind, value in (
+                ("displayColor", Sdf.ValueTypeNames.Color3fArray, [Gf.Vec3f(red, green, blue)]),
+                ("displayOpacity", Sdf.ValueTypeNames.FloatArray, [alpha]),
+            ):
+                variables.CreatePrimvar(name, kind, UsdGeom.Tokens.constant).Set(value)
+            if part.density is not None:
+                UsdPhysics.MassAPI.Apply(prim).CreateDensityAttr(part.density)
+            instance = stage.DefinePrim(place.AppendChild("shape"))
+            instance.GetReferences().AddInternalReference(shapes[id(part.shape)])
+            instance.SetInstanceable(True)
+        stage.GetRootLayer().Save()
+        del stage
+        files.replace(path, written.read_bytes())
+    left = ["exact surfaces: USD has triangles only"]
+    if any(surface.color for part in scene.parts for surface in part.surfaces):
+        left.append("colours of single faces")
+    if any(part.inertia for part in scene.parts):
+        left.append("inertias that the model states")
+    if any(surface.size for part in scene.parts for surface in part.surfaces):
+        left.append("sizes of PMI")
+    return left + [f"joint of {s.parts[0]} and {s.parts[1]} ({s.kind})" for s in scene.statements]
+
+
+class _Tree:
+    """Paths of prims: each step an identifier that no sibling has."""
+
+    def __init__(self, root: Any) -> None:
+        self._paths = {"": root}
+        self._taken: dict[Any, set[str]] = {root: {"shapes"}}
+        self.names: dict[Any, str] = {}
+
+    def path(self, name: str) -> Any:
+        """The path of a part or subassembly; every step above has one, too."""
+        if name not in self._paths:
+            above, _, last = name.rpartition("/")
+            parent = self.path(above)
+            taken = self._taken.setdefault(parent, {"shape"})
+            path = self._paths[name] = parent.AppendChild(_identifier(last, taken))
+            self.names[path] = last
+        return self._paths[name]
+
+
+def _identifier(name: str, taken: set[str]) -> str:
+    from pxr import Tf
+
+    made = chosen = Tf.MakeValidIdentifier(name or "part")
+    number = 1
+    while chosen in taken:
+        number += 1
+        chosen = f"{made}_{number}"
+    taken.add(chosen)
+    return str(chosen)
+
+
+def _named(prim: Any, name: str) -> None:
+    if prim.GetName() != name:
+        prim.SetDisplayName(name)
+
+
+def _prototype(stage: Any, root: Any, number: int, mesh: Any) -> Any:
+    from pxr import Sdf, UsdGeom, Vt
+
+    shapes = root.AppendChild("shapes")
+    if not stage.GetPrimAtPath(shapes):
+        stage.CreateClassPrim(shapes)
+    made = UsdGeom.Mesh.Define(stage, shapes.AppendChild(f"shape_{number}"))
+    made.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(mesh.vertices.astype(np.float32)))
+    made.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.triangles.astype(np.int32).reshape(-1)))
+    made.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.triangles), 3, np.int32)))
+    made.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    made.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.array([low, high], np.float32)))
+    return Sdf.Path(made.GetPath())
+
+
+def _matrix(gf: Any, pose: pin.SE3) -> Any:
+    return gf.Matrix4d(*pose.homogeneous.T.ravel().tolist())  # rows are the axes: vectors are rows in USD

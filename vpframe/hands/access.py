@@ -1,0 +1,165 @@
+"""`Reach`: a straight tool or finger, and whether it gets to what a hand grabs or turns."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import CollisionManager, SurfaceMesh
+from vpframe.errors import TaskError
+from vpframe.hands.arguments import number
+from vpframe.hands.workplace import Workplace
+from vpframe.scene.boxes import placed_corners
+from vpframe.scene.scene import Part
+from vpframe.scene.subassembly import listed
+
+Array = NDArray[np.float64]
+
+SECTORS, RINGS = 16, 3
+"""of the capsule's mesh: around its axis, and on each of its ends"""
+OFF = 2e-4
+"""m between the tip and what it touches"""
+PLACES = 48
+"""places of a part at which a finger is tried at most"""
+
+
+@dataclass(frozen=True)
+class Reach:
+    """A straight tool or finger, a capsule: it must get to what the hand grabs or turns, from outside the scene."""
+
+    length: float = 0.1
+    """m"""
+    diameter: float = 0.012
+    """m"""
+
+    def __post_init__(self) -> None:
+        number(self.length, "Reach: length", above=0.0), number(self.diameter, "Reach: diameter", above=0.0)
+        if self.length < self.diameter:
+            raise TaskError(f"Reach: length={self.length!r} is less than the diameter, {self.diameter!r}; swap them?")
+
+    def __str__(self) -> str:
+        return f"a straight tool {self.length * 1e3:g} mm long, Ø{self.diameter * 1e3:g} mm"
+
+    def mesh(self) -> SurfaceMesh:
+        """The capsule about z, its tip at the origin; the mesh holds the true capsule."""
+        angle, bend = np.pi / SECTORS, 0.5 * np.pi / RINGS
+        r = 0.5 * self.diameter
+        polar = (np.arange(RINGS) + 0.5) * bend  # the rings' corners are those of a polygon about the circle
+        bulge = r / np.cos(0.5 * bend)
+        low = [(bulge * np.sin(t) / np.cos(angle), r - bulge * np.cos(t)) for t in polar]
+        rings = np.array([*low, *((rho, self.length - z) for rho, z in low[::-1])])
+        around = 2.0 * angle * np.arange(SECTORS)
+        circle = np.stack([np.cos(around), np.sin(around)], axis=1)
+        body = np.concatenate([np.column_stack([rho * circle, np.full(SECTORS, z)]) for rho, z in rings])
+        vertices = np.concatenate([body, [[0.0, 0.0, 0.0], [0.0, 0.0, self.length]]])
+        n, next_ = np.arange(SECTORS), (np.arange(SECTORS) + 1) % SECTORS
+        triangles = [np.column_stack([np.full(SECTORS, len(body)), next_, n])]
+        for k in range(len(rings) - 1):
+            a, b = k * SECTORS, (k + 1) * SECTORS
+            triangles += [np.column_stack([a + n, a + next_, b + next_]), np.column_stack([a + n, b + next_, b + n])]
+        top = (len(rings) - 1) * SECTORS
+        triangles.append(np.column_stack([top + n, top + next_, np.full(SECTORS, len(body) + 1)]))
+        faces = np.concatenate(triangles).astype(np.int32)
+        return SurfaceMesh(vertices, faces, np.zeros(len(faces), np.int32))
+
+
+def reach_of(value: Reach | bool, what: str) -> Reach | None:
+    """The tool that a flag or a `Reach` means; None: none. TaskError names `what`."""
+    if isinstance(value, Reach):
+        return value
+    if isinstance(value, bool):
+        return Reach() if value else None
+    raise TaskError(f"{what}={value!r}; give True, False, or vp.Reach(length=0.1, diameter=0.012), in metres")
+
+
+class Access:
+    """Where a tool gets to among the parts of a session as they stand now."""
+
+    def __init__(self, session: Workplace, reach: Reach, without: Sequence[str] = ()) -> None:
+        self.parts = [part for part in session.scene.parts if part.name not in without]
+        self.reach = reach
+        self.manager = CollisionManager(session.tolerance)
+        for part in self.parts:
+            self.manager.add(part.mesh, part.pose, movable=False)
+        self.tool = self.manager.add(reach.mesh(), pin.SE3.Identity())
+        points = np.concatenate([placed_corners(part, part.pose) for part in session.scene.parts])
+        low, high = points.min(0), points.max(0)
+        self.outside = float(np.linalg.norm(high - low)) + 2.0 * reach.length
+
+    def obstacles(self, tip: Array, axis: Array) -> tuple[str, ...]:
+        """The parts that keep the tool from a place; none if it gets there.
+
+        It is there with its tip at `tip` (3,) m and its body along `axis` (3,) unit, world, and comes there straight
+        from outside the scene: along its own axis, or along one of the world's.
+        """
+        there = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).toRotationMatrix(), tip)
+        self.manager.set_pose(self.tool, there)
+        rows = self.manager.colliding_surfaces([self.tool])
+        if len(rows):
+            others = np.unique(np.where(rows[:, 0] == self.tool, rows[:, 2], rows[:, 0]))
+            return tuple(self.parts[i].name for i in others)
+        met = [self._on_the_way(there, way) for way in (axis, *np.eye(3), *-np.eye(3))]
+        return () if None in met else tuple(dict.fromkeys(name for name in met if name is not None))
+
+    def _on_the_way(self, there: pin.SE3, way: Array) -> str | None:
+        """The first part that the tool meets on its way in against `way`; None if there is none."""
+        self.manager.set_pose(self.tool, pin.SE3(there.rotation, there.translation + self.outside * way))
+        impact = self.manager.time_of_impact({self.tool: there})
+        if not impact.hit:
+            return None
+        a, _, b, _ = impact.rows[0].tolist()
+        return self.parts[a if a != self.tool else b].name
+
+
+def to_turn(session: Workplace, reach: Reach, group: Sequence[str], origin: Array, axis: Array) -> tuple[str, ...]:
+    """What keeps a tool from the outer end of a screw on its axis; none if it gets there.
+
+    group: the parts that turn. origin, axis: (3,) m and unit, world, pointing outward.
+    """
+    ends = []
+    for part in (session.scene[name] for name in group):
+        points = part.mesh.vertices[np.unique(part.mesh.triangles)] @ part.pose.rotation.T + part.pose.translation
+        along = (points - origin) @ axis
+        ends.append(float(along.max()))
+    return Access(session, reach, group).obstacles(origin + (max(ends) + OFF) * axis, axis)
+
+
+def to_grab(session: Workplace, reach: Reach, part: Part, surface: int | None, hand: Array) -> tuple[int, Array]:
+    """A place of a part that a finger gets to along its normal: its surface, and the point (3,), world, m.
+
+    The nearest such place to the hand at `hand` (3,), of up to `PLACES`.
+
+    Raises
+    ------
+    TaskError: there is none; it names the parts in the way.
+    """
+    mesh = part.mesh
+    corners = mesh.vertices[mesh.triangles] @ part.pose.rotation.T + part.pose.translation
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(normals, axis=1)
+    chosen = []
+    for s in range(mesh.n_surfaces) if surface is None else (surface,):
+        mine = mesh.triangles_of(s)
+        largest = mine[np.argsort(-areas[mine], kind="stable")]
+        chosen += [t for t in largest[: max(1, PLACES // (mesh.n_surfaces if surface is None else 1))] if areas[t] > 0]
+    points = corners[chosen].mean(axis=1)
+    order = np.argsort(np.linalg.norm(points - hand, axis=1), kind="stable")[:PLACES]
+    access, met = Access(session, reach), Counter[str]()
+    for k in order.tolist():
+        normal = normals[chosen[k]] / areas[chosen[k]]
+        found = access.obstacles(points[k] + OFF * normal, normal)
+        if not found:
+            return int(mesh.surface_of_triangle[chosen[k]]), points[k]
+        met.update(found)
+    names = [name for name, _ in sorted(met.items(), key=lambda item: (item[0] == part.name, -item[1], item[0]))]
+    raise TaskError(refused(reach, part.name if surface is None else f"surface {surface} of {part.name}", names))
+
+
+def refused(reach: Reach, what: str, names: Sequence[str]) -> str:
+    """In one line that a tool does not get to `what`, and what is in its way."""
+    return f"no access to {what} for {reach}: {listed(names)} in the way; remove that first, or give a smaller Reach"

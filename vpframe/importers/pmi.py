@@ -1,0 +1,128 @@
+"""Toleranced sizes of an AP242 file (semantic PMI): the diameter of a bore or shaft, with its limits or class."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from typing import Any
+
+from OCP.collections import Sequence_TDF_Label
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS_Shape
+from OCP.XCAFDimTolObjects import (
+    XCAFDimTolObjects_DimensionFormVariance,
+    XCAFDimTolObjects_DimensionGrade,
+    XCAFDimTolObjects_DimensionType,
+)
+from OCP.XCAFDoc import XCAFDoc_Dimension, XCAFDoc_DimTolTool, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+
+from vpframe.importers.brep import MM
+from vpframe.importers.raw import Size
+
+_TWICE = {
+    XCAFDimTolObjects_DimensionType.XCAFDimTolObjects_DimensionType_Size_Diameter: 1.0,
+    XCAFDimTolObjects_DimensionType.XCAFDimTolObjects_DimensionType_Size_Radius: 2.0,
+}
+"""sizes that are read -> the diameter over them"""
+
+
+_MEASURE = re.compile(
+    rb"#(\d+)\s*=\s*[^;]*?MEASURE_WITH_UNIT\s*\(\s*(?:[A-Z_]*MEASURE\s*\(\s*)?([-+]?\d+\.?\d*(?:E[-+]?\d+)?)\s*\)?\s*,"
+)
+_TOLERANCE = re.compile(rb"TOLERANCE_VALUE\s*\(\s*#(\d+)\s*,\s*#(\d+)\s*\)")
+
+
+class Sizes:
+    """The toleranced diameter of each face that has one."""
+
+    def __init__(self) -> None:
+        self._known: list[tuple[TopoDS_Shape, Size]] = []
+
+    def add(self, face: TopoDS_Shape, size: Size) -> None:
+        """Note the size of a face."""
+        self._known.append((face, size))
+
+    def of(self, face: TopoDS_Shape) -> Size | None:
+        """The size of a face, wherever it is placed; None where it has none."""
+        return next((size for known, size in self._known if known.IsPartner(face)), None)
+
+
+def sizes_of(document: TDocStd_Document, data: bytes, notes: list[str]) -> Sizes:
+    """The sizes of a document's faces; dimensions and tolerances that are not read are counted in `notes`.
+
+    data: the file itself. The kernel loses the signs of deviations that both lie on one side of the nominal size
+    (+0.020/+0.005); where there are such, no deviations are taken from it, only classes.
+    """
+    sizes = Sizes()
+    trusted = not _one_sided(data)
+    tool: Any = XCAFDoc_DocumentTool.DimTolTool_s(document.Main())
+    labels = Sequence_TDF_Label()
+    tool.GetDimensionLabels(labels)
+    unread: Counter[str] = Counter()
+    for i in range(1, labels.Length() + 1):
+        label = labels.Value(i)
+        if not label.IsAttribute(XCAFDoc_Dimension.GetID_s()):
+            continue
+        stated = XCAFDoc_Dimension.Set_s(label).GetObject()  # the one that is there
+        faces = _faces(label)
+        if stated.GetType() not in _TWICE or not faces:
+            unread[stated.GetType().name.rpartition("DimensionType_")[2]] += 1
+            continue
+        size = _size(stated, _TWICE[stated.GetType()], trusted)
+        if size is None:
+            unread["sizes with deviations on one side"] += 1
+            continue
+        for face in faces:
+            sizes.add(face, size)
+    tool.GetGeomToleranceLabels(labels)
+    if labels.Length():
+        unread["tolerances of form and place"] += labels.Length()
+    if unread:
+        counted = ", ".join(f"{kind} ({n})" for kind, n in sorted(unread.items()))
+        notes.append(f"PMI that is not read: {counted}; only diameters and radii of faces are")
+    return sizes
+
+
+def _faces(label: Any) -> list[TopoDS_Shape]:
+    first, second = Sequence_TDF_Label(), Sequence_TDF_Label()
+    XCAFDoc_DimTolTool.GetRefShapeLabel_s(label, first, second)
+    found = []
+    for i in range(1, first.Length() + 1):
+        explorer = TopExp_Explorer(XCAFDoc_ShapeTool.GetShape_s(first.Value(i)), TopAbs_ShapeEnum.TopAbs_FACE)
+        while explorer.More():
+            found.append(explorer.Current())
+            explorer.Next()
+    return found
+
+
+def _one_sided(data: bytes) -> bool:
+    """Whether a tolerance of the file has both deviations above, or both below the nominal size."""
+    values = {int(number): float(value) for number, value in _MEASURE.findall(data)}
+    pairs = (tuple(map(int, pair)) for pair in _TOLERANCE.findall(data))
+    return any(a in values and b in values and values[a] * values[b] > 0.0 for a, b in pairs)
+
+
+def _size(stated: Any, twice: float, trusted: bool) -> Size | None:
+    """Nominal, deviations and class of a dimension; a range of values is its limits. None where they are not known."""
+    scale = twice * MM
+    if stated.IsDimWithRange():
+        lower, upper = stated.GetLowerBound() * scale, stated.GetUpperBound() * scale
+        if not (trusted and 0.0 < lower <= upper):
+            return None
+        return 0.5 * (lower + upper), 0.5 * (lower - upper), 0.5 * (upper - lower), ""
+    nominal = stated.GetValue() * scale
+    if stated.IsDimWithClassOfTolerance():
+        variance = XCAFDimTolObjects_DimensionFormVariance(0)  # values of their own, which the kernel fills in
+        grade = XCAFDimTolObjects_DimensionGrade(0)
+        hole = False
+        stated.GetClassOfTolerance(hole, variance, grade)
+        letter = XCAFDimTolObjects_DimensionFormVariance(int(variance)).name.rpartition("_")[2]
+        number = XCAFDimTolObjects_DimensionGrade(int(grade)).name.rpartition("_IT")[2]
+        return nominal, None, None, f"{letter}{number}"
+    if stated.IsDimWithPlusMinusTolerance():
+        if not trusted:
+            return None
+        return nominal, -abs(stated.GetLowerTolValue()) * scale, stated.GetUpperTolValue() * scale, ""
+    return nominal, None, None, ""

@@ -1,0 +1,266 @@
+"""URDF in: links with their geometry and inertia, joints as what they leave free."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as xml
+
+import numpy as np
+import pinocchio as pin
+
+from collision import Tolerance
+from vpframe.errors import LoadError, VpframeError
+from vpframe.importers import meshes
+from vpframe.importers.raw import Axis, Color, RawJoint, RawPart, RawScene, RawShape
+from vpframe.importers.solids import SOLIDS, part_of_mass
+
+_AXES = {"revolute": ("revolute",), "continuous": ("revolute",), "prismatic": ("prismatic",), "fixed": ()}
+_FREE = ("floating",)
+_KNOWN = (*_AXES, *_FREE, "planar")
+_LEVELS = 6
+"""folders above the file in which a package is looked for"""
+
+
+def read(path: Path, deflection: float, angular: float) -> RawScene:
+    """The raw scene of a URDF file where all joints are at zero; each link with geometry is a part, or several.
+
+    Visual geometry is read, and that for collision where a link has no other. Raises LoadError for what is no URDF.
+    """
+    robot = _parsed(path)
+    links = {link.get("name", ""): link for link in robot.iter("link") if link.get("name")}
+    joints = list(robot.findall("joint"))
+    poses, order = _poses(path, links, joints)
+    raw = RawScene(links=[[] for _ in order])
+    reader = _Shapes(path, raw, deflection, angular, _materials(robot))
+    for k, name in enumerate(order):
+        raw.links[k] = reader.add(name, links[name], poses[name])
+    number = {name: k for k, name in enumerate(order)}
+    for joint in joints:
+        raw.joints.append(_joint(path, joint, poses, number))
+    for loop in robot.findall("loop"):
+        pair = [number.get(loop.get(key, ""), -1) for key in ("link1", "link2")]
+        if min(pair) >= 0:
+            raw.joints.append(RawJoint(f"loop {loop.get('link1')}", (pair[0], pair[1]), []))
+    limited = [j.get("name", "") for j in joints if j.find("limit") is not None and _bounded(j)]
+    mimicking = [j.get("name", "") for j in joints if j.find("mimic") is not None]
+    for what, names in (("limits", limited), ("mimicry", mimicking)):
+        if names:
+            raw.notes.append(f"{what} of {len(names)} joints ({', '.join(names[:6])}) left out: no constraint has them")
+    if not raw.parts:
+        raise LoadError(f"{path}: no link has geometry that can be read{_why(raw)}; check its mesh files", str(path))
+    return raw
+
+
+def _why(raw: RawScene) -> str:
+    return f" ({raw.notes[0]})" if raw.notes else ""
+
+
+def _parsed(path: Path) -> xml.Element:
+    data = path.read_bytes()
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise LoadError(f"{path}: has a document type, which no URDF needs; remove it", str(path))
+    try:
+        root = xml.fromstring(data)
+    except xml.ParseError as error:
+        raise LoadError(
+            f"{path}: is no well-formed XML ({error}); if it is xacro, expand it first", str(path)
+        ) from None
+    if root.tag != "robot":
+        raise LoadError(f"{path}: its root is <{root.tag}>, not <robot>; give a URDF file", str(path))
+    return root
+
+
+def _numbers(path: Path, element: xml.Element | None, name: str, default: str) -> np.ndarray:
+    text = default if element is None else element.get(name, default)
+    try:
+        values = np.array([float(word) for word in text.split()])
+    except ValueError:
+        values = np.array([np.nan])
+    if len(values) != len(default.split()) or not np.isfinite(values).all():
+        tag = "" if element is None else element.tag
+        raise LoadError(f"{path}: <{tag} {name}={text!r}>: {len(default.split())} finite numbers are needed", str(path))
+    return values
+
+
+def _origin(path: Path, element: xml.Element) -> pin.SE3:
+    origin = element.find("origin")
+    rotation = pin.rpy.rpyToMatrix(_numbers(path, origin, "rpy", "0 0 0"))
+    return pin.SE3(rotation, _numbers(path, origin, "xyz", "0 0 0"))
+
+
+def _ends(joint: xml.Element) -> tuple[str, str]:
+    parent, child = (joint.find(tag) for tag in ("parent", "child"))
+    return ("" if parent is None else parent.get("link", "")), ("" if child is None else child.get("link", ""))
+
+
+def _poses(
+    path: Path, links: dict[str, xml.Element], joints: list[xml.Element]
+) -> tuple[dict[str, pin.SE3], list[str]]:
+    """World pose of each link, and their names, the root first."""
+    above: dict[str, tuple[str, xml.Element]] = {}
+    for joint in joints:
+        parent, child = _ends(joint)
+        for name in (parent, child):
+            if name not in links:
+                raise LoadError(f"{path}: joint {joint.get('name')}: there is no link {name!r}", str(path))
+        if child in above:
+            raise LoadError(f"{path}: link {child!r} has two parents; URDF knows trees only", str(path))
+        above[child] = parent, joint
+    roots = [name for name in links if name not in above]
+    if len(roots) != 1:
+        what = f"{len(roots)} roots ({', '.join(roots[:4])})" if roots else "no root: its joints run in a circle"
+        raise LoadError(f"{path}: has {what}; a URDF has one", str(path))
+    poses = {roots[0]: pin.SE3.Identity()}
+    order = [roots[0]]
+    below: dict[str, list[str]] = {}
+    for child, (parent, _) in above.items():
+        below.setdefault(parent, []).append(child)
+    for name in order:
+        for child in below.get(name, ()):
+            poses[child] = poses[name] * _origin(path, above[child][1])
+            order.append(child)
+    if len(order) != len(links):
+        raise LoadError(
+            f"{path}: {len(links) - len(order)} links hang on no root: their joints run in a circle", str(path)
+        )
+    return poses, order
+
+
+def _joint(path: Path, joint: xml.Element, poses: dict[str, pin.SE3], number: dict[str, int]) -> RawJoint:
+    name, kind = joint.get("name", ""), joint.get("type", "")
+    parent, child = _ends(joint)
+    if kind not in _KNOWN:
+        raise LoadError(f"{path}: joint {name}: type {kind!r} is none of {', '.join(_KNOWN)}", str(path))
+    frame = poses[child]
+    axis = frame.rotation @ _numbers(path, joint.find("axis"), "xyz", "1 0 0")
+    length = float(np.linalg.norm(axis))
+    if kind in _AXES and _AXES[kind] and not length > 0.0:
+        raise LoadError(f"{path}: joint {name}: its axis is zero", str(path))
+    axis = axis / (length or 1.0)
+    axes: list[Axis] = [(k, frame.translation.copy(), axis) for k in _AXES.get(kind, ())]
+    if kind == "planar":
+        x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+        x /= np.linalg.norm(x)
+        slides = [("prismatic", frame.translation.copy(), d) for d in (x, np.cross(axis, x))]
+        axes = [*slides, ("revolute", frame.translation.copy(), axis)]
+    return RawJoint(name, (number[parent], number[child]), axes, free=kind in _FREE)
+
+
+def _bounded(joint: xml.Element) -> bool:
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") == "continuous":
+        return False
+    try:
+        return max(abs(float(limit.get(key, "0"))) for key in ("lower", "upper")) < 1e5
+    except ValueError:
+        return True
+
+
+def _materials(robot: xml.Element) -> dict[str, Color]:
+    found = {}
+    for material in robot.iter("material"):
+        color = material.find("color")
+        values = [] if color is None else color.get("rgba", "").split()
+        if len(values) == 4:
+            try:
+                r, g, b, a = map(float, values)
+            except ValueError:
+                continue
+            found[material.get("name", "")] = (r, g, b, a)
+    return found
+
+
+class _Shapes:
+    """The parts of links; a mesh file of one scale is read once."""
+
+    def __init__(self, path: Path, raw: RawScene, deflection: float, angular: float, colors: dict[str, Color]) -> None:
+        self.path = path
+        self.raw = raw
+        self.options = deflection, angular
+        self.colors = colors
+        self._read: dict[tuple[Any, ...], RawScene] = {}
+        self._starts: dict[int, int] = {}
+        """where the shapes of each scene that was read begin"""
+
+    def add(self, name: str, link: xml.Element, pose: pin.SE3) -> list[str]:
+        """Parts for a link; their names."""
+        shown = link.findall("visual") or link.findall("collision")
+        made: list[RawPart] = []
+        for element in shown:
+            placed = pose * _origin(self.path, element)
+            material = element.find("material")
+            color = None if material is None else self.colors.get(material.get("name", ""))
+            try:
+                made += self._parts(element.find("geometry"), placed, color)
+            except VpframeError as error:
+                self.raw.notes.append(f"link {name}: a geometry is lost: {error}")
+        for i, part in enumerate(made):
+            part.name = name if len(made) == 1 else f"{name}/{i + 1}"
+        inertial = link.find("inertial")
+        if made and inertial is not None:
+            mass, inertia = self._inertia(inertial)
+            part_of_mass(made, pose * _origin(self.path, inertial), mass, inertia, self.raw)
+        self.raw.parts += made
+        return [part.name for part in made]
+
+    def _inertia(self, inertial: xml.Element) -> tuple[float, np.ndarray]:
+        mass = float(_numbers(self.path, inertial.find("mass"), "value", "0")[0])
+        terms = inertial.find("inertia")
+        xx, xy, xz, yy, yz, zz = (
+            float(_numbers(self.path, terms, key, "0")[0]) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        )
+        return mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def _parts(self, geometry: xml.Element | None, pose: pin.SE3, color: Color | None) -> list[RawPart]:
+        element = None if geometry is None or not len(geometry) else geometry[0]
+        if element is None:
+            raise LoadError(f"{self.path}: a <geometry> is empty", str(self.path))
+        scene = self._scene(element)
+        if id(scene) not in self._starts:
+            self._starts[id(scene)] = len(self.raw.shapes)
+            self.raw.shapes += scene.shapes
+        first = self._starts[id(scene)]
+        out = []
+        for part in scene.parts:
+            placed = pose * pin.SE3(part.rotation, part.translation)
+            shown = part.color if color is None else color
+            out.append(RawPart("", first + part.shape, placed.rotation, placed.translation, shown))
+        return out
+
+    def _scene(self, element: xml.Element) -> RawScene:
+        """The shapes of a geometry in its frame, made once."""
+        scale = _numbers(self.path, element, "scale", "1 1 1") if element.tag == "mesh" else np.ones(3)
+        key = (element.tag, tuple(sorted(element.attrib.items())))
+        if key not in self._read:
+            if element.tag == "mesh":
+                file = self._find(element.get("filename", ""))
+                self._read[key] = meshes.read_scaled(file, tuple(scale.tolist()), Tolerance())
+            elif element.tag in ("box", "cylinder", "sphere", "capsule"):
+                self._read[key] = self._solid(element)
+            else:
+                raise LoadError(f"{self.path}: <{element.tag}> is no geometry that is read", str(self.path))
+        return self._read[key]
+
+    def _solid(self, element: xml.Element) -> RawScene:
+        if element.tag == "box":
+            sizes = _numbers(self.path, element, "size", "0 0 0")
+        elif element.tag == "sphere":
+            sizes = _numbers(self.path, element, "radius", "0")
+        else:
+            sizes = np.array([_numbers(self.path, element, key, "0")[0] for key in ("radius", "length")])
+        shape: RawShape = SOLIDS[element.tag](sizes, *self.options)
+        return RawScene([shape], [RawPart("", 0, np.eye(3), np.zeros(3))])
+
+    def _find(self, name: str) -> Path:
+        """The file that a mesh names: beside the URDF, or in a package in a folder above it."""
+        given = re.sub(r"^(package|model|file)://", "", name)
+        if name.startswith("file://"):
+            return Path(given)
+        above = [self.path.resolve().parent, *self.path.resolve().parents][: _LEVELS + 1]
+        inner = given.partition("/")[2] if name != given else given
+        found = next((f for folder in above for f in (folder / given, folder / inner) if f.is_file()), None)
+        if found is None:
+            raise LoadError(f"{name}: no such file beside {self.path} or in a folder above it", str(self.path))
+        return found

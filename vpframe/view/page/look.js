@@ -1,0 +1,207 @@
+// ---- how the scene is looked at ---------------------------------------------------------------------------------------
+
+function setOpacity(part, value) {
+  part.opacity = value;
+  applyOpacity(part);
+}
+
+function applyOpacity(part) {
+  const value = part.hidden ? 0 : part.faded ? Math.min(part.opacity, 0.12) : part.opacity;
+  for (const material of part.materials) {
+    const before = material.transparent;
+    material.transparent = value < 1;
+    material.opacity = value;
+    material.depthWrite = value === 1;
+    if (before !== material.transparent) material.needsUpdate = true;
+  }
+  part.group.visible = value > 0;
+  part.inside.visible = !part.closed || value < 1 || clip() !== null;
+}
+
+// Fade all but some parts; null ends it.
+function focusOn(parts) {
+  for (const part of world.parts) {
+    const faded = parts !== null && !parts.includes(part);
+    if (faded !== Boolean(part.faded)) { part.faded = faded; applyOpacity(part); }
+  }
+  if (parts === null) removeMarker();
+  viewer.set_dirty();
+}
+
+let marker = null;
+
+function removeMarker() {
+  if (marker) viewer.scene.remove(marker);
+  marker = null;
+}
+
+// Show where two parts meet: others faded, the place (world, m) marked and in the middle of the picture.
+function showPlace(indices, at, faces = []) {
+  const parts = indices.map((index) => world.parts[index]);
+  focusOn(parts);
+  select(parts, null, -1);
+  $("selected").textContent = faces.length ? faces.join(" – ") : parts.map((part) => part.name).join(" – ");
+  removeMarker();
+  const box = boxOf(parts);
+  const small = Math.min(...parts.map((part) => part.geometry.boundingSphere.radius));
+  if (!at) return frameBox(box);
+  marker = new THREE.Mesh(new THREE.SphereGeometry(0.04 * small, 16, 12), new THREE.MeshBasicMaterial(
+    { color: 0xe01b24, depthTest: false, transparent: true, opacity: 0.9 }));
+  marker.renderOrder = 5;
+  marker.position.set(...at);
+  viewer.scene.add(marker);
+  frameBox(new THREE.Box3().setFromCenterAndSize(toThree(at), new THREE.Vector3(1, 1, 1).multiplyScalar(1.6 * small)));
+}
+
+// ---- the camera
+
+function boxOf(parts) {
+  const box = new THREE.Box3();
+  for (const part of parts) {
+    part.solid.updateWorldMatrix(true, false);
+    box.union(part.geometry.boundingBox.clone().applyMatrix4(part.solid.matrixWorld));
+  }
+  return box;
+}
+
+function frameBox(box) {
+  const camera = viewer.camera, target = viewer.controls.target;
+  const sphere = box.getBoundingSphere(new THREE.Sphere());
+  const back = camera.position.clone().sub(target).setLength(4.2 * Math.max(sphere.radius, 1e-6));
+  target.copy(sphere.center);
+  camera.position.copy(target).add(back);
+  world.steered = true;
+  viewer.controls.update();
+  viewer.set_dirty();
+}
+
+const frameParts = (parts) => frameBox(boxOf(parts));
+
+// What the cursor points at stays under it.
+function zoomToCursor(event) {
+  event.preventDefault();
+  event.stopPropagation();
+  const camera = viewer.camera, target = viewer.controls.target;
+  const found = pick(event.clientX, event.clientY);
+  let at = found && found.point;
+  if (!at) {
+    const facing = new THREE.Plane().setFromNormalAndCoplanarPoint(
+      camera.position.clone().sub(target).normalize(), target);
+    at = rayAt(event.clientX, event.clientY).intersectPlane(facing, new THREE.Vector3());
+  }
+  if (!at) return;
+  const scale = Math.exp(Math.max(-200, Math.min(200, event.deltaY)) / 600);
+  camera.position.sub(at).multiplyScalar(scale).add(at);
+  target.sub(at).multiplyScalar(scale).add(at);
+  world.steered = true;
+  viewer.controls.update();
+  viewer.set_dirty();
+}
+
+// ---- section, explosion, colours, picture
+
+function applySection() {
+  const axis = $("section-axis").value;
+  if (axis) {
+    const { target, radius } = world.info.camera;
+    const i = "xyz".indexOf(axis), sign = plane.flipped ? -1 : 1;
+    const place = target[i] + Number($("section").value) * radius;
+    const normal = [0, 0, 0];
+    normal[i] = -sign; // what the plane's normal points away from is cut
+    plane.normal.set(normal[0], normal[2], -normal[1]); // clipping is in three's world, whose y is up
+    plane.constant = sign * place;
+  }
+  for (const part of world.parts) {
+    part.group.traverse(({ material }) => {
+      if (material) { material.clippingPlanes = clip(); material.needsUpdate = true; }
+    });
+    applyOpacity(part);
+  }
+  viewer.set_dirty();
+}
+
+// Draw each part away from the middle of the picture; its pose stays as it is. Symbols are where the parts would be.
+function explode() {
+  const share = Number($("explode").value), middle = toThree(world.info.camera.target);
+  for (const part of world.parts) {
+    const node = part.group.parent.matrixWorld;
+    const away = part.geometry.boundingBox.getCenter(new THREE.Vector3()).applyMatrix4(node).sub(middle);
+    const turn = new THREE.Matrix4().extractRotation(node).invert();
+    part.group.position.copy(away.clampLength(0, world.info.camera.radius).multiplyScalar(share).applyMatrix4(turn));
+  }
+  viewer.set_dirty();
+}
+
+const FREEDOM = ["#5b6470", "#4c78a8", "#3fa7a0", "#63b04c", "#c9b73c", "#e08b3a", "#d95f5f"];
+
+function colorParts() {
+  const byFreedom = $("by-freedom").checked;
+  for (const part of world.parts) {
+    const freedom = world.freedom.get(part.index);
+    part.color = new THREE.Color(!byFreedom ? part.own : freedom === undefined ? "#d0d4da" : FREEDOM[freedom[0]]);
+    part.materials[1].color.copy(part.color).multiplyScalar(0.62);
+    for (let surface = 0; surface + 1 < part.start.length; surface++) paint(part, surface, colorOf(part, surface));
+  }
+  $("freedoms").hidden = !byFreedom;
+  viewer.set_dirty();
+}
+
+function showFreedom(rows) {
+  rows.forEach((row, index) => world.freedom.set(index, row));
+  if ($("by-freedom").checked) colorParts();
+}
+
+function screenshot() {
+  viewer.renderer.render(viewer.scene, viewer.camera);
+  download(viewer.renderer.domElement.toDataURL("image/png"), "vpframe.png");
+}
+
+function download(address, name) {
+  const link = element("a");
+  Object.assign(link, { href: address, download: name });
+  link.click();
+  world.downloaded = name;
+}
+
+$("home").onclick = () => { focusOn(null); frameCamera(); viewer.set_dirty(); };
+$("opacity").oninput = () => {
+  const choice = $("opacity-part").value;
+  for (const part of choice === "" ? world.parts : [world.parts[choice]]) setOpacity(part, Number($("opacity").value));
+  viewer.set_dirty();
+};
+$("opacity-part").onchange = () => {
+  const choice = $("opacity-part").value;
+  $("opacity").value = choice === "" ? 1 : world.parts[choice].opacity;
+};
+$("section-axis").onchange = $("section").oninput = applySection;
+$("section-flip").onclick = () => { plane.flipped = !plane.flipped; applySection(); };
+$("edges").onchange = () => {
+  for (const part of world.parts) part.lines.visible = $("edges").checked;
+  viewer.set_dirty();
+};
+$("symbols").onchange = () => { if (world.last) showSymbols(world.last); viewer.set_dirty(); };
+$("trail").onchange = () => { for (const name of world.trail.keys()) drawTrail(name); viewer.set_dirty(); };
+$("explode").oninput = () => { explode(); if (world.last) showSymbols(world.last); };
+$("by-freedom").onchange = colorParts;
+$("picture").onclick = screenshot;
+$("all").onclick = () => { focusOn(null); setHidden(world.parts, false); };
+$("freedoms").append(...FREEDOM.map((color, n) => {
+  const made = element("span", "swatch", String(n));
+  made.style.background = color;
+  return made;
+}));
+window.addEventListener("keydown", (event) => {
+  if (event.target.matches("input:not([type=checkbox]):not([type=range]), select, textarea")) return;
+  const key = event.key.toLowerCase(), chosen = selection.parts;
+  if ((event.ctrlKey || event.metaKey) && (key === "z" || key === "y")) {
+    event.preventDefault();
+    return send({ action: key === "y" || event.shiftKey ? "redo" : "undo" });
+  }
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  if (key === "f" && chosen.length) frameParts(chosen);
+  else if (key === "home") $("home").click();
+  else if (key === "h" && chosen.length) setHidden(chosen, true);
+  else if (key === "i" && chosen.length) isolate(chosen);
+  else if (key === "escape") { focusOn(null); if (holding()) letGo(); select([]); }
+  else if ((key === "a" || key === "r") && !$("offer").hidden) $(key === "a" ? "offer-accept" : "offer-refuse").click();
+});

@@ -1,0 +1,145 @@
+// ---- time: looking back while the session runs, or playing what is embedded in the file --------------------------------
+// `go` shows a frame by its number; live that asks the server, which keeps them.
+const timeline = { newest: 0, shown: 0, events: [], go: () => {}, asked: null };
+const looking = () => Boolean(socket) && timeline.back === true;
+
+function grow(newest) {
+  timeline.newest = Math.max(timeline.newest, newest);
+  const scrub = $("scrub");
+  const follows = !looking() && document.activeElement !== scrub;
+  scrub.max = timeline.newest;
+  if (follows || !looking()) scrub.value = timeline.shown;
+  placeMarks();
+}
+
+function markEvent(event) {
+  if (event.frame === null || event.frame === undefined) return;
+  timeline.events.push(event);
+  if (timeline.events.length > 1000) timeline.events.shift();
+}
+
+const MARKED = { collided: "bad", blocked: "bad", accepted: "good", removed: "offer", grabbed: "hand", released: "hand" };
+
+function placeMarks() {
+  const marks = timeline.events.filter((event) => MARKED[event.kind]).slice(-200);
+  const key = `${timeline.newest} ${marks.length}`;
+  if ($("marks").dataset.key === key) return;
+  $("marks").dataset.key = key;
+  $("marks").replaceChildren(...marks.map((event) => {
+    const made = element("i", MARKED[event.kind]);
+    made.style.left = `${100 * event.frame / Math.max(timeline.newest, 1)}%`;
+    made.title = `${event.time.toFixed(3)} s ${event.kind}: ${event.text}`;
+    made.onclick = () => timeline.go(event.frame);
+    return made;
+  }));
+}
+
+// The next event after the shown frame (before it, if `back`), around the end; of one kind if that is given.
+function jump(back, kind) {
+  const known = timeline.events.filter((event) => (kind ? event.kind === kind : MARKED[event.kind]));
+  if (!known.length) return say(kind ? "no clash has happened" : "nothing has happened");
+  const at = timeline.shown;
+  const next = back ? known.filter((event) => event.frame < at).at(-1) ?? known.at(-1)
+    : known.find((event) => event.frame > at) ?? known[0];
+  timeline.go(next.frame);
+  if (next.kind === "collided" && next.parts.length === 2) {
+    const parts = next.parts.map((name) => world.parts.findIndex((part) => part.name === name));
+    if (parts.every((index) => index >= 0)) showPlace(parts, null);
+  }
+}
+
+$("earlier").onclick = () => jump(true);
+$("later").onclick = () => jump(false);
+$("to-clash").onclick = () => jump(false, "collided");
+
+function lookBack(number) {
+  const back = number < timeline.newest;
+  timeline.back = back;
+  $("status").textContent = back ? "looking back" : "";
+  $("now").hidden = !back;
+  if (timeline.waits) { timeline.asked = number; return; }
+  timeline.waits = true;
+  send({ action: "look", frame: back ? number : -1 });
+  setTimeout(() => { // a frame that is not there is no answer
+    timeline.waits = false;
+    if (timeline.asked !== null) { const next = timeline.asked; timeline.asked = null; lookBack(next); }
+  }, 40);
+}
+
+function live() {
+  $("now").hidden = true;
+  timeline.go = lookBack;
+  $("scrub").oninput = () => lookBack(Number($("scrub").value));
+  $("now").onclick = () => lookBack(timeline.newest);
+  socket = new WebSocket(`ws://${location.host}/socket${location.search}`); // with the token
+  socket.onmessage = (event) => {
+    receive(JSON.parse(event.data));
+    socket.send('{"action": "drawn"}');
+  };
+  socket.onclose = () => {
+    over();
+    for (const made of document.querySelectorAll("#times button, #times input")) made.disabled = true;
+  };
+}
+
+function over() {
+  $("status").textContent = "session ended";
+  for (const made of document.querySelectorAll("#transport button, #constraints button, #hand button"))
+    made.disabled = true; // what was can be looked at as long as it is served
+}
+
+function replay(messages) {
+  $("pause").hidden = $("one").hidden = $("now").hidden = true;
+  $("hand").hidden = true;
+  const frames = [];
+  for (const message of messages)
+    if (message.type === "frame") frames.push({ ...frames.at(-1), ...message }); // what is not said is as it was
+    else receive(message);
+  if (frames.length < 2) $("times").hidden = true;
+  if (!frames.length) return;
+  frames.forEach((frame, number) => frame.events.forEach((event) => markEvent({ ...event, frame: number })));
+  const show = (index) => {
+    world.trail.clear();
+    $("events").replaceChildren();
+    const past = frames.slice(0, index + 1).flatMap((frame) => frame.events);
+    for (const event of past.slice(-60)) addEvent(event);
+    for (const frame of frames.slice(0, index)) for (const [name, place] of Object.entries(frame.hands)) {
+      const trail = world.trail.get(name) ?? [];
+      trail.push(new THREE.Vector3(...place));
+      world.trail.set(name, trail);
+    }
+    const moved = new Set(frames[index].moved);
+    world.parts.forEach((part, i) => { if (!moved.has(i)) viewer.set_transform(part.path, part.pose); });
+    timeline.shown = index;
+    showFrame(frames[index]);
+    grow(frames.length - 1);
+  };
+  timeline.newest = frames.length - 1;
+  $("scrub").max = frames.length - 1;
+  const stop = () => { playing = false; $("play").textContent = "Play"; };
+  timeline.go = (index) => { stop(); $("scrub").value = index; show(index); };
+  $("scrub").oninput = () => timeline.go(Number($("scrub").value));
+  let playing = false, origin = 0;
+  const tick = () => {
+    if (!playing) return;
+    const now = performance.now() / 1e3 - origin;
+    let index = Number($("scrub").value);
+    while (index + 1 < frames.length && frames[index + 1].time <= now) index++;
+    $("scrub").value = index;
+    show(index);
+    if (index + 1 < frames.length) requestAnimationFrame(tick);
+    else stop();
+  };
+  $("play").onclick = () => {
+    playing = !playing;
+    $("play").textContent = playing ? "Pause" : "Play";
+    if (!playing) return;
+    if (Number($("scrub").value) + 1 >= frames.length) $("scrub").value = 0;
+    origin = performance.now() / 1e3 - frames[Number($("scrub").value)].time;
+    requestAnimationFrame(tick);
+  };
+  const wanted = new URLSearchParams(location.search).get("step");
+  const first = wanted === null ? frames.length - 1 : frames.findIndex((frame) => frame.step >= Number(wanted));
+  $("scrub").value = Math.max(first, 0);
+  show(Number($("scrub").value));
+}
