@@ -180,8 +180,11 @@ class Step:
     def run(self) -> MotionResult:
         """Go as far as it goes."""
         begin, at = {b: self.poses[b] for b in self.unknowns.place}, self.linear
+        before = self._error()
         blocked = self._approach()
-        if blocked and (self._error() <= FINE * self.tolerance.linear or self._pass(begin, at)):
+        left, fine = self._error(), FINE * self.tolerance.linear
+        stalled = left > 0.5 * before  # also where nothing solid was met: mates that bend the way
+        if (blocked and left <= fine) or ((blocked or stalled) and left > fine and self._pass(begin, at)):
             blocked = False
             self.acting.clear()
         return MotionResult(
