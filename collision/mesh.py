@@ -78,6 +78,16 @@ class SurfaceMesh:
         return f"SurfaceMesh({self.name!r}, surfaces={self.n_surfaces}, triangles={self.n_triangles})"
 
 
+def welded(vertices: NDArray[np.float64], grid: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the distinct ones (k, 3) of vertices (n, 3), in m, and the index (n,) of each vertex among them.
+
+    grid: m; vertices that round to the same point of this grid are one. 0: only equal ones are.
+    """
+    at = vertices if grid == 0.0 else np.round((vertices - vertices[0]) / grid)
+    _, first, index = np.unique(at, axis=0, return_index=True, return_inverse=True)
+    return vertices[first], index.reshape(-1)
+
+
 def _array(value: ArrayLike, dtype: type, ndim: int, what: str, name: str) -> NDArray[Any]:
     try:
         given = np.asarray(value)

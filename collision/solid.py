@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from collision.bvh.build import bvh_of
 from collision.bvh.layout import LANES, Bvh
 from collision.errors import CollisionError
-from collision.mesh import SurfaceMesh
+from collision.mesh import SurfaceMesh, welded
 from collision.reference.shape import ShapeMesh
 
 SLIVER: Final = 1e-3
@@ -67,10 +67,9 @@ def _derive(mesh: SurfaceMesh) -> Solid:
 
     bvh = bvh_of(mesh)
     order = bvh.order
-    _, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
-    welded = welded.reshape(-1)
-    n = int(welded.max()) + 1
-    t = welded[mesh.triangles[order]]
+    points, point = welded(mesh.vertices)
+    n = len(points)
+    t = point[mesh.triangles[order]]
     corners = mesh.vertices[mesh.triangles[order]]
     face = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
@@ -93,7 +92,7 @@ def _derive(mesh: SurfaceMesh) -> Solid:
     graph = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(n, n))
     _, shell = connected_components(graph, directed=False)
     first_vertex = mesh.triangles[order][:, 0]
-    _, seed = np.unique(shell[welded[first_vertex]], return_index=True)
+    _, seed = np.unique(shell[point[first_vertex]], return_index=True)
     normal = np.concatenate([at_edge[which].reshape(-1, 3, 3), at_vertex[t], face[:, None]], axis=1)
     arrays = (
         normal.ravel(),

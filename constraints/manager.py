@@ -1,7 +1,7 @@
 """`ConstraintManager`: which constraints are offered, accepted and refused while parts move.
 
 It is the only state of this package. Each step: move the parts (`constraints.motion.motion`), ask collision for
-contacts within `manager.within`, then `update(poses, contacts, wanted)` tells what changed.
+contacts within `manager.within`, then `update(poses, contacts, wanted)` returns what changed.
 """
 
 from __future__ import annotations
@@ -249,7 +249,7 @@ class ConstraintManager:
         return self._note("accepted", id, candidate, candidate.why)
 
     def impose(self, candidate: Candidate, *, break_distance: float | None = None, break_force: float = np.inf) -> int:
-        """Put what the caller states (see `constraints.kinds.stated`) in force, and tell its id.
+        """Put what the caller states (see `constraints.kinds.stated`) in force; return its id.
 
         Of a pair of features that is on offer already, or was refused, it takes the place. It holds whatever a hand
         pulls, unless `break_distance` (m) or `break_force` (N) is given.
@@ -326,8 +326,9 @@ class ConstraintManager:
         about = self._attention.begin((self.tolerance, self.kinds), poses, contacts, versions)
         self._remove_broken(about | (force or {}).keys(), poses, wanted or {}, force or {})
         about |= self._attention.noted().union(*(candidate.bodies for candidate in self._pulled.values()))
+        asked = frozenset(self._unproven)
         self._offer(about, before, poses, contacts, wanted or {})
-        self._remove_contradicted(poses)
+        self._remove_contradicted(poses, asked)
         self._note_satisfied(about | self._attention.noted(), poses)
         self._attention.end()
         changes, self._pending = tuple(self._pending), []
@@ -360,7 +361,7 @@ class ConstraintManager:
         at = list(poses)
         for body, pose in wanted.items():
             at[body] = pose
-        reasons = self._reasons(ids, pulls, at)
+        reasons = self._reasons(ids, pulls, at, poses)
         if reasons:
             # what the other constraints bear is no pull on these: a bore takes a tilt off the face beside it
             rest = (e.candidate.constraint for id, e in self.accepted.items() if id not in reasons)
@@ -368,7 +369,7 @@ class ConstraintManager:
             borne = solve(self.groups.constraints(rest), at, held, self.tolerance).poses
             for body, pose in self.groups.followed(borne, poses).items():
                 at[body] = pose
-            now = self._reasons(ids, pulls, at)
+            now = self._reasons(ids, pulls, at, poses)
             for id in reasons:
                 if id in now:
                     self._break(id, now[id])
@@ -397,9 +398,11 @@ class ConstraintManager:
             self._known_pulls = key, (tuple(entries), pulls)
         return self._known_pulls[1]
 
-    def _reasons(self, ids: Sequence[int], pulls: Pulls, at: Sequence[pin.SE3]) -> dict[int, str]:
-        """Why the hands' pull breaks constraints, of those that it does."""
-        distance, turn = pulls.apart(at)
+    def _reasons(
+        self, ids: Sequence[int], pulls: Pulls, at: Sequence[pin.SE3], poses: Sequence[pin.SE3]
+    ) -> dict[int, str]:
+        """Why the hands' pull from `poses` to `at` breaks constraints, of those that it does."""
+        distance, turn = pulls.apart(at, poses)
         most = self.tolerance.break_angular
         out = {}
         for k in np.flatnonzero((distance > pulls.distances) | (turn > most)).tolist():
@@ -459,8 +462,8 @@ class ConstraintManager:
             for id, candidate in [(i, c) for i, c in self._pulled.items() if not within(c.bodies)]:
                 if candidate.bodies not in together or recogniser.match(candidate.key, at, offer) is not None:
                     del self._own("_pulled")[id]
-        told = self.kinds | {"concentric"} if "screw" in self.kinds else self.kinds  # a screw is a fit with pitch
-        rows = rows_for(told)
+        asked = self.kinds | {"concentric"} if "screw" in self.kinds else self.kinds  # a screw is a fit with pitch
+        rows = rows_for(asked)
         kinds = recogniser.verdicts.kinds("near", tuple(offered), poses, offer, rows)
         if all(
             kind not in self.kinds or self._is_known((*pair, kind)) for pair, kind in zip(offered, kinds, strict=True)
@@ -479,10 +482,10 @@ class ConstraintManager:
 
     def _pairs(self, which: int, codes: NDArray[np.int64]) -> dict[Pair, None]:
         """The pairs of features of contact rows by their codes, ascending; `which` question it is that comes again."""
-        codes = np.unique(codes[codes >= 0])
         known = self._known_pairs.get(which)
         if known is None or not np.array_equal(known[0], codes):
-            known = self._known_pairs[which] = codes, dict.fromkeys(map(self.recogniser.pair, codes.tolist()))
+            pairs = map(self.recogniser.pair, np.unique(codes[codes >= 0]).tolist())
+            known = self._known_pairs[which] = codes, dict.fromkeys(pairs)
         return known[1]
 
     def _is_known(self, key: Key) -> bool:
@@ -528,7 +531,7 @@ class ConstraintManager:
             was = self.recogniser.match(key, before, limits)
             goal = self.recogniser.match(key, [wanted.get(i, pose) for i, pose in enumerate(poses)], limits)
             if was is None or goal is None:
-                return was is not None
+                return goal is None
             return goal.residual >= was.residual - exact and goal.overlap <= was.overlap + exact
         if match.kind not in ("against", "conical") or match.residual <= exact:
             return False
@@ -560,10 +563,11 @@ class ConstraintManager:
         if verdict is not None:
             (self.accept if verdict else self.refuse)(id)
 
-    def _remove_contradicted(self, poses: Sequence[pin.SE3]) -> None:
+    def _remove_contradicted(self, poses: Sequence[pin.SE3], asked: Set[int]) -> None:
         """Where a newly accepted constraint cannot hold with the older ones, these give way, the newest first.
 
-        What is stated never does: it was found to hold when it was stated.
+        What is stated never does: it was found to hold when it was stated. A fit that a rule accepted, not the caller
+        (`asked`), gives way itself to a tighter one.
         """
         fresh, self._unproven = [i for i in self._unproven if i in self.accepted], []
         if not fresh or self._holds(list(self.accepted), poses):
@@ -575,7 +579,7 @@ class ConstraintManager:
                 continue
             mine = self.accepted[id].candidate
             stated = [i for i in proven if self.accepted[i].candidate.stated]
-            better = [i for i in proven if i in fresh[:k]]
+            better = [i for i in proven if i in fresh[:k] or (id not in asked and self._is_tighter(i, id))]
             if better and not mine.stated and not self._holds([*better, id], poses):
                 self._give_way(id, "cannot hold together with a better fit; until the parts part")
                 continue
@@ -594,6 +598,12 @@ class ConstraintManager:
         fit = candidate.match.fit
         pressed = fit is not None and fit < -self.tolerance.linear
         return not candidate.stated, pressed, -candidate.match.overlap
+
+    def _is_tighter(self, id: int, other: int) -> bool:
+        """Whether parts obey a fit whose surfaces have less room between them than those of another."""
+        entry, loose = self.accepted[id], self.accepted[other].candidate.match.fit
+        fit = entry.candidate.match.fit
+        return entry.satisfied and fit is not None and loose is not None and abs(fit) < abs(loose)
 
     def _give_way(self, id: int, reason: str) -> None:
         """Refuse what was just accepted, else it would be offered again in the next step."""

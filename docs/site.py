@@ -22,6 +22,9 @@ TEXTS = {
     "security.md": "SECURITY.md",
 }
 """page: file of the repository"""
+BENCH = Path(__file__).with_name("bench.html")
+"""the page that `vpframe bench --all --html docs/bench.html` wrote last"""
+LAST_RUN = "<!-- last run -->"
 _PAGES = {text: page for page, text in TEXTS.items()}
 _LINK = re.compile(r"(\]\()([^)#\s]+)(#[^)\s]*)?(\))")
 
@@ -41,6 +44,8 @@ def on_files(files: Any, config: Any) -> Any:
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Point links to files of the repository at their pages; a link to a file without one becomes its path."""
+    if LAST_RUN in markdown:
+        markdown = markdown.replace(LAST_RUN, last_run())
     source = TEXTS.get(page.file.src_uri, f"docs/{page.file.src_uri}")
     folder = posixpath.dirname(source)
 
@@ -72,6 +77,20 @@ def reference() -> str:
             lines += [f"::: {module}.{name}", ""]
     for name, module in vpframe._MODULES.items():
         lines += [f"::: {module}", "    options:", f"      heading: vp.{name}", ""]
+    return "\n".join(lines)
+
+
+def last_run() -> str:
+    """When, where and of which commit the benchmarks were run last, the ratios they found, and a link to their page."""
+    if not BENCH.exists():
+        return "None is kept here yet: `vpframe bench --all --html docs/bench.html` keeps one."
+    text = BENCH.read_text(encoding="utf-8")
+    head = re.findall(r"<tr><th>(\w+)</th><td>(.*?)</td></tr>", text.partition("<nav>")[0])
+    lines = ["| | |", "| --- | --- |", *(f"| {name} | {value} |" for name, value in head), ""]
+    lines += ["[The whole page, with tables and plots](bench.html)", "", "| suite | ratio | |", "| --- | --- | --- |"]
+    for suite, section in re.findall(r"<h2 id='(\w+)'>(.*?)(?=<h2 |</body>)", text, re.S):
+        for name, value in re.findall(r"<tr><td>([^<]*)</td><td>([^<]*)</td></tr>", section):
+            lines.append(f"| {suite} | {name} | {value} |")
     return "\n".join(lines)
 
 

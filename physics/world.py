@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from collision import CollisionManager, Tolerance
+from collision.poses import unpack_all
 from constraints.geometry.surfaces import Geometry
 from physics.contact.contact_problem import NO_CONTACTS, Contacts
 from physics.contact.depenetration import depenetrate
@@ -53,7 +54,8 @@ class Mark:
     residual: float
     last_step: float
     model: _Saved
-    motion: _Saved
+    motion: tuple[_Saved, Array]
+    """and the poses (n, 12) of all objects of the collision manager"""
 
 
 _Saved = Mapping[str, Mapping[str, Any]]
@@ -123,8 +125,7 @@ class World:
         self._mechanisms: dict[tuple, tuple[dict[int, pin.SE3], ArticulatedBody | None]] = {}
         self._moving: tuple[int, ...] = ()
         self._model: _Saved | None = None  # copies of the last `mark`, None after a change
-        self._motion: _Saved | None = None
-        self._entered: dict[int, Array] = {}  # (4, 4) pose at which each object came into this world
+        self._motion: tuple[_Saved, Array] | None = None
         self._checked = CheckedBehaviours(collision, self._body, self.tolerance)
         self._forces = Forces(self._bodies, self._body, self._grips, self._checked)
         self._kinematic_bodies = KinematicBodies(self._bodies, self._forces, self._grips, self._checked)
@@ -169,11 +170,8 @@ class World:
         if path is not None:
             self._checked.pose(i, path, self.time)
         b = self._reserve(i)
-        if b.kind[i] == ABSENT:
-            self._entered[i] = pose.homogeneous
         b.set_constants(i, body, self.collision.mesh(i).vertices)
         b.set_pose(i, pose)
-        b.published[i] = pose.homogeneous
         self._geometries[i] = dict(geometries or {})
         self._behaviours[i] = tuple(behaviours)
         self._set_reaction(i, reaction, stuff)
@@ -313,7 +311,6 @@ class World:
         self.collision.set_pose(i, pose)
         self._wake_near(i)
         self._bodies.set_pose(i, pose)
-        self._bodies.published[i] = pose.homogeneous
         self.refresh()
         self.wake(i)
 
@@ -356,6 +353,7 @@ class World:
             n=b.n, time=self.time, contacts=tuple(self._forces.contacts), last_step=self._forces.last_step,
             moving=self._moving, near=self._neighbours.state(),
             grips={i: g.data() for i, g in self._grips.items()}, members=tuple(sorted(self._behaviours)),
+            poses=self.collision.packed_poses()[sorted(self._behaviours)],
             joints=[joint.bodies for joint in self._joints],
             mechanisms=[
                 (ids, [place[j] for j in joints], {i: pose.homogeneous for i, pose in poses.items()})
@@ -395,8 +393,7 @@ class World:
                 poses,
                 ArticulatedBody.build(np.array(ids), joints, b, poses),
             )
-        ids = np.array(sorted(self._behaviours), np.int64)
-        self.collision.set_poses(ids, b.published[ids])
+        self.collision.set_poses(sorted(self._behaviours), unpack_all(data["poses"]))
 
     def mark(self) -> Mark:
         """The state at this instant, for `rollback`. Copies only what has changed since the last mark.
@@ -406,7 +403,7 @@ class World:
         if self._model is None:
             self._model = self._save(_MODEL)
         if self._motion is None:
-            self._motion = self._save(_MOTION)
+            self._motion = self._save(_MOTION), self.collision.packed_poses()
         return Mark(self.time, self.residual, self._forces.last_step, self._model, self._motion)
 
     def rollback(self, mark: Mark) -> None:
@@ -417,17 +414,16 @@ class World:
         b = self._bodies
         self.time, self.residual, self._forces.last_step = mark.time, mark.residual, mark.last_step
         if mark.motion is not self._motion:
-            before = b.published[: b.n].copy()
-            known = mark.motion["_bodies"]["kind"] != ABSENT
-            n = min(b.n, len(known))
-            before[:n][known[:n]] = mark.motion["_bodies"]["published"][:n][known[:n]]
-            for i in {*range(b.n)} - {*np.flatnonzero(known).tolist()}:
-                before[i] = self._entered.get(i, before[i])
-            moved = np.flatnonzero((before != b.published[: b.n]).any(axis=(1, 2)))
-            moved = np.intersect1d(moved, self.collision.objects)
-            self._load(mark.motion)
-            if len(moved):
-                self.collision.set_poses(moved, before[moved])
+            saved, poses = mark.motion
+            was = saved["_bodies"]
+            n = min(b.n, len(was["kind"]), len(poses))
+            moved = was["kind"][:n] == ABSENT
+            moved |= (was["origin"][:n] != b.origin[:n]).any(axis=1)
+            moved |= (was["rotation"][:n] != b.rotation[:n]).any(axis=(1, 2))
+            ids = np.intersect1d(np.flatnonzero(moved), self.collision.objects)
+            self._load(saved)
+            if len(ids):
+                self.collision.set_poses(ids, unpack_all(poses[ids]))
         if mark.model is not self._model:
             self._load(mark.model)
         self._model, self._motion = mark.model, mark.motion
@@ -529,8 +525,7 @@ class World:
                 may = np.array([i not in self._grips and self._may_sleep[i] for i in ids.tolist()], bool)
                 if put_to_sleep(b, ids, label, links, may, self.tolerance, dt):
                     self._neighbours.stale = True  # the list is of those that are awake
-                b.published[moved] = b.homogeneous(moved)
-                self.collision.set_poses(moved, b.published[moved])
+                self.collision.set_poses(moved, b.homogeneous(moved))
             self.time += dt
             self._forces.last_step = dt
         except BaseException:
@@ -560,7 +555,6 @@ class World:
 
     def _place(self, i: int, pose: pin.SE3) -> None:
         self._bodies.set_pose(i, pose)
-        self._bodies.published[i] = pose.homogeneous
         self.collision.set_pose(i, pose)
 
     def _update_neighbours(self, free: Ints, carried: list[int], dt: float) -> bool:
@@ -597,12 +591,10 @@ class World:
         if b.kind[i] == ABSENT:
             b.set_constants(i, None, self.collision.mesh(i).vertices)
             b.kind[i] = STATIC
-            self._entered[i] = self.collision.pose(i).homogeneous
         pose = self.collision.pose(i)
-        if (b.published[i] != pose.homogeneous).any() or not b.stands_at(i, pose):
+        if not b.stands_at(i, pose):
             self._model = self._motion = None
             b.set_pose(i, pose)
-            b.published[i] = pose.homogeneous
 
     def _islands(self, ids: Ints, links: Ints) -> tuple[Ints, int]:
         """Island labels (n,) of the awake bodies `ids`, connected by `links`, and the number of islands."""

@@ -1,7 +1,7 @@
-"""vpframe: load a CAD assembly, take a part in hand, and find out whether it can be serviced.
+"""vpframe: load a CAD assembly, grasp and move its parts, and verify whether it can be serviced.
 
-All that a task script needs is here; `import vpframe as vp` is enough. Names are imported at first use, so that
-`import vpframe` and `vpframe --help` answer at once.
+`import vpframe as vp` provides every name that a task script needs. Names are imported at first use, so that `import
+vpframe` and `vpframe --help` are fast.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "vpframe.scene.joints": ("Statement",),
     # in and out
     "vpframe.importers.motion": ("read_motion",),
-    "vpframe.exporters": ("export",),
+    "vpframe.exporters.export": ("export",),
     "vpframe.exporters.tables": ("write_table",),
     "vpframe.exporters.bcf": ("write_bcf",),
     "constraints.geometry.surfaces": ("Cone", "Cylinder", "Freeform", "Plane", "Sphere", "Torus"),

@@ -61,8 +61,8 @@ from vpframe.errors import OutputError as OutputError
 from vpframe.errors import TaskError as TaskError
 from vpframe.errors import UnknownPartError as UnknownPartError
 from vpframe.errors import VpframeError as VpframeError
-from vpframe.exporters import export as export
 from vpframe.exporters.bcf import write_bcf as write_bcf
+from vpframe.exporters.export import export as export
 from vpframe.exporters.tables import write_table as write_table
 from vpframe.hands.access import Reach as Reach
 from vpframe.hands.arguments import pose_from as pose_from

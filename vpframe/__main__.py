@@ -1,4 +1,4 @@
-"""`python -m vpframe`: the command line without its entry point on the path."""
+"""`python -m vpframe`: the command line."""
 
 import sys
 

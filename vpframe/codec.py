@@ -1,15 +1,15 @@
-"""Values as bytes and back, without running code: JSON for what they are made of, raw memory for arrays.
+"""Values to bytes and back without running code: JSON for structure, raw memory for arrays.
 
     codec = Codec([Candidate, Match, …])
     same = codec.decode(codec.encode(value))
 
-Known are None, bool, int, float, str, bytes, list, tuple, dict, set, frozenset, numpy arrays and numbers, and the types
-that the codec was given. Every bit comes back, also of NaN in arrays, the order of arrays in memory, and what a value
-holds twice is one object again. What is decoded is not trusted: fields must be of their declared types.
+Supported are None, bool, int, float, str, bytes, list, tuple, dict, set, frozenset, numpy arrays and numbers, and the
+types given to the codec. Decoding restores every bit, including NaN and memory order of arrays, and shared objects.
+Decoded data is not trusted: fields must have their declared types.
 
-The bytes are the length of the JSON text (uint32, little-endian), the text, and the arrays one after another. In the
-text, JSON stands for itself where it can (a list is a list), all else is an object of one entry: {"tuple": […]},
-{"dict": [[key, value], …]}, {"array": 3}, {"Plane": [origin, normal]}, {"same": 7}.
+The bytes are the length of the JSON text (uint32, little-endian), the text, and the arrays in order. JSON represents
+its own types (a list is a list); other values are objects of one entry: {"tuple": […]}, {"dict": [[key, value], …]},
+{"array": 3}, {"Plane": [origin, normal]}, {"same": 7}.
 """
 
 from __future__ import annotations
@@ -32,31 +32,31 @@ from vpframe.errors import VpframeError
 
 _LENGTH = struct.Struct("<I")
 _PLAIN = frozenset(("|b1", "|i1", "|u1", *(f"<{kind}{size}" for kind in "iu" for size in (2, 4, 8)), "<f4", "<f8"))
-"""array types that are read back, and fields of structured ones"""
+"""permitted types of arrays and of fields in structured arrays"""
 
 
 WRONG = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
-"""what goes wrong with data that is not what it should be"""
+"""errors that damaged data causes"""
 
 
 class CodecError(VpframeError):
-    """Bytes that are no encoded value, or a value that has no encoding."""
+    """The bytes cannot be decoded, or a value cannot be encoded."""
 
 
 class Packing(typing.NamedTuple):
-    """How values of a foreign type are kept: as a value that the codec knows."""
+    """Conversion of a foreign type to and from a value that the codec supports."""
 
     pack: Callable[[Any], Any]
     unpack: Callable[[Any], Any]
-    """raises ValueError for what `pack` never returns"""
+    """raises ValueError for a value that `pack` never returns"""
 
 
 class Codec:
-    """An encoding of values of a fixed set of types.
+    """An encoding for a fixed set of types.
 
     Parameters
     ----------
-    known: dataclasses, told apart by their names.
+    known: dataclasses, identified by their names.
     foreign: other types.
     """
 
@@ -67,16 +67,16 @@ class Codec:
 
     @property
     def schema(self) -> str:
-        """A digest of the fields of all known types: values are only read with the schema they were written with."""
+        """Digest of the fields of all known types; data can only be read with the schema it was written with."""
         known = sorted((kind.__name__, *names) for kind, names in self._names.items())
         return hashlib.sha256(repr(known).encode()).hexdigest()[:16]
 
     def encode(self, value: Any) -> bytes:
-        """The value as bytes; CodecError names the type of what cannot be."""
+        """Return the value as bytes; CodecError names a type that is not supported."""
         return _Encoder(self._names, self._foreign).bytes(value)
 
     def decode(self, data: bytes) -> Any:
-        """The value that `encode` made `data` of; CodecError for anything else."""
+        """Return the value that `encode` was given; CodecError if `data` is damaged."""
         try:
             return _Decoder(self._types, self._names, self._foreign, data).value()
         except (*WRONG, RecursionError, struct.error) as error:
@@ -91,7 +91,7 @@ class _Encoder:
         self._blocks: list[bytes] = []
         self._heads: list[Any] = []
         self._seen: dict[int, int] = {}
-        self._alive: list[Any] = []  # an id is of one object only as long as that lives
+        self._alive: list[Any] = []  # keeps the ids in `_seen` unique
 
     def bytes(self, value: Any) -> bytes:
         tree = self._of(value)
@@ -206,7 +206,7 @@ class _Decoder:
 
 
 def _made(kind: type, names: Sequence[str], values: Sequence[Any]) -> Any:
-    """A dataclass of these fields. Its constructor checks them; where that rounds (unit vectors), the bits are kept."""
+    """Construct a dataclass. Where its constructor rounds a field (unit vectors), the given bits are kept."""
     hints = _hints(kind)
     for name, value in zip(names, values, strict=True):
         if not conforms(value, hints[name]):
@@ -224,7 +224,7 @@ def _made(kind: type, names: Sequence[str], values: Sequence[Any]) -> Any:
                 value.flags.writeable = given.flags.writeable
                 object.__setattr__(made, name, value)
                 rounded = True
-    if rounded:  # what the constructor derived from its own values is derived again at first use
+    if rounded:  # clears values cached by the constructor
         for derived in vars(made).keys() - names:
             del vars(made)[derived]
     return made
@@ -236,7 +236,7 @@ def _hints(kind: type) -> dict[str, Any]:
 
 
 def conforms(value: Any, hint: Any) -> bool:
-    """Whether a value is of a declared type: a class, a union, `tuple[…]`, `list[…]`, `dict[…]`, an array's type."""
+    """Whether a value has a declared type: a class, a union, `tuple[…]`, `list[…]`, `dict[…]`, an array type."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if hint is Any:
         return True
@@ -259,7 +259,7 @@ def conforms(value: Any, hint: Any) -> bool:
         return type(value) is dict and all(conforms(k, key) and conforms(x, item) for k, x in value.items())
     if hint is float:
         return isinstance(value, float | int | np.floating | np.integer) and not isinstance(value, bool)
-    if hint is int:  # 20.0 teeth are a whole number of them
+    if hint is int:  # 20.0 teeth are accepted as an integer
         whole = isinstance(value, int | np.integer) or (isinstance(value, float) and value.is_integer())
         return whole and not isinstance(value, bool)
     if hint is bool:
@@ -268,7 +268,7 @@ def conforms(value: Any, hint: Any) -> bool:
 
 
 def _spec(dtype: np.dtype[Any]) -> Any:
-    """A type of array elements as JSON."""
+    """JSON description of an array's dtype."""
     spec: Any = dtype.str if dtype.names is None else [list(field) for field in dtype.descr]
     try:
         known = _dtype(json.loads(json.dumps(spec))) == dtype

@@ -1,4 +1,4 @@
-"""Errors of the vpframe package: one root, each error carries its data; the command line prints them as one line."""
+"""Errors of the vpframe package: one root; each error carries its data, and the command line prints it as one line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ class VpframeError(ValueError):
 
 
 class LoadError(VpframeError):
-    """A file that cannot be read. `path` is the file."""
+    """A file cannot be read. `path` is the file."""
 
     def __init__(self, message: str, path: str) -> None:
         super().__init__(message)
@@ -18,7 +18,7 @@ class LoadError(VpframeError):
 
 
 class UnknownPartError(VpframeError, KeyError):
-    """A part name the scene does not have. `name` was given, `known` are the names there are."""
+    """The scene has no part of a name. `name` is that name, `known` are the existing names."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
         import difflib
@@ -34,11 +34,11 @@ class UnknownPartError(VpframeError, KeyError):
 
 
 class TaskError(VpframeError):
-    """A task script that asks for what cannot be done (as asked); the message says where and why."""
+    """A request of a task script cannot be carried out; the message says where and why."""
 
 
 class OutputError(VpframeError):
-    """A file or folder that cannot, or must not, be written. `path` is which."""
+    """A file or folder cannot, or must not, be written. `path` is the file or folder."""
 
     def __init__(self, message: str, path: str) -> None:
         super().__init__(message)
@@ -46,7 +46,7 @@ class OutputError(VpframeError):
 
 
 class CheckpointError(VpframeError):
-    """A checkpoint that cannot be resumed from. `path` is the file, `step` where it no longer fits (or None)."""
+    """A checkpoint cannot be resumed. `path` is the file, `step` the first step that does not fit (or None)."""
 
     def __init__(self, message: str, path: str, step: int | None = None) -> None:
         super().__init__(message)

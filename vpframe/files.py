@@ -1,4 +1,4 @@
-"""Files replaced as a whole: whoever reads one finds the old content or the new, never a part of either."""
+"""Atomic replacement of files: a reader sees the old content or the new, never a mixture."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from vpframe.errors import OutputError
 
 @contextlib.contextmanager
 def replacing(path: str | Path) -> Iterator[BinaryIO]:
-    """Open a temporary file beside `path` that takes its place when the block ends without an error.
+    """Open a temporary file beside `path` that replaces it if the block ends without an error.
 
-    The content is on the disk before the file takes its name. A symbolic link stays one, and an old file keeps its
-    permissions; a device or pipe is written to as it is.
+    The content is flushed to disk before the replacement. Symbolic links and the permissions of an old file are kept;
+    devices and pipes are written directly.
 
     Raises
     ------
-    OutputError: the file cannot be written (no such folder, no permission, no room); the old one is untouched.
+    OutputError: the file cannot be written (no such folder, no permission, no space); the old one is untouched.
     """
     target = os.path.realpath(path)
     temporary = ""
@@ -44,18 +44,18 @@ def replacing(path: str | Path) -> Iterator[BinaryIO]:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}", str(path)) from None
     finally:
         if temporary:
-            with contextlib.suppress(OSError):  # gone where it has taken its place
+            with contextlib.suppress(OSError):  # it does not exist after the replacement
                 os.unlink(temporary)
 
 
 def replace(path: str | Path, content: str | bytes) -> None:
-    """Write a whole file, text as UTF-8, in the way of `replacing`."""
+    """Write a whole file atomically, text as UTF-8."""
     with replacing(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
 def _mode(path: str) -> int | None:
-    """Kind and permissions of a file; None if there is none."""
+    """File type and permissions; None if there is no file."""
     try:
         return os.stat(path).st_mode
     except FileNotFoundError:

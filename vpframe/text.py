@@ -1,4 +1,4 @@
-"""Text for people: names out of files shown as they are, and never as orders to a terminal or a page."""
+"""Text for people: names from files, with control characters escaped for terminals and HTML pages."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ if TYPE_CHECKING:
     from vpframe.scene.scene import Scene
 
 NUMBERED = re.compile(r"\b(?:objects?|bodies|body|part) (\d+)\b(?: and (\d+)\b)?")
-"""how messages of the packages below call what they know by number only"""
+"""numbers of objects in messages of the packages below"""
 BELOW = ("collision", "constraints", "physics")
 
 
 def plain(text: str) -> str:
-    """One line in which what cannot be printed stands as in a `repr`: control codes (`\\x1b`), line breaks, marks that
-    turn the direction of writing, half characters. Names on their way to people go through here."""
+    """Return one line with non-printable characters escaped as in `repr`: control codes (`\\x1b`), line breaks, marks
+    of writing direction, lone surrogates. Every name from a file passes through this function."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 def plain_lines(text: str) -> str:
-    """The same of a text of several lines, which stay lines."""
+    """Apply `plain` to each line of a text."""
     return "\n".join(plain(line.expandtabs(4)) for line in text.split("\n"))
 
 
 def escape(text: str) -> str:
-    """`plain`, for the content of an HTML or SVG element, or an attribute in quotes."""
+    """Apply `plain` and escape HTML, for the content of an element or a quoted attribute."""
     return html.escape(plain(text))
 
 
 @contextlib.contextmanager
 def in_part_names(scene: Scene) -> Iterator[None]:
-    """Errors raised inside by the packages below, which know the places of the scene's parts only, get their names."""
+    """Put part names in place of object numbers into errors of the packages below that are raised inside."""
     try:
         yield
-    except ValueError as error:  # the base of the roots of all three
+    except ValueError as error:  # the common base of the packages' errors
         if type(error).__module__.partition(".")[0] in BELOW:
             error.args = (with_part_names(str(error), scene),)
         raise
 
 
 def with_part_names(text: str, scene: Scene) -> str:
-    """A message with the names of parts instead of their places: "bolt_2" for "object 3 (bolt)"."""
+    """Replace object numbers in a message by part names: "bolt_2" for "object 3 (bolt)"."""
     parts = scene.parts
 
     def names(match: re.Match[str]) -> str:

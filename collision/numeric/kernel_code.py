@@ -46,6 +46,13 @@ class KernelCode(JITCodeLibrary):
         if not self._is_machine_code:
             if not name.startswith(WRAPPERS) or all(name != f.name for f in self.get_defined_functions()):
                 return 0
+            # other kernels link what was there before; here what Python does not call is made private, so that LLVM
+            # passes on only the arguments that are used (of an array seven, of a hierarchy and a workspace 200)
+            if self._get_module_for_linking() is self._final_module:
+                self._shared_module = self._final_module.clone()
+            for function in self._final_module.functions:
+                if not function.is_declaration and not function.name.startswith(WRAPPERS):
+                    function.linkage = "private"
             super()._optimize_final_module()
             self._make_machine_code()
         return super().get_pointer_to_function(name)

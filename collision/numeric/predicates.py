@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.vectors import sub
 
 WORKSPACE: Final = 1024
 """float64 a thread needs"""
@@ -198,13 +199,11 @@ def _entries(w, i, j, h):
 
 
 @inner_kernel
-def _orient3d_exact(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
+def _orient3d_exact(a, b, c, d, w):
     # loops, not three terms written out: the compiler would write out every step of each
     w[FALLBACKS] += 1.0
-    w[_GIVEN], w[_GIVEN + 1], w[_GIVEN + 2] = ax, ay, az
-    w[_GIVEN + 3], w[_GIVEN + 4], w[_GIVEN + 5] = bx, by, bz
-    w[_GIVEN + 6], w[_GIVEN + 7], w[_GIVEN + 8] = cx, cy, cz
-    w[_GIVEN + 9], w[_GIVEN + 10], w[_GIVEN + 11] = dx, dy, dz
+    for i in range(3):
+        w[_GIVEN + i], w[_GIVEN + 3 + i], w[_GIVEN + 6 + i], w[_GIVEN + 9 + i] = a[i], b[i], c[i], d[i]
     for i in range(9):
         w[_LENGTH + i] = _difference(w, _DIFFERENCE + 2 * i, w[_GIVEN + i], w[_GIVEN + 9 + i % 3])
     total = 0
@@ -222,14 +221,12 @@ def _orient3d_exact(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
 
 
 @kernel
-def orient3d(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
-    """Return the sign of det[a - d, b - d, c - d].
+def orient3d(a, b, c, d, w):
+    """Return the sign of det[a - d, b - d, c - d], of points (x, y, z).
 
     1 if d lies below the plane of a, b, c (from above, a, b, c turn left), -1 if above, 0 if coplanar.
     """
-    adx, ady, adz = ax - dx, ay - dy, az - dz
-    bdx, bdy, bdz = bx - dx, by - dy, bz - dz
-    cdx, cdy, cdz = cx - dx, cy - dy, cz - dz
+    (adx, ady, adz), (bdx, bdy, bdz), (cdx, cdy, cdz) = sub(a, d), sub(b, d), sub(c, d)
     bc, cb = bdx * cdy, cdx * bdy
     ca, ac = cdx * ady, adx * cdy
     ab, ba = adx * bdy, bdx * ady
@@ -244,4 +241,4 @@ def orient3d(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w):
             return 1
         if -det > bound:
             return -1
-    return _orient3d_exact(ax, ay, az, bx, by, bz, cx, cy, cz, dx, dy, dz, w)
+    return _orient3d_exact(a, b, c, d, w)

@@ -328,32 +328,39 @@ def perhaps_nearing(typingctx, packets, at, other, to, rates, terms):
         term = [terms.number(i) for i in range(TERMS)]
         turn, slack = [rates.number(3 + d) for d in range(3)], rates.number(22).splat()
         error, growth, aim, until = (x.splat() for x in term[6:])
-        zero, one, time = _constant(builder, 0.0), _constant(builder, 1.0), _constant(builder, 0.0)
+        zero, more = _constant(builder, 0.0), _constant(builder, 2.0**-18)
+        bend = _constant(builder, 0.5) * growth * until * until
+        bend, aim = bend + bend * more, aim + aim.abs() * _constant(builder, 2.0**-20)
         corner = [[single.number(LANES * (3 * i + d)) + term[d] for d in range(3)] for i in range(3)]
         speed = [[x + y for x, y in zip(term[3:6], _cross(turn, c), strict=True)] for c in corner]
         corner, speed = ([[x.splat() for x in c] for c in y] for y in (corner, speed))
-        of_a = [[node.row(3 * i + d) for d in range(3)] for i in range(3)]
 
-        def held(low, high, there, speeds, known):
+        def held(low, high, there, speeds, length):
             ahead, behind = _least(there) - high, low - _greatest(there)
-            forward = ahead > behind
             gap = ahead.max(behind)
-            gap = gap - gap.abs() * _constant(builder, 2.0**-18) - error
-            closing = forward.where(zero - _least(speeds), _greatest(speeds)) + slack
-            return _longer((gap > aim) & known, _time_above(gap - aim, closing, growth), time)
+            way = (ahead > behind).where(zero - _least(speeds), _greatest(speeds)) * until
+            way = way + way.abs() * more + (slack * until + bend) * length
+            # it is convex over time and 0 at first, so less than the room at all times if it is so at the last
+            return gap - gap.abs() * more - (error + aim) * length > zero.max(way)
 
+        perhaps = _constant(builder, 3e38) > node.row(9)
         for d in range(3):
             there, speeds = [c[d] for c in corner], [v[d] for v in speed]
-            time = held(node.row(9 + d), node.row(12 + d), there, speeds, one > zero)
-        other_normal = [single.number(LANES * (15 + d)).splat() for d in range(3)]
-        for normal in ([node.row(15 + d) for d in range(3)], other_normal):
-            square = _dot(normal, normal)
-            scale = one / square.sqrt()
-            n = [scale * x for x in normal]
-            here, there, speeds = ([_dot(n, x) for x in y] for y in (of_a, corner, speed))
-            time = held(_least(here), _greatest(here), there, speeds, square > _constant(builder, 1e-30))
-        valid = _constant(builder, 3e38) > node.row(9)
-        return (valid & ~(until <= time)).bits()
+            perhaps = perhaps & ~held(node.row(9 + d), node.row(12 + d), there, speeds, _constant(builder, 1.0))
+        before, bits = builder.block, perhaps.bits()
+        with builder.if_then(builder.icmp_unsigned("!=", bits, ir.Constant(_INT, 0))):
+            of_a = [[node.row(3 * i + d) for d in range(3)] for i in range(3)]
+            other_normal = [single.number(LANES * (15 + d)).splat() for d in range(3)]
+            for n in ([node.row(15 + d) for d in range(3)], other_normal):
+                square = _dot(n, n)
+                here, there, speeds = ([_dot(n, x) for x in y] for y in (of_a, corner, speed))
+                known = square > _constant(builder, 1e-30)
+                perhaps = perhaps & ~(known & held(_least(here), _greatest(here), there, speeds, square.sqrt()))
+            after, rest = builder.block, perhaps.bits()
+        result = builder.phi(_INT)
+        result.add_incoming(bits, before)
+        result.add_incoming(rest, after)
+        return result
 
     return signature, generate
 

@@ -50,7 +50,7 @@ from collision.numeric.rigid_transforms import relative_pose
 from collision.numeric.simd import near_lane
 from collision.poses import frames
 from collision.query.intersection import ALL_ENABLED, NO_TRIANGLES, Intersect
-from collision.triangle.distance import ROUNDING, closest_features, common_point
+from collision.triangle.distance import ROUNDING, closest_features, common_point, planes_part
 from collision.triangle.intersection import triangles_meet
 
 TINIEST: Final = float(np.finfo(np.float64).tiny)
@@ -127,6 +127,8 @@ def look_at_triangles(task, a, b, ws, ta, tb):
         return True
     if bound == 0.0:
         return False
+    if task.hit[0] >= 0 and bound > 4.0 * rounding and planes_part((u, v, w), (p, q, r), bound - rounding):
+        return False  # to rounding no nearer than what is known, as all pairs of triangles of parallel faces
     d2, x, y = closest_features(u, v, w, p, q, r)
     distance = max(np.sqrt(d2), TINIEST)
     better = distance < bound or (distance == bound and task.hit[0] < 0)

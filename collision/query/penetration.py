@@ -33,6 +33,7 @@ another triangle of the boundary never above the linear function through its val
 
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -187,6 +188,8 @@ class Search(NamedTuple):
     relative: Any
     precision: Any
     """1, m: what is deeper by no more than this is not looked for"""
+    guess: Any
+    """m: of the depth; whether a triangle is deeper is first asked of this"""
 
 
 @inline_kernel
@@ -305,15 +308,10 @@ implements(is_bottom, MayBeNearest)(below_packets_alone)
 implements(children_of_b, MayBeNearest)(no_children)
 
 
-@implements(children_of_a, MayBeNearest)
-def reached_children(task, a, b, ws, node, lane_b):
-    """Bits: which boxes of a node come within the reach of the middle."""
-    return near_lane(a.boxes, NODE * node, ws.moved, 0, float_limit(task.reach * task.reach), ws.bounds)
-
-
 @inner_kernel
 def _never_nearest(middle, corners, far, apart, q):
-    """Whether a triangle of which q, `apart` away, is nearest to the middle is nowhere as near as one of three others.
+    """Whether a triangle or box of which q, `apart` away, is nearest to the middle is nowhere as near as one of three
+    triangles.
 
     Its distance, a convex function, is nowhere below its tangent in the middle.
     """
@@ -327,6 +325,24 @@ def _never_nearest(middle, corners, far, apart, q):
         if min(tangent[0] - f[0], tangent[1] - f[1], tangent[2] - f[2]) > BEYOND * apart:
             return True
     return False
+
+
+@implements(children_of_a, MayBeNearest)
+def reached_children(task, a, b, ws, node, lane_b):
+    """Bits: which boxes of a node come within the reach of the middle, and may hold the nearest triangle."""
+    bits = near_lane(a.boxes, NODE * node, ws.moved, 0, float_limit(task.reach * task.reach), ws.bounds)
+    rest, (x, y, z) = bits, task.middle
+    while rest != 0:
+        (u, v, w), half = box_middle(a, LANES * node + lowest(rest))
+        q = (
+            max(u - half[0], min(x, u + half[0])),
+            max(v - half[1], min(y, v + half[1])),
+            max(w - half[2], min(z, w + half[2])),
+        )
+        if _never_nearest(task.middle, task.corners, task.far, norm(sub(task.middle, q)), q):
+            bits &= ~(rest & -rest)
+        rest &= rest - 1
+    return bits
 
 
 @implements(visit, MayBeNearest)
@@ -487,8 +503,9 @@ def one_meets(task, a, b, ws, lane_a, lane_b):
 
 
 @inline_kernel
-def _comes_out(query, p, q, r, t, step):
-    """Whether a step along the normal of the solid's triangle t takes all of p q r out of it."""
+def _comes_out(query, p, q, r, least, t, step):
+    """Whether a step along the normal of the solid's triangle t takes all of p q r, of which a corner is `least` deep,
+    out of it."""
     normal, at = query.solid.normal, 21 * t + 18
     n = normal[at], normal[at + 1], normal[at + 2]
     p, q, r = along(p, step, n), along(q, step, n), along(r, step, n)
@@ -498,6 +515,8 @@ def _comes_out(query, p, q, r, t, step):
     place_box(bvh, query.ws, low, high)
     if walk(Meets((p, q, r), (low, high)), bvh, bvh, query.ws, 0, ALONE):
         return False
+    if query.solid.closed and least < -1.01 * step:
+        return True  # that corner cannot have come in
     depth, _ = depth_at(query, p, t)
     return depth < 0.0
 
@@ -544,15 +563,20 @@ def _cut(solid, p, q, r, tp, tq, tr):
 
 @inline_kernel
 def _open_triangle(search, place):
-    """Cut a triangle in two, unless a step that is no longer than what counts takes it out of the solid."""
+    """Cut a triangle in two, unless a step that is no longer than what counts takes it out of the solid; put it back
+    with a lower bound if a step as long as the guess does."""
     query, v, index = search.way.query, search.way.pieces.value[place], search.way.pieces.index[place]
     p, q, r = (v[1], v[2], v[3]), (v[4], v[5], v[6]), (v[7], v[8], v[9])
     dp, dq, dr = v[DEPTHS], v[DEPTHS + 1], v[DEPTHS + 2]
     tp, tq, tr = index[0], index[1], index[2]
-    step = _enough(search)
-    for k in range(3):
+    enough = _enough(search)
+    step = search.guess if enough < search.guess < v[BOUND] else enough
+    for k in range(3 if max(dp, dq, dr) <= step else 0):  # a corner deeper than the step stays inside
         t = tp if k == 0 else (tq if k == 1 else tr)
-        if (k == 0 or t != tp) and (k != 2 or t != tq) and _comes_out(query, p, q, r, t, step):
+        if (k == 0 or t != tp) and (k != 2 or t != tq) and _comes_out(query, p, q, r, min(dp, dq, dr), t, step):
+            if step > enough:
+                v[BOUND] = step
+                _push(search.way.pieces, place)
             return
     edge, at = _cut(query.solid, p, q, r, tp, tq, tr)
     if edge == 1:
@@ -632,12 +656,12 @@ def deepest(one, other, pairs, limits, out):
     one, other: the two `Direction`s; `one.query` has the first mesh. pairs: (n, 2) int32 surface of the first mesh, of
     the second. limits: (3,) float64, relative (1), precision (m), pieces opened for a pair. Returns the pieces opened.
     """
-    total = 0
+    total, guess = 0, 0.0
     for k in range(len(pairs)):
         out[k] = 0.0
         opened = 0
-        b_in_a = Search(one, out[k], np.int64(pairs[k, 0]), limits[0], limits[1])
-        a_in_b = Search(other, out[k], np.int64(pairs[k, 1]), limits[0], limits[1])
+        b_in_a = Search(one, out[k], np.int64(pairs[k, 0]), limits[0], limits[1], guess)
+        a_in_b = Search(other, out[k], np.int64(pairs[k, 1]), limits[0], limits[1], guess)
         _begin(b_in_a, pairs[k, 1])
         _begin(a_in_b, pairs[k, 0])
         while opened < limits[2]:
@@ -649,6 +673,7 @@ def deepest(one, other, pairs, limits, out):
                 break
             opened += max(now, 1)
         total += opened
+        guess = out[k, 0]  # neighbours are often as deep: what is not as deep is not cut before the deepest is known
     return total
 
 
@@ -676,9 +701,10 @@ def penetration(objects: Objects, i: int, j: int) -> NDArray[Any]:
     found = deepest_points(objects, (mesh_a, mesh_b), pose, surfaces)
     swapped = found[:, 7] == 1.0
     ends = found[:, 1:7].reshape(-1, 2, 3)
-    ends[swapped] = ends[swapped] @ pose.rotation.T + pose.translation
+    if swapped.any():
+        ends[swapped] = ends[swapped] @ pose.rotation.T + pose.translation
     out = (ends[:, 1] - ends[:, 0]) * np.where(swapped, -1.0, 1.0)[:, None]
-    length = np.linalg.norm(out, axis=1)
+    length = np.sqrt(np.einsum("kd,kd->k", out, out))
     for k in np.flatnonzero(length <= objects.tolerance.solver).tolist():
         contact = clearance_at(mesh_a, mesh_b, pose, *surfaces[k].tolist())
         out[k], length[k], ends[k, 0] = _normal(mesh_a, int(contact["triangle_a"][0])), 1.0, contact["point_a"][0]
@@ -711,10 +737,26 @@ def deepest_points(
     return out
 
 
+class _Local(threading.local):
+    pieces: tuple[Pieces, Pieces] | None = None
+
+
+_local = _Local()
+
+
+def _pieces() -> tuple[Pieces, Pieces]:
+    """This thread's room for the pieces of both directions of a search."""
+    if _local.pieces is None:
+        _local.pieces = _new_pieces(4 * BUDGET), _new_pieces(4 * BUDGET)
+    return _local.pieces
+
+
+def _new_pieces(n: int) -> Pieces:
+    index = np.empty((n, LANE + 1), np.int64)
+    return Pieces(np.empty((n, PIECE)), index, np.empty(n, np.int64), np.zeros(2, np.int64))
+
+
 def _direction(solid: SurfaceMesh, other: SurfaceMesh, pose: pin.SE3, side: int) -> Direction:
-    n, most = len(other.vertices), 4 * BUDGET
-    pieces = Pieces(
-        np.empty((most, PIECE)), np.empty((most, LANE + 1), np.int64), np.empty(most, np.int64), np.zeros(2, np.int64)
-    )
-    matrix, nearest = pack_rigid(pose), np.full(n, -1, np.int64)
-    return Direction(query_about(solid), bvh_of(other), matrix, np.empty(n), nearest, pieces, side)
+    n = len(other.vertices)
+    known, nearest = np.empty(n), np.full(n, -1, np.int64)
+    return Direction(query_about(solid), bvh_of(other), pack_rigid(pose), known, nearest, _pieces()[side], side)

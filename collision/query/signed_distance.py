@@ -103,25 +103,34 @@ def triangle_bounds(bvh, ws, lane, point):
         ws.bounds[k] *= np.float32(size)
 
 
+@inline_kernel
+def nearest_on(bvh, t, p):
+    """(point of triangle t nearest to p, the feature it lies on), see `closest_on_triangle`."""
+    return closest_on_triangle(p, corner_of(bvh, 3 * t), corner_of(bvh, 3 * t + 1), corner_of(bvh, 3 * t + 2))
+
+
 @implements(visit, Nearest)
 def nearest_in_packet(task, a, b, ws, lane_a, lane_b):
-    """Update `task` with the triangles of a packet."""
+    """Update `task` with the triangles of a packet, those of the least bounds first."""
     packet = ~np.int64(a.child[lane_a])
     triangle_bounds(a, ws, lane_a, task.point)
-    first = np.int64(a.first[packet])
-    for k in range(np.int64(a.first[packet + 1]) - first):
-        bound = np.float64(ws.bounds[k])
-        if bound * bound < task.value[0]:
-            t = first + k
-            q, feature = closest_on_triangle(
-                task.point, corner_of(a, 3 * t), corner_of(a, 3 * t + 1), corner_of(a, 3 * t + 2)
-            )
-            w = sub(task.point, q)
-            square = dot(w, w)
-            if square < task.value[0]:
-                task.value[0], task.value[1], task.value[2], task.value[3] = square, q[0], q[1], q[2]
-                task.place[0], task.place[1] = t, feature
-    return False
+    first, bounds = np.int64(a.first[packet]), ws.bounds
+    while True:
+        k = 0
+        for i in range(1, np.int64(a.first[packet + 1]) - first):
+            if bounds[i] < bounds[k]:
+                k = i
+        bound = np.float64(bounds[k])
+        if bound * bound >= task.value[0]:
+            return False
+        bounds[k] = np.inf
+        t = first + k
+        q, feature = nearest_on(a, t, task.point)
+        w = sub(task.point, q)
+        square = dot(w, w)
+        if square < task.value[0]:
+            task.value[0], task.value[1], task.value[2], task.value[3] = square, q[0], q[1], q[2]
+            task.place[0], task.place[1] = t, feature
 
 
 @inline_kernel
@@ -133,12 +142,6 @@ def nearest(query, lane, p, bound):
     place_box(bvh, query.ws, p, p)
     walk_nearest(Nearest(p, query.value, query.place), bvh, bvh, query.ws, lane, ALONE, np.float32(0.0))
     return query.place[0]
-
-
-@inline_kernel
-def nearest_on(bvh, t, p):
-    """(point of triangle t nearest to p, the feature it lies on), see `closest_on_triangle`."""
-    return closest_on_triangle(p, corner_of(bvh, 3 * t), corner_of(bvh, 3 * t + 1), corner_of(bvh, 3 * t + 2))
 
 
 @inner_kernel

@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -78,6 +79,8 @@ ROUNDING: Final = 64.0 * 2.0**-53
 """of a box moved by a pose: three products and three sums a coordinate, and the pose's own error, generously"""
 LESS: Final = 1.0 - 2.0**-20
 """1: … of the time a pair holds is the step, so that what holds as long but for rounding needs no second look"""
+EARLY: Final = 2.0**-10
+"""1: part of the motion"""
 STEPS = 20000
 """advancements after which a pair counts as in contact at the time reached: a guard that stays on the safe side"""
 
@@ -296,16 +299,22 @@ def _set_rates(a_frame, b_frame, matrix, screws, task):
 
 
 class SweepWorkspace(NamedTuple):
-    """What `impact` works in, and where it places its results."""
+    """What the advancement of a pair of objects works in, and where it stands."""
 
     task: Sweep
-    """its `level` long enough for any pair of objects"""
+    """its `level` (surfaces of a · surfaces of b,) and `hit` are the pair's own, as `found` is"""
     poses: Any
     """(2, 12) float64"""
     least: Any
     """(2,) float64, m: see `SignedDistance`"""
     found: Any
-    """(2,) float64: time, or infinity; whether `task.level` is in use"""
+    """(5,) float64, see the places below"""
+
+
+REACHED, BEFORE, STATE, LEVELS, TAKEN = range(5)
+"""places in `SweepWorkspace.found`: no pair of surfaces is at its level before this time; the time an advancement
+earlier; NEW, UNDER_WAY, STOPPED or PASSED; whether `Sweep.level` is in use; number of advancements"""
+NEW, UNDER_WAY, STOPPED, PASSED = 0.0, 1.0, 2.0, 3.0
 
 
 @inline_kernel
@@ -325,7 +334,7 @@ def _set_levels(a, b, ws, near, limits, enabled, work):
     A motion that is shorter than what a pair may come nearer does not bring it to its level, so it need not be known.
     """
     task, kb = work.task, len(b.root)
-    until, deflection = limits[0], limits[1]
+    until, deflection = limits[0], limits[2]
     tolerance, slop = task.tolerance, task.slop
     for pair in range(len(a.root) * kb):
         task.level[pair] = -np.inf if len(enabled) > 0 and enabled[pair] == 0 else tolerance
@@ -356,7 +365,7 @@ def _last_above(a, b, ws, screws, before, pair, work):
     It is above at `before`, and at or below at the time found; in between nothing gets below what the advancement held
     to.
     """
-    level, slop, time = work.task.level[pair], work.task.slop, work.found[0]
+    level, slop, time = work.task.level[pair], work.task.slop, work.found[REACHED]
     within, middle, apart = max(0.0, level + 2.0 * slop), before, np.inf
     while True:
         _move_to(a, b, ws, screws, middle, work)
@@ -371,35 +380,38 @@ def _last_above(a, b, ws, screws, before, pair, work):
 
 
 @kernel
-def impact(a, b, ws, screws, limits, enabled, work):
-    """The first time in [0, until] at which a pair of surfaces comes to its level, or infinity, into `work.found`.
+def advance(a, b, ws, screws, limits, enabled, work):
+    """Advance a pair of objects until it is STOPPED, has PASSED `until`, or what it reached is later than `lead`.
 
-    screws: (2, 18) float64, pose at t = 0 and body twist (v, w) over the unit of time, of a and of b. limits: (3,)
-    float64, until, deflection (m), advancements. enabled: (ka·kb,) uint8, 0 for pairs of surfaces that are left out;
-    (0,) where none is. The pair is in the first two places of `work.task.hit`, also where the advancements do not
-    suffice and it counts as met where they end. Returns the length that `ws.pairs` must have, or 0 if it has.
+    screws: (2, 18) float64, pose at t = 0 and body twist (v, w) over the unit of time, of a and of b. limits: (4,)
+    float64, until, lead, deflection (m), advancements after which the pair counts as stopped where it is. enabled:
+    (ka·kb,) uint8, 0 for pairs of surfaces that are left out; (0,) where none is. work: NEW, or as the last call left
+    it. The surfaces that stop the motion are the first two numbers of `work.task.hit`. Returns the length that
+    `ws.pairs` must have, or 0 if it has.
     """
     task, found, hit = work.task, work.found, work.task.hit
-    hit[:] = -1
-    found[0] = np.inf
-    _move_to(a, b, ws, screws, 0.0, work)
-    _set_rates(a.frame, b.frame, ws.pose.matrix, screws, task)
-    reach = task.tolerance + work.least[1]
-    near = near_surfaces(a, b, ws, reach * reach)
-    if near > len(ws.pairs):
-        return near
-    found[1] = near > 0 or len(enabled) > 0
-    if found[1] > 0.0:
-        _set_levels(a, b, ws, near, limits, enabled, work)
-    else:
+    until, lead, at_start = limits[0], limits[1], found[STATE] == NEW
+    if at_start:
+        hit[:] = -1
+        _move_to(a, b, ws, screws, 0.0, work)
+        _set_rates(a.frame, b.frame, ws.pose.matrix, screws, task)
+        reach = task.tolerance + work.least[1]
+        near = near_surfaces(a, b, ws, reach * reach)
+        if near > len(ws.pairs):
+            return near
+        found[:] = 0.0
+        found[STATE] = UNDER_WAY
+        found[LEVELS] = near > 0 or len(enabled) > 0
+        if found[LEVELS] > 0.0:
+            _set_levels(a, b, ws, near, limits, enabled, work)
+    if found[LEVELS] == 0.0:
         task = Sweep(
             task.level[:0], task.tolerance, task.slop, task.rates, task.motion, task.step, task.hit, task.terms
         )  # fmt: skip
-    until, t, before, taken = limits[0], 0.0, 0.0, np.int64(limits[2])
-    stopped = False
-    while taken > 0 and not stopped:
-        taken -= 1
-        if t > 0.0:
+    while found[STATE] == UNDER_WAY and found[REACHED] <= lead:
+        t = found[REACHED]
+        found[TAKEN] += 1
+        if t > 0.0 or not at_start:
             _move_to(a, b, ws, screws, t, work)
             _set_rates(a.frame, b.frame, ws.pose.matrix, screws, task)
         task.step[0] = until - t
@@ -409,24 +421,27 @@ def impact(a, b, ws, screws, limits, enabled, work):
             if k == 1:
                 last_a, last_b = 0, 0
             if walk_nearest(task, a, b, ws, last_a, last_b, np.float32(0.0)):
-                stopped = True
+                found[STATE] = STOPPED
                 break
-        if not stopped:
-            if task.step[0] >= until - t:
-                return 0
-            before = t
-            t += task.step[0]
-    found[0] = t
-    if found[1] > 0.0 and t > 0.0:
+        if found[STATE] == STOPPED:
+            break
+        if task.step[0] >= until - t:
+            found[STATE] = PASSED
+            break
+        found[BEFORE] = t
+        found[REACHED] = t + task.step[0]
+        if found[TAKEN] >= limits[3]:
+            found[STATE] = STOPPED
+    if found[STATE] == STOPPED and found[LEVELS] > 0.0 and found[REACHED] > 0.0:
         pair = _pair_of(b, hit[0], hit[1])
         if task.level[pair] < task.tolerance:
-            found[0] = _last_above(a, b, ws, screws, before, pair, work)
+            found[REACHED] = _last_above(a, b, ws, screws, found[BEFORE], pair, work)
     return 0
 
 
 # --- from Python -----------------------------------------------------------------------------------------------------
 
-_impact = Door(impact)
+_advance = Door(advance)
 
 
 def time_of_impact(objects: Objects, moves: Mapping[int, Any], deflection: float = 0.0) -> TimeOfImpact:
@@ -447,24 +462,74 @@ def time_of_impact(objects: Objects, moves: Mapping[int, Any], deflection: float
     if not 0.0 <= deflection < np.inf:
         raise CollisionError(f"deflection is {deflection!r}; give a finite length of at least 0 m")
     ends = objects.packed(list(moves), list(moves.values()), "target of object")
-    starts, still = objects.packed_poses(), np.zeros(6)
+    starts = objects.packed_poses()
     screws = {i: _screw(starts[i], end) for i, end in zip(moves, ends, strict=True)}
-    pairs = _pairs(objects, screws, ends)
-    for k in {k for pair in pairs for k in pair}.difference(screws):
-        screws[k] = np.concatenate([starts[k], still])
-    first, stops = 1.0, []
-    sizes = (objects.mesh(i).n_surfaces * objects.mesh(j).n_surfaces for i, j in pairs)
-    work = _workspace(objects, max(sizes, default=0))
-    for pair in pairs:
-        t, surfaces = _pair_time(objects, pair, screws, (first, deflection, STEPS), work)
-        if t <= first:
-            if t < first:
-                stops.clear()
-            first = t
-            stops.append((pair, surfaces, work.task.level.copy() if work.found[1] else None))
-    at_first = {i: _at(screws[i], first) for i in {*sorted(moves)}.union(*(pair for pair, *_ in stops))}
-    rows = joined([_contacts(objects, screws, at_first, stop) for stop in stops])
-    return TimeOfImpact(first, rows, {i: at_first[i] for i in sorted(moves)})
+    ways = [_Way(objects, pair) for pair in _pairs(objects, screws, ends)]
+    first = _first_impact(ways, screws, starts, deflection)
+    stops = [way for way in ways if way.found[STATE] == STOPPED and way.found[REACHED] == first]
+    at_first = {i: _at(screws[i], first) for i in sorted(moves)}
+    rows = joined([_contacts(way, at_first) for way in stops])
+    return TimeOfImpact(first, rows, at_first)
+
+
+class _Way:
+    """A pair of objects on their screws, and how far it is known not to stop the motion."""
+
+    def __init__(self, objects: Objects, pair: tuple[int, int]) -> None:
+        meshes = [objects.mesh(k) for k in pair]
+        for mesh in meshes:
+            if isinstance(mesh, ShapeMesh):
+                raise CollisionError(f"{mesh.name}: a shape without triangles is not swept; give it as a SurfaceMesh")
+        self.objects, self.pair = objects, pair
+        self.a, self.b = bvh_of(meshes[0]), bvh_of(meshes[1])
+        self.found = np.zeros(5)
+
+    def begin(self, screws: Mapping[int, NDArray[np.float64]], starts: NDArray[np.float64]) -> None:
+        """Make what `advance` works in. starts: (n, 12) poses of all objects; what has no screw stays there."""
+        self.screws = np.zeros((2, 18))
+        for screw, k in zip(self.screws, self.pair, strict=True):
+            if k in screws:
+                screw[:] = screws[k]
+            else:
+                screw[:12] = starts[k]
+        self.enabled, tolerance = self.objects.enabled_surfaces(*self.pair), self.objects.tolerance
+        task = Sweep(
+            np.empty(len(self.a.root) * len(self.b.root)), tolerance.linear, tolerance.slop * tolerance.linear,
+            np.empty(RATES, np.float32), np.empty(15), np.empty(2), np.empty(4, np.int64), np.empty(TERMS, np.float32),
+        )  # fmt: skip
+        self.work = SweepWorkspace(task, np.empty((2, 12)), np.empty(2), self.found)
+
+    def advance(self, until: float, lead: float, deflection: float) -> float:
+        """Advance it, see `advance`; its state."""
+        a, b, limits = self.a, self.b, np.array([until, lead, deflection, STEPS])
+        mask = ALL_ENABLED if self.enabled is None else self.enabled.ravel()
+        while wanted := _advance.call(a, b, workspace_for(a, b), self.screws, limits, mask, self.work):
+            workspace(pairs=wanted)
+        return float(self.found[STATE])
+
+
+def _first_impact(
+    ways: list[_Way], screws: Mapping[int, NDArray[np.float64]], starts: NDArray[np.float64], deflection: float
+) -> float:
+    """Advance pairs until the first impact is known, the one that has come least far first; its time, 1 without one.
+
+    A pair that is not begun has come nowhere, but one that is held back before `EARLY` is followed to its end first:
+    where a motion is stopped at once, the pairs after the one that stops it are not looked at.
+    """
+    first, queue = 1.0, [(EARLY, k) for k in range(len(ways))]
+    while queue and first > 0.0:
+        reached, k = heappop(queue)
+        way = ways[k]
+        if way.found[STATE] == NEW:
+            way.begin(screws, starts)
+        elif reached > first:
+            continue
+        state = way.advance(first, queue[0][0] if queue else 1.0, deflection)
+        if state == UNDER_WAY:
+            heappush(queue, (float(way.found[REACHED]), k))
+        elif state == STOPPED:
+            first = min(first, float(way.found[REACHED]))
+    return first
 
 
 def _screw(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -480,16 +545,6 @@ def _at(screw: NDArray[np.float64], t: float) -> pin.SE3:
     import pinocchio as pin
 
     return poses.unpack(screw[:12]) * pin.exp6(pin.Motion(t * screw[12:]))
-
-
-def _workspace(objects: Objects, surfaces: int) -> SweepWorkspace:
-    """A workspace for so many pairs of surfaces."""
-    linear = objects.tolerance.linear
-    task = Sweep(
-        np.empty(surfaces), linear, objects.tolerance.slop * linear, np.empty(RATES, np.float32), np.empty(15),
-        np.empty(2), np.empty(4, np.int64), np.empty(TERMS, np.float32),
-    )  # fmt: skip
-    return SweepWorkspace(task, np.empty((2, 12)), np.empty(2), np.empty(2))
 
 
 def _pairs(
@@ -530,50 +585,31 @@ def _sagitta(twist: list[float], center: tuple[float, float, float], radius: flo
     return (arm / turn + radius) * (1.0 - math.cos(0.5 * min(turn, math.pi)))
 
 
-def _pair_time(
-    objects: Objects, pair: tuple[int, int], screws: Mapping[int, NDArray[np.float64]],
-    limits: tuple[float, float, int], work: SweepWorkspace,
-) -> tuple[float, tuple[int, int]]:  # fmt: skip
-    """(time, or infinity; the pair of surfaces). limits: see `impact`."""
-    meshes = [objects.mesh(k) for k in pair]
-    for mesh in meshes:
-        if isinstance(mesh, ShapeMesh):
-            raise CollisionError(f"{mesh.name}: a shape without triangles is not swept; give it as a SurfaceMesh")
-    a, b, enabled = bvh_of(meshes[0]), bvh_of(meshes[1]), objects.enabled_surfaces(*pair)
-    both, mask = np.array([screws[k] for k in pair]), ALL_ENABLED if enabled is None else enabled.ravel()
-    while wanted := _impact.call(a, b, workspace_for(a, b), both, np.array(limits), mask, work):
-        workspace(pairs=wanted)
-    hit = work.task.hit
-    return float(work.found[0]), (int(hit[0]), int(hit[1]))
-
-
-def _contacts(
-    objects: Objects, screws: Mapping[int, NDArray[np.float64]], at_first: Mapping[int, pin.SE3],
-    stop: tuple[tuple[int, int], tuple[int, int], NDArray[np.float64] | None],
-) -> NDArray[Any]:  # fmt: skip
+def _contacts(way: _Way, at_first: Mapping[int, pin.SE3]) -> NDArray[Any]:
     """The pairs of surfaces that stop two objects: the one found, and those that come into contact with it.
 
-    at_first: poses at the time of impact. stop: the objects, the pair found, and the levels of all pairs if any are
-    their own.
+    at_first: poses of the moving objects at the time of impact.
     """
-    (i, j), pair, level = stop
-    enabled, linear = objects.enabled_surfaces(i, j), objects.tolerance.linear
-    a, b = bvh_of(objects.mesh(i)), bvh_of(objects.mesh(j))
+    (i, j), a, b, linear = way.pair, way.a, way.b, way.objects.tolerance.linear
+    s, t = (int(k) for k in way.work.task.hit[:2])
     shape = len(a.root), len(b.root)
-    mask = np.ones(shape, np.uint8) if enabled is None else enabled.copy()
-    if level is not None:
-        level = level[: mask.size].reshape(shape)
+    mask = np.ones(shape, np.uint8) if way.enabled is None else way.enabled.copy()
+    if way.found[LEVELS]:
+        level = way.work.task.level.reshape(shape)
         unknown = np.argwhere((level == -np.inf) & (mask != 0))
         mask[level < linear] = 0
         if len(unknown):  # the motion was too short for them
-            start = poses.pack_rigid(_at(screws[i], 0.0).actInv(_at(screws[j], 0.0)))
+            start = poses.pack_rigid(way.objects.relative_pose(i, j))
             depths = signed_distances_of(a, b, start, unknown, float(np.nextafter(linear, np.inf)))
             mask[tuple(unknown[depths > linear].T)] = 1
-    mask[pair] = 0
-    where = np.array([poses.pack_rigid(at_first[k]) for k in (i, j)])
+    mask[s, t] = 0
+    where = way.screws[:, :12].copy()
+    for pose, k in zip(where, way.pair, strict=True):
+        if k in at_first:
+            pose[:] = poses.pack_rigid(at_first[k])
     nearest = np.zeros(1, CONTACT_DTYPE)
-    clearance_of(a, b, workspace_for(a, b), where, 0, 1, np.inf, lanes_of(a, b, *pair), nearest)
-    nearest["surface_a"], nearest["surface_b"] = pair
+    clearance_of(a, b, workspace_for(a, b), where, 0, 1, np.inf, lanes_of(a, b, s, t), nearest)
+    nearest["surface_a"], nearest["surface_b"] = s, t
     rows = joined([contacts_between(a, b, where, linear, mask), nearest])
     rows["object_a"], rows["object_b"] = i, j
     return rows if len(rows) == 1 else picked(rows, np.lexsort((rows["surface_b"], rows["surface_a"])))

@@ -11,7 +11,7 @@ that are tested, so they need no inflation.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,26 @@ from numpy.typing import NDArray
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import kernel
 from collision.numeric.predicates import FALLBACKS, workspace
+from collision.numeric.vectors import row
 from collision.poses import pack
 from collision.reference.shape import triangles_needed
 from collision.statistics import Statistics
 from collision.triangle.intersection import triangles_meet
+
+
+class Soup(NamedTuple):
+    """A mesh as the algorithm takes it: m triangles by surface, those of surface s at `start[s]` … `start[s + 1]`."""
+
+    vertices: Any
+    """(n, 3) float64, m"""
+    corner: Any
+    """(m, 3) int32: the triangles' vertices"""
+    start: Any
+    """(k + 1,) int64"""
+    box: Any
+    """(m, 6) float64, m: of the triangles"""
+    group: Any
+    """(k, 6) float64, m: of the surfaces"""
 
 
 def plain_pairs_of(
@@ -33,18 +49,13 @@ def plain_pairs_of(
     pose_ab: pose of b in a's frame, `pinocchio.SE3` or (4, 4). rigid: see `poses.pack`, which raises.
     """
     pose = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=rigid)
-    corner_a, box_a, group_a = _boxes(mesh_a)
-    corner_b, _, _ = _boxes(mesh_b)
     counts = np.zeros(5, np.int64)
-    pairs = plain_pairs(
-        mesh_a.vertices, corner_a, mesh_a.surface_start, box_a, group_a,
-        mesh_b.vertices, corner_b, mesh_b.surface_start, pose, clip, workspace(), counts,
-    )  # fmt: skip
+    pairs = plain_pairs(_soup(mesh_a), _soup(mesh_b), pose, clip, workspace(), counts)
     return pairs.copy(), Statistics(*counts.tolist())
 
 
-def _boxes(mesh: SurfaceMesh) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
-    """Vertices (m, 3) and boxes (m, 6) of the triangles by surface, boxes (k, 6) of the surfaces; kept on the mesh."""
+def _soup(mesh: SurfaceMesh) -> Soup:
+    """The `Soup` of a mesh in its own frame; kept on the mesh."""
     cached = mesh._cache.get("plain")
     if cached is None:
         triangles_needed(mesh)
@@ -52,7 +63,7 @@ def _boxes(mesh: SurfaceMesh) -> tuple[NDArray[np.int32], NDArray[np.float64], N
         box, group = np.empty((mesh.n_triangles, 6)), np.empty((mesh.n_surfaces, 6))
         triangle_boxes(mesh.vertices, corner, box)
         group_boxes(box, mesh.surface_start, group)
-        cached = mesh._cache["plain"] = (corner, box, group)
+        cached = mesh._cache["plain"] = Soup(mesh.vertices, corner, mesh.surface_start, box, group)
     return cached
 
 
@@ -60,24 +71,24 @@ def _boxes(mesh: SurfaceMesh) -> tuple[NDArray[np.int32], NDArray[np.float64], N
 
 
 @kernel(allocates=True)
-def plain_pairs(
-    vertices_a, corner_a, start_a, box_a, group_a, vertices_b, corner_b, start_b, pose, clip, w, counts
-):  # fmt: skip
-    """Return the colliding surfaces of a and of b moved by `pose`, as rows of (surface of a, surface of b), sorted.
+def plain_pairs(a, given, pose, clip, w, counts):
+    """Return the colliding surfaces of a and of b, given and moved by `pose`, as rows of their numbers, sorted.
 
-    `corner_*`: (m, 3) vertices of the triangles by surface, those of surface s at `start[s]` … `start[s + 1]`;
-    `box_a`, `group_a`: boxes of the triangles and of the surfaces of a; `clip`: use OAABBs; `counts`: see `Statistics`.
+    a, given: each a `Soup` in its own frame. clip: use OAABBs. counts: see `Statistics`.
     """
-    moved = np.empty_like(vertices_b)
-    transform(vertices_b, pose, moved)
-    box_b = np.empty((len(corner_b), 6))
-    triangle_boxes(moved, corner_b, box_b)
-    ka, kb = len(start_a) - 1, len(start_b) - 1
-    group_b = np.empty((kb, 6))
-    group_boxes(box_b, start_b, group_b)
-    whole = np.empty((3, 6))
-    group_boxes(group_a, np.array([0, ka]), whole[0:1])
-    group_boxes(group_b, np.array([0, kb]), whole[1:2])
+    b = Soup(
+        np.empty(given.vertices.shape),
+        given.corner,
+        given.start,
+        np.empty(given.box.shape),
+        np.empty(given.group.shape),
+    )
+    transform(given.vertices, pose, b.vertices)
+    triangle_boxes(b.vertices, b.corner, b.box)
+    group_boxes(b.box, b.start, b.group)
+    ka, kb, whole = len(a.group), len(b.group), np.empty((3, 6))
+    group_boxes(a.group, np.array([0, ka]), whole[0:1])
+    group_boxes(b.group, np.array([0, kb]), whole[1:2])
     pairs = np.empty((ka * kb, 2), np.int32)
     n = 0
     if not overlap(whole, 0, whole, 1):
@@ -85,20 +96,20 @@ def plain_pairs(
     counts[0] += 1
     oaabb(whole, 0, whole, 1, whole[2:3])
     near_a, near_b = np.empty(ka, np.int64), np.empty(kb, np.int64)
-    na = _clip(group_a, 0, ka, whole[2:3], clip, near_a, counts, 1)
-    nb = _clip(group_b, 0, kb, whole[2:3], clip, near_b, counts, 1)
-    inside_a, inside_b = np.empty(len(corner_a), np.int64), np.empty(len(corner_b), np.int64)
+    na = _clip(a.group, 0, ka, whole[2:3], clip, near_a, counts, 1)
+    nb = _clip(b.group, 0, kb, whole[2:3], clip, near_b, counts, 1)
+    inside_a, inside_b = np.empty(len(a.box), np.int64), np.empty(len(b.box), np.int64)
     common = np.empty((1, 6))
     for i in range(na):
         for j in range(nb):
             sa, sb = near_a[i], near_b[j]
             counts[1] += 1
-            if not overlap(group_a, sa, group_b, sb):
+            if not overlap(a.group, sa, b.group, sb):
                 continue
-            oaabb(group_a, sa, group_b, sb, common)
-            ma = _clip(box_a, start_a[sa], start_a[sa + 1], common, clip, inside_a, counts, 2)
-            mb = _clip(box_b, start_b[sb], start_b[sb + 1], common, clip, inside_b, counts, 2)
-            if _any_meet(vertices_a, corner_a, box_a, inside_a, ma, moved, corner_b, box_b, inside_b, mb, w, counts):
+            oaabb(a.group, sa, b.group, sb, common)
+            ma = _clip(a.box, a.start[sa], a.start[sa + 1], common, clip, inside_a, counts, 2)
+            mb = _clip(b.box, b.start[sb], b.start[sb + 1], common, clip, inside_b, counts, 2)
+            if _any_meet(a, inside_a[:ma], b, inside_b[:mb], w, counts):
                 pairs[n, 0] = sa
                 pairs[n, 1] = sb
                 n += 1
@@ -120,29 +131,27 @@ def _clip(boxes, begin, end, common, clip, inside, counts, counter):
 
 
 @kernel(allocates=True)
-def _any_meet(vertices_a, corner_a, box_a, inside_a, ma, vertices_b, corner_b, box_b, inside_b, mb, w, counts):
-    for i in range(ma):
-        ta = inside_a[i]
-        p1 = _point(vertices_a, corner_a[ta, 0])
-        q1 = _point(vertices_a, corner_a[ta, 1])
-        r1 = _point(vertices_a, corner_a[ta, 2])
-        for j in range(mb):
-            tb = inside_b[j]
+def _any_meet(a, inside_a, b, inside_b, w, counts):
+    for ta in inside_a:
+        p1, q1, r1 = _triangle(a, ta)
+        for tb in inside_b:
             counts[2] += 1
-            if not overlap(box_a, ta, box_b, tb):
+            if not overlap(a.box, ta, b.box, tb):
                 continue
             counts[3] += 1
-            p2 = _point(vertices_b, corner_b[tb, 0])
-            q2 = _point(vertices_b, corner_b[tb, 1])
-            r2 = _point(vertices_b, corner_b[tb, 2])
+            p2, q2, r2 = _triangle(b, tb)
             if triangles_meet(p1, q1, r1, p2, q2, r2, w):
                 return True
     return False
 
 
 @kernel(allocates=True)
-def _point(vertices, i):
-    return vertices[i, 0], vertices[i, 1], vertices[i, 2]
+def _triangle(soup, t):
+    return (
+        row(soup.vertices, soup.corner[t, 0]),
+        row(soup.vertices, soup.corner[t, 1]),
+        row(soup.vertices, soup.corner[t, 2]),
+    )
 
 
 @kernel(allocates=True)

@@ -16,11 +16,6 @@ from collision.triangle.filter import MEET, UNCERTAIN, arranged, verdict
 
 
 @inner_kernel
-def _side(a, b, c, d, w):
-    return orient3d(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2], w)
-
-
-@inner_kernel
 def _turn(a, b, c, axis, w):
     """orient2d of the points seen along `axis` (0 … 2)."""
     if axis == 0:
@@ -48,7 +43,7 @@ def _ranges_meet(p, q, a, b, d):
 @inner_kernel
 def _segments_meet(p, q, a, b, w):
     """Whether two closed segments in space meet; either may be a point."""
-    if _side(p, q, a, b, w) != 0:
+    if orient3d(p, q, a, b, w) != 0:
         return False
     for axis in range(3):
         s = _turn(p, q, a, axis, w)
@@ -66,11 +61,11 @@ def _segment_meets(p, q, sp, sq, a, b, c, w):
     if sp * sq > 0:
         return False
     if sp != 0 or sq != 0:  # one point of the plane: is it within all three edges?
-        s = _side(p, q, a, b, w)
-        t = _side(p, q, b, c, w)
+        s = orient3d(p, q, a, b, w)
+        t = orient3d(p, q, b, c, w)
         if s * t < 0:
             return False
-        u = _side(p, q, c, a, w)
+        u = orient3d(p, q, c, a, w)
         return s * u >= 0 and t * u >= 0
     if _segments_meet(p, q, a, b, w) or _segments_meet(p, q, b, c, w) or _segments_meet(p, q, c, a, w):
         return True
@@ -109,20 +104,20 @@ def _touching(one, s, other, t, w):
 @inner_kernel
 def _meet(p1, q1, r1, p2, q2, r2, w):
     """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common."""
-    sp = _side(p2, q2, r2, p1, w)
-    sq = _side(p2, q2, r2, q1, w)
-    sr = _side(p2, q2, r2, r1, w)
+    sp = orient3d(p2, q2, r2, p1, w)
+    sq = orient3d(p2, q2, r2, q1, w)
+    sr = orient3d(p2, q2, r2, r1, w)
     if sp == sq and sq == sr and sp != 0:
         return False
-    tp = _side(p1, q1, r1, p2, w)
-    tq = _side(p1, q1, r1, q2, w)
-    tr = _side(p1, q1, r1, r2, w)
+    tp = orient3d(p1, q1, r1, p2, w)
+    tq = orient3d(p1, q1, r1, q2, w)
+    tr = orient3d(p1, q1, r1, r2, w)
     if tp == tq and tq == tr and tp != 0:
         return False
     if sp == 0 or sq == 0 or sr == 0 or tp == 0 or tq == 0 or tr == 0:
         return _touching((p1, q1, r1), (sp, sq, sr), (p2, q2, r2), (tp, tq, tr), w)
     p1, q1, r1, p2, q2, r2 = arranged((p1, q1, r1), (sp, sq, sr), (p2, q2, r2), (tp, tq, tr))
-    return _side(p1, q1, p2, q2, w) <= 0 and _side(p1, r1, r2, p2, w) <= 0
+    return orient3d(p1, q1, p2, q2, w) <= 0 and orient3d(p1, r1, r2, p2, w) <= 0
 
 
 @inner_kernel

@@ -127,7 +127,7 @@ class Lock:
     rows: tuple[int, ...]
     """which rows of the cone they belong to; these have rank six"""
     margin: float
-    """1: each twist whose greatest entry is 1, turns in units of the cone's length, closes some gap by as much"""
+    """1: each twist whose greatest entry is 1, turns in units of the cone's length, closes some gap by at least this"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -114,7 +114,7 @@ class _Study:
 
 @dataclass(frozen=True, eq=False)
 class _Moves:
-    """How one block moves."""
+    """The motions of one block."""
 
     block: Block
     system: System

@@ -25,7 +25,7 @@ from constraints.solve.system import System, build
 
 Names = Mapping[int, str] | Sequence[str] | None
 STEPS = 30
-"""at most, to how near the last constraint of a conflict can come"""
+"""Gauss-Newton steps, at most, that bring the last constraint of a conflict nearer"""
 WEIGHT = 1e-6
 """1: a row with less weight than this in another has no part in it"""
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
@@ -178,8 +178,8 @@ def _miss(
 ) -> tuple[float, str, dict[int, pin.SE3]]:
     """Least residual of the last constraint of the core while the others hold, and the poses there.
 
-    Gauss-Newton in the null space of the others, which are solved again after each step; from where all together with
-    the last one at little weight have come to.
+    Gauss-Newton in the null space of the others, which are solved again after each step. It starts at the poses that
+    solve all of them together, the last one with little weight.
     """
     part = build(constraints, tuple(core), system.movable, bounds=False)
     last = part.owner == len(core) - 1

@@ -120,6 +120,11 @@ class Constraint(ABC):
         """(rows,) True where the row is in radians, False where in metres."""
         return self.compiled.angular
 
+    @cached_property
+    def periodic(self) -> bool:
+        """Whether it holds again a turn or a tooth farther, with other poses in between where it does not."""
+        return bool((self.compiled.code >= jacobians.HELIX).any())
+
     @property
     def reach(self) -> float:
         """m: lever arm of rotations, the greater of `size` and the features' radius."""

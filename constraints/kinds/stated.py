@@ -2,7 +2,7 @@
 
 A stated constraint is a `Candidate` as any other once it is in force: listed, drawn, kept in a checkpoint. It does not
 end when surfaces no longer overlap, since no overlap made it, nor give way to what is recognised later, and no pull
-ends it unless it is told to break.
+ends it unless a limit is given at which it breaks.
 """
 
 from __future__ import annotations

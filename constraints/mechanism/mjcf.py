@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from constraints.mechanism.model import Joint, Mechanism, axis_name
-from constraints.mechanism.urdf import _numbers
+from constraints.mechanism.urdf import numbers
 
 ADVANCE = "__advance"
 """ending of the slide of a screw's hinge"""
@@ -50,7 +50,7 @@ def to_mjcf(
         _inertial(body, (inertias or {}).get(number), moves)
         mesh = (meshes or {}).get(number)
         if mesh is not None:
-            rgba = _numbers(np.array((colors or {}).get(number, (0.7, 0.7, 0.75, 1.0))))
+            rgba = numbers(np.array((colors or {}).get(number, (0.7, 0.7, 0.75, 1.0))))
             shown = {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0", "rgba": rgba}
             xml.SubElement(body, "geom", {"type": "mesh", "mesh": assets[mesh], **shown})
 
@@ -81,7 +81,7 @@ def to_mjcf(
 def _body(parent: xml.Element, name: str, pose: pin.SE3) -> xml.Element:
     x, y, z, w = pin.Quaternion(pose.rotation).coeffs()
     return xml.SubElement(
-        parent, "body", name=name, pos=_numbers(pose.translation), quat=_numbers(np.array([w, x, y, z]))
+        parent, "body", name=name, pos=numbers(pose.translation), quat=numbers(np.array([w, x, y, z]))
     )
 
 
@@ -90,13 +90,13 @@ def _joints(body: xml.Element, equality: xml.Element, joint: Joint, frame: pin.S
     for k, axis in enumerate(joint.axes):
         name = axis_name(joint, k)
         place = {
-            "pos": _numbers(frame.actInv(axis.origin)),
-            "axis": _numbers(frame.rotation.T @ axis.direction),
+            "pos": numbers(frame.actInv(axis.origin)),
+            "axis": numbers(frame.rotation.T @ axis.direction),
         }
         xml.SubElement(body, "joint", {"name": name, "type": TYPES.get(axis.kind, "hinge"), **place})
         if axis.kind == "screw":
             xml.SubElement(body, "joint", {"name": name + ADVANCE, "type": "slide", **place})
-            tie = {"joint1": name + ADVANCE, "joint2": name, "polycoef": _numbers(np.array([0, axis.pitch, 0, 0, 0]))}
+            tie = {"joint1": name + ADVANCE, "joint2": name, "polycoef": numbers(np.array([0, axis.pitch, 0, 0, 0]))}
             xml.SubElement(equality, "joint", tie)
 
 
@@ -107,4 +107,4 @@ def _inertial(body: xml.Element, inertia: pin.Inertia | None, moves: bool) -> No
         i = inertia.inertia
         terms = np.array([i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]])
         mass = repr(float(inertia.mass))
-        xml.SubElement(body, "inertial", pos=_numbers(inertia.lever), mass=mass, fullinertia=_numbers(terms))
+        xml.SubElement(body, "inertial", pos=numbers(inertia.lever), mass=mass, fullinertia=numbers(terms))

@@ -44,7 +44,7 @@ def to_urdf(
                 xml.SubElement(xml.SubElement(shown, "geometry"), "mesh", filename=str(mesh))
                 if tag == "visual" and colors is not None and body in colors:
                     material = xml.SubElement(shown, "material", name=f"{mechanism.names[body]}__color")
-                    xml.SubElement(material, "color", rgba=_numbers(np.array(colors[body])))
+                    xml.SubElement(material, "color", rgba=numbers(np.array(colors[body])))
             _fixed(robot, parent, element, frame.actInv(mechanism.poses[body]))
     for k, loop in enumerate(mechanism.loops):
         parent, frame = _chain(robot, loop, ends[loop.parent])
@@ -60,12 +60,13 @@ def _link(robot: xml.Element, name: str) -> xml.Element:
     return xml.SubElement(robot, "link", name=name)
 
 
-def _numbers(values: np.ndarray) -> str:
+def numbers(values: np.ndarray) -> str:
+    """Return values (k,) as text, separated by blanks; each reads back to the same bits."""
     return " ".join(repr(float(v)) for v in values)
 
 
 def _origin(element: xml.Element, pose: pin.SE3) -> None:
-    xml.SubElement(element, "origin", xyz=_numbers(pose.translation), rpy=_numbers(pin.rpy.matrixToRpy(pose.rotation)))
+    xml.SubElement(element, "origin", xyz=numbers(pose.translation), rpy=numbers(pin.rpy.matrixToRpy(pose.rotation)))
 
 
 def _joint(

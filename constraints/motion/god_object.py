@@ -52,7 +52,7 @@ class Swept(Sweeping, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class MotionResult:
-    """Where the parts went."""
+    """The result of one step: poses, contacts, and what is left of the motion."""
 
     poses: Mapping[int, pin.SE3]
     """of every body that moved or was held, by id"""
@@ -68,7 +68,7 @@ class MotionResult:
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """The constraints about one set of poses: residual (m,), and the motions x = origin + basis·y that they allow."""
+    """The constraints linearised at some poses: residual (m,), and the motions x = origin + basis·y that they allow."""
 
     unknowns: Unknowns
     key: bytes
@@ -79,7 +79,7 @@ class Linear:
 
     @classmethod
     def at(cls, unknowns: Unknowns, poses: Sequence[pin.SE3], known: Linear | None, rigid: float) -> Linear:
-        """What holds at `poses`; `known`, if it is that: a step begins where the one before ended."""
+        """The constraints linearised at `poses`; `known` if it is of the same: a step begins where the last ended."""
         key = b"".join([poses[b].homogeneous.tobytes() for b in unknowns.named])
         if known is not None and known.unknowns is unknowns and known.key == key:
             return known
@@ -89,7 +89,7 @@ class Linear:
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """What the hand wants of the motions x = origin + basis·y that the constraints allow: min ½ yᵀHy + gᵀy."""
+    """The objective ½ yᵀHy + gᵀy of the hand over the motions x = origin + basis·y that the constraints allow."""
 
     origin: Array
     basis: Array
@@ -97,7 +97,7 @@ class Aim:
     gradient: Array
 
     def free(self) -> Array:
-        """(n,) the motion that it would be without contacts."""
+        """(n,) the best motion without contacts."""
         return self.origin + self.basis @ minimum(self.hessian, self.gradient)
 
     def along(self, pressed: Array) -> Array:
@@ -112,21 +112,21 @@ class Aim:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """What one pass is about to do."""
+    """The motion that one pass plans."""
 
     x: Array
     rows: NDArray[Any]
     """contacts it was planned with"""
     active: NDArray[np.int64]
-    """which of them it presses on"""
+    """places of the rows that it presses on"""
     pressed: Array
-    """(k, n) their rows of the program"""
+    """(k, n) rows of the quadratic program of `active`"""
     covered: bool
     """whether no other contact can be met on the way"""
     lifts: bool
     """whether it only makes room between surfaces that are too near each other"""
     whole: bool
-    """whether it is all the way to the wanted pose"""
+    """whether it ends at the wanted poses"""
 
 
 class Met:
@@ -176,15 +176,16 @@ class Step:
         self.met = Met()
         self.linear = Linear.at(unknowns, self.poses, known, tolerance.rigid)
         self.left = self._left()
+        self.error = self._error()
 
     def run(self) -> MotionResult:
-        """Go as far as it goes."""
+        """Move the bodies towards the wanted poses; return where they are then."""
         begin, at = {b: self.poses[b] for b in self.unknowns.place}, self.linear
-        before = self._error()
+        before = self.error
         blocked = self._approach()
-        left, fine = self._error(), FINE * self.tolerance.linear
-        stalled = left > 0.5 * before  # also where nothing solid was met: mates that bend the way
-        if (blocked and left <= fine) or ((blocked or stalled) and left > fine and self._pass(begin, at)):
+        # without solids, only a thread that skips turns can get nearer than the nearest pose that was found
+        stalled = self.error > 0.5 * before and any(c.periodic for c in self.unknowns.constraints)
+        if self.error <= FINE * self.tolerance.linear or ((blocked or stalled) and self._pass(begin, at)):
             blocked = False
             self.acting.clear()
         return MotionResult(
@@ -198,7 +199,7 @@ class Step:
     def _approach(self) -> bool:
         """Go to the nearest allowed pose, at a margin from what is solid; whether anything stood in the way."""
         blocked = lifted = False
-        best = self._error()
+        best = self.error
         aim = self._aim()
         for _ in range(MAX_PASSES):
             proposal = self._propose(aim, may_lift=not lifted)
@@ -211,12 +212,12 @@ class Step:
                     blocked = True
             travel = self._commit(target)
             if lifted:
-                best, aim = self._error(), self._aim()
+                best, aim = self.error, self._aim()
                 continue
             if len(proposal.active):
                 self.acting.append(proposal.rows[proposal.active])
                 blocked = True
-            error = self._error()
+            error = self.error
             # a motion to the nearest allowed pose brings the squared error down by its own square, at least
             if error <= self.tolerance.satisfied or travel == 0.0 or best**2 - error**2 < 1e-3 * travel**2:
                 break
@@ -228,11 +229,11 @@ class Step:
 
     def _pass(self, begin: dict[int, pin.SE3], at: Linear) -> bool:
         """Go straight to the wanted poses from `begin` instead, where solid bodies leave a way without any margin."""
-        here, error = {b: self.poses[b] for b in begin}, self._error()
+        here, error = {b: self.poses[b] for b in begin}, self.error
         self._put(begin, at)
         target = self._target()
         self._put(target)
-        nearer = self._error() < error - FINE * self.tolerance.linear
+        nearer = self.error < error - FINE * self.tolerance.linear
         self._put(begin, at)
         with self._flush_ignored():
             passed = nearer and passable(self.collision, self.walls, self.drawn, self.poses, target, self.tolerance)
@@ -249,13 +250,14 @@ class Step:
         return self._projected(target)
 
     def _put(self, poses: Mapping[int, pin.SE3], linear: Linear | None = None) -> None:
-        """Have bodies somewhere, without a way there."""
+        """Set poses of bodies, without a motion there."""
         for body, pose in poses.items():
             self.poses[body] = pose
         self.collision.set_poses(list(poses), list(poses.values()))
         known = self.linear if linear is None else linear
         self.linear = Linear.at(self.unknowns, self.poses, known, self.tolerance.rigid)
         self.left = self._left()
+        self.error = self._error()
 
     # -- what is wanted
 
@@ -271,7 +273,7 @@ class Step:
         return out
 
     def _error(self) -> float:
-        """m: what is left to do: distance to the wanted poses, and to the constraints."""
+        """m: distance to the wanted poses and violation of the constraints, as one norm."""
         residual = self.linear.residual
         total = float(residual @ residual)
         for body, e in self.left.items():
@@ -419,7 +421,7 @@ class Step:
         return {b: self.poses[b] for b in target}, hit
 
     def _commit(self, target: dict[int, pin.SE3]) -> float:
-        """Go there; how far the farthest point of a body went (m, at most)."""
+        """Set the poses; return a bound (m) of the way of any point."""
         travel = 0.0
         for k, body in enumerate(self.bodies):
             center, reach = self.unknowns.center[k], float(self.unknowns.reach[k])

@@ -2,8 +2,8 @@
 
 Planned motion keeps a margin between solids, and the sweep stops where surfaces come into contact: neither enters a
 pocket without clearance. A passage does. It allows the poses in which no pair of surfaces reaches deeper into each
-other than rounding has it, or than it did as drawn (`Drawn`). This depends on the poses alone and not on how they were
-come to, so that a way that was travelled is open in both directions.
+other than rounding makes them, or than they did as drawn (`Drawn`). This depends on the poses alone, so that a way that
+was travelled is open in both directions.
 """
 
 from __future__ import annotations
@@ -16,12 +16,15 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
+from collision.bvh.build import bounds_of
 from constraints.motion.walls import Near, Surfaces, Walls
 from constraints.recognition.mated import adjacent_surfaces
 
 NAMES = ("object_a", "surface_a", "object_b", "surface_b")
 MOST_CONTACTS = 64
 """Sweeps of one passage: each goes on past the surfaces that came into contact in the one before."""
+STRIDE = 5e-4
+"""m that bodies go between two measurements of surfaces that overlap as drawn, which no sweep stops at"""
 
 
 class Sweeping(Near, Protocol):
@@ -42,6 +45,11 @@ class Drawn:
         self._depth: dict[Surfaces, float] = {}
         self._allowed: dict[Surfaces, float] = {}
         self._strip: dict[Surfaces, float] = {}
+
+    def corners(self, body: int) -> NDArray[np.float64]:
+        """(8, 3) of a body's box, in its frame, m."""
+        box = bounds_of(self.collision.mesh(body))
+        return np.where(np.indices((2, 2, 2)).reshape(3, 8).T, box[3:6], box[:3])
 
     def allowed(self, pair: Surfaces) -> float:
         """m, at least 0: how deep a pair may reach into each other.
@@ -97,7 +105,7 @@ def passable(
 ) -> bool:
     """Whether bodies may go from `poses`, where collision has them, along one screw each, to `target`.
 
-    Collision has them where they came to afterwards: at `target`, or anywhere on the way. The caller puts them back.
+    Afterwards collision has them where they ended: at `target`, or anywhere on the way. The caller puts them back.
     """
     slop = tolerance.slop * tolerance.linear
     met: set[Surfaces] = set()
@@ -113,15 +121,14 @@ def passable(
         return found
 
     near = collision.contacts(tolerance.linear, target)
-    if walls.pressed(near, at, target, slop, drawn.strip):
+    if walls.pressed(near, at, target, slop, drawn.strip, drawn.allowed):
         return False
     try:
         fits(_pairs(near[near["distance"] <= slop]))
         for _ in range(MOST_CONTACTS):
             found = collision.time_of_impact(target, slop)
             if found.t >= 1.0:
-                collision.set_poses(list(target), list(target.values()))
-                return all(_depth(collision, pair) <= drawn.allowed(pair) + slop for pair in sorted(deep))
+                return _fits_all_the_way(collision, drawn, poses, target, sorted(deep), slop)
             pairs = _pairs(found.contacts)
             pairs -= fits(pairs)
             if pairs & met:
@@ -130,7 +137,7 @@ def passable(
             collision.set_poses(list(found.poses), list(found.poses.values()))
             for body, pose in found.poses.items():
                 at[body] = pose
-            if walls.pressed(found.contacts, at, target, slop, drawn.strip):
+            if walls.pressed(found.contacts, at, target, slop, drawn.strip, drawn.allowed):
                 return False
         return False
     finally:
@@ -138,10 +145,41 @@ def passable(
             collision.enable_surfaces(a, (s,), b, (t,))
 
 
+def _fits_all_the_way(
+    collision: Sweeping,
+    drawn: Drawn,
+    poses: Sequence[pin.SE3],
+    target: Mapping[int, pin.SE3],
+    pairs: Sequence[Surfaces],
+    slop: float,
+) -> bool:
+    """Whether pairs that overlap as drawn reach no deeper into each other than they may at the target, and on the way
+    there nowhere deeper than two overlaps of the same bodies together: while they slide, other corners are deepest.
+    """
+    of_bodies: dict[tuple[int, int], list[Surfaces]] = {}
+    for pair in pairs:
+        of_bodies.setdefault((pair[0], pair[2]), []).append(pair)
+    between = {
+        bodies: 2.0 * max(max(drawn.allowed(pair), drawn.strip(pair)) for pair in mine)
+        for bodies, mine in of_bodies.items()
+    }
+    ways = {body: pin.log6(poses[body].actInv(pose)) for body, pose in target.items()}
+    far = max(
+        float(np.linalg.norm(drawn.corners(body) @ (pose.rotation - poses[body].rotation).T
+              + pose.translation - poses[body].translation, axis=1).max())
+        for body, pose in target.items()
+    )  # fmt: skip
+    count = max(1, int(np.ceil(far / STRIDE))) if pairs else 0
+    for k in (count, *range(1, count)):  # most that do not fit do not fit at the end
+        at = target if k == count else {body: poses[body] * pin.exp6(way * (k / count)) for body, way in ways.items()}
+        collision.set_poses(list(at), list(at.values()))
+        for (a, b), mine in of_bodies.items():
+            depth = -collision.signed_distances(a, b, [(s, t) for _, s, _, t in mine], 0.0)
+            most = [drawn.allowed(pair) for pair in mine] if k == count else between[a, b]
+            if (depth > np.array(most) + slop).any():
+                return False
+    return True
+
+
 def _pairs(rows: NDArray[Any]) -> set[Surfaces]:
     return set(zip(*(rows[name].tolist() for name in NAMES), strict=True))
-
-
-def _depth(collision: Sweeping, pair: Surfaces) -> float:
-    a, s, b, t = pair
-    return -float(collision.signed_distances(a, b, [(s, t)], 0.0)[0])

@@ -2,7 +2,7 @@
 
 The dual active-set method of Goldfarb and Idnani (1983), in the coordinates in which H is the identity: from the free
 minimum on, the row that is violated most is made to hold, and rows that no longer press are let go on the way there.
-It needs no start, ends after finitely many rows, and tells when no y keeps them all.
+It needs no start, ends after finitely many rows, and shows it when no y keeps them all.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def quadratic_program(
 
     hessian (n, n): positive definite. gradient (n,). c (m, n). lower (m,): minus infinity asks for nothing. A row
     presses if it bears a force, or if it is at its bound and the free minimum lies beyond it: of several rows that say
-    the same all are told.
+    the same all are returned.
 
     most_changes: of the set of rows that hold; by default ten for each unknown and row, `MOST_CHANGES` at least.
 

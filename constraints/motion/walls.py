@@ -110,10 +110,11 @@ class Walls:
 
     def pressed(
         self, rows: NDArray[Any], poses: Sequence[pin.SE3], target: Mapping[int, pin.SE3], slop: float,
-        strip: Callable[[Surfaces], float],
+        strip: Callable[[Surfaces], float], allowed: Callable[[Surfaces], float],
     ) -> bool:  # fmt: skip
         """Whether bodies on their way from `poses` to `target` press planes that face each other, in contact rows
-        there, by more than `slop` (m) into each other: triangles tell no depth of what is parallel.
+        there, by more than `slop` (m) deeper into each other than is `allowed` (m) of a pair: triangles tell no depth
+        of what is parallel.
 
         Faces that share a strip no wider than `slop` pass each other. So do those that share no more than a strip along
         their border, as wide (m) as `strip` has it of a pair: the end of a shaft and the mouth of its bore.
@@ -137,7 +138,7 @@ class Walls:
                 region.corners @ way[0].rotation.T + way[0].translation
             )
             gaps = after @ (way[0].rotation @ normal)
-            if (gaps < np.minimum(region.gaps, 0.0) - slop).any():
+            if (gaps < np.minimum(region.gaps, -allowed((a, sa, b, sb))) - slop).any():
                 return True
         return False
 

@@ -1,7 +1,7 @@
-"""Which bodies a `ConstraintManager` looks at in an update: those about which anything may be other than before.
+"""Which bodies a `ConstraintManager` looks at in an update: those for which the answer may have changed.
 
-What a pair of bodies comes to depends on their poses, the contact rows between them, what is asked of them and what
-was decided. Where all of these are as they were, so is the answer; of 2,000 parts a hand moves one.
+The answer for a pair of bodies depends on their poses, the contact rows between them, the limits and kinds asked for,
+and the decisions about them. Where none of these has changed, the answer has not; of 2,000 parts a hand moves one.
 """
 
 from __future__ import annotations
@@ -75,6 +75,10 @@ class Attention:
 
 def rows_about(a: NDArray[Any], b: NDArray[Any], bodies: Collection[int]) -> NDArray[np.bool_]:
     """(n,) which pairs of bodies a (n,) and b (n,) have one of `bodies`."""
+    if len(bodies) == 1 or not len(a):  # most often
+        only = next(iter(bodies), -1)
+        one: NDArray[np.bool_] = (a == only) | (b == only)
+        return one
     chosen = np.zeros(max(a.max(initial=-1), b.max(initial=-1), max(bodies, default=-1)) + 1, np.bool_)
     chosen[list(bodies)] = True
     found: NDArray[np.bool_] = chosen[a] | chosen[b]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh, Tolerance
+from collision.mesh import welded
 from constraints.geometry.sleeve import sleeve
 from constraints.kinds.stated import mates_surfaces
 from constraints.manager import ConstraintManager
@@ -93,7 +94,7 @@ class MatedSurfaces:
         return () if faces is None else ((a, faces[0], b, faces[1]),)
 
     def mark(self) -> tuple[Any, ...]:
-        """What collision was told, to `undo` what follows."""
+        """The surfaces that collision leaves out now, to `undo` what follows."""
         return self._of, self._mated, self._beside
 
     def undo(self, mark: tuple[Any, ...]) -> None:
@@ -118,8 +119,8 @@ def adjacent_surfaces(mesh: SurfaceMesh, surfaces: Iterable[int]) -> tuple[int, 
 def _adjacency(mesh: SurfaceMesh) -> list[NDArray[Any]]:
     corners = mesh.vertices[mesh.triangles].reshape(-1, 3)
     scale = float(np.abs(corners).max()) or 1.0
-    _, point = np.unique(np.round(corners / (1e-9 * scale)), axis=0, return_inverse=True)
-    pairs = np.unique(np.stack([point.reshape(-1), np.repeat(mesh.surface_of_triangle, 3)], axis=1), axis=0)
+    _, point = welded(corners, 1e-9 * scale)
+    pairs = np.unique(np.stack([point, np.repeat(mesh.surface_of_triangle, 3)], axis=1), axis=0)
     groups = np.split(pairs[:, 1], np.flatnonzero(np.diff(pairs[:, 0])) + 1)
     table: list[set[int]] = [set() for _ in range(mesh.n_surfaces)]
     for group in groups:

@@ -367,18 +367,18 @@ FITS = ("against", "concentric", "conical", "groove", "screw", "spherical", "tor
 
 
 STANDING = (*FITS, "tangent")
-"""Kinds of an assembly as it stands: what `recognise` offers if not told otherwise."""
+"""Kinds of an assembly as it stands: what `recognise` offers by default."""
 SLIGHT = ("contact", "coplanar")
 """Kinds that two bodies often make without being meant to: edges and vertices that touch, faces that lie flush."""
 
 
 def rows_for(kinds: Set[str]) -> tuple[Pairing[Any, Any], ...]:
-    """The table as far as it may tell one of these kinds: a row counts only where none before it fits."""
+    """The rows of the table up to the last of these kinds: a row counts only where none before it fits."""
     last = max((n for n, row in enumerate(PAIRINGS, 1) if row.kind in kinds), default=0)
     return PAIRINGS[:last]
 
 
 def matches(a: View, b: View, limits: Limits, rows: Sequence[Pairing[Any, Any]] = PAIRINGS) -> Match | None:
-    """What the first fitting row of the table says of two features; None when no row does."""
+    """The match of two features by the first row of the table that fits; None where no row does."""
     found = (row.match(a, b, limits) for row in rows)
     return next((match for match in found if match is not None), None)

@@ -87,6 +87,8 @@ class Recogniser:
 
     def codes(self, contacts: NDArray[Any]) -> NDArray[np.int64]:
         """(n,) one number for the pair of features of each contact row, ascending as `Pair`; -1 where there is none."""
+        if not len(contacts):
+            return np.zeros(0, np.int64)
         sides = []
         for name in ("a", "b"):
             body, surface = contacts["object_" + name].astype(np.int64), contacts["surface_" + name]
@@ -125,7 +127,7 @@ class Recogniser:
     def matches(
         self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits, rows: tuple[Pairing[Any, Any], ...] = PAIRINGS
     ) -> Match | None:
-        """What two features mean to each other at `poses`; of a thread and its nut a screw.
+        """The match of two features at `poses`, a screw for a thread and its nut; None where they make none.
 
         rows: of the table of pairings; others are not looked at.
         """
@@ -145,12 +147,12 @@ class Recogniser:
         return found
 
     def match(self, key: Key, poses: Sequence[pin.SE3], limits: Limits) -> Match | None:
-        """What the kind and the two features of `key` amount to at `poses`; None when they are out of limits."""
+        """The match of the kind and the two features of `key` at `poses`; None where they are out of limits."""
         found = self.matches(key[:4], poses, limits)
         return found if found is not None and found.kind == key[4] else None
 
     def limits_of(self, pair: Pair, limits: Limits) -> Limits:
-        """What a pair is judged by: of threads flanks meet though mean radii differ, as crests are cut otherwise."""
+        """The limits for a pair: flanks of threads meet though mean radii differ, as crests are cut differently."""
         pitch = self.pitch(pair)
         if pitch is None:
             return limits

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 SAFE = 0.9
 """of a margin, against rounding"""
 TILT = 0.1
-"""rad: beyond it nothing is told of how long what two features share lasts"""
+"""rad: beyond it no bound is known of how long an overlap lasts"""
 
 
 class Known(NamedTuple):

@@ -117,10 +117,25 @@ class Groups:
         """`poses` of carriers, and those that what they carry has with them; `before`, where the carrier stays."""
         out = dict(poses)
         for carrier, pose in poses.items() if self.seats else ():
-            stays = pose is before[carrier] or pose == before[carrier]
-            for body in self.members.get(carrier, (carrier,))[1:]:
-                out[body] = before[body] if stays else pose * self.seats[body][1]
+            if pose is before[carrier] or pose == before[carrier]:
+                out |= {body: before[body] for body in self.members.get(carrier, (carrier,))[1:]}
+            else:
+                out |= self.carried(carrier, pose)
         return out
+
+    def carried(self, carrier: int, pose: pin.SE3) -> dict[int, pin.SE3]:
+        """Poses of what a carrier carries where it has a pose; those of the last pose are kept."""
+        known = self._carried.get(carrier)
+        key = pose.homogeneous.tobytes()
+        if known is None or known[0] != key:
+            seats = self.seats
+            poses = {body: pose * seats[body][1] for body in self.members.get(carrier, (carrier,))[1:]}
+            known = self._carried[carrier] = key, poses
+        return known[1]
+
+    @cached_property
+    def _carried(self) -> dict[int, tuple[bytes, dict[int, pin.SE3]]]:
+        return {}
 
 
 ALONE = Groups({})

@@ -23,7 +23,7 @@ BESIDE = 6
 """attempts after these, from starts pushed by up to PUSH rad (or of a part's size)"""
 STUCK = 4
 """attempts after these, each from the end of the one before, pushed alike: a bolt upside down in its hole gets stuck
-athwart it, where the nearer sense of its axis changes"""
+at right angles to it, where the nearer sense of its axis changes"""
 PUSH = 0.15
 GOLDEN = 0.6180339887498949
 DAMPING_FLOOR = 1e-13

@@ -1,4 +1,4 @@
-"""Poses of many bodies as flat arrays, as numba kernels: checked, taken to the bodies' centres and back, moved."""
+"""Poses of many bodies as flat arrays, as numba kernels: taken to the bodies' centres and back, moved."""
 
 from __future__ import annotations
 
@@ -7,25 +7,6 @@ import math
 import numpy as np
 
 from collision.numeric.kernel import kernel
-
-
-@kernel
-def first_not_rigid(pose, limit):
-    """The first of poses (n, 4, 4) that is no finite rigid motion, -1 where all are; limit of |RᵀR - 1|."""
-    for k in range(len(pose)):
-        R, off = pose[k], 0.0
-        for i in range(3):
-            for j in range(3):
-                x = R[0, i] * R[0, j] + R[1, i] * R[1, j] + R[2, i] * R[2, j] - (1.0 if i == j else 0.0)
-                off = max(off, abs(x))
-        det = (
-            R[0, 0] * (R[1, 1] * R[2, 2] - R[1, 2] * R[2, 1])
-            - R[0, 1] * (R[1, 0] * R[2, 2] - R[1, 2] * R[2, 0])
-            + R[0, 2] * (R[1, 0] * R[2, 1] - R[1, 1] * R[2, 0])
-        )
-        if not (off <= limit and det > 0.0 and math.isfinite(R[0, 3] + R[1, 3] + R[2, 3])):  # NaN: det > 0 is false
-            return k
-    return -1
 
 
 @kernel

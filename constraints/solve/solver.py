@@ -25,7 +25,7 @@ ROUNDING = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What `solve` found."""
+    """The result of `solve`."""
 
     poses: Mapping[int, pin.SE3]
     """of each movable body that a constraint speaks of; where nothing had to move, the pose that was given"""
@@ -69,16 +69,19 @@ def solve(
     given: tuple[Any, ...] = (*work.packed, work.offset, work.length, rotation, translation, tol.solver, MAX_ITERATIONS)
     given += (status, iterations, worst)
     kernels.solve_all(*given)
-    for k in np.flatnonzero(status != kernels.SOLVED):
+    unsolved = np.flatnonzero(status != kernels.SOLVED)
+    for k in unsolved.tolist():
         own = slice(work.offset[k, 2], work.offset[k + 1, 2])
         state = status[k], iterations[k], worst[k]
         status[k], iterations[k], worst[k] = _finish(work.systems[k], rotation[own], translation[own], tol, state)
-    matrix = scatter(rotation, translation, work.center)
+    out = {b: poses[b] for b in work.movable}
     moved = (iterations > 0)[work.system]
-    found = map(pin.SE3, matrix[work.moving[moved]])
-    out = {b: next(found) if m else poses[b] for b, m in zip(work.movable, moved.tolist(), strict=True)}
+    if moved.any():
+        matrix = scatter(rotation, translation, work.center)
+        for k in np.flatnonzero(moved).tolist():
+            out[work.movable[k]] = pin.SE3(matrix[work.moving[k]])
     conflicting: list[int] = []
-    for k in np.flatnonzero(status != kernels.SOLVED):
+    for k in unsolved[status[unsolved] != kernels.SOLVED].tolist():
         system, own = work.systems[k], slice(work.offset[k, 2], work.offset[k + 1, 2])
         limit = kernels.resolution(system.element, translation[own], tol.solver)
         r = system.evaluate(rotation[own], translation[own])[0]

@@ -17,6 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
+from collision.numeric.rigid_transforms import take_poses
 from constraints.errors import ConstraintsError
 from constraints.geometry.surfaces import LARGEST
 from constraints.kinds.base import Constraint
@@ -251,7 +252,7 @@ def _gather(poses: Poses, bodies: Sequence[int], place: Ints, center: Array, rig
         raise ConstraintsError(
             f"the pose of body {bad} is a {type(poses[bad]).__name__}; pass a pinocchio.SE3"
         ) from None
-    wrong = pose_kernels.first_not_rigid(matrix, rigid)
+    wrong = take_poses(matrix, rigid, np.empty((len(matrix), 12)))
     if wrong >= 0:
         finite = np.isfinite(matrix[wrong]).all()
         words = "is no rigid motion; pass one" if finite else "is not finite; pass a finite one"

@@ -75,16 +75,24 @@ class Together:
 
     def residual(self, poses: Sequence[pin.SE3]) -> Array:
         """(m,) m or rad, of all rows; `poses` of every body, by id."""
+        return self.residual_at(*self.gather(poses))
+
+    def gather(self, poses: Sequence[pin.SE3]) -> tuple[Array, Array]:
+        """Rotations (u, 3, 3) and translations (u, 3) of the bodies `named`."""
+        at = np.array([poses[i].homogeneous for i in self.named[0]]).reshape(-1, 4, 4)
+        return np.ascontiguousarray(at[:, :3, :3]), np.ascontiguousarray(at[:, :3, 3])
+
+    def residual_at(self, rotation: Array, translation: Array) -> Array:
+        """`residual`, of bodies that were gathered."""
         m = int(self.rows[-1])
-        named, side = self._named
-        at = np.array([poses[i].homogeneous for i in named]).reshape(-1, 4, 4)
-        rotation, translation = np.ascontiguousarray(at[:, :3, :3]), np.ascontiguousarray(at[:, :3, 3])
         r, ja, jb = np.empty(m), np.empty((m, 6)), np.empty((m, 6))
-        jacobians.evaluate(self.code, side, self.element, self.param, self.start, rotation, translation, r, ja, jb)
+        jacobians.evaluate(
+            self.code, self.named[1], self.element, self.param, self.start, rotation, translation, r, ja, jb
+        )
         return r
 
     @cached_property
-    def _named(self) -> tuple[list[int], Ints]:
+    def named(self) -> tuple[list[int], Ints]:
         """Ids of the bodies, each once, and which of them `side` names."""
         named, place = np.unique(self.side, return_inverse=True)
         return named.tolist(), place.reshape(self.side.shape)

@@ -38,7 +38,7 @@ def _vertices_on_faces(
 ):  # fmt: skip
     """Vertices of one body (column `side`) on the faces of the other; `ra`, `fa`, … are the first's.
 
-    done: (surfaces,) scratch stamps that tell which of the other's surfaces have been looked at.
+    done: (surfaces,) stamps, workspace: which of the other's surfaces have been looked at.
     """
     ga, gb = shapes.first_surface[fa], shapes.first_surface[fb]
     vertices = _union(
@@ -203,7 +203,7 @@ def find(pairs, rotations, origins, shape_of, shapes, margins, depths, ints, rea
     rotations (n, 3, 3), origins (n, 3): mesh frames in the world. shape_of (n,): each body's shape in `shapes`.
     margins, depths: (k,) m, alike for all rows of an object pair; gaps from -depth to margin are listed.
     ints (c, 6): bodies, surfaces, features of a and b. reals (c, 7): point (3) m, normal (3) from b to a, gap m.
-    stamps: scratch, one more than there are vertices, edges and surfaces; kept from call to call, zero at first.
+    stamps: workspace, one more than there are vertices, edges and surfaces; kept from call to call, zero at first.
     A feature that several surface pairs see is listed once.
     """
     n = 0
@@ -230,7 +230,7 @@ def find(pairs, rotations, origins, shape_of, shapes, margins, depths, ints, rea
                     shapes, b, a, sb, sa, row_b, row_a, rb, pb, ra, pa, margin, depth, n, ints, reals, -1
                 )
             else:
-                # (most surfaces have no rims: not even scratch arrays are made for them)
+                # (most surfaces have no rims: not even workspace is made for them)
                 rims_a = shapes.circle_start[row_a[1]] < shapes.circle_start[row_a[1] + 1]
                 rims_b = shapes.circle_start[row_b[1]] < shapes.circle_start[row_b[1] + 1]
                 if rims_a and shapes.kinds[gb + sb] == FACETED:

@@ -51,8 +51,9 @@ class ArticulatedBody:
         self.model = model
         self.data = model.createData()
         self.loops = loops
-        """((joint, point), (joint, point)): coincident anchors, each in its joint's frame"""
-        self.center = [link.frame.actInv(bodies.offset[link.body]) for link in links]
+        """((joint, placement), (joint, placement)): coincident anchors, each in its joint's frame, turned as that is"""
+        self.center = [_at(link.frame.actInv(bodies.offset[link.body])) for link in links]
+        """placement of each link's centre of mass in its joint's frame, turned as that is"""
         self.flat = all(link.pair.name not in ("spherical", "planar", "free") for link in links)
         self.ids = np.array([link.body for link in links], dtype=np.int64)
         self.threads = [threads[link.body] for link in links if link.body in threads]
@@ -143,8 +144,7 @@ class ArticulatedBody:
             i = link.body
             frame = bodies.pose(i) * link.frame
             frames[i] = frame
-            omega = bodies.velocity[i, 3:]
-            twists[i] = pin.Motion(bodies.velocity[i, :3] - np.cross(omega, bodies.center[i]), omega.copy())
+            twists[i] = _at(bodies.center[i]).act(pin.Motion(bodies.velocity[i]))
             if link.pair.name == "rigid":
                 continue
             m = (frames[link.parent] * link.placement).actInv(frame)
@@ -177,8 +177,13 @@ class ArticulatedBody:
             frame, twist = self.data.oMi[link.joint], self.data.v[link.joint]
             i = link.body
             bodies.set_pose(i, frame * link.frame.inverse())
-            bodies.velocity[i, :3] = frame.rotation @ (twist.linear + np.cross(twist.angular, center))
+            bodies.velocity[i, :3] = frame.rotation @ center.actInv(twist).linear
             bodies.velocity[i, 3:] = frame.rotation @ twist.angular
+
+
+def _at(point: Array) -> pin.SE3:
+    """The translation by `point` (3,)."""
+    return pin.SE3(np.eye(3), point)
 
 
 def _pair_between(joints: Sequence[Joint], child: int, poses: Mapping[int, pin.SE3]) -> LowerPair | None:
@@ -225,6 +230,6 @@ def _anchors(model, a, b, constraints, placed, poses):
         for body in (a, b):
             link = placed[body] if body >= 0 else None
             of = poses[body] * link.frame if link is not None else pin.SE3.Identity()
-            ends.append((link.joint if link is not None else 0, of.actInv(point)))
+            ends.append((link.joint if link is not None else 0, _at(of.actInv(point))))
         out.append((ends[0], ends[1]))
     return out

@@ -61,6 +61,11 @@ class ArticulatedMotion:
         self.model.gravity.linear = np.zeros(3)
         if self.fixed is not None and (field := self._field(self.fixed)) is not None:
             self.model.gravity.linear, self.fixed = field, np.zeros_like(self.fixed)
+        self.pulled = self.fixed is None or bool(self.fixed.any())
+        """whether there are wrenches beside the model's gravity"""
+        self.no_forces = pin.StdVec_Force()
+        self.no_forces.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
+        self.no_torques = np.zeros(self.model.nv)
 
     def _screws(self) -> list[int]:
         """Pinocchio's joint ids of the threads with friction."""
@@ -154,25 +159,18 @@ class ArticulatedMotion:
 
     def _forces(self, q: Array, v: Array, time: float) -> pin.StdVec_Force:
         """Applied wrenches by joint, in its frame."""
-        forces = self._no_forces()
+        forces = self.no_forces.copy()
+        if not self.pulled:
+            return forces
         w = self.fixed
         if w is None:
             self.mechanism.write(q, v, self.bodies)
             w = self.wrench(self.mechanism.ids, self.time + time)
-        elif w.any():
-            pin.forwardKinematics(self.model, self.data, q)
         else:
-            return forces
+            pin.forwardKinematics(self.model, self.data, q)
         for k, link in enumerate(self.mechanism.links):
-            frame = self.data.oMi[link.joint]
-            linear = frame.rotation.T @ w[k, :3]
-            torque = frame.rotation.T @ w[k, 3:] + np.cross(self.mechanism.center[k], linear)
-            forces[link.joint] += pin.Force(linear, torque)
-        return forces
-
-    def _no_forces(self) -> pin.StdVec_Force:
-        forces = pin.StdVec_Force()
-        forces.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
+            turn = self.data.oMi[link.joint].rotation.T
+            forces[link.joint] += self.mechanism.center[k].act(pin.Force(turn @ w[k, :3], turn @ w[k, 3:]))
         return forces
 
     def _rates(self, q: Array, v: Array, time: float) -> Rates:
@@ -182,13 +180,14 @@ class ArticulatedMotion:
         if model.nv == 0:
             return Rates.without_friction(np.zeros(0))
         forces = self._forces(q, v, time)
-        a: Array = pin.aba(model, data, q, v, np.zeros(model.nv), forces).copy()
+        a: Array = pin.aba(model, data, q, v, self.no_torques, forces).copy()
         if not self.loops and d == 0:
             return Rates.without_friction(a)
         lower = np.linalg.cholesky(pin.crba(model, data, q, pin.Convention.WORLD))
-        unit = np.zeros((model.nv, d))
-        unit[self.turning, np.arange(d)] = 1.0
-        by_torque = np.asarray(np.linalg.solve(lower.T, np.linalg.solve(lower, unit)), np.float64)
+        by_torque = np.zeros((model.nv, d))
+        if d:
+            by_torque[self.turning, np.arange(d)] = 1.0
+            by_torque = np.asarray(np.linalg.solve(lower.T, np.linalg.solve(lower, by_torque)), np.float64)
         pushes: Array | None = None
         if self.loops:
             # Gauss's principle: the least change of `a` (mass metric) that leaves the anchors no relative acceleration
@@ -210,9 +209,9 @@ class ArticulatedMotion:
         gravity = model.gravity.linear.copy()
         model.gravity.linear = np.zeros(3)
         for k in range(d):
-            forces = self._no_forces()
+            forces = self.no_forces.copy()
             self._push(forces, frames, pushes, 1 + k)
-            pin.rnea(model, data, q, np.zeros(model.nv), by_torque[:, k].copy(), forces)
+            pin.rnea(model, data, q, self.no_torques, by_torque[:, k].copy(), forces)
             by_load[:, :, k] = self._loads()
         model.gravity.linear = gravity
         return Rates(a, by_torque, a[self.turning], by_torque[self.turning], loads, by_load)
@@ -229,8 +228,8 @@ class ArticulatedMotion:
         for loop, push in zip(self.loops, pushes[:, column].reshape(-1, 3), strict=True):
             for (joint, point), sign in zip(loop, (-1.0, 1.0), strict=True):
                 if joint != 0:
-                    linear = sign * (frames[joint].rotation.T @ push)
-                    forces[joint] += pin.Force(linear, np.cross(point, linear))
+                    force = pin.Force(sign * (frames[joint].rotation.T @ push), np.zeros(3))
+                    forces[joint] += point.act(force)
 
     def _acceleration(self, q: Array, v: Array, time: float, slip: Array) -> Array | None:
         """(nv,) accelerations with threads sliding as `slip`; None where friction admits none."""
@@ -285,10 +284,7 @@ class ArticulatedMotion:
                 if joint == 0:
                     ends.append(np.zeros(3))
                     continue
-                a, w = data.a[joint], data.v[joint]
-                local = (
-                    a.linear + np.cross(a.angular, point) + np.cross(w.angular, w.linear + np.cross(w.angular, point))
-                )
+                local = pin.classicAcceleration(data.v[joint], data.a[joint], point)
                 ends.append(data.oMi[joint].rotation @ local)
             out.append(ends[1] - ends[0])
         return np.concatenate(out)
@@ -297,16 +293,16 @@ class ArticulatedMotion:
         """Distances (3k,) between the anchors of each loop and their Jacobian (3k, nv), world axes."""
         model, data = self.model, self.data
         pin.computeJointJacobians(model, data, q)
+        jacobians = {0: np.zeros((6, model.nv))}
         gaps, rows = [], []
         for loop in self.loops:
             ends = []
             for joint, local in loop:
-                point = data.oMi[joint].act(local)
-                if joint == 0:
-                    ends.append((point, np.zeros((3, model.nv))))
-                    continue
-                j = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
-                ends.append((point, j[:3] - pin.skew(point - data.oMi[joint].translation) @ j[3:]))
+                if joint not in jacobians:
+                    jacobians[joint] = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
+                place, j = data.oMi[joint], jacobians[joint]
+                point = place.act(local.translation)
+                ends.append((point, j[:3] - pin.skew(point - place.translation) @ j[3:]))
             gaps.append(ends[1][0] - ends[0][0])
             rows.append(ends[1][1] - ends[0][1])
         return np.concatenate(gaps), np.concatenate(rows)

@@ -58,6 +58,9 @@ class ScrewFriction:
 
 _NONE = ScrewFriction(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(5)))
 
+NO_THREADS = np.zeros(0), np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((0, 4, 0))
+"""rates and loads of no threads: the last fields of `Rates`"""
+
 
 class Rates(NamedTuple):
     """Accelerations of an articulated body, rates and loads of its threads, linear in the friction torques."""
@@ -78,8 +81,7 @@ class Rates(NamedTuple):
     @classmethod
     def without_friction(cls, acceleration: Array) -> Rates:
         """Rates of an articulated body without screw friction."""
-        n = len(acceleration)
-        return cls(acceleration, np.zeros((n, 0)), np.zeros(0), np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((0, 4, 0)))
+        return cls(acceleration, np.zeros((len(acceleration), 0)), *NO_THREADS)
 
     def normal_loads(self, dry: ScrewFriction, x: Array) -> tuple[Array, Array, Array, Array]:
         """Forces N (d,) across the flanks and R (d,) across the axis, N, and their derivatives (d, d) by x."""

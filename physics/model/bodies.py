@@ -42,8 +42,6 @@ class Bodies:
         """derived from `attitude`"""
         self.origin = np.zeros((0, 3))
         """derived: origin of the mesh frame in the world, m"""
-        self.published = np.zeros((0, 4, 4))
-        """pose that the collision manager was last given, or had when the object was added"""
         self.awake = np.zeros(0, np.bool_)
         self.quiet = np.zeros(0)
         """s: how long the body has been at rest"""
@@ -57,7 +55,7 @@ class Bodies:
 
     CONSTANTS = ("offset", "mass", "inertia", "inverse", "radius")
     STATE = (
-        "kind", "center", "attitude", "velocity", "thickness", "rotation", "origin", "published", "awake", "quiet",
+        "kind", "center", "attitude", "velocity", "thickness", "rotation", "origin", "awake", "quiet",
         "rate", "steady", "momentum",
     )  # fmt: skip
     ARRAYS = CONSTANTS + STATE

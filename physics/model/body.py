@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from collision import SurfaceMesh
+from collision.mesh import welded
 from physics.errors import BodyError
 from physics.model.material import Material, material
 
@@ -141,9 +142,8 @@ def weld(mesh: SurfaceMesh) -> tuple[Array, NDArray[np.int64]]:
     what counts as coincident is 1e-9 of the mesh's size.
     """
     v = mesh.vertices
-    grid = 1e-9 * max(float(np.ptp(v, axis=0).max()), 1e-300)
-    _, first, inverse = np.unique(np.round((v - v[0]) / grid), axis=0, return_index=True, return_inverse=True)
-    return v[first], inverse.reshape(-1)[mesh.triangles]
+    points, point = welded(v, 1e-9 * max(float(np.ptp(v, axis=0).max()), 1e-300))
+    return points, point[mesh.triangles]
 
 
 def open_edges(mesh: SurfaceMesh) -> int:

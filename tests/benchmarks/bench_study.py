@@ -1,7 +1,7 @@
 """What a study costs over a plain loop: child processes, records, Dask.
 
 The task is the first half of `vpframe demo`: the shaft goes into its housing until it sits, from a hand that is off by
-a little. The model is a STEP file, read once a process. 5,000 variants take half an hour on two free cores.
+a little. The model is a STEP file, read once a process. 5,000 variants take about ten minutes on two free cores.
 
     vpframe bench study [--quick]           python tests/benchmarks/bench_study.py [VARIANTS]
 """
@@ -34,7 +34,7 @@ from vpframe.studies.results import ANSWER, Results, record
 from vpframe.studies.variants import Variant, random_sample
 
 FULL, QUICK = 5000, 80
-BLOCK, PAIRS = 40, 10
+BLOCK, PAIRS = 80, 10
 """variants that two jobs run in turn with the plain loop and one job, and variants of them that those run"""
 TASKS, QUICK_TASKS = 5000, 300
 """empty tasks that the scheduler's cost is measured with"""
@@ -88,7 +88,7 @@ for line in sys.stdin:
 
 
 def run(quick: bool = False, variants: int | None = None) -> dict[str, Any]:
-    """Rows and ratios of `variants` (5,000; 80 if quick) by two jobs, a quarter of them by one job and a plain loop.
+    """Rows and ratios of `variants` (5,000; 80 if quick) by two jobs, an eighth of them by one job and a plain loop.
 
     The three take turns, in blocks of seconds, and ratios are of one block: what else the machine does cancels. Ratios
     of processor time count the study's own process, its workers and their children; other programs do not change them.

@@ -55,7 +55,7 @@ target = pin.SE3(np.eye(3), np.array([0.98, 0.1, 0.1]))
 for _ in range(2):
     world.contacts(0.1), world.colliding_surfaces(), world.time_of_impact({1: target}), world.clearance(0, 1)
     world.ignore_surfaces(0, [1], 1, [2])
-kernels = distance.contacts, distance.clearance, intersection.intersect, time_of_impact.impact
+kernels = distance.contacts, distance.clearance, intersection.intersect, time_of_impact.advance
 print([len(kernel.signatures) for kernel in kernels])
 """
 

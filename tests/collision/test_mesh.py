@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 from collision import CollisionManager, SurfaceMesh, colliding_surfaces
+from collision.mesh import welded
 from tests.collision import shapes
 
 
@@ -43,3 +44,12 @@ def test_a_copied_manager_answers_as_the_first() -> None:
         second.colliding_surfaces()
         second.set_pose(1, pose)
         assert np.array_equal(second.colliding_surfaces(), rows)
+
+
+def test_vertices_weld_where_they_are_equal_or_round_to_the_same_point():
+    vertices = np.array([[1.0, 0.0, 2.0], [0.0, 0.0, 0.0], [1.0, -0.0, 2.0], [1e-10, 0.0, 0.0]])
+    points, index = welded(vertices)
+    assert len(points) == 3 and np.array_equal(points[index], vertices)
+    points, index = welded(vertices, 1e-9)
+    assert len(points) == 2 and np.abs(points[index] - vertices).max() <= 1e-10
+    assert index.tolist() == [1, 0, 1, 0]

@@ -289,3 +289,14 @@ def lattice(columns: int, rows: int) -> Problem:
             other = bars[j][2]
             constraints += hinge(other, bar, poses[other], poses[bar], at(i, j), Z, step)
     return Problem(tuple(constraints), tuple(poses), step * max(columns, rows))
+
+
+LINKAGES = {
+    "four-bar": four_bar(),
+    "parallelogram": parallelogram(0.8),
+    "parallelogram, flat": parallelogram(0.0),
+    "stretched pair": stretched_pair(),
+    "Bennett": bennett(),
+    "Sarrus": sarrus(),
+    "slider crank": slider_crank(),
+}

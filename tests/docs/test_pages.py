@@ -165,7 +165,15 @@ RUN = [page for page in TEXTS if page.name not in ("tutorial.md", "howto.md")]
 RUN = [page for page in RUN if any(language == "python" for language, _, _ in blocks(page))]
 
 
-@pytest.mark.parametrize("page", RUN, ids=lambda page: page.name)
+LONG = ("verbs.md",)
+"""pages of which all blocks together take half a minute"""
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=pytest.mark.slow) if page.name in LONG else page for page in RUN],
+    ids=lambda page: page.name,
+)
 def test_blocks_of_python_run(page: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(vp, "load", lambda path: gearbox())

@@ -49,6 +49,7 @@ def test_the_hinge_swings_and_holds():
     assert result["lowest"] < -0.18 and result["fell"] > 0.1
 
 
+@pytest.mark.slow
 def test_the_nut_stays_where_the_wrench_leaves_it():
     result = run("physics_nut", seconds=2.0)
     assert result["left"] == result["after"] == 0.0

@@ -1,6 +1,6 @@
 """Runs killed at random moments (SIGKILL): nothing that was written is lost, and what goes on has the same future.
 
-python -m tests.reliability.kills --count 100 [record|checkpoint|study|accept ...]
+python -m tests.reliability.kills --count 25 --jobs 2 --results FILE [record|checkpoint|study|accept ...]
 """
 
 from __future__ import annotations
@@ -20,7 +20,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from tests.reliability import results
+
 ROOT = Path(__file__).parents[2]
+SHARD = 5
+"""kills of a line of the results file, at most"""
 TASK = """
 import time
 from tests.vpframe.watching import pressing_scene
@@ -184,7 +188,7 @@ KINDS: dict[str, Callable[[Path, random.Random], str]] = {
 
 def row(kind: str, count: int, first: int = 0) -> dict[str, Any]:
     """The line of the table: kills, those that came too late, and what was lost."""
-    found: dict[str, Any] = {"kind": kind, "kills": count, "over": 0, "faults": []}
+    found: dict[str, Any] = {"what": kind, "first": first, "count": count, "over": 0, "faults": []}
     for seed in range(first, first + count):
         with tempfile.TemporaryDirectory(prefix="vpframe-kills-") as folder:
             said = KINDS[kind](Path(folder), random.Random(f"{kind} {seed}"))
@@ -199,9 +203,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("kinds", nargs="*", default=list(KINDS))
     parser.add_argument("--count", type=int, default=25, help="kills of each kind")
+    results.arguments(parser)
     given = parser.parse_args()
-    for kind in given.kinds:
-        print(json.dumps(row(kind, given.count)), flush=True)
+    results.run(row, given.kinds, given.count, SHARD, given)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,14 @@
 """Long sessions, many pages, full disks: memory stays flat, nobody is refused, one line says what is wrong.
 
-python -m tests.reliability.limits [steps N] [pages N] [disk N]
+python -m tests.reliability.limits [--count N] [--results FILE] [steps|pages|disk ...]
 """
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import errno
 import gc
-import json
 import os
 import resource
 import subprocess
@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from tests.reliability import results
 from tests.reliability.kills import ROOT, TASK
 
 
@@ -54,7 +55,7 @@ def steps(count: int) -> dict[str, Any]:
                 least, most = min(least or now, now), max(most, now)
         seconds = time.perf_counter() - began
         made = session.step_count
-    return {"steps": made, "growth": most - least, "milliseconds a step": 1e3 * seconds / made}
+    return {"count": made, "growth": most - least, "milliseconds": 1e3 * seconds / made}
 
 
 def pages(count: int, together: int = 50) -> dict[str, Any]:
@@ -100,7 +101,7 @@ def pages(count: int, together: int = 50) -> dict[str, Any]:
     thread.join()
     viewer.end()
     tenth = at[len(at) // 10 :]
-    return {"pages": heard, "refused": refused, "growth": tenth[-1] - tenth[0] if tenth else 0}
+    return {"count": heard, "refused": refused, "growth": tenth[-1] - tenth[0] if tenth else 0}
 
 
 DISK = """
@@ -126,16 +127,26 @@ def disk(count: int) -> dict[str, Any]:
             told = done.returncode == 0 or (done.returncode == 2 and "cannot be written" in done.stderr)
             if not told or "Traceback" in done.stderr:
                 faults.append({"limit": limit, "code": done.returncode, "said": done.stderr[-300:]})
-    return {"limits": count, "errno": errno.errorcode[errno.EFBIG], "faults": faults}
+    return {"count": count, "errno": errno.errorcode[errno.EFBIG], "faults": faults}
 
 
 MEASURES = {"steps": (steps, 10**6), "pages": (pages, 1000), "disk": (disk, 50)}
 
 
+def row(name: str, count: int, first: int = 0) -> dict[str, Any]:
+    """The line of the table of one measure."""
+    return {"what": name, "first": first, "count": count, "faults": []} | MEASURES[name][0](count)
+
+
 def main() -> None:
-    words = sys.argv[1:] or [word for name, (_, count) in MEASURES.items() for word in (name, str(count))]
-    for name, count in zip(words[::2], words[1::2], strict=True):
-        print(json.dumps({name: MEASURES[name][0](int(count))}), flush=True)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", default=list(MEASURES))
+    parser.add_argument("--count", type=int, help="steps, pages or limits; left out, those of the docs")
+    results.arguments(parser)
+    given = parser.parse_args()
+    for name in given.names:
+        count = given.count or MEASURES[name][1]
+        results.run(row, [name], count, count, given)
 
 
 if __name__ == "__main__":

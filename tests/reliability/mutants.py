@@ -1,31 +1,45 @@
 """Damaged files by seed: each is read as a scene or refused in one line, in bounded time and memory.
 
-    python -m tests.reliability.mutants --count 10000 [FORMAT ...]       prints a row a format
+    python -m tests.reliability.mutants --count 10000 --jobs 2 --results FILE [FORMAT ...]
 
-A format's mutants are read by a child process. If it dies, the mutant that it had counts as a death, and another child
-goes on with the next one.
+Mutants are read in shards, each by a child process. If it dies, the mutant that it had counts as a death, and another
+child goes on with the next one. A shard is a line of the results file; shards that the file has are not run again.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import json
+import os
 import random
 import re
 import resource
 import subprocess
 import sys
 import tempfile
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from tests.reliability import results
+from tests.reliability.zygote import forked
+
 ROOT = Path(__file__).parents[2]
 FORMATS = ("step", "iges", "stl", "obj", "ply", "glb")
-LIMIT = 60.0
-"""s of processor time that one file may take"""
+KERNEL = ("step", "iges")
+"""of them, those that a process of their own reads"""
+SHARD = 250
+"""mutants that one child reads, at most"""
+SILENCE = 600.0
+"""s after which a child that says nothing is killed"""
+IN_MEMORY = "/dev/shm" if os.path.isdir("/dev/shm") else None
+LIMIT = 20.0
+"""s that reading one file may take, as `vpframe.load(…, timeout=)`; twice that where one shape took all of it, and the
+others are read again"""
 MEMORY = 2 * 2**30
 """bytes that reading may take"""
 Mutation = Callable[[bytes, random.Random], bytes]
@@ -241,55 +255,63 @@ def digest(scene: Any) -> str:
     return sha.hexdigest()
 
 
-def read(form: str, first: int, end: int, folder: Path) -> None:
-    """Read mutants `first` … `end` - 1 and print what came of each."""
+def read(form: str, first: int, end: int, folder: Path, fork: bool) -> None:
+    """Read mutants `first` … `end` - 1 and print what came of each. Reading processes are forked if `fork`."""
     import numpy as np
 
     import vpframe as vp
 
     sound = models(folder)[form]
-    originals: dict[str, tuple[str, ...]] = {}
-    for i, (suffix, data) in enumerate(sound):
-        path = folder / f"sound_{i}.{suffix}"
-        path.write_bytes(data)
-        scene = vp.load(path)
-        originals[digest(scene)] = scene.all_notes()
-    known = {note for notes in originals.values() for note in notes}
-    for seed in range(first, end):
-        name, suffix, data = mutant(form, seed, sound)
-        path = folder / f"{seed}.{suffix}"
-        path.write_bytes(data)
-        found: dict[str, Any] = {"seed": seed, "mutation": name}
-        print(json.dumps({"begins": seed}), flush=True)
-        began = processor_time()
-        try:
-            scene = vp.load(path, **({"timeout": LIMIT} if form in ("step", "iges") else {}))
-        except vp.LoadError as error:
-            told = "\n" not in str(error) and str(error).startswith(str(path))
-            found |= {"outcome": "refused" if told else "foreign", "why": str(error)[-200:]}
-        except Exception as error:
-            found |= {"outcome": "foreign", "why": f"{type(error).__name__}: {error}"[:200]}
-        else:
-            finite = all(np.isfinite(p.mesh.vertices).all() and np.isfinite(p.shape.volume) for p in scene.parts)
-            changed = digest(scene) not in originals
-            silent = changed and known.issuperset(scene.all_notes())
-            found |= {"outcome": "read" if finite else "foreign", "silent": silent, "changed": changed}
-        used = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-        found |= {"seconds": processor_time() - began, "memory": 1024 * used}
-        print(json.dumps(found), flush=True)
-        path.unlink()
+    with forked() if fork and form in KERNEL else contextlib.nullcontext():
+        originals: dict[str, tuple[str, ...]] = {}
+        for suffix, data in sound:
+            path = folder / f"model.{suffix}"  # of one name, as parts may be named by it
+            path.write_bytes(data)
+            scene = vp.load(path)
+            originals[digest(scene)] = scene.all_notes()
+        known = {note for notes in originals.values() for note in notes}
+        for seed in range(first, end):
+            name, suffix, data = mutant(form, seed, sound)
+            path = folder / f"model.{suffix}"
+            path.write_bytes(data)
+            found: dict[str, Any] = {"seed": seed, "mutation": name}
+            print(json.dumps({"begins": seed}), flush=True)
+            began = processor_time()
+            try:
+                scene = vp.load(path, **({"timeout": LIMIT} if form in KERNEL else {}))
+            except vp.LoadError as error:
+                told = "\n" not in str(error) and str(error).startswith(str(path))
+                found |= {"outcome": "refused" if told else "foreign", "why": str(error)[-200:]}
+            except Exception as error:
+                found |= {"outcome": "foreign", "why": f"{type(error).__name__}: {error}"[:200]}
+            else:
+                finite = all(np.isfinite(p.mesh.vertices).all() and np.isfinite(p.shape.volume) for p in scene.parts)
+                changed = digest(scene) not in originals
+                silent = changed and known.issuperset(scene.all_notes())
+                found |= {"outcome": "read" if finite else "foreign", "silent": silent, "changed": changed}
+            used = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+            found |= {"seconds": processor_time() - began, "memory": 1024 * used}
+            print(json.dumps(found), flush=True)
+            path.unlink()
 
 
-def outcomes(form: str, count: int, first: int = 0) -> Iterator[dict[str, Any]]:
+def outcomes(form: str, count: int, first: int = 0, fork: bool = True) -> Iterator[dict[str, Any]]:
     """What came of each of `count` mutants from seed `first` on."""
     seed, end = first, first + count
-    with tempfile.TemporaryDirectory(prefix="vpframe-mutants-") as folder:
+    with tempfile.TemporaryDirectory(prefix="vpframe-mutants-", dir=IN_MEMORY) as folder:
+        environment = {**os.environ, "TMPDIR": folder, "VPFRAME_CACHE": str(Path(folder, "cache"))}
         while seed < end:
-            words = [sys.executable, "-m", __spec__.name, "--child", form, str(seed), str(end), folder]
-            child = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT)
+            words = ["--child", form, str(seed), str(end), folder, str(int(fork))]
+            child = subprocess.Popen(
+                [sys.executable, "-m", "tests.reliability.mutants", *words], stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT, text=True, cwd=ROOT, env=environment,
+            )  # fmt: skip
             assert child.stdout is not None
             begun = None
+            watch = _watch(child)
             for line in child.stdout:
+                watch.cancel()
+                watch = _watch(child)
                 try:
                     found = json.loads(line)
                 except ValueError:
@@ -302,6 +324,7 @@ def outcomes(form: str, count: int, first: int = 0) -> Iterator[dict[str, Any]]:
                 yield found
                 seed, begun = found["seed"] + 1, None
             code = child.wait()
+            watch.cancel()
             if begun is not None:
                 yield {"seed": begun, "mutation": "", "outcome": "death", "why": f"exit code {code}", "memory": 0}
                 seed = begun + 1
@@ -309,20 +332,30 @@ def outcomes(form: str, count: int, first: int = 0) -> Iterator[dict[str, Any]]:
                 raise RuntimeError(f"the process that reads {form} ended with exit code {code}")
 
 
-def row(form: str, count: int, first: int = 0) -> dict[str, Any]:
+def _watch(child: subprocess.Popen[str]) -> threading.Timer:
+    """A timer that kills a child for not ending with one file."""
+    timer = threading.Timer(SILENCE, child.kill)
+    timer.daemon = True
+    timer.start()
+    return timer
+
+
+def row(form: str, count: int, first: int = 0, fork: bool = True) -> dict[str, Any]:
     """The line of the table of one format, and the mutants that should not have come out so."""
     counted: Counter[str] = Counter()
     slowest, memory = 0.0, 0
     faults, silent = [], Counter[str]()
-    for one in outcomes(form, count, first):
+    for one in outcomes(form, count, first, fork):
         counted[one["outcome"]] += 1
+        over = memory <= MEMORY < one.get("memory", 0)
         slowest, memory = max(slowest, one.get("seconds", 0.0)), max(memory, one.get("memory", 0))
         if one.get("silent"):
             silent[one["mutation"]] += 1
-        if one["outcome"] in ("death", "foreign") or one.get("seconds", 0.0) > LIMIT + 5.0:
+        if one["outcome"] in ("death", "foreign") or one.get("seconds", 0.0) > 2.0 * LIMIT + 5.0 or over:
             faults.append(one)
     return {
-        "format": form, "mutants": count, **{name: counted[name] for name in ("read", "refused", "foreign", "death")},
+        "what": form, "first": first, "count": count,
+        **{name: counted[name] for name in ("read", "refused", "foreign", "death")},
         "slowest": slowest, "memory": memory, "silent": dict(silent), "faults": faults,
     }  # fmt: skip
 
@@ -331,14 +364,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("formats", nargs="*", choices=[*FORMATS, []], default=FORMATS)
     parser.add_argument("--count", type=int, default=1000, help="mutants of each format")
-    parser.add_argument("--first", type=int, default=0, help="first seed")
+    results.arguments(parser)
     given = parser.parse_args()
-    for form in given.formats:
-        print(json.dumps(row(form, given.count, given.first)), flush=True)
+    results.run(row, given.formats, given.count, SHARD, given)
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--child"]:
-        read(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]), Path(sys.argv[5]))
+        read(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]), Path(sys.argv[5]), sys.argv[6] == "1")
     else:
         main()

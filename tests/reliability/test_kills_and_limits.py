@@ -19,13 +19,13 @@ def test_a_kill_loses_nothing_that_was_written(kind: str) -> None:
 
 def test_a_long_session_keeps_its_memory() -> None:
     found = limits.steps(3000)
-    assert found["steps"] >= 3000
+    assert found["count"] >= 3000
     assert found["growth"] < FLAT
 
 
 def test_many_pages_are_all_heard() -> None:
     found = limits.pages(200)
-    assert (found["pages"], found["refused"]) == (200, 0)
+    assert (found["count"], found["refused"]) == (200, 0)
     assert found["growth"] < 2 * FLAT, "200 pages come and go"
 
 

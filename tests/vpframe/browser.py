@@ -169,8 +169,11 @@ class Browser:
         self.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
 
     def picture(self) -> np.ndarray:
-        """(h, w, 3) uint8 of what is on the screen."""
+        """(h, w, 3) uint8 of what is on the screen, once it is at rest."""
         self.settle()
+        self.wait(
+            "typeof painter === 'undefined' || painter.rested || Date.now() > (window.patience ??= Date.now() + 3000)"
+        )
         data = self.call("Page.captureScreenshot", format="png")["data"]
         return np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB"))
 

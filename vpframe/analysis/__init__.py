@@ -1,1 +1,1 @@
-"""What an assembly is as it stands: clashes, mates, clearance, swept volumes."""
+"""Analysis of an assembly at its present poses: clashes, mates, clearance, swept volumes."""

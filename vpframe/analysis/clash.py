@@ -1,9 +1,8 @@
-"""Clash, contact, clearance and containment of a scene as it stands: what `vpframe clash FILE...` prints.
+"""Clash, contact, clearance and containment of a scene at its present poses: `vpframe clash FILE...`.
 
-Triangles are judged with the deflection of their surfaces in mind. Round surfaces that fit each other, a shaft in its
-bore, are judged on their radii and axes instead, because tessellation alone is off by more than such a fit is wide;
-planes that face each other on the distance between them, because planes are exact. Threads are a kind of their own:
-drawn as cylinders or out of phase, a screw and its nut overlap by design.
+Depths of triangles are judged against the deflection of their surfaces. Fits of round surfaces (shaft and bore) are
+judged by radii and axes, because deflection exceeds such clearances; facing planes by their exact distance. Threads
+are a separate kind: drawn as cylinders or out of phase, a screw and its nut overlap by design.
 """
 
 from __future__ import annotations
@@ -35,19 +34,19 @@ from vpframe.scene.subassembly import parts_named
 from vpframe.text import plain
 
 KINDS = (*CLASSIFIED[: CLASSIFIED.index("contact")], "thread", *CLASSIFIED[CLASSIFIED.index("contact") :])
-"""from the gravest to the least"""
+"""in descending gravity"""
 INSIDE_KINDS = ("clash", "containment", "authorised", "thread")
-"""kinds of rows that say what is inside what"""
+"""kinds of rows that depend on containment"""
 OPEN_WORDS = "is not closed"
-OPEN = "{} " + OPEN_WORDS + ": what is inside it is told by its winding number"
+OPEN = "{} " + OPEN_WORDS + ": its winding number decides what is inside it"
 SHOWN = 5e-7
-"""m: the least length that a person is told; a smaller one would read 0.000 mm"""
+"""least length that is printed, m; smaller ones would read 0.000 mm"""
 TRIANGLES = 0.9
-"""share of the time that the tests of triangles take"""
+"""fraction of the time spent on triangle tests"""
 
 
 def merged(scenes: Sequence[Scene]) -> Scene:
-    """Several scenes as one, each in its own coordinates; parts are then called `file/part`."""
+    """Merge scenes, each in its own coordinates; with several scenes, parts are renamed to `file/part`."""
     if len(scenes) == 1:
         return scenes[0]
     out = Scene()
@@ -71,20 +70,20 @@ def clash(
     authorised: Iterable[tuple[str, str]] = (),
     progress: Callable[[float, str], None] = lambda fraction, text: None,
 ) -> dict[str, Any]:
-    """Every pair of surfaces that clashes, touches or is nearer than `clearance` (m).
+    """Find all pairs of surfaces that clash, touch or are nearer than `clearance` (m).
 
     Parameters
     ----------
-    tolerance: surfaces that reach at most `tolerance.linear` into each other are in contact, not in clash.
-    authorised: pairs of parts, by name, whose clash is meant: a press fit.
-    progress: hears the fraction done and what is being done.
+    tolerance: penetrations up to `tolerance.linear` are contacts, not clashes.
+    authorised: pairs of parts, by name, that may overlap, such as a press fit.
+    progress: receives the fraction done and the present task.
 
     Returns
     -------
     {"pairs": [{"kind", "parts": [a, b], "surfaces": [i, j], "faces": [words, words], "distance", "depth", "point",
-    "reason"}]}, lengths in metres, in the order of parts and surfaces; `surfaces` and `faces` are empty where the parts
-    as a whole are meant (containment, coincidence); `point` (3,), world, is the deepest or the nearest.
-    `kind` is one of `KINDS`; "thread" is the overlap of a screw with its nut or tapped hole, and no clash.
+    "reason"}]}, lengths in metres, in the order of parts and surfaces; `surfaces` and `faces` are empty for parts as a
+    whole (containment, coincidence); `point` (3,), world, is the deepest or nearest point. `kind` is one of `KINDS`;
+    "thread" is the overlap of a screw with its nut or tapped hole, which is no clash.
     """
     world = world_of(scene, tolerance)
     t = world.tolerance
@@ -118,7 +117,7 @@ def clash(
             if kind == "clash" and frozenset(key[:2]) in allowed:
                 kind = "authorised"
             rows[key] = (kind, max(fit.gap, 0.0), max(-fit.gap, 0.0), fit.why)
-    for thread in threads:  # after the fits: crests in roots are such, too
+    for thread in threads:  # after the fits, because crests in roots are fits too
         a, b = thread.parts
         slack = t.linear + float(sags[a].max(initial=0.0) + sags[b].max(initial=0.0))
         rows.update(thread.claimed(rows, deepest, slack))
@@ -144,11 +143,11 @@ def clash(
 
 
 def with_status(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
-    """Keep the status of each clash over runs in a file: clashes in `document` get "status" and "remark".
+    """Update the status file and set "status" and "remark" of each clash in `document`.
 
     Parameters
     ----------
-    path: the status file, as `vpframe.analysis.clash_status` has it, or the `Output` of one; made if there is none.
+    path: status file of `vpframe.analysis.clash_status`, or its `Output`; created if it does not exist.
 
     Raises
     ------
@@ -171,26 +170,26 @@ def _key(pair: dict[str, Any]) -> ClashKey:
 
 
 def is_open(pair: dict[str, Any]) -> bool:
-    """Whether a row of `clash` is a clash that nobody has accepted."""
+    """Whether a row of `clash` is a clash that has not been accepted."""
     return pair["kind"] in BAD_KINDS and pair.get("status") != "accepted"
 
 
 def document(found: dict[str, Any], **more: Any) -> dict[str, Any]:
-    """What `clash` found as `vpframe clash --json` prints it, with what else it shall hold.
+    """Return the document of `vpframe clash --json`, with further entries `more`.
 
-    {"pairs": [{"kind", "parts", "count", "surface_pairs": [row, …], …}], …}: a row a pair of parts, the gravest first;
-    its other fields are those of its worst surface pair, whose rows, as `clash` returns them, are nested in it.
+    {"pairs": [{"kind", "parts", "count", "surface_pairs": [row, …], …}], …}: one row for each pair of parts, gravest
+    first, with the fields of its worst surface pair and the rows of all of them, as `clash` returns them.
     """
     return {"pairs": by_parts(found["pairs"], KINDS), **more}
 
 
 def table(found: dict[str, Any], surfaces: bool = False, contacts: bool = False) -> str:
-    """What `clash` found, for a person: a line a pair of parts, the gravest and deepest first.
+    """Format the result of `clash`: one line for each pair of parts, gravest and deepest first.
 
     Parameters
     ----------
-    surfaces: a line a pair of surfaces instead, contacts among them.
-    contacts: parts that only touch have a line each, too; else they are counted at the end.
+    surfaces: one line for each pair of surfaces instead, with contacts.
+    contacts: one line for each pair of parts that only touch; otherwise they are counted at the end.
     """
     if not found["pairs"]:
         return "no two parts touch"
@@ -243,7 +242,7 @@ def _size(pair: dict[str, Any]) -> str:
 
 
 def _middle(scene: Scene, key: Key) -> NDArray[np.float64]:
-    """(3,) m, world: the middle of where two faces meet, or two parts as a whole."""
+    """Middle (3,) of the region where two faces or two parts meet, world, m."""
     parts = [scene.parts[i] for i in key[:2]]
     poses = [part.pose for part in parts]
     if key[2:]:
@@ -253,11 +252,11 @@ def _middle(scene: Scene, key: Key) -> NDArray[np.float64]:
 
 
 def authorised_pairs(text: Iterable[str], scene: Scene | None = None) -> list[tuple[str, str]]:
-    """Pairs of part names written `a:b`; of a `scene`, a subassembly's name stands for each of its parts.
+    """Parse pairs of part names `a:b`; with a `scene`, the name of a subassembly means each of its parts.
 
     Raises
     ------
-    VpframeError: there are not two names, or the scene does not have them.
+    VpframeError: not two names, or unknown names.
     """
     out = []
     for entry in text:

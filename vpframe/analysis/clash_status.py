@@ -1,9 +1,8 @@
-"""What became of each clash between two runs of a task: new, accepted, persistent, resolved, as DMU users keep it.
+"""Status of clashes over the runs of a task: new, accepted, persistent, resolved, as in digital mock-up.
 
-The status lives in a JSON file beside the report, `clashes.json`, and clashes are known by name: the two parts and
-their surfaces. A person marks them as accepted (`vpframe clash accept`), with a remark; the mark stays while the
-clash does. Only a run that came to its end changes a status; one that was cut off adds the clashes that it saw first.
-Pairs of parts that are meant to overlap, a press fit, stand in the same file and hold for the runs that follow.
+The JSON file `clashes.json` beside the report identifies a clash by the names of its parts and surfaces. A user accepts
+clashes (`vpframe clash accept`) with a remark; the mark lasts as long as the clash. Only complete runs change a status;
+an incomplete run only adds new clashes. The file also lists authorised pairs of parts (press fits) for later runs.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ from vpframe.scene.names import is_of
 
 STATUSES = ("new", "persistent", "accepted", "resolved")
 FILE = "clashes.json"
-"""in a report folder"""
+"""file name in a report folder"""
 WHOLE = -1
-"""in place of a surface where the parts as a whole are meant: containment"""
+"""stands for a surface where a part as a whole is meant: containment"""
 
 
 @dataclass(frozen=True, order=True)
 class ClashKey:
-    """A clash by name: two part names in alphabetical order, and a surface of each."""
+    """Identity of a clash: two part names in alphabetical order, and a surface of each."""
 
     part_a: str
     part_b: str
@@ -36,27 +35,27 @@ class ClashKey:
 
     @staticmethod
     def of(a: str, surface_a: int, b: str, surface_b: int) -> ClashKey:
-        """The key of two surfaces that met, whichever comes first."""
+        """Return the key of two surfaces given in any order."""
         return ClashKey(a, b, surface_a, surface_b) if a <= b else ClashKey(b, a, surface_b, surface_a)
 
 
 @dataclass(frozen=True)
 class ClashRecord:
-    """One clash over the runs of a task."""
+    """Status of one clash."""
 
     key: ClashKey
     status: str
     """one of STATUSES"""
     remark: str = ""
     runs: int = 1
-    """in how many runs it was seen"""
+    """number of runs in which it was found"""
 
 
 def updated(known: Iterable[ClashRecord], seen: Iterable[ClashKey], complete: bool = True) -> tuple[ClashRecord, ...]:
-    """The records after one more run in which the clashes `seen` occurred, sorted by key.
+    """Return the records after a run that found the clashes `seen`, sorted by key.
 
-    A clash not known before is new; a known one is persistent, or stays accepted; one no longer seen is resolved, and
-    new again if it comes back. A run that is not `complete` only adds: it did not come to see the others.
+    An unknown clash becomes new; a known one persistent, unless accepted; a missing one resolved, and new again if it
+    returns. An incomplete run only adds records, because it did not check everything.
     """
     before = {record.key: record for record in known}
     now = set(seen)
@@ -77,11 +76,11 @@ def updated(known: Iterable[ClashRecord], seen: Iterable[ClashKey], complete: bo
 
 
 def accept(records: Iterable[ClashRecord], keys: Iterable[ClashKey], remark: str = "") -> tuple[ClashRecord, ...]:
-    """The records with those clashes marked as accepted.
+    """Return the records with the given clashes accepted.
 
     Raises
     ------
-    VpframeError: one of `keys` is not among the records.
+    VpframeError: a key is not among the records.
     """
     known = {record.key: record for record in records}
     for key in keys:
@@ -94,11 +93,11 @@ def accept(records: Iterable[ClashRecord], keys: Iterable[ClashKey], remark: str
 
 
 def parse(text: str) -> tuple[str, str, tuple[int, int] | None]:
-    """Two parts, and a surface of each if they are named, of `A:B` or `A:3:B:12`.
+    """Parse `A:B` or `A:3:B:12`: two parts, and a surface of each or None.
 
     Raises
     ------
-    VpframeError: it is neither.
+    VpframeError: neither format.
     """
     words = text.split(":")
     if len(words) == 2 and all(words):
@@ -109,11 +108,11 @@ def parse(text: str) -> tuple[str, str, tuple[int, int] | None]:
 
 
 def named(records: Iterable[ClashRecord], text: str) -> tuple[ClashKey, ...]:
-    """The clashes that are there and that `text`, as `parse` reads it, names; a subassembly's name means all its parts.
+    """Return the present clashes that `text` names (see `parse`); the name of a subassembly means all its parts.
 
     Raises
     ------
-    VpframeError: there is none; the message names the pairs that there are.
+    VpframeError: there is none; the message lists the known pairs.
     """
     a, b, surfaces = parse(text)
     there = [record.key for record in records if record.status != "resolved"]
@@ -133,17 +132,17 @@ def named(records: Iterable[ClashRecord], text: str) -> tuple[ClashKey, ...]:
 def accept_named(
     report: str | Path, texts: Iterable[str], remark: str = "", authorise: bool = False
 ) -> tuple[ClashKey, ...]:
-    """Mark clashes of a report folder (or of a status file) as accepted, by name; returns which these are.
+    """Accept clashes of a report folder (or a status file) by name; return their keys.
 
     Parameters
     ----------
-    texts: as `parse` reads them; of two parts without surfaces all clashes are meant.
-    remark: why, kept with the mark.
-    authorise: the parts are meant to overlap: from the next run on they neither clash nor block each other.
+    texts: in the format of `parse`; without surfaces, all clashes of the two parts.
+    remark: reason, stored with the mark.
+    authorise: let the parts overlap: in later runs they neither clash nor block each other.
 
     Raises
     ------
-    VpframeError: there is no such report, or no such clash.
+    VpframeError: no such report or clash.
     """
     path = Path(report)
     file = path / FILE if path.is_dir() else path
@@ -161,7 +160,7 @@ def accept_named(
 
 
 def accepted_words(keys: Iterable[ClashKey]) -> list[str]:
-    """A line a pair of parts: "bolt with plate, 3 pairs of surfaces"; of one pair of surfaces its faces."""
+    """Format one line for each pair of parts: "bolt with plate, 3 pairs of surfaces", or the faces of a single pair."""
     pairs: dict[tuple[str, str], list[ClashKey]] = {}
     for key in keys:
         pairs.setdefault((key.part_a, key.part_b), []).append(key)
@@ -176,11 +175,11 @@ def accepted_words(keys: Iterable[ClashKey]) -> list[str]:
 
 
 def read_authorised(path: str | Path) -> tuple[tuple[str, str], ...]:
-    """The pairs of parts that are authorised to overlap, by a status file; none if there is no such file.
+    """Return the authorised pairs in a status file; none if it does not exist.
 
     Raises
     ------
-    VpframeError: naming the file, if it is not a clash status file.
+    VpframeError: not a clash status file; names the file.
     """
     try:
         return tuple((str(a), str(b)) for a, b in _content(Path(path)).get("authorised", ()))
@@ -189,11 +188,11 @@ def read_authorised(path: str | Path) -> tuple[tuple[str, str], ...]:
 
 
 def read(path: str | Path) -> tuple[ClashRecord, ...]:
-    """The records in a file; none if there is no such file, or an empty one.
+    """Return the records in a status file; none if it does not exist or is empty.
 
     Raises
     ------
-    VpframeError: naming the file and the row, if it is not a clash status file.
+    VpframeError: not a clash status file; names file and row.
     """
     file = Path(path)
     try:
@@ -219,11 +218,11 @@ def _no_status(file: str | Path, why: object) -> VpframeError:
 
 
 def write(path: str | Path, records: Iterable[ClashRecord], authorised: Iterable[tuple[str, str]] = ()) -> None:
-    """Write the records, sorted by key, one clash an entry, and the authorised pairs.
+    """Write the records, sorted by key, and the authorised pairs.
 
     Raises
     ------
-    OutputError: it cannot be written; what there was is as before.
+    OutputError: it cannot be written; the old file is unchanged.
     """
     rows = [{**asdict(r.key), "status": r.status, "remark": r.remark, "runs": r.runs} for r in records]
     rows.sort(key=lambda row: (row["part_a"], row["part_b"], row["surface_a"], row["surface_b"]))

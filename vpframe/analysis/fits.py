@@ -1,4 +1,4 @@
-"""Fits and threads of a scene as it stands, and the pairs of faces that a clash judges by them."""
+"""Fits and threads of a scene, and the pairs of faces whose clashes are judged by them."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from vpframe.analysis.static import candidates, threaded_features
 from vpframe.scene.scene import Scene
 
 Key = tuple[int, ...]
-"""part a, part b, surface of a, surface of b; or the two parts alone, where they are meant as a whole"""
+"""part a, part b, surface of a, surface of b; or two parts as a whole"""
 Row = tuple[str, float, float, str]
 """kind, distance (m), depth (m), reason"""
 BAD_KINDS = ("clash", "containment")
 ROUND_FITS = ("concentric", "spherical")
-"""kinds whose residual is how far the centres are apart, so that gap = fit - residual"""
+"""kinds whose residual is the distance of the centres, so that gap = fit - residual"""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Round surfaces that fit each other."""
+    """Fit of two round surfaces."""
 
     gap: float
-    """m between them where they are nearest; negative for interference"""
+    """least gap, m; negative for interference"""
     why: str
     mated: frozenset[Key]
     """faces of the two features that are near each other"""
     beside: frozenset[Key]
-    """faces that cannot be nearer to each other than the two features are"""
+    """face pairs that cannot be closer than the two features"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,32 +46,32 @@ class Thread:
     parts: tuple[int, int]
     why: str
     pitch: float
-    """m, the advance of a turn either way"""
+    """pitch, m a turn"""
     mated: frozenset[Key]
     """faces of the two threads that are near each other"""
     faces: frozenset[Key]
-    """faces of flanks, crests, roots and ends, where the thread is real geometry"""
+    """flanks, crests, roots and ends of a thread with real geometry"""
     depth: float = 0.0
-    """m: by which a thread that is drawn as two cylinders overlaps all round; 0 where it is real geometry"""
+    """overlap of a thread drawn as two cylinders, m; 0 for real geometry"""
     origin: NDArray[np.float64] | None = None
-    """(3,) the middle of what a drawn thread's cylinders share"""
+    """(3,) m: middle of the overlap of a drawn thread's cylinders"""
     axis: NDArray[np.float64] | None = None
     """(3,) unit"""
     size: tuple[float, float] = (0.0, 0.0)
-    """m: radius of the screw, and half the length that the cylinders share"""
+    """radius of the screw and half the length of the overlap, m"""
 
     def claimed(
         self, rows: Mapping[Key, Row], deepest: Mapping[Key, NDArray[np.float64]], slack: float
     ) -> dict[Key, Row]:
-        """The rows that are the thread's own, as rows of kind "thread".
+        """Return the rows that belong to the thread, changed to kind "thread".
 
-        Its faces are, no deeper in each other than a pitch: out of phase. Of a drawn one so is every clash that is
-        deepest within the screw, beside the hole, and no deeper than the two overlap: a screw's tip with the wall, its
-        head with the mouth.
+        Its faces may penetrate up to one pitch (out of phase). For a drawn thread, other clashes of the two parts
+        belong to
+        it if their deepest point lies within the overlap and they are no deeper than it: tip and wall, head and mouth.
 
         Parameters
         ----------
-        rows: of the scene. deepest: (3,) m, the deepest point of each clash. slack: m, how exactly depths are known.
+        rows: of the scene. deepest: deepest point (3,), m, of each clash. slack: uncertainty of depths, m.
         """
         own = {
             key: ("thread", *rows[key][1:3], self.why)
@@ -87,7 +87,7 @@ class Thread:
         return own | dict.fromkeys(self.mated, ("thread", 0.0, self.depth, self.why))
 
     def _holds(self, point: NDArray[np.float64], slack: float) -> bool:
-        """Whether a point (3,) lies in the wall that the screw of a drawn thread takes up."""
+        """Whether a point (3,) lies in the overlap of a drawn thread."""
         if self.origin is None or self.axis is None:
             return False
         radius, half = self.size
@@ -99,7 +99,7 @@ class Thread:
 def fits_of(
     scene: Scene, world: CollisionManager, tell: Callable[[float], None]
 ) -> tuple[tuple[Fit, ...], tuple[Thread, ...]]:
-    """Round surfaces that fit each other as the scene stands, and threads; `tell` hears the fraction done."""
+    """Return the fits and threads of a scene at its present poses; `tell` receives the fraction done."""
     features, _ = threaded_features(scene)
     fits, threads = [], []
     for candidate in candidates(scene, world, tell, implied=True):

@@ -1,9 +1,9 @@
-"""The constraints of an assembly as it stands: what `vpframe mates FILE` prints.
+"""Mates of an assembly at its present poses: `vpframe mates FILE`.
 
-Every pair of features that touch and fit within `Tolerance.linear` is taken for a constraint. Parts that constraints
-join are a group, with a base of its own: the parts of it marked fixed, else the one of largest volume. Of each part are
-told its joint to every neighbour, made by their own constraints; its freedom alone, all other parts held where they are
-(what `Session.freedom` says); and its freedom with what it carries, where only the base is held.
+Every pair of features in contact that fits within `Tolerance.linear` counts as a constraint. Parts joined by
+constraints form a group; its base is its fixed parts, else its part of largest volume. Each part is given its joint to
+every neighbour (their common constraints), its freedom alone (all other parts fixed, as in `Session.freedom`) and its
+freedom with the parts it carries (only the base fixed).
 """
 
 from __future__ import annotations
@@ -36,27 +36,27 @@ from vpframe.session.statements import statement, words
 from vpframe.text import plain
 
 Progress = Callable[[float, str], None]
-"""hears the fraction done and what is being done"""
+"""receives the fraction done and the present task"""
 
 LARGEST_MESH = 200_000
-"""triangles: MuJoCo reads no larger STL"""
+"""maximum number of triangles of an STL file in MuJoCo"""
 WATER = 1000.0
-"""kg/m³, of parts whose file gives no density"""
+"""density of parts without one in the file, kg/m³"""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Parts that constraints join, by place."""
+    """Parts joined by constraints, by index."""
 
     parts: tuple[int, ...]
     base: tuple[int, ...]
-    """the parts of it that are taken not to move; none of a part by itself"""
+    """parts taken as fixed; none for a single part"""
     why: str
-    """why these are its base"""
+    """reason for the choice of the base"""
 
 
 def groups(scene: Scene, constraints: Iterable[Constraint]) -> tuple[Group, ...]:
-    """The parts of a scene as constraints join them, in the order of the parts; a part by itself is a group, too."""
+    """Return the groups of a scene, in the order of parts; a part without constraints is a group of its own."""
     out = []
     for parts in components(range(len(scene)), [c.bodies for c in constraints]):
         fixed = tuple(i for i in parts if scene.parts[i].fixed)
@@ -73,7 +73,7 @@ def groups(scene: Scene, constraints: Iterable[Constraint]) -> tuple[Group, ...]
 def find(
     scene: Scene, tolerance: Tolerance | None = None, progress: Progress = lambda fraction, text: None
 ) -> tuple[Candidate, ...]:
-    """The constraints of a scene as it stands, sorted by kind, then by their parts' places."""
+    """Return the constraints of a scene at its present poses, sorted by kind, then by parts."""
     progress(0.0, "trees")
     world = world_of(scene, tolerance)
     progress(0.05, "contacts")
@@ -82,7 +82,7 @@ def find(
 
 
 def imposed(scene: Scene, tolerance: Tolerance) -> list[Candidate]:
-    """The constraints that the model itself states (`Scene.statements`), as they stand."""
+    """Return the constraints that the model states (`Scene.statements`) at the present poses."""
     features, poses = [part.features for part in scene.parts], [part.pose for part in scene.parts]
     out = []
     for number, s in enumerate(scene.statements):
@@ -94,17 +94,17 @@ def imposed(scene: Scene, tolerance: Tolerance) -> list[Candidate]:
 def mates(
     scene: Scene, tolerance: Tolerance | None = None, progress: Progress = lambda fraction, text: None
 ) -> dict[str, Any]:
-    """Every constraint of a scene as it stands, each part's joints and freedom; lengths in metres.
+    """Return all constraints of a scene at its present poses, and each part's joints and freedom; lengths in metres.
 
     Returns
     -------
     {"parts": [{"name", "joint", "freedom", "alone": {"joint", "freedom"}, "base": […], "neighbours": [{"part", "joint",
     "freedom"}]}], "groups": [{"parts": […], "base": […], "why"}], "constraints": [{"kind", "parts": [a, b], "surfaces":
-    [[…], […]], "residual"}], "sizes": as `sizes` returns them, where there are any}.
+    [[…], […]], "residual"}], "sizes": as `sizes` returns them, if there are any}.
 
-    "joint" and "freedom" are a part's with what it carries, against the base of its group;
-    of a base they are "fixed" and 0. "surfaces" are the faces that are near each other; constraints also carry "fit"
-    (m, radial clearance, negative for interference) where there is one, and "why" in words.
+    "joint" and "freedom" are those of a part with the parts it carries, against the base of its group; "fixed" and 0
+    for a base. "surfaces" are the faces near each other; constraints may also have "fit" (m, radial clearance, negative
+    for interference), and have "why" in words.
     """
     found = find(scene, tolerance, lambda fraction, text: progress(0.6 * fraction, text))
     constraints = [c.constraint for c in found]
@@ -147,16 +147,16 @@ def mates(
 
 
 def sizes(scene: Scene, found: Iterable[Candidate]) -> list[dict[str, Any]]:
-    """What the model's PMI makes recognition expect: a fit where a size is toleranced, of the classes that are stated.
+    """Compare toleranced sizes (PMI) with the fits found: each such face needs a fit, of the stated classes.
 
     found: of the scene, from `find`.
 
     Returns
     -------
-    {"part", "surface", "size": "Ø8 H7", "measured" (m, diameter), "mates": [{"part", "fit"}], "holds", "why"} a
-    toleranced face. It holds where the face is drawn at its nominal size or within its deviations, and what it is
-    concentric with has the clearance that the two classes allow, or is drawn at nominal size, too (ISO 286-1). A
-    toleranced face without a mate does not hold.
+    For each toleranced face {"part", "surface", "size": "Ø8 H7", "measured" (m, diameter), "mates": [{"part", "fit"}],
+    "holds", "why"}. A face holds if it is modelled at nominal size or within its deviations, and if each concentric
+    mate has the clearance that the two classes allow or is modelled at nominal size too (ISO 286-1). A face without a
+    mate does not hold.
     """
     slack = Tolerance().linear
     out = []
@@ -190,7 +190,7 @@ def sizes(scene: Scene, found: Iterable[Candidate]) -> list[dict[str, Any]]:
 
 
 def _misfit(size: Size, mate: Size | None, fit: float | None, slack: float) -> list[str]:
-    """What is wrong with a radial clearance `fit` (m) of two toleranced faces."""
+    """Describe a radial clearance `fit` (m) outside the limits of two toleranced faces; empty if it is inside."""
     if mate is None or fit is None or not (size.fit and mate.fit):
         return []
     hole, shaft = (size, mate) if size.fit[0].isupper() else (mate, size)
@@ -225,7 +225,7 @@ def _row(candidate: Candidate, names: Sequence[str]) -> dict[str, Any]:
 
 
 def table(document: dict[str, Any]) -> str:
-    """What `mates` found, for a person."""
+    """Format the result of `mates`."""
     width = max((len(p["name"]) for p in document["parts"]), default=4)
     parts = {p["name"]: p for p in document["parts"]}
     lines = []
@@ -256,13 +256,13 @@ def table(document: dict[str, Any]) -> str:
 
 
 def _named(joint: dict[str, Any]) -> str:
-    """A joint with its freedom, where its name does not tell it."""
+    """Format a joint, with its freedom if the name does not imply it."""
     name, freedom = joint["joint"], joint["freedom"]
     return str(name) if name in ("fixed", "rigid", f"{freedom}-dof") else f"{name} {freedom}"
 
 
 def graph(scene: Scene, tolerance: Tolerance | None = None) -> AssemblyGraph:
-    """The assembly relationship graph of a scene as it stands, under its parts' names."""
+    """Return the assembly relationship graph of a scene, with its parts' names."""
     return _graph(scene, scene.names, tolerance)
 
 
@@ -272,14 +272,14 @@ def _graph(scene: Scene, names: Sequence[str], tolerance: Tolerance | None) -> A
 
 
 def write_urdf(scene: Scene, path: str | os.PathLike[str], tolerance: Tolerance | None = None) -> tuple[str, ...]:
-    """Write the mechanism of a scene as URDF, and beside it a folder of meshes, one STL a shape.
+    """Write the mechanism of a scene as URDF, with a folder of meshes beside it, one STL for each shape.
 
-    path: the file, or the `Output` of one. Masses follow the parts' densities, `WATER` where a part has none. Returns
-    notes: contacts that are no joint.
+    path: the file, or its `Output`. Masses follow the parts' densities, default `WATER`. Returns notes on contacts that
+        are no joint.
 
     Raises
     ------
-    OutputError: there is something at `path`, or in the folder of meshes, that vpframe did not write.
+    OutputError: `path` or the folder of meshes holds files that vpframe did not write.
     """
     with claimed(path, URDF) as output:
         path = output.path
@@ -291,13 +291,13 @@ def write_urdf(scene: Scene, path: str | os.PathLike[str], tolerance: Tolerance 
 
 
 def write_mjcf(scene: Scene, path: str | os.PathLike[str], tolerance: Tolerance | None = None) -> tuple[str, ...]:
-    """Write the mechanism of a scene as MJCF, with its meshes and masses as `write_urdf` does.
+    """Write the mechanism of a scene as MJCF, with meshes and masses as `write_urdf` does.
 
-    Returns notes: contacts that are no joint, and what MuJoCo takes otherwise.
+    Returns notes on contacts that are no joint, and on approximations for MuJoCo.
 
     Raises
     ------
-    OutputError: there is something at `path`, or in the folder of meshes, that vpframe did not write.
+    OutputError: `path` or the folder of meshes holds files that vpframe did not write.
     """
     with claimed(path, MJCF) as output:
         path = output.path
@@ -325,7 +325,7 @@ def _mechanism(scene: Scene, tolerance: Tolerance | None) -> Mechanism:
 
 
 def _write_meshes(scene: Scene, output: Output) -> dict[int, str]:
-    """Write one STL a shape into a folder beside `output`; the file of each part, relative to where `output` is."""
+    """Write one STL for each shape into a folder beside `output`; return each part's file, relative to `output`."""
     folder = output.path.with_name(f"{output.path.stem}_meshes")
     names: dict[int, str] = {}
     shapes = {}

@@ -1,4 +1,4 @@
-"""Pairs of surfaces grouped by pair of parts: one row a pair, as clash tables and reports list them."""
+"""Surface pairs grouped by pair of parts, for clash tables and reports."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vpframe.scene.scene import Part
 
 OPEN_FIRST = ("new", "persistent", "accepted", "resolved")
-"""the status of a pair of parts is the first of these that one of its surface pairs has"""
+"""order of precedence for the status of a pair of parts"""
 
 
 def by_parts(
@@ -20,18 +20,18 @@ def by_parts(
     kinds: Sequence[str],
     apart: Callable[[dict[str, Any]], Any] = lambda row: None,
 ) -> list[dict[str, Any]]:
-    """One row a pair of parts, the gravest and deepest first.
+    """Return one row for each pair of parts, gravest and deepest first.
 
     Parameters
     ----------
-    rows: of surface pairs: "kind", "parts" [a, b], "surfaces", "depth" (m, or None) and what else they have.
-    kinds: from the gravest to the least.
-    apart: rows of two parts for which it differs become two rows.
+    rows: of surface pairs: "kind", "parts" [a, b], "surfaces", "depth" (m, or None), and further fields.
+    kinds: in descending gravity.
+    apart: rows of the same two parts with different values of this function are not grouped.
 
     Returns
     -------
-    Each the row of its worst surface pair ("kind", "surfaces", "faces", "depth", "point", …), with the gravest
-    "status" of all, their number as "count" and themselves as "surface_pairs", worst first.
+    The row of the worst surface pair ("kind", "surfaces", "faces", "depth", "point", …) with the gravest "status" of
+    all, their "count", and all rows as "surface_pairs", worst first.
     """
     groups: dict[Any, list[dict[str, Any]]] = {}
     for row in rows:
@@ -55,7 +55,7 @@ def by_parts(
 
 
 def worst_first(row: Mapping[str, Any], kinds: Sequence[str]) -> tuple[int, float, float, int]:
-    """By kind, depth, distance; of rows that are alike to a nanometre the one of a bore and its shaft before planes."""
+    """Sort key: kind, depth, distance (to a nanometre), and curved faces before planes."""
     planes = sum(face.endswith("plane") for face in row.get("faces", ()))
     return kinds.index(row["kind"]), -round(row["depth"] or 0.0, 9), round(row.get("distance") or 0.0, 9), planes
 
@@ -63,7 +63,7 @@ def worst_first(row: Mapping[str, Any], kinds: Sequence[str]) -> tuple[int, floa
 def meeting_box(
     parts: Sequence[Part], poses: Sequence[pin.SE3], surfaces: Sequence[int]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners (3,), (3,) m, world, of the box that the boxes of two surfaces share, or that is between them."""
+    """Corners (3,), (3,) of the intersection of two surfaces' bounding boxes, or of the gap between them, world, m."""
     lows, highs = [], []
     for part, pose, surface in zip(parts, poses, surfaces, strict=True):
         corners = part.mesh.vertices[part.mesh.triangles[part.mesh.triangles_of(surface)]].reshape(-1, 3)
@@ -75,12 +75,12 @@ def meeting_box(
 
 
 def place_words(point: Sequence[float] | None) -> str:
-    """A point (3,) m as "(1.25, 0, -3.1) mm"; nothing for None."""
+    """Format a point (3,), m, as "(1.25, 0, -3.1) mm"; empty for None."""
     if point is None:
         return ""
     return "({}) mm".format(", ".join(f"{round(1e3 * x, 2) + 0.0:g}" for x in point))
 
 
 def count_words(count: int, what: str) -> str:
-    """ "1 pair of parts", "3 pairs of parts"."""
+    """Format a count: "1 pair of parts", "3 pairs of parts"."""
     return f"{count} pair{'s' if count != 1 else ''} of {what}"

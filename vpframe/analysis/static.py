@@ -1,4 +1,4 @@
-"""An assembly as it stands: the world that its parts are in, and what their features are to one another there."""
+"""Static analysis of an assembly at its present poses: collision world and candidate constraints."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vpframe.scene.scene import Scene
 
 
 def world_of(scene: Scene, tolerance: Tolerance | None = None) -> CollisionManager:
-    """The parts of a scene where they are, under a tolerance without reach: nothing is about to come nearer."""
+    """Return a collision manager with the parts of a scene, with a tolerance without reach."""
     manager = CollisionManager(replace(tolerance or Tolerance(), reach=0.0, reach_angular=0.0))
     for part in scene.parts:
         manager.add(part.mesh, part.pose)
@@ -28,13 +28,13 @@ def candidates(
     *,
     implied: bool = False,
 ) -> tuple[Candidate, ...]:
-    """What the features of parts that touch are to one another, best first.
+    """Return the candidate constraints between parts in contact, best first.
 
     Parameters
     ----------
     world: of the scene, from `world_of`.
-    tell: hears the fraction done.
-    implied: whether what others imply is returned, too (see `constraints.recognition.implied`).
+    tell: receives the fraction done.
+    implied: whether to return candidates that others imply (see `constraints.recognition.implied`).
     """
     t = world.tolerance
     features, pitches = threaded_features(scene)
@@ -45,7 +45,7 @@ def candidates(
 
 
 def threaded_features(scene: Scene) -> tuple[list[tuple[Feature, ...]], dict[tuple[int, int], float]]:
-    """Features of each part, those threads among them that are real geometry, and their pitches by (part, feature)."""
+    """Return each part's features, with threads of real geometry, and the pitches by (part, feature)."""
     known: dict[int, tuple[tuple[Feature, ...], dict[int, float]]] = {}
     features, threads = [], {}
     for i, part in enumerate(scene.parts):
@@ -58,7 +58,7 @@ def threaded_features(scene: Scene) -> tuple[list[tuple[Feature, ...]], dict[tup
 
 
 def base_parts(scene: Scene) -> tuple[int, ...]:
-    """Places of the parts that do not move: those marked fixed, else the largest by volume (the first of equals)."""
+    """Return the indices of the parts that do not move: the fixed ones, else the one of largest volume."""
     fixed = tuple(i for i, part in enumerate(scene.parts) if part.fixed)
     if fixed or not scene.parts:
         return fixed

@@ -1,8 +1,8 @@
-"""The volume that a moved part sweeps, as a closed mesh, and what stands in it.
+"""The volume that a moved part sweeps, as a closed mesh, and its collisions.
 
-Every voxel that the part's surface passes through, or that is shut in by such voxels, belongs to the volume. So it is
-never too small, and stands off the true one by at most the diagonal of a voxel; a cavity that nothing leads into is
-counted as swept. The mesh is made of the voxels' outer faces.
+Every voxel that the part's surface passes through, or that such voxels enclose, belongs to the volume. It is never too
+small and deviates from the true volume by at most the diagonal of a voxel; enclosed cavities count as swept. The mesh
+consists of the voxels' outer faces.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from vpframe.report.swept import SweptVolume
 from vpframe.scene.scene import Part
 
 VOXELS = 96
-"""voxels along the longest side of the volume, unless a resolution is given"""
+"""default number of voxels along the longest side of the volume"""
 
 
 def swept_volume(
     part: Part, poses: Sequence[pin.SE3], rest: Sequence[Part] = (), resolution: float | None = None
 ) -> SweptVolume:
-    """The volume that `part` sweeps on its way through `poses` (screw motions between neighbours).
+    """Return the volume that `part` sweeps on its way through `poses` (screw motions between neighbours).
 
     Parameters
     ----------
-    rest: parts to check the volume against, where they stand now.
-    resolution: m, side of a voxel.
+    rest: parts, at their present poses, that are checked for collisions with the volume.
+    resolution: side of a voxel, m.
     """
     mesh = part.mesh
     box = _bounds(mesh, poses)
@@ -65,7 +65,7 @@ def _bounds(mesh: SurfaceMesh, poses: Sequence[pin.SE3]) -> tuple[NDArray[np.flo
 
 
 def _dense(poses: Sequence[pin.SE3], mesh: SurfaceMesh, step: float) -> list[pin.SE3]:
-    """The poses with others put between, so that no point of the mesh goes farther than `step` from one to the next."""
+    """Insert poses so that no point of the mesh moves farther than `step` from one to the next."""
     arm = float(np.linalg.norm(mesh.vertices, axis=1).max())
     out = [poses[0]]
     for a, b in pairwise(poses):
@@ -80,7 +80,7 @@ def _dense(poses: Sequence[pin.SE3], mesh: SurfaceMesh, step: float) -> list[pin
 
 @kernel
 def _mark(grid, triangles):  # type: ignore[no-untyped-def]
-    """Mark the voxels of points on the triangles (m, 3, 3), in voxels, no more than half a voxel apart."""
+    """Mark the voxels of points on the triangles (m, 3, 3), in voxels, at most half a voxel apart."""
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         longest = 0.0
@@ -98,7 +98,7 @@ def _mark(grid, triangles):  # type: ignore[no-untyped-def]
 
 
 def _outside(grid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Empty voxels that the corner of the grid leads to."""
+    """Return the empty voxels connected to the corner of the grid."""
     from scipy.ndimage import label
 
     names, _ = label(~grid)
@@ -106,7 +106,7 @@ def _outside(grid: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _outer_faces(solid: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Vertices (in voxels) and outward triangles of the faces between solid and empty voxels."""
+    """Return vertices (in voxels) and outward triangles of the faces between solid and empty voxels."""
     quads = []
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3

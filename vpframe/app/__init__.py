@@ -1,1 +1,1 @@
-"""The command line, the task runner, progress and what a run may write."""
+"""Command line, task runner, progress and output files."""

@@ -1,19 +1,23 @@
-"""Where the benchmark suites are: `tests/benchmarks/bench_<suite>.py`, in a checkout or inside an installed wheel."""
+"""Import of benchmark suites: `tests/benchmarks/bench_<suite>.py`, from a checkout or an installed wheel."""
 
 from __future__ import annotations
 
 import importlib.util
+import inspect
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
+from typing import Any, TypeVar
 
 from vpframe.errors import VpframeError
 
+T = TypeVar("T")
 _PLACES = (Path(__file__).parents[2] / "tests" / "benchmarks", Path(__file__).parents[1] / "_benchmarks")
 
 
 def suite(name: str) -> ModuleType:
-    """Import one suite: a module with `run(quick) -> dict`, `table(result) -> str` and `plot(result, directory)`."""
+    """Import a suite: a module with `run(quick) -> dict`, `table(result) -> str` and `plot(result, directory)`."""
     for folder in _PLACES:
         path = folder / f"bench_{name}.py"
         if path.is_file():
@@ -27,3 +31,30 @@ def suite(name: str) -> ModuleType:
             spec.loader.exec_module(module)
             return module
     raise VpframeError(f"benchmark suite {name!r} is not part of this installation; run it from a checkout")
+
+
+def chosen(cases: Mapping[str, T], only: Sequence[str]) -> dict[str, T]:
+    """Return the cases whose names contain any of the texts, by default all; VpframeError if a text matches none."""
+    for text in only:
+        if not any(text in name for name in cases):
+            raise VpframeError(f"--only {text}: no case is called so; there are {', '.join(cases)}")
+    return {name: case for name, case in cases.items() if not only or any(text in name for text in only)}
+
+
+def options(suite: str, module: ModuleType, only: Sequence[str], numbers: Sequence[str]) -> dict[str, Any]:
+    """Return the arguments of a suite's `run` for `--only TEXT` and `--number WHAT=N`; VpframeError if unsupported."""
+    known = [name for name in inspect.signature(module.run).parameters if name != "quick"]
+    out: dict[str, Any] = {}
+    if only:
+        if "only" not in known:
+            raise VpframeError(f"--only {only[0]}: suite {suite} is run as a whole; leave it out")
+        out["only"] = tuple(only)
+    counted = [name for name in known if name != "only"]
+    for text in numbers:
+        what, _, count = text.partition("=")
+        if what not in counted:
+            raise VpframeError(f"--number {text}: suite {suite} counts {', '.join(counted) or 'nothing'}")
+        if not (count.isdecimal() and int(count) > 0):
+            raise VpframeError(f"--number {text}: write {what}=N, N a whole number above 0")
+        out[what] = int(count)
+    return out

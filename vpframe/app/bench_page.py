@@ -1,4 +1,4 @@
-"""`vpframe bench --html PAGE`: the results of benchmark suites on one page without outside scripts."""
+"""`vpframe bench --html PAGE`: results of benchmark suites as one self-contained page."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PEERS = (
     "numpy", "numba", "pin", "coal", "mujoco", "drake", "python-solvespace", "py-slvs", "trimesh", "libigl",
     "distributed", "cadquery-ocp-novtk",
 )  # fmt: skip
-"""packages whose versions the page names, if they are there"""
+"""packages whose versions are shown, if installed"""
 STYLE = (
     "body{font:15px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}"
     "pre{overflow-x:auto;background:#f4f6f8;padding:.8em;font-size:12.5px}img{max-width:100%}"
@@ -30,7 +30,7 @@ STYLE = (
 
 
 def page(results: Mapping[str, tuple[ModuleType, Mapping[str, Any]]]) -> str:
-    """One HTML document of suites by name: the module of each, and what its `run` returned."""
+    """Return one HTML document for suites by name: the module and the result of its `run`."""
     names = list(results)
     links = "".join(f"<a href='#{escape(name)}'>{escape(name)}</a>" for name in names)
     sections = "".join(_section(name, module, result) for name, (module, result) in results.items())
@@ -86,7 +86,7 @@ def _version(name: str) -> str:
 
 
 def _commit() -> str:
-    """`, commit 1bad235` in a checkout, "" elsewhere."""
+    """Return `, commit 1bad235` in a checkout, otherwise ""."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return ""

@@ -1,4 +1,4 @@
-"""The command line. Exit 0 done, 1 the answer is no, 2 bad usage or bad input (one line on standard error)."""
+"""The command line. Exit code 0: done, 1: the answer is no, 2: bad usage or input (one line on standard error)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import errno
 import json
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
@@ -22,7 +23,7 @@ from vpframe.text import plain
 
 OK, NO, BAD = 0, 1, 2
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""the disk has no room"""
+"""error codes of a full disk"""
 _KERNELS = {
     "demo": "session",
     "run": "session",
@@ -33,15 +34,23 @@ _KERNELS = {
     "export": "mates",
     "view": "session",
 }
-"""what of `vpframe.app.warm_up` a command needs"""
+"""use in `vpframe.app.warm_up` of each command"""
 
 
 class UsageError(Exception):
-    """The command line itself is wrong; the message is the line to print."""
+    """The command line is invalid; the message is printed."""
 
 
 ACCEPT = "clash accept"
 EXPORTS = (".step", ".glb", ".urdf", ".mjcf", ".usd", ".usda", ".csv", ".parquet")
+
+
+_ERRORS = (
+    ("collision.errors", "CollisionError"), ("constraints.errors", "ConstraintsError"),
+    ("physics.errors", "PhysicsError"), ("vpframe.errors", "VpframeError"),
+)  # fmt: skip
+"""roots of the errors printed in one line, by module; a module that is not loaded has raised none"""
+_LIBRARY = re.compile(r"(lib\S+\.so\S*): cannot open shared object file")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -51,13 +60,13 @@ class _Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
-    # before numpy is imported: our matrices are small, and threads that wait for each other on a busy machine are slow
+    # set before numpy is imported: our matrices are small, and waiting threads slow down a busy machine
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # before numba is: it would have colorama write an escape sequence when we end
+    # set before numba is imported: colorama would write an escape sequence at exit
     os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
     try:
         words = list(sys.argv[1:] if argv is None else argv)
-        if words[:2] == ACCEPT.split():  # one command to argparse, which knows no second word beside a list of files
+        if words[:2] == ACCEPT.split():  # argparse accepts no second word before a list of files
             words[:2] = [ACCEPT]
         arguments = _parser().parse_args(words)
         command: Callable[[argparse.Namespace], int] = arguments.command
@@ -68,12 +77,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _complain("interrupted", 130)
     except BrokenPipeError:
-        # the reader of our output has gone: not our fault, and nobody is left to tell
+        # the reader of standard output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except Exception as error:
         if isinstance(error, OSError) and error.errno in FULL and error.filename is None:
-            # what is left in the buffer of standard output would fail again when the interpreter ends
+            # the rest of the output buffer would fail again at exit
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return _complain(f"what was found cannot be printed: {error.strerror}", BAD)
         if os.environ.get("VPFRAME_TRACEBACK"):
@@ -82,7 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _helped(command: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
-    """Run the command while other processes compile the kernels that it will need."""
+    """Run the command while other processes compile the kernels that it needs."""
     if arguments.kernels is None:
         return command(arguments)
     from vpframe.app import warm_up
@@ -100,20 +109,14 @@ def _complain(text: str, code: int) -> int:
 
 
 def _one_line(error: Exception) -> str:
-    from collision.errors import CollisionError
-    from constraints.errors import ConstraintsError
-    from vpframe.errors import VpframeError
-
-    known: tuple[type[Exception], ...] = (UsageError, VpframeError, CollisionError, ConstraintsError)
-    if "physics" in sys.modules:
-        from physics.errors import PhysicsError
-
-        known = (*known, PhysicsError)
+    known = (UsageError, *(getattr(sys.modules[module], name) for module, name in _ERRORS if module in sys.modules))
     text = " ".join(str(error).split())
     if isinstance(error, known):
         return text
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"
+    if isinstance(error, ImportError) and (library := _LIBRARY.match(text)):
+        return f"{library[1]} is missing, a library of the system: install it (Debian: apt install libgl1 libgomp1)"
     return f"internal error: {type(error).__name__}: {text} (set VPFRAME_TRACEBACK=1 to see where)"
 
 
@@ -128,7 +131,7 @@ def _parser() -> argparse.ArgumentParser:
         return sub
 
     def add_force(sub: argparse.ArgumentParser) -> None:
-        sub.add_argument("--force", action="store_true", help="write also over what vpframe did not write")
+        sub.add_argument("--force", action="store_true", help="also replace files that vpframe did not write")
 
     def add_view(sub: argparse.ArgumentParser) -> None:
         text = "watch it in meshcat: waits for the first browser, shows the end until Ctrl-C"
@@ -145,9 +148,9 @@ def _parser() -> argparse.ArgumentParser:
     add_view(sub)
     sub.add_argument("--record", metavar="RUN.rrd", help="write a rerun recording")
     sub.add_argument("--report", metavar="DIR", help="write report.json, a page with pictures, and the clashes as CSV")
-    sub.add_argument("--access", action="store_true", help="a straight tool must get to what hands grab and turn")
-    sub.add_argument("--checkpoint", metavar="FILE", help="save where the run is, once a second")
-    sub.add_argument("--resume", action="store_true", help="go on from the checkpoint of a run that was cut off")
+    sub.add_argument("--access", action="store_true", help="a straight tool must reach what hands grab and turn")
+    sub.add_argument("--checkpoint", metavar="FILE", help="save the progress of the run, once a second")
+    sub.add_argument("--resume", action="store_true", help="continue from the checkpoint of an interrupted run")
     add_force(sub)
 
     sub = add("new", _new, "write a first task script for the parts of a model")
@@ -222,7 +225,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = add("study", _study, "run a task over many variants: in how many it can be done, and which variables matter")
     sub.add_argument("task", metavar="TASK.py", help="a task script with VARIANTS, `scene(v)` and `task(session, v)`")
     which = sub.add_mutually_exclusive_group()
-    which.add_argument("--samples", metavar="N", type=int, help="so many variants (default: 100)")
+    which.add_argument("--samples", metavar="N", type=int, help="number of variants (default: 100)")
     which.add_argument(
         "--grid", metavar="LEVELS", type=int, nargs="?", const=5,
         help="all combinations, of each continuous variable so many values (5)",
@@ -231,7 +234,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--seed", metavar="N", type=int, default=0, help="of the samples (default: 0)")
     sub.add_argument("--jobs", metavar="N", type=int, help="processes on this machine (default: one a core)")
     sub.add_argument("--cluster", metavar="ADDRESS", help="run on the workers of a Dask scheduler: tcp://HOST:8786")
-    sub.add_argument("--retries", metavar="N", type=int, default=2, help="runs more of a variant that crashed (2)")
+    sub.add_argument("--retries", metavar="N", type=int, default=2, help="repetitions of a variant that crashed (2)")
     sub.add_argument("--timeout", metavar="TIME", type=_seconds, default=600.0, help="of one variant (600s)")
     sub.add_argument("--out", metavar="DIR", default="runs", help="where results and report go (default: runs)")
     sub.add_argument("--resume", action="store_true", help="run what is missing of the study in DIR")
@@ -246,6 +249,14 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--html", metavar="PAGE", help="write tables, plots, machine and versions as one page")
     add_force(sub)
     sub.add_argument("--quick", action="store_true", help="fewer repetitions")
+    sub.add_argument(
+        "--only", metavar="TEXT", action="append", default=[],
+        help="cases whose names contain it (planning, service); may be given again",
+    )  # fmt: skip
+    sub.add_argument(
+        "--number", metavar="WHAT=N", action="append", default=[],
+        help="so many of what a suite counts (planning: orientations, segments, sets; study: variants)",
+    )  # fmt: skip
     sub.add_argument("--json", action="store_true")
     return parser
 
@@ -261,11 +272,11 @@ def _length(text: str) -> float:
 
 
 def _degrees(text: str) -> float:
-    """Radians."""
+    """Convert degrees to radians."""
     return math.radians(float(text))
 
 
-_degrees.__name__ = "number of degrees"  # what argparse calls what is none
+_degrees.__name__ = "number of degrees"  # for argparse's message
 
 
 def _seconds(text: str) -> float:
@@ -293,14 +304,14 @@ def _load(path: str, arguments: argparse.Namespace) -> Any:
 
 
 def _given(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What `vp.load` is given, other than by default."""
+    """Return the given options of `vp.load`."""
     given = {name: getattr(arguments, name) for name in ("deflection", "angular", "timeout", "unit")}
     return {name: value for name, value in given.items() if value is not None}
 
 
 @contextlib.contextmanager
 def _claimed(arguments: argparse.Namespace, name: str, kind: Kind, inputs: Sequence[str]) -> Iterator[Output | None]:
-    """The file that an option names, claimed before the work begins; None where it was not given."""
+    """Claim the file of an option before the work begins; None if the option was not given."""
     path = getattr(arguments, name)
     if path is None:
         yield None
@@ -311,9 +322,9 @@ def _claimed(arguments: argparse.Namespace, name: str, kind: Kind, inputs: Seque
 
 @contextlib.contextmanager
 def _document(wanted: bool) -> Iterator[Callable[[Any], None]]:
-    """Give a function that prints one JSON document; whatever else is printed meanwhile goes to standard error.
+    """Yield a function that prints one JSON document; redirect all other output to standard error.
 
-    The CAD kernel and other C++ libraries write to file descriptor 1 directly, so it is the descriptor that is moved.
+    The file descriptor is redirected because C++ libraries such as the CAD kernel write to it directly.
     """
     if not wanted:
         yield lambda document: None
@@ -329,7 +340,7 @@ def _document(wanted: bool) -> Iterator[Callable[[Any], None]]:
         os.dup2(saved, 1)
         os.close(saved)
     for document in documents:
-        # numpy scalars are numbers too; NaN is not JSON
+        # converts numpy scalars; NaN is not JSON
         print(json.dumps(document, indent=2, allow_nan=False, default=lambda value: value.item()), flush=True)
 
 
@@ -361,8 +372,8 @@ def _new(arguments: argparse.Namespace) -> int:
     stops = study.new_task(arguments.task, arguments.file, arguments.force, arguments.part)
     print(f"wrote {arguments.task}; run it with: vpframe run {arguments.task} --view")
     if stops:
-        which = f"{arguments.part} did not come" if arguments.part else "no part came"
-        say(f"{which} out by itself; as written it stops: {stops}")
+        which = arguments.part or "no part"
+        say(f"{which} could not be removed; as written the script fails: {stops}")
     return OK
 
 
@@ -406,7 +417,7 @@ def _print_written(path: str, left: Sequence[str]) -> None:
 
 
 def _print_notes(scene: Any) -> None:
-    """What was lost, repaired or guessed of the model: part of every answer about it."""
+    """Print losses, repairs and assumptions of the import."""
     from vpframe.app.progress import say
 
     for note in scene.all_notes():
@@ -444,18 +455,18 @@ def _mates(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from vpframe import exporters
     from vpframe.analysis import clash
+    from vpframe.exporters.export import export, kind_of
     from vpframe.importers.motion import read_motion
 
     source, time = _poses(arguments.poses)
     with _document(arguments.json) as emit:
-        kind = exporters.kind_of(arguments.to)
+        kind = kind_of(arguments.to)
         inputs = [*arguments.files, *([source] if source else [])]
         with Output(arguments.to, kind, arguments.force, inputs) as output:
             motion = read_motion(source) if source else None
             scene = clash.merged([_load(path, arguments) for path in arguments.files])
-            left = exporters.export(scene, output, motion, time)
+            left = export(scene, output, motion, time)
         emit({"written": arguments.to, "parts": len(scene), "left_out": list(left), "notes": list(scene.all_notes())})
         if not arguments.json:
             print(f"wrote {arguments.to}: {len(scene)} parts")
@@ -466,7 +477,7 @@ def _export(arguments: argparse.Namespace) -> int:
 
 
 def _poses(given: str | None) -> tuple[str | None, float | None]:
-    """The file that `--poses` names, and the time after its last @ where that is one."""
+    """Split the argument of `--poses` into file and time (after the last @)."""
     if given is None:
         return None, None
     path, at, time = given.rpartition("@")
@@ -563,25 +574,28 @@ def _bench(arguments: argparse.Namespace) -> int:
 
     if arguments.all and arguments.suite:
         raise UsageError(f"--all is every suite; leave out {arguments.suite}")
+    if (arguments.only or arguments.number) and not arguments.suite:
+        raise UsageError("--only and --number choose within one suite; name it")
     failed = False
     with _document(arguments.json) as emit, _claimed(arguments, "html", PAGE, []) as page:
         results = {}
         for suite in [arguments.suite] if arguments.suite else SUITES:
             try:
                 module = bench.suite(suite)
+                options = bench.options(suite, module, arguments.only, arguments.number)
                 with Progress(f"benchmark {suite}"):
-                    results[suite] = module, module.run(quick=arguments.quick)
+                    results[suite] = module, module.run(quick=arguments.quick, **options)
             except (VpframeError, ImportError) as error:
                 if arguments.suite:
                     raise
                 failed = True
-                warn(f"vpframe: {suite}: {error}")  # the other suites are worth having
+                warn(f"vpframe: {suite}: {error}")  # continue with the other suites
                 continue
             if not arguments.json:
                 print(module.table(results[suite][1]), end="\n\n")
             if arguments.plot:
                 module.plot(results[suite][1], arguments.plot)
-            if page is not None:  # after each: a long run that is cut off leaves what it has
+            if page is not None:  # after each suite, so that an interrupted run keeps its results
                 page.path.write_text(bench_page.page(results), encoding="utf-8")
         found = [result for _, result in results.values()]
         emit(found[0] if arguments.suite else {"suites": found})

@@ -1,4 +1,4 @@
-"""`vpframe demo`: the main job on a model made on the spot. A stepped shaft goes into a bored housing and out again."""
+"""`vpframe demo`: insert a stepped shaft into a bored housing and remove it again."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +26,8 @@ if TYPE_CHECKING:
     from vpframe.view.meshcat_viewer import MeshcatViewer
 
 MODEL, RECORDING, REPORT = "shaft_and_housing.step", "demo.rrd", "report"
+DATE = "2026-01-01T00:00:00"
+"""date in the file of the model: equal files in every run are found in the cache of models"""
 _EXPECTED = (6, 2, 1, 2, 6)
 _BUILD = "import sys, pathlib, vpframe.app.demo; vpframe.app.demo.build(pathlib.Path(sys.argv[1]))"
 _NEEDED_LATER = ("vpframe.view.recorder", "vpframe.report.writer", "vpframe.view.snapshot")
@@ -54,18 +55,19 @@ def build(path: Path) -> Path:
             "shaft": (shaft, start, (0.85, 0.65, 0.25)),
         },
         name="shaft_and_housing",
+        date=DATE,
     )
 
 
 def task(session: Session) -> None:
-    """In until the flange sits, out until it is free, home again: with what is expected on the way."""
+    """Insert the shaft until its flange is seated, remove it and return it, with expectations at each stage."""
     from vpframe.hands.conditions import constraint
 
     home = pin.SE3(session.scene["shaft"].pose)
     seat = np.array([0.0, 0.0, 0.045])
     hand = session.hand(at=(0.10, 0.0, 0.12))
     hand.grab("shaft")
-    # a hand is not exact: 0.15 mm beside the axis, a quarter of a degree off
+    # hands are not exact: 0.15 mm beside the axis, a quarter of a degree off
     tilted = pin.exp3(np.radians([0.25, 0.0, 0.0]))
     hand.move_by((0.0, 0.0, 0.060))
     hand.move_to(pin.SE3(tilted, seat + np.array([0.00015, 0.0, 0.060])), duration=1.5)
@@ -90,12 +92,12 @@ def task(session: Session) -> None:
 
 
 def freedoms(frames: list[int]) -> tuple[int, ...]:
-    """The values in turn, repetitions dropped."""
+    """Return the values without repetitions."""
     return tuple(n for i, n in enumerate(frames) if i == 0 or n != frames[i - 1])
 
 
 class _Freedom:
-    """An observer that keeps the shaft's freedom."""
+    """An observer that keeps the shaft's degrees of freedom."""
 
     def __init__(self) -> None:
         self.values: list[int] = []
@@ -111,10 +113,10 @@ class _Freedom:
 
 
 def load(directory: Path) -> Scene:
-    """Build the model and read it back through the STEP reader.
+    """Build the model and load it as any file: by the STEP reader, or from what the last run left in the cache.
 
-    The CAD kernel builds it in a process of its own while this one imports what a session needs, and then reads it in
-    another while this one imports what recordings and reports need: half of a warm run's time were imports.
+    The CAD kernel builds it in another process while this one imports the modules of session, recording and report;
+    imports took half of the time of a warm run.
     """
     path = directory / MODEL
     root = str(Path(__file__).resolve().parents[2])
@@ -122,20 +124,20 @@ def load(directory: Path) -> Scene:
     quiet = subprocess.DEVNULL
     with subprocess.Popen([sys.executable, "-P", "-c", _BUILD, path], env=environment, stderr=quiet) as building:
         from vpframe.app.task_runner import loaded
-    if building.returncode:
-        build(path)  # here, for the reason
-    with ThreadPoolExecutor(1) as pool:
+
         for name in _NEEDED_LATER:
-            pool.submit(importlib.import_module, name)
-        scene = loaded(path)
+            importlib.import_module(name)
+    if building.returncode:
+        build(path)  # raises the reason of the failure
+    scene = loaded(path)
     scene["housing"].fixed = True
     return scene
 
 
 def run(out_dir: str | Path, view: bool = False, force: bool = False, wait: bool = False) -> int:
-    """Run the demo into a folder; 0 when all went as expected, 1 when not, 130 when interrupted.
+    """Run the demo and write into a folder; return 0 on success, 1 on failure, 130 if interrupted.
 
-    view, wait, force: as of `study.run_task`.
+    view, wait, force: as in `task_runner.run_task`.
     """
     with (
         OutputFolder(out_dir, {MODEL: outputs.MODEL}, force) as folder,
@@ -194,6 +196,6 @@ def _run(folder: OutputFolder, recording: Output, report: OutputFolder, viewer: 
     print(f"recording  {out / RECORDING}   look at it: vpframe replay {out / RECORDING}")
     print(f"report     {out / REPORT / 'index.html'}   open it in a browser; numbers in report.json")
     if failure:
-        told = "interrupted; what was done so far is kept" if code == INTERRUPTED else f"failed: {failure}"
-        warn(told)
+        text = "interrupted; what was done so far is kept" if code == INTERRUPTED else f"failed: {failure}"
+        warn(text)
     return code

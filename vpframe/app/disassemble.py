@@ -1,4 +1,4 @@
-"""`vpframe disassemble FILE`: which parts come out, in which order, along which way; `--part X`: what must go first."""
+"""`vpframe disassemble FILE`: removable parts, their order and paths; `--part X`: what must be removed before X."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ TRACK = Kind("a track", _is_track)
 
 
 def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
-    """The options of the command; `metres` reads a length with its unit."""
+    """Add the options of the command; `metres` parses a length with unit."""
     sub.add_argument("file", metavar="FILE")
     sub.add_argument("--part", metavar="X", help="take out this part only: the least that has to go before it")
     sub.add_argument(
@@ -56,7 +56,7 @@ def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
     sub.add_argument("--no-wait", dest="wait", action="store_false", help="with --view: do not wait for anybody")
     sub.add_argument("--report", metavar="DIR", help=f"write a page with pictures, and {PLAN}")
     sub.add_argument("--resume", action="store_true", help=f"go on from the ways in {PLAN} of --tracks or --report")
-    sub.add_argument("--force", action="store_true", help="write also over what vpframe did not write")
+    sub.add_argument("--force", action="store_true", help="also replace files that vpframe did not write")
     sub.add_argument("--deflection", metavar="LENGTH", type=metres, help="greatest sag of a triangle")
     sub.add_argument("--angular", metavar="RADIANS", type=float, help="greatest angle between neighbouring facets")
     sub.add_argument(
@@ -67,7 +67,7 @@ def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
 
 
 def _seconds(text: str) -> float:
-    """s of "60s", "5min" or "90"."""
+    """Convert "60s", "5min" or "90" to seconds."""
     for unit, scale in (("min", 60.0), ("s", 1.0), ("h", 3600.0), ("", 1.0)):
         if unit and not text.endswith(unit):
             continue
@@ -79,9 +79,9 @@ def _seconds(text: str) -> float:
 
 
 def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
-    """Plan, write what was asked for, and say it; exit code 0 where all that was asked for comes out, else 1.
+    """Plan, write the requested outputs and print the result; return 0 if all requested parts can be removed, else 1.
 
-    load: reads the model. emit: takes the JSON document.
+    load: reads the model. emit: receives the JSON document.
     """
     from vpframe.analysis.clash import authorised_pairs
     from vpframe.planning import document, plan
@@ -187,7 +187,7 @@ def _write_tracks(folder: OutputFolder, found: Any, names: dict[str, str]) -> No
 def _write_task(
     task: Output, tracks: OutputFolder | None, found: Any, names: dict[str, str], model: str, force: bool
 ) -> None:
-    """The script; the tracks that it follows go to the folder of --tracks, or to one beside it."""
+    """Write the script; its tracks go to the folder of --tracks, or to a folder beside the script."""
     from vpframe.planning import document
 
     beside = task.path.parent.resolve()
@@ -208,7 +208,7 @@ def _viewer(wait: bool) -> Any:
 
 
 def _perform(scene: Any, found: Any, record: Output | None, viewer: Any) -> None:
-    """A hand does the plan, for a recording, a viewer or both; the scene stands afterwards as before."""
+    """Perform the plan with a hand, for a recording, a viewer or both; the scene is restored."""
     import pinocchio as pin
 
     from vpframe.planning.replay import perform, rule_of

@@ -1,4 +1,4 @@
-"""`outline`: the parts of a scene in lines of text: size, place, what is beside them, what joins them."""
+"""`outline`: describe the parts of a scene as text: size, place, neighbours, mates."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from vpframe.scene.subassembly import listed
 from vpframe.text import plain
 
 PARTS = 60
-"""how many parts an outline names"""
+"""maximum number of parts in an outline"""
 NEAR = 1e-3
-"""m: parts nearer than this to each other are neighbours"""
+"""distance within which parts are neighbours, m"""
 
 
 def outline(scene: Scene) -> list[str]:
-    """A line a part, of the first `PARTS`: its name, surfaces, size and place, its mates, and its other neighbours."""
+    """Return a line for each of the first `PARTS` parts: name, surfaces, size and place, mates, other neighbours."""
     parts = scene.parts[:PARTS]
     names = [plain(name) for name in scene.names]
     mates: dict[int, dict[int, list[str]]] = {}
@@ -48,7 +48,7 @@ def _where(part: Part) -> str:
 
 
 def _beside(scene: Scene, count: int, mates: dict[int, dict[int, list[str]]]) -> dict[int, set[int]]:
-    """Of the first `count` parts those within `NEAR` that no constraint joins to them."""
+    """Return the neighbours of the first `count` parts, within `NEAR` and without a constraint to them."""
     manager = CollisionManager()
     for part in scene.parts:
         manager.add(part.mesh, part.pose)

@@ -1,9 +1,8 @@
-"""What a run may write: files that vpframe itself wrote before, one run at a time, and never what the run reads.
+"""Output files of a run: only files written by vpframe are replaced, by one run at a time, and never its inputs.
 
-An `Output` is claimed before the work begins and changes nothing by itself. Its content tells whose a file is, not its
-name; an empty file is anybody's, and a device or pipe is written to as it is.
-The lock is the kernel's, on the file or folder itself: it ends with the process, however that ends. Where the system
-or a network drive has no such locks, there is none.
+An `Output` is claimed before the work begins, which changes nothing in the file. A file is recognised by its content,
+not its name; empty files may be replaced, devices and pipes are written directly. The lock is a kernel lock on the file
+or folder and ends with the process. Systems and network drives without such locks are not locked.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 GENERATOR = "vpframe"
-"""what files that can say so name as their maker"""
+"""name of the generator in file formats that state one"""
 HEAD = 4096
-"""bytes at the beginning of a file that tell whose it is"""
+"""bytes at the start of a file that are checked"""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file: its name in messages, and how one is known that vpframe wrote."""
+    """A kind of file: name in messages, and test whether vpframe wrote it."""
 
     name: str
     recognise: Callable[[Path], bool]
@@ -51,7 +50,7 @@ def _begins(pattern: bytes) -> Callable[[Path], bool]:
 
 
 def _holds(mark: bytes) -> Callable[[Path], bool]:
-    """Known by its mark anywhere: of binary formats that keep the maker's name at a place of their own."""
+    """Recognise a mark anywhere in the file, for binary formats with a generator at varying positions."""
     return lambda path: mark in path.read_bytes()
 
 
@@ -82,7 +81,7 @@ RESULTS = Kind("results of a study", _begins(rb'\{"key": "'))
 TABLE = Kind("a table of a study", _begins(rb"index,status,reason,clearance,"))
 VARIANT = Kind("the script of a variant", _begins(rb"# Variant \d+ of a study"))
 SCRIPT = Kind("", lambda path: False)
-"""a person goes on from it, so that an old one is never replaced unasked"""
+"""users edit scripts, so that they are replaced only with `force`"""
 
 REPORT_FILES = {
     "index.html": PAGE,
@@ -91,22 +90,22 @@ REPORT_FILES = {
     "clashes.csv": CLASHES,
     "clashes.json": STATUS,
 }
-"""what every report folder holds"""
+"""files in a report folder"""
 STUDY_FILES = {"results.jsonl": RESULTS, "results.csv": TABLE, "index.html": PAGE, "study.json": REPORT}
-"""what the folder of a study holds, and scripts of variants in `worst/`"""
+"""files in a study's folder, besides scripts of variants in `worst/`"""
 
 
 def table_of(columns: Iterable[str]) -> Kind:
-    """A table with these columns."""
+    """Return the kind of a table with these columns."""
     return Kind("a table of these columns", _begins(re.escape(",".join(columns).encode())))
 
 
 def may_write(path: str | os.PathLike[str], kind: Kind, force: bool = False) -> Path:
-    """The path, if there is nothing at it that vpframe did not write as `kind`, or with `force`.
+    """Return the path if it does not exist, was written by vpframe as `kind`, or with `force`.
 
     Raises
     ------
-    OutputError: there is something else, or it cannot be read.
+    OutputError: another file exists, or it cannot be read.
     """
     path = Path(path)
     try:
@@ -124,18 +123,18 @@ def may_write(path: str | os.PathLike[str], kind: Kind, force: bool = False) -> 
 
 
 class Output:
-    """The claim of one run on a file that it will write. A path itself, wherever one is wanted.
+    """A run's claim on an output file. Can be used as a path.
 
     Parameters
     ----------
-    path: the file. It is made, empty, if there is none, and removed again if nothing was written to it.
-    kind: what it will be.
-    force: replace whatever it is.
-    inputs: files that the run reads; none of them is ever replaced.
+    path: the file. A missing file is created empty, and removed again if nothing was written.
+    kind: kind of the output.
+    force: replace any existing file.
+    inputs: files that the run reads; they are never replaced.
 
     Raises
     ------
-    OutputError: it is not ours, an input, being written by another run, or cannot be written.
+    OutputError: the file is not ours, an input, locked by another run, or cannot be written.
     """
 
     def __init__(
@@ -151,12 +150,12 @@ class Output:
         self._fd = -1
         self._made = False
         _spare(self.path, self.inputs)
-        may_write(self.path, kind, force)  # what is not ours is not opened for writing
+        may_write(self.path, kind, force)  # before opening it for writing
         try:
             self._lock()
             self.ours = os.fstat(self._fd).st_size > 0 and kind.recognise(self.path)
-            """whether there is something in it to go on from"""
-            may_write(self.path, kind, force)  # now that nobody else writes
+            """whether it has content from an earlier run"""
+            may_write(self.path, kind, force)  # again, now with the lock
         except BaseException as error:
             self.close()
             if isinstance(error, OSError):
@@ -170,12 +169,12 @@ class Output:
         return str(self.path)
 
     def spare(self, *inputs: str | os.PathLike[str]) -> None:
-        """Raise OutputError if this is one of the files that the run reads."""
+        """Raise OutputError if the file is one of the run's inputs."""
         self.inputs += inputs
         _spare(self.path, inputs)
 
     def _lock(self) -> None:
-        """Open the file and lock it; another run may remove the one that it made, and then there is a new one."""
+        """Open and lock the file; repeat if another run removed it in between."""
         while True:
             made = True
             try:
@@ -193,7 +192,7 @@ class Output:
             os.close(self._fd)
 
     def open(self, keep: int = 0) -> FileIO:
-        """The file, cut to its first `keep` bytes, to be written from there on; close it before the claim."""
+        """Open the file for writing after its first `keep` bytes; close it before the claim."""
         try:
             file = FileIO(os.dup(self._fd), "r+")
             if stat.S_ISREG(os.fstat(self._fd).st_mode):
@@ -204,7 +203,7 @@ class Output:
         return file
 
     def close(self) -> None:
-        """Let others have it."""
+        """Release the claim."""
         if self._fd < 0:
             return
         with contextlib.suppress(OSError):
@@ -226,19 +225,19 @@ class Output:
 
 
 class OutputFolder:
-    """The claim of one run on a folder, which is made if there is none. A path itself, wherever one is wanted.
+    """A run's claim on an output folder. Can be used as a path.
 
-    Like a file, a folder that was made for it and stayed empty is removed again.
+    A missing folder is created, and removed again if it stays empty.
 
     Parameters
     ----------
     path: the folder.
-    files: those that the run will surely write, by name; each is `may_write`.
-    force, inputs: as of `Output`, for every file in it.
+    files: kinds of files that the run will write, by name; each is checked by `may_write`.
+    force, inputs: as in `Output`, for every file.
 
     Raises
     ------
-    OutputError: a file is not ours, the folder is being written by another run, or it cannot be made.
+    OutputError: a file is not ours, the folder is locked by another run, or it cannot be created.
     """
 
     def __init__(
@@ -274,13 +273,13 @@ class OutputFolder:
         return str(self.path)
 
     def spare(self, *inputs: str | os.PathLike[str]) -> None:
-        """Raise OutputError if one of the files is one that the run reads."""
+        """Raise OutputError if one of the files is an input of the run."""
         self._inputs += inputs
         for name in self._files:
             _spare(self.path / name, inputs)
 
     def file(self, name: str, kind: Kind | None = None) -> Path:
-        """The path of a file in it that may be written; `kind` where it is none of `files`.
+        """Return the path of a file that may be written; `kind`: if it is not in `files`.
 
         Raises OutputError as `may_write` does.
         """
@@ -289,9 +288,9 @@ class OutputFolder:
         return may_write(path, kind or self._files[name], self._force)
 
     def close(self) -> None:
-        """Let others have it."""
+        """Release the claim."""
         if self._made:
-            with contextlib.suppress(OSError):  # something was written
+            with contextlib.suppress(OSError):  # not empty
                 self.path.rmdir()
         self._made = False
         if self._fd >= 0:
@@ -310,10 +309,7 @@ class OutputFolder:
 
 
 def append(file: FileIO, data: bytes | memoryview) -> None:
-    """Write all of the data at the end of a file, or nothing: what is there stays readable.
-
-    Raises OSError as the system does (no room on the disk).
-    """
+    """Append all of the data to a file, or nothing. Raises OSError as the system does (no space on the disk)."""
     left, before = memoryview(data), file.tell() if file.seekable() else None
     try:
         while left:
@@ -326,12 +322,12 @@ def append(file: FileIO, data: bytes | memoryview) -> None:
 
 
 def claimed(path: str | os.PathLike[str], kind: Kind) -> Output:
-    """The claim itself, if it is one already; otherwise a claim on a path."""
+    """Return a claim as it is, or a new claim on a path."""
     return path if isinstance(path, Output) else Output(path, kind)
 
 
 def claimed_folder(path: str | os.PathLike[str], files: Mapping[str, Kind]) -> OutputFolder:
-    """The same of a folder."""
+    """Return a claim as it is, or a new claim on a folder."""
     return path if isinstance(path, OutputFolder) else OutputFolder(path, files)
 
 
@@ -358,7 +354,7 @@ def _lock(fd: int, path: Path) -> None:
 def _close(fd: int) -> None:
     if fcntl is not None:
         with contextlib.suppress(OSError):
-            fcntl.flock(fd, fcntl.LOCK_UN)  # a forked child may have it open still
+            fcntl.flock(fd, fcntl.LOCK_UN)  # a forked child may still have it open
     os.close(fd)
 
 

@@ -1,11 +1,11 @@
-"""One line on a terminal's standard error for whatever takes over two seconds: what is done, and the time that is left.
+"""A progress line on standard error for work that takes over two seconds, with the estimated remaining time.
 
     with Progress("loading gearbox.step") as progress:
         scene = vp.load(path, progress=progress)        # calls progress(fraction, "meshing shaft")
 
-While kernels are compiled the line says how far that is; their time does not count in the estimate of the work itself.
-Nothing is written when standard error is not a terminal, or when the work is done before the delay is over. Whoever
-prints while a line may be drawn does so by `say`.
+While kernels are compiled the line shows their number; that time does not count in the estimate. Nothing is written if
+standard error is not a terminal, or if the work is faster than the delay. Other output during the work must use `say`
+or `warn`.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 
 DELAY = 2.0
-"""s before a line appears"""
+"""time before the line appears, s"""
 INTERVAL = 0.1
-"""s between two drawings"""
+"""time between two updates, s"""
 WIPE = "\r\x1b[K"
 WINDOW = 10.0
-"""s of work that the rate is taken over, and without news after which nothing is claimed"""
+"""work time over which the rate is averaged, and without news after which no estimate is shown, s"""
 FEW = 4
-"""pieces of news that the rate is taken over where they come more slowly"""
+"""number of updates over which the rate is averaged if they are rarer"""
 LEAST = 1.0
-"""s of work before anything is claimed"""
+"""work time before the first estimate, s"""
 CLIMB = 1.25
-"""by how much the time left may be more than was claimed; the claim is given up then, until there is a new rate"""
+"""growth of the estimate at which it is dropped until there is a new rate"""
 
 _drawing = threading.RLock()
 _drawn: dict[int, TextIO] = {}
@@ -46,7 +46,7 @@ _current: list[Progress] = []
 
 
 def say(text: str) -> None:
-    """Print lines on standard output, `plain`; a line of progress on the same terminal makes room for them."""
+    """Print lines on standard output, escaped by `plain`; a progress line on the same terminal is erased first."""
     with _drawing:
         for stream in list(_drawn.values()):
             _wipe(stream)
@@ -54,7 +54,7 @@ def say(text: str) -> None:
 
 
 def warn(text: str) -> None:
-    """Print lines on standard error, `plain`, from the beginning of a line of the terminal (that `^C` is echoed to)."""
+    """Print lines on standard error, escaped by `plain`, from the start of a terminal line (after an echoed `^C`)."""
     with _drawing:
         for stream in list(_drawn.values()):
             _wipe(stream)
@@ -62,13 +62,13 @@ def warn(text: str) -> None:
 
 
 def report(fraction: float | None, text: str = "") -> None:
-    """Tell the innermost `Progress` that runs how far its work is; nothing when there is none."""
+    """Report progress to the innermost running `Progress`, if there is one."""
     if _current:
         _current[-1](fraction, text)
 
 
 class _Line:
-    """A line that is drawn from a thread of its own, and wiped."""
+    """A terminal line that is drawn from a thread and erased."""
 
     def __init__(self, stream: TextIO | None, quiet: bool = False) -> None:
         self.stream = stream if stream is not None else sys.stderr
@@ -76,26 +76,26 @@ class _Line:
         self.compilation: Compilation | None = None
 
     def listen(self) -> None:
-        """Hear of what is compiled from now on."""
+        """Observe compilation from now on."""
         if self.compilation is None:
             from collision.numeric.kernel import compilation
 
             self.compilation = compilation
             if not self.quiet:
-                compilation.announced = True  # the line says it
+                compilation.announced = True  # this line shows it
 
     @property
     def compiling(self) -> bool:
-        """Whether a kernel is being compiled, as far as it is known here."""
+        """Whether a kernel is being compiled in this process."""
         return self.compilation is not None and self.compilation.active
 
     @property
     def compiled(self) -> float:
-        """s of compiling so far in this process."""
+        """Total compile time of this process, s."""
         return 0.0 if self.compilation is None else self.compilation.seconds
 
     def count(self) -> str:
-        """`compiling kernels, once: 34 so far`."""
+        """Return `compiling kernels, once: 34 so far`."""
         from collision.numeric.kernel_cache import kept
 
         compiled = 0 if self.compilation is None else self.compilation.kernels
@@ -121,18 +121,18 @@ def _wipe(stream: TextIO) -> None:
 
 
 class Remaining:
-    """The time that is left, by the rate of the last seconds. What is claimed never climbs: it is given up instead."""
+    """Estimate of the remaining time from the recent rate. It never grows: it is dropped instead."""
 
     def __init__(self) -> None:
         self._samples = deque([(0.0, 0.0)])
-        """(s of work, fraction), the oldest first: when there was news, and one before the window"""
+        """(work time (s), fraction), oldest first: updates in the window, and one before it"""
         self._claim: tuple[float, float] | None = None
-        """(s of work, s left)"""
+        """(work time (s), remaining time (s)) of the last estimate"""
 
     def seconds(self, worked: float, fraction: float) -> float | None:
-        """s left after `worked` seconds at `fraction`; None while that is not known."""
+        """Return the remaining time (s) after `worked` seconds at `fraction`; None if unknown."""
         samples = self._samples
-        if fraction < samples[-1][1]:  # other work has begun
+        if fraction < samples[-1][1]:  # a new task has begun
             self._begin(worked, fraction)
         elif fraction > samples[-1][1]:
             samples.append((worked, fraction))
@@ -142,7 +142,7 @@ class Remaining:
         (since, before), (last, _) = samples[0], samples[-1]
         if worked - since < LEAST or not before < fraction < 1.0:
             return None
-        if worked - last > max(WINDOW, 2.0 * (last - since) / (len(samples) - 1)):  # it stands still
+        if worked - last > max(WINDOW, 2.0 * (last - since) / (len(samples) - 1)):  # no progress
             return None
         left = (1.0 - fraction) * (worked - since) / (fraction - before)
         if self._claim is not None:
@@ -160,14 +160,14 @@ class Remaining:
 
 
 class Progress:
-    """A bar while work runs; call it with the fraction done (0 … 1, None if unknown) and what is being done.
+    """A progress bar; call it with the fraction done (0 … 1, None if unknown) and the present task.
 
     Parameters
     ----------
-    title: what the work is.
-    stream: where to draw, standard error by default.
-    delay: s before anything is drawn.
-    quiet: never draw.
+    title: name of the work.
+    stream: output stream, by default standard error.
+    delay: time before the line appears, s.
+    quiet: draw nothing.
     """
 
     def __init__(
@@ -184,7 +184,7 @@ class Progress:
         self._text = ""
         self._remaining = Remaining()
         self._due = False
-        """whether the delay is over"""
+        """whether the delay has passed"""
         self._began = self._compiled = 0.0
         self._done = threading.Event()
         self._thread: threading.Thread | None = None
@@ -206,19 +206,19 @@ class Progress:
         self._line.wipe()
 
     def __call__(self, fraction: float | None, text: str = "") -> None:
-        """Say how far the work is; cheap, call it as often as there is news."""
+        """Report progress; cheap enough for every update."""
         self._fraction = None if fraction is None else min(max(float(fraction), 0.0), 1.0)
         self._text = text
 
     def over(self, items: Iterable[Item], text: str = "") -> Iterator[Item]:
-        """The items, counted."""
+        """Yield the items and report their count."""
         total = len(items) if isinstance(items, Sized) else 0
         for number, item in enumerate(items):
             self(number / total if total else None, text)
             yield item
 
     def line(self, elapsed: float) -> str:
-        """What is drawn `elapsed` seconds after the start."""
+        """Return the line `elapsed` seconds after the start."""
         if self._line.compiling:
             return f"{self.title}  {self._line.count()}"
         fraction, worked = self._fraction, elapsed - (self._line.compiled - self._compiled)
@@ -239,15 +239,15 @@ class Progress:
 
 
 def _shown(stream: TextIO) -> Progress | None:
-    """The one whose line a stream shows: the innermost of those whose delay is over."""
+    """Return the progress shown on a stream: the innermost one whose delay has passed."""
     return next((p for p in reversed(_current) if p._due and p._line.stream is stream), None)
 
 
 class Watch:
-    """A line on standard error while one of many short pieces of work takes long, such as a step of a session.
+    """A status line while one of many short tasks, such as a step of a session, takes long.
 
-    Use it as a context manager around each piece; a piece costs two assignments. `text()` is asked for when the line is
-    drawn: where the work as a whole stands. With `always` it is drawn from `delay` seconds after the first piece on.
+    Use it as a context manager around each task; its cost is two assignments. `text()` returns the status of the whole
+    work when the line is drawn. With `always` the line is shown from `delay` seconds after the first task on.
     """
 
     def __init__(
@@ -283,11 +283,11 @@ class Watch:
 
     @property
     def compiling(self) -> bool:
-        """Whether a kernel is being compiled, as far as it is known here."""
+        """Whether a kernel is being compiled in this process."""
         return self._line.compiling
 
     def close(self) -> None:
-        """Stop to look, and wipe the line."""
+        """Stop watching and erase the line."""
         self._closed.set()
         if self._thread is not None:
             self._thread.join()
@@ -306,7 +306,7 @@ class Watch:
                 if began is not None and now - began > self._delay:
                     text += f"  (this step: {duration(now - began)})"
             with _drawing:
-                if not self._always and self._began is None:  # the piece ended meanwhile
+                if not self._always and self._began is None:  # the task has ended meanwhile
                     continue
                 if _shown(self._line.stream) is not None:
                     continue
@@ -314,7 +314,7 @@ class Watch:
 
 
 def bar(fraction: float | None, elapsed: float, left: float | None = None) -> str:
-    """`[######..................]  25 %  15 s left`; the seconds so far where the fraction is not known."""
+    """Return `[######..................]  25 %  15 s left`; the elapsed time if the fraction is unknown."""
     if fraction is None:
         return duration(elapsed)
     filled = round(24 * fraction)
@@ -323,11 +323,11 @@ def bar(fraction: float | None, elapsed: float, left: float | None = None) -> st
 
 
 TAIL = 24
-"""characters at the end of a line that stay when it is too long"""
+"""number of characters kept at the end of a shortened line"""
 
 
 def fitted(text: str, columns: int) -> str:
-    """The text in at most `columns` characters: first without its bar, then shortened before its end."""
+    """Shorten text to `columns` characters: first the bar is dropped, then the middle is cut."""
     if len(text) > columns:
         text = re.sub(r"\[#*\.*\] +", "", text)
     if len(text) <= columns:
@@ -337,7 +337,7 @@ def fitted(text: str, columns: int) -> str:
 
 
 def duration(seconds: float) -> str:
-    """`12 s`, `3 min 05 s`, `1 h 20 min`."""
+    """Format seconds: `12 s`, `3 min 05 s`, `1 h 20 min`."""
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"

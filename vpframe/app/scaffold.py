@@ -1,7 +1,7 @@
-"""`vpframe new`: a first task script for a model, tried before it is written.
+"""`vpframe new`: write a first task script for a model, after testing it.
 
-Planning looks for a way out of the smallest parts in turn; the script says it in a verb of the hand. When none comes
-out the script is written all the same, with the reason and what to change in it.
+Planning searches a removal path for the smallest parts in turn, and the script uses a verb of the hand for it. If no
+part can be removed, the script is written nevertheless, with the reason and a remedy.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from vpframe.session.session import Session
 from vpframe.text import plain
 
 PARTS = 6
-"""how many parts are tried at most"""
+"""maximum number of parts that are tried"""
 SECONDS = 5.0
-"""of planning, a part"""
+"""time limit of planning for each part, s"""
 WORDS = {"up": (0, 0, 1), "down": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0), "y": (0, 1, 0), "-y": (0, -1, 0)}
 
 
 @dataclass(frozen=True)
 class Way:
-    """How a part may come out: a verb of the hand."""
+    """A way to remove a part: a verb of the hand."""
 
     verb: str
     along: str | tuple[float, ...] | None
@@ -44,7 +44,7 @@ class Way:
 
     @property
     def line(self) -> str:
-        """As the script has it, e.g. `hand.slide("up", distance=0.1)`."""
+        """Line of the script, e.g. `hand.slide("up", distance=0.1)`."""
         options = ", ".join(
             f'{name}="{value}"' if isinstance(value, str) else f"{name}={value:g}" for name, value in self.options
         )
@@ -52,15 +52,15 @@ class Way:
         return f"hand.{self.verb}({along}{options})"
 
     def go(self, hand: Hand) -> None:
-        """Do it."""
+        """Perform the verb."""
         along = () if self.along is None else (self.along,)
         getattr(hand, self.verb)(*along, **dict(self.options))
 
 
 def new_task(path: str | os.PathLike[str], scene: Scene, model: Path, name: str | None = None) -> str:
-    """Write a first task script for the parts of a scene; returns what to know of it, empty when it runs to its end.
+    """Write a first task script for a scene; return why it fails, empty if it succeeds.
 
-    name: of the part to take out; None: the first that comes out.
+    name: of the part to remove; None: the first one that can be removed.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def new_task(path: str | os.PathLike[str], scene: Scene, model: Path, name: str 
     wanted = scene.parts if name is None else (_named(scene, name),)
     output = claimed(path, SCRIPT)
     script = output.path
-    with contextlib.suppress(ValueError):  # another drive
+    with contextlib.suppress(ValueError):  # the model is on another drive
         model = Path(os.path.relpath(str(model), str(script.parent)))
     with Progress("looking for a part that comes out") as progress:
         part, way, reason = _found(scene, progress, wanted)
@@ -96,12 +96,12 @@ def _named(scene: Scene, name: str) -> Part:
 
 
 def _found(scene: Scene, progress: Progress, wanted: Sequence[Part]) -> tuple[Part, Way, str]:
-    """A part and a way that it comes out; with the reason why not, if none was found."""
+    """Return a part and a way to remove it, with the reason why that fails, empty if it succeeds."""
     parts = sorted((p for p in wanted if not p.fixed), key=lambda p: (p.shape.volume or np.inf, p.name))
     if not parts:
         raise VpframeError("all parts are fixed: there is none to take in hand")
     first: tuple[Part, Way, str] | None = None
-    tried = list(dict.fromkeys(part.shape for part in parts))[:PARTS]  # of equal parts the first
+    tried = list(dict.fromkeys(part.shape for part in parts))[:PARTS]  # one part of each shape
     for number, shape in enumerate(tried):
         part = next(p for p in parts if p.shape is shape)
         progress(number / len(tried), part.name)
@@ -119,7 +119,7 @@ def _found(scene: Scene, progress: Progress, wanted: Sequence[Part]) -> tuple[Pa
 
 
 def _ways(scene: Scene, part: Part, found: planning.Removal) -> list[Way]:
-    """The planned way as verbs of a hand, the shortest to read first; none for what is more than one verb."""
+    """Return the planned path as verbs of a hand, the simplest first; none if it needs several verbs."""
     if found.way is None or found.way.motion not in ("straight", "screw"):
         return []
     if found.way.motion == "screw":
@@ -133,13 +133,13 @@ def _ways(scene: Scene, part: Part, found: planning.Removal) -> list[Way]:
 
 
 def _rounded(length: float) -> float:
-    """Two digits are enough, m; not less than the length."""
+    """Round a length (m) up to two digits."""
     digits = 1 - int(np.floor(np.log10(length)))
     return float(f"{np.ceil(length * 10.0**digits) / 10.0**digits:.2g}")
 
 
 def _tried(scene: Scene, part: Part, way: Way) -> str:
-    """Why the task stops; empty when it runs to its end. The scene is as before."""
+    """Run the task; return why it fails, empty if it succeeds. The scene is restored."""
     before = {name: pin.SE3(p.pose) for name, p in scene.items()}
     try:
         with Session(scene) as session:
@@ -157,17 +157,17 @@ def _tried(scene: Scene, part: Part, way: Way) -> str:
 
 
 def quoted(text: str) -> str:
-    """As a Python string in double quotes."""
+    """Return a Python string literal in double quotes."""
     return plain(json.dumps(text, ensure_ascii=False))
 
 
 def _in_docstring(text: str) -> str:
-    """As it can stand between three double quotes."""
+    """Escape text for a docstring."""
     return quoted(text)[1:-1]
 
 
-_STOPS = """    # as it stands this stops: {reason}
-    # give another direction, or take out first what is in the way
+_STOPS = """    # this fails: {reason}
+    # give another direction, or remove the parts in the way first
 """
 _TEMPLATE = '''"""A first task on {model}: take one part out."""
 

@@ -1,4 +1,4 @@
-"""Errors that end a script: the line of the script, the message in one line, the traceback without our own frames."""
+"""Errors that end a script: script line, one-line message, and a traceback without frames of this program."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 ON_REQUEST = "interrupted"
-"""why a task that a person ended is not decided"""
+"""reason why a task that the user ended is undecided"""
 PACKAGES = ("collision", "constraints", "physics", "vpframe")
 _ROOT = Path(__file__).resolve().parents[2]
 _OURS = tuple(str(_ROOT / package) + os.sep for package in PACKAGES)
@@ -17,12 +17,12 @@ _STANDARD = sysconfig.get_path("stdlib") + os.sep
 
 
 def is_ours(error: BaseException) -> bool:
-    """Whether an error is of a type that this program raises on purpose: its message says what to mend."""
+    """Whether an error has a type of this program, so that its message names a remedy."""
     return type(error).__module__.partition(".")[0] in PACKAGES
 
 
 def in_one_line(error: BaseException) -> str:
-    """The message of one of our errors; of any other its type, too."""
+    """Return the message of an error; with its type if that is not ours."""
     text = " ".join(str(error).split())
     if is_ours(error):
         return text
@@ -32,9 +32,9 @@ def in_one_line(error: BaseException) -> str:
 
 
 def place(error: BaseException, script: Path | None = None) -> str:
-    """`task.py:12: `, the last line of the script that an error went through; empty if it went through none.
+    """Return `task.py:12: `, the last line of the script in an error's traceback; empty if there is none.
 
-    script: the file meant; without one, whichever file is neither of this program nor of a library.
+    script: its file; by default any file that belongs neither to this program nor to a library.
     """
     frames = traceback.extract_tb(error.__traceback__)
     if script is None:
@@ -45,23 +45,23 @@ def place(error: BaseException, script: Path | None = None) -> str:
 
 
 def script_traceback(error: BaseException) -> str:
-    """The traceback of an error as Python prints it, without frames of this program (and of what they called)."""
-    told = traceback.TracebackException.from_exception(error, compact=True)
-    _cut(told)
-    return "".join(told.format()).rstrip("\n")
+    """Return the traceback of an error as Python prints it, without frames of this program and its callees."""
+    report = traceback.TracebackException.from_exception(error, compact=True)
+    _strip(report)
+    return "".join(report.format()).rstrip("\n")
 
 
 def raised_inside(error: BaseException) -> bool:
-    """Whether it was this program that raised an error, or a library that it called, not the script."""
+    """Whether an error was raised by this program or a library that it called, not by the script."""
     frames = traceback.extract_tb(error.__traceback__)
     return bool(frames) and frames[-1] not in _without_ours(frames)
 
 
-def _cut(told: traceback.TracebackException) -> None:
-    told.stack[:] = _without_ours(told.stack)
-    for other in (told.__cause__, told.__context__, *(told.exceptions or ())):
+def _strip(report: traceback.TracebackException) -> None:
+    report.stack[:] = _without_ours(report.stack)
+    for other in (report.__cause__, report.__context__, *(report.exceptions or ())):
         if other is not None:
-            _cut(other)
+            _strip(other)
 
 
 def _without_ours(frames: Iterable[traceback.FrameSummary]) -> list[traceback.FrameSummary]:

@@ -1,16 +1,16 @@
-"""Running task scripts: what `vpframe run` and `vpframe new` do.
+"""Run task scripts: `vpframe run` and `vpframe new`.
 
-A task script is a Python file with two names in it:
+A task script is a Python file that defines:
 
-- where the parts come from: `FILE = "model.step"` (beside the script), or `def scene() -> vpframe.Scene`;
-- `def task(session)`: the task, in the hands' verbs, with what it expects.
+- the parts: `FILE = "model.step"` (beside the script), or `def scene() -> vpframe.Scene`;
+- `def task(session)`: the task, with verbs of hands and expectations.
 
-`OPTIONS = {...}`, if there, goes to `vpframe.Session` (`rule`, `dt`, `tolerance`, …). Ending the file with
+Optional `OPTIONS = {...}` are passed to `vpframe.Session` (`rule`, `dt`, `tolerance`, …). With the ending
 
     if __name__ == "__main__":
         vp.main(__file__)
 
-lets it run by itself too, with the options of `vpframe run`.
+the script can also be run directly, with the options of `vpframe run`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 OK, FAILED, BAD, INTERRUPTED = 0, 1, 2, 130
 TRACEBACK = "VPFRAME_TRACEBACK"
-"""environment variable: set it to see where in this program an error was raised"""
+"""environment variable that enables full tracebacks"""
 
 _SHOWN = (
     "grabbed",
@@ -70,7 +70,7 @@ def run_task(
     wait: bool = False,
     access: bool = False,
 ) -> int:
-    """Run one task script; 0 it can be done, 1 it cannot (or the script has a fault, see stderr), 130 interrupted.
+    """Run a task script; return 0 if the task can be done, 1 if not (or the script failed), 130 if interrupted.
 
     Parameters
     ----------
@@ -78,14 +78,14 @@ def run_task(
     view: open the live view.
     record: a `.rrd` file to record to.
     report: a folder for the report.
-    checkpoint: a file that keeps where the run is; `resume` goes on from it.
-    force: write there whatever is there; otherwise only over what vpframe wrote.
+    checkpoint: a file for the progress of the run; `resume` continues from it.
+    force: replace any existing output; otherwise only files written by vpframe.
     wait: with `view`, wait for the first browser, and show the end until Ctrl-C.
-    access: a straight tool must get to what hands grab and turn, where the script names none.
+    access: whether a straight tool must reach what hands grab and turn, unless the script sets it.
 
     Raises
     ------
-    VpframeError: bad input, in one line that names the file and the place; OutputError: a file that cannot be written.
+    VpframeError: bad input, in one line with file and place. OutputError: a file cannot be written.
     """
     from vpframe.session.session import Session
 
@@ -99,7 +99,7 @@ def run_task(
         saved = None if checkpoint is None else claims.enter_context(Output(checkpoint, CHECKPOINT, force, [script]))
         folder = None if report is None else claims.enter_context(OutputFolder(report, REPORT_FILES, force, [script]))
         module: Any = claims.enter_context(imported(script))
-        if hasattr(module, "VARIANTS"):  # a study's script; alone it runs with nominal values
+        if hasattr(module, "VARIANTS"):  # the script of a study: use nominal values
             from vpframe.studies.variants import bound, nominal, variables_of
 
             module = bound(module, script, nominal(variables_of(module, script)))
@@ -120,7 +120,7 @@ def run_task(
         for note in session.scene.all_notes():
             say(f"note: {note}")
         session.on_event(_print_event)
-        if folder is not None:  # what a person authorised after an earlier run
+        if folder is not None:  # pairs authorised after an earlier run
             for a, b in clash_status.read_authorised(folder.path / clash_status.FILE):
                 if a in scene and b in scene:
                     session.authorise(a, b)
@@ -149,17 +149,17 @@ def _viewer(wait: bool) -> MeshcatViewer:
 
 
 def _perform(module: ModuleType, session: Session, script: Path) -> tuple[int, str]:
-    """Run the task to its end, whatever that is; exit code and word for it, the reason being printed.
+    """Run the task; print the reason of a failure and return exit code and result.
 
     Raises
     ------
-    CheckpointError, OutputError: of a file that the run was given, which is not the script's fault.
+    CheckpointError, OutputError: a file of the run, not the script, is at fault.
     """
     try:
         with between_steps(session):
             module.task(session)
         session.conclude()
-    except BaseException as error:  # `sys.exit` in a script is no success either
+    except BaseException as error:  # also SystemExit: `sys.exit` in a script is no success
         session.conclude(error, script)
         if isinstance(error, CheckpointError | OutputError):
             raise
@@ -178,7 +178,7 @@ def _perform(module: ModuleType, session: Session, script: Path) -> tuple[int, s
 
 
 def _show(error: BaseException) -> None:
-    """Print where a script failed by its own fault, frame by frame; ours are left out unless they are asked for."""
+    """Print the traceback of a script's fault; our frames only if `TRACEBACK` is set."""
     if os.environ.get(TRACEBACK):
         warn("".join(traceback.format_exception(error)).rstrip())
     elif not is_ours(error):
@@ -188,7 +188,7 @@ def _show(error: BaseException) -> None:
 
 
 def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
-    """Run a task script as a program of its own; never returns."""
+    """Run a task script as a program; never returns."""
     parser = argparse.ArgumentParser(prog=os.path.basename(script))
     parser.add_argument(
         "--view", action="store_true", help="open the live view, wait for a browser, show the end until Ctrl-C"
@@ -196,10 +196,10 @@ def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
     parser.add_argument("--no-wait", dest="wait", action="store_false", help="with --view: do not wait for anybody")
     parser.add_argument("--record", metavar="RUN.rrd", help="record to this file")
     parser.add_argument("--report", metavar="DIR", help="write the report to this folder")
-    parser.add_argument("--access", action="store_true", help="a straight tool must get to what hands grab and turn")
-    parser.add_argument("--checkpoint", metavar="FILE", help="save where the run is, once a second")
-    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint of a run that was cut off")
-    parser.add_argument("--force", action="store_true", help="write there whatever is there")
+    parser.add_argument("--access", action="store_true", help="a straight tool must reach what hands grab and turn")
+    parser.add_argument("--checkpoint", metavar="FILE", help="save the progress of the run, once a second")
+    parser.add_argument("--resume", action="store_true", help="continue from the checkpoint of an interrupted run")
+    parser.add_argument("--force", action="store_true", help="also replace files that vpframe did not write")
     given = parser.parse_args(argv)
     try:
         with handled():
@@ -214,14 +214,14 @@ def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
 
 
 def new_task(path: str | Path, from_file: str | Path, force: bool = False, part: str | None = None) -> str:
-    """Write a first task script for the parts of a model; returns why it stops, empty when it runs to its end.
+    """Write a first task script for a model; return why it fails, empty if it succeeds.
 
-    part: the name of the one to take out; None: the first that comes out.
+    part: name of the part to remove; None: the first one that can be removed.
 
     Raises
     ------
-    OutputError: the script exists already (and is not to be replaced by `force`), or cannot be written; LoadError: the
-        model cannot be read; UnknownPartError, TaskError: no part has that name.
+    OutputError: the script exists already (without `force`), or cannot be written; LoadError: the model cannot be read;
+        UnknownPartError, TaskError: no part has that name.
     """
     with Output(path, SCRIPT, force, [from_file]) as script:
         from vpframe.app.scaffold import new_task as write
@@ -233,7 +233,7 @@ def new_task(path: str | Path, from_file: str | Path, force: bool = False, part:
 
 
 def loaded(path: str | Path) -> Scene:
-    """`vpframe.load`, with a line of progress on the terminal."""
+    """`vpframe.load` with a progress line."""
     from vpframe.app.progress import Progress
     from vpframe.importers import load
 
@@ -243,7 +243,7 @@ def loaded(path: str | Path) -> Scene:
 
 @contextlib.contextmanager
 def imported(script: Path) -> Iterator[ModuleType]:
-    """The module of a task script; inside, `import` finds what lies beside the script, and the module by its name."""
+    """Yield the module of a task script; inside, it is in `sys.modules` and `import` searches the script's folder."""
     name = f"vpframe_task_{script.stem}"
     spec = importlib.util.spec_from_file_location(name, script)
     if spec is None or spec.loader is None:
@@ -260,7 +260,7 @@ def imported(script: Path) -> Iterator[ModuleType]:
         yield module
     finally:
         sys.modules.pop(name, None)
-        with contextlib.suppress(ValueError):  # the script took it away itself
+        with contextlib.suppress(ValueError):  # removed by the script
             sys.path.remove(folder)
 
 
@@ -271,18 +271,18 @@ def _scene(module: ModuleType, script: Path) -> Any:
         return make()
     if isinstance(file, str | Path):
         return loaded(script.parent / file)
-    raise VpframeError(f"{script}: says not what to work on; write FILE = 'model.step' or `def scene(): …`")
+    raise VpframeError(f"{script}: defines no model; write FILE = 'model.step' or `def scene(): …`")
 
 
 @contextlib.contextmanager
 def _located(script: Path) -> Iterator[None]:
-    """Give errors raised while a script is read the line they come from, and turn foreign ones into one line."""
+    """Convert errors of a script that is being read to VpframeError with its line."""
     try:
         yield
     except SyntaxError as error:
         raise VpframeError(f"{error.filename or script}:{error.lineno}: {error.msg}") from error
     except (Exception, SystemExit) as error:
-        if not os.environ.get(TRACEBACK):  # else whoever catches what is raised here shows all of it
+        if not os.environ.get(TRACEBACK):  # otherwise the caller shows the full traceback
             _show(error)
         raise VpframeError(f"{place(error, script)}{in_one_line(error)}") from error
 

@@ -1,9 +1,9 @@
-"""Compile the kernels of a command in two further processes, while the first process reads its file.
+"""Compile the kernels of a command in two more processes while the first process reads its file.
 
-Each process runs small examples of the queries of the command: one of `collision`, the other mostly of the packages
-after it. Kernels are kept on disk, and a process that needs a kernel that another one compiles waits for it
-(`collision.numeric.kernel_cache`). There is no other communication, and nothing is lost if a process dies. All end with
-the first one.
+Each process runs small examples of the command's queries: one for `collision`, the other mostly for the packages after
+it. Kernels are kept on disk, and a process that needs a kernel under compilation waits for it
+(`collision.numeric.kernel_cache`). The processes do not communicate otherwise, may fail without loss, and end with the
+first one.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _helpers: list[subprocess.Popen[bytes]] = []
 
 
 def start(use: str) -> None:
-    """Start a process for each share of a use in USES, except for shares that are noted as done."""
+    """Start a process for each share of a use in USES, except for shares that are done."""
     from collision.numeric import kernel_cache
 
     folder = kernel_cache.folder("vpframe")
@@ -40,13 +40,13 @@ def start(use: str) -> None:
 
 
 def wait() -> None:
-    """Return when the processes that `start` has started have ended."""
+    """Wait until the processes started by `start` have ended."""
     for helper in _helpers:
         helper.wait()
 
 
 def note_enough(use: str) -> None:
-    """Note all shares of a use as done if this process has compiled nothing."""
+    """Mark all shares of a use as done if this process compiled nothing."""
     from collision.numeric import kernel_cache
     from collision.numeric.kernel import compilation
 
@@ -57,7 +57,7 @@ def note_enough(use: str) -> None:
 
 
 def main(use: str, share: int) -> None:
-    """Run one share of a use, and note it as done."""
+    """Run one share of a use and mark it as done."""
     from collision.numeric import kernel_cache
 
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -73,7 +73,7 @@ def _done(folder: Path, use: str, share: int) -> Path:
 
 
 def _end_with_parent() -> None:
-    os.read(sys.stdin.fileno(), 1)  # returns when the first process ends: nothing is ever written
+    os.read(sys.stdin.fileno(), 1)  # returns at the end of the first process, which never writes
     os._exit(0)
 
 
@@ -89,7 +89,7 @@ def _box(size: float) -> SurfaceMesh:
 
 
 def _boxes(gap: float) -> CollisionManager:
-    """A box of 10 mm, and one of 4 mm at a distance (m) from it."""
+    """Return a world with a box of 10 mm and one of 4 mm at a distance (m)."""
     import numpy as np
 
     from collision import CollisionManager
@@ -227,7 +227,7 @@ USES: dict[str, tuple[tuple[Callable[[], None], ...], ...]] = {
     "clash": ((_contacts, _surfaces, _overlaps), (_depths, _classes)),
     "mates": ((_contacts,), (_overlaps, _solutions)),
 }
-"""the examples of each process, by use, in the order in which the command needs their kernels"""
+"""examples of each process, by use, in the order in which the command needs their kernels"""
 
 if __name__ == "__main__":
     main(sys.argv[1], int(sys.argv[2]))

@@ -1,16 +1,18 @@
-"""`Workbench`: a model on the live page, where a person takes parts in hand by the session's own verbs.
+"""`Workbench`: a session on a live page, where a user holds parts with the session's own verbs.
 
-Pages send requests; the session's thread performs them, one after another, and keeps each as a statement of a script.
-Between requests nothing is computed but what the page has not been shown yet: clashes in depth, freedom of all parts.
+Pages send requests; the session's thread performs them in order and records each as a statement of a script.
+Between requests only missing data of the page is computed: clash depths, freedom of all parts.
 """
 
 from __future__ import annotations
 
 import contextlib
+import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ from vpframe.hands.arguments import as_pose
 from vpframe.hands.assist import Assist
 from vpframe.hands.dragging import along_freedom
 from vpframe.hands.hand import Hand
+from vpframe.hands.paths import apart
 from vpframe.scene.scene import Scene
 from vpframe.session.rules import accept_standing
 from vpframe.session.session import Session, SessionMark
@@ -36,37 +39,41 @@ from vpframe.view.meshcat_viewer import MeshcatViewer
 from vpframe.view.requests import ABOUT_CONSTRAINTS, Request
 
 WAITING = 200
-"""requests that wait at most; what comes on top of them is dropped"""
+"""maximum number of waiting requests; further ones are dropped"""
 LINGER = 10.0
-"""s that the search for clashes may take to end"""
+"""time limit for the end of the clash search, s"""
 STILL = 1e-6
-"""m, and rad: what moves less in a step rests"""
+"""m and rad: motion in a step below which a part rests"""
 SNAP = 0.05
-"""of half the scene's size: the reach of the assist's snapping"""
+"""reach of the assist's snapping, as a fraction of half the scene's size"""
 MOST_SNAP = 3e-3
-"""m, at most"""
+"""maximum reach, m"""
 DIGITS = 7, 9
-"""of lengths (m) and of quaternions, in scripts"""
+"""decimals of lengths (m) and of quaternions in scripts"""
 MOVES = ("drag", "place")
-"""requests of which only the latest counts"""
+"""requests that replace the previous one of the same kind"""
+MOST_UNDO = 100
+"""maximum number of statements that can be undone"""
+MOST_BYTES = 1 << 26
+"""maximum memory of their marks, bytes; the oldest are dropped first, the latest never"""
 
 
+@dataclass
 class Done:
-    """Statements that are undone together, and where the session stood before them."""
+    """Statements that are undone together, and a mark of the session before them; None: they cannot be undone."""
 
-    def __init__(self, statements: list[Statement], before: SessionMark) -> None:
-        self.statements = statements
-        self.before = before
+    statements: list[Statement]
+    before: SessionMark | None
 
 
 class Workbench:
-    """A session on a scene that pages work in.
+    """A session on a scene, controlled by pages.
 
     Parameters
     ----------
-    model: the file that the scene comes from; loading: what it was loaded with.
-    save: where the script is written, after each statement; None: pages can ask for its text.
-    host: as of `MeshcatViewer`.
+    model: file of the scene; loading: options it was loaded with.
+    save: file in which the script is written after each statement; None: pages can request its text.
+    host: as in `MeshcatViewer`.
     """
 
     def __init__(
@@ -91,7 +98,7 @@ class Workbench:
         self.snap = float(f"{min(SNAP * 0.5 * float(np.linalg.norm(high - low)), MOST_SNAP):.2g}")
         self.hand.assist = Assist(snap=self.snap)
         self.holder = 0
-        """number of the page that holds the hand; 0: none"""
+        """number of the page that controls the hand; 0: none"""
         self.done: list[Done] = []
         self.undone: list[Done] = []
         self._freedom_of: tuple[int, ...] | None = None
@@ -113,7 +120,7 @@ class Workbench:
     # ---- requests
 
     def ask(self, request: Request) -> None:
-        """Take a request in (any thread); of a page's successive moves only the latest waits."""
+        """Queue a request (any thread); a move replaces the previous waiting move of its page."""
         with self._change:
             last = self._requests[-1] if self._requests else None
             if last and request.action in MOVES and (last.action, last.client) == (request.action, request.client):
@@ -123,7 +130,7 @@ class Workbench:
             self._change.notify_all()
 
     def _must_be_heard(self, request: Request) -> bool:
-        """A page that goes lets go, however much waits; once is enough."""
+        """Whether a request is queued even if the queue is full: the first release of a page."""
         known = ((r.action, r.client) for r in self._requests)
         return request.action == "release" and ("release", request.client) not in known
 
@@ -131,13 +138,13 @@ class Workbench:
         self.ask(Request("release", client=client))
 
     def _next(self, timeout: float | None = None) -> Request | None:
-        """The next request; None when there was none for `timeout` seconds, or the bench is to close."""
+        """Return the next request; None after `timeout` seconds without one, or at the end."""
         with self._change:
             self._change.wait_for(lambda: self._requests or self._stop, timeout)
             return None if self._stop or not self._requests else self._requests.popleft()
 
     def _next_move(self, wait: bool) -> Request | None:
-        """The next request if it is a move of the page that holds the hand; others stay."""
+        """Return the next request if it is a move of the controlling page; otherwise leave it in the queue."""
         with self._change:
             if wait:
                 self._change.wait_for(lambda: self._requests or self._stop)
@@ -147,7 +154,7 @@ class Workbench:
             return self._requests.popleft()
 
     def run(self) -> None:
-        """Serve until Ctrl-C or `stop`; the session is closed then."""
+        """Serve until Ctrl-C or `stop`, then close the session."""
         finder = threading.Thread(target=self._find_clashes, name="vpframe clashes", daemon=True)
         try:
             self.session.show()
@@ -165,7 +172,7 @@ class Workbench:
             self._stop = True
             self.session.close()
             if finder.ident is not None:
-                finder.join(LINGER)  # it hears of the end with its next progress
+                finder.join(LINGER)  # it stops at its next progress report
 
     def stop(self) -> None:
         """End `run` (any thread)."""
@@ -174,11 +181,11 @@ class Workbench:
             self._change.notify_all()
 
     def do(self, request: Request) -> None:
-        """Perform one request; the page that asked is told what could not be done."""
+        """Perform one request; errors are sent to its page."""
         try:
             if request.action != "save" and self.holder not in (0, request.client):
                 if request.action in ("release", "rest"):
-                    return  # a page went that held nothing
+                    return  # a page without control has closed
                 raise TaskError(f"another page holds {self.hand.held}; it has to let go first")
             if request.action in (*MOVES, "slide", "turn") and self.hand.held is None:
                 raise TaskError("no part is held; take one in hand first")
@@ -187,7 +194,7 @@ class Workbench:
             self._say(request.client, str(error))
         self._tell()
 
-    # ---- one method an action
+    # ---- actions
 
     def _grab(self, request: Request) -> None:
         names = self.session.scene.names
@@ -233,14 +240,16 @@ class Workbench:
     def _undo(self, request: Request) -> None:
         if not self.done:
             raise TaskError("there is nothing to undo")
-        last = self.done.pop()
-        self.undone.append(last)
+        last = self.done[-1]
+        if last.before is None:
+            raise TaskError("what was done before cannot be undone any more")
         self._back_to(last.before)
+        self.undone.append(Done(self.done.pop().statements, None))
         self.holder = request.client if self.hand.held else 0
 
     def _redo(self, request: Request) -> None:
         if not self.undone:
-            raise TaskError("there is nothing to do again")
+            raise TaskError("there is nothing to redo")
         again, rest = self.undone.pop(), self.undone
         self._perform(again.statements)
         self.undone = rest
@@ -254,7 +263,7 @@ class Workbench:
         self._write()
         self._say(request.client, f"written to {self._save.path.name}")
 
-    # ---- how statements are performed
+    # ---- statements
 
     def _perform(self, statements: list[Statement], client: int = 0) -> None:
         before = self.session.mark()
@@ -271,7 +280,7 @@ class Workbench:
             self._say(client, outcome.reason)
 
     def _guarded(self, before: SessionMark, act: Callable[[], object]) -> None:
-        """Do it; what fails leaves no trace, so that the script does not need it."""
+        """Perform an action; undo it if it fails, so that the script need not contain it."""
         try:
             act()
         except BaseException:
@@ -281,6 +290,14 @@ class Workbench:
     def _keep(self, statements: list[Statement], before: SessionMark) -> None:
         self.done.append(Done(statements, before))
         self.undone = []
+        known: set[int] = set()
+        room = MOST_BYTES
+        for count, done in enumerate(reversed(self.done)):
+            if done.before is None:
+                break  # earlier marks are dropped already
+            room -= _bytes(done.before, known)
+            if count and (count >= MOST_UNDO or room < 0):
+                done.before = None
         if self._save is not None:
             self._write()
 
@@ -289,7 +306,7 @@ class Workbench:
         self.session.show()
 
     def _targets(self, request: Request, poses: list[tuple[float, ...]]) -> Iterator[tuple[float, ...]]:
-        """The poses that a drag asks for, each put into `poses`, until it rests or something else is asked for."""
+        """Yield a drag's target poses, appending each to `poses`, until the part rests or another request comes."""
         latest: Request | None = request
         while latest is not None:
             before = pin.SE3(self.hand.subject)
@@ -297,11 +314,11 @@ class Workbench:
             poses.append(target)
             yield target
             here, goal = pin.SE3(self.hand.subject), as_pose(target, self.hand.subject)
-            goes_on = _apart(before, here) > STILL and _apart(here, goal) > STILL
+            goes_on = apart(before, here) > STILL and apart(here, goal) > STILL
             latest = self._next_move(wait=not goes_on) or (latest if goes_on and not self._requests else None)
 
     def _target(self, request: Request) -> tuple[float, ...]:
-        """The pose that a move asks of what is held, as a script has it: x y z, or x y z qx qy qz qw."""
+        """Return the target pose of a move, as in a script: x y z, or x y z qx qy qz qw."""
         hand, here = self.hand, pin.SE3(self.hand.subject)
         assert hand.held is not None
         given = request.given
@@ -318,10 +335,10 @@ class Workbench:
             return position
         return (*position, *(round(float(x), turn) for x in pin.SE3ToXYZQUAT(goal)[3:]))
 
-    # ---- what pages are told
+    # ---- messages to pages
 
     def source(self, folder: Path) -> str:
-        """The script of what was done, for a folder."""
+        """Return the script of all statements, for a folder."""
         statements = [statement for done in self.done for statement in done.statements]
         return task_source(statements, self._model.resolve(), folder.resolve(), self._loading, self.snap)
 
@@ -341,7 +358,7 @@ class Workbench:
                 "holder": self.holder,
                 "held": [names.index(name) for name in held],
                 "stopped": plain(self.hand.stopped_by),
-                "undo": len(self.done),
+                "undo": sum(done.before is not None for done in self.done),
                 "redo": len(self.undone),
                 "script": [plain(s.short) for done in self.done[-20:] for s in done.statements],
                 "saves": plain(self._save.path.name) if self._save else "",
@@ -352,7 +369,7 @@ class Workbench:
         return tuple(c.id for c in self.session.constraints)
 
     def _tell_freedom(self) -> None:
-        """Freedom of all parts; a request that comes meanwhile is heard first."""
+        """Publish the freedom of all parts; stop if a request comes."""
         in_force = self._in_force()
         rows = []
         for name in self.session.scene.names:
@@ -363,7 +380,7 @@ class Workbench:
         self.viewer.publish({"type": "freedom", "rows": rows})
 
     def _find_clashes(self) -> None:
-        """Clashes of the scene as it stood when it was opened (in a thread of its own)."""
+        """Publish the clashes of the initial scene (runs in its own thread)."""
         index = self._as_it_stands.index
 
         def tell(rows: list[Any], done: bool, text: str) -> None:
@@ -398,10 +415,19 @@ class Workbench:
             tell(rows, True, "")
 
 
-def _apart(a: pin.SE3, b: pin.SE3) -> float:
-    """The larger of the distance (m) and the angle (rad) between two poses."""
-    way = a.actInv(b)
-    return max(float(np.linalg.norm(way.translation)), float(np.linalg.norm(pin.log3(way.rotation))))
+def _bytes(value: Any, known: set[int]) -> int:
+    """Return the approximate size of a mark in bytes, without what is in `known` (other marks, parts, hands)."""
+    if id(value) in known:
+        return 0
+    known.add(id(value))
+    inside: Iterable[Any] = ()
+    if isinstance(value, dict):
+        inside = (*value.keys(), *value.values())
+    elif isinstance(value, tuple | list | set | frozenset):
+        inside = value
+    elif isinstance(value, np.ndarray) and value.base is not None:
+        return value.nbytes
+    return sys.getsizeof(value) + sum(_bytes(item, known) for item in inside)
 
 
 def _unit(pose: tuple[float, ...]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What a person did at the page, statement by statement, and the task script that does the same to the bit."""
+"""Statements performed by a user on the page, and the task script that repeats them bit for bit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vpframe.text import plain
 
 @dataclass(frozen=True)
 class Statement:
-    """A call of a verb, of "hand" or of "session": performed, and written into the script, from the same values."""
+    """A call of a verb of "hand" or "session", performed and written into the script with the same values."""
 
     of: str
     verb: str
@@ -26,18 +26,18 @@ class Statement:
     remark: str = ""
 
     def perform(self, session: Session, hand: Hand) -> Outcome | None:
-        """Do it."""
+        """Perform the call."""
         result = getattr(hand if self.of == "hand" else session, self.verb)(*self.given, **self.named)
         return result if isinstance(result, Outcome) else None
 
     @property
     def source(self) -> str:
-        """The line of the script; every number in it reads back as it was."""
+        """Line of the script with exact numbers."""
         return self._line(_written)
 
     @property
     def short(self) -> str:
-        """The same for people: of a list its length."""
+        """Line for display, with lists replaced by their lengths."""
         return self._line(_shortened)
 
     def _line(self, written: Any) -> str:
@@ -50,15 +50,15 @@ class Statement:
 def task_source(
     statements: Sequence[Statement], model: Path, beside: Path, loading: Mapping[str, Any], snap: float
 ) -> str:
-    """The task script that performs the statements.
+    """Return the task script that performs the statements.
 
     Parameters
     ----------
-    model, beside: the model's file, and the folder that the script is for.
-    loading: what the model was loaded with (`vp.load`), other than by default.
-    snap: m, reach of the hand's assist.
+    model, beside: file of the model, and folder of the script.
+    loading: options with which the model was loaded (`vp.load`).
+    snap: reach of the hand's assist, m.
     """
-    with contextlib.suppress(ValueError):  # another drive
+    with contextlib.suppress(ValueError):  # the model is on another drive
         model = Path(os.path.relpath(model, beside))
     options = "".join(f", {name}={value!r}" for name, value in loading.items())
     source = f"FILE = {model.as_posix()!r}"
@@ -76,7 +76,7 @@ def task_source(
 
 
 def _written(value: Any) -> str:
-    if isinstance(value, list):  # of poses, a line each
+    if isinstance(value, list):  # one line for each pose
         return "[\n" + "".join(f"    {_numbers(item)},\n" for item in value) + "]"
     return repr(value)
 

@@ -1,7 +1,7 @@
-"""Clashes as BCF 3.0 (BIM Collaboration Format, buildingSMART): a topic a pair of parts, with viewpoint and picture.
+"""Clashes as BCF 3.0 (BIM Collaboration Format, buildingSMART): one topic for each pair of parts, with a picture.
 
-A topic has the same GUID in every run, made of the two parts' names, so that tools update it. Parts have no IFC GUID:
-components carry their names as `AuthoringToolId`.
+The GUID of a topic is derived from the two parts' names, so that tools update it in later runs. Parts have no IFC
+GUID: components carry their names as `AuthoringToolId`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from vpframe.view.camera import Camera, look_at
 from vpframe.view.snapshot import png, render
 
 NAMESPACE = uuid.UUID("8b3f3a52-6f0e-5c0b-9d57-3c1c6a1f6f10")
-"""of the GUIDs of topics and viewpoints"""
+"""namespace of the GUIDs of topics and viewpoints"""
 TYPE, OPEN, CLOSED = "Clash", "Open", "Closed"
 RED = "E62924"
 
@@ -46,21 +46,21 @@ def write_bcf(
     date: datetime.datetime | None = None,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
 ) -> list[str]:
-    """Write the clashes that `vpframe.analysis.clash.clash` found in a scene as a BCF 3.0 file.
+    """Write the clashes found by `vpframe.analysis.clash.clash` as a BCF 3.0 file.
 
     Parameters
     ----------
-    found: what `clash` returned, with "status" and "remark" where `with_status` was asked. An accepted clash is a
-        closed topic, its remark a comment.
-    author, date: of the topics; now, in UTC, if there is no date.
+    found: result of `clash`, with "status" and "remark" if `with_status` was called. An accepted clash becomes a closed
+        topic with its remark as comment.
+    author, date: of the topics; default date: now, UTC.
 
     Returns
     -------
-    A line for each kind of pair that is no clash and was left out, with its number.
+    One line for each kind of pair that is no clash and was left out, with its number.
 
     Raises
     ------
-    OutputError: the file cannot be written, or is there and vpframe did not write it.
+    OutputError: the file cannot be written, or exists and was not written by vpframe.
     """
     pairs = by_parts(found["pairs"], KINDS)
     clashes = [pair for pair in pairs if pair["kind"] in BAD_KINDS]
@@ -74,9 +74,7 @@ def write_bcf(
             _add(archive, "extensions.xml", _text(_extensions(author)))
             for number, pair in enumerate(clashes):
                 progress(number / len(clashes), " – ".join(pair["parts"]))
-                guid, view = (
-                    str(uuid.uuid5(NAMESPACE, "\0".join((what, *pair["parts"])))) for what in ("topic", "view")
-                )
+                guid, view = (_guid(what, *pair["parts"]) for what in ("topic", "view"))
                 camera, picture = _picture(scene, pair)
                 topic = _topic(scene, pair, guid, view, number, author, when)
                 _add(archive, f"{guid}/markup.bcf", _text(topic))
@@ -92,7 +90,7 @@ def _guid(*words: str) -> str:
 
 
 def _add(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
-    info = zipfile.ZipInfo(name)  # of no date: the same clashes give the same bytes
+    info = zipfile.ZipInfo(name)  # without date: equal clashes give equal bytes
     info.compress_type = zipfile.ZIP_DEFLATED
     info.external_attr = 0o644 << 16
     archive.writestr(info, data)
@@ -118,7 +116,7 @@ def _project(scene: Scene) -> xml.Element:
 
 
 def _extensions(author: str) -> xml.Element:
-    """The words that topics use; every list of the schema, in its order."""
+    """Return the vocabulary of the topics: all lists of the schema in its order."""
     root = xml.Element("Extensions")
     lists = {
         "TopicTypes": [TYPE],

@@ -1,7 +1,7 @@
-"""GLB (glTF 2.0) out: the parts as triangles in their tree and colours, and their motion as an animation.
+"""GLB (glTF 2.0) export: parts as triangles in their tree and colours, motion as an animation.
 
-glTF has y up and ours is z: the root turns the scene, so that it stands upright in every viewer. Poses are kept to the
-last bit in the nodes (JSON numbers); vertices and animations are single precision, as the format has them.
+glTF has y up; the root node rotates the scene from z up. Node poses have full precision (JSON numbers); vertices and
+animations have single precision.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from vpframe import files
+from vpframe.app.outputs import GENERATOR
+from vpframe.exporters.losses import losses
 from vpframe.scene.motion import Motion
 from vpframe.scene.scene import Part, Scene
 from vpframe.view.display import display_mesh
 
-GENERATOR = "vpframe"
 _FLOAT, _UINT = 5126, 5125
 _ARRAY, _ELEMENTS = 34962, 34963
 _UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
-"""quaternion x y z w that turns z up to y up"""
+"""quaternion x y z w that rotates z up to y up"""
 
 
 def write_glb(scene: Scene, path: Path, poses: Mapping[str, pin.SE3], motion: Motion | None = None) -> list[str]:
-    """Write a scene with its parts at `poses`, and what `motion` has of them as an animation.
+    """Write a scene with its parts at `poses`, and `motion` as an animation; return what was left out.
 
-    A primitive a colour of a part; nodes carry the part's name, and its whole path as `extras.path`. Returns what was
-    left out.
+    One primitive for each colour of a part; nodes carry the part's name, and its whole path as `extras.path`.
     """
     file = _File(scene.source or "scene")
     for part in scene.parts:
@@ -43,13 +43,11 @@ def write_glb(scene: Scene, path: Path, poses: Mapping[str, pin.SE3], motion: Mo
     left = ["exact surfaces: GLB has triangles only"]
     if any(part.density is not None or part.inertia is not None for part in scene.parts):
         left.append("densities and inertias")
-    if any(surface.size for part in scene.parts for surface in part.surfaces):
-        left.append("sizes of PMI")
-    return left + [f"joint of {s.parts[0]} and {s.parts[1]} ({s.kind})" for s in scene.statements]
+    return left + losses(scene, "sizes", "joints")
 
 
 class _File:
-    """The JSON and the binary chunk (glTF 2.0, section 4.4) as they grow."""
+    """JSON and binary chunk (glTF 2.0, section 4.4) under construction."""
 
     def __init__(self, name: str) -> None:
         root = {"name": Path(name).stem or "scene", "rotation": _UP, "children": []}
@@ -72,7 +70,7 @@ class _File:
         self._materials: dict[tuple[float, ...], int] = {}
 
     def add(self, part: Part, pose: pin.SE3) -> None:
-        """A node of the part under its subassemblies."""
+        """Add a node for a part below its subassemblies."""
         *above, name = part.name.split("/")
         node = {"name": name, "mesh": self._mesh(part), "extras": {"path": part.name}}
         self._nodes[part.name] = self._child(tuple(above), {**node, **_placed(pin.SE3ToXYZQUAT(pose))})
@@ -118,7 +116,7 @@ class _File:
         return self._materials[color]
 
     def animate(self, motion: Motion) -> None:
-        """An animation of the parts that move: position and rotation, straight between keys."""
+        """Add an animation of the moving parts, linear between keys."""
         samplers: list[dict[str, Any]] = []
         channels: list[dict[str, Any]] = []
         for name in motion.moving:
@@ -152,7 +150,7 @@ class _File:
         return len(self.json["accessors"]) - 1
 
     def bytes(self) -> bytes:
-        """The file."""
+        """Return the content of the file."""
         for node in self.json["nodes"]:
             if node.get("children") == []:
                 del node["children"]
@@ -170,5 +168,5 @@ def _placed(row: NDArray[np.float64]) -> dict[str, list[float]]:
 
 
 def _linear(srgb: float) -> float:
-    """The linear value of an sRGB one, both in 0 … 1 (IEC 61966-2-1)."""
+    """Convert an sRGB value to linear, both in 0 … 1 (IEC 61966-2-1)."""
     return srgb / 12.92 if srgb <= 0.04045 else ((srgb + 0.055) / 1.055) ** 2.4

@@ -1,4 +1,4 @@
-"""STEP out: the exact B-rep of every part where it is, with names, tree, colours and densities."""
+"""STEP export: the exact B-rep of every part at its pose, with names, tree, colours and densities."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ import pinocchio as pin
 from vpframe import files
 from vpframe.codec import Codec
 from vpframe.errors import OutputError, VpframeError
+from vpframe.exporters.losses import losses
 from vpframe.importers import cad
 from vpframe.scene.scene import Part, Scene
 
 TIMEOUT = 600.0
-"""s that the kernel may take"""
+"""time limit of the kernel, s"""
 
 
 def write_step(scene: Scene, path: Path, poses: Mapping[str, pin.SE3]) -> list[str]:
-    """Write a scene with its parts at `poses`; returns what was left out.
+    """Write a scene with its parts at `poses`; return what was left out.
 
-    Parts of one shape and density are instances of one product. A part that is a mesh has no B-rep: it is left out.
+    Parts of the same shape and density are instances of one product. Meshes have no B-rep and are left out.
 
     Raises
     ------
@@ -34,7 +35,7 @@ def write_step(scene: Scene, path: Path, poses: Mapping[str, pin.SE3]) -> list[s
     left = [f"{p.name}: it is a mesh, of which STEP has no B-rep; export GLB" for p in scene.parts if not p.shape.brep]
     left += [f"{part.name}: inertia that the model states; STEP has density only" for part in solid if part.inertia]
     left += [f"{part.name} {s.size}: sizes of PMI" for part in _firsts(solid) for s in part.surfaces if s.size]
-    left += [f"joint of {s.parts[0]} and {s.parts[1]} ({s.kind})" for s in scene.statements]
+    left += losses(scene, "joints")
     if not solid:
         raise VpframeError(f"{path}: no part has a B-rep, all are meshes; STEP carries none: export GLB")
     shapes = list(dict.fromkeys(part.shape for part in solid))
@@ -56,7 +57,7 @@ def write_step(scene: Scene, path: Path, poses: Mapping[str, pin.SE3]) -> list[s
 
 
 def _firsts(parts: list[Part]) -> list[Part]:
-    """The first part of each shape."""
+    """Return the first part of each shape."""
     first: dict[int, Part] = {}
     for part in parts:
         first.setdefault(id(part.shape), part)
@@ -67,6 +68,6 @@ def _part(part: Part, shape: int, pose: pin.SE3) -> list[Any]:
     steps = part.name.split("/")
     rows = np.column_stack([pose.rotation, pose.translation * 1e3])
     faces = [(int(s.name[5:]), s.color) for s in part.surfaces if s.color and re.fullmatch(r"face_\d+", s.name)]
-    # a number by itself reads as no name, and the product's is taken then: it must be the same
+    # a number counts as no name, and readers use the product's: it must be the same
     product = steps[-1] if steps[-1].isdigit() else re.sub(r"_\d+$", "", part.shape.mesh.name.split("/")[-1])
     return [steps, shape, product, rows.ravel().tolist(), list(map(float, part.color)), part.density, faces]

@@ -1,4 +1,4 @@
-"""A scene as a STEP file (AP242), by OpenCascade: what the child process of `vpframe.exporters.step` runs."""
+"""Write a scene as a STEP file (AP242) with OpenCascade, in the child process of `vpframe.exporters.step`."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
+from vpframe.app.outputs import GENERATOR
 from vpframe.codec import Codec
 from vpframe.importers.brep import MM, brep_shape
 from vpframe.importers.raw import Color, UnreadableError
 
-GENERATOR = "vpframe"
 GRAMS = 1e-3
-"""g/cm³ in kg/m³: the unit of XCAF's materials"""
+"""g/cm³ for 1 kg/m³: the unit of XCAF's materials"""
 
 
 def write_step(content: str, path: str) -> None:
-    """Write what the file `content` holds, as `vpframe.exporters.step` encodes it, to `path`.
+    """Write the data in the file `content`, encoded by `vpframe.exporters.step`, to `path`.
 
-    Raises UnreadableError where the kernel cannot.
+    Raises UnreadableError if the kernel fails.
     """
     data = Codec().decode(Path(content).read_bytes())
     Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
@@ -58,7 +58,7 @@ def write_step(content: str, path: str) -> None:
 
 
 class _Tree:
-    """The labels of an assembly: subassemblies by path, products by what they are."""
+    """Labels of an assembly: subassemblies by path, products by content."""
 
     def __init__(self, document: TDocStd_Document, name: str, breps: list[bytes]) -> None:
         self.shapes: Any = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
@@ -81,7 +81,7 @@ class _Tree:
         density: float | None,
         faces: list[tuple[int, Color]],
     ) -> None:
-        """Place an instance of a product; `pose` is rows of rotation | translation (mm), in the world."""
+        """Add an instance of a product; `pose`: rows of rotation | translation (mm), world."""
         key = (shape, product, density)
         if key not in self._products:
             self._products[key] = self._product(shape, product, density, faces)
@@ -108,7 +108,7 @@ class _Tree:
         _name(label, name)
         if density is not None:
             text = TCollection_HAsciiString
-            named = text(f"density {density:.17g} kg/m3")  # the reader takes materials of one name for one
+            named = text(f"density {density:.17g} kg/m3")  # readers merge materials of the same name
             given = (named, text(""), density * GRAMS, text("density"), text("POSITIVE_RATIO_MEASURE"))
             self._materials.SetMaterial(label, *given)
         known = ShapeMap()

@@ -1,4 +1,4 @@
-"""Tables as pandas, polars and spreadsheets read them: CSV, and Parquet where pyarrow is."""
+"""Tables for pandas, polars and spreadsheets: CSV, and Parquet if pyarrow is installed."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ def write_table(
     columns: Sequence[str] | None = None,
     force: bool = False,
 ) -> Path:
-    """Write events, or rows of named values, as CSV or Parquet by the name's ending; returns the path.
+    """Write events, or rows of named values, as CSV or Parquet by the suffix; return the path.
 
-    A column a name; numbers and text stay what they are, and what is nested (lists, dictionaries) becomes JSON. CSV is
-    UTF-8 with a header; numbers have all their digits.
+    One column for each name; numbers and text are kept, nested values (lists, dictionaries) become JSON. CSV is UTF-8
+    with a header and all digits of numbers.
 
-    columns: their names and order; without them, as they come up. force: replace a file that is no such table, too.
+    columns: names in order; default: in order of appearance. force: also replace a file that is no such table.
 
     Raises
     ------
-    OutputError: it cannot be written, or is there and not ours. VpframeError: another ending, or pyarrow is missing.
+    OutputError: it cannot be written, or exists and is not ours. VpframeError: unknown suffix, or no pyarrow.
     """
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
@@ -58,7 +58,7 @@ def write_table(
 
 
 def pose_rows(scene: Scene, poses: Mapping[str, pin.SE3], motion: Motion | None = None) -> list[dict[str, Any]]:
-    """A row a part and key: part, t (s), x y z (m), qx qy qz qw, with what else a part is; `read_motion` reads it."""
+    """Return a row for each part and key: part, t (s), x y z (m), qx qy qz qw, and properties; see `read_motion`."""
     out = []
     for part in scene.parts:
         times, rows = (np.zeros(1), pin.SE3ToXYZQUAT(poses.get(part.name, part.pose))[None, :])
@@ -76,7 +76,7 @@ def pose_rows(scene: Scene, poses: Mapping[str, pin.SE3], motion: Motion | None 
 
 
 def clash_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """A row a pair of surfaces of what `vpframe.analysis.clash.clash` found; lengths in m."""
+    """Return a row for each pair of surfaces found by `vpframe.analysis.clash.clash`; lengths in m."""
     out = []
     for pair in found["pairs"]:
         surfaces, faces = (list(pair[name]) or [None, None] for name in ("surfaces", "faces"))
@@ -142,7 +142,7 @@ def _parquet(names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> bytes:
 
 
 def parquet() -> Any:
-    """`pyarrow.parquet`; VpframeError where it is not installed."""
+    """Return `pyarrow.parquet`; VpframeError if it is not installed."""
     try:
         import pyarrow.parquet
     except ImportError:

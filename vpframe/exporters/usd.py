@@ -1,4 +1,4 @@
-"""USD out, by usd-core where it is installed: parts as meshes in their tree and colours, motion as time samples."""
+"""USD export with usd-core, if installed: parts as meshes in their tree and colours, motion as time samples."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ import numpy as np
 import pinocchio as pin
 
 from vpframe import files
+from vpframe.app.outputs import GENERATOR
 from vpframe.errors import VpframeError
+from vpframe.exporters.losses import losses
 from vpframe.scene.motion import Motion
 from vpframe.scene.scene import Scene
 
-GENERATOR = "vpframe"
 FRAMES = 60.0
-"""time codes a second"""
+"""time codes per second"""
 
 
 def write_usd(scene: Scene, path: Path, poses: Mapping[str, pin.SE3], motion: Motion | None = None) -> list[str]:
-    """Write a scene with its parts at `poses` (.usd, .usda, .usdc), and what `motion` has of them as time samples.
+    """Write a scene with its parts at `poses` (.usd, .usda, .usdc) and `motion` as time samples; return what is left
+    out.
 
-    Metres, z up; a shape is a prototype that its parts are instances of; densities are `UsdPhysics.MassAPI`'s. Returns
-    what was left out.
+    Metres, z up; each shape is a prototype and its parts are instances; densities use `UsdPhysics.MassAPI`.
 
-    Raises VpframeError where usd-core is not installed.
+    Raises VpframeError if usd-core is not installed.
     """
     try:
         from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
@@ -78,17 +79,13 @@ def write_usd(scene: Scene, path: Path, poses: Mapping[str, pin.SE3], motion: Mo
         del stage
         files.replace(path, written.read_bytes())
     left = ["exact surfaces: USD has triangles only"]
-    if any(surface.color for part in scene.parts for surface in part.surfaces):
-        left.append("colours of single faces")
     if any(part.inertia for part in scene.parts):
         left.append("inertias that the model states")
-    if any(surface.size for part in scene.parts for surface in part.surfaces):
-        left.append("sizes of PMI")
-    return left + [f"joint of {s.parts[0]} and {s.parts[1]} ({s.kind})" for s in scene.statements]
+    return left + losses(scene, "colours", "sizes", "joints")
 
 
 class _Tree:
-    """Paths of prims: each step an identifier that no sibling has."""
+    """Paths of prims with unique identifiers among siblings."""
 
     def __init__(self, root: Any) -> None:
         self._paths = {"": root}
@@ -96,7 +93,7 @@ class _Tree:
         self.names: dict[Any, str] = {}
 
     def path(self, name: str) -> Any:
-        """The path of a part or subassembly; every step above has one, too."""
+        """Return the path of a part or subassembly, adding those above it."""
         if name not in self._paths:
             above, _, last = name.rpartition("/")
             parent = self.path(above)
@@ -140,4 +137,4 @@ def _prototype(stage: Any, root: Any, number: int, mesh: Any) -> Any:
 
 
 def _matrix(gf: Any, pose: pin.SE3) -> Any:
-    return gf.Matrix4d(*pose.homogeneous.T.ravel().tolist())  # rows are the axes: vectors are rows in USD
+    return gf.Matrix4d(*pose.homogeneous.T.ravel().tolist())  # USD uses row vectors

@@ -1,4 +1,4 @@
-"""`Reach`: a straight tool or finger, and whether it gets to what a hand grabs or turns."""
+"""`Reach`: whether a straight tool or finger can reach what a hand grabs or turns."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from vpframe.scene.subassembly import listed
 Array = NDArray[np.float64]
 
 SECTORS, RINGS = 16, 3
-"""of the capsule's mesh: around its axis, and on each of its ends"""
+"""mesh of the capsule: sectors around its axis, and rings on each end"""
 OFF = 2e-4
-"""m between the tip and what it touches"""
+"""gap between the tip and the touched point, m"""
 PLACES = 48
-"""places of a part at which a finger is tried at most"""
+"""maximum number of points of a part that are tried"""
 
 
 @dataclass(frozen=True)
 class Reach:
-    """A straight tool or finger, a capsule: it must get to what the hand grabs or turns, from outside the scene."""
+    """A straight tool or finger (a capsule) that must reach what the hand grabs or turns, from outside the scene."""
 
     length: float = 0.1
     """m"""
@@ -46,10 +46,10 @@ class Reach:
         return f"a straight tool {self.length * 1e3:g} mm long, Ø{self.diameter * 1e3:g} mm"
 
     def mesh(self) -> SurfaceMesh:
-        """The capsule about z, its tip at the origin; the mesh holds the true capsule."""
+        """Return a mesh that encloses the capsule, about z, with its tip at the origin."""
         angle, bend = np.pi / SECTORS, 0.5 * np.pi / RINGS
         r = 0.5 * self.diameter
-        polar = (np.arange(RINGS) + 0.5) * bend  # the rings' corners are those of a polygon about the circle
+        polar = (np.arange(RINGS) + 0.5) * bend  # polygons circumscribed about the circles
         bulge = r / np.cos(0.5 * bend)
         low = [(bulge * np.sin(t) / np.cos(angle), r - bulge * np.cos(t)) for t in polar]
         rings = np.array([*low, *((rho, self.length - z) for rho, z in low[::-1])])
@@ -69,7 +69,7 @@ class Reach:
 
 
 def reach_of(value: Reach | bool, what: str) -> Reach | None:
-    """The tool that a flag or a `Reach` means; None: none. TaskError names `what`."""
+    """Return the tool for a flag or a `Reach`; None for False. Raises TaskError that names `what`."""
     if isinstance(value, Reach):
         return value
     if isinstance(value, bool):
@@ -78,7 +78,7 @@ def reach_of(value: Reach | bool, what: str) -> Reach | None:
 
 
 class Access:
-    """Where a tool gets to among the parts of a session as they stand now."""
+    """Collision queries of a tool among the parts of a session at their present poses."""
 
     def __init__(self, session: Workplace, reach: Reach, without: Sequence[str] = ()) -> None:
         self.parts = [part for part in session.scene.parts if part.name not in without]
@@ -92,10 +92,10 @@ class Access:
         self.outside = float(np.linalg.norm(high - low)) + 2.0 * reach.length
 
     def obstacles(self, tip: Array, axis: Array) -> tuple[str, ...]:
-        """The parts that keep the tool from a place; none if it gets there.
+        """Return the parts that keep the tool from a pose; empty if it can be reached.
 
-        It is there with its tip at `tip` (3,) m and its body along `axis` (3,) unit, world, and comes there straight
-        from outside the scene: along its own axis, or along one of the world's.
+        The tool's tip is at `tip` (3,) m, its body along `axis` (3,) unit, world. It comes straight from outside the
+        scene: along its own axis, or along a world axis.
         """
         there = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).toRotationMatrix(), tip)
         self.manager.set_pose(self.tool, there)
@@ -107,7 +107,7 @@ class Access:
         return () if None in met else tuple(dict.fromkeys(name for name in met if name is not None))
 
     def _on_the_way(self, there: pin.SE3, way: Array) -> str | None:
-        """The first part that the tool meets on its way in against `way`; None if there is none."""
+        """Return the first part that the tool hits on its approach against `way`; None if there is none."""
         self.manager.set_pose(self.tool, pin.SE3(there.rotation, there.translation + self.outside * way))
         impact = self.manager.time_of_impact({self.tool: there})
         if not impact.hit:
@@ -117,9 +117,9 @@ class Access:
 
 
 def to_turn(session: Workplace, reach: Reach, group: Sequence[str], origin: Array, axis: Array) -> tuple[str, ...]:
-    """What keeps a tool from the outer end of a screw on its axis; none if it gets there.
+    """Return the parts that keep a tool from the outer end of a screw on its axis; empty if it can be reached.
 
-    group: the parts that turn. origin, axis: (3,) m and unit, world, pointing outward.
+    group: the parts that turn. origin, axis: (3,) m and (3,) unit, world, pointing outward.
     """
     ends = []
     for part in (session.scene[name] for name in group):
@@ -130,13 +130,13 @@ def to_turn(session: Workplace, reach: Reach, group: Sequence[str], origin: Arra
 
 
 def to_grab(session: Workplace, reach: Reach, part: Part, surface: int | None, hand: Array) -> tuple[int, Array]:
-    """A place of a part that a finger gets to along its normal: its surface, and the point (3,), world, m.
+    """Find the point of a part, nearest to the hand, that a finger can reach along the normal.
 
-    The nearest such place to the hand at `hand` (3,), of up to `PLACES`.
+    hand: (3,) m, world. Returns the surface and the point (3,), world, m. At most `PLACES` points are tried.
 
     Raises
     ------
-    TaskError: there is none; it names the parts in the way.
+    TaskError: no point can be reached; names the parts in the way.
     """
     mesh = part.mesh
     corners = mesh.vertices[mesh.triangles] @ part.pose.rotation.T + part.pose.translation
@@ -161,5 +161,5 @@ def to_grab(session: Workplace, reach: Reach, part: Part, surface: int | None, h
 
 
 def refused(reach: Reach, what: str, names: Sequence[str]) -> str:
-    """In one line that a tool does not get to `what`, and what is in its way."""
+    """Return the error message for a point that the tool cannot reach, with the parts in the way."""
     return f"no access to {what} for {reach}: {listed(names)} in the way; remove that first, or give a smaller Reach"

@@ -1,4 +1,4 @@
-"""What scripts hand to verbs and paths, checked where it comes in: one clear line says what is wrong with it."""
+"""Checks of the arguments of verbs and paths; each error is one line that names the argument."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from vpframe.errors import TaskError
 
 FAR = 20.0
-"""1: no part goes farther in one motion than so many times the size of the scene; no thread is so coarse"""
+"""1: maximum length of a motion or thread pitch, as a multiple of the size of the scene"""
 RIGID = 1e-6
-"""1: greatest entry of |RᵀR - I| of a rotation that was typed or read"""
+"""1: maximum entry of |RᵀR - I| of a rotation from a script or file"""
 
 
 def number(value: Any, what: str, least: float = -math.inf, above: float = -math.inf) -> float:
-    """A finite number that is at least `least` and more than `above`; TaskError names `what`."""
+    """Return a finite number, at least `least` and greater than `above`. Raises TaskError that names `what`."""
     if isinstance(value, bool | str | bytes):
         raise TaskError(f"{what}={value!r}; give a number, in metres, seconds, radians or turns")
     try:
@@ -32,13 +32,13 @@ def number(value: Any, what: str, least: float = -math.inf, above: float = -math
 
 
 def metres(length: float, what: str, of: str, size: float, most: float) -> None:
-    """Refuse a length over `most` (m): it can only be meant in millimetres.
+    """Refuse a length above `most` (m), which must be meant in millimetres.
 
-    what, of, size: for the message: the length, and whose size (m) it exceeds by far.
+    what, of, size: for the message: name of the length; name and size (m) of the object it is compared with.
 
     Raises
     ------
-    TaskError: naming `what`, with the hint that lengths are metres.
+    TaskError: names `what`, with the hint that lengths are metres.
     """
     x = abs(length)
     if x > most:
@@ -49,7 +49,7 @@ def metres(length: float, what: str, of: str, size: float, most: float) -> None:
 
 
 def vector(value: ArrayLike, what: str) -> NDArray[np.float64]:
-    """Three finite numbers; TaskError names `what`."""
+    """Return three finite numbers as (3,). Raises TaskError that names `what`."""
     try:
         v = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -60,21 +60,22 @@ def vector(value: ArrayLike, what: str) -> NDArray[np.float64]:
 
 
 def rigid(pose: Any, what: str) -> pin.SE3:
-    """A pose that is finite and a rigid motion; TaskError names `what`."""
+    """Return the pose if it is finite and a rigid motion. Raises TaskError that names `what`."""
     if not isinstance(pose, pin.SE3):
         raise TaskError(f"{what} is {type(pose).__name__}; give a pinocchio.SE3")
-    rotation = pose.rotation
-    if not np.isfinite(pose.homogeneous).all():
+    (a, b, c), (d, e, f), (g, h, i) = pose.rotation.tolist()
+    if not all(map(math.isfinite, (a, b, c, d, e, f, g, h, i, *pose.translation.tolist()))):
         raise TaskError(f"{what} must be finite; the pose given holds NaN or infinity")
-    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
     mirrored = a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0.0
-    if mirrored or np.abs(rotation.T @ rotation - np.eye(3)).max() > RIGID:
+    length = max(abs(a * a + d * d + g * g - 1.0), abs(b * b + e * e + h * h - 1.0), abs(c * c + f * f + i * i - 1.0))
+    skew = max(abs(a * b + d * e + g * h), abs(a * c + d * f + g * i), abs(b * c + e * f + h * i))
+    if mirrored or max(length, skew) > RIGID:
         raise TaskError(f"{what} is no rigid motion: its rotation is stretched or mirrored; normalise it")
     return pose
 
 
 def pose_from(row: ArrayLike) -> pin.SE3:
-    """`x y z qx qy qz qw` (7 numbers, metres and a quaternion of any length but 0) as a pose."""
+    """Convert `x y z qx qy qz qw` (m, and a quaternion of any non-zero length) to a pose."""
     try:
         r = np.asarray(row, dtype=np.float64)
     except (TypeError, ValueError):
@@ -88,7 +89,7 @@ def pose_from(row: ArrayLike) -> pin.SE3:
 
 
 def as_pose(value: pin.SE3 | ArrayLike, like: pin.SE3) -> pin.SE3:
-    """An SE3; a position (3,) keeps the rotation of `like`; seven numbers are a position and a quaternion x y z w."""
+    """Return an SE3 from an SE3, a position (3,) with the rotation of `like`, or `x y z qx qy qz qw`."""
     if isinstance(value, pin.SE3):
         return pin.SE3(rigid(value, "a pose"))
     try:

@@ -1,4 +1,4 @@
-"""Help for precise manipulation: snapping, slowing near obstacles, locked axes, held orientation."""
+"""Aids for precise manipulation: snapping, slowing near obstacles, locked axes, fixed orientation."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ import pinocchio as pin
 
 from vpframe.errors import TaskError
 from vpframe.hands.arguments import number
+from vpframe.hands.paths import Path
 
 
 @dataclass(frozen=True)
 class Assist:
-    """Set it on a hand: `hand.assist = Assist(snap=0.003, slow_within=0.005, hold_orientation=True)`."""
+    """Settings of a hand: `hand.assist = Assist(snap=0.003, slow_within=0.005, hold_orientation=True)`."""
 
     snap: float = 0.0
-    """m: candidates within this reach are previewed, and `hand.snap()` or the session's rule may accept them"""
+    """reach within which candidates are previewed and `hand.snap()` or the session's rule may accept them, m"""
     snap_angle: float = 0.1
-    """rad: directions that differ by less count as meant to be parallel when snapping"""
+    """maximum angle between directions that snap to parallel, rad"""
     slow_within: float = 0.0
-    """m: nearer than this to anything but its mates, the hand slows to `slow_to` of its speed (the clearance is
-    measured for it at every step, whether the session shows it or not)"""
+    """clearance below which the hand slows to `slow_to` of its speed, m; it is then measured at every step"""
     slow_to: float = 0.2
-    """1, in (0, 1]"""
+    """fraction of the hand's speed, in (0, 1]"""
     hold_orientation: bool = False
     """keep the rotation that the part has when a motion begins"""
     lock: str = ""
-    """world axes along which the part does not move: any of "x", "y", "z" """
+    """letters (x, y, z) of the world axes along which the part does not move"""
 
     def __post_init__(self) -> None:
         for name in ("snap", "snap_angle", "slow_within"):
@@ -37,16 +37,17 @@ class Assist:
         if not isinstance(self.lock, str) or set(self.lock) - set("xyz"):
             raise TaskError(f"lock={self.lock!r}: name world axes by the letters x, y, z")
 
-    def shape(self, begin: pin.SE3, wanted: pin.SE3) -> pin.SE3:
-        """`wanted` with the locked axes and the held orientation taken from where the motion began."""
+    def shape(self, path: Path, wanted: pin.SE3) -> pin.SE3:
+        """Return `wanted` with locked coordinates and fixed orientation taken from where the path begins."""
         if not self.lock and not self.hold_orientation:
             return wanted
+        begin = path.pose(0.0)
         origin = np.array(wanted.translation)
         for letter in self.lock:
             origin["xyz".index(letter)] = begin.translation["xyz".index(letter)]
         return pin.SE3(begin.rotation if self.hold_orientation else wanted.rotation, origin)
 
     def rate(self, clearance: float | None) -> float:
-        """How fast the hand goes, as a fraction of its own speed, with that much room left."""
+        """Return the fraction of the hand's speed allowed at a clearance, m."""
         near = self.slow_within > 0.0 and clearance is not None and clearance < self.slow_within
         return self.slow_to if near else 1.0

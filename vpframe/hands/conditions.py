@@ -1,4 +1,4 @@
-"""When a motion ends and what a task expects: conditions are small values that combine with `&`, `|` and `~`.
+"""Conditions that end a motion or that a task expects; they combine with `&`, `|` and `~`.
 
 ```python
 hand.slide("axis", until=constraint("against") | contact)
@@ -17,11 +17,11 @@ from vpframe.hands.workplace import Holder, Workplace
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """Something that holds or does not, after a step. `text` is how reports put it."""
+    """A predicate that is evaluated after a step; `text` names it in reports."""
 
     text: str
     test: Callable[[Workplace, Holder | None], bool]
-    """of the session and the hand that asks (None when no hand does)"""
+    """function of the session and the hand (None without a hand)"""
 
     def __call__(self, session: Workplace, hand: Holder | None = None) -> bool:
         return bool(self.test(session, hand))
@@ -48,7 +48,7 @@ def _part(hand: Holder | None, name: str | None, what: str) -> str:
 
 
 def _group(session: Workplace, hand: Holder | None, name: str | None, what: str) -> tuple[str, ...]:
-    """The parts that a name is of; without one what the hand holds and carries."""
+    """Return the parts of a name; without a name, the parts that the hand holds and carries."""
     part = _part(hand, name, what)
     return session.group(part) if name is not None or hand is None else (part, *hand.carried)
 
@@ -63,17 +63,17 @@ def _is_free(session: Workplace, hand: Holder | None) -> bool:
 
 
 contact = Condition("contact", _touches)
-"""The held part, or what it carries, touches another one, mated surfaces left out."""
+"""The held part, or a part it carries, touches another part; mated surfaces are left out."""
 
 free = Condition("free", _is_free)
-"""No constraint joins the held part and what it carries to others, and they touch nothing."""
+"""No constraint joins the held part, with the parts it carries, to other parts, and it touches none."""
 
 blocked: Condition = Condition("blocked", lambda session, hand: hand is not None and bool(hand.stopped_by))
 """The held part cannot follow the hand."""
 
 
 def constraint(kind: str | None = None, part: str | None = None, other: str | None = None) -> Condition:
-    """An active constraint of that kind (any kind if None) on `part` (what is held if None), with `other` if given.
+    """A constraint of that kind (any if None) is active on `part` (default: the held part), with `other` if given.
 
     Both may be subassemblies.
     """
@@ -111,7 +111,7 @@ def candidate(kind: str | None = None, other: str | None = None) -> Condition:
 
 
 def freedom(n: int, part: str | None = None) -> Condition:
-    """`part` (the held one with what it carries, if None) has `n` degrees of freedom left."""
+    """`part` (default: the held part with the parts it carries) has `n` degrees of freedom left."""
 
     def test(session: Workplace, hand: Holder | None) -> bool:
         first, *carried = _group(session, hand, part, "freedom(…)")
@@ -122,7 +122,7 @@ def freedom(n: int, part: str | None = None) -> Condition:
 
 @dataclass(frozen=True)
 class Clearance:
-    """`clearance < 0.0005`, `clearance("housing") > 0.01`: least distance of the held part to the rest (or a part), m.
+    """Least distance of the held part to all others or to one: `clearance < 0.0005`, `clearance("housing") > 0.01`, m.
 
     Pairs under an active constraint are left out unless `other` names one.
     """
@@ -152,7 +152,7 @@ _NAMED = {"contact": contact, "free": free, "blocked": blocked}
 
 
 def as_condition(value: Condition | str | None) -> Condition | None:
-    """A condition from what a script wrote: a `Condition`, one of the names "contact", "free", "blocked", or None."""
+    """Return a condition from a `Condition`, one of the names "contact", "free", "blocked", or None."""
     if value is None or isinstance(value, Condition):
         return value
     if isinstance(value, str) and value in _NAMED:

@@ -1,4 +1,4 @@
-"""What a script means by "axis", "up", a bore or a top: directions, lines and places, found in the scene as it is."""
+"""Directions, lines and places that a script names ("axis", "up", a bore, a top), found in the present scene."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _DIRECTIONS = {
     "y": (0.0, 1.0, 0.0), "-y": (0.0, -1.0, 0.0), "z": (0.0, 0.0, 1.0), "-z": (0.0, 0.0, -1.0),
 }  # fmt: skip
 _AXIAL = ("concentric", "screw", "conical fit", "toroidal fit", "spherical fit")
-"""kinds whose line is "the axis", the plainest first"""
+"""constraint kinds that define "axis", in order of preference"""
 
 
 def direction(hand: Gripper, along: str | ArrayLike, outward: bool) -> Vector:
-    """(3,) unit, world: what a script means by "axis", "up", "-x" or a vector."""
+    """Return the direction (3,), unit, world, for "axis", "up", "-x" or a vector."""
     if not isinstance(along, str):
         v = vector(along, "along")
         if not np.linalg.norm(v) > 0.0:
@@ -49,7 +49,7 @@ def direction(hand: Gripper, along: str | ArrayLike, outward: bool) -> Vector:
 
 
 def _out_sign(hand: Gripper, part: Part, partner: str, axis: Vector) -> float:
-    """+1 if the part leaves along +axis: away from what it stands against, else away from the partner's middle."""
+    """Return +1 if the part leaves along +axis: away from its against contacts, else from the partner's middle."""
     for c in sorted(resting(hand), key=lambda c: partner not in c.parts):
         if abs(c.direction @ axis) > 0.9:
             return 1.0 if leaving(hand, c) @ axis > 0.0 else -1.0
@@ -58,23 +58,23 @@ def _out_sign(hand: Gripper, part: Part, partner: str, axis: Vector) -> float:
 
 
 def grip(hand: Gripper) -> tuple[str, ...]:
-    """The parts that a hand holds and carries, the held one first."""
+    """Return the parts that a hand holds and carries, the held one first."""
     return (hand.held, *hand.carried) if hand.held else ()
 
 
 def resting(hand: Gripper) -> list[ConstraintView]:
-    """By which constraints what the hand holds stands against other parts."""
+    """Return the against constraints of the parts in the hand with other parts."""
     return [c for c in hand.session.constraints_of(*grip(hand)) if c.kind == "against"]
 
 
 def leaving(hand: Gripper, against: ConstraintView) -> Vector:
-    """(3,) unit, world: away from what the held parts stand against."""
+    """Return the direction (3,), unit, world, away from the partner of an against constraint."""
     # an against's direction is the normal of its first part's plane, which points at the second part
     return -against.direction if against.parts[0] in grip(hand) else against.direction
 
 
 def way_out(hand: Gripper, along: str | ArrayLike | None) -> Vector:
-    """(3,) unit, world: `along`; if None the part's axis outward, else away from what it stands against, else up."""
+    """Return the direction (3,), unit, world, of `along`; default: outward axis, else off against contacts, else up."""
     if along is not None:
         return direction(hand, along, outward=True)
     if any(c.kind in _AXIAL for c in hand.session.constraints_of(*grip(hand))):
@@ -85,7 +85,7 @@ def way_out(hand: Gripper, along: str | ArrayLike | None) -> Vector:
 
 
 def line(hand: Gripper, about: str | ArrayLike | tuple[ArrayLike, ArrayLike]) -> tuple[Vector, Vector]:
-    """(origin, unit direction), world, of what a script means by `about`."""
+    """Return (origin, unit direction), world, of the line that a script's `about` names."""
     if isinstance(about, tuple) and len(about) == 2:
         return vector(about[0], "about"), direction(hand, about[1], outward=True)
     if isinstance(about, str) and about == "axis":
@@ -106,13 +106,13 @@ def _axial(hand: Gripper) -> ConstraintView:
 
 
 Fit = tuple[Part, Feature, Part, Feature]
-"""a part with its cylinder, and the part and cylinder that it fits: a shaft and a bore, or a ring and a pin"""
+"""part and its cylinder, target part and its cylinder: shaft and bore, or ring and pin"""
 
 
 def best_fit(parts: Sequence[Part], targets: Sequence[Part], tolerance: Tolerance, names: tuple[str, str]) -> Fit:
-    """The shaft of one of `parts` and the bore of one of `targets` (or the other way round) that fit best.
+    """Return the shaft of one of `parts` and the bore of one of `targets` (or vice versa) that fit best.
 
-    Radii that fit: within `Tolerance.clearance`, else as clearance holes do; of those the largest shared surface; of
+    Clearances within `Tolerance.clearance` come first, then clearance holes; then the largest shared area, and among
     equal ones (within 1 %) the nearest. names: of the two groups, for the message.
     """
     limits = Limits.offer(tolerance)
@@ -134,13 +134,13 @@ def best_fit(parts: Sequence[Part], targets: Sequence[Part], tolerance: Toleranc
 
 
 def _shaft_and_clearance(s: Feature, b: Feature) -> tuple[float, float]:
-    """m: radius of the solid one of two cylinders, and how much wider the hollow one is."""
+    """Radius of the convex cylinder, and the radial clearance in the concave one, m."""
     shaft, bore = (s, b) if s.sense > 0 else (b, s)
     return _radius(shaft), _radius(bore) - _radius(shaft)
 
 
 def _aside(fit: Fit) -> float:
-    """m: how far the middle of the shaft is from the axis of the bore."""
+    """Distance from the middle of the shaft to the axis of the bore, m."""
     part, shaft, target, bore = fit
     assert isinstance(bore.geometry, Cylinder)
     to = target.pose.actInv(part.pose.act(shaft.samples.mean(0))) - bore.geometry.origin
@@ -149,24 +149,24 @@ def _aside(fit: Fit) -> float:
 
 @dataclass(frozen=True)
 class Entry:
-    """How parts come into a bore; lengths are m along `way` from `aligned`."""
+    """Geometry of an insertion into a bore; lengths are m along `way` from `aligned`."""
 
     way: Vector
     """(3,) unit, world"""
     aligned: pin.SE3
-    """pose of the fitting part in front of the bore, on its axis"""
+    """pose of the fitting part on the bore's axis, in front of the bore"""
     tip: float
-    """until the tip of the shaft is at the bore's mouth"""
+    """travel until the tip of the shaft is at the bore's mouth"""
     flush: float
-    """until the shaft is about to leave the bore again: beyond it less and less of the two cylinders overlaps"""
+    """travel of largest overlap: beyond it the shaft leaves the bore again"""
     collar: bool
-    """whether something wider than the bore follows the shaft, and must seat"""
+    """whether a collar wider than the bore follows the shaft and must seat"""
 
 
 def in_front(parts: Sequence[Part], fit: Fit, gap: float) -> Entry:
-    """How `parts`, which move as one, come into the bore of a fit, from `gap` (m) before the nearest of its mouth.
+    """Return how `parts`, moving as one, enter the bore of a fit, from `gap` (m) in front of its mouth.
 
-    They come in by the side they are on, and keep their heading as far as the axis allows.
+    They enter from the side they are on, and keep their heading as far as the axis allows.
     """
     part, shaft, target, bore = fit
     assert isinstance(shaft.geometry, Cylinder) and isinstance(bore.geometry, Cylinder)
@@ -201,12 +201,12 @@ def in_front(parts: Sequence[Part], fit: Fit, gap: float) -> Entry:
 
 
 def _points(part: Part, pose: pin.SE3) -> Vector:
-    """(n, 3) vertices of a part at a pose, world, m."""
+    """Vertices (n, 3) of a part at a pose, world, m."""
     return part.mesh.vertices[np.unique(part.mesh.triangles)] @ pose.rotation.T + pose.translation
 
 
 def top_of(parts: Sequence[Part], name: str) -> tuple[float, Vector]:
-    """Height (m, world z) and middle (x, y) of the largest upward plane of some parts; name: theirs together."""
+    """Return height (m, world z) and middle (x, y) of the largest upward plane of some parts; name: for the message."""
     flat = []
     for part, feature in ((p, f) for p in parts for f in p.features):
         if isinstance(feature.geometry, Plane) and (part.pose.rotation @ feature.geometry.normal)[2] > 0.999:
@@ -224,20 +224,20 @@ def _radius(feature: Feature) -> float:
 
 
 def held_part(hand: Gripper, verb: str) -> Part:
-    """What the hand holds; TaskError if nothing."""
+    """Return the held part; TaskError if the hand is empty."""
     if hand.held is None:
         raise TaskError(f"{hand.name}.{verb}: the hand is empty; grab a part first")
     return hand.session.scene[hand.held]
 
 
 def held_parts(hand: Gripper, verb: str) -> tuple[Part, ...]:
-    """What the hand holds and carries, the held part first; TaskError if nothing."""
+    """Return the held and carried parts, the held one first; TaskError if the hand is empty."""
     held_part(hand, verb)
     return tuple(hand.session.scene[name] for name in grip(hand))
 
 
 def other_parts(hand: Gripper, verb: str, name: str) -> tuple[Part, ...]:
-    """The parts that those in the hand are to be brought to."""
+    """Return the parts of a verb's target; TaskError if one of them is in the hand."""
     group = hand.session.group(name)
     if not set(group).isdisjoint(grip(hand)):
         raise TaskError(f"{who(hand)}.{verb}({name!r}): that is the part in the hand; name another")
@@ -245,22 +245,22 @@ def other_parts(hand: Gripper, verb: str, name: str) -> tuple[Part, ...]:
 
 
 def who(hand: Gripper) -> str:
-    """The hand's name, with that of what it holds."""
+    """Return the hand's name, with the name of the held part."""
     return f"{hand.name}[{hand.held}]" if hand.held else hand.name
 
 
 def extent(parts: Sequence[Part]) -> tuple[float, Vector]:
-    """Lowest z and middle (3,) of the bounding box of some parts, world."""
+    """Lowest z and middle (3,) of the bounding box of some parts, world, m."""
     points = np.concatenate([_points(part, part.pose) for part in parts])
     return float(points[:, 2].min()), 0.5 * (points.min(0) + points.max(0))
 
 
 def spans(parts: Sequence[Part], way: Vector) -> tuple[float, float]:
-    """m: least and greatest reach of some parts along a world direction (3,)."""
+    """Least and greatest coordinate of some parts along a world direction (3,), m."""
     along = np.concatenate([_points(part, part.pose) @ way for part in parts])
     return float(along.min()), float(along.max())
 
 
 def middle(part: Part) -> Vector:
-    """(3,) m, world: the middle of the part's box."""
+    """Middle (3,) of the part's bounding box, world, m."""
     return extent((part,))[1]

@@ -1,4 +1,4 @@
-"""Where a part goes that is dragged by one of its points, along the freedom that its constraints leave it."""
+"""Pose of a part that is dragged by a point, within the freedom that its constraints leave."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 MOST_TURN = 0.25
-"""rad a step: beyond it a turn is not linear any more"""
+"""maximum rotation of a Gauss–Newton step, rad: limit of the linearisation"""
 ROUNDS = 4
-"""of Gauss–Newton steps a pose"""
+"""number of Gauss–Newton steps"""
 DAMPING = 1e-2
-"""of the part's half size: points nearer to an axis than this turn it little"""
+"""damping length, as a fraction of the part's half size: points closer to an axis turn the part little"""
 SMALL = 1e-9
-"""of singular values: below it a twist has no rotation"""
+"""singular value below which a twist has no rotation"""
 
 
 def along_freedom(
@@ -23,13 +23,13 @@ def along_freedom(
     twists: NDArray[np.float64] | None,
     size: float,
 ) -> pin.SE3:
-    """The pose in which a part's `point` (3,), part frame, m, is as near to `to` (3,), world, m, as its twists allow.
+    """Return the pose that brings a part's `point` (3,), part frame, m, closest to `to` (3,), world, m.
 
-    What translations reach they do alone; only the rest is left to turns, by damped least squares.
+    Translations move as far as they can; rotations do the rest, by damped least squares.
 
     Parameters
     ----------
-    twists: (6, k) orthonormal, linear first, in the part's frame; None: all translations, and no turn.
+    twists: (6, k) orthonormal, linear first, in the part's frame; None: all translations, no rotation.
     size: half the part's size, m.
     """
     goal = pin.SE3(pose)
@@ -40,14 +40,14 @@ def along_freedom(
     off = goal.actInv(to) - point
     goal = goal * pin.SE3(np.eye(3), shifts @ (shifts.T @ off))
     lever = np.hstack([np.eye(3), -pin.skew(point)]) @ twists
-    lever -= shifts @ (shifts.T @ lever)  # what translations can undo they have done
+    lever -= shifts @ (shifts.T @ lever)  # errors that translations have removed
     arm = float(np.linalg.norm(lever, 2)) if lever.size else 0.0
     if arm <= DAMPING * size:
         return goal
     for _ in range(ROUNDS):
         off = goal.actInv(to) - point
         off -= shifts @ (shifts.T @ off)
-        off *= min(1.0, arm / max(float(np.linalg.norm(off)), arm))  # of a place out of reach only the direction counts
+        off *= min(1.0, arm / max(float(np.linalg.norm(off)), arm))  # beyond reach only the direction counts
         damped = lever.T @ lever + (DAMPING * size) ** 2 * np.eye(twists.shape[1])
         step = twists @ np.linalg.solve(damped, lever.T @ off)
         turn = float(np.linalg.norm(step[3:]))
@@ -56,7 +56,7 @@ def along_freedom(
 
 
 def _shifts(twists: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, m) orthonormal directions of the translations in the span of twists (6, k)."""
+    """(3, m) orthonormal translations in the span of twists (6, k)."""
     if twists.shape[1] == 0:
         return np.zeros((3, 0))
     _, sizes, rows = np.linalg.svd(twists[3:])

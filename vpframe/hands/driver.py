@@ -1,4 +1,4 @@
-"""`drive`: carry out the verbs of several hands, motion segment by motion segment, step by step, to their end."""
+"""`drive`: run the verbs of several hands step by step until all have ended."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from vpframe.hands.verbs import Verb
 def drive(
     hands: Mapping[str, Gripper], queues: dict[str, deque[Verb]], step: Callable[[], object]
 ) -> dict[str, Outcome]:
-    """Carry out the verbs of each hand, by its name, one after another, those of different hands in the same steps.
+    """Run the verbs of each hand in order, those of different hands in the same steps.
 
-    Returns the outcome of each hand's last verb. Whatever `step` raises ends all of them.
+    Returns the outcome of each hand's last verb, by name. An error of `step` ends all verbs.
     """
     outcomes: dict[str, Outcome] = {}
     running: dict[str, Generator[Any, Outcome, Outcome]] = {}
 
     def go_on(name: str, last: Outcome | None, failed: TaskError | None = None) -> None:
-        """Give a hand its next segment, from the verb it is at or from the next one; a verb hears what failed in it."""
+        """Start a hand's next segment, of the running verb or the next one; raise `failed` inside the running verb."""
         while name in running or queues[name]:
             if name not in running:
                 running[name], last = queues[name].popleft(), None

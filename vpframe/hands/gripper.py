@@ -1,4 +1,4 @@
-"""`Gripper`: what a hand holds and where it wants it; the verbs of `vpframe.hands.verbs` move it."""
+"""`Gripper`: the state of a hand (grip, target, running motion); the verbs of `vpframe.hands.verbs` move it."""
 
 from __future__ import annotations
 
@@ -22,23 +22,22 @@ if TYPE_CHECKING:
 
 
 class Gripper:
-    """One hand without its verbs: what it holds, where it wants that to be, how a motion ended.
+    """A hand without verbs: grip, target pose and outcome of motions.
 
-    A hand is a point in space with a reach: it grabs a part when a surface of the part is within `reach` of it.
-    While it holds a part, the part goes to the nearest pose to the wanted one that its constraints and the solid
-    parts around it allow; the hand may be ahead of it by `give`.
+    A hand is a point in space: it can grab a part with a surface within `reach`. The held part moves to the pose
+    nearest to its target that its constraints and solid parts allow, and may lag behind the hand by `give`.
     """
 
     reach = 0.015
-    """m: what is nearer than this to the hand, it touches"""
+    """maximum distance from the hand to a surface that it grabs, m"""
     give = 0.03
-    """m: how far the part may stay behind before a motion is given up as blocked"""
+    """lag at which a motion counts as blocked, m"""
     slack = 1e-3
-    """m: how far from its goal a part may end for the motion to count as done (rotations count by the part's size)"""
+    """maximum distance from the goal at which a motion counts as done, m (rotations count by the part's size)"""
     speed = 0.25
-    """m/s, of motions that name neither duration nor speed"""
+    """default speed of motions, m/s"""
     turn_speed = np.pi
-    """rad/s, likewise"""
+    """default angular speed of motions, rad/s"""
 
     def __init__(self, session: Workplace, name: str, pose: pin.SE3) -> None:
         self.session = session
@@ -48,31 +47,31 @@ class Gripper:
         self.held: str | None = None
         """name of the part in the hand"""
         self.grip = pin.SE3.Identity()
-        """pose of the held part seen from the hand"""
+        """pose of the held part in the hand's frame"""
         self.surfaces: tuple[int, ...] = ()
         """surfaces of the held part that the hand touches"""
         self.carried: tuple[str, ...] = ()
-        """parts that move with the held one as if glued to it"""
+        """parts that move rigidly with the held part"""
         self.assist = Assist()
         self.access: Reach | None = None
-        """the tool or finger that must get to what the hand grabs or turns; None: that is not asked"""
+        """tool that must reach what the hand grabs or turns; None: no check"""
         self.spring: SpringHand | None = None
-        """set a `physics.SpringHand` to pull parts that have behaviours with limited force instead of carrying them"""
+        """a `physics.SpringHand` that pulls dynamic parts with limited force instead of carrying them"""
         self.stopped_by: str = ""
-        """what keeps the held part from following; empty while it can"""
+        """text that names the obstacles; empty while the held part follows"""
         self.doing = ""
-        """the verb under way, in words"""
+        """text of the running verb"""
         self.segment: MotionSegment | None = None
         self.clock = 0.0
-        """s along the segment's path"""
+        """time along the segment's path, s"""
         self.wanted: pin.SE3 | None = None
-        """pose asked of the held part (of the empty hand) in this step"""
+        """target pose of the held part (of the empty hand) in this step"""
 
-    # ---- what it moves
+    # ---- motion
 
     @property
     def subject(self) -> pin.SE3:
-        """World pose of the held part, or of the empty hand: what poses in verbs refer to."""
+        """World pose of the held part, or of the empty hand; poses in verbs refer to it."""
         return self.session.scene[self.held].pose if self.held else self.pose
 
     def __repr__(self) -> str:
@@ -81,13 +80,13 @@ class Gripper:
     # ---- called by verbs and by the session
 
     def touched(self, part: str) -> tuple[int, ...]:
-        """Surfaces of a part that are within reach."""
+        """Return the surfaces of a part within reach."""
         body = self.session.scene[part]
         distances, _ = surface_distances(body.mesh, body.pose, self.pose.translation)
         return tuple(int(s) for s in np.flatnonzero(distances <= self.reach))
 
     def take(self, part: str, surface: int | None, carried: tuple[str, ...], named: str = "") -> None:
-        """Close the hand on a part that it touches; `named`: what the script called it, where that is not its name."""
+        """Close the hand on a part within reach; `named`: the script's name for it, if different."""
         touched = self.touched(part)
         if not touched or (surface is not None and surface not in touched):
             what = part if surface is None else f"surface {surface} of {part}"
@@ -98,7 +97,7 @@ class Gripper:
         self.session.note_grab(self, named)
 
     def holding(self, named: str = "", how: str = "") -> str:
-        """What is held and carried, in words: `named` if given, `how` after the part that is held."""
+        """Describe the held and carried parts: `named` comes first if given, `how` follows the held part."""
         words = f"{named}: {self.held}{how}" if named else f"{self.held}{how}"
         return f"{words}, carrying {listed(self.carried)}" if self.carried else words
 
@@ -110,17 +109,17 @@ class Gripper:
         self.held, self.surfaces, self.carried, self.stopped_by = None, (), (), ""
 
     def start(self, segment: MotionSegment) -> None:
-        """Begin a segment at the present pose."""
+        """Begin a segment."""
         self.segment, self.clock, self.doing, self.stopped_by = segment, 0.0, segment.text, ""
 
     def desire(self, dt: float, rate: float) -> pin.SE3:
-        """The pose asked of the subject after `dt` more seconds, at `rate` times the path's own speed."""
+        """Advance the path by `dt` seconds at `rate` times its speed; return the target pose of the subject."""
         if self.segment is None:
             self.wanted = pin.SE3(self.subject)
         else:
             self.clock += dt * rate
             aim = rigid(self.segment.path.pose(self.clock), f"{self.doing}: the path at {self.clock:.3f} s")
-            self.wanted = self.assist.shape(self.segment.path.pose(0.0), aim)
+            self.wanted = self.assist.shape(self.segment.path, aim)
         if self.held is None:
             self.pose = self.wanted
         else:
@@ -128,7 +127,7 @@ class Gripper:
         return self.wanted
 
     def lag(self) -> float:
-        """m: how far the subject is from the wanted pose; rotation counts by half the part's size."""
+        """Distance from the subject to its target pose, m; rotation counts by half the part's size."""
         if self.held is None or self.wanted is None:
             return 0.0
         behind = self.wanted.actInv(self.subject)
@@ -136,7 +135,7 @@ class Gripper:
         return float(np.linalg.norm(behind.translation) + arm * np.linalg.norm(pin.log3(behind.rotation)))
 
     def judge(self) -> Outcome | None:
-        """After a step: how the segment ended, or None while it goes on."""
+        """Return how the segment ended after a step; None while it goes on."""
         segment, session = self.segment, self.session
         if segment is None:
             return None
@@ -159,7 +158,7 @@ class Gripper:
         return self._finish(False, reason)
 
     def _obstacle(self, behind: float, over: bool) -> str:
-        """Why the held part is `behind` (m) at the end of its path, or where it was given up before."""
+        """Describe why the held part is `behind` (m), at the end of its path (`over`) or before."""
         assert self.held is not None and self.segment is not None
         way = self.segment.path.pose(0.0).actInv(self.subject)
         far, turned = float(np.linalg.norm(way.translation)), float(np.linalg.norm(pin.log3(way.rotation)))
@@ -169,12 +168,12 @@ class Gripper:
             text += f", {1e3 * behind:.2f} mm short of its target"
         if self.stopped_by:
             return f"{text}: {self.stopped_by}"
-        mates = [f"{c.kind} with {_other(c.parts, self.held)}" for c in self.session.constraints_of(self.held)]
-        return f"{text}: held by {listed(list(dict.fromkeys(mates)))}" if mates else text
+        mates = [f"{c.kind} ({_other(c.parts, self.held)})" for c in self.session.constraints_of(self.held)]
+        return f"{text}: held by its constraints: {listed(list(dict.fromkeys(mates)))}" if mates else text
 
     def _finish(self, done: bool, reason: str) -> Outcome:
         self.segment, self.doing = None, ""
-        if self.held is not None:  # the hand comes back to the part it holds
+        if self.held is not None:  # the hand returns to the held part
             self.pose = self.subject * self.grip.inverse()
         self.wanted = None
         return Outcome(done, reason, self.session.time)

@@ -1,4 +1,4 @@
-"""`Hand`: what a script holds parts with. Its verbs read like the task; each runs the session until it is done."""
+"""`Hand`: holds and moves parts; each verb runs the session until the motion has ended."""
 
 from __future__ import annotations
 
@@ -17,32 +17,31 @@ from vpframe.hands.segment import Outcome
 
 
 class Hand(Gripper):
-    """One hand. Make it with `session.hand()`.
+    """A hand, created by `session.hand()`.
 
-    A hand is a point in space with a reach: it grabs a part when a surface of the part is within `reach` of it. While
-    it holds a part, the part goes to the nearest pose to the wanted one that its constraints and the solid parts around
-    it allow.
+    A hand is a point in space: it can grab a part with a surface within `reach`. The held part moves to the pose
+    nearest to its target that its constraints and solid parts allow.
     """
 
     def approach(self, part: str, surface: int | None = None, duration: float | None = None) -> Outcome:
-        """Go to the nearest point of a part (of one of its surfaces)."""
+        """Move to the nearest point of a part (of one of its surfaces)."""
         return self._do(verbs.approach(self, part, surface, duration))
 
     def grab(self, part: str, surface: int | None = None, carry: str | Sequence[str] = ()) -> Outcome:
-        """Take a part that the hand touches; go there first if it does not. `carry` names parts that come along.
+        """Grab a part, after approaching it if necessary. `carry` names parts that move rigidly with it.
 
-        Names are paths in the product tree, or the end of one. Of a subassembly the part nearest to the hand is held,
-        and the others are carried: all of them move as one rigid body.
+        Names are paths in the product tree, or the end of a path. Of a subassembly the part nearest to the hand is held
+        and the others are carried.
 
         Raises
         ------
-        UnknownPartError: with near matches. TaskError: the name is not of one thing alone, a part of it is fixed or
-        held by another hand, or this hand is not empty.
+        UnknownPartError: with near matches. TaskError: the name is ambiguous, a part is fixed or held by another hand,
+            or this hand is not empty.
         """
         return self._do(verbs.grab(self, part, surface, (carry,) if isinstance(carry, str) else tuple(carry)))
 
     def release(self) -> Outcome:
-        """Let go of what is held."""
+        """Release the held part."""
         return self._do(verbs.release(self))
 
     def move_to(
@@ -52,7 +51,7 @@ class Hand(Gripper):
         until: Condition | str | None = None,
         required: bool = True,
     ) -> Outcome:
-        """Bring the held part (the empty hand) to a world pose: an SE3, a position (3,), or `x y z qx qy qz qw`."""
+        """Move the held part (or the empty hand) to a world pose: an SE3, a position (3,), or `x y z qx qy qz qw`."""
         return self._do(verbs.move_to(self, pose, duration, until, required))
 
     def move_by(
@@ -62,7 +61,7 @@ class Hand(Gripper):
         until: Condition | str | None = None,
         required: bool = True,
     ) -> Outcome:
-        """Move by `shift` (3,), metres, world axes, without turning."""
+        """Move by `shift` (3,), m, world axes, without rotation."""
         return self._do(verbs.move_by(self, shift, duration, until, required))
 
     def follow(
@@ -71,15 +70,15 @@ class Hand(Gripper):
         until: Condition | str | None = None,
         required: bool = True,
     ) -> Outcome:
-        """Follow a path: any `Path` value, a track file (`.csv`, `.json`) of world poses, or poses in a list, through
-        which it goes smoothly at the hand's own speeds. It goes to where the path begins first."""
+        """Follow a `Path`, a track file (`.csv`, `.json`) of world poses, or a list of poses (a smooth curve at the
+        hand's own speeds). The hand moves to the start of the path first."""
         return self._do(verbs.follow(self, path, until, required))
 
     def drag(self, poses: Iterable[pin.SE3 | ArrayLike]) -> Outcome:
-        """Ask for one pose (as of `move_to`) after another, each for one step, as a person's mouse does.
+        """Follow a sequence of target poses (as in `move_to`), one for each step, as a mouse gives them.
 
-        The held part goes as near to each as its constraints and solid parts allow; nothing that stops it is an error.
-        Poses are taken from `poses` as they are needed.
+        The held part moves as near to each as its constraints and solid parts allow; obstacles raise no error. `poses`
+        is read lazily.
         """
         return self._do(verbs.drag(self, poses))
 
@@ -91,8 +90,8 @@ class Hand(Gripper):
         speed: float | None = None,
         required: bool = True,
     ) -> Outcome:
-        """Slide `distance` metres along a direction: "axis" (of the fit that holds the part, into its partner),
-        "up", "down", "x", "-x", … or a vector. Without a distance, until the condition holds."""
+        """Slide `distance` m along a direction: "axis" (of the fit that holds the part, into its partner), "up",
+        "down", "x", "-x", … or a vector. Without a distance, slide until the condition holds."""
         return self._do(verbs.slide(self, along, distance, until, speed, required))
 
     def pull(
@@ -103,7 +102,7 @@ class Hand(Gripper):
         speed: float | None = None,
         required: bool = True,
     ) -> Outcome:
-        """Pull the part out: like `slide`, but "axis" points away from the partner. Breaks what a pull breaks."""
+        """Slide the part out: "axis" points away from the partner. Constraints break at their break distance."""
         return self._do(verbs.pull(self, along, distance, until, speed, required))
 
     def turn(
@@ -114,8 +113,8 @@ class Hand(Gripper):
         duration: float | None = None,
         required: bool = True,
     ) -> Outcome:
-        """Turn by `angle` rad about "axis" (of the fit that holds the part), a direction through the part's centre,
-        or a line (point, direction)."""
+        """Turn by `angle` rad about "axis" (of the fit that holds the part), a direction through the part's centre, or
+        a line (point, direction)."""
         return self._do(verbs.turn(self, angle, about, until, duration, required))
 
     def insert(
@@ -127,10 +126,10 @@ class Hand(Gripper):
         required: bool = True,
         depth: float | None = None,
     ) -> Outcome:
-        """Put the best fitting shaft of what is held into its bore in `into`: align in front of it, then slide in.
+        """Insert the best fitting shaft of the held parts into its bore in `into`: align in front of it, then slide in.
 
-        depth: m that its tip goes past the mouth of the bore. until: as of `slide`. With neither it goes on until it is
-        seated, on whatever part, or until nothing more is gained: the shaft would leave the bore again.
+        depth: travel of the tip past the bore's mouth, m. until: as in `slide`. By default the motion ends when the
+        part is seated on any part, or at the largest overlap of shaft and bore.
         """
         return self._do(verbs.insert(self, into, until, speed, gap, required, depth))
 
@@ -143,10 +142,10 @@ class Hand(Gripper):
         required: bool = True,
         parts: str | Sequence[str] = (),
     ) -> Outcome:
-        """Screw in, `rate` turns a second, by `turns` or until the condition (by default until against something).
+        """Screw in at `rate` turns a second, by `turns` or until the condition holds (default: an against constraint).
 
-        The thread is the one that holds the part, or `pitch` (m a turn): negative for a left-hand thread. parts:
-        `refit` a list of screws instead of turning what is held.
+        pitch: m a turn, negative for a left-hand thread; by default that of the thread on the part. parts: `refit` a
+        list of screws instead of turning the held part.
         """
         if parts:
             self._alone("screw", turns=turns, pitch=pitch, until=until)
@@ -162,9 +161,9 @@ class Hand(Gripper):
         required: bool = True,
         parts: str | Sequence[str] = (),
     ) -> Outcome:
-        """Unscrew by `turns` (or until the condition; by default until free): `screw`, the other way.
+        """Unscrew by `turns` or until the condition holds (default: free): `screw` in reverse.
 
-        parts: `remove` a list of screws, each threaded or of that `pitch`, instead of turning what is held.
+        parts: `remove` a list of screws, each threaded or of that `pitch`, instead of turning the held part.
         """
         if parts:
             self._alone("unscrew", turns=turns, until=until)
@@ -172,43 +171,43 @@ class Hand(Gripper):
         return self._do(verbs.unscrew(self, turns, pitch, until, rate, required))
 
     def remove(self, parts: str | Sequence[str], along: str | ArrayLike | None = None) -> Outcome:
-        """Take parts and subassemblies out, one after another, and lay them in a row beside the scene.
+        """Remove parts and subassemblies one after another and lay them in a row beside the scene.
 
-        Each is grabbed, unscrewed if it is threaded, pulled until it is clear of all others, and released. along: as of
-        `pull`; by default the axis that holds it, else away from what it stands against, else up, and where it does not
-        come out so, the way that `vpframe.planning` finds.
+        Each is grabbed, unscrewed if threaded, pulled clear of all others, and released. along: as in `pull`; by
+        default the axis of its fit, else away from its against contacts, else up, and if that fails the path that
+        `vpframe.planning` finds.
 
         Raises
         ------
-        TaskError: one of them does not come out: which, how many did, and what stopped it.
+        TaskError: a part cannot be removed; names the part, its number and the obstacle.
         """
         return self._do(service.remove(self, parts, along, None, "remove"))
 
     def refit(self, parts: str | Sequence[str]) -> Outcome:
-        """Put parts and subassemblies back where the session began, each the way it came, the last one out first."""
+        """Return parts and subassemblies to their initial poses along their own trails, the last one removed first."""
         return self._do(service.refit(self, parts, "refit"))
 
     def exchange(self, old: str, new: str, along: str | ArrayLike | None = None) -> Outcome:
-        """Take `old` out (as `remove`) and put `new` in its place, frame on frame, the way `old` came out."""
+        """Remove `old` (as `remove` does) and put `new` in its place, frame on frame, along the trail of `old`."""
         return self._do(service.exchange(self, old, new, along))
 
     def _alone(self, verb: str, **given: object) -> None:
-        """Refuse what a list of parts cannot be given as well."""
+        """Raise TaskError for arguments that cannot be combined with `parts`."""
         for name in (name for name, value in given.items() if value is not None):
             raise TaskError(
                 f"{self.name}.{verb}: {name}= is of the part in the hand; leave it out, or leave out parts="
             )
 
     def place(self, on: str, at: ArrayLike | None = None, height: float = 0.05, release: bool = True) -> Outcome:
-        """Put the held part down on the highest flat top of `on`, over `at` (x, y) if given, and let go."""
+        """Put the held part down on the highest flat top of `on`, over `at` (x, y) if given, and release it."""
         return self._do(verbs.place(self, on, at, height, release))
 
     def snap(self, kind: str | None = None) -> Outcome:
-        """Accept the best candidate within the assist's reach (of that kind) for the held part."""
+        """Accept the best candidate (of that kind) for the held part within the assist's reach."""
         return self._do(verbs.snap(self, kind))
 
     def wait(self, seconds: float | None = None, until: Condition | str | None = None) -> Outcome:
-        """Stay, for a time or until a condition holds (for at most `seconds`, 60 if not given)."""
+        """Wait for a time (s) or until a condition holds (at most `seconds`, default 60)."""
         return self._do(verbs.wait(self, seconds, until))
 
     def _do(self, verb: verbs.Verb) -> Outcome:

@@ -1,4 +1,4 @@
-"""Where a hand goes and when: paths are values that answer `pose(t)` for 0 ≤ t ≤ `duration`."""
+"""Paths of a hand: values with a `duration` and a world pose `pose(t)` for 0 ≤ t ≤ `duration`."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 
 
 class Path(Protocol):
-    """A motion of the hand: world poses over time."""
+    """World poses over time."""
 
     @property
     def duration(self) -> float:
         """s"""
 
     def pose(self, t: float) -> pin.SE3:
-        """World pose at `t` seconds since the path began; its end pose for any later t."""
+        """World pose at `t` seconds; the end pose for any later t."""
 
 
 def smooth(x: float) -> float:
@@ -40,15 +40,21 @@ def smooth(x: float) -> float:
 
 
 def between(start: pin.SE3, end: pin.SE3, s: float) -> pin.SE3:
-    """The pose a fraction `s` of the way: origin on a straight line, rotation at constant angular velocity."""
+    """Interpolate at fraction `s`: origin on a straight line, rotation at constant angular velocity."""
     if s >= 1.0:
         return pin.SE3(end)
     turned = start.rotation @ pin.exp3(s * pin.log3(start.rotation.T @ end.rotation))
     return pin.SE3(turned, (1.0 - s) * start.translation + s * end.translation)
 
 
+def apart(a: pin.SE3, b: pin.SE3) -> float:
+    """The larger of the distance (m) and the angle (rad) between two poses."""
+    way = a.actInv(b)
+    return max(float(np.linalg.norm(way.translation)), float(np.linalg.norm(pin.log3(way.rotation))))
+
+
 def _check(path: Any, *poses: str) -> None:
-    """A path's duration and its poses by name; TaskError names the field."""
+    """Check a path's duration and its poses; TaskError names the field."""
     kind = type(path).__name__
     number(path.duration, f"{kind}: duration", least=0.0)
     for name in poses:
@@ -57,7 +63,7 @@ def _check(path: Any, *poses: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Straight:
-    """From one pose to another on a straight line, rest to rest (`eased`) or at constant speed."""
+    """Straight line between two poses, rest to rest (`eased`) or at constant speed."""
 
     start: pin.SE3
     end: pin.SE3
@@ -75,7 +81,7 @@ class Straight:
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """About a fixed world line by `angle`, advancing `pitch` metres a full turn along it: rest to rest or steady."""
+    """Rotation by `angle` about a fixed world line with an advance of `pitch` m a turn, rest to rest or steady."""
 
     start: pin.SE3
     origin: NDArray[np.float64]
@@ -87,7 +93,7 @@ class Turning:
     duration: float
     """s"""
     pitch: float = 0.0
-    """m a turn, negative to go back along the axis as it turns"""
+    """m a turn along the axis; negative for a left-hand thread"""
     eased: bool = True
 
     def __post_init__(self) -> None:
@@ -110,7 +116,7 @@ class Turning:
 
 @dataclass(frozen=True, eq=False)
 class Resting:
-    """Stays where it is for `duration` seconds."""
+    """A constant pose for `duration` seconds."""
 
     start: pin.SE3
     duration: float
@@ -124,7 +130,7 @@ class Resting:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Poses at given times, straight between neighbours: what a recorded hand gives."""
+    """Poses at given times with linear interpolation, as from a recorded hand."""
 
     times: NDArray[np.float64]
     """(n,) s, ascending, from 0"""
@@ -154,10 +160,10 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """Smoothly through all `poses` from rest to rest, as fast as `speed` and `turn_speed` allow.
+    """A smooth path through all `poses`, rest to rest, as fast as `speed` and `turn_speed` allow.
 
-    Origins run on a natural cubic spline over chord length, rotations on scipy's `RotationSpline` over the same
-    parameter; progress along it is minimum-jerk in time, stretched until the fastest instant is at the limit.
+    Origins follow a natural cubic spline, rotations scipy's `RotationSpline`, over a common parameter (the time each
+    leg needs at the limits). Progress is minimum-jerk in time, stretched until the fastest instant is at the limit.
     """
 
     poses: Sequence[pin.SE3]
@@ -213,7 +219,7 @@ class Spline:
 
 @dataclass(frozen=True, eq=False)
 class Reversed:
-    """Another path, backwards."""
+    """Another path backwards."""
 
     path: Path
 
@@ -226,14 +232,14 @@ class Reversed:
 
 
 def read_track(path: str | FilePath) -> Track:
-    """A track from a file of poses over time.
+    """Read a track from a file of poses over time.
 
-    `.csv`: a header `t,x,y,z,qx,qy,qz,qw` and one row a pose. `.json`: a list of objects
-    `{"t": s, "position": [x, y, z], "quaternion": [qx, qy, qz, qw]}`. Metres and seconds, world frame.
+    `.csv`: a header `t,x,y,z,qx,qy,qz,qw` and one row for each pose. `.json`: a list of objects `{"t": s, "position":
+    [x, y, z], "quaternion": [qx, qy, qz, qw]}`. Metres and seconds, world frame.
 
     Raises
     ------
-    TaskError: naming the file and the row.
+    TaskError: names the file and the row.
     """
     file = FilePath(path)
     try:
@@ -256,17 +262,17 @@ def read_track(path: str | FilePath) -> Track:
 
 
 def write_track(path: str | FilePath, track: Path, rate: float = 60.0) -> FilePath:
-    """Write a path as `read_track` reads it, .csv or .json by the name's ending; returns its name.
+    """Write a path in the format of `read_track` (.csv or .json, by the suffix); return the file's path.
 
-    A `Track` is written by its own times and poses, to the last bit of its positions; any other path is sampled.
+    A `Track` is written with its own times and poses, exact to the last bit of its positions; other paths are sampled.
 
     Parameters
     ----------
-    rate: samples a second of a path that is no track; its end is always one.
+    rate: samples a second of a path that is not a `Track`; its end is always sampled.
 
     Raises
     ------
-    TaskError: the path has no length in time, or the ending is another. OutputError: it cannot be written.
+    TaskError: the path has no duration, or the suffix is unknown. OutputError: the file cannot be written.
     """
     file = FilePath(path)
     if file.suffix.lower() not in (".csv", ".json"):
@@ -310,5 +316,5 @@ def _json_rows(text: str) -> Iterable[list[float]]:
 
 
 def lifted(pose: pin.SE3, shift: ArrayLike) -> pin.SE3:
-    """`pose` moved by `shift` (3,), metres, world axes."""
+    """Return `pose` moved by `shift` (3,), m, world axes."""
     return pin.SE3(pose.rotation, pose.translation + np.asarray(shift, dtype=np.float64))

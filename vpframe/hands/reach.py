@@ -1,4 +1,4 @@
-"""Where a hand comes in, and what it touches: nearest points of a part's surfaces to a point in space."""
+"""Nearest points of a part's surfaces to a hand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def nearest_on_triangles(point: Array, triangles: Array) -> Array:
-    """(m, 3) the point of each triangle (m, 3, 3) nearest to `point` (3,).
+    """(m, 3) point of each triangle (m, 3, 3) nearest to `point` (3,).
 
     Ericson, Real-Time Collision Detection, 5.1.5: the Voronoi regions of vertices, edges and face in turn.
     """
@@ -43,7 +43,7 @@ def surface_distances(mesh: SurfaceMesh, pose: pin.SE3, point: Array) -> tuple[A
     local = pose.actInv(np.asarray(point, dtype=np.float64))
     near = nearest_on_triangles(local, mesh.vertices[mesh.triangles])
     squared = ((near - local) ** 2).sum(1)
-    squared = np.where(np.isnan(squared), np.inf, squared)  # a triangle of zero area beside its neighbours
+    squared = np.where(np.isnan(squared), np.inf, squared)  # NaN: triangles of zero area
     best = np.array([mesh.triangles_of(s)[np.argmin(squared[mesh.triangles_of(s)])] for s in range(mesh.n_surfaces)])
     points = near[best] @ pose.rotation.T + pose.translation
     return np.sqrt(squared[best]), points

@@ -1,4 +1,4 @@
-"""`Seat`: when a part that goes into a bore has come to its end, and what it sits on then."""
+"""`Seat`: detects when an inserted part is seated, and on which parts."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from vpframe.hands.gripper import Gripper
 from vpframe.hands.segment import Outcome
 
 STILL = 1e-5
-"""m a step: less than this is no advance"""
+"""travel in a step below which a part does not advance, m"""
 STEPS = 3
-"""steps without an advance, against a part that opposes it, that make a seat"""
+"""number of steps without advance, against an opposing part, that make a seat"""
 PRESS = 2e-3
-"""m beyond the end of its shaft that a part with a collar is pushed, for the collar to seat"""
+"""travel beyond the end of the shaft so that a collar seats, m"""
 
 
 class Seat:
-    """Watches a held part come in along an `Entry`, from where the hand has it now.
+    """Watches a held part move along an `Entry` from its present pose.
 
-    It sits when it stands against any part across the way in, or no longer advances past a part that opposes the way.
-    Seen from the mouth of the bore only: what stops it before that is no seat.
+    It is seated when an against constraint opposes the motion, or when it stops against an opposing part. An obstacle
+    in front of the bore's mouth is no seat.
     """
 
     def __init__(self, hand: Gripper, entry: Entry) -> None:
@@ -36,7 +36,7 @@ class Seat:
 
     @property
     def farthest(self) -> float:
-        """m along the way: nothing is gained beyond."""
+        """Travel of the insertion, m."""
         return self.entry.flush + (PRESS if self.entry.collar else 0.0)
 
     def _advance(self) -> float:
@@ -59,12 +59,12 @@ class Seat:
         return bool(on)
 
     def judged(self, outcome: Outcome, required: bool, verb: str) -> Outcome:
-        """The outcome of the way in: seated, as deep as anything is gained, or stopped (TaskError if `required`)."""
+        """Return the outcome of the insertion: seated, at the largest overlap, or stopped (TaskError if `required`)."""
         depth = self._advance() - self.entry.tip
         if outcome.done:
             return Outcome(True, f"seated on {', '.join(self.on)}, {depth * 1e3:.2f} mm deep", outcome.time)
         if self._advance() >= self.entry.flush - self.hand.slack:
-            return Outcome(True, f"{depth * 1e3:.2f} mm deep; farther in nothing is gained", outcome.time)
+            return Outcome(True, f"{depth * 1e3:.2f} mm deep, the greatest overlap of shaft and bore", outcome.time)
         if required:
             raise TaskError(f"{verb}: {outcome.reason}")
         return outcome

@@ -1,4 +1,4 @@
-"""What verbs are made of, and how they end: `MotionSegment`, `Outcome`."""
+"""`MotionSegment` and `Outcome`: the parts and the result of a verb."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ class Outcome:
     """How a verb ended."""
 
     done: bool
-    """it arrived, or its `until` came true"""
+    """whether it arrived or its `until` held"""
     reason: str
-    """one line: "arrived", the condition that came true, or what stood in the way"""
+    """one line: "arrived", the condition that held, or the obstacle"""
     time: float
-    """s, session time at the end"""
+    """session time at the end, s"""
 
     def __bool__(self) -> bool:
         return self.done
@@ -25,10 +25,10 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class MotionSegment:
-    """One stretch of a hand's motion. `path` moves the held part, or the empty hand."""
+    """One segment of a hand's motion. `path` moves the held part, or the empty hand."""
 
     text: str
     path: Path
     until: Condition | None = None
     required: bool = True
-    """whether the task fails when the path ends before `until` holds (or, without one, away from its end)"""
+    """whether the task fails if the path ends before `until` holds (or, without `until`, away from its end)"""

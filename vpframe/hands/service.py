@@ -1,4 +1,4 @@
-"""Verbs for lists of parts: taken out in turn and laid beside the scene, put back the way they came, exchanged."""
+"""Verbs for lists of parts: remove them and lay them beside the scene, refit them along their trails, exchange them."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ Leg = tuple[Vector, float]
 Names = str | Sequence[str]
 
 SEARCH = 30.0
-"""s: budget of planning for a part that does not come out straight"""
+"""time limit of planning for a part that cannot be removed straight, s"""
 ROOM = 0.01
-"""m between a part that is laid aside and all others"""
+"""distance between a removed part and all others, m"""
 HOME = 1e-6
-"""m and rad: a part nearer than this to where the session began is there"""
+"""deviation (m and rad) within which a part is at its initial pose"""
 
 
 def remove(hand: Gripper, parts: Names, along: str | ArrayLike | None, pitch: float | None, verb: str) -> verbs.Verb:
-    """Take each of a list out, unscrewing what is threaded, and lay it beside the scene: `Hand.remove`."""
+    """Remove each part, unscrewing threaded ones, and lay it beside the scene: `Hand.remove`."""
     items = _items(hand, parts, verb)
     if verb == "unscrew":
         for name in items:
@@ -46,7 +46,7 @@ def remove(hand: Gripper, parts: Names, along: str | ArrayLike | None, pitch: fl
 
 
 def refit(hand: Gripper, parts: Names, verb: str) -> verbs.Verb:
-    """Put each of a list back where the session began, the way it came, the last one out first: `Hand.refit`."""
+    """Return each part to its initial pose along its trail, the last one removed first: `Hand.refit`."""
     items = _items(hand, parts, verb)
     leads = {name: hand.session.group(name)[0] for name in items}
     if verb == "screw":
@@ -54,7 +54,7 @@ def refit(hand: Gripper, parts: Names, verb: str) -> verbs.Verb:
             _lead(hand, name, None, verb)
     for name, lead in leads.items():
         if len(hand.session.trail(lead)) < 2 or _is_home(hand, lead):
-            raise TaskError(f"{hand.name}.{verb}: {name} is where the session began; remove it first")
+            raise TaskError(f"{hand.name}.{verb}: {name} is at its initial pose; remove it first")
     order = sorted(items, key=lambda name: -hand.session.trail(leads[name])[-1][0])
     for done, name in enumerate(order):
         try:
@@ -69,7 +69,7 @@ def refit(hand: Gripper, parts: Names, verb: str) -> verbs.Verb:
 
 
 def exchange(hand: Gripper, old: str, new: str, along: str | ArrayLike | None) -> verbs.Verb:
-    """Take `old` out and put `new` in its place, the way it came: `Hand.exchange`."""
+    """Remove `old` and put `new` in its place along the trail of `old`: `Hand.exchange`."""
     session = hand.session
     _items(hand, [old, new], "exchange")
     lead, first = session.group(old)[0], session.group(new)[0]
@@ -99,7 +99,7 @@ def exchange(hand: Gripper, old: str, new: str, along: str | ArrayLike | None) -
 
 
 def _items(hand: Gripper, parts: Names, verb: str) -> tuple[str, ...]:
-    """The names of a list, each of a part or subassembly, none twice."""
+    """Check a list of parts and subassemblies; raise TaskError if it is empty, or names a part twice or a fixed one."""
     if not isinstance(parts, str) and not (isinstance(parts, Sequence) and all(isinstance(n, str) for n in parts)):
         raise TaskError(f"{hand.name}.{verb}({parts!r}): give the name of a part, or a list of names")
     items = (parts,) if isinstance(parts, str) else tuple(parts)
@@ -119,15 +119,15 @@ def _items(hand: Gripper, parts: Names, verb: str) -> tuple[str, ...]:
 def _lead(hand: Gripper, name: str, pitch: float | None, verb: str) -> None:
     if pitch is None and hand.session.pitch_of(name) is None:
         raise TaskError(
-            f"{hand.name}.{verb}: no thread holds {name} that is real geometry; say so with "
+            f"{hand.name}.{verb}: no recognised thread holds {name}; declare it with "
             f"session.thread({name!r}, pitch), or use {'remove' if verb == 'unscrew' else 'refit'}"
         )
 
 
 def _take_out(hand: Gripper, name: str, along: str | ArrayLike | None, pitch: float | None) -> verbs.Generating[Leg]:
-    """Grab, unscrew if it is threaded, and out until it is clear of all others; returns its way and how far, m.
+    """Grab a part, unscrew it if threaded, and pull it clear of all others; return direction and travel, m.
 
-    What does not come out straight, where no way is given, goes back and takes the way that planning finds.
+    Without `along`, a part that cannot be pulled straight goes back and follows a planned path.
     """
     yield from verbs.grab(hand, name, None, ())
     way = way_out(hand, along)
@@ -145,7 +145,7 @@ def _take_out(hand: Gripper, name: str, along: str | ArrayLike | None, pitch: fl
 
 
 def _planned(hand: Gripper, name: str, straight: TaskError) -> verbs.Generating[Leg]:
-    """Out along the way that planning finds, which then ends straight; TaskError, with what stopped `straight`."""
+    """Remove a part along a planned path, whose end is straight; TaskError, after the error `straight`, if none."""
     assert hand.held is not None
     found = removal(hand.session.scene, hand.session.group(name), budget=SEARCH, threads=hand.session.threads)
     if not found:
@@ -158,14 +158,14 @@ def _planned(hand: Gripper, name: str, straight: TaskError) -> verbs.Generating[
 
 
 def _lay_aside(hand: Gripper, way: Vector, back: float) -> verbs.Generating[None]:
-    """From where the way to the side is free to beside everything, and `back` m against `way`: over what lies there."""
+    """Move the held part sideways past all others, then back by `back` m against `way`, above what lies there."""
     aside = _side(hand, way)
     yield from _straight(hand, _clear(hand, aside) * aside)
     yield from _straight(hand, -back * way)
 
 
 def _side(hand: Gripper, way: Vector) -> Vector:
-    """(3,) unit, world, across `way`: the first axis to whose side what is held need not go much farther out."""
+    """Return a direction (3,), unit, world, across `way`: the first axis along which little extra travel is needed."""
     first = int(np.argmin(np.abs(way)))
     axes = [sign * np.eye(3)[(first + k) % 3] for sign in (1.0, -1.0) for k in range(3)]
     sides = [aside - (aside @ way) * way for aside in axes if abs(aside @ way) < 0.8]
@@ -175,9 +175,9 @@ def _side(hand: Gripper, way: Vector) -> Vector:
 
 
 def _clear(hand: Gripper, way: Vector, aside: Vector | None = None) -> float:
-    """m that what is held must go along `way` (3,) to be clear of all others; 0 if it is.
+    """Travel (m) along `way` (3,) until the held parts are clear of all others; 0 if they are.
 
-    aside: (3,) unit, across `way`: only to be clear of what it would meet when it goes that way next.
+    aside: (3,) unit, across `way`: consider only parts that would be hit on a later motion along `aside`.
     """
     mine = grip(hand)
     held = [hand.session.scene[name] for name in mine]
@@ -198,24 +198,19 @@ def _clear(hand: Gripper, way: Vector, aside: Vector | None = None) -> float:
 
 
 def _straight(hand: Gripper, shift: Vector) -> verbs.Verb:
-    """Through free space, twice as fast as usual."""
+    """Move through free space at twice the usual speed."""
     far = float(np.linalg.norm(shift))
     return (yield from verbs.move_by(hand, shift, 0.5 * far / hand.speed, None, True))
 
 
 def _is_home(hand: Gripper, part: str) -> bool:
-    return _same(hand.session.trail(part)[0][1], hand.session.scene[part].pose)
-
-
-def _same(a: pin.SE3, b: pin.SE3) -> bool:
-    between = a.actInv(b)
-    return max(float(np.linalg.norm(between.translation)), float(np.linalg.norm(pin.log3(between.rotation)))) < HOME
+    return paths.apart(hand.session.trail(part)[0][1], hand.session.scene[part].pose) < HOME
 
 
 def _since_home(hand: Gripper, part: str) -> list[pin.SE3]:
-    """The poses of a part since it was last where the session began."""
+    """Return the poses of a part since it was last at its initial pose."""
     poses = [pose for _, pose in hand.session.trail(part)]
-    last = max(k for k, pose in enumerate(poses) if _same(poses[0], pose))
+    last = max(k for k, pose in enumerate(poses) if paths.apart(poses[0], pose) < HOME)
     return [poses[0], *poses[last + 1 :]]
 
 
@@ -224,7 +219,7 @@ def _track(hand: Gripper, poses: Sequence[pin.SE3]) -> paths.Track:
 
 
 def _by_kind(hand: Gripper, items: Sequence[str]) -> str:
-    """The names of a list with those of one shape together: "cover, 4 like M3_1"."""
+    """List names, grouped by shape: "cover, 4 like M3_1"."""
     kinds: dict[int, list[str]] = {}
     for name in items:
         group = hand.session.group(name)

@@ -1,7 +1,7 @@
-"""What hands do: each verb is a generator of motion segments, so that several hands can be at work in the same steps.
+"""Verbs of hands: each is a generator of motion segments, so that several hands can work in the same steps.
 
-A verb yields `MotionSegment`s and is sent the `Outcome` of each; it returns the outcome of the whole. Everything a verb
-decides, it decides from the scene as it stands when the segment begins.
+A verb yields `MotionSegment`s, receives the `Outcome` of each, and returns the outcome of the whole. It decides from
+the scene at the start of each segment.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from vpframe.scene.subassembly import parts_named
 
 T = TypeVar("T")
 Generating = Generator[MotionSegment, Outcome, T]
-"""of motion segments, which returns something"""
+"""generator of motion segments with a return value"""
 Verb = Generating[Outcome]
 
 # ---- motion
 
 
 def approach(hand: Gripper, part: str, surface: int | None, duration: float | None) -> Verb:
-    """To the nearest point of a part, or of one of its surfaces: `Hand.approach`."""
+    """Move to the nearest point of a part, or of one of its surfaces: `Hand.approach`."""
     if hand.held is not None:
         raise TaskError(f"{hand.name} holds {hand.held}; only an empty hand approaches, use move_to")
     group = hand.session.group(part)
@@ -65,7 +65,7 @@ def approach(hand: Gripper, part: str, surface: int | None, duration: float | No
 
 
 def grab(hand: Gripper, part: str, surface: int | None, carried: tuple[str, ...]) -> Verb:
-    """Take a part or subassembly that the hand touches, after going there if need be: `Hand.grab`."""
+    """Grab a part or subassembly, after approaching it if necessary: `Hand.grab`."""
     session, scene = hand.session, hand.session.scene
     if hand.held is not None:
         raise TaskError(f"{hand.name} already holds {hand.held}; release it before grabbing {part}")
@@ -99,7 +99,7 @@ def grab(hand: Gripper, part: str, surface: int | None, carried: tuple[str, ...]
 
 
 def release(hand: Gripper) -> Verb:
-    """Let go of what is held: `Hand.release`."""
+    """Release the held part: `Hand.release`."""
     hand.let_go()
     return _outcome(hand, "released")
     yield  # pragma: no cover - makes this a generator, as all verbs are
@@ -108,7 +108,7 @@ def release(hand: Gripper) -> Verb:
 def move_to(
     hand: Gripper, pose: pin.SE3 | ArrayLike, duration: float | None, until: Condition | str | None, required: bool
 ) -> Verb:
-    """Straight to a world pose: `Hand.move_to`."""
+    """Move straight to a world pose: `Hand.move_to`."""
     goal = as_pose(pose, hand.subject)
     _in_metres(hand, goal.translation - hand.subject.translation, "move_to")
     where = ", ".join(f"{x * 1e3:.1f}" for x in goal.translation)
@@ -119,7 +119,7 @@ def move_to(
 def move_by(
     hand: Gripper, shift: ArrayLike, duration: float | None, until: Condition | str | None, required: bool
 ) -> Verb:
-    """Straight by a vector (3,), m, without turning: `Hand.move_by`."""
+    """Move straight by a vector (3,), m, without rotation: `Hand.move_by`."""
     by = vector(shift, "move_by")
     _in_metres(hand, by, "move_by")
     where = ", ".join(f"{x * 1e3:.1f}" for x in by)
@@ -133,7 +133,7 @@ def follow(
     until: Condition | str | None,
     required: bool,
 ) -> Verb:
-    """Along a path or track, from where it begins: `Hand.follow`."""
+    """Follow a path or track, after moving to its start: `Hand.follow`."""
     way: paths.Path
     if isinstance(path, str | FilePath):
         name, way = str(path), paths.read_track(path)
@@ -154,7 +154,7 @@ def follow(
 
 
 def drag(hand: Gripper, poses: Iterable[pin.SE3 | ArrayLike]) -> Verb:
-    """As near to one pose after another as can be, a step each: `Hand.drag`."""
+    """Follow target poses, one for each step, as near as possible: `Hand.drag`."""
     outcome = _outcome(hand, "went nowhere")
     for pose in poses:
         goal = as_pose(pose, hand.subject)
@@ -174,7 +174,7 @@ def slide(
     verb: str = "slide",
     outward: bool = False,
 ) -> Verb:
-    """Along a direction, for a distance (m) or until a condition holds: `Hand.slide`."""
+    """Slide along a direction for a distance (m) or until a condition holds: `Hand.slide`."""
     end = as_condition(until)
     if distance is None and end is None:
         raise TaskError(f"{hand.name}.{verb} needs a distance or until=a condition")
@@ -201,7 +201,7 @@ def pull(
     speed: float | None,
     required: bool,
 ) -> Verb:
-    """Like `slide`, with "axis" pointing away from the partner: `Hand.pull`."""
+    """Slide with "axis" pointing away from the partner: `Hand.pull`."""
     return (
         yield from slide(
             hand, along, distance, None if distance is not None else until, speed, required, "pull", outward=True
@@ -217,7 +217,7 @@ def turn(
     duration: float | None,
     required: bool,
 ) -> Verb:
-    """By an angle (rad) about an axis or line: `Hand.turn`."""
+    """Turn by an angle (rad) about an axis or line: `Hand.turn`."""
     angle = number(angle, f"{who(hand)}.turn: angle")
     origin, axis = line(hand, about)
     seconds = abs(angle) / hand.turn_speed if duration is None else duration
@@ -228,7 +228,7 @@ def turn(
 
 
 def wait(hand: Gripper, seconds: float | None, until: Condition | str | None) -> Verb:
-    """Stay, for a time (s) or until a condition holds: `Hand.wait`."""
+    """Wait for a time (s) or until a condition holds: `Hand.wait`."""
     end = as_condition(until)
     if seconds is not None:
         seconds = number(seconds, f"{hand.name}.wait: seconds", least=0.0)
@@ -238,7 +238,7 @@ def wait(hand: Gripper, seconds: float | None, until: Condition | str | None) ->
     return (yield MotionSegment(f"{hand.name}.wait({end or f'{seconds:g} s'})", path, end))
 
 
-# ---- putting together, taking apart
+# ---- assembly and disassembly
 
 
 def insert(
@@ -250,7 +250,7 @@ def insert(
     required: bool,
     depth: float | None = None,
 ) -> Verb:
-    """In front of the best fitting bore of a part, then in: `Hand.insert`."""
+    """Align in front of the best fitting bore of a part, then slide in: `Hand.insert`."""
     parts, targets = held_parts(hand, "insert"), other_parts(hand, "insert", into)
     gap = number(gap, f"{who(hand)}.insert: gap", least=0.0)
     _in_metres(hand, gap, f"insert: gap={gap!r}")
@@ -273,7 +273,7 @@ def insert(
 def screw(
     hand: Gripper, turns: float | None, pitch: float | None, until: Condition | str | None, rate: float, required: bool
 ) -> Verb:
-    """In by turns or until a condition holds, at `rate` turns a second: `Hand.screw`."""
+    """Screw in by turns or until a condition holds, at `rate` turns a second: `Hand.screw`."""
     end = as_condition(until) or (None if turns else constraint("against"))
     return (yield from _screw(hand, turns, pitch, end, rate, required, "screw"))
 
@@ -281,7 +281,7 @@ def screw(
 def unscrew(
     hand: Gripper, turns: float | None, pitch: float | None, until: Condition | str | None, rate: float, required: bool
 ) -> Verb:
-    """Out by turns or until a condition holds, at `rate` turns a second: `Hand.unscrew`."""
+    """Unscrew by turns or until a condition holds, at `rate` turns a second: `Hand.unscrew`."""
     end = as_condition(until) or (None if turns else as_condition("free"))
     return (yield from _screw(hand, turns, pitch, end, rate, required, "unscrew"))
 
@@ -296,7 +296,7 @@ def _screw(
     verb: str,
 ) -> Verb:
     if pitch is None and hand.session.pitch_of(held_part(hand, verb).name) is None:
-        # a thread that is drawn plain is offered to a hand that rests
+        # a thread drawn as a plain cylinder is offered only while the hand rests
         yield MotionSegment(f"{who(hand)}.{verb}()", paths.Resting(hand.subject, hand.session.dt))
     lead = _lead(hand, pitch, verb)
     rate = number(rate, f"{who(hand)}.{verb}: rate", above=0.0)
@@ -320,7 +320,7 @@ def _screw(
 
 
 def _lead(hand: Gripper, pitch: float | None, verb: str) -> float:
-    """m a turn, negative for a left-hand thread: as the script says, else as the thread is that holds the part."""
+    """Return the pitch, m a turn, negative for a left-hand thread: the given one, else that of the part's thread."""
     part = held_part(hand, verb).name
     if pitch is not None:
         lead = number(pitch, f"{who(hand)}.{verb}: pitch")
@@ -332,14 +332,14 @@ def _lead(hand: Gripper, pitch: float | None, verb: str) -> float:
     known = hand.session.pitch_of(part)
     if known is None:
         raise TaskError(
-            f"{who(hand)}.{verb}: no thread holds {part} that is real geometry; "
-            f"give pitch= in metres a turn, or say so with session.thread({part!r}, pitch)"
+            f"{who(hand)}.{verb}: no recognised thread holds {part}; "
+            f"give pitch= in metres a turn, or declare it with session.thread({part!r}, pitch)"
         )
     return known
 
 
 def place(hand: Gripper, on: str, at: ArrayLike | None, height: float, let_go: bool) -> Verb:
-    """Down on the highest flat top of a part, and let go: `Hand.place`."""
+    """Put down on the highest flat top of a part and release: `Hand.place`."""
     parts, targets = held_parts(hand, "place"), other_parts(hand, "place", on)
     height = number(height, f"{who(hand)}.place: height", least=0.0)
     _in_metres(hand, height, f"place: height={height!r}")
@@ -369,9 +369,7 @@ def snap(hand: Gripper, kind: str | None) -> Verb:
     if hand.assist.snap <= 0.0:
         raise TaskError(f"{hand.name}.snap(): set the reach first, hand.assist = Assist(snap=0.003)")
     settle = paths.Resting(hand.subject, 2.0 * session.dt)
-    yield MotionSegment(
-        f"{hand.name}.snap()", settle, None, False
-    )  # a step, so that candidates are those of here and now
+    yield MotionSegment(f"{hand.name}.snap()", settle, None, False)  # a step, so that the candidates are up to date
     offers = [c for c in session.candidates if part in c.parts and kind in (None, c.kind)]
     if not offers:
         return _outcome(hand, f"nothing{f' {kind}' if kind else ''} to snap to within reach", done=False)
@@ -398,7 +396,7 @@ def _straight(
 
 
 def _in_metres(hand: Gripper, way: ArrayLike, what: str) -> None:
-    """Refuse a way (m, or (3,) m) so much longer than the scene that millimetres must be meant; never a way back."""
+    """Refuse a motion (m, or (3,) m) that must be meant in millimetres; a way back to the scene is always allowed."""
     low, high = hand.session.bounds
     astray = float(np.linalg.norm(hand.subject.translation - 0.5 * (low + high)))
     size = float(np.linalg.norm(high - low))

@@ -1,4 +1,4 @@
-"""What hands, conditions and expectations ask of a session."""
+"""Interface of a session for hands, conditions and expectations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vpframe.session.events import ConstraintView, ContactPoint, Event
 
 
 class Holder(Protocol):
-    """What others ask of a hand."""
+    """Interface of a hand."""
 
     @property
     def name(self) -> str: ...
@@ -28,7 +28,7 @@ class Holder(Protocol):
 
 
 class Workplace(Protocol):
-    """A session, as those see it who work in it; `vpframe.session.session.Session` documents each name."""
+    """Interface of a session; `vpframe.session.session.Session` documents each name."""
 
     scene: Scene
     dt: float

@@ -1,4 +1,4 @@
-"""Files in, scenes out: `load`. The module stays light, because the reading process imports it too."""
+"""`load`: read files and objects of other libraries into scenes. Few imports, because the reading process uses it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from vpframe.scene.scene import Scene
 
 READING = 0.9
-"""share of the time of a load that reading and meshing take; the rest goes into surfaces and features"""
+"""fraction of the time of a load spent on reading and meshing; the rest goes to surfaces and features"""
 
 
 KERNEL = ("step", "iges", "brep", "mjcf")
-"""formats that the reading process reads"""
+"""formats read by the reading process"""
 
 
 def load(
@@ -33,15 +33,14 @@ def load(
 ) -> Scene:
     """Load a CAD assembly, a mesh, a robot model, or shapes of another library, as a scene in metres.
 
-    Parts of CAD files carry the names of the instances from the root down ("left-bracket/bolt_1"); a single root, with
-    which all would begin, is left out, siblings of one name are numbered, and solids of one compound are "name/1",
-    "name/2". Instances of one shape share it. Each B-rep face is a surface. What the file does not type is recognised
-    or fitted within `Tolerance.fit`. A density is taken in the first of g/mm³, g/cm³ and kg/m³ that makes it plausible
-    (20 to 23,000 kg/m³), as files get its unit wrong. OBJ objects, groups and materials that share borders are the
-    surfaces of one part, closed ones are parts; all other meshes are cut into surfaces. GLB keeps its axes (y is up).
+    Names of CAD parts are the paths of their instances from the root ("left-bracket/bolt_1"); a single root is left
+    out, siblings of the same name are numbered, and solids of one compound are "name/1", "name/2". Instances share one
+    shape. Each B-rep face is a surface; faces without a type in the file are recognised or fitted within
+    `Tolerance.fit`. Density is read in the first unit of g/mm³, g/cm³ and kg/m³ that makes it plausible (20 to 23,000
+    kg/m³), because files often state a wrong unit. OBJ objects, groups and materials that share borders become surfaces
+    of one part, closed ones become parts; all other meshes are segmented into surfaces. GLB keeps its axes (y is up).
 
-    What was read is kept in the user's cache folder (`VPFRAME_CACHE` names another, or none if empty) under the content
-    of the files, so that the same file is there at once the next time.
+    Results are cached in the user's cache folder (`VPFRAME_CACHE` sets another, empty for none) by file content.
 
     Parameters
     ----------
@@ -49,21 +48,21 @@ def load(
         needs mujoco), or the bytes of one; a `trimesh.Trimesh` or `Scene`; a shape of build123d (`Part`, `Compound`
         with its children, labels, colours and connected joints) or of OpenCascade; a Pinocchio `GeometryModel`, or
         `(model, geometry)`, or `(model, geometry, q)`. The joints of a model are `Scene.statements`.
-    deflection: m; no triangle is farther than this from its surface (CAD files).
-    angular: rad; no two neighbouring segments of a meshed curve turn by more than this. On small round parts it is
-        this, not `deflection`, that sets the number of triangles (CAD files).
-    unit: "m", "cm", "mm", "um", "in" or "ft" for STL, OBJ and PLY, which name none. Left out, a model whose largest
-        extent is above 2 is taken to be in millimetres and any other in metres; a note in `Scene.notes` says which.
-        Of a mesh of trimesh, left out, its own `units` count first.
-    timeout: s; a CAD file that takes longer is given up. Left out, a minute, and one more for each megabyte beyond the
-        first. Reading may take 4 GiB of memory, and 200 bytes more for each byte of the file.
-    progress: called with the fraction done and what is being done.
-    format: of bytes, "step", "obj", …; left out, their content tells (OBJ has no mark to know it by).
+    deflection: maximum distance of triangles from their surface, m (CAD files).
+    angular: maximum angle between neighbouring segments of a meshed curve, rad (CAD files). On small round parts it
+        determines the number of triangles.
+    unit: "m", "cm", "mm", "um", "in" or "ft" for STL, OBJ and PLY, which state none. By default a model whose largest
+        extent is above 2 is read in millimetres, any other in metres; `Scene.notes` says which. A trimesh mesh has its
+        own `units` as default.
+    timeout: time limit of a CAD file, s; default one minute for each megabyte, at least one. The memory limit is 4 GiB
+        plus 200 bytes for each byte of the file.
+    progress: receives the fraction done and the present task.
+    format: of bytes, "step", "obj", …; by default recognised from the content (not possible for OBJ).
 
     Raises
     ------
-    LoadError: one line that says what is wrong with which file, and how to mend it. Parts and faces that were lost
-        from a file that could be read otherwise are named in `Scene.notes` and `Shape.notes`.
+    LoadError: one line that names the file, the fault and the remedy. Parts and faces lost from a file that can be read
+        otherwise are named in `Scene.notes` and `Shape.notes`.
     """
     for name, value in (("deflection", deflection), ("angular", angular), ("timeout", timeout)):
         if value is not None and not 0.0 < value < float("inf"):
@@ -109,7 +108,7 @@ def load(
 
             raw = meshes.read(file, form, unit, Tolerance(), part(0.0, READING))
             raw.shapes = [build.settled(shape) for shape in raw.shapes]
-        if key and raw.whole and cache.key_of(files, form, deflection, angular, unit) == key:  # not changed meanwhile
+        if key and raw.whole and cache.key_of(files, form, deflection, angular, unit) == key:  # files unchanged
             cache.keep(key, raw)
     scene = build.scene(raw, str(path), part(READING, 1.0))
     if progress is not None:
@@ -128,7 +127,7 @@ def _called(source: Any) -> str:
 
 
 def _files(file: Path, form: str) -> list[Path]:
-    """All files that the scene is made of, `file` first; empty where that is not known."""
+    """Return all files of a scene, `file` first; empty if they are not known."""
     if form in ("urdf", "mjcf"):
         return []
     if form in KERNEL:

@@ -1,10 +1,10 @@
-"""The reading process: one CAD file in, archives of its shapes and of its tree out. Run as a script, by `python -I`.
+"""The reading process: reads one CAD file and writes archives of its shapes and its tree. Run by `python -I`.
 
-It runs apart because the kernel can crash on a damaged file and writes to standard output as it pleases. Its own
-standard output carries nothing but lines of JSON: `{"fraction", "text", "shape"}` as it goes on, `{"ready"}` with the
-number of each archive of one shape, `{"error"}` when the file cannot be used, `{"memory"}` when it needs more than it
-may have. Nothing is imported from the working directory,
-the file's folder or this one: vpframe comes from where it lies, everything else from where Python or the parent has it.
+It is a separate process because the CAD kernel can crash on a damaged file and writes to standard output. Its
+standard output carries lines of JSON only: `{"fraction", "text", "shape"}` for progress, `{"ready"}` with the number of
+each finished shape archive, `{"error"}` for an unusable file, `{"memory"}` at the memory limit. Nothing is imported
+from the working directory, the file's folder or this folder: vpframe is imported from its own location, all else from
+the folders of Python or the parent.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 
 
 def main() -> None:
-    """Read what the arguments (JSON) ask for; tell what happens on the channel that standard output was."""
+    """Process the request in the arguments (JSON); report on the original standard output."""
     request = json.loads(sys.argv[1])
     _end_with_parent()
     _limit_memory(request["memory"])
@@ -48,8 +48,8 @@ def main() -> None:
 
 
 def _end_with_parent() -> None:
-    """End when the parent does: a thread waits for the end of standard input. The kernel holds the GIL for long, so on
-    Linux the system is asked to see to it as well."""
+    """End with the parent: a thread waits for the end of standard input. The kernel can hold the GIL for long, so Linux
+    is also asked to kill this process."""
 
     def wait() -> None:
         sys.stdin.read()
@@ -62,18 +62,18 @@ def _end_with_parent() -> None:
 
 
 def _limit_memory(limit: int) -> None:
-    """At most so many bytes of address space, and no core dump."""
+    """Limit the address space to `limit` bytes, and disable core dumps."""
     if sys.platform == "win32":
         return
     import resource
 
     for what, value in ((resource.RLIMIT_AS, limit), (resource.RLIMIT_CORE, 0)):
-        with contextlib.suppress(OSError, ValueError):  # the parent may have less itself
+        with contextlib.suppress(OSError, ValueError):  # the hard limit may be lower
             resource.setrlimit(what, (value, resource.getrlimit(what)[1]))
 
 
 def _import_vpframe() -> None:
-    """Import the package this file is in, wherever that is, without its folder on the path."""
+    """Import the package that contains this file, without adding its folder to the path."""
     folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     init = os.path.join(folder, "__init__.py")
     spec = importlib.util.spec_from_file_location("vpframe", init, submodule_search_locations=[folder])
@@ -130,3 +130,4 @@ def _read(request: dict[str, Any], channel: TextIO) -> None:
 
 if __name__ == "__main__":
     main()
+    os._exit(0)  # at once, because unloading the kernel takes longer than reading a small file

@@ -1,4 +1,4 @@
-"""A `RawScene` as one file, in the encoding of `vpframe.codec`: nothing in it is run."""
+"""A `RawScene` as one file, encoded by `vpframe.codec`; nothing in it is executed."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from vpframe.importers.raw import Array, RawEdge, RawFace, RawJoint, RawPart, Ra
 
 
 class ArchiveError(VpframeError):
-    """The file is no archive of this version, or it is damaged."""
+    """The file is not an archive of this version, or is damaged."""
 
 
 CODEC = Codec()
-_CHECKSUM = struct.Struct("<I")  # crc32 of what follows
+_CHECKSUM = struct.Struct("<I")  # crc32 of the content
 
 
 def write(raw: RawScene, path: str | Path) -> None:
-    """Write all of `raw`; `read` gives it back bit by bit."""
+    """Write `raw`; `read` restores it bit for bit."""
     shapes = [
         {
             "vertices": shape.vertices,
@@ -67,7 +67,7 @@ def write(raw: RawScene, path: str | Path) -> None:
 
 
 def read(path: str | Path) -> RawScene:
-    """What `write` wrote, but for `whole`. Raises ArchiveError, or OSError where there is no such file."""
+    """Read an archive; `whole` is not stored. Raises ArchiveError if damaged, OSError if missing."""
     data = Path(path).read_bytes()
     try:
         if _CHECKSUM.unpack(data[: _CHECKSUM.size])[0] != zlib.crc32(memoryview(data)[_CHECKSUM.size :]):
@@ -121,7 +121,7 @@ def _shape(content: Any) -> RawShape:
 
 
 def _cut(points: Array, counts: list[int]) -> list[Array]:
-    """`points` in pieces of so many rows; raises ValueError where they do not add up."""
+    """Split `points` into pieces of `counts` rows; ValueError if the counts do not add up."""
     if sum(counts) != len(points) or min(counts, default=0) < 0:
         raise ValueError(f"{len(points)} points for {sum(counts)}")
     ends = np.cumsum(counts)

@@ -1,6 +1,6 @@
-"""From an OpenCascade solid to plain arrays: one face's triangles, type and edges after another.
+"""Convert OpenCascade solids to arrays: triangles, type and edges of each face.
 
-OpenCascade works in millimetres here (what its readers convert every file to); everything returned is metres.
+OpenCascade works in millimetres here; results are in metres.
 """
 
 from __future__ import annotations
@@ -35,11 +35,12 @@ from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
+from collision.mesh import welded
 from vpframe.importers.polyhedron import LONGEST, boundary_loops, fill, mass_properties, open_edges
 from vpframe.importers.raw import Array, Color, RawEdge, RawFace, RawShape, Size
 
 MM = 1e-3
-RECOGNITION = 1e-5 / MM  # the kernel's own recognition invents cylinders at looser tolerances
+RECOGNITION = 1e-5 / MM  # at looser tolerances the kernel recognises false cylinders
 
 _TYPES = {
     GeomAbs_SurfaceType.GeomAbs_Plane: ("plane", "Plane"),
@@ -51,10 +52,10 @@ _TYPES = {
 
 
 Piece = tuple[Array, Any]
-"""a face's points (n, 3), m, and triangles (m, 3) of them"""
+"""mesh of a face: points (n, 3), m, and triangles (m, 3)"""
 
 MESHED, TYPED = 0.45, 0.6
-"""shares of the time of a shape after which it is meshed, and its faces are read; its edges follow"""
+"""fractions of a shape's time at which meshing, and reading of faces, are done"""
 
 
 def tessellate(
@@ -65,12 +66,12 @@ def tessellate(
     size: Callable[[TopoDS_Shape], Size | None] = lambda face: None,
     tell: Callable[[float], None] = lambda fraction: None,
 ) -> RawShape:
-    """Mesh `shape` (a solid, shell or face) and read everything a scene wants to know of it.
+    """Mesh `shape` (a solid, shell or face) and read its faces, edges and mass properties.
 
-    `deflection` (m) bounds the distance between a triangle and its surface, `angular` (rad) the angle between
-    neighbouring segments of a curve. Faces that mesh to nothing are filled from their neighbours' borders, meshed
-    before them, or repaired; they are named in `notes`. `color` gives a face's own colour, `size` its toleranced
-    diameter. `tell` hears the fraction done.
+    deflection: maximum distance between a triangle and its surface, m. angular: maximum angle between neighbouring
+    segments of a curve, rad. Faces without triangles are filled from their neighbours' borders, meshed first, or
+    repaired; `notes` names them. color: returns a face's own colour. size: returns its toleranced diameter. tell:
+    receives the fraction done.
     """
     raw = RawShape(np.empty((0, 3)), np.empty((0, 3), np.int32), np.empty(0, np.int32), [])
     raw.brep = brep_bytes(shape)
@@ -101,21 +102,21 @@ def tessellate(
 
 
 def brep_bytes(shape: TopoDS_Shape) -> bytes:
-    """The shape in OpenCascade's binary form (BinTools), without triangles."""
+    """Return the shape in OpenCascade's binary format (BinTools), without triangles."""
     stream = io.BytesIO()
     BinTools.Write_s(shape, stream, False, False, BinTools_FormatVersion.BinTools_FormatVersion_CURRENT)
     return stream.getvalue()
 
 
 def brep_shape(data: bytes) -> TopoDS_Shape:
-    """The inverse of `brep_bytes`; null for bytes that are no B-rep. It may crash on damaged ones."""
+    """Inverse of `brep_bytes`; a null shape for bytes that are no B-rep. May crash on damaged bytes."""
     shape = TopoDS_Shape()
     BinTools.Read_s(shape, io.BytesIO(data))
     return shape
 
 
 def _pieces(faces: ShapeMap, tell: Callable[[float], None] = lambda fraction: None) -> dict[int, Piece]:
-    """What each face is meshed to, by the kernel's number."""
+    """Return the mesh of each face, by the kernel's face number."""
     pieces = {}
     for number in range(1, faces.Extent() + 1):
         tell((number - 1) / faces.Extent())
@@ -125,25 +126,25 @@ def _pieces(faces: ShapeMap, tell: Callable[[float], None] = lambda fraction: No
 
 
 def _weld(raw: RawShape, pieces: dict[int, Piece]) -> None:
-    """Put the triangles of all faces together; equal vertices are one, and triangles of two corners are gone."""
+    """Join the triangles of all faces; merge equal vertices and drop triangles with two equal corners."""
     found = [(points, corners) for points, corners in pieces.values() if len(corners)]
     if not found:
         return
     starts = np.cumsum([0, *(len(points) for points, _ in found)])
-    raw.vertices, inverse = np.unique(np.concatenate([p for p, _ in found]) + 0.0, axis=0, return_inverse=True)
+    raw.vertices, point = welded(np.concatenate([p for p, _ in found]) + 0.0)
     corners = np.concatenate([corners + start for (_, corners), start in zip(found, starts, strict=False)])
-    raw.triangles = inverse.reshape(-1)[corners].astype(np.int32)
+    raw.triangles = point[corners].astype(np.int32)
     raw.face_of_triangle = np.repeat(np.arange(len(found), dtype=np.int32), [len(corners) for _, corners in found])
-    real = (raw.triangles != np.roll(raw.triangles, 1, axis=1)).all(axis=1)  # a pole has one point for two corners
+    real = (raw.triangles != np.roll(raw.triangles, 1, axis=1)).all(axis=1)  # a pole is one point for two corners
     raw.triangles, raw.face_of_triangle = raw.triangles[real], raw.face_of_triangle[real]
 
 
 def _fill_holes(
     shape: TopoDS_Shape, faces: ShapeMap, missing: list[int], raw: RawShape, deflection: float, angular: float
 ) -> dict[int, Piece]:
-    """Triangles that span the holes of missing faces between their neighbours' triangles, and share these' vertices.
+    """Fill the holes of missing faces with triangles between their neighbours' vertices.
 
-    They are taken only where they are the face: nowhere farther from its surface than `deflection`, and of its area.
+    A filling is used only if it is within `deflection` of the face's surface and has the face's area.
     """
     loops = [loop for loop in boundary_loops(raw.triangles) if len(loop) <= LONGEST]
     filled: dict[int, Piece] = {}
@@ -170,7 +171,7 @@ def _fill_holes(
 
 
 def _deviation(face: TopoDS_Face, points: Array) -> float:
-    """The greatest distance, mm, of points (n, 3) to the face's surface."""
+    """Greatest distance of points (n, 3) from the face's surface, mm."""
     surface = BRep_Tool.Surface_s(face)
     feet = (GeomAPI_ProjectPointOnSurf(gp_Pnt(*p), surface) for p in points.tolist())
     return max(foot.LowerDistance() if foot.NbPoints() else np.inf for foot in feet)
@@ -179,7 +180,7 @@ def _deviation(face: TopoDS_Face, points: Array) -> float:
 def _mesh_first(
     shape: TopoDS_Shape, faces: ShapeMap, missing: list[int], raw: RawShape, deflection: float, angular: float
 ) -> dict[int, Piece]:
-    """All faces anew, after the missing ones have been meshed finer: their neighbours then take over their borders."""
+    """Mesh all faces again after the missing ones, which are meshed finer; their neighbours then use their borders."""
     BRepTools.Clean_s(shape)
     for number in missing:
         for finer in (0.5, 0.1):
@@ -194,7 +195,7 @@ def _mesh_first(
 def _mesh_alone(
     shape: TopoDS_Shape, faces: ShapeMap, missing: list[int], raw: RawShape, deflection: float, angular: float
 ) -> dict[int, Piece]:
-    """What missing faces mesh to as copies, finer, and at last repaired: that leaves gaps to their neighbours."""
+    """Mesh copies of missing faces finer, and at last repaired; this leaves gaps to their neighbours."""
     pieces = {}
     for number in missing:
         for repair, finer in product((False, True), (0.5, 0.1)):
@@ -212,7 +213,7 @@ def _mesh_alone(
 
 
 def _triangles(face: TopoDS_Face) -> tuple[Array, Any]:
-    """Nodes (n, 3) in the shape's frame, mm, and triangles (m, 3) wound outwards."""
+    """Nodes (n, 3) in the shape's frame, mm, and triangles (m, 3) with outward winding."""
     location = TopLoc_Location()
     mesh = BRep_Tool.Triangulation_s(face, location)
     if mesh is None or mesh.NbTriangles() == 0:
@@ -229,7 +230,7 @@ def _triangles(face: TopoDS_Face) -> tuple[Array, Any]:
 
 
 def _type(face: TopoDS_Face, name: str) -> RawFace:
-    """The face's analytic type: the file's own, else the kernel's recognition, else points to fit one to."""
+    """Return the analytic type of a face: from the file, else from the kernel's recognition, else sample points."""
     surface = BRepAdaptor_Surface(face)
     if surface.GetType() in _TYPES:
         kind, getter = _TYPES[surface.GetType()]
@@ -249,7 +250,7 @@ def _type(face: TopoDS_Face, name: str) -> RawFace:
 
 
 def _numbers(kind: str, value: Any) -> tuple[float, ...]:
-    """The numbers of an OpenCascade elementary surface, metres, in the order that `RawFace.numbers` states."""
+    """Return the numbers of an elementary surface, in metres and the order of `RawFace.numbers`."""
 
     def point(p: Any) -> tuple[float, ...]:
         x, y, z = _xyz(p)
@@ -278,7 +279,7 @@ def _xyz(value: Any) -> tuple[float, float, float]:
 
 
 def _samples(face: TopoDS_Face, surface: BRepAdaptor_Surface) -> Array:
-    """Points of the true surface at the middle of each triangle (in parameters), m: what vertices alone may hide."""
+    """Points of the true surface at the middle of each triangle (in parameters), m, for the fit of its type."""
     mesh = BRep_Tool.Triangulation_s(face, TopLoc_Location())
     if mesh is None or not mesh.HasUVNodes():
         return np.empty((0, 3))
@@ -291,7 +292,7 @@ def _samples(face: TopoDS_Face, surface: BRepAdaptor_Surface) -> Array:
 
 
 def _edges(shape: TopoDS_Shape, faces: ShapeMap, place: dict[int, int], tell: Callable[[float], None]) -> list[RawEdge]:
-    """Each edge once: its polyline, the faces it bounds, and its circle if it is one."""
+    """Return each edge once: its polyline, the faces it bounds, and its circle if it is one."""
     ancestors = AncestorMap()
     TopExp.MapShapesAndAncestors_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, ancestors)
     edges = []
@@ -319,7 +320,7 @@ def _edges(shape: TopoDS_Shape, faces: ShapeMap, place: dict[int, int], tell: Ca
 
 
 def _polyline(edge: Any, face: TopoDS_Face) -> Array:
-    """Nodes (n, 3), mm, that the face's mesh has on the edge; empty when it has none."""
+    """Nodes (n, 3) of the face's mesh on the edge, mm; empty if there are none."""
     location = TopLoc_Location()
     mesh = BRep_Tool.Triangulation_s(face, location)
     polygon = None if mesh is None else BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
@@ -332,9 +333,9 @@ def _polyline(edge: Any, face: TopoDS_Face) -> Array:
 
 
 def _volume(shape: TopoDS_Shape, raw: RawShape) -> None:
-    """Volume, centre and inertia of the exact solid; nothing for a sheet, or a solid that is open.
+    """Compute volume, centre and inertia of the exact solid; not for sheets and open solids.
 
-    A solid inside out is turned.
+    An inverted solid is reversed.
     """
     solids = ShapeMap()
     TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_SOLID, solids)

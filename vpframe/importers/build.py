@@ -1,4 +1,4 @@
-"""From raw arrays to a `Scene`: surfaces typed and oriented, features grouped, mass properties filled in."""
+"""Convert raw arrays to a `Scene`: type and orient surfaces, group features, compute mass properties."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 def scene(raw: RawScene, source: str | None = None, progress: Callable[[float, str], None] | None = None) -> Scene:
-    """The scene of a raw scene; parts that share a shape share the object. `progress` hears how far it is."""
+    """Return the scene of a raw scene; parts of one shape share the object. `progress` receives fraction and task."""
     shapes, done, total = [], 0, max(sum(len(s.faces) for s in raw.shapes), 1)
     for s, name in zip(raw.shapes, _shape_names(raw), strict=True):
         if progress is not None:
@@ -52,7 +52,7 @@ def _shape_names(raw: RawScene) -> list[str]:
 
 
 def shape(raw: RawShape, name: str = "shape") -> Shape:
-    """The shape of raw arrays: zero-area triangles dropped and counted, faces typed, features grouped."""
+    """Return the shape of raw arrays: zero-area triangles dropped, faces typed, features grouped."""
     raw = settled(raw)
     mesh = SurfaceMesh(raw.vertices, raw.triangles, raw.face_of_triangle, name)
     vectors = triangle_area_vectors(raw.vertices, raw.triangles)
@@ -68,15 +68,18 @@ def shape(raw: RawShape, name: str = "shape") -> Shape:
     return Shape(mesh, surfaces, features, edges, *measured, closed, tuple(raw.notes), raw.brep)
 
 
-@np.errstate(over="ignore", invalid="ignore")  # coordinates beyond all bounds are refused afterwards, in one line
+@np.errstate(over="ignore", invalid="ignore")  # coordinates out of range are refused later, with one line
 def settled(raw: RawShape) -> RawShape:
-    """The shape with all decided that takes time: faces without triangles are gone, the others typed, as are volume,
-    centre and inertia. Of a settled shape, the shape itself.
+    """Drop faces without triangles, type the others and compute mass properties, which takes time.
+
+    A settled shape is returned as it is. A shape whose triangles all have zero area has no faces.
     """
     if raw.settled:
         return raw
     notes = list(raw.notes)
     triangles, owners, kept = _drop_flat(raw, notes)
+    if not kept:
+        return RawShape(raw.vertices, triangles, owners, [], notes=notes, settled=True)
     border = open_edges(triangles)
     if len(border):
         x, y, z = 1e3 * raw.vertices[border[0]].mean(axis=0)
@@ -103,7 +106,7 @@ def settled(raw: RawShape) -> RawShape:
 
 
 def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDArray[np.int32], list[int]]:
-    """Triangles of positive area, their surface numbers without gaps, and the raw face of each surface."""
+    """Return triangles of positive area, their surface numbers without gaps, and the raw face of each surface."""
     triangles, faces = without_flat(raw.vertices, raw.triangles, raw.face_of_triangle)
     flat = np.linalg.norm(triangle_area_vectors(raw.vertices, raw.triangles), axis=1) == 0.0
     if flat.any():
@@ -126,7 +129,7 @@ def _surface(index: int, raw: RawFace, mesh: SurfaceMesh, vectors: Array, triang
 
 
 def _stated_size(raw: RawFace, facing: str) -> Size | None:
-    """The face's size, its class spelt as ISO 286 does: capitals for bores."""
+    """Return the size of a face, with its class in the spelling of ISO 286: capitals for bores."""
     if raw.size is None:
         return None
     nominal, lower, upper, fit = raw.size
@@ -134,7 +137,7 @@ def _stated_size(raw: RawFace, facing: str) -> Size | None:
 
 
 def raw_geometry(raw: RawFace, points: Array, outward: Array) -> Geometry:
-    """The analytic geometry of a typed face; planes point out of the material, cones open towards the face."""
+    """Return the analytic geometry of a typed face; planes point out of the material, cones open towards the face."""
     n = np.array(raw.numbers)
     match raw.kind:
         case "plane":
@@ -149,13 +152,13 @@ def raw_geometry(raw: RawFace, points: Array, outward: Array) -> Geometry:
         case "torus":
             ring = Torus(n[:3], n[3:6], n[6], n[7])
             inner = ring.major <= ring.minor and np.abs(ring.distance(points)).max() > ring.minor * 1e-3
-            return Freeform() if inner else ring  # the inner sheet of a spindle torus is no surface we know
+            return Freeform() if inner else ring  # the inner sheet of a spindle torus is not supported
         case _:
             return Freeform()
 
 
 def raw_numbers(geometry: Geometry) -> tuple[str, tuple[float, ...]]:
-    """Kind and numbers as `RawFace` has them: the inverse of `raw_geometry`."""
+    """Return kind and numbers in the form of `RawFace`: the inverse of `raw_geometry`."""
     if isinstance(geometry, Freeform):
         return "", ()
     values = (np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in vars(geometry).values())
@@ -163,11 +166,11 @@ def raw_numbers(geometry: Geometry) -> tuple[str, tuple[float, ...]]:
 
 
 def recognised(raw: RawFace, points: Array, middles: Array, vectors: Array) -> tuple[Geometry, float]:
-    """Geometry and residual of a face: the file's type, the kernel's recognition if it holds at the face's own
-    points, a least-squares fit to them, or freeform."""
+    """Return geometry and residual of a face: type of the file, recognition of the kernel if it fits the face's points,
+    a least-squares fit, or freeform."""
     try:
         geometry = raw_geometry(raw, points, vectors.sum(axis=0))
-    except GeometryError:  # a ring of no thickness
+    except GeometryError:  # a torus of zero minor radius
         geometry = Freeform()
     if raw.typed:
         return geometry, raw.residual
@@ -182,7 +185,7 @@ def recognised(raw: RawFace, points: Array, middles: Array, vectors: Array) -> t
 
 
 def orientation(geometry: Geometry, middles: Array, vectors: Array) -> str:
-    """ "flat" for planes, "convex" or "concave" by the outward triangle normals (area vectors), "free" for freeform."""
+    """ "flat" for planes, "convex" or "concave" by the outward area vectors, "free" for freeform."""
     if isinstance(geometry, Freeform):
         return "free"
     if isinstance(geometry, Plane):

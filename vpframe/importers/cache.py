@@ -1,7 +1,7 @@
-"""What was read of a model, kept in the user's cache folder under the content it was read from.
+"""Cache of imported models in the user's cache folder, by content of their files.
 
-An entry is an archive: numbers and text, nothing that runs. It is written beside its place and then moved there, so
-that two processes do not meet half of it; a damaged one is read anew. The oldest entries go when there are too many.
+An entry is an archive: numbers and text, no code. Entries are written atomically; damaged ones are read again from the
+model. The least recently used entries are removed beyond a total size.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from vpframe.importers import archive
 from vpframe.importers.raw import RawScene
 
 VARIABLE = "VPFRAME_CACHE"
-"""environment variable: another folder for it; empty for none"""
+"""environment variable for another cache folder; empty for none"""
 LARGEST = 1 << 30
-"""bytes of all entries together"""
+"""maximum total size, bytes"""
 _CODE = ("vpframe/codec.py", "vpframe/importers/**/*.py", "constraints/**/*.py", "collision/tolerance.py")
 _PACKAGES = ("cadquery-ocp-novtk", "trimesh", "numpy")
 
 
 def folder() -> Path | None:
-    """Where entries lie; None where there is no cache."""
+    """Return the cache folder; None if there is none."""
     given = os.environ.get(VARIABLE)
     if given is not None:
         return Path(given) if given else None
-    with contextlib.suppress(RuntimeError):  # nobody's home
+    with contextlib.suppress(RuntimeError):  # no home folder
         if sys.platform == "win32":
             home = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
         elif sys.platform == "darwin":
@@ -45,7 +45,7 @@ def folder() -> Path | None:
 
 
 def key_of(files: Iterable[Path], *options: object) -> str:
-    """The name of the entry for these files, the first of which is loaded with `options`: content, names, versions."""
+    """Return the cache key of files, the first of which is loaded with `options`: content, names and versions."""
     digest = hashlib.sha256(_versions())
     digest.update(repr(options).encode())
     for file in files:
@@ -57,7 +57,7 @@ def key_of(files: Iterable[Path], *options: object) -> str:
 
 @functools.cache
 def _versions() -> bytes:
-    """What the result depends on besides the file: the code that reads, and the packages it calls."""
+    """Digest of the code and packages that determine the result."""
     digest = hashlib.sha256(f"{__version__} {sys.version}".encode())
     root = Path(__file__).parents[2]
     for file in sorted(file for pattern in _CODE for file in root.glob(pattern)):
@@ -69,7 +69,7 @@ def _versions() -> bytes:
 
 
 def find(key: str) -> RawScene | None:
-    """The entry of that name; None when there is none that can be read."""
+    """Return the entry of a key; None if it is missing or unreadable."""
     place = folder()
     if place is None:
         return None
@@ -83,13 +83,12 @@ def find(key: str) -> RawScene | None:
     except OSError:
         return None
     with contextlib.suppress(OSError):
-        os.utime(path)  # used just now
+        os.utime(path)  # last use
     return raw
 
 
 def keep(key: str, raw: RawScene) -> None:
-    """Write an entry, and remove the oldest if all are larger than `LARGEST`. Where nothing can be written, nothing
-    is."""
+    """Write an entry, and remove the oldest ones beyond `LARGEST`. Errors are ignored."""
     place = folder()
     if place is None:
         return
@@ -108,11 +107,11 @@ def keep(key: str, raw: RawScene) -> None:
 
 
 def _tidy(place: Path) -> None:
-    """Remove the entries used longest ago until the others are within `LARGEST`, half-written ones too."""
+    """Remove the least recently used entries beyond `LARGEST`, and incomplete files."""
     found = []
     for file in place.iterdir():
         if file.suffix in (".archive", ".tmp"):
-            with contextlib.suppress(OSError):  # another process removes too
+            with contextlib.suppress(OSError):  # another process may remove it too
                 status = file.stat()
                 found.append((status.st_mtime, status.st_size, file))
     total = 0

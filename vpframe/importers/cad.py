@@ -1,7 +1,7 @@
-"""STEP and IGES through OpenCascade in a process of its own, so that nothing the kernel does can end ours.
+"""STEP and IGES through OpenCascade in a separate process, so that a crash of the kernel cannot end this one.
 
-The process is shut in: it imports nothing that lies about where the file, the script or the user is, its memory and
-time are limited, and it ends when we end.
+The process is isolated: it imports nothing from the folders of file, script or user, has limits of memory and time, and
+ends with its parent.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from vpframe.errors import LoadError
 from vpframe.importers import archive
-from vpframe.importers.checks import FORMATS
+from vpframe.importers.checks import FORMATS, iges_damage
 from vpframe.importers.raw import RawScene, RawShape
 from vpframe.importers.step_text import StepText, scan
 
@@ -30,20 +32,20 @@ Progress = Callable[[float, str], None]
 READER = Path(__file__).with_name("_reader.py")
 MEGABYTE = 1e6
 MEMORY = 4 << 30
-"""bytes of address space that reading may take, plus MEMORY_OF_SIZE times the files' size; the kernel alone, idle,
-takes 0.7 GB, and what reading adds was below 80 bytes a byte of the models measured (um2_head: 0.19 GB of 2.6 MB)"""
+"""address space for reading, bytes, plus MEMORY_OF_SIZE times the size of the files. The idle kernel takes 0.7 GB;
+measured models took below 80 bytes for each byte (um2_head: 0.19 GB for 2.6 MB)."""
 MEMORY_OF_SIZE = 200
 CROWDED = 0.4
-"""share of the address space; a crash with more of it in use is for want of memory: what grows is copied to twice its
-size"""
+"""fraction of the address space above which a crash counts as lack of memory, since growing arrays are copied to twice
+their size"""
 
 _THRIFTY = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "8"}
-"""so that a machine of many cores does not spend the address space on threads that have nothing to do"""
+"""keeps idle threads on machines with many cores from using address space"""
 _EXTERNAL = re.compile(rb"DOCUMENT_FILE\s*\(\s*'((?:[^']|'')+)'")
 
 
 def files_of(path: Path, form: str) -> list[Path]:
-    """The file and all that a STEP assembly refers to, directly or through others, as far as they are there."""
+    """Return the file and all existing files that a STEP assembly refers to, directly or indirectly."""
     found = [path]
     for file in found:
         if form == "step":
@@ -61,7 +63,7 @@ def _bytes(file: Path) -> bytes:
 
 
 def time_limit(size: int) -> float:
-    """Seconds that reading `size` bytes may take by default: a minute, and one more a megabyte beyond the first."""
+    """Default time limit for reading `size` bytes, s: one minute for each megabyte, at least one."""
     return 60.0 * max(1.0, size / MEGABYTE)
 
 
@@ -75,21 +77,22 @@ def read(
     settle: Callable[[RawShape], RawShape],
     given: Sequence[Any] = (),
 ) -> RawScene:
-    """The raw scene of a file; `form` is "step", "iges", "brep" or "mjcf", `files` are it and those it refers to.
+    """Return the raw scene of a file; `form` is "step", "iges", "brep" or "mjcf"; `files`: it and those it refers to.
 
-    "given" is a tree of B-reps, whose files `files` are: `given` are its roots, as `_reader` takes them.
+    "given" is a tree of B-reps in `files`: `given` are its roots in the form of `_reader`. `settle` is called with each
+    shape while the kernel process continues.
 
-    `settle` is called with each shape while the kernel, in its process, goes on with the next.
-
-    A shape that crashes the kernel while it is meshed, or takes all the time or memory, is left out, and named in the
-    notes, by reading again without it. Raises LoadError when the file as a whole cannot be read, or not within
-    `timeout` seconds (`time_limit` of its size), or when its length unit is not known.
+    A shape that crashes the kernel or exceeds time or memory is left out by reading again without it, and named in the
+    notes. Raises LoadError if the file cannot be read within `timeout` seconds (default `time_limit`), or its unit of
+    length is unknown.
     """
     path = files[0]
-    with ThreadPoolExecutor(1) as pool:  # the text is read here while the kernel starts up there
+    with ThreadPoolExecutor(1) as pool:  # reads the text while the kernel starts
         texts = pool.submit(lambda: [scan(_bytes(file)) for file in files] if form == "step" else [])
-        said = _Said(files, texts)
-        raw = _read_without_crashing(path, form, deflection, angular, timeout, progress, settle, said, given)
+        faults = _Faults(files, texts)
+        raw = _read_without_crashing(path, form, deflection, angular, timeout, progress, settle, faults, given)
+    if form == "iges" and (damage := iges_damage(_bytes(path))):
+        raw.notes.append(f"{damage}: faces or parts may be missing")
     if form == "step":
         text = texts.result()[0]
         if text.damage:
@@ -102,8 +105,8 @@ def read(
     return raw
 
 
-class _Said:
-    """The files, and what their text says of what is wrong with them."""
+class _Faults:
+    """The files of a model, and the faults that their text reveals."""
 
     def __init__(self, files: Sequence[Path], texts: Future[list[StepText]]) -> None:
         self.files = files
@@ -111,13 +114,13 @@ class _Said:
         self._texts = texts
 
     def check_units(self) -> None:
-        """Raise LoadError for a length unit that the kernel would take for another one."""
+        """Raise LoadError for a unit of length that the kernel would misread."""
         for file, text in zip(self.files, self._texts.result(), strict=False):
             if text.unit_fault:
                 raise LoadError(f"{file}: {text.unit_fault}; export it again, in millimetres", str(self.files[0]))
 
     def end_if_refused(self, process: subprocess.Popen[str]) -> None:
-        """End the reading process as soon as the text says a length unit that is refused: it may go on for long."""
+        """Kill the reading process as soon as the text shows a refused unit of length, since it may take long."""
 
         def look(texts: Future[list[StepText]]) -> None:
             if not texts.cancelled() and texts.exception() is None and any(t.unit_fault for t in texts.result()):
@@ -126,7 +129,7 @@ class _Said:
         self._texts.add_done_callback(look)
 
     def damage(self) -> str:
-        """What is damaged or missing, in one line; "" where nothing is."""
+        """Describe damaged or missing data in one line; empty if there is none."""
         if not self._texts.result():
             return ""
         text = self._texts.result()[0]
@@ -139,7 +142,7 @@ class _Said:
 
 
 def _missing_files(path: Path, text: StepText) -> list[str]:
-    """A line for each file that `path` refers to and that is not there, or is no STEP file."""
+    """Return a line for each referenced file that is missing or no STEP file."""
     lines = []
     for name in dict.fromkeys(text.external):
         if not (path.parent / name).exists():
@@ -157,11 +160,11 @@ def _read_without_crashing(
     timeout: float | None,
     progress: Progress | None,
     settle: Callable[[RawShape], RawShape],
-    said: _Said,
+    faults: _Faults,
     given: Sequence[Any],
 ) -> RawScene:
-    limit = time_limit(said.size) if timeout is None else timeout
-    memory = MEMORY + MEMORY_OF_SIZE * said.size
+    limit = time_limit(faults.size) if timeout is None else timeout
+    memory = MEMORY + MEMORY_OF_SIZE * faults.size
     skip: dict[int, str] = {}
     late = False
     while True:
@@ -175,11 +178,11 @@ def _read_without_crashing(
             "folders": _package_folders(path.resolve().parent),
             "given": given,
         }
-        outcome, raw = _read_once(request, limit, progress, settle, said)
+        outcome, raw = _read_once(request, limit, progress, settle, faults)
         if raw is not None:
             raw.whole = not skip
             return raw
-        where = said.damage()
+        where = faults.damage()
         if outcome.error is not None:
             raise LoadError(f"{path}: {outcome.error}{f' ({where})' if where else ''}", str(path))
         if outcome.shape is None or outcome.shape in skip or (outcome.late and late):
@@ -187,7 +190,7 @@ def _read_without_crashing(
             mend = "open it in a CAD program and export it again"
             how = outcome.how_it_ended(limit, memory)
             if outcome.late and timeout is None:
-                how += f", the limit for {said.size / MEGABYTE:.1f} MB,"
+                how += f", the limit for {faults.size / MEGABYTE:.1f} MB,"
             if (outcome.late or outcome.memory) and not where:
                 damage = f"it is damaged, or takes a coarser deflection{' or a longer timeout' if outcome.late else ''}"
             raise LoadError(f"{path}: {how} while {outcome.text}; {damage}; {mend}", str(path))
@@ -200,9 +203,9 @@ def _read_once(
     limit: float,
     progress: Progress | None,
     settle: Callable[[RawShape], RawShape],
-    said: _Said,
+    faults: _Faults,
 ) -> tuple[_Outcome, RawScene | None]:
-    """How the process ended, and what it read if it came to its end. Shapes are settled here as they become ready."""
+    """Run the process once; return its outcome, and on success the raw scene. Shapes are settled meanwhile."""
     worker = ThreadPoolExecutor(1)
     shapes: list[Future[RawShape]] = []
     with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
@@ -212,21 +215,38 @@ def _read_once(
             shapes.append(worker.submit(lambda: settle(archive.read(archived).shapes[0])))
 
         try:
-            outcome = _run({**request, "out": folder}, folder, limit, progress, ready, said.end_if_refused)
-            said.check_units()
+            outcome = _run({**request, "out": folder}, folder, limit, progress, ready, faults.end_if_refused)
+            faults.check_units()
             if not outcome.done:
                 return outcome, None
             raw = archive.read(os.path.join(folder, "scene.archive"))
             raw.shapes = [shape.result() for shape in shapes]
-            return outcome, raw
+            return outcome, _without_empty(raw, faults.files[0])
         finally:
             worker.shutdown(cancel_futures=True)
 
 
-def _package_folders(beside: Path) -> list[str]:
-    """Where this process has the packages that reading needs, in case a bare Python does not find them there.
+def _without_empty(raw: RawScene, path: Path) -> RawScene:
+    """Return the scene without parts that lost all faces (triangles of zero area); its notes name them."""
+    empty = [not shape.faces for shape in raw.shapes]
+    if not any(empty):
+        return raw
+    lost = [part.name for part in raw.parts if empty[part.shape]]
+    raw.notes.extend(f"part {name} is lost: it has no triangle of positive area" for name in lost)
+    raw.parts = [part for part in raw.parts if not empty[part.shape]]
+    if not raw.parts:
+        raise LoadError(f"{path}: holds no triangle of positive area; check it in a CAD program", str(path))
+    place = np.cumsum([not each for each in empty]) - 1
+    for part in raw.parts:
+        part.shape = int(place[part.shape])
+    raw.shapes = [shape for shape in raw.shapes if shape.faces]
+    return raw
 
-    The file's own folder is never one of them.
+
+def _package_folders(beside: Path) -> list[str]:
+    """Return the folders of the packages that reading needs, for a Python that does not find them by itself.
+
+    The file's own folder is never included.
     """
     folders = []
     for name in ("OCP", "numpy"):
@@ -239,7 +259,7 @@ def _package_folders(beside: Path) -> list[str]:
 
 
 class _Outcome:
-    """What the reading process last said, and how it ended."""
+    """Last message of the reading process, and how it ended."""
 
     def __init__(self) -> None:
         self.text = "starting the CAD kernel"
@@ -250,7 +270,7 @@ class _Outcome:
         self.words = ""
 
     def hear(self, message: dict[str, Any], progress: Progress | None, ready: Callable[[int], None]) -> None:
-        """Take one line of the process."""
+        """Process one message of the process."""
         if "ready" in message:
             ready(message["ready"])
             return
@@ -266,7 +286,7 @@ class _Outcome:
                 progress(message["fraction"], message["text"])
 
     def how_it_ended(self, limit: float, memory: float) -> str:
-        """In words, for an error message; `limit` in s, `memory` in bytes."""
+        """Describe how the process ended; `limit` in s, `memory` in bytes."""
         if self.late:
             return f"no answer within {limit:g} s"
         if self.memory:
@@ -277,7 +297,7 @@ class _Outcome:
         return f"the CAD kernel gave up ({last[0] if last else f'exit code {self.code}'})"
 
     def what_is_wrong(self, limit: float, memory: float) -> str:
-        """The same of the shape that was meshed."""
+        """Describe why the shape being meshed failed."""
         if self.late:
             return f"is not meshed within {limit:g} s"
         return f"takes more than {memory / 1e9:.1f} GB to mesh" if self.memory else "crashes the CAD kernel"
@@ -307,7 +327,7 @@ def _run(
             encoding="utf-8",
         )
         watch = threading.Timer(limit, _give_up, (process, outcome))
-        watch.daemon = True  # Ctrl-C can come anywhere: what it leaves behind must not keep us from ending
+        watch.daemon = True  # so that an interrupt at any point cannot keep this process alive
         try:
             watch.start()
             begun(process)
@@ -328,10 +348,10 @@ def _run(
 
 
 def _wait(process: subprocess.Popen[str]) -> int:
-    """Wait for its end; the bytes of memory that it had at most, 0 where the system does not tell."""
+    """Wait for the end of the process; return its peak memory, bytes (0 if unknown)."""
     try:
         _, status, usage = os.wait4(process.pid, 0)
-    except (AttributeError, ChildProcessError):  # another system, or it was waited for in between
+    except (AttributeError, ChildProcessError):  # another platform, or already waited for
         process.wait()
         return 0
     process.returncode = os.waitstatus_to_exitcode(status)
@@ -344,9 +364,9 @@ def _give_up(process: subprocess.Popen[str], outcome: _Outcome) -> None:
 
 
 def in_kernel(request: dict[str, Any], folder: str, limit: float, size: int) -> str:
-    """Have the process do something else than reading; returns why it could not, "" if it could.
+    """Run a request other than reading in the process; return the reason of a failure, "" on success.
 
-    folder: a temporary one, for what the process says. limit: s. size: bytes of what it works on.
+    folder: temporary folder for its output. limit: s. size: of its input, bytes.
     """
     memory = MEMORY + MEMORY_OF_SIZE * size
     whole = {**request, "memory": memory, "folders": _package_folders(Path(folder))}

@@ -1,4 +1,4 @@
-"""What a file is by its content, and whether it is whole: so that a wrong or cut file is named as such."""
+"""Recognition of file formats by content, and checks that files are complete."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ FORMATS = {
     ".stl": "stl", ".obj": "obj", ".ply": "ply", ".glb": "glb",
     ".brep": "brep", ".brp": "brep", ".urdf": "urdf", ".mjcf": "mjcf", ".xml": "mjcf",
 }  # fmt: skip
-"""suffix -> format"""
+"""format by suffix"""
 STL_HEADER = 80
-"""bytes of text that a binary STL file begins with"""
+"""length of the text at the start of a binary STL file, bytes"""
 FARTHEST = 1e6
-"""m from the origin; beyond it a micrometre is lost to rounding soon, and products of lengths overflow at last"""
+"""maximum distance from the origin, m: beyond it rounding errors reach a micrometre"""
 
 _ROOT = re.compile(rb"(?:\s*<(?:\?[^>]*\?|!--.*?--|!DOCTYPE[^>]*)>)*\s*<([A-Za-z_][\w.-]*)", re.DOTALL)
 """an XML file up to its first element"""
@@ -28,7 +28,7 @@ _SHORT_VERTEX = re.compile(rb"^v[ \t]+(\S+(?:[ \t]+\S+)?)[ \t\r]*$", re.MULTILIN
 
 
 def checked_format(path: Path) -> str:
-    """The file's format; raises LoadError when it is missing, empty, cut short, or not what its name says."""
+    """Return the format of a file; LoadError if it is missing, empty, incomplete, or does not match its suffix."""
     where = str(path)
     if not path.exists():
         raise LoadError(f"{path}: no such file; check the path", where)
@@ -57,7 +57,7 @@ def checked_format(path: Path) -> str:
 
 
 def far_check(path: Path, name: str, vertices: NDArray[np.float64], translation: NDArray[np.float64]) -> None:
-    """Raise LoadError for a part with coordinates, m, that are not finite or beyond `FARTHEST`."""
+    """Raise LoadError for a part with coordinates (m) that are not finite or beyond `FARTHEST`."""
     reach = float(np.abs(vertices).max(initial=0.0)) + float(np.abs(translation).max(initial=0.0))
     if not reach <= FARTHEST:
         why = f"{name} has coordinates of {reach:.3g} m, and more than {FARTHEST:g} m are not read"
@@ -65,7 +65,7 @@ def far_check(path: Path, name: str, vertices: NDArray[np.float64], translation:
 
 
 def content_of(data: bytes) -> str | None:
-    """The format by its marks; None when there are none (OBJ has none, nor has a damaged head)."""
+    """Recognise a format by its content; None if it has no marks (OBJ, damaged files)."""
     head = data[:1024].lstrip(b"\xef\xbb\xbf \t\r\n")
     if head.startswith(b"ISO-10303-21"):
         return "step"
@@ -87,7 +87,7 @@ def content_of(data: bytes) -> str | None:
 
 
 def is_binary_stl(data: bytes) -> bool:
-    """Whether it has just the length that a binary STL file of its number of triangles has."""
+    """Whether the length matches that of a binary STL file with the stated number of triangles."""
     return len(data) >= 84 and len(data) == 84 + 50 * struct.unpack("<I", data[80:84])[0]
 
 
@@ -109,10 +109,38 @@ def _iges_fault(data: bytes, content: str | None) -> str | None:
     return None
 
 
+def iges_damage(data: bytes) -> str:
+    """What of the lines of an IGES file is missing, doubled or out of place; "" where nothing is.
+
+    Every line ends with the letter of its section and its number there, in columns 73 to 80; the last line says how
+    many lines each section has (IGES 5.3, sections 2.2.1 and 2.2.4.6).
+    """
+    last = dict.fromkeys((b"S", b"G", b"D", b"P"), 0)
+    lines = data.rstrip().splitlines()
+    wrong = []
+    for number, line in enumerate(lines, start=1):
+        section, own = line[72:73], line[73:80].strip()
+        if section == b"C":
+            return ""  # the compressed form has no such lines
+        if section in last:
+            if not own.isdigit() or int(own) != last[section] + 1:
+                wrong.append(number)
+            last[section] = int(own) if own.isdigit() else last[section] + 1
+        elif section != b"T":
+            wrong.append(number)
+    if not wrong and lines:
+        said = re.match(rb"S *(\d+)G *(\d+)D *(\d+)P *(\d+)", lines[-1])
+        if said is None or [*map(int, said.groups())] != [*last.values()]:
+            wrong.append(len(lines))
+    return f"damaged: {len(wrong)} lines are not in sequence, the first is line {wrong[0]}" if wrong else ""
+
+
 def _stl_fault(data: bytes, content: str | None) -> str | None:
     if content is None and len(data) >= 84 and not data.lstrip().startswith(b"solid"):
-        said, held = struct.unpack("<I", data[80:84])[0], (len(data) - 84) // 50
-        return f"is cut short or damaged: it announces {said} triangles and has room for {held}; export it again"
+        announced, present = struct.unpack("<I", data[80:84])[0], (len(data) - 84) // 50
+        return (
+            f"is cut short or damaged: it announces {announced} triangles and has room for {present}; export it again"
+        )
     if content is None:
         return "is not an STL file (neither `solid … facet` nor the binary form); export it again"
     if not is_binary_stl(data) and b"endsolid" not in data[-1024:]:

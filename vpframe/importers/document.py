@@ -1,4 +1,4 @@
-"""A STEP or IGES file as OpenCascade's document of labels, walked into instances that share shapes."""
+"""Read a STEP or IGES file into OpenCascade's document and collect instances that share shapes."""
 
 from __future__ import annotations
 
@@ -46,22 +46,22 @@ from vpframe.importers.raw import Array, Color, RawPart, RawScene, RawShape, Unr
 Progress = Callable[..., None]
 
 _UNNAMED = re.compile(r"=>\[.*\]|NAUO\d+|\*[A-Z]+\d*|\d+|")
-"""what kernels and exporters write where the user gave no name: "*DIT29" is a dictionary's key"""
-_SEWING = 1e-5  # m: gaps that are closed between loose faces (IGES has nothing else)
+"""names that kernels and exporters write for unnamed objects: "*DIT29" is a dictionary key"""
+_SEWING = 1e-5  # gaps between loose faces that are closed, m (IGES has faces only)
 _GENERIC = ("SOLID", "COMPOUND", "SHELL", "COMPSOLID")
 _KINDS = (XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen)
 
 
 @dataclass
 class Node:
-    """A label of the document as placed under its parent."""
+    """A label of the document placed under its parent."""
 
     name: str
     product: str
     pose: TopLoc_Location
     shape: TopoDS_Shape
     density: float
-    """as the kernel gives it; 0 when there is none"""
+    """in the unit of the kernel; 0 if there is none"""
     color: Color | None
     children: list[Node]
 
@@ -75,9 +75,9 @@ def read_document(
     progress: Progress,
     keep: Callable[[RawShape], None],
 ) -> RawScene:
-    """Read a CAD file; shapes whose number is in `skip`, with what is wrong with them, are left out and named.
+    """Read a CAD file; shapes whose number is in `skip` (with the reason) are left out and named.
 
-    Shapes go to `keep`, one after another as they are done, and not to the scene that is returned.
+    Each finished shape goes to `keep`, not into the returned scene.
     """
     Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
     progress(0.15, "reading the file")
@@ -104,13 +104,13 @@ def read_document(
 
 @dataclass
 class Given:
-    """A node of a tree of shapes that came without a file format of their own, children below it."""
+    """A node of a tree of shapes that has no file format."""
 
     name: str
     file: str
-    """of its B-rep (BRepTools' text or BinTools' binary form); "" of a subassembly"""
+    """file of its B-rep (BRepTools' text or BinTools' binary format); "" for a subassembly"""
     matrix: list[float]
-    """rows of the placement under its parent: rotation | translation (mm); [] for none"""
+    """rows of its placement under the parent: rotation | translation (mm); [] for none"""
     color: Color | None
     children: list[Given]
 
@@ -123,7 +123,7 @@ def read_given(
     progress: Progress,
     keep: Callable[[RawShape], None],
 ) -> RawScene:
-    """Read a tree of B-reps as `read_document` does a file; nodes of one file share its shape."""
+    """Read a tree of B-reps as `read_document` reads a file; nodes with the same file share its shape."""
     Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
     progress(0.15, "reading the shapes")
     raw, shapes = RawScene(), {}
@@ -152,7 +152,7 @@ def _brep_file(path: str) -> TopoDS_Shape:
         read = BinTools.Read_s(shape, path) if binary else BRepTools.Read_s(shape, path, BRep_Builder())
     except MemoryError:
         raise
-    except Exception:  # the kernel's own share no other root
+    except Exception:  # OpenCascade's exceptions share no base but Exception
         read = False
     if not read:
         raise UnreadableError("cannot be parsed as a B-rep of OpenCascade; it is damaged: write it again")
@@ -202,12 +202,12 @@ def _color(label: Any) -> Color | None:
 
 
 def _rgba(color: Quantity_ColorRGBA) -> Color:
-    red, green, blue = color.GetRGB().Values(Quantity_TypeOfColor.Quantity_TOC_sRGB)  # it keeps them linear
+    red, green, blue = color.GetRGB().Values(Quantity_TypeOfColor.Quantity_TOC_sRGB)  # stored as linear values
     return red, green, blue, float(color.Alpha())
 
 
 def _color_tool(document: TDocStd_Document) -> Callable[[TopoDS_Shape], Color | None]:
-    """The colour that a document gives a shape."""
+    """Return a function that gives the colour of a shape in a document."""
     colors: Any = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
 
     def color_of(shape: TopoDS_Shape) -> Color | None:
@@ -224,7 +224,7 @@ def _node(label: Any, pose: TopLoc_Location, within: str = "part") -> Node:
         XCAFDoc_ShapeTool.GetReferredShape_s(label, referred)
         pose = XCAFDoc_ShapeTool.GetLocation_s(label)
     product = _name(referred)
-    if not product or product in _GENERIC:  # the solid of a product that has more than one representation
+    if not product or product in _GENERIC:  # a solid of a product with several representations
         product = within
     name = _name(label)
     if _UNNAMED.fullmatch(name):
@@ -250,12 +250,12 @@ class Leaf:
     """An instance of a shape in the tree."""
 
     path: str
-    """names from the root down, a slash between; a single root, with which all would begin, is left out"""
+    """names from the root, separated by slashes; a single root is left out"""
     node: Node
     pose: TopLoc_Location
     color: Color | None
     owner: tuple[int, ...]
-    """the places, from the root down, of the instance of the product it belongs to"""
+    """indices, from the root, of the product instance it belongs to"""
 
 
 def _leaves(roots: list[Node]) -> Iterator[Leaf]:
@@ -275,7 +275,7 @@ def _leaves(roots: list[Node]) -> Iterator[Leaf]:
 
 
 def _joined(leaves: list[Leaf], name: str) -> list[Leaf]:
-    """One leaf of all: the loose faces of a file without solids belong together."""
+    """Merge all leaves into one, because the loose faces of a file without solids belong together."""
     compound = TopoDS_Compound()
     builder = BRep_Builder()
     builder.MakeCompound(compound)
@@ -286,7 +286,7 @@ def _joined(leaves: list[Leaf], name: str) -> list[Leaf]:
 
 
 class _Solids:
-    """Solids found so far: instances of one solid become parts of one shape."""
+    """Collects solids; instances of one solid become parts of one shape."""
 
     def __init__(self, raw: RawScene, color: Callable[[TopoDS_Shape], Color | None], sizes: Sizes) -> None:
         self.raw = raw
@@ -298,7 +298,7 @@ class _Solids:
         self._known: list[tuple[TopoDS_Shape, list[TopoDS_Shape]]] = []
 
     def add(self, leaf: Leaf) -> None:
-        """Parts for every solid of a leaf, and for the sheets that belong to none."""
+        """Add parts for every solid of a leaf, and for sheets outside solids."""
         solids = self._explored(leaf.node.shape)
         density = _density(leaf.node.density)
         for i, solid in enumerate(solids, 1):
@@ -319,7 +319,7 @@ class _Solids:
         self.raw.faces[product] += faces.Extent()
 
     def _explored(self, shape: TopoDS_Shape) -> list[TopoDS_Shape]:
-        """As `_explore`, once for all instances: sewing makes new shapes each time."""
+        """`_explore` with a cache for instances, since sewing creates new shapes each time."""
         for known, solids in self._known:
             if known.IsEqual(shape):
                 return solids
@@ -328,7 +328,7 @@ class _Solids:
 
     def _number(self, solid: TopoDS_Shape, place: TopLoc_Location) -> int:
         own = solid.Located(TopLoc_Location())
-        if not _rigid(place)[2]:  # mirrored or scaled: a shape of its own, baked
+        if not _rigid(place)[2]:  # mirrored or scaled: transformed into a shape of its own
             return self._new(BRepBuilderAPI_Transform(own, place.Transformation(), True).Shape())
         for number, known in enumerate(self.shapes):
             if known.IsPartner(own) and known.Orientation() == own.Orientation():
@@ -347,7 +347,7 @@ class _Solids:
         progress: Progress,
         keep: Callable[[RawShape], None],
     ) -> RawScene:
-        """Mesh every shape once; parts whose shape gives no triangle are named and left out."""
+        """Mesh every shape once; parts whose shape has no triangles are named and left out."""
         names: dict[int, str] = {}
         for part in self.raw.parts:
             names.setdefault(part.shape, part.name)
@@ -357,7 +357,7 @@ class _Solids:
             if number in skip:
                 continue
             begin, share = (0.65 * n / max(sum(faces), 1) for n in (sum(faces[:number]), faces[number]))
-            tell = _Teller(progress, f"meshing {names[number]}", number, 0.35 + begin, share)
+            tell = _ShapeProgress(progress, f"meshing {names[number]}", number, 0.35 + begin, share)
             tell(0.0)
             raw = tessellate(shape, deflection, angular, self.color, self.sizes.of, tell)
             if raw.faces:
@@ -375,8 +375,8 @@ class _Solids:
         return self.raw
 
 
-class _Teller:
-    """Passes on how far one shape is as what that is of the whole, once a hundredth."""
+class _ShapeProgress:
+    """Converts the progress of one shape to that of the whole, in steps of one hundredth."""
 
     def __init__(self, progress: Progress, text: str, number: int, begin: float, share: float) -> None:
         self._say = lambda fraction: progress(begin + share * fraction, text, number)
@@ -390,7 +390,7 @@ class _Teller:
 
 
 def _explore(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
-    """The solids of a shape, and the faces outside of any sewn to shells: to solids where these close."""
+    """Return the solids of a shape, and its loose faces sewn to shells, or to solids if these are closed."""
     found = list(_of(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
     loose = TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_SOLID)
     if not loose.More():
@@ -423,16 +423,16 @@ def _of(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:
 
 
 def _rigid(location: TopLoc_Location) -> tuple[Array, Array, bool]:
-    """Rotation, translation (m) and whether they are all there is; else identity and zero."""
+    """Return rotation, translation (m) and whether the location is rigid; identity and zero if not."""
     trsf = location.Transformation()
     matrix = np.array([[trsf.Value(i, j) for j in range(1, 5)] for i in range(1, 4)])
     rotation, translation = matrix[:, :3], matrix[:, 3] * MM
     if not np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
         return np.eye(3), np.zeros(3), False
-    u, _, vt = np.linalg.svd(rotation)  # the nearest rotation: files carry six digits
+    u, _, vt = np.linalg.svd(rotation)  # the nearest rotation, because files have six digits
     return u @ vt, translation, True
 
 
 def _density(value: float) -> float | None:
-    """kg/m³ of what the kernel gives, whose unit files get wrong: g/mm³, g/cm³ or kg/m³, whichever is plausible."""
+    """Convert the kernel's density to kg/m³ by the first plausible unit of g/mm³, g/cm³ and kg/m³."""
     return next((value * factor for factor in (1e6, 1e3, 1.0) if 20.0 <= value * factor <= 23000.0), None)

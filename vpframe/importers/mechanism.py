@@ -1,7 +1,7 @@
 """Links and joints of a model (URDF, MJCF, Pinocchio) as constraints between parts.
 
-Links without geometry are no parts: the chain of joints through them is one joint, the lower pair that its axes span. A
-chain that spans none, and one that holds a part to a ground without geometry, is named and left out.
+Links without geometry are no parts: the chain of joints through them becomes one joint, the lower pair that its axes
+span. Chains that span none, and joints to a ground without geometry, are named and left out.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from vpframe.scene.joints import Statement, statements
 from vpframe.scene.scene import Scene
 
 ACROSS = 1e-6
-"""rad, and of the size: axes nearer to parallel, or to meeting, are so"""
+"""tolerance, rad and relative to the size, for parallel and intersecting axes"""
 
 
 def impose(scene: Scene, links: list[list[str]], joints: Iterable[RawJoint]) -> None:
-    """Give a scene the statements that the joints of a mechanism amount to, and notes of those that are left out.
+    """Add the statements of a mechanism's joints to a scene, and notes on joints that are left out.
 
-    links: names of the parts of each; link 0 is the ground, whose parts are made fixed.
+    links: names of the parts of each link; link 0 is the ground, whose parts become fixed.
     """
     joints = list(joints)
     rigid = [joint.links for joint in joints if not joint.axes and not joint.free]
@@ -69,7 +69,7 @@ def impose(scene: Scene, links: list[list[str]], joints: Iterable[RawJoint]) -> 
 def _chains(
     start: int, edges: dict[int, list[tuple[int, RawJoint]]], solid: set[int]
 ) -> Iterable[tuple[int, list[RawJoint]]]:
-    """The other groups with parts that chains of joints through groups without any lead to."""
+    """Yield the groups with parts that chains of joints through groups without parts lead to, with the chains."""
     stack: list[tuple[int, list[RawJoint]]] = [(start, [])]
     while stack:
         group, chain = stack.pop()

@@ -1,4 +1,4 @@
-"""STL, OBJ, PLY and GLB through trimesh: welded, cut into surfaces, in metres."""
+"""STL, OBJ, PLY and GLB through trimesh: welded, segmented into surfaces, in metres."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ from vpframe.scene.units import METRES
 
 Progress = Callable[[float, str], None]
 
-logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else what it logs of a damaged file goes to stderr
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else messages about damaged files go to stderr
 
 _MATERIALS = re.compile(rb"mtllib([^\r\n]*)")
 _TRIANGLES = 4
 _UNREAD = {"primitives of points": (0,), "primitives of lines": (1, 2, 3), "triangle fans": (6,)}
-"""modes of glTF primitives (glTF 2.0, 5.24) that are not read"""
+"""unsupported modes of glTF primitives (glTF 2.0, 5.24)"""
 _MILLIMETRES_ABOVE = 2.0
-"""extent in file units above which a file without a unit is taken to be in millimetres: few parts serviced by hand
-measure more than two metres, few less than two millimetres"""
+"""extent above which a file without a unit is read in millimetres: few parts serviced by hand exceed two metres, and
+few are below two millimetres"""
 
 
 @dataclass
 class _Piece:
-    """What the file itself keeps apart: an object, a group or a material's triangles."""
+    """A unit of the file: an object, a group or the triangles of a material."""
 
     name: str
     vertices: Array
@@ -56,7 +56,7 @@ class _Piece:
 
 
 def files_of(path: Path, form: str) -> list[Path]:
-    """The file and the materials it names; empty where it refers to more than that."""
+    """Return the file and its material files; empty if it refers to others."""
     data = path.read_bytes()
     if form == "glb" and b'"uri"' in data:
         return []
@@ -66,7 +66,7 @@ def files_of(path: Path, form: str) -> list[Path]:
 
 
 def read(path: Path, form: str, unit: str | None, tolerance: Tolerance, progress: Progress | None) -> RawScene:
-    """The raw scene of a mesh file; raises LoadError with one line when it has no usable triangles."""
+    """Return the raw scene of a mesh file; LoadError with one line if it has no usable triangles."""
     raw = RawScene()
     pieces = _load(path, form, raw)
     return _made(path, raw, pieces, _scale(path, form, unit, pieces, raw), tolerance, progress)
@@ -75,7 +75,7 @@ def read(path: Path, form: str, unit: str | None, tolerance: Tolerance, progress
 def read_object(
     source: trimesh.Trimesh | trimesh.Scene, unit: str | None, tolerance: Tolerance, progress: Progress | None
 ) -> RawScene:
-    """The same of a mesh or scene of trimesh; its `units` count where `unit` is not given."""
+    """Return the raw scene of a trimesh mesh or scene; its `units` are the default of `unit`."""
     raw = RawScene()
     name = str(source.metadata.get("name") or source.metadata.get("file_name") or "mesh")
     path = Path(name)
@@ -87,14 +87,14 @@ def read_object(
         try:
             scale = float(trimesh.units.unit_conversion(source.units, "meters"))
         except (KeyError, ValueError):
-            raise LoadError(f"{path}: its units are {source.units!r}, which nobody knows; give unit=", name) from None
+            raise LoadError(f"{path}: its units are {source.units!r}, which are unknown; give unit=", name) from None
     else:
         scale = _scale(path, "trimesh", unit, pieces, raw)
     return _made(path, raw, pieces, scale, tolerance, progress)
 
 
 def read_scaled(path: Path, factors: tuple[float, ...], tolerance: Tolerance) -> RawScene:
-    """A mesh file in metres whose coordinates are multiplied by `factors` (3,), as robot models give them."""
+    """Read a mesh file in metres with its coordinates scaled by `factors` (3,), as in robot models."""
     form = checked_format(path)
     if form not in ("stl", "obj", "ply", "glb"):
         raise LoadError(f"{path}: is {form.upper()}, no mesh; convert it to STL, OBJ, PLY or GLB", str(path))
@@ -110,7 +110,7 @@ def read_scaled(path: Path, factors: tuple[float, ...], tolerance: Tolerance) ->
 
 
 def surfaced(raw: RawShape) -> RawShape:
-    """A mesh of one face cut into its surfaces."""
+    """Segment a mesh of one face into surfaces."""
     piece = _Piece("mesh", raw.vertices, raw.triangles.astype(np.int64), None, np.eye(3), np.zeros(3), 0)
     made = _shape(Path("mesh"), [piece], Tolerance())
     return raw if made is None else made
@@ -153,9 +153,11 @@ def _load(path: Path, form: str, raw: RawScene) -> list[_Piece]:
         nodes = {str(node.get("name")) for node in header.get("nodes", []) if isinstance(node, dict)}
     try:
         file = io.BytesIO(_utf8(data, form))
-        with np.errstate(all="ignore"):  # what is not finite is found below
-            scene = trimesh.load_scene(file, file_type=form, resolver=_Beside(str(path)), process=False, **options)
-    except Exception as error:  # every loader has its own
+        with np.errstate(all="ignore"):  # values that are not finite are found later
+            scene = trimesh.load_scene(
+                file, file_type=form, resolver=_FolderResolver(str(path)), process=False, **options
+            )
+    except Exception as error:  # the loaders' errors have no common base
         line = str(error).strip().splitlines() or [type(error).__name__]
         message = f"{path}: cannot be parsed as {form.upper()} ({line[0][:120]}); export it again"
         raise LoadError(message, str(path)) from None
@@ -186,21 +188,21 @@ def _pieces(path: Path, form: str, scene: trimesh.Scene, nodes: set[str]) -> lis
     return pieces
 
 
-class _Beside(trimesh.resolvers.FilePathResolver):
-    """Files that a mesh file names, of its own folder; materials as UTF-8."""
+class _FolderResolver(trimesh.resolvers.FilePathResolver):
+    """Reads files of the mesh file's folder; materials as UTF-8."""
 
     def get(self, name: str) -> bytes:
-        """The file's bytes."""
+        """Return the content of a file."""
         data: bytes = super().get(name)
         return _utf8(data, "obj") if name.lower().endswith(".mtl") else data
 
 
 def _utf8(data: bytes, form: str) -> bytes:
-    """The file with its text in UTF-8, from Latin-1 if it is not: names and comments may hold umlauts."""
+    """Return the file with its text in UTF-8, converted from Latin-1 if necessary: names may have umlauts."""
     if form == "glb":
-        return data  # in UTF-8 by its own definition
+        return data  # UTF-8 by definition
     if form == "stl" and is_binary_stl(data):
-        return b" " * STL_HEADER + data[STL_HEADER:]  # it says nothing that is needed
+        return b" " * STL_HEADER + data[STL_HEADER:]  # the header is not needed
     end = len(data) if form != "ply" else data.find(b"end_header")
     try:
         data[:end].decode("utf-8")
@@ -210,7 +212,7 @@ def _utf8(data: bytes, form: str) -> bytes:
 
 
 def _glb_header(path: Path, data: bytes) -> dict[str, Any]:
-    """The JSON that a GLB file begins with (glTF 2.0, section 4.4)."""
+    """Return the JSON header of a GLB file (glTF 2.0, section 4.4)."""
     length = int.from_bytes(data[12:16], "little")
     try:
         header = json.loads(data[20 : 20 + length].decode("utf-8"))
@@ -225,7 +227,7 @@ def _glb_header(path: Path, data: bytes) -> dict[str, Any]:
 
 
 def _no_triangles(header: dict[str, Any]) -> list[str]:
-    """A line for each mesh of a GLB file that holds primitives which are not read."""
+    """Return a line for each mesh of a GLB file with unsupported primitives."""
     notes = []
     for i, mesh in enumerate(header.get("meshes", [])):
         modes = [p.get("mode", _TRIANGLES) for p in mesh.get("primitives", [])] if isinstance(mesh, dict) else []
@@ -238,7 +240,7 @@ def _no_triangles(header: dict[str, Any]) -> list[str]:
 
 
 def _node_name(name: str, nodes: set[str]) -> str:
-    """The node's name, without the random ending that the reader gives to all but the first primitive of a mesh."""
+    """Return the node's name without the random suffix that the reader gives to further primitives of a mesh."""
     stem = re.sub("_[0-9a-f]{6}$", "", name)
     return stem if name not in nodes and stem in nodes else name
 
@@ -263,7 +265,7 @@ def _check(path: Path, name: str, vertices: Array, faces: NDArray[np.int64], mat
 
 
 def _color(mesh: trimesh.Trimesh, form: str) -> Color | None:
-    """The part's colour, sRGB. GLB has linear values, and white where a material names none (glTF 2.0, 5.22)."""
+    """Return a part's colour, sRGB. GLB has linear values, and white for materials without colour (glTF 2.0, 5.22)."""
     visual = mesh.visual
     if visual is None or not visual.defined:
         return None
@@ -279,13 +281,13 @@ def _color(mesh: trimesh.Trimesh, form: str) -> Color | None:
 
 
 def _srgb(linear: float) -> float:
-    """The sRGB value of a linear one, both in 0 … 1 (IEC 61966-2-1)."""
+    """Convert a linear value to sRGB, both in 0 … 1 (IEC 61966-2-1)."""
     return 12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1.0 / 2.4) - 0.055
 
 
 def _scale(path: Path, form: str, unit: str | None, pieces: list[_Piece], raw: RawScene) -> float:
     if form == "glb":
-        return 1.0  # the format is in metres by its own definition
+        return 1.0  # metres by definition
     if unit is not None:
         return METRES[unit]
     corners = np.concatenate([p.vertices @ p.rotation.T + p.translation for p in pieces])
@@ -296,7 +298,7 @@ def _scale(path: Path, form: str, unit: str | None, pieces: list[_Piece], raw: R
 
 
 def _bodies(pieces: list[_Piece], stem: str) -> list[tuple[str, list[_Piece]]]:
-    """Parts: pieces that are closed, or touch no other, alone; pieces that share borders together, as its surfaces."""
+    """Group pieces into parts: closed or isolated pieces alone, pieces that share borders together."""
     if len(pieces) == 1:
         return [(stem, pieces)]
     open_pieces = [p for p in pieces if len(open_edges(weld(p.vertices, p.triangles)[1]))]
@@ -316,7 +318,7 @@ def _bodies(pieces: list[_Piece], stem: str) -> list[tuple[str, list[_Piece]]]:
 
 
 def _touching(pieces: list[_Piece]) -> list[int]:
-    """The group of each piece: those that share a vertex, directly or through others, are in one."""
+    """Return the group of each piece; pieces that share vertices, directly or indirectly, have the same group."""
     if not pieces:
         return []
     placed = [p.vertices @ p.rotation.T + p.translation for p in pieces]
@@ -330,15 +332,15 @@ def _touching(pieces: list[_Piece]) -> list[int]:
 
 
 def _snap(points: Array) -> Array:
-    """Coordinates with single-precision noise (files carry seven digits) rounded away."""
+    """Round coordinates to remove single-precision noise (files have seven digits)."""
     grid = 4.0 * float(np.finfo(np.float32).eps) * max(float(np.abs(points).max()), np.finfo(float).tiny)
     return np.round(points / grid) * grid
 
 
 def weld(vertices: Array, triangles: NDArray[np.int64]) -> tuple[Array, NDArray[np.int32]]:
-    """Vertices nearer than the noise of single precision are one; those no triangle uses are gone.
+    """Merge vertices within single-precision noise and drop unused ones.
 
-    Returns (k, 3) vertices and (m, 3) int32 triangles.
+    Returns vertices (k, 3) and int32 triangles (m, 3).
     """
     used, places = np.unique(triangles, return_inverse=True)
     points = vertices[used]
@@ -352,7 +354,7 @@ def weld(vertices: Array, triangles: NDArray[np.int64]) -> tuple[Array, NDArray[
 
 
 def _shape(path: Path, pieces: list[_Piece], tolerance: Tolerance) -> RawShape | None:
-    """One part of one or several pieces: several are its surfaces, of one the surfaces are found."""
+    """Return the shape of one part: several pieces are its surfaces; a single piece is segmented."""
     first = pieces[0]
     inverse = first.rotation.T
     vertices = [(p.vertices @ p.rotation.T + p.translation - first.translation) @ inverse.T for p in pieces]

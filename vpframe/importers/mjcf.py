@@ -1,4 +1,4 @@
-"""MJCF in, through MuJoCo's own compiler where it is installed; runs in the reading process."""
+"""Read MJCF with MuJoCo's own compiler, if installed; runs in the reading process."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def read_model(
     progress: Callable[..., None],
     keep: Callable[[RawShape], None],
 ) -> RawScene:
-    """The raw scene of an MJCF file where its joints are at their reference; shapes go to `keep`.
+    """Return the raw scene of an MJCF file at the reference pose of its joints; shapes go to `keep`.
 
-    Geometries that collide with nothing are for the eye, and are what is read of bodies that have such. Meshes come
-    with one face. Raises UnreadableError for what MuJoCo does not read, or where it is not installed.
+    Bodies with visual geometry (without collisions) are read from it, others from their collision geometry. Meshes have
+    one face. Raises UnreadableError if MuJoCo is not installed or rejects the file.
     """
     try:
         import mujoco
@@ -164,7 +164,7 @@ class _Model:
         return RawJoint(" ".join(names) or f"{self._name('BODY', body)} fixed", ends, axes, free)
 
     def _equalities(self, unread: Counter[str]) -> None:
-        """Welds are rigid; what else an equality asks is counted."""
+        """Add welds and connects as joints; count other equalities."""
         model = self.model
         for number in range(model.neq):
             kind = self.mujoco.mjtEq(int(model.eq_type[number]))

@@ -1,4 +1,4 @@
-"""Motion in: the poses of a recording, or of a table of poses over time."""
+"""Read motion: poses over time from a recording or a table."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from vpframe.errors import LoadError, VpframeError
 from vpframe.scene.motion import Motion
 
 COLUMNS = ("part", "t", "x", "y", "z", "qx", "qy", "qz", "qw")
-"""of a table of poses: s, m, world"""
+"""columns of a table of poses: s, m, world"""
 SINGLE = 2.0**-22
-"""relative error of positions and rotations in single precision, with room for the quaternion's products"""
+"""relative error of poses in single precision, with a margin for products of quaternions"""
 Row = tuple[str, float, list[float]]
-"""part, s, position and quaternion"""
+"""part, time (s), position and quaternion"""
 
 
 def read_motion(path: str | Path) -> Motion:
-    """The poses of parts over time in a recording (.rrd) or a table of poses (.csv, .parquet; `COLUMNS`).
+    """Read the poses of parts over time from a recording (.rrd) or a table of poses (.csv, .parquet; `COLUMNS`).
 
-    A recording holds poses in single precision: good to 1e-7 of a part's distance from the origin.
+    Poses in a recording have single precision: 1e-7 of a part's distance from the origin.
 
     Raises LoadError with one line that names the file and the row.
     """
@@ -81,7 +81,7 @@ def _recorded(path: Path, ends: list[float]) -> Iterator[Row]:
 
 
 def _unescaped(step: str) -> str:
-    """The name that `escape_entity_path_part` made a step of a path of."""
+    """Inverse of `escape_entity_path_part`."""
     out, rest = "", step
     while rest:
         if rest[0] != "\\":

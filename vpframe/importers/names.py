@@ -1,4 +1,4 @@
-"""Names that tell siblings apart."""
+"""Unique names of siblings."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Iterable
 
 
 def numbered(names: Iterable[str]) -> list[str]:
-    """The names made unique: those that occur more than once get a number, in order ("ball_1", "ball_2", …).
+    """Make names unique: repeated names are numbered in order ("ball_1", "ball_2", …).
 
-    A slash, which stands between the names of a path, becomes a bar.
+    A slash, the separator of paths, is replaced by a bar.
     """
     given = [name.replace("/", "|") for name in names]
     counts = Counter(given)

@@ -1,4 +1,4 @@
-"""Scenes of what is no file: bytes, meshes of trimesh, shapes of build123d, geometry models of Pinocchio."""
+"""Scenes from objects: bytes, trimesh meshes, build123d shapes, Pinocchio geometry models."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Progress = Callable[[float, str], None]
 
 RECIPE = "write it with `.exportStep` or `exporters.export(shape, 'part.step')` there, and load that file"
 _STEP = 1e-7
-"""m or rad: of the differences that tell a joint's axes"""
+"""threshold for joint axes, m or rad"""
 
 
 def load(
@@ -34,7 +34,7 @@ def load(
     progress: Progress | None,
     form: str | None,
 ) -> Scene:
-    """As `vpframe.load`, of what is no path. Raises LoadError for what is nothing that can be loaded."""
+    """Load an object as `vpframe.load` does. Raises LoadError for unsupported types."""
     kind = type(source).__module__.partition(".")[0]
     if isinstance(source, bytes | bytearray | memoryview):
         return _of_bytes(bytes(source), deflection, angular, unit, timeout, progress, form)
@@ -89,7 +89,7 @@ def _of_bytes(
 
 
 def _of_pinocchio(source: Any, deflection: float, angular: float) -> Scene:
-    """The geometry objects of a Pinocchio model where its joints are at `q` (neutral without one)."""
+    """Return the geometry objects of a Pinocchio model at the configuration `q` (default neutral)."""
     given = source if isinstance(source, tuple) else (None, source)
     model = given[0] if len(given) > 1 else None
     geometry = given[1] if len(given) > 1 else None
@@ -131,7 +131,7 @@ def _of_pinocchio(source: Any, deflection: float, angular: float) -> Scene:
 
 
 def _shape(item: Any, deflection: float, angular: float) -> RawShape:
-    """What coal has of a geometry object, in its frame."""
+    """Convert the coal geometry of a geometry object, in its frame."""
     import coal
 
     from vpframe.importers.meshes import surfaced
@@ -160,7 +160,7 @@ def _shape(item: Any, deflection: float, angular: float) -> RawShape:
 
 
 def _joints(model: pin.Model, q: Array, data: Any, raw: RawScene) -> None:
-    """A joint a joint of the model; its axes by what it moves (`RawJoint`), whatever Pinocchio calls it."""
+    """Add a raw joint for each joint of the model, with axes from its motion, independent of Pinocchio's type names."""
     pin.computeJointJacobians(model, data, q)
     for number in range(1, model.njoints):
         joint = model.joints[number]

@@ -1,4 +1,4 @@
-"""Toleranced sizes of an AP242 file (semantic PMI): the diameter of a bore or shaft, with its limits or class."""
+"""Toleranced sizes of an AP242 file (semantic PMI): diameters of bores and shafts with deviations or class."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TWICE = {
     XCAFDimTolObjects_DimensionType.XCAFDimTolObjects_DimensionType_Size_Diameter: 1.0,
     XCAFDimTolObjects_DimensionType.XCAFDimTolObjects_DimensionType_Size_Radius: 2.0,
 }
-"""sizes that are read -> the diameter over them"""
+"""supported kinds of size, with the factor to the diameter"""
 
 
 _MEASURE = re.compile(
@@ -35,25 +35,25 @@ _TOLERANCE = re.compile(rb"TOLERANCE_VALUE\s*\(\s*#(\d+)\s*,\s*#(\d+)\s*\)")
 
 
 class Sizes:
-    """The toleranced diameter of each face that has one."""
+    """Toleranced diameters by face."""
 
     def __init__(self) -> None:
         self._known: list[tuple[TopoDS_Shape, Size]] = []
 
     def add(self, face: TopoDS_Shape, size: Size) -> None:
-        """Note the size of a face."""
+        """Add the size of a face."""
         self._known.append((face, size))
 
     def of(self, face: TopoDS_Shape) -> Size | None:
-        """The size of a face, wherever it is placed; None where it has none."""
+        """Return the size of a face at any location; None if it has none."""
         return next((size for known, size in self._known if known.IsPartner(face)), None)
 
 
 def sizes_of(document: TDocStd_Document, data: bytes, notes: list[str]) -> Sizes:
-    """The sizes of a document's faces; dimensions and tolerances that are not read are counted in `notes`.
+    """Return the sizes of a document's faces; other dimensions and tolerances are counted in `notes`.
 
-    data: the file itself. The kernel loses the signs of deviations that both lie on one side of the nominal size
-    (+0.020/+0.005); where there are such, no deviations are taken from it, only classes.
+    data: content of the file. The kernel loses the signs of deviations on one side of the nominal size (+0.020/+0.005);
+    in files that have such, only classes are read.
     """
     sizes = Sizes()
     trusted = not _one_sided(data)
@@ -65,7 +65,7 @@ def sizes_of(document: TDocStd_Document, data: bytes, notes: list[str]) -> Sizes
         label = labels.Value(i)
         if not label.IsAttribute(XCAFDoc_Dimension.GetID_s()):
             continue
-        stated = XCAFDoc_Dimension.Set_s(label).GetObject()  # the one that is there
+        stated = XCAFDoc_Dimension.Set_s(label).GetObject()  # existing attribute
         faces = _faces(label)
         if stated.GetType() not in _TWICE or not faces:
             unread[stated.GetType().name.rpartition("DimensionType_")[2]] += 1
@@ -98,14 +98,14 @@ def _faces(label: Any) -> list[TopoDS_Shape]:
 
 
 def _one_sided(data: bytes) -> bool:
-    """Whether a tolerance of the file has both deviations above, or both below the nominal size."""
+    """Whether a tolerance of the file has both deviations on the same side of the nominal size."""
     values = {int(number): float(value) for number, value in _MEASURE.findall(data)}
     pairs = (tuple(map(int, pair)) for pair in _TOLERANCE.findall(data))
     return any(a in values and b in values and values[a] * values[b] > 0.0 for a, b in pairs)
 
 
 def _size(stated: Any, twice: float, trusted: bool) -> Size | None:
-    """Nominal, deviations and class of a dimension; a range of values is its limits. None where they are not known."""
+    """Return nominal size, deviations and class of a dimension (a range gives deviations); None if they are unknown."""
     scale = twice * MM
     if stated.IsDimWithRange():
         lower, upper = stated.GetLowerBound() * scale, stated.GetUpperBound() * scale
@@ -114,7 +114,7 @@ def _size(stated: Any, twice: float, trusted: bool) -> Size | None:
         return 0.5 * (lower + upper), 0.5 * (lower - upper), 0.5 * (upper - lower), ""
     nominal = stated.GetValue() * scale
     if stated.IsDimWithClassOfTolerance():
-        variance = XCAFDimTolObjects_DimensionFormVariance(0)  # values of their own, which the kernel fills in
+        variance = XCAFDimTolObjects_DimensionFormVariance(0)  # objects of their own, which the kernel fills
         grade = XCAFDimTolObjects_DimensionGrade(0)
         hole = False
         stated.GetClassOfTolerance(hole, variance, grade)

@@ -1,30 +1,28 @@
-"""Triangle meshes as polyhedra: area, volume, where they are open. Numpy alone, as the reading process needs it too."""
+"""Triangle meshes as polyhedra: area, volume, boundary. Imports numpy only, because the reading process uses it."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.model.body import polyhedron
-
 Array = NDArray[np.float64]
 Triangles = NDArray[np.int32]
 
 LONGEST = 200
-"""vertices of a loop; the triangulation takes time with their cube"""
+"""maximum number of vertices of a loop; triangulation takes cubic time"""
 
 
 def triangle_area_vectors(vertices: Array, triangles: NDArray[np.int32]) -> Array:
-    """(m, 3) half cross products: the direction is the outward normal, the length the area in m²."""
+    """(m, 3) half cross products: direction of the outward normal, length equal to the area, m²."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     return 0.5 * np.cross(b - a, c - a)
 
 
 def without_flat(vertices: Array, triangles: Triangles, owners: Triangles) -> tuple[Triangles, Triangles]:
-    """The triangles of positive area and their owners.
+    """Return the triangles of positive area and their owners.
 
-    A flat triangle of three corners fills the gap between its longest edge and a corner of its other neighbours: with
-    it gone, the neighbour at that edge is split there, so that a closed mesh stays closed.
+    A flat triangle with three distinct corners fills the gap between its longest edge and its middle corner. Without
+    it, the neighbour at that edge is split at the corner, so that a closed mesh stays closed.
     """
     flat = np.linalg.norm(triangle_area_vectors(vertices, triangles), axis=1) == 0.0
     thin = np.flatnonzero(flat & (triangles != np.roll(triangles, 1, axis=1)).all(axis=1))
@@ -39,7 +37,7 @@ def without_flat(vertices: Array, triangles: Triangles, owners: Triangles) -> tu
         for edge in _edges(corners):
             beside.setdefault(edge, []).append(i)
     last, waiting = len(triangles), thin.tolist()
-    for _ in range(8 * len(waiting)):  # a split of what is flat itself leaves flat halves: that ends, but for rounding
+    for _ in range(8 * len(waiting)):  # splitting a flat neighbour gives flat halves; it ends, except for rounding
         if not waiting:
             break
         corners, _ = local.pop(waiting.pop(0))
@@ -76,9 +74,9 @@ def _edges(corners: tuple[int, ...]) -> list[tuple[int, int]]:
 
 
 def open_edges(triangles: Triangles) -> NDArray[np.int64]:
-    """(k, 2) directed edges (vertex indices) that no triangle meets the other way: the boundary, sorted.
+    """(k, 2) directed edges (vertex indices) without an opposite edge: the boundary, sorted.
 
-    An edge met twice one way and once the other counts once. None of them means that the mesh bounds a volume.
+    An edge used twice in one direction and once in the other counts once. A mesh without open edges bounds a volume.
     """
     ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2).astype(np.int64)
     ends = ends[ends[:, 0] != ends[:, 1]]
@@ -90,9 +88,9 @@ def open_edges(triangles: Triangles) -> NDArray[np.int64]:
 
 
 def boundary_loops(triangles: Triangles) -> list[list[int]]:
-    """The vertices around each hole, in the order in which triangles that fill it are wound.
+    """Return the vertices around each hole, in the winding order of triangles that fill it.
 
-    A vertex at which two holes meet leaves it open how their edges go together; such holes are left out.
+    Holes that meet at a vertex are ambiguous and left out.
     """
     edges = open_edges(triangles)[:, ::-1]
     following = dict(edges.tolist())
@@ -111,10 +109,10 @@ def boundary_loops(triangles: Triangles) -> list[list[int]]:
 
 
 def fill(points: Array) -> Triangles:
-    """(n-2, 3) triangles of least total area that span the closed polygon of `points` (n, 3), wound as it is.
+    """(n-2, 3) triangles of least total area that span the closed polygon `points` (n, 3), with its winding.
 
-    By dynamic programming over sub-polygons (Barequet and Sharir, Filling gaps in the boundary of a polyhedron, CAGD 12
-    (1995) 207, section 3). In space the triangles need not lie in one plane.
+    Dynamic programming over sub-polygons (Barequet and Sharir, Filling gaps in the boundary of a polyhedron, CAGD 12
+    (1995) 207, section 3). The polygon need not be planar.
     """
     n = len(points)
     least = np.zeros((n, n))
@@ -139,8 +137,10 @@ def fill(points: Array) -> Triangles:
 def mass_properties(vertices: Array, triangles: NDArray[np.int32]) -> tuple[float, Array, Array]:
     """Volume (m³), centre (3,) and inertia (3, 3) about it at density 1, of vertices (n, 3) and triangles (m, 3).
 
-    An open mesh is closed to the middle of its border, so that a flat hole counts as if it were filled.
+    An open mesh is closed towards the middle of its border, which is exact for a flat hole.
     """
+    from physics.model.body import polyhedron  # imports numba, which the reading process rarely needs
+
     border = open_edges(triangles)
     origin = vertices[border].mean(axis=(0, 1)) if len(border) else vertices[triangles[0, 0]]
     return polyhedron(vertices[triangles], origin)

@@ -1,6 +1,6 @@
-"""Plain values that cross from the CAD kernel to the scene: arrays, numbers and strings, nothing of the kernel.
+"""Plain values passed from the CAD kernel to the scene: arrays, numbers and strings. Lengths are metres.
 
-The reading process makes them, so this module imports numpy alone. Lengths are metres.
+The reading process creates them, so this module imports numpy only.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Color = tuple[float, float, float, float]
-"""red, green, blue (sRGB, as drawn) and opacity, each in 0 … 1"""
+"""red, green, blue (sRGB) and opacity, each in 0 … 1"""
 
 
 Size = tuple[float, float | None, float | None, str]
-"""a toleranced diameter: nominal, lower and upper deviation (m), tolerance class ("H7")"""
+"""toleranced diameter: nominal, lower and upper deviation (m), tolerance class ("H7")"""
 
 
 class UnreadableError(Exception):
-    """A file that cannot be used; the message says what is wrong and how to mend it, without the file's name."""
+    """A file is unusable; the message names fault and remedy, without the file's name."""
 
 
 @dataclass
@@ -30,17 +30,17 @@ class RawFace:
 
     name: str
     kind: str = ""
-    """"plane", "cylinder", "cone", "sphere", "torus"; "" when neither file nor kernel can type it"""
+    """"plane", "cylinder", "cone", "sphere", "torus"; "" if neither file nor kernel gives a type"""
     numbers: tuple[float, ...] = ()
-    """plane: point, normal · cylinder: point, axis, radius · cone: apex, axis, half angle · sphere: centre, radius ·
-    torus: centre, axis, major, minor"""
+    """plane: point, normal · cylinder: point, axis, radius · cone: apex, axis, half angle · sphere: centre, radius
+    · torus: centre, axis, major, minor"""
     typed: bool = False
-    """whether the type is settled: the file itself gives it, or it was fitted"""
+    """whether the type is final: stated by the file, or fitted"""
     samples: Array = field(default_factory=lambda: np.empty((0, 3)))
-    """(k, 3) points of the true surface inside the face; only for faces the file leaves untyped"""
+    """(k, 3) points of the true surface inside the face; only for faces without a type in the file"""
     color: Color | None = None
     residual: float = 0.0
-    """m, of a typed face: greatest distance of its points to the surface that was fitted to them"""
+    """greatest distance of the face's points from the fitted surface, m"""
     size: Size | None = None
 
 
@@ -63,14 +63,14 @@ class RawShape:
     faces: list[RawFace]
     edges: list[RawEdge] = field(default_factory=list)
     volume: float | None = None
-    """m³; None when it is not known other than from the mesh"""
+    """m³; None: computed from the mesh"""
     center: Array = field(default_factory=lambda: np.zeros(3))
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
     notes: list[str] = field(default_factory=list)
     settled: bool = False
-    """whether all is decided that takes time, as `build.settled` does"""
+    """whether `build.settled` has processed the shape"""
     brep: bytes = b""
-    """the exact B-rep in OpenCascade's binary form, mm, without a mesh; empty of what is a mesh by itself"""
+    """exact B-rep in OpenCascade's binary format, mm, without triangles; empty for a mesh"""
 
 
 @dataclass
@@ -79,13 +79,13 @@ class RawPart:
 
     name: str
     shape: int
-    """its place in `RawScene.shapes`"""
+    """index into `RawScene.shapes`"""
     rotation: Array
     translation: Array
     color: Color | None = None
     density: float | None = None
     mass: tuple[float, Array, Array] | None = None
-    """where the file gives it: kg, (3,) centre, m, and (3, 3) inertia about it, kg·m², in the part's frame"""
+    """from the file: kg, centre (3,), m, and inertia (3, 3) about it, kg·m², in the part's frame"""
 
 
 Axis = tuple[str, Array, Array]
@@ -94,32 +94,32 @@ Axis = tuple[str, Array, Array]
 
 @dataclass(eq=False)
 class RawJoint:
-    """What holds two links of a mechanism together, where they stand."""
+    """A joint between two links of a mechanism at its present pose."""
 
     name: str
     links: tuple[int, int]
-    """places in `RawScene.links`"""
+    """indices into `RawScene.links`"""
     axes: list[Axis]
-    """one after another; none where it is fixed"""
+    """in series; empty for a fixed joint"""
     free: bool = False
-    """whether it holds nothing"""
+    """whether all six degrees of freedom are left"""
     note: str = ""
-    """what of it is not read"""
+    """properties of the joint that are not read"""
 
 
 @dataclass
 class RawScene:
-    """All that a file holds."""
+    """Content of a file."""
 
     shapes: list[RawShape] = field(default_factory=list)
     parts: list[RawPart] = field(default_factory=list)
     instances: Counter[str] = field(default_factory=Counter)
-    """how often each product of a CAD file was found, by the product's name"""
+    """number of instances found of each product of a CAD file, by name"""
     faces: Counter[str] = field(default_factory=Counter)
-    """how many faces all instances of each product have together"""
+    """number of faces of all instances of each product"""
     notes: list[str] = field(default_factory=list)
     links: list[list[str]] = field(default_factory=list)
-    """of a mechanism: names of the parts of each link; the first is the ground"""
+    """names of the parts of each link of a mechanism; the first link is the ground"""
     joints: list[RawJoint] = field(default_factory=list)
     whole: bool = True
-    """False where parts were left out that crashed the kernel, or took too much time or memory: that may go better"""
+    """False if parts were left out for a crash, time or memory; another attempt may succeed"""

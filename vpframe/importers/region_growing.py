@@ -1,4 +1,4 @@
-"""Kernels of segmentation: which triangles meet along an edge, and how far an analytic surface reaches over them."""
+"""Kernels of segmentation: neighbours of triangles, and growth of an analytic surface over them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PLANE, CYLINDER, CONE, SPHERE, TORUS = range(5)
 
 
 def packed(geometry: Geometry) -> tuple[int, NDArray[np.float64]]:
-    """The kind's number and (8,) point, direction and two sizes, as `reach` takes them."""
+    """Return the kind's number and (8,) point, direction and two sizes, the arguments of `reach`."""
     match geometry:
         case Plane():
             return PLANE, np.array([*geometry.origin, *geometry.normal, 0.0, 0.0])
@@ -29,7 +29,7 @@ def packed(geometry: Geometry) -> tuple[int, NDArray[np.float64]]:
 
 
 def neighbours(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(m, 3) the triangle across the edge from corner k to corner k+1; -1 at a border or where more than two meet."""
+    """(m, 3) triangle across the edge from corner k to k+1; -1 at a border, or where more than two triangles meet."""
     ends = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
     key = ends.min(axis=1) * (int(triangles.max()) + 1) + ends.max(axis=1)
     order = np.argsort(key, kind="stable")
@@ -44,7 +44,7 @@ def neighbours(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
 
 @inner_kernel
 def _gap(kind, q, x, y, z):
-    """Distance of a point to the surface, and the surface's unit normal there."""
+    """Return the distance of a point from the surface, and the surface's unit normal there."""
     dx, dy, dz = x - q[0], y - q[1], z - q[2]
     if kind == SPHERE:
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
@@ -78,10 +78,10 @@ def _gap(kind, q, x, y, z):
 
 @kernel
 def reach(kind, q, seed, vertices, triangles, normals, needle, across, label, tolerance, cosine, mark, stamp, out):
-    """Free triangles connected to `seed` whose corners lie on the surface and whose normals agree with it.
+    """Find the free triangles connected to `seed` whose corners lie on the surface and whose normals agree with it.
 
-    Fills `out` and returns their number. `needle` triangles have no normal worth asking; `label` is -1 where free;
-    `mark` remembers by `stamp` what was visited, so that it need not be cleared between calls.
+    Writes them to `out` and returns their number. Normals of `needle` triangles are ignored; `label` is -1 for free
+    triangles; `mark` holds `stamp` for visited ones, so that it need not be cleared.
     """
     side = 0.0
     out[0] = seed
@@ -108,7 +108,7 @@ def reach(kind, q, seed, vertices, triangles, normals, needle, across, label, to
             good = along * side >= cosine
         if not good:
             continue
-        out[kept] = t  # kept < read: what is overwritten has been looked at
+        out[kept] = t  # kept < read: overwritten entries have been visited
         kept += 1
         for k in range(3):
             n = across[t, k]

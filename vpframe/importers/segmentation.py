@@ -1,12 +1,11 @@
-"""A bare triangle mesh cut into the surfaces it was tessellated from.
+"""Segmentation of a triangle mesh into the surfaces from which it was tessellated.
 
-The vertices of a tessellated CAD face lie on the face's true surface, which tells far more than angles between
-triangles do: where a plane runs tangentially into a fillet no edge shows, but the next vertices lie off the plane.
-So: triangles are first joined to flat facets; from facets and their neighbours analytic surfaces are fitted, each is
-let grow over all triangles whose vertices lie on it, and the one that explains most vertices beyond those needed to
-determine it is taken first. What no analytic surface explains is a freeform surface up to the next sharp edge.
-Growth from seeds follows Schnabel, Wahl & Klein (Computer Graphics Forum 26 (2007) 214), with fits in place of random
-draws.
+The vertices of a tessellated CAD face lie on its true surface, which is more reliable than angles between triangles: at
+a tangential transition from a plane to a fillet there is no edge, but the next vertices lie off the plane. Triangles
+are joined to flat facets; analytic surfaces are fitted to facets and their neighbours and grown over all triangles
+whose vertices lie on them; the surface that explains most vertices beyond its degrees of freedom is taken first.
+Remaining triangles form freeform surfaces bounded by sharp edges. Growth from seeds follows Schnabel, Wahl & Klein
+(Computer Graphics Forum 26 (2007) 214), with fits in place of random samples.
 """
 
 from __future__ import annotations
@@ -23,7 +22,8 @@ from scipy.sparse.csgraph import connected_components
 from collision import Tolerance
 from constraints.errors import GeometryError
 from constraints.geometry.surfaces import Cylinder, Freeform, Geometry, Plane, Sphere, Torus
-from constraints.recognition.fits import FitError, fit_kind, refine
+from constraints.recognition.fits import fit_kind, refine
+from constraints.recognition.patches import Patch, fit_patches
 from vpframe.importers.region_growing import neighbours, packed, reach
 
 Array = NDArray[np.float64]
@@ -31,12 +31,14 @@ Index = NDArray[np.int64]
 
 _NEEDED = {"plane": 3, "cylinder": 5, "sphere": 4, "cone": 6, "torus": 7}
 _STRONG = 6
-"""vertices beyond those needed that a curved surface must explain to be taken before the planes"""
+"""vertices beyond its degrees of freedom that a curved surface must explain to precede planes"""
 _SMALL = 12
-"""facets below which a curved piece amid a freeform surface is taken for a chance fit"""
+"""number of facets below which a curved segment within a freeform surface counts as accidental"""
+_FEWEST, _MOST = 4, 1024
+"""number of facets whose patches are fitted together: doubled while no surface found covers the next facets"""
 _OUTDO = {"cylinder": 1.0, "cone": 1.5, "sphere": 1.5, "torus": 2.5}
-"""how many times the facets of a simpler surface a richer one must explain: a sphere goes through any frustum's two
-circles, a torus through any two frustums in a row"""
+"""factor by which a more complex surface must explain more facets than a simpler one: a sphere fits both circles of any
+frustum, a torus any two frustums in a row"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,17 +48,17 @@ class Segment:
     triangles: Index
     geometry: Geometry
     residual: float
-    """m: greatest distance of a vertex to `geometry`; 0 for freeform"""
+    """greatest distance of a vertex from `geometry`, m; 0 for freeform"""
 
 
 def segment(
     vertices: Array, triangles: NDArray[np.int32], tolerance: float, limits: Tolerance | None = None
 ) -> list[Segment]:
-    """Cut a welded mesh into segments; every triangle is in one.
+    """Segment a welded mesh; every triangle is in exactly one segment.
 
-    `vertices` (n, 3) m; `triangles` (m, 3), none of zero area; `tolerance` m, how far a vertex may lie off its
-    surface; `limits` gives the angles `flat`, `facet` and `bend`. The answer is the same each time, the
-    segments ordered by their first triangle.
+    `vertices` (n, 3) m; `triangles` (m, 3), none of zero area; `tolerance` m, maximum distance of a vertex from its
+    surface; `limits` gives the angles `flat`, `facet` and `bend`. The result is deterministic, ordered by the first
+    triangle of each segment.
     """
     return _Segmentation(vertices, triangles, tolerance, limits or Tolerance()).run()
 
@@ -72,7 +74,7 @@ class _Segmentation:
         self.normals = vectors / self.areas[:, None]
         self.middles = corners.mean(axis=1)
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-        self.needle = 2.0 * self.areas < 10.0 * tolerance * longest  # its height is lost in the tolerance
+        self.needle = 2.0 * self.areas < 10.0 * tolerance * longest  # narrower than the tolerance allows for a normal
         self.across = neighbours(triangles)
         self.label = np.full(len(triangles), -1, np.int64)
         self.segments: list[Segment] = []
@@ -112,7 +114,7 @@ class _Segmentation:
         self.segments.append(Segment(triangles, geometry, residual))
 
     def _flat_facets(self) -> tuple[Index, list[Index]]:
-        """Connected coplanar triangles: the facet of each triangle, and the triangles of each facet."""
+        """Group connected coplanar triangles: the facet of each triangle, and the triangles of each facet."""
         facet = np.full(len(self.triangles), -1, np.int64)
         facets: list[Index] = []
         for t in np.argsort(-self.areas, kind="stable"):
@@ -131,7 +133,7 @@ class _Segmentation:
         return facet, facets
 
     def _smooth_neighbours(self) -> list[list[int]]:
-        """Facets that meet each facet at a blunt angle, those along the longest border first."""
+        """Return the facets that meet each facet at a blunt angle, longest common border first."""
         t, n, lengths = self._smooth_edges(self.facet)
         border: list[dict[int, float]] = [{} for _ in self.facets]
         for a, b, length in zip(self.facet[t].tolist(), self.facet[n].tolist(), lengths.tolist(), strict=True):
@@ -139,17 +141,28 @@ class _Segmentation:
         return [sorted(d, key=lambda b: (-d[b], b)) for d in border]
 
     def _curved(self, strong: bool) -> None:
-        """Take curved surfaces, those that explain most first, from seeds at every facet that is still free."""
+        """Take curved surfaces, best score first, from seeds at every free facet."""
         candidates: list[tuple[int, Geometry, int]] = []
         covered = np.zeros(len(self.triangles), bool)
-        for f in np.argsort(-self._facet_areas, kind="stable").tolist():
-            if self.label[self.facets[f][0]] >= 0 or covered[self.facets[f][0]]:
-                continue
-            best = self._best_at(f, strong)
-            if best is not None:
-                score, geometry, grown = best
-                candidates.append((score, geometry, int(self.facets[f][0])))
-                covered[grown] = True
+        order = [f for f in np.argsort(-self._facet_areas, kind="stable").tolist() if self.label[self.facets[f][0]] < 0]
+        together, next_ = _FEWEST, 0
+        while next_ < len(order):
+            seeds: list[int] = []
+            while next_ < len(order) and len(seeds) < together:
+                if not covered[self.facets[order[next_]][0]]:
+                    seeds.append(order[next_])
+                next_ += 1
+            spared = 0
+            for f, fits in zip(seeds, self._fits(seeds), strict=True):
+                if covered[self.facets[f][0]]:
+                    spared += 1
+                    continue
+                best = self._best_at(f, fits, strong)
+                if best is not None:
+                    score, geometry, grown = best
+                    candidates.append((score, geometry, int(self.facets[f][0])))
+                    covered[grown] = True
+            together = min(2 * together, _MOST) if not spared else max(together // 2, _FEWEST)
         while candidates:
             candidates.sort(key=lambda c: -c[0])
             score, geometry, seed = candidates.pop(0)
@@ -170,7 +183,7 @@ class _Segmentation:
     def _enough(self, geometry: Geometry, grown: Index, strong: bool) -> bool:
         facets = len(np.unique(self.facet[grown]))
         if isinstance(geometry, Torus) and self._circles(geometry, grown) < 4:
-            return False  # through three circles about one axis there is always a torus
+            return False  # a torus fits any three coaxial circles
         if not strong:
             beside = {g for f in np.unique(self.facet[grown]).tolist() for g in self.around[f]}
             beside = {g for g in beside - set(self.facet[grown].tolist()) if self.label[self.facets[g][0]] < 0}
@@ -183,27 +196,35 @@ class _Segmentation:
         return facets >= 4 and self._score(geometry, grown) >= _STRONG * (1 if isinstance(geometry, Cylinder) else 2)
 
     def _circles(self, torus: Torus, grown: Index) -> int:
-        """On how many circles about the torus's axis the vertices lie."""
+        """Number of circles about the torus's axis on which the vertices lie."""
         q = self._points(grown) - torus.center
         height = q @ torus.axis
         radius = np.linalg.norm(q - height[:, None] * torus.axis, axis=1) - torus.major
         arc = np.sort(torus.minor * np.arctan2(height, radius))
         return 1 + int((np.diff(arc) > 10.0 * self.tolerance).sum())
 
-    def _best_at(self, f: int, strong: bool) -> tuple[int, Geometry, Index] | None:
+    def _fits(self, seeds: list[int]) -> list[list[tuple[str, Geometry]]]:
+        """Return the surfaces that fit the patches at each facet within tolerance, in the order of `_patches`."""
+        patches: dict[str, list[Patch]] = {}
+        places: dict[str, list[tuple[int, int]]] = {}
+        for i, f in enumerate(seeds):
+            for k, (kind, patch) in enumerate(self._patches(f)):
+                points = self._points(patch)
+                if len(points) > _NEEDED[kind]:
+                    patches.setdefault(kind, []).append((points, self.middles[patch], self.vectors[patch]))
+                    places.setdefault(kind, []).append((i, k))
+        found: list[list[tuple[int, str, Geometry]]] = [[] for _ in seeds]
+        for kind, given in patches.items():
+            for (i, k), fit in zip(places[kind], fit_patches(kind, given, self.tolerance, iterations=15), strict=True):
+                if fit is not None:
+                    found[i].append((k, kind, fit.geometry))
+        return [[(kind, geometry) for _, kind, geometry in sorted(one, key=lambda each: each[0])] for one in found]
+
+    def _best_at(self, f: int, fits: list[tuple[str, Geometry]], strong: bool) -> tuple[int, Geometry, Index] | None:
         best: tuple[int, Geometry, Index] | None = None
         seed, most = int(self.facets[f][0]), 0
-        for kind, patch in self._patches(f):
-            points = self._points(patch)
-            if len(points) < _NEEDED[kind] + 1:
-                continue
-            try:
-                fit = fit_kind(kind, points, self.middles[patch], self.vectors[patch], iterations=15)
-            except (FitError, GeometryError):
-                continue
-            if fit.residual > self.tolerance:
-                continue
-            geometry, grown = self._settle(fit.geometry, seed)
+        for kind, fit in fits:
+            geometry, grown = self._settle(fit, seed)
             if len(grown) == 0 or not self._enough(geometry, grown, strong):
                 continue
             size = len(np.unique(self.facet[grown]))
@@ -213,7 +234,7 @@ class _Segmentation:
         return best
 
     def _settle(self, geometry: Geometry, seed: int) -> tuple[Geometry, Index]:
-        """Grow, fit to what was reached, grow again, as long as more is reached."""
+        """Alternate growth and fit while the segment grows."""
         grown = self._grow(geometry, seed)
         while len(grown):
             try:
@@ -227,7 +248,7 @@ class _Segmentation:
         return geometry, grown
 
     def _patches(self, f: int) -> Iterator[tuple[str, Index]]:
-        """Kinds to try at a facet and the triangles to fit them to."""
+        """Yield the kinds to fit at a facet, with the triangles to fit."""
         near = [g for g in self.around[f] if self.label[self.facets[g][0]] < 0]
         for g in near[:4]:
             yield "cylinder", np.concatenate([self.facets[f], self.facets[g]])
@@ -244,23 +265,23 @@ class _Segmentation:
         yield "torus", wide
 
     def _planes(self, sure: bool) -> None:
-        """Take flat facets: those that cannot be a segment of a curved surface, or those that stand alone."""
+        """Take flat facets that cannot belong to a curved surface (`sure`), or that have no free neighbours."""
         areas = self._facet_areas
         for f in np.argsort(-areas, kind="stable").tolist():
             members = self.facets[f]
             if self.label[members[0]] >= 0:
                 continue
-            if sure:  # facets beside it that are as large speak of a surface that bends slowly
+            if sure:  # a facet beside others of similar size may belong to a slowly bending surface
                 beside = max((areas[g] for g in self.around[f]), default=0.0)
                 flat = areas[f] > 3.0 * beside and self._is_wide(members)
-            else:  # a lone triangle beside smooth neighbours is a piece of something bent
+            else:  # a lone triangle with smooth neighbours belongs to a curved surface
                 free = any(self.label[self.facets[g][0]] < 0 for g in self.around[f])
                 flat = not free and (len(members) > 1 or not self.around[f])
             if flat:
                 self._take(members, self._plane(members))
 
     def _is_wide(self, members: Index) -> bool:
-        """Whether the vertices lie on more than two parallel lines: a strip of a curved surface has but two."""
+        """Whether the vertices lie on more than two parallel lines; a strip of a curved surface has two."""
         points = self._points(members)
         if len(points) < 6:
             return False
@@ -279,7 +300,7 @@ class _Segmentation:
         return fit.geometry
 
     def _rest(self) -> None:
-        """Join what is left across smooth edges: to freeform surfaces, or to planes where it is but a few facets."""
+        """Join remaining triangles across smooth edges to freeform surfaces, or a few flat facets to planes."""
         t, n, _ = self._smooth_edges()
         free = (self.label[t] < 0) & (self.label[n] < 0)
         graph = coo_array((np.ones(int(free.sum())), (t[free], n[free])), shape=(len(self.label),) * 2)
@@ -297,9 +318,9 @@ class _Segmentation:
                 self._take(flat, self._plane(flat))
 
     def _smooth_edges(self, apart: Index | None = None) -> tuple[Index, Index, Array]:
-        """Pairs of triangles that meet at a blunt angle (each both ways) and the lengths of their edges, m.
+        """Return pairs of triangles that meet at a blunt angle (in both orders) and their edge lengths, m.
 
-        With `apart`, only pairs whose numbers there differ, and needles meet at the angle their normals make.
+        Needles count as smooth, unless `apart` is given; then only pairs with different values in it are returned.
         """
         t, k = np.nonzero(self.across >= 0)
         n = self.across[t, k].astype(np.int64)
@@ -310,7 +331,7 @@ class _Segmentation:
         return t, n, np.linalg.norm(ends, axis=1)
 
     def _dissolve(self) -> None:
-        """Give small curved pieces that mostly border on freeform surfaces to them, and join these where they meet."""
+        """Merge small curved segments that mostly border freeform surfaces into these; join adjacent freeform ones."""
         t, n, length = self._smooth_edges()
         while True:
             a, b = self.label[t], self.label[n]

@@ -1,4 +1,4 @@
-"""Primitive solids of robot models as exact shapes, and the mass of a link shared among its parts."""
+"""Primitive solids of robot models as exact shapes, and the distribution of a link's mass over its parts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vpframe.importers.brep import tessellate
 from vpframe.importers.raw import Array, RawPart, RawScene, RawShape
 
 LIGHT = 1e-9
-"""share of a link's mass that its second and further parts have: the first carries it, as one body would"""
+"""fraction of a link's mass given to its second and further parts; the first part carries the mass"""
 
 
 def _checked(what: str, sizes: Array) -> None:
@@ -21,7 +21,7 @@ def _checked(what: str, sizes: Array) -> None:
 
 
 def box(sizes: Array, deflection: float, angular: float) -> RawShape:
-    """A box of edge lengths (3,), m, about its middle."""
+    """Return a box of edge lengths (3,), m, centred at the origin."""
     from vpframe.scene import modelling as m
 
     _checked("box", sizes)
@@ -30,7 +30,7 @@ def box(sizes: Array, deflection: float, angular: float) -> RawShape:
 
 
 def cylinder(sizes: Array, deflection: float, angular: float) -> RawShape:
-    """A cylinder of (radius, length), m, along z about its middle."""
+    """Return a cylinder of (radius, length), m, along z, centred at the origin."""
     from vpframe.scene import modelling as m
 
     _checked("cylinder", sizes)
@@ -39,7 +39,7 @@ def cylinder(sizes: Array, deflection: float, angular: float) -> RawShape:
 
 
 def sphere(sizes: Array, deflection: float, angular: float) -> RawShape:
-    """A ball of (radius,), m."""
+    """Return a ball of (radius,), m."""
     from vpframe.scene import modelling as m
 
     _checked("sphere", sizes)
@@ -47,7 +47,7 @@ def sphere(sizes: Array, deflection: float, angular: float) -> RawShape:
 
 
 def capsule(sizes: Array, deflection: float, angular: float) -> RawShape:
-    """A cylinder of (radius, length), m, along z about its middle, with a half ball on either end."""
+    """Return a capsule of (radius, length of the cylinder), m, along z, centred at the origin."""
     from vpframe.scene import modelling as m
 
     _checked("capsule", sizes)
@@ -65,7 +65,7 @@ SOLIDS: dict[str, Callable[[Array, float, float], RawShape]] = {
 
 
 def part_of_mass(parts: Sequence[RawPart], center: pin.SE3, mass: float, inertia: Array, raw: RawScene) -> None:
-    """Give the parts of a link its mass: kg, and kg·m² about `center` in its axes; notes what is none."""
+    """Give the parts of a link its mass, kg, and inertia, kg·m², about `center` in its axes; note implausible ones."""
     name = parts[0].name
     moments = np.linalg.eigvalsh(inertia)
     if not mass > 0.0 or moments[0] <= 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6):

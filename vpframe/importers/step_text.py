@@ -1,7 +1,7 @@
-"""What a STEP file says of itself, read without the CAD kernel: damage by line, and the parts it ought to give.
+"""Analysis of a STEP file's text without the CAD kernel: damaged lines, and the parts it should contain.
 
-The kernel drops what it cannot read without a word (or crashes on it). The text tells which statements are damaged and
-how many faces and instances each product has, so that what was lost can be named.
+The kernel silently drops data that it cannot read, or crashes. The text shows which statements are damaged and how many
+faces and instances each product has, so that losses can be named.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass, field
 
-_END = re.compile(rb";\s*+(?=#\d++\s*+=|ENDSEC|/\*|$)")  # not any semicolon: strings may hold one
+_END = re.compile(rb";\s*+(?=#\d++\s*+=|ENDSEC|/\*|$)")  # not any semicolon, since strings may contain one
 _STATEMENT = re.compile(rb"(?:/\*.*?\*/\s*)*#(\d++)\s*+=\s*+(.*)", re.DOTALL)
 _REFERENCE = re.compile(rb"#(\d+)")
 _STRING = re.compile(rb"'(?:[^']++|'')*+'")
@@ -32,32 +32,32 @@ class StepText:
     """Products and damage of a STEP file."""
 
     faces: Counter[str] = field(default_factory=Counter)
-    """product name -> faces of all its instances together, for products that have any"""
+    """total number of faces of each product's instances, by product name"""
     instances: Counter[str] = field(default_factory=Counter)
-    """product name -> how often the assembly uses it, for products with a shape of their own"""
+    """number of uses of each product with its own shape, by product name"""
     external: list[str] = field(default_factory=list)
-    """names of the files it refers to"""
+    """names of referenced files"""
     damage: list[str] = field(default_factory=list)
-    """one line a damaged statement, in the file's order"""
+    """one line for each damaged statement, in the order of the file"""
     unit_fault: str = ""
-    """the length unit that the kernel would take for another one; "" when there is none"""
+    """unit of length that the kernel would misread; "" if there is none"""
     no_unit: bool = False
-    """whether there is a shape without any length unit: the kernel takes millimetres"""
+    """whether a shape has no unit of length; the kernel then uses millimetres"""
 
     def damage_summary(self) -> str:
-        """The damage in one line; "" when there is none."""
+        """Return the damage in one line; "" if there is none."""
         if not self.damage:
             return ""
         more = f" and {len(self.damage) - _SHOWN} more" if len(self.damage) > _SHOWN else ""
         return "; ".join(self.damage[:_SHOWN]) + more
 
     def lost(self, instances: Counter[str], faces: Counter[str]) -> list[str]:
-        """One line for each product that gave fewer instances or faces than the text says.
+        """Return a line for each product with fewer instances or faces than the text states.
 
-        `instances` and `faces` are what was read, by product name.
+        `instances` and `faces`: numbers that were read, by product name.
         """
         if faces.total() == self.faces.total() and instances.total() == self.instances.total():
-            return []  # before names are compared, which the kernel may spell otherwise
+            return []  # names are compared only if totals differ, since the kernel may spell them differently
         notes = []
         for name, wanted in self.instances.items():
             expected, got = self.faces[name], instances[name]
@@ -71,7 +71,7 @@ class StepText:
 
 
 def scan(data: bytes) -> StepText:
-    """Read the statements of a STEP file's text."""
+    """Analyse the text of a STEP file."""
     text = StepText()
     start = data.find(b"DATA;")
     if start < 0:
@@ -87,7 +87,7 @@ def scan(data: bytes) -> StepText:
 
 
 def _statements(data: bytes, start: int, end: int, text: StepText) -> tuple[dict[int, bytes], dict[int, int]]:
-    """Entity number -> what it is defined as, and its line; what cannot be read goes to `text.damage`."""
+    """Return the definition and the line of each entity number; unreadable statements are added to `text.damage`."""
     statements: dict[int, bytes] = {}
     lines: dict[int, int] = {}
     damage: list[tuple[int, str]] = []
@@ -118,9 +118,9 @@ def _statements(data: bytes, start: int, end: int, text: StepText) -> tuple[dict
 
 
 def _length_units(statements: dict[int, bytes], lines: dict[int, int], text: StepText) -> None:
-    """Check the unit of every shape: the kernel takes one it does not know for metres or millimetres, without a word.
+    """Check the unit of every shape: the kernel silently reads an unknown unit as metres or millimetres.
 
-    It knows metres with an SI prefix, and what is converted to these by a number.
+    It supports metres with an SI prefix, and units converted to these by a factor.
     """
 
     def bare(n: int) -> bytes:
@@ -152,9 +152,9 @@ def _length_units(statements: dict[int, bytes], lines: dict[int, int], text: Ste
         unknown = next((n for n in units if not is_known(bare(n))), None)
         text.no_unit |= not units
         if unknown is not None and not text.unit_fault:
-            said = " ".join(statements[unknown].decode("ascii", "replace").split())[:100]
-            said = "".join(c if c.isprintable() else "?" for c in said)
-            text.unit_fault = f"line {lines[unknown]}: #{unknown} is no length unit that is known: {said}"
+            statement = " ".join(statements[unknown].decode("ascii", "replace").split())[:100]
+            statement = "".join(c if c.isprintable() else "?" for c in statement)
+            text.unit_fault = f"line {lines[unknown]}: #{unknown} is no length unit that is known: {statement}"
 
 
 def _products(statements: dict[int, bytes], text: StepText) -> None:
@@ -215,7 +215,7 @@ def _text(string: bytes) -> str:
 
 
 def _count_faces(roots: list[int], kinds: dict[int, bytes], references: dict[int, list[int]]) -> int:
-    """How many faces the shells below representations name; their own text may be beyond reading."""
+    """Count the faces named by the shells below representations; the faces themselves may be unreadable."""
     seen, front, faces = set(roots), list(roots), set()
     while front:
         n = front.pop()

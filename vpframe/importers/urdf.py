@@ -1,4 +1,4 @@
-"""URDF in: links with their geometry and inertia, joints as what they leave free."""
+"""Read URDF: links with geometry and inertia, and joints with their degrees of freedom."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _AXES = {"revolute": ("revolute",), "continuous": ("revolute",), "prismatic": ("
 _FREE = ("floating",)
 _KNOWN = (*_AXES, *_FREE, "planar")
 _LEVELS = 6
-"""folders above the file in which a package is looked for"""
+"""number of folders above the file searched for packages"""
 
 
 def read(path: Path, deflection: float, angular: float) -> RawScene:
-    """The raw scene of a URDF file where all joints are at zero; each link with geometry is a part, or several.
+    """Return the raw scene of a URDF file with all joints at zero; each link with geometry is one or more parts.
 
-    Visual geometry is read, and that for collision where a link has no other. Raises LoadError for what is no URDF.
+    Visual geometry is read, or collision geometry for links without it. Raises LoadError for an invalid file.
     """
     robot = _parsed(path)
     links = {link.get("name", ""): link for link in robot.iter("link") if link.get("name")}
@@ -98,7 +98,7 @@ def _ends(joint: xml.Element) -> tuple[str, str]:
 def _poses(
     path: Path, links: dict[str, xml.Element], joints: list[xml.Element]
 ) -> tuple[dict[str, pin.SE3], list[str]]:
-    """World pose of each link, and their names, the root first."""
+    """Return the world pose of each link, and the links' names, root first."""
     above: dict[str, tuple[str, xml.Element]] = {}
     for joint in joints:
         parent, child = _ends(joint)
@@ -173,7 +173,7 @@ def _materials(robot: xml.Element) -> dict[str, Color]:
 
 
 class _Shapes:
-    """The parts of links; a mesh file of one scale is read once."""
+    """Reads the parts of links; each mesh file and scale is read once."""
 
     def __init__(self, path: Path, raw: RawScene, deflection: float, angular: float, colors: dict[str, Color]) -> None:
         self.path = path
@@ -182,10 +182,10 @@ class _Shapes:
         self.colors = colors
         self._read: dict[tuple[Any, ...], RawScene] = {}
         self._starts: dict[int, int] = {}
-        """where the shapes of each scene that was read begin"""
+        """index of the first shape of each scene that was read"""
 
     def add(self, name: str, link: xml.Element, pose: pin.SE3) -> list[str]:
-        """Parts for a link; their names."""
+        """Add the parts of a link; return their names."""
         shown = link.findall("visual") or link.findall("collision")
         made: list[RawPart] = []
         for element in shown:
@@ -230,7 +230,7 @@ class _Shapes:
         return out
 
     def _scene(self, element: xml.Element) -> RawScene:
-        """The shapes of a geometry in its frame, made once."""
+        """Return the shapes of a geometry in its frame, from the cache if possible."""
         scale = _numbers(self.path, element, "scale", "1 1 1") if element.tag == "mesh" else np.ones(3)
         key = (element.tag, tuple(sorted(element.attrib.items())))
         if key not in self._read:
@@ -254,7 +254,7 @@ class _Shapes:
         return RawScene([shape], [RawPart("", 0, np.eye(3), np.zeros(3))])
 
     def _find(self, name: str) -> Path:
-        """The file that a mesh names: beside the URDF, or in a package in a folder above it."""
+        """Return a mesh file: beside the URDF, or in a package in a folder above it."""
         given = re.sub(r"^(package|model|file)://", "", name)
         if name.startswith("file://"):
             return Path(given)

@@ -1,6 +1,6 @@
-"""Shapes of build123d, or of OpenCascade itself, that a script has made: their tree, names, colours and joints.
+"""Shapes of build123d or OpenCascade: their tree, names, colours and joints.
 
-They go to the reading process as B-reps, as a file does: what the kernel does with them there cannot end this process.
+The shapes go to the reading process as B-reps, so that the kernel cannot end this process.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ KINDS = {
     "CylindricalJoint": "cylindrical",
     "BallJoint": "spherical",
 }
-"""build123d's joint, connected to a rigid one -> ours"""
+"""joint kind of a build123d joint that is connected to a rigid one"""
 
 
 def is_wrapped(source: object) -> bool:
-    """Whether it is a shape of OpenCascade, or wraps one as build123d does."""
+    """Whether an object is a shape of OpenCascade, or wraps one as build123d does."""
     root = type(source).__module__.partition(".")[0]
     return root == "build123d" or (root == "OCP" and type(source).__name__.startswith("TopoDS_"))
 
@@ -41,7 +41,7 @@ def is_wrapped(source: object) -> bool:
 @dataclass
 class _Node:
     name: str
-    """path, as the scene has it"""
+    """path, as in the scene"""
     source: Any
     given: list[Any]
     children: list[_Node]
@@ -55,11 +55,11 @@ class _Node:
 def read(
     source: Any, deflection: float, angular: float, timeout: float | None, progress: Callable[[float, str], None] | None
 ) -> tuple[RawScene, Callable[[Scene], None]]:
-    """The raw scene of a shape, and what puts its joints into the scene that is made of it.
+    """Return the raw scene of a shape, and a function that adds its joints to the finished scene.
 
-    Raises LoadError: nothing in it is solid, or the kernel fails.
+    Raises LoadError: no solid, or the kernel fails.
     """
-    source = getattr(source, "part", source)  # build123d's builder
+    source = getattr(source, "part", source)  # of a build123d builder
     with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
         files = _Files(Path(folder))
         root = _node(source, _label(source) or "part", files)
@@ -71,7 +71,7 @@ def read(
 
 
 class _Files:
-    """B-reps in a folder, one a shape however often it is placed."""
+    """B-rep files in a folder, one for each shape."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -101,7 +101,7 @@ def _label(source: Any) -> str:
 def _node(source: Any, name: str, files: _Files) -> _Node:
     try:
         shape = getattr(source, "wrapped", source)
-    except (AssertionError, ValueError):  # build123d's own way to say that it is empty
+    except (AssertionError, ValueError):  # build123d raises these for an empty shape
         shape = None
     if shape is None or shape.IsNull():
         raise LoadError(f"{name}: the shape is empty; build it before loading", name)
@@ -126,14 +126,14 @@ def _color(source: Any) -> list[float] | None:
 
 
 def _name(node: _Node, path: str) -> None:
-    """Paths as the reading process gives them."""
+    """Set the paths of nodes as the reading process does."""
     node.name = path
     for child, name in zip(node.children, numbered(child.given[0] for child in node.children), strict=True):
         _name(child, f"{path}/{name}" if path else name)
 
 
 def _join(scene: Scene, nodes: list[_Node]) -> None:
-    """State the joints that are connected."""
+    """Add the statements of connected joints to a scene."""
     made: list[Statement] = []
     notes: list[str] = []
     place = {id(node.source): node for node in nodes}
@@ -161,14 +161,14 @@ def _join(scene: Scene, nodes: list[_Node]) -> None:
 
 
 def _part(scene: Scene, node: _Node | None) -> str | None:
-    """The first part of a node."""
+    """Return the first part of a node."""
     if node is None:
         return None
     return next((n for n in scene.names if n == node.name or n.startswith(f"{node.name}/") or not node.name), None)
 
 
 def _frame(joint: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Origin (m) and axis of a joint where its part is, world."""
+    """Origin (m) and axis of a joint at the present pose of its part, world."""
     placed = joint.parent.global_location.wrapped.Transformation()
     pose = pin.SE3(
         np.array([[placed.Value(i, j) for j in range(1, 4)] for i in range(1, 4)]),

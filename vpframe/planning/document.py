@@ -121,8 +121,9 @@ def table(plan: Disassembly) -> str:
     for name, stuck in plan.stuck.items():
         by = f" (in the way: {', '.join(stuck.blockers)})" if stuck.blockers else ""
         lines.append(f"  {name} is {WORDS[stuck.verdict]}{by}")
-    for o in plan.overlaps:
-        lines.append(f"  overlaps as it stands, not deepened: {o.parts[0]} – {o.parts[1]}, {o.depth * 1e3:.3f} mm")
+    for (a, b), depths in overlaps_by_parts(plan).items():
+        faces = "" if len(depths) == 1 else f" at most, {len(depths)} pairs of surfaces"
+        lines.append(f"  overlap from the start, never deepened: {a} – {b}, {depths[0] * 1e3:.3f} mm{faces}")
     if plan.interrupted:
         lines.append("  interrupted; these are the steps found until then")
     elif plan.remaining and plan.budget.by_clock:
@@ -136,6 +137,14 @@ WORDS = {
     "not found": "not found to come out within the budget",
     "removable": "removable",
 }
+
+
+def overlaps_by_parts(plan: Disassembly) -> dict[tuple[str, str], list[float]]:
+    """Return the depths (m), deepest first, of the overlapping surfaces of each pair of parts, the worst pair first."""
+    found: dict[tuple[str, str], list[float]] = {}
+    for o in plan.overlaps:
+        found.setdefault(o.parts, []).append(o.depth)
+    return found
 
 
 def track_files(plan: Disassembly) -> dict[str, str]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh, colliding_surfaces
+from collision.mesh import welded
 from collision.query.containment import inside
 from collision.solid import is_closed
 from physics.model.body import polyhedron
@@ -49,8 +50,8 @@ def shells(mesh: SurfaceMesh) -> list[SurfaceMesh]:
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    positions, at = np.unique(mesh.vertices, axis=0, return_inverse=True)
-    triangles = at.reshape(-1)[mesh.triangles]
+    positions, at = welded(mesh.vertices)
+    triangles = at[mesh.triangles]
     n = len(positions)
     rows = np.concatenate([triangles[:, 0], triangles[:, 1]])
     columns = np.concatenate([triangles[:, 1], triangles[:, 2]])

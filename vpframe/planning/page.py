@@ -12,7 +12,7 @@ import pinocchio as pin
 
 import vpframe.report
 from vpframe.planning.certify import Track
-from vpframe.planning.document import WORDS
+from vpframe.planning.document import WORDS, overlaps_by_parts
 from vpframe.planning.plan import Disassembly, PlannedStep
 from vpframe.scene.scene import Scene
 from vpframe.text import escape
@@ -45,7 +45,7 @@ def html(
         _section("What has to go before what", _precedence(plan)),
         _section("What may go side by side", _gantt(plan)),
         _section("What stays in", _stuck(plan)),
-        _section("Overlaps as it stands, not deepened", _overlaps(plan)),
+        _section("Overlaps from the start, never deepened", _overlaps(plan)),
     ]  # fmt: skip
     template = Template((Path(vpframe.report.__file__).parent / "page.html").read_text(encoding="utf-8"))
     return template.substitute(title=escape(f"{title}: taken apart"), body="\n".join(filter(None, sections)))
@@ -191,7 +191,9 @@ def _stuck(plan: Disassembly) -> str:
 
 def _overlaps(plan: Disassembly) -> str:
     rows = [
-        f"<tr><td>{escape(o.parts[0])}</td><td>{escape(o.parts[1])}</td><td class=n>{o.depth * 1e3:.3f} mm</td></tr>"
-        for o in plan.overlaps
+        f"<tr><td>{escape(a)}</td><td>{escape(b)}</td><td class=n>{depths[0] * 1e3:.3f} mm</td>"
+        f"<td class=n>{len(depths)}</td></tr>"
+        for (a, b), depths in overlaps_by_parts(plan).items()
     ]
-    return f"<table><tr><th>part</th><th>part</th><th class=n>depth</th></tr>{''.join(rows)}</table>" if rows else ""
+    head = "<th>part</th><th>part</th><th class=n>greatest depth</th><th class=n>pairs of surfaces</th>"
+    return f"<table><tr>{head}</tr>{''.join(rows)}</table>" if rows else ""

@@ -6,13 +6,14 @@ and sampled in six freedoms (`tree`). Each way that is returned was swept, leg b
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Final, Literal
 
 import numpy as np
 
+from collision.query.blocking import Stop
 from constraints.freedom.escape import EscapeCone, Lock
 from vpframe.planning import certify, enclosure, slide, tree, ways
 from vpframe.planning.assembly import CLEAR, Array, Assembly, Budget, BudgetError, Overlap
@@ -157,15 +158,18 @@ class _Search:
                 return found
         return None
 
-    def _passes_straight(self, way: Way) -> bool:
-        stops = []
+    def _stops(self, stop: Callable[[int, int], Stop | None]) -> Iterator[tuple[int, int, Stop]]:
+        """Part of the group, what stops it, and where; each pair is asked in turn, within the budget."""
         for i in self.group:
             for j in self.others:
                 before = self.assembly.sweeps.count
-                stop = self.assembly.straight(i, j, way.direction)
+                found = stop(i, j)
                 self.budget.ask(self.assembly.sweeps.count - before)
-                if stop is not None:
-                    stops.append((i, j, stop))
+                if found is not None:
+                    yield i, j, found
+
+    def _passes_straight(self, way: Way) -> bool:
+        stops = list(self._stops(lambda i, j: self.assembly.straight(i, j, way.direction)))
         if stops:
             # each pair is swept until it is apart, which may be sooner than the group is from all
             far = [self.assembly.sweeps.length_until_apart(i, j, way.direction) + CLEAR for i, j, _ in stops]
@@ -186,14 +190,7 @@ class _Search:
 
     def passes(self, way: Way) -> bool:
         """Whether nothing stops the group on a way; what does is noted."""
-        stops = []
-        for i in self.group:
-            for j in self.others:
-                before = self.assembly.sweeps.count
-                stop = self.assembly.stop(i, j, way.knots)
-                self.budget.ask(self.assembly.sweeps.count - before)
-                if stop is not None:
-                    stops.append((i, j, stop))
+        stops = list(self._stops(lambda i, j: self.assembly.stop(i, j, way.knots)))
         if stops:
             first = min(stop.leg + stop.t for _, _, stop in stops)
             leg = int(first)

@@ -1,8 +1,8 @@
-"""The report of a session: a folder with `index.html` (one file, nothing from outside), `report.json`, `clashes.csv`.
+"""The report of a session: a folder with `index.html` (self-contained), `report.json`, `clashes.csv`.
 
-`SessionLog` watches a session; `write` makes the folder from what it saw. Numbers are SI in `report.json` and
-`clashes.csv`, and in the units they name on the page. `clashes.json` keeps each clash's status between runs
-(see `vpframe.analysis.clash_status`): mark a clash as accepted there and it stays accepted.
+`SessionLog` observes a session; `write` creates the folder from its data. Numbers are SI in `report.json` and
+`clashes.csv`, and have the stated units on the page. `clashes.json` keeps the status of clashes between runs (see
+`vpframe.analysis.clash_status`): a clash that is marked as accepted stays accepted.
 """
 
 from vpframe.report.log import Clash, SessionLog, Stage

@@ -1,4 +1,4 @@
-"""How deep clashing surfaces reach into one another, and where, asked of `collision` at some steps of each clash."""
+"""Penetration depth of clashing surfaces, computed at some steps of each clash."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from vpframe.session.events import Frame
 
 @dataclass(frozen=True, eq=False)
 class Depth:
-    """The deepest known moment of a clash."""
+    """The deepest penetration of a clash."""
 
     depth: float
-    """m, as `collision.query.penetration` defines it"""
+    """penetration depth, m, as in `collision.query.penetration`"""
     point: NDArray[np.float64]
-    """(3,) world, m: the deepest point"""
+    """(3,) world, m: deepest point"""
     time: float
     """s"""
     first: float = 0.0
-    """m: the depth at the first of these steps"""
+    """depth at the first of the steps, m"""
     slack: float = 0.0
-    """m, by which depths may be off: the deflections of the two surfaces and the linear tolerance"""
+    """uncertainty of the depth, m: deflections of the two surfaces and linear tolerance"""
 
     @property
     def clashes(self) -> bool:
-        """Whether the surfaces reach into each other by more than a contact does."""
+        """Whether the depth exceeds that of a contact."""
         return self.depth > self.slack
 
 
 def depths(log: SessionLog, progress: Progress | None = None) -> dict[ClashKey, Depth]:
-    """The greatest depth of each clash, of the steps that the log kept of it."""
+    """Return the greatest depth of each clash over the steps that the log kept."""
     questions: dict[tuple[str, str, int], tuple[Frame, set[ClashKey]]] = {}
     for clash in log.clashes.values():
         for frame in clash.samples:
@@ -55,7 +55,7 @@ def depths(log: SessionLog, progress: Progress | None = None) -> dict[ClashKey, 
         if progress is not None:
             progress(number / len(questions), f"depth of {a} and {b}")
         asked = (a, b, frame.poses[a], frame.poses[b])
-        if rows is None or asked != last:  # parts that stood still reach as deep as before
+        if rows is None or asked != last:  # same relative pose, same depth
             manager = CollisionManager()
             for name in (a, b):
                 manager.add(log.scene[name].mesh, frame.poses[name])
@@ -73,13 +73,13 @@ def depths(log: SessionLog, progress: Progress | None = None) -> dict[ClashKey, 
 
 
 class Deflections:
-    """How far the facets of surfaces stray, measured once a shape."""
+    """Deflections of surfaces, computed once for each shape."""
 
     def __init__(self) -> None:
         self._of: dict[Shape, NDArray[np.float64]] = {}
 
     def of(self, scene: Scene, key: ClashKey) -> float:
-        """m: the deflections of both surfaces together."""
+        """Sum of the deflections of both surfaces, m."""
         total = 0.0
         for name, surface in ((key.part_a, key.surface_a), (key.part_b, key.surface_b)):
             shape = scene[name].shape

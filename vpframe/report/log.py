@@ -1,11 +1,12 @@
-"""`SessionLog`: the observer that keeps of a session what its report tells."""
+"""`SessionLog`: the observer that collects the data of the report."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isnan, nan
 from operator import is_
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -21,30 +22,30 @@ from vpframe.view.symbols import DRAWN
 PICTURED = ("grabbed", "released", "accepted", "refused", "removed", "blocked", "landed")
 """kinds of events that get a picture"""
 STILL = 1e-9
-"""m, and rad: parts that moved by no more did not move"""
+"""m and rad: motion below which parts have not moved"""
 SAMPLES = 8
-"""steps of a clash that are kept to measure its depth at"""
+"""number of steps of a clash that are kept for its depth"""
 
 
 @dataclass
 class Clash:
-    """Two surfaces that collided, over the whole session."""
+    """Two surfaces that intersected, over the whole session."""
 
     key: ClashKey
     first: Frame
-    """the step at which they first collided"""
+    """step of the first intersection"""
     last_time: float
     """s"""
     steps: int = 1
-    """at how many steps they collided"""
+    """number of steps with intersection"""
     samples: list[Frame] = field(default_factory=list)
-    """some of these steps, evenly spaced, the first among them"""
+    """some of these steps, evenly spaced, with the first"""
     unmoved: bool = False
-    """whether the two parts still stood to each other as in the beginning when they first collided"""
+    """whether the two parts had their initial relative pose at the first intersection"""
     _stride: int = 1
 
     def add(self, frame: Frame) -> None:
-        """One more step at which they collide."""
+        """Add a step with intersection."""
         if self.steps % self._stride == 0:
             self.samples.append(frame)
             if len(self.samples) > SAMPLES:
@@ -55,7 +56,7 @@ class Clash:
 
 @dataclass
 class Stage:
-    """A stretch of the session in which the script's line stayed the same."""
+    """A period in which the script's line stayed the same."""
 
     text: str
     start: float
@@ -66,7 +67,7 @@ class Stage:
 
 @dataclass
 class Mate:
-    """A constraint or candidate and the states it went through."""
+    """A constraint or candidate and its states over time."""
 
     id: int
     kind: str
@@ -74,15 +75,15 @@ class Mate:
     surfaces: tuple[tuple[int, ...], tuple[int, ...]]
     why: str
     residual: float
-    """m, the last one known"""
+    """last known residual, m"""
     spans: list[tuple[str, float, float]] = field(default_factory=list)
-    """state, from, to (s)"""
+    """state, start, end (s)"""
 
 
 class SessionLog:
-    """Keeps stages, clashes, constraints, freedom, clearance, timings and events of a session; changes nothing.
+    """Collects stages, clashes, constraints, freedom, clearance, timings and events of a session.
 
-    A step costs a few microseconds, and memory does not grow with the length of a run but for its events.
+    A step costs a few microseconds; memory is bounded, except for events.
     """
 
     def __init__(self) -> None:
@@ -96,15 +97,15 @@ class SessionLog:
         self._of: tuple[object, ...] | None = None
         self._unread: Frame | None = None
         self.freedom: dict[str, list[tuple[float, int, str]]] = {}
-        """by part, whenever it changed: time (s), degrees of freedom, the lower pair's name"""
+        """changes by part: time (s), degrees of freedom, name of the lower pair"""
         self.clearance: Series[tuple[float, float]] = Series(_nearer)
-        """time (s), least clearance (m), NaN while there is none to measure"""
+        """time (s), least clearance (m), NaN if not measured"""
         self.least: Frame | None = None
-        """the step of least clearance"""
+        """step of least clearance"""
         self.colliding: list[tuple[float, int]] = []
-        """whenever it changed: time (s), number of colliding surface pairs"""
+        """changes: time (s), number of colliding surface pairs"""
         self.timings: dict[str, Series[float]] = {}
-        """s, one number a step"""
+        """s, for each step"""
         self.totals: dict[str, float] = {}
         """s, of the whole run"""
         self.moments: list[tuple[Event, Frame]] = []
@@ -113,7 +114,7 @@ class SessionLog:
         self._names: tuple[str, ...] = ()
         self._rows: NDArray[np.int32] | None = None
         self._keys: list[ClashKey] = []
-        """of `_rows`: what collides is often the same as in the step before"""
+        """keys of `_rows`, reused while the colliding surfaces stay the same"""
         self._stood: tuple[Frame | None, dict[tuple[str, str], bool]] = (None, {})
         self._last_time = 0.0
 
@@ -124,27 +125,28 @@ class SessionLog:
 
     @property
     def duration(self) -> float:
-        """s, the time of the last step."""
+        """Time of the last step, s."""
         return self.history.last.time if self.history.last else 0.0
 
     @property
     def first(self) -> float:
-        """s, the time of the first step that was seen."""
+        """Time of the first observed step, s."""
         return next((frame.time for frame, _ in self.history), 0.0)
 
     @property
     def first_step(self) -> int:
-        """The number of the first step that was seen."""
+        """Number of the first observed step."""
         return next((frame.step for frame, _ in self.history), 0)
 
     def lasting(self) -> frozenset[int]:
-        """Ids of the constraints and candidates that were there from beginning to end, in one state."""
+        """Return the ids of the constraints and candidates that kept one state from start to end."""
         first, last = self.first, self.duration
         spans = ((id, mate.spans) for id, mate in self.mates.items())
         return frozenset(id for id, s in spans if len(s) == 1 and s[0][1] <= first and s[0][2] >= last)
 
     def uninvolved(self, many: int | None = None) -> frozenset[int]:
-        """Of more than `many` constraints (DRAWN) those that lasted, of parts that no hand ever held."""
+        """Return the lasting constraints of parts that no hand held; none if there are at most `many` (default
+        DRAWN)."""
         if len(self.mates) <= (DRAWN if many is None else many):
             return frozenset()
         held = {name for frame, _ in self.history for name in frame.held}
@@ -152,17 +154,17 @@ class SessionLog:
 
     @property
     def steps(self) -> int:
-        """The number of the last step."""
+        """Number of the last step."""
         return self.history.last.step if self.history.last else 0
 
     def begin(self, scene: Scene) -> None:
-        """Keep the scene and where its parts are."""
+        """Keep the scene and its poses."""
         self.scene = scene
         self._names = scene.names
         self.start = {part.name: part.pose.copy() for part in scene.parts}
 
     def frame(self, frame: Frame) -> None:
-        """Take one step in."""
+        """Add one step."""
         self.history.add(frame)
         now = frame.time
         if self.stages and self.stages[-1].text == frame.script:
@@ -187,17 +189,34 @@ class SessionLog:
             if self.least is None or self.least.clearance is None or frame.clearance < self.least.clearance:
                 self.least = frame
         for name, seconds in frame.timings.items():
-            self.timings.setdefault(name, Series()).add(seconds)
+            if name not in self.timings:
+                self.timings[name] = Series()
+            self.timings[name].add(seconds)
             self.totals[name] = self.totals.get(name, 0.0) + seconds
-        first = frame.step <= 1 and not frame.held  # what the assembly is before anything happens is no moment
+        first = frame.step <= 1 and not frame.held  # the initial constraints get no pictures
         self.moments.extend(
             (event, frame)
             for event in frame.events
             if event.kind in PICTURED and not (first and event.kind == "accepted")
         )
 
+    def mark(self) -> tuple[Any, ...]:
+        """Return a mark of the collected data; `undo(mark)` goes back to it."""
+        kept = {name: _copied(getattr(self, name)) for name in _COPIED}
+        counted: list[Any] = [self.history, self.clearance, *self.timings.values()]
+        series = [(held, held.mark()) for held in counted]
+        return kept, series, dict(self.timings)
+
+    def undo(self, mark: tuple[Any, ...]) -> None:
+        """Drop the data collected since a mark."""
+        kept, series, self.timings = mark[0], mark[1], dict(mark[2])
+        for name, value in kept.items():
+            setattr(self, name, _copied(value))
+        for held, there in series:
+            held.undo(there)
+
     def end(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""
 
     def _collect_clashes(self, frame: Frame) -> None:
         if frame.colliding is not self._rows:
@@ -216,7 +235,7 @@ class SessionLog:
                 clash.add(frame)
 
     def _unmoved(self, frame: Frame, a: str, b: str) -> bool:
-        """Whether two parts stand to each other as before the first step."""
+        """Whether two parts have their initial relative pose."""
         if self._stood[0] is not frame:
             self._stood = (frame, {})
         stood = self._stood[1]
@@ -228,14 +247,14 @@ class SessionLog:
 
     @property
     def mates(self) -> dict[int, Mate]:
-        """By id, all constraints and candidates that there were."""
+        """All constraints and candidates so far, by id."""
         if self._unread is not None:
             self._read_mates(self._unread)
             self._unread = None
         return self._mates
 
     def _collect_mates(self, frame: Frame) -> None:
-        """Take in the constraints of a step: of steps that have the same ones the first and the last are enough."""
+        """Add the constraints of a step; of consecutive steps with the same ones only the first and last are read."""
         of = getattr(frame.constraints, "of", None)
         same = of is not None and self._of is not None and all(map(is_, of, self._of))
         if same:
@@ -262,6 +281,25 @@ class SessionLog:
         self._last_time = frame.time
 
 
+_COPIED = (
+    *("stages", "clashes", "_mates", "freedom", "least", "colliding", "totals", "moments"),
+    *("_last_time", "_freedom_last", "_of", "_unread", "_rows", "_keys"),
+)
+
+
+def _copied(value: Any) -> Any:
+    """Return a copy that later steps do not change."""
+    if isinstance(value, list):
+        return [_copied(item) for item in value]
+    if isinstance(value, dict):
+        return {key: _copied(item) for key, item in value.items()}
+    if isinstance(value, Stage):
+        return replace(value)
+    if isinstance(value, Clash):
+        return replace(value, samples=list(value.samples))
+    return replace(value, spans=list(value.spans)) if isinstance(value, Mate) else value
+
+
 def _nearer(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
-    """The less clearance of two; a gap in the measurements does not hide any."""
+    """Return the entry of less clearance; NaN hides no value."""
     return b if isnan(a[1]) or b[1] < a[1] else a

@@ -1,4 +1,4 @@
-"""The report's page: one HTML file, pictures and plots inside it."""
+"""The page of the report: one HTML file with its pictures and plots."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from vpframe.view import palette
 
 HERE = Path(__file__).parent
 OPEN_EVENTS = 40
-"""a longer list of events is folded"""
+"""number of events above which the list is folded"""
 OPEN_STANDING = 6
-"""of more events that tell what the assembly was from the beginning, all are folded"""
+"""number of events of the initial assembly above which they are folded"""
 STANDING = ("recognised", "accepted", "refused", "satisfied")
-"""their kinds"""
+"""kinds of these events"""
 OPEN_LANES = 12
-"""of more constraints than this those that last from beginning to end are not drawn"""
+"""number of constraints above which lasting ones are not drawn"""
 OPEN_PAIRS = 3
-"""of more pairs of parts that clash none is unfolded, of more that touch all are folded"""
-TITLES = {TASK: "Caused by the task", BEFORE: "As it stands", EARLIER: "Of an earlier run, not seen in this one"}
-"""by where clashes come from"""
+"""number of clashing pairs above which all are folded, and of touching pairs above which they are folded"""
+TITLES = {TASK: "Caused by the task", BEFORE: "At the start", EARLIER: "Of an earlier run, not seen in this one"}
+"""headings by origin of the clashes"""
 CAPTIONED = 3
-"""events that the caption of a picture names"""
+"""maximum number of events in a picture's caption"""
 _VERDICTS = {
     "can be done": "The task can be done",
     "cannot be done": "The task cannot be done",
@@ -40,7 +40,7 @@ _VERDICTS = {
 
 
 def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) -> str:
-    """The page for `document` (as in report.json); `pictures` as `writer` drew them."""
+    """Return the page for `document` (as in report.json); `pictures` from `writer`."""
     sections = [
         _head(document),
         _figure(pictures.get("end"), "at the end", "wide"),
@@ -67,7 +67,7 @@ def _head(document: dict[str, Any]) -> str:
         ("duration", f"{document['duration']:.2f} s"),
         ("steps", f"{document['steps']}"),
         ("clashes by the task", f"{sum(pair['origin'] == TASK for pair in clashing)}"),
-        ("clashes as it stands", f"{sum(pair['origin'] == BEFORE for pair in clashing)}"),
+        ("clashes at the start", f"{sum(pair['origin'] == BEFORE for pair in clashing)}"),
         ("least clearance", "not measured" if least is None else _mm(least["least"])),
         ("constraints used", f"{sum(_was_active(c) for c in document['constraints'])}"),
     ]
@@ -82,7 +82,7 @@ def _head(document: dict[str, Any]) -> str:
 
 
 def is_open(pair: dict[str, Any]) -> bool:
-    """Whether two parts clash and nobody has accepted it."""
+    """Whether two parts clash and the clash has not been accepted."""
     return pair["kind"] == "clash" and pair["status"] in ("new", "persistent")
 
 
@@ -100,7 +100,7 @@ def _stages(stages: Sequence[dict[str, Any]]) -> str:
 
 
 def _events(events: Sequence[Event]) -> str:
-    """What happened; what the assembly was found to be before anything did stands folded before it."""
+    """Return the events; those of the initial assembly are folded."""
     parts: tuple[list[Event], list[Event]] = [], []
     for event in events:
         parts[event.step <= 1 and event.kind in STANDING].append(event)
@@ -133,12 +133,12 @@ def _moments(log: SessionLog, pictures: dict[Any, bytes]) -> str:
 
 
 def _off(residual: float) -> str:
-    """A residual (m) in mm; below a picometre it is rounding."""
+    """Format a residual (m) in mm; below a picometre it is zero."""
     return f"{1e3 * residual:.2g}" if residual > 1e-12 else "0"
 
 
 def _short(part: str) -> str:
-    """A part's own name, without the path of the assemblies that it is in."""
+    """Return a part's own name without its path."""
     return part.rpartition("/")[2]
 
 
@@ -172,7 +172,7 @@ def _constraints(document: dict[str, Any], log: SessionLog) -> str:
             ", ".join(f"{s['state']} {s['from']:.2f}–{s['to']:.2f} s" for s in c["states"]),
             escape(c["why"]),
         )
-        for c in sorted(document["constraints"], key=lambda c: c["id"] in lasting)  # what changed comes first
+        for c in sorted(document["constraints"], key=lambda c: c["id"] in lasting)  # changed constraints first
     ]
     table = _table(("kind", "parts and surfaces", "off by (mm)", "when", "why"), rows)
     drawn = plots.spans(lanes, document["duration"]) if lanes else ""
@@ -215,7 +215,7 @@ def _clashes(document: dict[str, Any], log: SessionLog, pictures: dict[Any, byte
 
 
 def _origin(title: str, pairs: Sequence[dict[str, Any]], pictures: dict[Any, bytes]) -> str:
-    """The pairs of parts of one origin: those that clash, each with its picture, and those that touch, folded."""
+    """Return the pairs of one origin: clashing pairs with pictures, touching pairs folded."""
     clashing = [pair for pair in pairs if pair["kind"] == "clash"]
     touching = [pair for pair in pairs if pair["kind"] != "clash"]
     if not pairs and title != TITLES[TASK]:
@@ -232,7 +232,7 @@ def _origin(title: str, pairs: Sequence[dict[str, Any]], pictures: dict[Any, byt
 
 
 def _pair(pair: dict[str, Any], picture: bytes | None, opened: bool = False) -> str:
-    """Two parts in one row, their surfaces folded below it."""
+    """Return a row of two parts with their surfaces folded."""
     what = " – ".join(pair["parts"])
     names = " – ".join(
         f"{_path(part)} · {escape(face)}" for part, face in zip(pair["parts"], pair["faces"], strict=True)
@@ -265,13 +265,13 @@ def _pair(pair: dict[str, Any], picture: bytes | None, opened: bool = False) -> 
 
 
 def _path(part: str) -> str:
-    """A part's name, the assemblies that it is in dimmed before it."""
+    """Return a part's name with its path dimmed."""
     path, slash, name = part.rpartition("/")
     return f"<span class='dim'>{escape(path + slash)}</span>{escape(name)}" if slash else escape(name)
 
 
 def _faces(log: SessionLog, part: str, surfaces: Sequence[int]) -> str:
-    """Faces of a part, by name and number."""
+    """Return the names of a part's faces."""
     if part in log.scene:
         return face_name(log.scene[part], *surfaces)
     return f"{part} · face {', '.join(map(str, surfaces))}"
@@ -300,7 +300,7 @@ def _timings(document: dict[str, Any], log: SessionLog) -> str:
     ]
     count = max(len(values) for values in log.timings.values())
     scale = log.duration / max(count, 1)
-    top = 2e3 * max(t["p99"] for t in document["timings"].values())  # a first step that compiles would flatten all else
+    top = 2e3 * max(t["p99"] for t in document["timings"].values())  # compilation in step 1 would flatten the plot
     series = {name: [(i * scale, min(1e3 * s, top)) for i, s in enumerate(v, 1)] for name, v in log.timings.items()}
     return plots.lines(series, "ms, cut off at twice the 99 % quantile", log.duration) + _table(
         ("", "median (ms)", "99 % (ms)", "total (s)"), rows
@@ -328,7 +328,7 @@ def _figure(picture: bytes | None, caption: str, style: str = "") -> str:
 
 
 def _image(picture: bytes, caption: str) -> str:
-    """`caption`: escaped, as it stands."""
+    """Return an image; `caption` must be escaped."""
     data = base64.b64encode(picture).decode("ascii")
     return f"<img alt='{caption}' src='data:image/png;base64,{data}'>"
 

@@ -1,4 +1,4 @@
-"""The report's pictures: each clash at its first moment, the scene at what happened, the place of least clearance."""
+"""Pictures of the report: each clash, the scene at events, the place of least clearance."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from vpframe.view.symbols import Symbol, frame_symbols, hand_symbols
 SIZE = (480, 360)
 PAIR_SIZE = (360, 270)
 SEEN = 0.4
-"""of the smaller part, that is seen about the place where two parts clash"""
+"""radius of the view of a clash, as a fraction of the smaller part's size"""
 GLASS = 0.5
 GHOST = 0.12
-"""opacities of the larger of two parts that clash, and of all others"""
+"""opacity of the larger of two clashing parts, and of all others"""
 
 
 def scene_picture(
@@ -32,7 +32,7 @@ def scene_picture(
     marks: Sequence[Symbol] = (),
     marked: Sequence[tuple[str, int]] = (),
 ) -> NDArray[np.uint8]:
-    """The scene at one step, with the surfaces `marked`, the constraints and `marks`."""
+    """Render the scene at one step, with the surfaces `marked`, the constraints and `marks`."""
     symbols = (*frame_symbols(frame), *hand_symbols(frame.hands, 0.06 * camera.radius), *marks)
     return render(scene, frame.poses, marked, size, camera, symbols)
 
@@ -44,9 +44,9 @@ def pair_picture(
     marked: Sequence[tuple[str, int]] = (),
     size: tuple[int, int] = PAIR_SIZE,
 ) -> NDArray[np.uint8]:
-    """Two surfaces at one step, from near by; the larger part is drawn as of glass, others faint.
+    """Render two surfaces at one step from near by; the larger part is transparent, others are faint.
 
-    marked: all surfaces of the two parts that meet; only the two if none are given.
+    marked: all intersecting surfaces of the two parts; default: only the two.
     """
     opacity = dict.fromkeys(scene.names, GHOST)
     large, small = sorted((name for name, _ in surfaces), key=lambda name: -_size(scene[name]))
@@ -55,7 +55,7 @@ def pair_picture(
 
 
 def pair_camera(scene: Scene, frame: Frame, surfaces: Sequence[tuple[str, int]]) -> Camera:
-    """A camera on where the boxes of two surfaces overlap, from the side their normals face."""
+    """Return a camera at the intersection of two surfaces' bounding boxes, on the side of their normals."""
     sizes, whole, facing = [], [], np.zeros(3)
     parts = [scene[name] for name, _ in surfaces]
     poses = [frame.poses.get(part.name, part.pose) for part in parts]
@@ -72,5 +72,5 @@ def pair_camera(scene: Scene, frame: Frame, surfaces: Sequence[tuple[str, int]])
 
 
 def _size(part: Part) -> float:
-    """m: the diagonal of the part's own box."""
+    """Diagonal of the part's own bounding box, m."""
     return float(np.linalg.norm(np.ptp(display_mesh(part.shape).positions, axis=0)))

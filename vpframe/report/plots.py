@@ -1,4 +1,4 @@
-"""Plots as SVG text: lines over time, steps over time, and spans; drawn for one page width, without outside parts."""
+"""Plots as SVG text for one page width: lines and step functions over time, and spans."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from vpframe.view import palette
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 860, 48, 150, 22, 26
 LANE_LABEL, LEGEND_LABEL = 44, 19
-"""characters that there is room for"""
+"""maximum number of characters"""
 LINES = 8
-"""that one plot has room for; of more the first are drawn"""
+"""maximum number of lines in a plot; only the first ones are drawn"""
 SERIES = ("#2a6bd6", "#d9822b", "#1a9e57", "#9b4dca", "#c0392b", "#16838f", "#7f6a00", "#56606e")
 
 Line = Sequence[tuple[float, float]]
 
 
 def lines(series: Mapping[str, Line], unit: str, duration: float, steps: bool = False, height: int = 180) -> str:
-    """Lines over time (s), broken where a value is NaN. `steps`: a value stays until the next one."""
+    """Plot lines over time (s), interrupted at NaN. `steps`: values are constant until the next one."""
     there = [(name, line) for name, line in series.items() if len(line)]
     drawn = dict(there[:LINES])
     if not drawn:
@@ -41,7 +41,7 @@ def lines(series: Mapping[str, Line], unit: str, duration: float, steps: bool = 
 
 
 def spans(lanes: Mapping[str, Sequence[tuple[str, float, float]]], duration: float) -> str:
-    """Lanes of spans (state, from, to in s), coloured by state."""
+    """Plot lanes of spans (state, start, end in s), coloured by state."""
     if not lanes:
         return ""
     row = 20
@@ -68,14 +68,14 @@ def spans(lanes: Mapping[str, Sequence[tuple[str, float, float]]], duration: flo
 
 
 def _label(name: str, length: int) -> str:
-    """The name in at most `length` characters, its end kept, whole in the tooltip."""
+    """Shorten a name to `length` characters, keeping its end; the tooltip shows it in full."""
     if len(name) <= length:
         return escape(name)
     return f"<title>{escape(name)}</title>…{escape(name[1 - length :])}"
 
 
 def nice_ticks(low: float, high: float, count: int = 5) -> list[float]:
-    """About `count` round numbers that enclose low … high."""
+    """Return about `count` round numbers that enclose low … high."""
     if not high > low:
         high = low + 1.0
     raw = (high - low) / count
@@ -86,7 +86,7 @@ def nice_ticks(low: float, high: float, count: int = 5) -> list[float]:
 
 
 def unbroken(line: Line) -> list[list[tuple[float, float]]]:
-    """The pieces of a line between values that are not finite."""
+    """Return the sections of a line between values that are not finite."""
     return [list(group) for finite, group in groupby(line, key=lambda point: isfinite(point[1])) if finite]
 
 
@@ -119,7 +119,7 @@ class _Plot:
         return "".join(parts)
 
     def thinned(self, line: Line) -> str:
-        """Points of a line, of each pixel column no more than the lowest and the highest."""
+        """Return the points of a line, at most the lowest and highest of each pixel column."""
         columns: dict[int, list[tuple[float, float]]] = {}
         for time, value in line:
             columns.setdefault(int(self.x(time)), []).append((time, value))

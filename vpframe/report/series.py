@@ -1,4 +1,4 @@
-"""`Series`: what was measured at every step, in bounded memory."""
+"""`Series`: measurements of every step in bounded memory."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Generic, TypeVar
 Item = TypeVar("Item")
 
 LIMIT = 8192
-"""items that are kept: all of a run of two minutes"""
+"""maximum number of items: all of a run of two minutes"""
 
 
 class Series(Generic[Item]):
-    """Items in order, all of them up to `LIMIT`; of more, one stands for two, four, … neighbours.
+    """Items in order, all of them up to `LIMIT`; beyond, one item represents two, four, … neighbours.
 
     Parameters
     ----------
-    choose: which of two neighbours stands for both, the earlier one by default.
+    choose: which of two neighbours represents both; default: the earlier one.
     """
 
     def __init__(self, choose: Callable[[Item, Item], Item] | None = None) -> None:
@@ -26,7 +26,7 @@ class Series(Generic[Item]):
         self._count = 0
 
     def add(self, item: Item) -> None:
-        """Take the next item in."""
+        """Append an item."""
         if self._count % self._stride:
             self._kept[-1] = self._choose(self._kept[-1], item)
         else:
@@ -35,6 +35,15 @@ class Series(Generic[Item]):
                 self._stride *= 2
             self._kept.append(item)
         self._count += 1
+
+    def mark(self) -> int:
+        """Return a mark: the number of items added; `undo(mark)` goes back to it."""
+        return self._count
+
+    def undo(self, mark: int) -> None:
+        """Drop the items added since a mark; an item that represents later ones too is kept unchanged."""
+        self._count = mark
+        del self._kept[-(-mark // self._stride) :]
 
     def __len__(self) -> int:
         return len(self._kept)

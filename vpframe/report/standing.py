@@ -1,4 +1,4 @@
-"""Which clashes a session found when it began, and which came about by what was done."""
+"""Origin of clashes: in the initial assembly, or caused by the task."""
 
 from __future__ import annotations
 
@@ -11,25 +11,24 @@ from vpframe.report.log import SessionLog
 
 BEFORE, TASK, EARLIER = "as it stands", "task", "earlier run"
 ORIGINS = (TASK, BEFORE, EARLIER)
-"""what a clash comes from, as a report lists them: the task, the assembly as it stood, a run before this one"""
+"""origins in the order of the report: the task, the initial assembly, an earlier run"""
 
 
 def origins(log: SessionLog, found: Mapping[ClashKey, Depth]) -> dict[ClashKey, str]:
-    """BEFORE or TASK for each clash that the log saw.
+    """Return BEFORE or TASK for each clash of the log.
 
-    As it stands are surfaces that met while their parts still stood to each other as before the first step, or that
-    meet at those poses. If they only touched then and clash later, or got deeper by more than their facets stray, it is
-    the task's.
+    BEFORE are surfaces that intersected while their parts had their initial relative pose, or that intersect at that
+    pose. A clash is the task's if they only touched then, or got deeper by more than their deflections.
 
     Parameters
     ----------
-    found: the depths of the clashes.
+    found: depths of the clashes.
     """
     begun: dict[tuple[str, str], frozenset[tuple[int, int]]] = {}
     out = {}
     for key, clash in log.clashes.items():
         standing = clash.unmoved
-        if not standing and clash.first.step <= log.first_step:  # what was so before the first step was not seen
+        if not standing and clash.first.step <= log.first_step:  # nothing was recorded before the first step
             a, b = key.part_a, key.part_b
             if (a, b) not in begun:
                 pairs = colliding_surfaces(log.scene[a].mesh, log.scene[b].mesh, log.start[a].actInv(log.start[b]))

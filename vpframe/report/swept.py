@@ -1,4 +1,4 @@
-"""`SweptVolume`: where a part has been, as a mesh, and what it came too near to."""
+"""`SweptVolume`: the volume that a part swept, as a mesh, and its collisions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class SweptVolume:
-    """The volume a part swept, in the world."""
+    """The volume that a part swept, world frame."""
 
     part: str
     vertices: NDArray[np.float64]
@@ -18,6 +18,6 @@ class SweptVolume:
     triangles: NDArray[np.int32]
     """(m, 3)"""
     error: float
-    """m: how far the mesh may stand off the true volume"""
+    """maximum distance of the mesh from the true volume, m"""
     clashes: tuple[str, ...] = ()
     """parts that the volume collides with"""

@@ -1,4 +1,4 @@
-"""Between what, and where, the least clearance of a session was."""
+"""Surfaces and points of the least clearance of a session."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vpframe.report.log import SessionLog
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """The two surfaces that were nearest, and their nearest points."""
+    """The two nearest surfaces and their nearest points."""
 
     parts: tuple[str, str]
     surfaces: tuple[int, int]
@@ -22,10 +22,7 @@ class Gap:
 
 
 def least_gap(log: SessionLog) -> Gap | None:
-    """The gap that the least clearance is of: of all pairs of a held part and another, the one at that distance.
-
-    None when no clearance was measured or nothing was held.
-    """
+    """Return the gap of the least clearance; None if no clearance was measured or no part was held."""
     frame = log.least
     if frame is None or frame.clearance is None or not frame.held:
         return None

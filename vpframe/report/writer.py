@@ -1,4 +1,4 @@
-"""`write`: the report folder, from what a `SessionLog` kept."""
+"""`write`: create the report folder from the data of a `SessionLog`."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ from vpframe.view.symbols import Symbol, gap_symbol, trail_symbol
 CLASH_PICTURES = 24
 MOMENT_PICTURES = 12
 MILLIMETRES = 1e3
-"""in a metre: what most readers of STL take its numbers for"""
+"""scale of STL files, which most readers take as millimetres"""
 KINDS = ("clash", "contact")
-"""from the gravest: surfaces that reach into each other by more than they stray, and those that only touch"""
+"""in descending gravity: penetration beyond the uncertainty, and touching"""
 CSV_COLUMNS = (
     "status", "part_a", "surface_a", "part_b", "surface_b", "face_a", "face_b", "origin", "kind", "surface_pairs",
     "first_time_s", "last_time_s", "steps", "depth_m", "x_m", "y_m", "z_m", "remark", "runs",
@@ -57,21 +57,21 @@ def write(
     authorised: Sequence[tuple[str, str]] = (),
     swept: Sequence[SweptVolume] = (),
 ) -> Path:
-    """Write the report of what `log` saw into `directory` (a path, or the `OutputFolder` of one) and return its path.
+    """Write the report of `log` into `directory` (a path, or an `OutputFolder`) and return its path.
 
     Parameters
     ----------
-    failure: why the task cannot be done; empty when nothing says so.
-    undecided: why it was not decided; with neither, it can be done.
-    complete: whether the task ran to its end; the status of known clashes changes only then.
-    task: its name on the page; the model's by default.
-    authorised: pairs of part names that may overlap (a press fit); they are listed as such.
-    swept: volumes that moved parts swept, written as STL.
+    failure: why the task cannot be done; empty if it has not failed.
+    undecided: why the result is unknown; with neither, the task can be done.
+    complete: whether the task ran to its end; only then the status of known clashes changes.
+    task: name on the page; default: name of the model.
+    authorised: pairs of part names that may overlap (press fits), for a list.
+    swept: swept volumes, written as STL.
 
     Raises
     ------
-    VpframeError: the folder cannot be written, another run writes it, a file of such a name in it is none that an
-        earlier report left, or an old `clashes.json` in it cannot be read.
+    VpframeError: the folder cannot be written or is locked by another run, a file to be replaced was not written by an
+        earlier report, or `clashes.json` cannot be read.
     """
     with claimed_folder(directory, REPORT_FILES) as folder:
         file = folder.file
@@ -93,7 +93,7 @@ def write(
         shown = ((_without(frame, left_out), events) for frame, events in log.history)
         write_page(log.scene, shown, file("scene.html"), log.start)
         files.replace(file("index.html"), page.html(document, log, pictures))
-        clash_status.write(status, records, known)  # once all else is there
+        clash_status.write(status, records, known)  # last, when all else is written
     return folder.path
 
 
@@ -195,7 +195,7 @@ def _document(
 
 
 def _by_origin(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rows of surface pairs by origin and pair of parts, with the times of all surface pairs of the two."""
+    """Group surface pairs by origin and pair of parts, with the common times of their surface pairs."""
     pairs = by_parts(rows, KINDS, lambda row: row["origin"])
     for pair in pairs:
         seen = [row for row in pair["surface_pairs"] if row["steps"]]
@@ -207,7 +207,7 @@ def _by_origin(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _json(document: Mapping[str, Any]) -> str:
-    """The document, a line a field, and of a list a line an item: indented in depth it would take a second."""
+    """Format the document with one line for each field and list item; deeper indentation would take a second."""
 
     def text(value: Any) -> str:
         if isinstance(value, list) and value:
@@ -246,10 +246,10 @@ def _clash(log: SessionLog, record: ClashRecord, depth: Depth | None, begun: Map
 def _pictures(
     log: SessionLog, clashes: Sequence[dict[str, Any]], gap: Gap | None, progress: Progress
 ) -> dict[Any, bytes]:
-    """PNG bytes by what they show: a pair of parts (origin, part, part), the number of a moment, "end", or "least".
+    """Return PNG data by content: (origin, part, part) for a pair, number of a moment, "end", or "least".
 
-    Parts that touch as they stand have none. Of the scene, pictures show what the task did: the surfaces that collide
-    by it, the constraints that came, went, or are of a part that a hand held.
+    Initially touching parts have none. Pictures of the scene mark surfaces that collide because of the task, and show
+    constraints that changed or belong to a held part.
     """
     camera = frame_scene(log.scene, log.start, *(frame.poses for frame, _ in log.history.sample(40)))
     seen = [pair for pair in clashes if pair["origin"] != EARLIER]
@@ -290,21 +290,21 @@ def _pictures(
 
 
 def _colliding(log: SessionLog, frame: Frame, keys: Set[ClashKey]) -> list[tuple[str, int]]:
-    """The surfaces that collide at a step, of the clashes named."""
+    """Return the colliding surfaces of a step, for the given clashes."""
     names = log.scene.names
     rows = [(names[a], s, names[b], t) for a, s, b, t in frame.colliding.tolist()] if keys else []
     return [face for a, s, b, t in rows if ClashKey.of(a, s, b, t) in keys for face in ((a, s), (b, t))]
 
 
 def _without(frame: Frame, left_out: frozenset[int]) -> Frame:
-    """The frame without the constraints of these ids."""
+    """Return the frame without some constraints."""
     if not left_out:
         return frame
     return dataclasses.replace(frame, constraints=tuple(view for view in frame.constraints if view.id not in left_out))
 
 
 def _trails(log: SessionLog) -> list[Symbol]:
-    """Where each hand has been."""
+    """Return the paths of the hands."""
     places: dict[str, list[Any]] = {}
     for frame, _ in log.history:
         for name, pose in frame.hands.items():

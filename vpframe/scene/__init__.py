@@ -1,1 +1,1 @@
-"""The model: a scene of parts, their shapes and surfaces, and what is known of them without a session."""
+"""The model: a scene of parts with their shapes and surfaces."""

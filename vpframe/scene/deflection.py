@@ -1,4 +1,4 @@
-"""How far a surface's triangles stray from the surface itself."""
+"""Deflection: distance between a surface's triangles and the true surface."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from vpframe.scene.scene import Shape
 
 _TINY = np.finfo(np.float64).tiny
 _FLAT = 1e-9
-"""m: an edge that strays by less is straight"""
+"""deflection below which an edge is straight, m"""
 _BORDERS: WeakKeyDictionary[Shape, dict[int, NDArray[np.float64]]] = WeakKeyDictionary()
 
 
 def deflections(shape: Shape) -> NDArray[np.float64]:
-    """(surfaces,) m: greatest distance between each surface's triangles and the true surface.
+    """(surfaces,) greatest distance between each surface's triangles and the true surface, m.
 
-    Measured at the middles of triangles and of their edges. An edge between two surfaces counts for both: the border of
-    a flat face that a bore cuts strays within its plane by as much as the bore's facets do. Of a freeform surface only
-    the triangles are known: two that meet at an angle θ over heights h sag by about h θ / 8 from an arc through their
-    corners.
+    Measured at the middles of triangles and edges. An edge between two surfaces counts for both: the border of a flat
+    face cut by a bore deviates within its plane by as much as the bore's facets do. The deflection of a freeform
+    surface is estimated: two triangles of heights h that meet at an angle θ deviate by about h θ / 8 from an arc
+    through their corners.
     """
     edge, shared, inner = _sags(shape)
     mesh = shape.mesh
@@ -32,7 +32,7 @@ def deflections(shape: Shape) -> NDArray[np.float64]:
 
 
 def curved_borders(shape: Shape) -> dict[int, NDArray[np.float64]]:
-    """Of each planar surface that has any, the edges (k, 2, 3), m, that it shares with facets of curved surfaces."""
+    """Return the edges (k, 2, 3), m, that each planar surface shares with facets of curved surfaces, by surface."""
     if shape not in _BORDERS:
         edge, shared, _ = _sags(shape)
         mesh = shape.mesh
@@ -48,10 +48,10 @@ def curved_borders(shape: Shape) -> dict[int, NDArray[np.float64]]:
 
 
 def _sags(shape: Shape) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """The edge (t, 3) at each side of each triangle, by number; how far each edge, and each surface, strays (m)."""
+    """Edge number (t, 3) at each side of each triangle; deflection of each edge, and within each surface, m."""
     mesh = shape.mesh
     corners = mesh.vertices[mesh.triangles]
-    # a triangle's edges; `edge` numbers them, the same for the triangles on either side
+    # number the edges; both triangles of an edge have the same number
     ends = np.sort(np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=2), axis=2)
     edge = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 3)
     middles = (corners + np.roll(corners, -1, axis=1)) / 2.0
@@ -71,7 +71,7 @@ def _sags(shape: Shape) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray
 
 
 def _estimate(corners: NDArray[np.float64], edge: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(t, 3): h θ / 8 at each edge of each triangle, 0 where its other side is another surface."""
+    """(t, 3) deflection h θ / 8 at each edge of each triangle; 0 at the border to another surface."""
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(cross, axis=1)
     normals = cross / np.maximum(length, _TINY)[:, None]

@@ -1,4 +1,4 @@
-"""Joints that a model states, as the constraints of which they are made: what URDF, MJCF and CAD joints become."""
+"""Joints of a model (URDF, MJCF, CAD) as the constraints that they consist of."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from constraints.kinds import Line, Point
 from vpframe.errors import VpframeError
 
 Place = str | tuple[str, Any]
-"""a part, or a part and geometry in its frame"""
+"""part, or (part, geometry in its frame)"""
 
 
 @dataclass(frozen=True, eq=False)
 class Statement:
-    """A constraint that a model states; a session has it in force from the beginning."""
+    """A constraint from a model file; a session puts it in force at its start."""
 
     kind: str
-    """as `Session.constrain` takes it"""
+    """kind, as in `Session.constrain`"""
     a: Place
     b: Place
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def parts(self) -> tuple[str, str]:
-        """The names of the two parts."""
+        """Names of the two parts."""
         a, b = (place if isinstance(place, str) else place[0] for place in (self.a, self.b))
         return a, b
 
     def renamed(self, names: Mapping[str, str]) -> Statement:
-        """The same between parts of other names."""
+        """Return the statement with parts renamed."""
 
         def place(given: Place) -> Place:
             return names.get(given, given) if isinstance(given, str) else (names.get(given[0], given[0]), given[1])
@@ -55,11 +55,10 @@ def statements(
     axis: ArrayLike = (0, 0, 1),
     pitch: float = 0.0,
 ) -> tuple[Statement, ...]:
-    """The statements that leave two parts, where they stand, just the freedom of a joint.
+    """Return the statements that leave two parts, at their poses, exactly the freedom of a joint.
 
-    kind: one of KINDS. poses: of the parts, world. origin, axis: (3,) m and (3,), world; the normal of a planar joint.
-    pitch: m a turn, of a screw.
-    Raises VpframeError for another kind.
+    kind: one of KINDS. poses: of the parts, world. origin, axis: (3,) m and (3,), world; a planar joint's normal.
+    pitch: of a screw, m a turn. Raises VpframeError for an unknown kind.
     """
     frame = frame_along(np.asarray(axis, dtype=np.float64), np.asarray(origin, dtype=np.float64))
     x, _, z = frame.rotation.T

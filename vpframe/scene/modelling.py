@@ -1,6 +1,6 @@
-"""Build B-rep parts with OpenCascade: what the demo, the examples and the tests make their geometry with.
+"""Build B-rep parts with OpenCascade, for demo, examples and tests.
 
-A `Solid` is a value; every operation gives a new one. Lengths are metres, angles radians.
+A `Solid` is a value; every operation returns a new one. Lengths are metres, angles radians.
 
 >>> plate = box(0.1, 0.1, 0.01) - cylinder(0.004, 0.01).translated(0.05, 0.05, 0.0)
 >>> write_step("plate.step", {"plate": plate, "pin": (cylinder(0.004, 0.03), pin.SE3.Identity())})
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -49,24 +49,27 @@ from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
 from vpframe.app.outputs import GENERATOR
 from vpframe.errors import VpframeError
-from vpframe.importers import build
-from vpframe.importers.brep import MM, tessellate
-from vpframe.scene.scene import Part, Scene, Shape
+from vpframe.scene.units import METRES
+
+if TYPE_CHECKING:
+    from vpframe.scene.scene import Scene, Shape
+
+MM = METRES["mm"]
 
 Near = Callable[[np.ndarray], bool]
-"""Chooses edges by their middle point (3,), metres."""
+"""Selects edges by their middle point (3,), m."""
 
 
 class ModellingError(VpframeError):
-    """Geometry that cannot be built as asked; the message names the operation."""
+    """Geometry that cannot be built; the message names the operation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A B-rep solid. `a + b` unites, `a - b` cuts, `a & b` intersects."""
+    """A B-rep solid. `a + b` is the union, `a - b` the cut, `a & b` the intersection."""
 
     occ: TopoDS_Shape
-    """the OpenCascade shape, in millimetres"""
+    """OpenCascade shape, mm"""
 
     def __add__(self, other: Solid) -> Solid:
         return _boolean(BRepAlgoAPI_Fuse, self, other, "union")
@@ -78,26 +81,26 @@ class Solid:
         return _boolean(BRepAlgoAPI_Common, self, other, "intersection")
 
     def moved(self, pose: pin.SE3) -> Solid:
-        """The solid moved by a rigid motion."""
+        """Return the solid moved by a rigid motion."""
         return Solid(BRepBuilderAPI_Transform(self.occ, _trsf(pose), True).Shape())
 
     def translated(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
-        """The solid moved by (x, y, z) metres."""
+        """Return the solid moved by (x, y, z), m."""
         return self.moved(pin.SE3(np.eye(3), np.array([x, y, z], dtype=np.float64)))
 
     def rotated(self, axis: ArrayLike, angle: float, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Solid:
-        """The solid turned by `angle` rad about `axis` through `origin`."""
+        """Return the solid rotated by `angle` rad about `axis` through `origin`."""
         direction = np.asarray(axis, dtype=np.float64)
         rotation = pin.exp3(direction / np.linalg.norm(direction) * angle)
         about = np.asarray(origin, dtype=np.float64)
         return self.moved(pin.SE3(rotation, about - rotation @ about))
 
     def filleted(self, radius: float, edges: Near | None = None) -> Solid:
-        """The solid with its edges (those whose middle `edges` accepts) rounded by `radius` metres."""
+        """Return the solid with fillets of `radius` m on its edges (on those whose middle `edges` accepts)."""
         return self._blend(BRepFilletAPI_MakeFillet(self.occ), radius, edges, "fillet")
 
     def chamfered(self, width: float, edges: Near | None = None) -> Solid:
-        """The solid with its edges (those whose middle `edges` accepts) bevelled by `width` metres."""
+        """Return the solid with chamfers of `width` m on its edges (on those whose middle `edges` accepts)."""
         return self._blend(BRepFilletAPI_MakeChamfer(self.occ), width, edges, "chamfer")
 
     def _blend(self, maker: Any, size: float, edges: Near | None, what: str) -> Solid:
@@ -117,7 +120,7 @@ class Solid:
             return _checked(maker, f"{what} of {size} m")
         except ModellingError:
             raise
-        except Exception as error:  # the kernel's own exceptions share no base but Exception
+        except Exception as error:  # OpenCascade's exceptions share no base but Exception
             raise ModellingError(f"{what} of {size} m cannot be built on this solid; try a smaller one") from error
 
 
@@ -131,7 +134,7 @@ def _checked(maker: Any, what: str) -> Solid:
 def _boolean(operation: Any, a: Solid, b: Solid, what: str) -> Solid:
     maker = operation(a.occ, b.occ)
     result = _checked(maker, what).occ
-    unify = ShapeUpgrade_UnifySameDomain(result, True, True, False)  # faces split by the operation grow together again
+    unify = ShapeUpgrade_UnifySameDomain(result, True, True, False)  # merges faces that the operation split
     unify.Build()
     solids = ShapeMap()
     TopExp.MapShapes_s(unify.Shape(), TopAbs_ShapeEnum.TopAbs_SOLID, solids)
@@ -154,19 +157,19 @@ def _lengths(what: str, **values: float) -> None:
 
 
 def box(x: float, y: float, z: float) -> Solid:
-    """A block from the origin to (x, y, z) metres."""
+    """Return a block from the origin to (x, y, z), m."""
     _lengths("box", x=x, y=y, z=z)
     return Solid(BRepPrimAPI_MakeBox(x / MM, y / MM, z / MM).Solid())
 
 
 def cylinder(radius: float, height: float) -> Solid:
-    """A cylinder about z, from z = 0 to `height`."""
+    """Return a cylinder about z, from z = 0 to `height`, m."""
     _lengths("cylinder", radius=radius, height=height)
     return Solid(BRepPrimAPI_MakeCylinder(radius / MM, height / MM).Solid())
 
 
 def cone(radius_bottom: float, radius_top: float, height: float) -> Solid:
-    """A cone (or frustum) about z, from z = 0 to `height`; one of the radii may be zero."""
+    """Return a cone (or frustum) about z, from z = 0 to `height`, m; one of the radii may be zero."""
     _lengths("cone", height=height)
     for name, radius in (("radius_bottom", radius_bottom), ("radius_top", radius_top)):
         if not (np.isfinite(radius) and radius >= 0.0):
@@ -177,13 +180,13 @@ def cone(radius_bottom: float, radius_top: float, height: float) -> Solid:
 
 
 def sphere(radius: float) -> Solid:
-    """A ball about the origin."""
+    """Return a ball about the origin, m."""
     _lengths("sphere", radius=radius)
     return Solid(BRepPrimAPI_MakeSphere(radius / MM).Solid())
 
 
 def torus(major: float, minor: float) -> Solid:
-    """A ring about z: a circle of radius `minor` carried round at radius `major`."""
+    """Return a torus about z, m."""
     _lengths("torus", major=major, minor=minor)
     return Solid(BRepPrimAPI_MakeTorus(major / MM, minor / MM).Solid())
 
@@ -205,7 +208,7 @@ def _face(points: Iterable[Sequence[float]]) -> Any:
 
 
 def revolve(profile: Sequence[tuple[float, float]], angle: float = 2.0 * np.pi) -> Solid:
-    """The closed polygon `profile` of (radius, z) points, metres, turned about z."""
+    """Return the closed polygon `profile` of (radius, z) points, m, revolved about z."""
     maker = BRepPrimAPI_MakeRevol(
         _face((r, 0.0, z) for r, z in profile), gp_Ax1(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), angle
     )
@@ -213,14 +216,14 @@ def revolve(profile: Sequence[tuple[float, float]], angle: float = 2.0 * np.pi) 
 
 
 def extrude(polygon: Sequence[tuple[float, float]], height: float) -> Solid:
-    """The closed polygon of (x, y) points, metres, drawn up from z = 0 to `height`."""
+    """Return the closed polygon of (x, y) points, m, extruded from z = 0 to `height`."""
     _lengths("extrude", height=height)
     maker = BRepPrimAPI_MakePrism(_face((x, y, 0.0) for x, y in polygon), gp_Vec(0, 0, height / MM))
     return _checked(maker, "extrude")
 
 
 def hexagon(across_flats: float, height: float) -> Solid:
-    """A hexagonal prism about z from z = 0 to `height`: the head of a bolt, a nut's outside."""
+    """Return a hexagonal prism about z from z = 0 to `height`, m, such as a bolt head or nut."""
     _lengths("hexagon", across_flats=across_flats)
     radius = across_flats / np.sqrt(3.0)
     angles = np.arange(6) * np.pi / 3.0
@@ -228,8 +231,10 @@ def hexagon(across_flats: float, height: float) -> Solid:
 
 
 def shape(solid: Solid, deflection: float = 1e-4, angular: float = 0.35, name: str = "shape") -> Shape:
-    """The solid as a `Shape`, without a file in between; `deflection` (m) and `angular` (rad) as for `vpframe.load`."""
-    return build.shape(tessellate(solid.occ, deflection, angular), name)
+    """Tessellate a solid to a `Shape`; `deflection` (m) and `angular` (rad) as in `vpframe.load`."""
+    from vpframe.importers import brep, build  # slow: what only writes a file does without
+
+    return build.shape(brep.tessellate(solid.occ, deflection, angular), name)
 
 
 Placed = Solid | tuple[Any, ...]
@@ -248,7 +253,9 @@ def _rgba(color: Sequence[float]) -> tuple[float, float, float, float]:
 
 
 def scene(parts: Mapping[str, Placed], deflection: float = 1e-4, angular: float = 0.35) -> Scene:
-    """A scene of placed solids, without a file in between; one `Solid` placed twice is one shape."""
+    """Return a scene of placed solids; a `Solid` that is placed twice becomes one shape."""
+    from vpframe.scene.scene import Part, Scene
+
     shapes: dict[int, Shape] = {}
     made = []
     for name, value in parts.items():
@@ -262,12 +269,14 @@ def scene(parts: Mapping[str, Placed], deflection: float = 1e-4, angular: float 
     return Scene(made)
 
 
-def write_step(path: str | Path, parts: Mapping[str, Any], name: str = "assembly", external: bool = False) -> Path:
-    """Write placed solids as a STEP assembly with names, colours and densities; returns the path.
+def write_step(
+    path: str | Path, parts: Mapping[str, Any], name: str = "assembly", external: bool = False, date: str | None = None
+) -> Path:
+    """Write placed solids as a STEP assembly with names, colours and densities; return the path.
 
-    `parts` maps a name to `Placed`, where a mapping may stand for the solid: a subassembly. One `Solid` (or one
-    mapping) placed twice is written once and instanced. With `external` each part goes to a file of its own beside it,
-    named after it, to which the assembly refers.
+    `parts` maps a name to `Placed`; a mapping in place of the solid is a subassembly. A `Solid` or mapping that is
+    placed twice is written once and instanced. With `external` each part is written to a file of its own, named after
+    it, to which the assembly refers. `date` (ISO 8601) is that of the header, by default now.
     """
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
     XCAFDoc_DocumentTool.SetLengthUnit_s(document, MM)
@@ -278,9 +287,7 @@ def write_step(path: str | Path, parts: Mapping[str, Any], name: str = "assembly
     )
     _write_assembly(tools, parts, name, {})
     tools[0].UpdateAssemblies()
-    Message.DefaultMessenger_s().RemovePrinters(
-        Message_Printer.get_type_descriptor_s()
-    )  # it reports to standard output
+    Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())  # for standard output
     writer = STEPCAFControl_Writer()
     writer.SetNameMode(True)
     writer.SetColorMode(True)
@@ -289,6 +296,8 @@ def write_step(path: str | Path, parts: Mapping[str, Any], name: str = "assembly
     writer.Transfer(document, STEPControl_StepModelType.STEPControl_AsIs, prefix)
     header = APIHeaderSection_MakeHeader(writer.ChangeWriter().Model())
     header.SetOriginatingSystem(TCollection_HAsciiString(GENERATOR))
+    if date is not None:
+        header.SetTimeStamp(TCollection_HAsciiString(date))
     if writer.Write(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise ModellingError(f"{path}: the STEP file cannot be written; check that its folder exists and is writable")
     return Path(path)

@@ -1,4 +1,4 @@
-"""`Motion`: where parts are over time, as keys between which they move straight."""
+"""`Motion`: poses of parts over time, as keys with linear interpolation."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Keys = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Poses of parts over time; a part without keys stays where the scene has it."""
+    """Poses of parts over time; a part without keys keeps its pose in the scene."""
 
     keys: Mapping[str, Keys]
     """by part name"""
     end: float = 0.0
-    """s: until when it is known, if that is later than the last key"""
+    """end of the motion, s, if later than the last key"""
     precision: float = 0.0
-    """of what the poses were read from, of 1 and of a part's distance from the origin: 1e-7 of single precision"""
+    """relative precision of the poses' source, of 1 m and of the distance from the origin: 1e-7 for single precision"""
 
     def __post_init__(self) -> None:
         for name, (times, rows) in self.keys.items():
@@ -36,8 +36,8 @@ class Motion:
 
     @staticmethod
     def of(frames: Iterable[tuple[float, Mapping[str, pin.SE3]]]) -> Motion:
-        """From the poses at ascending times (s), each mapping as complete as the first; parts that rest get two keys
-        a rest."""
+        """Create a motion from poses at ascending times (s), each mapping as complete as the first; equal poses in
+        sequence keep two keys."""
         times: list[float] = []
         rows: dict[str, list[tuple[int, NDArray[np.float64]]]] = {}
         for number, (time, poses) in enumerate(frames):
@@ -56,7 +56,7 @@ class Motion:
         end: float = 0.0,
         precision: float = 0.0,
     ) -> Motion:
-        """From the poses (7,) that changed, each with its place in `times` (s, ascending): a part rests between."""
+        """Create a motion from the changed poses (7,), each with its index in `times` (s, ascending)."""
         keys: dict[str, Keys] = {}
         for name, own in changes.items():
             at: list[int] = []
@@ -65,7 +65,7 @@ class Motion:
                 if at and at[-1] < number - 1:
                     at.append(number - 1)
                     rows.append(rows[-1])
-                flipped = rows and row[3:] @ rows[-1][3:] < 0.0  # the same rotation; between the two lies no turn
+                flipped = rows and row[3:] @ rows[-1][3:] < 0.0  # the same rotation, by the shorter way
                 at.append(number)
                 rows.append(np.concatenate([row[:3], -row[3:]]) if flipped else row)
             keys[name] = np.array([times[k] for k in at]), np.array(rows).reshape(-1, 7)
@@ -73,16 +73,16 @@ class Motion:
 
     @cached_property
     def duration(self) -> float:
-        """s, from 0 to where it ends."""
+        """Time from 0 to the end, s."""
         return max([self.end, *(float(times[-1]) for times, _ in self.keys.values())])
 
     @property
     def moving(self) -> tuple[str, ...]:
-        """The parts that have more than one pose."""
+        """Names of the parts that move."""
         return tuple(name for name, (_, rows) in self.keys.items() if (rows != rows[0]).any())
 
     def placed(self, poses: Mapping[str, pin.SE3], time: float) -> dict[str, pin.SE3]:
-        """`at`, but parts that are at the `poses` given, as exactly as this knows, are there to the last bit."""
+        """Return poses as `at` does, with the given `poses` substituted where both agree within `precision`."""
         out = self.at(time)
         for name in out.keys() & poses.keys():
             here = poses[name]
@@ -92,8 +92,8 @@ class Motion:
         return out
 
     def at(self, time: float) -> dict[str, pin.SE3]:
-        """The pose of every part that has keys at a time (s): before the first key it is the first, after the last the
-        last; position straight, rotation about one axis between."""
+        """Return the poses at a time (s) of all parts with keys: linear position and slerp between keys, constant
+        outside."""
         out = {}
         for name, (times, rows) in self.keys.items():
             i = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 1))

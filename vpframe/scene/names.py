@@ -1,4 +1,4 @@
-"""What people call a face, in every table, message and report."""
+"""Names of faces in tables, messages and reports."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Spher
 from vpframe.scene.scene import Part
 
 CYLINDERS = {"convex": "shaft", "concave": "bore"}
-"""by `Surface.orientation`"""
+"""names of cylinders by `Surface.orientation`"""
 NAMED = 6
-"""numbers of several faces that are listed"""
+"""maximum number of face numbers that are listed"""
 
 
 def face_name(part: Part, *surfaces: int) -> str:
-    """A face of a part, "housing · face 12 · bore Ø20", or several: its number is its place in `part.surfaces`."""
+    """Name faces of a part: "housing · face 12 · bore Ø20"; numbers are indices into `part.surfaces`."""
     return f"{part.name} · {face_words(part, *surfaces)}"
 
 
 def face_words(part: Part, *surfaces: int) -> str:
-    """The same without the part's name, for where that stands already: "face 12 · bore Ø20"."""
+    """Name faces of a part without the part's name: "face 12 · bore Ø20"."""
     known = [part.surfaces[s] for s in surfaces if 0 <= s < len(part.surfaces)]
     words = dict.fromkeys(geometry_words(face.geometry, face.orientation) for face in known)
     numbers = ", ".join(map(str, surfaces[:NAMED])) + (f" … ({len(surfaces)})" if len(surfaces) > NAMED else "")
@@ -27,11 +27,11 @@ def face_words(part: Part, *surfaces: int) -> str:
 
 
 def geometry_words(geometry: Geometry, orientation: str = "") -> str:
-    """What a face is, with its size in mm: "plane", "bore Ø20", "cone 90°", …
+    """Name a geometry with its size in mm: "plane", "bore Ø20", "cone 90°", …
 
     Parameters
     ----------
-    orientation: "convex" or "concave", as `Surface.orientation`: whether a cylinder is a shaft or a bore.
+    orientation: `Surface.orientation`: "convex" for a shaft, "concave" for a bore.
     """
     match geometry:
         case Plane():
@@ -49,7 +49,7 @@ def geometry_words(geometry: Geometry, orientation: str = "") -> str:
 
 
 def is_of(part: str, name: str) -> bool:
-    """Whether a part is of that name, or of the subassembly of that name."""
+    """Whether `name` is the part's name or that of a subassembly that contains it."""
     return part == name or part.startswith(f"{name}/")
 
 
@@ -58,5 +58,5 @@ def _diameter(radius: float) -> str:
 
 
 def _round(value: float) -> str:
-    """To three digits after the point, small ones to three in all; without zeros at the end."""
+    """Format a number with three decimals, or three significant digits if small, without trailing zeros."""
     return f"{round(value, 3):.12g}" if value >= 0.1 else f"{value:.3g}"

@@ -1,8 +1,8 @@
-"""Overlap of planes, exactly: what the deflection of round faces at their rims must not hide.
+"""Exact overlap of planar faces, beyond the deflection of round faces at their rims.
 
-The border of a plane that a bore cuts is a polygon and strays from the true circle, but within the plane: across it a
-plane is exact. Planes that face each other are therefore judged on their distance over the area they share, and any
-other two on the depth of their triangles, save at a curved border.
+The border of a plane cut by a bore is a polygon that deviates from the true circle within the plane; normal to it, the
+plane is exact. So facing planes are judged by their distance over the shared area, and other planes by the depth of
+their triangles away from curved borders.
 """
 
 from __future__ import annotations
@@ -31,15 +31,14 @@ class PlaneOverlap:
     key: tuple[int, int, int, int]
     """part a, part b, surface of a, surface of b"""
     depth: float
-    """m"""
+    """penetration depth, m"""
     why: str
 
 
 def facing_overlaps(scene: Scene, world: CollisionManager, sags: Sequence[Array]) -> list[PlaneOverlap]:
-    """Planes that face each other and overlap by more than `Tolerance.linear`, but by less than deflections hide.
+    """Return overlaps of facing planes by more than `Tolerance.linear` and less than the deflections.
 
-    sags: of every part the deflections of its surfaces, m. An overlap counts where the area shared is more than what
-    the borders of the two faces may be off.
+    sags: deflection of each surface of each part, m. The shared area must exceed the uncertainty of the two borders.
     """
     worst = [float(sag.max(initial=0.0)) for sag in sags]
     linear, angular = world.tolerance.linear, world.tolerance.angular
@@ -85,14 +84,14 @@ def is_exact_overlap(pair: PairClass, shapes: Sequence[Shape], world: CollisionM
 
 
 def _triangles(world: CollisionManager, part: int, surface: int) -> Array:
-    """(t, 3, 3) m, world."""
+    """Corners (t, 3, 3) of a surface's triangles, world, m."""
     mesh, pose = world.mesh(part), world.pose(part)
     corners = mesh.vertices[mesh.triangles[mesh.triangles_of(surface)]]
     return np.asarray(corners @ pose.rotation.T + pose.translation)
 
 
 def _perimeter(mesh: SurfaceMesh, surface: int) -> float:
-    """m: length of the border of a surface's triangles."""
+    """Length of the border of a surface's triangles, m."""
     triangles = mesh.triangles[mesh.triangles_of(surface)]
     sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
     border, count = np.unique(sides, axis=0, return_counts=True)
@@ -101,7 +100,7 @@ def _perimeter(mesh: SurfaceMesh, surface: int) -> float:
 
 
 def _distance(point: Array, segments: Array) -> float:
-    """m: of a point (3,) from the nearest of segments (k, 2, 3)."""
+    """Distance of a point (3,) from the nearest of segments (k, 2, 3), m."""
     along = segments[:, 1] - segments[:, 0]
     square = np.maximum((along * along).sum(axis=1), np.finfo(np.float64).tiny)
     t = np.clip(((point - segments[:, 0]) * along).sum(axis=1) / square, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""The scene graph: a `Scene` of `Part`s, each an instance of a `Shape`, each shape its `Surface`s."""
+"""The scene graph: a `Scene` has `Part`s, a part is an instance of a `Shape`, a shape has `Surface`s."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from vpframe.scene.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """A B-rep edge as a polyline (n, 3) in the part's frame, metres; `circle` = (center, axis, radius) if it is one."""
+    """A B-rep edge as a polyline (n, 3) in the part's frame, m; `circle` = (center, axis, radius) if it is one."""
 
     points: NDArray[np.float64]
     surfaces: tuple[int, ...]
@@ -31,14 +31,14 @@ class Edge:
 
 @dataclass(frozen=True)
 class Size:
-    """The diameter that a model's PMI gives a bore or shaft, m."""
+    """Toleranced diameter of a bore or shaft from the model's PMI, m."""
 
     nominal: float
     lower: float | None = None
     upper: float | None = None
-    """deviations from it"""
+    """deviations from `nominal`"""
     fit: str = ""
-    """tolerance class by ISO 286, "H7" of a bore, "g6" of a shaft"""
+    """ISO 286 tolerance class: "H7" (bore), "g6" (shaft)"""
 
     def __str__(self) -> str:
         limits = "" if self.lower is None or self.upper is None else f" {self.upper * 1e3:+.4g}/{self.lower * 1e3:+.4g}"
@@ -56,69 +56,69 @@ class Surface:
     orientation: str
     """"convex", "concave" or "flat", from outward triangle normals; "free" for freeform"""
     residual: float
-    """m: greatest distance of the face's vertices to `geometry`; 0 when the file itself types it"""
+    """greatest distance of the face's vertices from `geometry`, m; 0 if the file states the geometry"""
     area: float
     """m²"""
     color: tuple[float, float, float, float] | None = None
     size: Size | None = None
-    """what the file's PMI says of its diameter"""
+    """diameter from the file's PMI"""
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """What instances share: mesh, surfaces, features, edges and mass properties at density 1, in the part's frame."""
+    """Data shared by instances, in the part's frame: mesh, surfaces, features, edges, mass properties at density 1."""
 
     mesh: SurfaceMesh
     surfaces: tuple[Surface, ...]
     features: tuple[Feature, ...]
     edges: tuple[Edge, ...] = ()
     volume: float = 0.0
-    """m³; of the solid where CAD tells, of the closed mesh otherwise"""
+    """m³; of the CAD solid, else of the closed mesh"""
     center: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     """(3,) centre of volume, m"""
     inertia: NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 3)))
-    """(3, 3) of the volume about `center` at density 1 kg/m³, kg·m²"""
+    """(3, 3) about `center` at density 1 kg/m³, kg·m²"""
     closed: bool = True
-    """whether the mesh bounds a volume (every edge is met as often one way as the other); a note says so if not"""
+    """whether the mesh bounds a volume (each edge is used equally in both directions)"""
     notes: tuple[str, ...] = ()
-    """what the reader had to say: open, faces lost or repaired, triangles dropped"""
+    """remarks of the reader: open mesh, lost or repaired faces, dropped triangles"""
     brep: bytes = b""
-    """the exact B-rep in OpenCascade's binary form, mm, as `Scene.export` writes it; empty of a mesh"""
+    """exact B-rep in OpenCascade's binary format, mm; empty for a mesh"""
 
 
 class Placing(Protocol):
-    """What moves parts: the state of a session."""
+    """Interface of a session's state, which moves parts."""
 
     def pose(self, index: int) -> pin.SE3 | None:
-        """A copy of the pose of a part by its place in the scene; None while it is where the scene has it."""
+        """Return a copy of the pose of part `index`; None while the part keeps its pose in the scene."""
 
 
 @dataclass(eq=False)
 class Part:
-    """One instance of a shape, somewhere in the scene.
+    """One instance of a shape in the scene.
 
-    In a session `pose` is where the session has the part, and cannot be set: hands and forces move it there.
+    During a session `pose` is read-only and returns the session's pose; hands and forces move the part.
     """
 
     name: str
     shape: Shape
     pose: pin.SE3
     color: tuple[float, float, float, float] = (0.7, 0.7, 0.75, 1.0)
-    """red, green, blue (sRGB, as drawn) and opacity, each in 0 … 1"""
+    """red, green, blue (sRGB) and opacity, each in 0 … 1"""
     density: float | None = None
-    """kg/m³; None when the file gives none that is plausible"""
+    """kg/m³; None if the file gives no plausible value"""
     fixed: bool = False
     inertia: pin.Inertia | None = None
-    """mass, centre and inertia in the part's frame where the model gives them; None: of density and shape"""
+    """mass, centre and inertia in the part's frame from the model; None: computed from density and shape"""
     _placing: tuple[Placing, int] | None = field(default=None, init=False, repr=False)
 
     def enter(self, session: Placing, index: int) -> None:
-        """From now on a session moves the part, which has that place in its scene."""
+        """Attach the part to a session, which from now on provides its pose as part `index`."""
         self._pose = _pose_of(self)
         self._placing = (session, index)
 
     def leave(self, session: Placing) -> None:
-        """The session is over: the part stays where that left it, unless another session has it by now."""
+        """Detach the part from a session, keeping its pose, unless another session has attached it."""
         if self._placing is not None and self._placing[0] is session:
             self._pose = _pose_of(self)
             self._placing = None
@@ -130,12 +130,12 @@ class Part:
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
-        """One `Surface` a B-rep face; `surfaces[i].index == i`."""
+        """One `Surface` for each B-rep face; `surfaces[i].index == i`."""
         return self.shape.surfaces
 
     @property
     def features(self) -> tuple[Feature, ...]:
-        """Analytic surfaces, each made of one or several faces."""
+        """Analytic surfaces, each of one or more faces."""
         return self.shape.features
 
     def __repr__(self) -> str:
@@ -156,7 +156,7 @@ def _set_pose(part: Part, pose: pin.SE3) -> None:
     part._pose = pose
 
 
-Part.pose = property(_pose_of, _set_pose, doc="Where the part is in the world.")  # type: ignore[assignment]
+Part.pose = property(_pose_of, _set_pose, doc="World pose of the part.")  # type: ignore[assignment]
 
 
 class Scene(Mapping[str, Part]):
@@ -173,7 +173,7 @@ class Scene(Mapping[str, Part]):
         self.source = source
         self.notes: tuple[str, ...] = tuple(notes)
         self.statements: tuple[Statement, ...] = tuple(statements)
-        """constraints that the model itself states, of its joints"""
+        """constraints of the model's joints"""
         for part in parts:
             self.add(part)
 
@@ -186,11 +186,11 @@ class Scene(Mapping[str, Part]):
     def add(
         self, source: Any, name: str | None = None, pose: pin.SE3 | None = None, **options: Any
     ) -> Part | tuple[Part, ...]:
-        """Add one part, or all parts of whatever `vpframe.load` takes; names must be new.
+        """Add one part, or all parts of a source that `vpframe.load` accepts; names must be new.
 
-        name: of the part that was loaded; of several it comes before theirs ("gearbox/shaft"). pose: moves them all.
-        options: as of `vpframe.load`. Statements and notes of what is loaded come along. Returns the part that was
-        given, or the parts that were loaded; of an error the scene has changed nothing.
+        name: name of a single loaded part, else prefix ("gearbox/shaft"). pose: moves all loaded parts. options: as in
+        `vpframe.load`. Statements and notes are added too. Returns the given part, or the loaded parts; an error leaves
+        the scene unchanged.
         """
         if isinstance(source, Part):
             self._check_new([source.name])
@@ -214,23 +214,23 @@ class Scene(Mapping[str, Part]):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """The parts in order; a part's place is its object id in collision, constraints and physics."""
+        """Parts in order; a part's index is its object id in collision, constraints and physics."""
         return tuple(self._parts.values())
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names in order."""
+        """Names of the parts in order."""
         return tuple(self._parts)
 
     def index(self, name: str) -> int:
-        """Place of a part: the id by which the other packages know it."""
+        """Index of a part: its object id in the other packages."""
         self[name]
         return self.names.index(name)
 
     def all_notes(self) -> tuple[str, ...]:
-        """What there is to know of the scene and of each shape, a shape's under the name of the first part that has it.
+        """Notes on the scene and on each shape; a shape's notes carry the name of its first part.
 
-        A part that says "open" is no closed solid: volumes and containment of it are estimates.
+        Volume and containment of a part with the note "open" are estimates.
         """
         first: dict[Shape, str] = {}
         count: dict[Shape, int] = {}
@@ -246,14 +246,14 @@ class Scene(Mapping[str, Part]):
     def export(
         self, path: str | os.PathLike[str], motion: Motion | None = None, time: float | None = None
     ) -> tuple[str, ...]:
-        """Write the scene, its parts where they are now, as STEP, GLB, URDF, MJCF, USD, CSV or Parquet.
+        """Write the scene at its present poses as STEP, GLB, URDF, MJCF, USD, CSV or Parquet, by the suffix.
 
-        See `vpframe.exporters.export`: the name's ending tells the format; returns what that could not carry.
+        Returns notes on data that the format cannot contain. See `vpframe.exporters.export.export`.
         """
-        return tuple(importlib.import_module("vpframe.exporters").export(self, path, motion, time))
+        return tuple(importlib.import_module("vpframe.exporters.export").export(self, path, motion, time))
 
     def copy(self) -> Scene:
-        """A scene of the same shapes, with parts of its own where these are now."""
+        """Return a scene with the same shapes and copies of the parts at their present poses."""
         parts = (replace(part, pose=part.pose.copy()) for part in self.parts)
         return Scene(parts, self.source, self.notes, self.statements)
 
@@ -270,8 +270,8 @@ class Scene(Mapping[str, Part]):
         return len(self._parts)
 
     def _repr_html_(self) -> str:
-        """The scene as a notebook shows it."""
-        page: str = importlib.import_module("vpframe.view.notebook").shown(self)  # which knows scenes
+        """Return the HTML with which a notebook shows the scene."""
+        page: str = importlib.import_module("vpframe.view.notebook").shown(self)
         return page
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""Binary STL files. They have no unit: who reads one has to know what its numbers are."""
+"""Binary STL files. The format has no unit of length."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", 
 def write_stl(
     path: Path, vertices: NDArray[np.float64], triangles: NDArray[np.int32], scale: float = 1.0, header: str = "vpframe"
 ) -> Path:
-    """Write triangles (m, 3) of vertices (n, 3), m, as a binary STL file in units of 1/`scale` m; returns its path."""
+    """Write triangles (m, 3) of vertices (n, 3), m, as binary STL in units of 1/`scale` m; return the path."""
     corners = vertices[triangles] * scale
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Parts by a name in the product tree: a part's path, the path of a subassembly, or the tail of either."""
+"""Parts of a name in the product tree: a path of a part or subassembly, or the end of one."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections.abc import Sequence
 from vpframe.errors import TaskError, UnknownPartError
 
 LISTED = 6
-"""names that a message lists at most"""
+"""maximum number of names listed in a message"""
 
 
 def parts_named(names: Sequence[str], name: str) -> tuple[str, ...]:
-    """The parts of the subassembly that `name` names, in the order of `names`; of a part's name that part alone.
+    """Return the parts of the subassembly `name`, in the order of `names`, or the part of that name.
 
-    names: of all parts, paths in the product tree with "/" between the levels. name: a whole path from the root, or
-    the end of one ("nut_3", "…/nut-bolt-assembly_2/nut_3").
+    names: of all parts, paths in the product tree with "/" between levels. name: a path from the root, or the end of
+        one ("nut_3", "…/nut-bolt-assembly_2/nut_3").
 
     Raises
     ------
-    UnknownPartError: nothing in the tree has that name. TaskError: more than one thing has.
+    UnknownPartError: no such name. TaskError: the name is ambiguous.
     """
     if name in names:
         return (name,)
@@ -34,6 +34,6 @@ def parts_named(names: Sequence[str], name: str) -> tuple[str, ...]:
 
 
 def listed(names: Sequence[str]) -> str:
-    """The names with commas between them; of many the first, and how many more there are."""
+    """Join names with commas, at most `LISTED`, with the number of the others."""
     more = len(names) - LISTED
     return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")

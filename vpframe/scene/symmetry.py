@@ -1,9 +1,9 @@
-"""Rotations that leave a part looking as it did: a shaft turned about its axis, a hexagonal nut turned by 60°.
+"""Rotational symmetry of parts: rotations that map a part onto itself.
 
-Faces are compared, not vertices, because no two faces of equal form are cut into the same triangles. A rotation about
-the part's centre is a symmetry when it takes every face (or several faces of one analytic surface) to one of the same
-kind, area, centroid, second moments and mean normal. Candidates for axes follow from the inertia of the surface: three
-different principal moments allow half turns about the principal axes only, two equal ones any turn about the third.
+Faces are compared, not vertices, because equal faces are tessellated differently. A rotation about the part's centre is
+a symmetry if it maps every face (or group of faces of one analytic surface) to one of the same kind, area, centroid,
+second moments and mean normal. The inertia of the surface gives candidate axes: three different principal moments allow
+half turns about the principal axes only, two equal ones any rotation about the third axis.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from vpframe.scene.scene import Shape
 Array = NDArray[np.float64]
 
 LIKE = 2e-3
-"""1: two lengths of a part that differ by less, as a fraction of its size, are alike"""
+"""1: maximum difference of equal lengths, as a fraction of the part's size"""
 ALIKE = 2e-2
-"""1: the same for areas and second moments, as a fraction of their own"""
+"""1: maximum relative difference of equal areas and second moments"""
 ROUND = 0.1
-"""1: the same for the centroid and the second moments of a face that is taken to go all about its axis"""
+"""1: the same for centroid and second moments of a face that is completed to a full revolution"""
 AXES = 64
-"""candidate axes that are tried of a part whose principal moments are all equal"""
+"""number of candidate axes for a part whose principal moments are all equal"""
 MOST = 120
-"""rotations that a finite group of a solid has at most, but for those about one axis and across it"""
+"""maximum order of a finite rotation group, except cyclic and dihedral ones"""
 _TURNS = (1.0, 2.4)
-"""rad: what is unchanged by both is unchanged by any turn"""
+"""test angles, rad: a face unchanged by both is a surface of revolution"""
 
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
-    """The rotations about its centre that leave a part looking the same."""
+    """The rotations about its centre that map a part onto itself."""
 
     rotations: tuple[Array, ...]
-    """(3, 3) each, part frame, the identity among them; besides turns about `axes`"""
+    """(3, 3) each, part frame, with the identity; in addition to rotations about `axes`"""
     axes: tuple[Array, ...] = ()
-    """(3,) unit: about these any turn is a symmetry; none, one, or (of a ball) two"""
+    """(3,) unit: axes of revolution; none, one, or two (ball)"""
 
     def angle(self, rotation: Array) -> float:
-        """rad, in [0, π]: the least angle by which a rotation (3, 3) in the part's frame shows."""
+        """Least angle of a rotation (3, 3), part frame, modulo symmetry; rad, in [0, π]."""
         if len(self.axes) > 1:
             return 0.0
         if self.axes:
@@ -55,13 +55,13 @@ class Symmetry:
 
     @property
     def trivial(self) -> bool:
-        """Whether every rotation shows."""
+        """Whether the identity is the only symmetry."""
         return len(self.rotations) == 1 and not self.axes
 
 
 @lru_cache(maxsize=64)
 def symmetry_of(shape: Shape) -> Symmetry:
-    """The symmetry of a shape, of its surface as it is meshed."""
+    """Return the symmetry of a shape, from its mesh."""
     faces = _Faces(shape)
     axes: list[Array] = []
     rotations = [np.eye(3)]
@@ -74,13 +74,13 @@ def symmetry_of(shape: Shape) -> Symmetry:
         fold = next((n for n in range(most, 1, -1) if faces.unchanged_by(_turn(axis, 2.0 * np.pi / n))), 1)
         if fold > 1:
             rotations = _closed([*rotations, _turn(axis, 2.0 * np.pi / fold)], max(MOST, 2 * fold))
-    if axes:  # of rotations that differ by a turn about the axis, one
+    if axes:  # one rotation of each coset
         rotations = list({tuple(np.round(s @ axes[0], 3) + 0.0): s for s in reversed(rotations)}.values())
     return Symmetry(tuple(rotations), tuple(axes))
 
 
 class _Faces:
-    """Area, centroid, second moments and mean normal of each face, or of the faces of one feature."""
+    """Area, centroid, second moments and mean normal of each face, or of the faces of each feature."""
 
     def __init__(self, shape: Shape) -> None:
         from scipy.spatial import cKDTree
@@ -89,7 +89,7 @@ class _Faces:
         corners = mesh.vertices[mesh.triangles]
         normal = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = np.linalg.norm(normal, axis=1)
-        # of a triangle: ∫ x xᵀ = area/12 (Σ vᵢ vᵢᵀ + 9 m mᵀ), m its middle
+        # second moment of a triangle: ∫ x xᵀ = area/12 (Σ vᵢ vᵢᵀ + 9 m mᵀ), m its middle
         self.centre = (area[:, None] * corners.mean(axis=1)).sum(0) / area.sum()
         corners = corners - self.centre
         middle = corners.mean(axis=1)
@@ -116,9 +116,9 @@ class _Faces:
         self.tree = cKDTree(self.centroid)
 
     def _round(self, i: int, geometry: Geometry) -> None:
-        """Make a face round that goes (nearly) all about its axis, however unevenly it is cut into triangles.
+        """Make a face that is almost a full revolution exactly round, whatever its triangles.
 
-        What takes away from its roundness, a keyway, has faces of its own that show it.
+        Features that break the revolution, such as a keyway, have faces of their own.
         """
         if not isinstance(geometry, Cylinder | Cone | Torus):
             return
@@ -133,7 +133,7 @@ class _Faces:
             self.normal[i] = axis * (axis @ self.normal[i])
 
     def unchanged_by(self, rotation: Array) -> bool:
-        """Whether the rotation takes every face to one that is like it."""
+        """Whether the rotation maps every face to an equal face."""
         there = self.centroid @ rotation.T
         spread = rotation @ self.spread @ rotation.T
         normal = self.normal @ rotation.T
@@ -148,7 +148,7 @@ class _Faces:
 
 
 def _candidates(faces: _Faces) -> Iterator[tuple[Array, int]]:
-    """Axes that the second moments of the surface allow, each with how many-fold it may be."""
+    """Yield candidate axes from the second moments of the surface, each with its maximum fold."""
     values, vectors = np.linalg.eigh(faces.moment)
     close = np.diff(values) <= ALIKE * values[2]
     most = max(2, min(len(faces.area), 360))
@@ -158,7 +158,7 @@ def _candidates(faces: _Faces) -> Iterator[tuple[Array, int]]:
         return
 
     def exact(axis: Array) -> Array:
-        """The line nearest to a principal axis: those are known no better than the triangles are fine."""
+        """Return the line nearest to a principal axis, which is only as exact as the tessellation."""
         best = max(lines, key=lambda line: abs(line @ axis))
         return best if abs(best @ axis) >= np.cos(0.02) else axis
 
@@ -174,7 +174,7 @@ def _candidates(faces: _Faces) -> Iterator[tuple[Array, int]]:
 
 
 def _lines(faces: _Faces) -> list[Array]:
-    """Directions of centroids and mean normals, and halfway between two of them, the largest faces first."""
+    """Return the directions of centroids and mean normals, and the bisectors of pairs, largest faces first."""
     order = np.argsort(-faces.area, kind="stable")[:AXES]
     tips = np.concatenate([faces.normal[order], faces.centroid[order] / faces.size])
     found: list[Array] = []
@@ -188,7 +188,7 @@ def _lines(faces: _Faces) -> list[Array]:
 
 
 def _closed(rotations: list[Array], most: int) -> list[Array]:
-    """All products of the rotations, as long as they are no more than `most`."""
+    """Return all products of the rotations, up to about `most`."""
     found: list[Array] = []
     waiting = list(rotations)
     while waiting and len(found) <= most:
@@ -204,7 +204,7 @@ def _point_of(geometry: Cylinder | Torus) -> Array:
 
 
 def _sums(of: NDArray[np.int64], values: Array) -> Array:
-    """Sums of `values` (t, …) over what `of` (t,) says belongs together."""
+    """Sums of `values` (t, …) by group number `of` (t,)."""
     out = np.zeros((of.max() + 1, *values.shape[1:]))
     np.add.at(out, of, values)
     return out

@@ -1,4 +1,4 @@
-"""Lengths and times as people write them."""
+"""Lengths and times written with units."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import re
 
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "in": 0.0254, "ft": 0.3048}
-"""metres a unit, wherever vpframe takes one"""
+"""unit of length in metres"""
 NAMES = "m, cm, mm, um, in, ft"
 
 SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
@@ -15,12 +15,12 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-z�
 
 
 def length(text: str) -> float:
-    """Metres of "0.5mm", "20 um" or "0.01in": not negative, finite, with its unit. Raises ValueError."""
+    """Convert "0.5mm", "20 um" or "0.01in" to metres. Raises ValueError: no unit, negative or not finite."""
     return _quantity(text, "length", METRES, f"{NAMES}: 0.5mm")
 
 
 def seconds(text: str) -> float:
-    """Seconds of "120s", "2 min", "1h" or "0.5" (seconds): not negative, finite. Raises ValueError."""
+    """Convert "120s", "2 min", "1h" or "0.5" to seconds. Raises ValueError: negative or not finite."""
     return _quantity(text, "time", SECONDS, "s, ms, min, h: 120s")
 
 

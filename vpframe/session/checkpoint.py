@@ -1,14 +1,13 @@
-"""Checkpoint and resume: a journal of the changes of every step, with the whole state saved now and then.
+"""Checkpoint and resume: a journal with the changes of every step and, at intervals, the whole state.
 
-A task script holds its own place, so a run is resumed by running the script again from the start: up to the last
-save, each step's result is read from the journal instead of computed (and must have been asked for in the same way:
-same targets of the hands, same decisions); at the save the state is restored, and from there on steps are computed
-as if nothing had happened. One file, appended to; a run killed in the middle of a write loses what follows its
-last save, nothing else.
+A task script keeps its own position, so a resumed run executes the script again from the start. Up to the last saved
+state, the result of each step is read from the journal instead of computed; the step must have the same inputs (hand
+targets, decisions). At the saved state the state is restored and later steps are computed as usual. The file is
+append-only; a run killed during a write loses only the steps after its last saved state.
 
-The file is a line that names the format, then records: a tag of four letters, the length and the CRC-32 of the
-content (uint32, little-endian), and the content, a value in the encoding of `vpframe.codec`. Nothing in it is
-run, and what does not fit the scene is refused.
+File format: a line that names the format, then records. A record is a tag of four letters, the length and CRC-32 of the
+payload (uint32, little-endian), and the payload, a value encoded by `vpframe.codec`. Nothing in the file is executed;
+data that does not fit the scene is rejected.
 """
 
 from __future__ import annotations
@@ -44,10 +43,10 @@ class Journal:
 
     Parameters
     ----------
-    path: the file, or the `Output` of one.
-    run: what the run depends on (script, model, time step) by name; a journal made with other values is not resumed.
-    resume: whether to go on from what the file holds; otherwise it is begun anew.
-    every: steps from one save to the next.
+    path: the file, or its `Output`.
+    run: inputs of the run (script, model, time step) by name; a journal with other values is not resumed.
+    resume: whether to continue from the existing file; otherwise it is overwritten.
+    every: number of steps between saved states.
     """
 
     def __init__(
@@ -56,9 +55,9 @@ class Journal:
         self.path = Path(path)
         self.every = every
         self._past: list[bytes] = []
-        self._at = 0  # in `_past`
+        self._at = 0  # index of the next step in `_past`
         self.saved: bytes | None = None
-        """the state after the last of them, encoded"""
+        """encoded state after the last step of `_past`"""
         self._step = 0
         end = self._read(dict(run)) if resume and self.path.exists() and self.path.stat().st_size else 0
         try:
@@ -72,36 +71,36 @@ class Journal:
 
     @property
     def past(self) -> list[bytes]:
-        """Steps yet to be replayed, in order, encoded."""
+        """Encoded steps not yet replayed, in order."""
         return self._past[self._at :]
 
     @property
     def left(self) -> int:
-        """How many they are."""
+        """Number of recorded steps not yet replayed."""
         return len(self._past) - self._at
 
     @property
     def replaying(self) -> bool:
-        """Whether steps still come from the file."""
+        """Whether recorded steps remain to be replayed."""
         return self.left > 0
 
     def mark(self) -> tuple[int, int, int]:
-        """Where the journal is, to `undo` what follows."""
+        """Return a mark of the current position; `undo(mark)` goes back to it."""
         return self._at, self._step, self._file.tell() if self._file.seekable() else -1
 
     def undo(self, mark: tuple[int, int, int]) -> None:
-        """Go back to a mark: what was kept since is not in the file any more."""
+        """Go back to a mark and delete the records written since."""
         self._at, self._step, end = mark
         if end >= 0 and self._file.tell() != end:
             self._file.truncate(end)
             self._file.seek(end)
 
     def replay(self, digest: bytes) -> Any:
-        """The next step's result, if it was asked for by the same `digest`.
+        """Return the recorded result of the next step, whose inputs must have this `digest`.
 
         Raises
         ------
-        CheckpointError: the run asks for something else than it did when the journal was written, or it is damaged.
+        CheckpointError: the inputs differ from those recorded, or the record is damaged.
         """
         payload = self._past[self._at]
         self._at += 1
@@ -110,31 +109,31 @@ class Journal:
             asked, result = CODEC.decode(payload)
         if asked != digest:
             raise CheckpointError(
-                f"{self.path}: at step {self._step} the run asks for something else than when this checkpoint was "
-                "written (the script may read a clock or random numbers); run it without --resume",
+                f"{self.path}: at step {self._step} the run has other inputs than those in this checkpoint "
+                "(the script may read a clock or random numbers); run it without --resume",
                 str(self.path),
                 self._step,
             )
         return result
 
     def append(self, digest: bytes, result: Any) -> bool:
-        """Keep one computed step; whether a save is due."""
+        """Write the result of one computed step; return whether the state should be saved now."""
         self._write(_STEP, (digest, result))
         self._step += 1
         return self._step % self.every == 0
 
     def save(self, state: Any) -> None:
-        """Keep the whole state after the last step: `State.data`, in the bytes that `State.save` returns."""
+        """Write the whole state (`State.data`) after the last step, in the encoding of `State.save`."""
         self._write(_SAVE, state)
 
     def restore(self) -> Any:
-        """The state at the last save; None if there was none. CheckpointError: it is damaged."""
+        """Return the last saved state, None if there is none. Raises CheckpointError if it is damaged."""
         with self.undamaged():
             return None if self.saved is None else CODEC.decode(self.saved)
 
     @contextlib.contextmanager
     def undamaged(self) -> Iterator[None]:
-        """CheckpointError, in one line, for whatever is wrong with something that was read."""
+        """Convert any error about damaged data raised inside to a one-line CheckpointError."""
         try:
             yield
         except CheckpointError:
@@ -160,7 +159,7 @@ class Journal:
             raise CheckpointError(f"{self.path}: cannot be written: {error.strerror}", str(self.path)) from None
 
     def _read(self, run: dict[str, str]) -> int:
-        """Take in the file up to its last save; the length of that part (0: nothing to go on from)."""
+        """Read the file up to its last saved state; return the length of that section (0: no saved state)."""
         data = self.path.read_bytes()
         if data.startswith(_OLD):
             raise CheckpointError(
@@ -179,7 +178,7 @@ class Journal:
             if len(payload) < length:
                 break  # cut off in the middle of a write
             if zlib.crc32(payload) != crc or (tag == _HEAD) != (at == len(_MAGIC)):
-                if at == len(_MAGIC):  # where it is said what the run depends on
+                if at == len(_MAGIC):  # the header, which names the inputs of the run
                     raise CheckpointError(
                         f"{self.path}: damaged at its beginning; run it without --resume", str(self.path)
                     )
@@ -210,7 +209,7 @@ class Journal:
 
 
 def journal_of(path: str | os.PathLike[str], scene: Scene, run: Mapping[str, str], resume: bool) -> Journal:
-    """The journal of a run on a scene, which it depends on as on what `run` names."""
+    """Open the journal of a run; it depends on the scene and on the inputs `run`."""
     model = hashlib.sha256()
     for part in scene.parts:
         model.update(part.name.encode())
@@ -220,7 +219,7 @@ def journal_of(path: str | os.PathLike[str], scene: Scene, run: Mapping[str, str
 
 
 def digest_of(targets: Iterable[HandTarget], decisions: Iterable[Decision]) -> bytes:
-    """A digest of the inputs of a step, 16 bytes."""
+    """Return a 16-byte digest of the inputs of a step."""
     digest = hashlib.blake2b(digest_size=16)
     for target in targets:
         digest.update(target.key())
@@ -232,10 +231,10 @@ def digest_of(targets: Iterable[HandTarget], decisions: Iterable[Decision]) -> b
 def advance_or_replay(
     state: State, readings: Readings, journal: Journal | None, given: Inputs, asked: Callable[[], list[Decision]]
 ) -> Changes:
-    """One step: computed, and kept in the journal; or read from the journal, while that has more steps.
+    """Compute one step and write it to the journal, or replay it from the journal while recorded steps remain.
 
-    asked: what people at viewers ask for besides. That is theirs, not the script's: only the changes hold what came of
-    it, and while steps are replayed nobody is heard.
+    asked: returns decisions of people at viewers. They are not inputs of the script: the journal records only the
+    resulting changes, and `asked` is not called during replay.
     """
     if journal is None:
         changes = advance(state, readings, replace(given, decisions=[*given.decisions, *asked()]))

@@ -1,4 +1,4 @@
-"""`Dynamics`: the physics of a session. It exists from the first part that is given behaviours, and not before."""
+"""`Dynamics`: the physics of a session, created when the first part is given mass."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ Array = NDArray[np.float64]
 
 
 _Given = tuple[Body, tuple[Behaviour, ...], Mapping[int, Geometry], Material | str | None]
-"""what a part was given: mass, behaviours, surfaces known analytically, material"""
+"""mass properties, behaviours, analytic surfaces by index, and material of a part"""
 
 
 class Dynamics:
-    """A `physics.World` over the scene's parts, with what hands hold and the constraints in force as joints."""
+    """A `physics.World` over the scene's parts; grips of hands move bodies, constraints in force become joints."""
 
     def __init__(self, scene: Scene, collision: CollisionManager, tolerance: Tolerance, gravity: Array) -> None:
         self.scene = scene
         self.world = World(collision, tolerance, gravity=gravity)
         self._dt = 1.0
         self.bodies: set[int] = set()
-        """parts that move under forces when no hand holds them"""
+        """objects with mass, which move under forces when no hand holds them"""
         self._given: dict[int, _Given] = {}
         self._held: set[int] = set()
         self._springs: set[int] = set()
         self._joined: tuple[int, ...] = ()
-        """ids of the constraints that are the world's joints"""
+        """ids of the constraints that are joints of the world"""
         self._known: tuple[int, ...] = ()
-        """what they were taken from: number of bodies, ids"""
+        """number of bodies and constraint ids from which `_joined` was computed"""
 
     def add(self, i: int, body: Body, behaviours: Sequence[Behaviour], material: Material | str | None = None) -> None:
-        """Give a part mass, behaviours, and a material that says how it rubs and rebounds."""
+        """Give an object mass, behaviours, and a material that sets friction and restitution."""
         part = self.scene.parts[i]
         known = {s.index: s.geometry for s in part.surfaces if not isinstance(s.geometry, Freeform)}
         self._given[i] = (body, tuple(behaviours), known, material)
@@ -55,7 +55,7 @@ class Dynamics:
         self.world.add(i, body, behaviours, known, material=material)
 
     def join(self, constraints: Mapping[int, Constraint]) -> None:
-        """The constraints in force, by id."""
+        """Set the constraints in force, by id; those on bodies become joints."""
         known = (len(self.bodies), *constraints)
         if known == self._known:
             return
@@ -66,7 +66,7 @@ class Dynamics:
         self._known = known
 
     def hold(self, carried: Mapping[int, pin.SE3], springs: Mapping[int, SpringHand]) -> None:
-        """What hands hold in this step: `carried` to a pose that nothing can hinder, `springs` as far as they can."""
+        """Set the grips of this step: `carried` bodies take their poses exactly; `springs` pull with limited force."""
         for i in sorted(self._held - set(carried) - set(springs)):
             self.world.let_go(i)
         self._held = (set(carried) | set(springs)) & self.bodies
@@ -80,7 +80,7 @@ class Dynamics:
             self.world.hold(i, spring)
 
     def step(self, dt: float) -> tuple[set[int], set[int]]:
-        """Go on by `dt` seconds: which parts are awake or held, and which have come to rest."""
+        """Advance by `dt` seconds; return the bodies that are awake or held, and the bodies that fell asleep."""
         self._dt = dt
         before = set(self.world.awake)
         self.world.step(dt)
@@ -88,32 +88,32 @@ class Dynamics:
         return before | after | self._held, before - after - self._held
 
     def pull(self) -> dict[int, float]:
-        """How hard (N) springs pulled in the last step on what they hold; other hands are as strong as need be."""
+        """Force (N) with which each spring pulled on its body in the last step; rigid grips measure no force."""
         return {i: float(np.linalg.norm(self.world.wrench(i)[:3])) for i in sorted(self._springs & self._held)}
 
     def resting_on(self, i: int) -> tuple[int, ...]:
-        """Parts that press on a part."""
+        """Return the objects in contact with a body."""
         return tuple(sorted({touch.other for touch in self.world.touches(i)}))
 
     def velocity(self, i: int) -> tuple[Array, Array]:
-        """(6,) velocity of a part's centre of mass and angular, world axes; (3,) that centre, part frame."""
+        """Velocity (6,) of a body in world axes, linear at its centre of mass first; that centre (3,), part frame."""
         return self.world.velocity(i), self._given[i][0].center
 
     def touches(self, i: int) -> list[tuple[Touch, Array]]:
-        """Contact points of a part that press, and the force (3,) on it at each, N."""
+        """Return the loaded contacts of a body, each with the force (3,) on the body, N."""
         return [(touch, touch.impulse / self._dt) for touch in self.world.touches(i)]
 
     def mark(self) -> tuple[Any, ...]:
-        """What a step changes, to `undo` it."""
+        """Return a mark of the current state; `undo(mark)` goes back to it."""
         return self.world.mark(), self._held, self._springs, self._joined, self._known
 
     def undo(self, mark: tuple[Any, ...]) -> None:
-        """Go back to a mark, whatever was interrupted since; collision goes back afterwards."""
+        """Go back to a mark, also after an interrupted step; the caller must undo the collision manager afterwards."""
         world, self._held, self._springs, self._joined, self._known = mark
         self.world.rollback(world)
 
     def reset(self, constraints: Mapping[int, Constraint]) -> None:
-        """Begin anew with the same bodies, at rest where collision has them."""
+        """Rebuild the world with the same bodies, at rest at the poses of the collision manager."""
         self.world = World(self.world.collision, self.world.tolerance, gravity=self.world.gravity)
         self._held, self._springs, self._joined, self._known = set(), set(), (), ()
         for i in self._given:
@@ -121,7 +121,7 @@ class Dynamics:
         self.join(constraints)
 
     def state(self) -> dict[str, Any]:
-        """All that the next step depends on, as values that `vpframe.session.state.CODEC` encodes."""
+        """Return all data on which the next step depends, as values that `vpframe.session.state.CODEC` encodes."""
         return {
             "world": dict(self.world.state().data),
             "held": self._held,
@@ -130,11 +130,11 @@ class Dynamics:
         }
 
     def restore(self, state: Mapping[str, Any], constraints: Mapping[int, Constraint]) -> None:
-        """Go back to what `state` returned, in this or another process; the same parts have behaviours.
+        """Restore the data that `state` returned, in this or another process; the same parts must have mass.
 
         Raises
         ------
-        ValueError, TypeError, LookupError: it is no such state, or of other parts.
+        ValueError, TypeError, LookupError: the data is damaged or of other parts.
         """
         joined = tuple(state["joined"])
         if joined != self._joined:
@@ -146,7 +146,7 @@ class Dynamics:
         self._springs = set(state["springs"])
 
     def _require(self, data: Mapping[str, Any]) -> None:
-        """ValueError for a state of the world whose arrays kernels could not go through."""
+        """Raise ValueError for arrays that kernels could not index safely."""
         own = self.world.state().data
         n, surfaces = own["n"], np.array([part.mesh.n_surfaces for part in self.scene.parts])
 
@@ -155,7 +155,7 @@ class Dynamics:
                 raise ValueError(f"{what} of the bodies is not of this scene")
 
         def fits(value: Any, like: Any) -> bool:
-            """The same types all through; arrays of the same kind, and of the same shape from the second axis on."""
+            """Compare types recursively; arrays must have the same dtype and the same shape from the second axis on."""
             if isinstance(like, np.ndarray):
                 return (
                     type(value) is np.ndarray
@@ -203,10 +203,10 @@ class Dynamics:
 
 
 def body_of(part: Part, material: str | float | Material | None, mass: float | None) -> Body:
-    """Mass properties of a part.
+    """Return the mass properties of a part.
 
-    material: a `physics.Material`, a name from `physics.MATERIALS`, or kg/m³; without a density the part's own
-        inertia counts, then its own density, else that of steel.
+    material: a `physics.Material`, a name from `physics.MATERIALS`, or kg/m³; without a density the part's own inertia
+    is used, then its own density, else that of steel.
     mass: kg; scales mass and inertia.
     """
     if isinstance(material, Material) and material.density is None:
@@ -225,8 +225,3 @@ def body_of(part: Part, material: str | float | Material | None, mass: float | N
     if isinstance(mass, bool) or not isinstance(mass, int | float | np.number):
         raise BodyError(f"{part.name}: mass is {mass!r}; give kg, a positive number", part.name, "mass")
     return replace(body, mass=mass, inertia=body.inertia * (mass / body.mass))
-
-
-def spring(target: pin.SE3, like: SpringHand) -> SpringHand:
-    """The same hand, elsewhere."""
-    return replace(like, target=target)

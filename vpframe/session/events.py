@@ -1,4 +1,4 @@
-"""What observers get: `Event`s, and one read-only `Frame` a step."""
+"""Data that observers receive: `Event`s, and one read-only `Frame` for each step."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class NewEvent(NamedTuple):
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened at one step."""
+    """An event of one step."""
 
     step: int
     time: float
@@ -40,15 +40,15 @@ class Event:
     """one of EVENT_KINDS"""
     parts: tuple[str, ...] = ()
     surfaces: tuple[tuple[int, ...], ...] = ()
-    """the surfaces concerned, one tuple a part"""
+    """surfaces involved, one tuple for each part"""
     text: str = ""
-    """one line a person can read"""
+    """one line for people"""
     data: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class ConstraintView:
-    """A constraint or candidate as observers see it (already in the user's terms)."""
+    """A constraint or candidate in the user's terms, as observers receive it."""
 
     id: int
     kind: str
@@ -56,36 +56,36 @@ class ConstraintView:
     parts: tuple[str, str]
     surfaces: tuple[tuple[int, ...], tuple[int, ...]]
     residual: float
-    """m, largest of its position residuals"""
+    """largest position residual, m"""
     state: str
-    """"candidate", "active" or "refused"; rules are asked about the assembly as it stands with "standing\""""
+    """"candidate", "active" or "refused"; "standing" when a rule judges a constraint of the initial assembly"""
     origin: NDArray[np.float64]
-    """(3,) world, where to draw it"""
+    """(3,) world, m: where to draw it"""
     direction: NDArray[np.float64]
-    """(3,) world, axis or normal"""
+    """(3,) world, unit: axis or normal"""
     size: float
-    """m, radius or half width of what to draw"""
+    """radius or half width of the drawn symbol, m"""
     why: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class ContactPoint:
-    """Where a part meets another one."""
+    """A contact point of a part with another part."""
 
     other: str
     """the other part"""
     point: NDArray[np.float64]
     """(3,) world, m"""
     normal: NDArray[np.float64]
-    """(3,) world, unit, towards the part; 0 where two edges touch"""
+    """(3,) world, unit, towards the part; 0 if two edges touch"""
     force: NDArray[np.float64] | None
-    """(3,) world, N, on the part; None where a hand carries the part, against which no force counts"""
+    """(3,) world, N, on the part; None if a hand carries the part"""
 
 
 class Poses(Mapping[str, pin.SE3]):
-    """Poses by part name, by value: each access returns a pose of its own.
+    """Read-only poses by part name; each access returns a new pose.
 
-    numbers: place of each part. rows: (n, 12) rotation by rows, translation in m; they are made read-only.
+    numbers: row of each part. rows: (n, 12) rotation by rows, translation in m; they are made read-only.
     """
 
     def __init__(self, numbers: Mapping[str, int], rows: NDArray[np.float64]) -> None:
@@ -95,7 +95,7 @@ class Poses(Mapping[str, pin.SE3]):
 
     @classmethod
     def of(cls, poses: Mapping[str, pin.SE3]) -> Poses:
-        """Copies of these."""
+        """Return copies of poses."""
         rows = [np.append(pose.rotation.ravel(), pose.translation) for pose in poses.values()]
         return cls({name: i for i, name in enumerate(poses)}, np.array(rows).reshape(-1, 12))
 
@@ -111,7 +111,7 @@ class Poses(Mapping[str, pin.SE3]):
 
 
 def moved(before: Mapping[str, pin.SE3], now: Mapping[str, pin.SE3]) -> list[str]:
-    """The parts whose poses are not the same in two mappings, or are in the second only."""
+    """Return the parts whose poses differ between two mappings, or that are only in the second."""
     if isinstance(before, Poses) and isinstance(now, Poses) and before.rows.shape == now.rows.shape:
         if before.rows is now.rows:
             return []
@@ -122,7 +122,7 @@ def moved(before: Mapping[str, pin.SE3], now: Mapping[str, pin.SE3]) -> list[str
 
 @dataclass(frozen=True)
 class Frame:
-    """The state after one step, by value: observers may keep it, and change nothing by it."""
+    """The state after one step, by value; observers may keep it."""
 
     step: int
     time: float
@@ -131,49 +131,50 @@ class Frame:
     """(k, 4) object, surface, object, surface: sorted; objects in scene order"""
     constraints: Sequence[ConstraintView]
     freedom: Mapping[str, int]
-    """degrees of freedom left, of each part that is held, or moved since the session began"""
+    """degrees of freedom of each part that is held or has moved since the session began"""
     joint: Mapping[str, str]
-    """the lower pair's name for the same parts"""
+    """name of each such part's lower pair"""
     clearance: float | None
-    """m: least distance between moving parts and the rest, pairs under a constraint left out; None if not asked for"""
+    """least distance of moving parts to the others, without constrained pairs, m; None if not measured"""
     timings: Mapping[str, float]
-    """s spent: "collision", "constraints", "motion", "physics", "observers" (of the step before)"""
+    """computing time, s: "collision", "constraints", "motion", "physics", "observers" (of the step before)"""
     held: tuple[str, ...] = ()
     hands: Mapping[str, pin.SE3] = field(default_factory=dict)
     script: str = ""
-    """the script's line in words, e.g. "hand.move_to(...)\""""
+    """text of the running verbs, e.g. "hand.move_to(...)\""""
     events: tuple[Event, ...] = ()
 
 
 class Observer(Protocol):
-    """Viewer, recorder, report: reads frames, changes nothing.
+    """Viewer, recorder or report: reads frames, changes nothing.
 
-    One that raises is ended and taken out, and a note says so; the session goes on. One that has an attribute
-    `controls` (`vpframe.view.controls.Controls`) may ask through it: pause, step, accept, refuse, remove.
+    An observer that raises is ended and removed with a note in the events; the session continues. An observer with an
+    attribute `controls` (`vpframe.view.controls.Controls`) may request pause, step, accept, refuse and remove. One with
+    `mark` and `undo` forgets what a session takes back; others keep it.
     """
 
     def begin(self, scene: Scene) -> None:
-        """Called once, before the first step, with a copy of the scene: names, meshes, colours, poses; metres."""
+        """Receive a copy of the scene before the first step: names, meshes, colours, poses; metres."""
 
     def frame(self, frame: Frame) -> None:
-        """Called after each step, in order."""
+        """Receive the frame of a step, in order."""
 
     def end(self) -> None:
-        """Called once; also after an error or Ctrl-C."""
+        """End the observation; called once, also after an error or Ctrl-C."""
 
 
 class Frames:
-    """An observer that keeps every frame, in `frames`."""
+    """An observer that keeps every frame in `frames`."""
 
     def __init__(self) -> None:
         self.frames: list[Frame] = []
 
     def begin(self, scene: Scene) -> None:
-        """Nothing to prepare."""
+        """Do nothing."""
 
     def frame(self, frame: Frame) -> None:
-        """Keep it."""
+        """Keep the frame."""
         self.frames.append(frame)
 
     def end(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""

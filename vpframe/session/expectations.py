@@ -1,4 +1,4 @@
-"""What a task may expect of a session: whether it holds, and the words that say so."""
+"""Checks behind `Session.expect_…`: each returns whether it holds and the text of the event."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Verdict = tuple[bool, str]
 
 
 def constraint(session: Workplace, kind: str, a: str, b: str) -> Verdict:
-    """Of an active constraint of that kind between two parts or subassemblies."""
+    """Check that a constraint of that kind is active between two parts or subassemblies."""
     own, others = set(session.group(a)), set(session.group(b))
     between = [c for c in session.constraints_of(a) if not (set(c.parts) - own).isdisjoint(others)]
     have = [c.kind for c in between]
@@ -28,14 +28,14 @@ def constraint(session: Workplace, kind: str, a: str, b: str) -> Verdict:
 
 
 def freedom(session: Workplace, part: str, n: int, to: str | None = None, carried: Sequence[str] = ()) -> Verdict:
-    """Of the degrees of freedom that a part or subassembly has left, with what it carries, to all others or one."""
+    """Check the degrees of freedom of a part or subassembly with the parts it carries, to all others or to `to`."""
     have = session.freedom(part, to, carried)
     group, found = f" with {listed(carried)}" if carried else "", f" (it has {have})" if have != n else ""
     return have == n, f"{part}{group} has {n} degrees of freedom{f' to {to}' if to else ''}{found}"
 
 
 def free(session: Workplace, part: str, carried: Sequence[str] = ()) -> Verdict:
-    """Of a part or subassembly, with what it carries, that no constraint holds and that touches nothing."""
+    """Check that no constraint holds a part or subassembly, with the parts it carries, and that it touches nothing."""
     held = ", ".join(dict.fromkeys(c.kind for c in session.constraints_of(part, *carried)))
     touched = listed(tuple(session.touching(part, *carried)))
     why = "; ".join([f"constrained: {held}"] * bool(held) + [f"touches {touched}"] * bool(touched))
@@ -43,7 +43,7 @@ def free(session: Workplace, part: str, carried: Sequence[str] = ()) -> Verdict:
 
 
 def no_clash(session: Workplace) -> Verdict:
-    """Of no surfaces that intersect but mated ones and authorised pairs."""
+    """Check that no surfaces intersect, except mated surfaces and authorised pairs."""
     rows = session.clashes()
     found = ""
     if len(rows):
@@ -54,10 +54,10 @@ def no_clash(session: Workplace) -> Verdict:
 
 
 def at(session: Workplace, part: str, pose: pin.SE3 | ArrayLike, within: float, angle: float) -> Verdict:
-    """Of a part at a pose (or position), within metres and radians: its centre, and what shows of its rotation.
+    """Check the centre of a part (within m) and its rotation modulo symmetry (angle, rad) against a pose.
 
-    A position is where the origin of the part's frame is; rotation is not compared then. It is the place of the part as
-    it is turned now, or as it was turned when the session began.
+    A position (3,) is compared with the origin of the part's frame, for the part's present rotation and for its
+    rotation at the start of the session; rotation itself is not checked.
     """
     first, *rest = session.group(part)
     body = session.scene[first]
@@ -79,7 +79,7 @@ def _at(session: Workplace, body: Part, pose: pin.SE3 | ArrayLike, within: float
         far = min(far, float(np.linalg.norm(begun.act(centre) - here.act(centre))))
         return far <= within, f"{named} (its centre is {far * 1e3:.3f} mm off; rotation is not compared)"
     turned, way = float(np.linalg.norm(pin.log3(goal.rotation.T @ here.rotation))), ""
-    if turned > angle:  # else it need not be known
+    if turned > angle:  # computing the symmetry is expensive
         symmetry = symmetry_of(body.shape)
         turned = symmetry.angle(goal.rotation.T @ here.rotation)
         way = "" if symmetry.trivial else ", its symmetry left out"
@@ -88,7 +88,7 @@ def _at(session: Workplace, body: Part, pose: pin.SE3 | ArrayLike, within: float
 
 
 def _centre(part: Part) -> NDArray[np.float64]:
-    """(3,) m, part frame: centre of volume, of an open mesh that of its box."""
+    """Centre of volume (3,), part frame, m; for an open mesh the centre of its bounding box."""
     if part.shape.closed and part.shape.volume > 0.0:
         return np.asarray(part.shape.center)
     return middle(part.mesh)

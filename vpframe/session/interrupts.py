@@ -1,4 +1,4 @@
-"""Ctrl-C, so that it ends what is under way cleanly: between two steps of a session, at once elsewhere."""
+"""Handling of Ctrl-C: it ends a session between two steps, and other work at once."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from types import FrameType
 from typing import Protocol
 
 AGAIN = 0.02
-"""s until a Ctrl-C that came where it would be lost is tried again"""
+"""delay before a Ctrl-C that would be lost is sent again, s"""
 
 
 def at_once(signum: int, frame: FrameType | None) -> None:
-    """Handler: raise KeyboardInterrupt, a moment later where LLVM calls back, because there it would be swallowed."""
+    """Raise KeyboardInterrupt; where an LLVM callback would swallow it, send the signal again a little later."""
     here = frame
     while here is not None:
         if "llvmlite" in here.f_code.co_filename:
@@ -27,7 +27,7 @@ def at_once(signum: int, frame: FrameType | None) -> None:
 
 @contextlib.contextmanager
 def handled() -> Iterator[None]:
-    """Ctrl-C is `at_once` inside, unless somebody else handles or ignores it."""
+    """Install `at_once` for Ctrl-C inside the block, unless another handler is installed or the signal is ignored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -44,10 +44,10 @@ def handled() -> Iterator[None]:
 
 @contextlib.contextmanager
 def deferred() -> Iterator[None]:
-    """Ctrl-C inside is handled at the end."""
+    """Defer a Ctrl-C inside the block to its end."""
     ours = threading.current_thread() is threading.main_thread()
     before = signal.getsignal(signal.SIGINT) if ours else None
-    if before is None:  # not ours to handle
+    if before is None:  # another thread, or a handler set outside Python
         yield
         return
     came: list[tuple[int, FrameType | None]] = []
@@ -61,7 +61,7 @@ def deferred() -> Iterator[None]:
 
 
 class Interruptible(Protocol):
-    """A run of steps."""
+    """A run of steps that can be interrupted."""
 
     @property
     def compiling(self) -> bool: ...
@@ -70,8 +70,8 @@ class Interruptible(Protocol):
 
 @contextlib.contextmanager
 def between_steps(session: Interruptible) -> Iterator[None]:
-    """The first Ctrl-C ends the run between two steps, or at once while a kernel is compiled; a second one at once."""
-    if threading.current_thread() is not threading.main_thread():  # whoever runs it handles signals
+    """Let a first Ctrl-C end the run between two steps, or at once during compilation; a second one ends it at once."""
+    if threading.current_thread() is not threading.main_thread():  # signals can be handled in the main thread only
         yield
         return
     before = signal.getsignal(signal.SIGINT)

@@ -1,4 +1,4 @@
-"""`Observers`: viewers, recorders, the report and a script's listeners, and the events that they get."""
+"""`Observers`: passes events and frames to viewers, recorders, the report and a script's listeners."""
 
 from __future__ import annotations
 
@@ -16,38 +16,38 @@ from vpframe.session.state import Decision
 from vpframe.view.controls import Controls, Request
 
 FITTING = {"accept": ("candidate", "refused"), "refuse": ("candidate",), "remove": ("active",)}
-"""states of a constraint in which a person may ask for each"""
+"""states of a constraint for which each request of a viewer is valid"""
 
 
 class Observers:
-    """Observers and listeners of one session, and the events that they have heard of.
+    """Observers and listeners of one session, and the events passed to them.
 
-    An observer that fails is ended and taken out, and a note says so; the session goes on. `lost` says what it then
-    has not written. What was interrupted while they were told goes on with the next of them: nobody is told twice.
+    An observer that raises is ended and removed with a note in the events; the session continues. Calls that an
+    interrupt left over are made by the next `tell`; none is made twice.
 
     Parameters
     ----------
-    observers: in the order in which they are told.
-    now: the step and the time (s) that an event happens at.
+    observers: in the order in which they are called.
+    now: returns step and time (s) for new events.
     """
 
     def __init__(self, observers: Iterable[Observer], now: Callable[[], tuple[int, float]]) -> None:
         self.observers = list(observers)
         self.events: list[Event] = []
-        """all that has happened, in order"""
+        """all events, in order"""
         self.listeners: list[Callable[[Event], None]] = []
-        """called with every event once it has happened"""
+        """called with every event"""
         self.seconds = 0.0
-        """that they took for the last frame"""
+        """time that the observers took for the last frame, s"""
         self.lost: list[OutputError] = []
-        """files that could not be written to their end"""
+        """errors of outputs that could not be completed"""
         self._now = now
         self._news: list[Event] = []
         self._due: deque[Callable[[], None]] = deque()
-        self._heard: list[tuple[Controls, int]] = []
+        self._pending: list[tuple[Controls, int]] = []
 
     def record(self, event: NewEvent) -> None:
-        """Take in an event; listeners hear of it with `tell`, observers with the next frame."""
+        """Add an event; listeners receive it with `tell`, observers with the next frame."""
         assert event.kind in EVENT_KINDS, event.kind
         happened = Event(*self._now(), *event)  # type: ignore[arg-type]
         self.events.append(happened)
@@ -62,54 +62,54 @@ class Observers:
         text: str = "",
         data: Mapping[str, Any] = NewEvent._field_defaults["data"],
     ) -> None:
-        """Tell the listeners at once, and the observers with the next frame."""
+        """Add an event and call the listeners at once; observers receive it with the next frame."""
         self.record(NewEvent(kind, parts, surfaces, text, data))
         self.tell()
 
     def tell(self) -> None:
-        """Tell those who are to be told of anything yet. What a listener raises is raised here."""
+        """Make all queued calls to observers and listeners. Raises what a listener raises."""
         began = clock.perf_counter()
         while self._due:
             self._due.popleft()()
         self.seconds = clock.perf_counter() - began
 
     def news(self) -> tuple[Event, ...]:
-        """What has happened since the last frame."""
+        """Return the events since the last frame."""
         return tuple(self._news)
 
     def mark(self) -> tuple[int, list[Event], int]:
-        """What was heard so far, to `undo` what follows."""
+        """Return a mark of the current state; `undo(mark)` goes back to it."""
         return len(self.events), list(self._news), len(self._due)
 
     def undo(self, mark: tuple[int, list[Event], int]) -> None:
-        """Go back to a mark; nobody was told of what came after it."""
+        """Go back to a mark; the events and calls queued since are dropped."""
         count, self._news, due = mark
         del self.events[count:]
         while len(self._due) > due:
             self._due.pop()
-        self._heard = []
+        self._pending = []
 
     def begin(self, scene: Scene) -> None:
-        """Give every observer a copy of the scene, with the next `tell`."""
+        """Queue the call `begin` of every observer, with a copy of the scene."""
         self._due = deque([partial(self._try, observer, "begin", scene.copy()) for observer in self.observers])
 
     def show(self, frame: Frame) -> None:
-        """Show every observer a frame, which has the news, with the next `tell`."""
+        """Queue the call `frame` of every observer; the frame contains the events since the last one."""
         self._due.extend([partial(self._try, observer, "frame", frame) for observer in self.observers])
         self._news = []
 
     def end(self) -> None:
-        """Tell every observer that the session is over."""
+        """Call `end` of every observer."""
         self._due.extend([partial(self._try, observer, "end") for observer in self.observers])
         self.tell()
 
     def asked(self, constraints: Iterable[ConstraintView], decided: Container[int]) -> list[Decision]:
-        """What people at the viewers accepted, refused or removed, as far as it is still there.
+        """Return the valid accept, refuse and remove requests of people at viewers; they stay queued until `heard`.
 
-        decided: ids that the script has decided about; it goes first. It is asked again until `heard`.
+        decided: ids that the script decides in this step; the script takes precedence.
         """
         waiting = [(controls, controls.waiting()) for controls in self._controls()]
-        self._heard = [(controls, len(requests)) for controls, requests in waiting]
+        self._pending = [(controls, len(requests)) for controls, requests in waiting]
         if not any(requests for _, requests in waiting):
             return []
         state = {c.id: c.state for c in constraints if c.id not in decided}
@@ -121,13 +121,13 @@ class Observers:
         ]
 
     def heard(self) -> None:
-        """What `asked` returned last is done."""
-        for controls, count in self._heard:
+        """Drop the requests that the last `asked` returned: they were carried out."""
+        for controls, count in self._pending:
             controls.drop(count)
-        self._heard = []
+        self._pending = []
 
     def play(self) -> None:
-        """End every pause that a person at a viewer has asked for."""
+        """End every pause that a viewer requested."""
         for controls in self._controls():
             controls.put(Request("play"))
 
@@ -136,7 +136,7 @@ class Observers:
 
     def _try(self, observer: Observer, what: str, *given: Any) -> None:
         if observer not in self.observers:
-            return  # it failed before its turn came
+            return  # it failed earlier and was removed
         try:
             getattr(observer, what)(*given)
         except Exception as error:
@@ -153,7 +153,7 @@ class Observers:
 
 
 def viewers(viewer: str | Observer | None) -> list[Observer]:
-    """What a session's `viewer` means."""
+    """Return the observers that the argument `viewer` of a session names."""
     if viewer is None:
         return []
     if isinstance(viewer, str):
@@ -166,7 +166,7 @@ def viewers(viewer: str | Observer | None) -> list[Observer]:
 
 
 def recorders(record: str | os.PathLike[str] | Observer | None) -> list[Observer]:
-    """What a session's `record` means."""
+    """Return the observers that the argument `record` of a session names."""
     if record is None:
         return []
     if isinstance(record, str | os.PathLike):

@@ -1,4 +1,4 @@
-"""How fast a run goes, and where it stands in one line."""
+"""Speed of a run, and its status line."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from vpframe.app.progress import bar, duration
 from vpframe.hands.gripper import Gripper
 
 STEPS = 61
-"""beats over which the pace is taken"""
+"""number of time stamps over which the speed is averaged"""
 
 
 class Pace:
-    """Seconds of the clock that steps took lately."""
+    """Average computing time of the latest steps."""
 
     def __init__(self) -> None:
         self._beats: deque[float] = deque(maxlen=STEPS)
 
     def beat(self) -> None:
-        """A step is over, or the first begins."""
+        """Add a time stamp: a step has ended, or the first one begins."""
         self._beats.append(clock.monotonic())
 
     @property
     def seconds(self) -> float:
-        """That a step took lately; 0 before the first."""
-        beats = list(self._beats)  # another thread may add to them
+        """Average time of a step, s; 0 before the first step has ended."""
+        beats = list(self._beats)  # copied, because another thread may append
         return (beats[-1] - beats[0]) / (len(beats) - 1) if len(beats) > 1 else 0.0
 
 
 def catching_up(steps: int, left: int, pace: Pace) -> str:
-    """Where a run stands that goes over `left` more steps of an earlier one."""
+    """Return the status line of a run that replays `left` more steps of an earlier run."""
     fraction, ahead = steps / max(steps + left, 1), pace.seconds * left
-    return f"going over the steps of the earlier run  {bar(fraction, 0.0, ahead or None)}"
+    return f"replaying the steps of the earlier run  {bar(fraction, 0.0, ahead or None)}"
 
 
 def under_way(time: float, dt: float, hands: Iterable[Gripper], pace: Pace, ending: bool) -> str:
-    """Where a run stands: time, motions, and how long these will take at the pace so far."""
+    """Return the status line of a run: time, motions, and the remaining computing time of each."""
     parts = [f"{time:.2f} s of the task"]
     for hand in hands:
         segment = hand.segment

@@ -1,4 +1,4 @@
-"""`Readings`: quantities derived from a state, cached while it lasts: views, freedom, clearance, velocity, contacts."""
+"""`Readings`: quantities derived from a state and cached: views, freedom, clearance, velocity, contacts."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ class Readings:
         self._offered: dict[int, tuple[Candidate, ConstraintView]] = {}
 
     def near_pairs(self) -> NDArray[np.int32]:
-        """(k, 4) object, surface, object, surface that touch, of parts that were ever held; mated ones left out."""
+        """(k, 4) object, surface, object, surface in contact, for parts that were ever held, without mated surfaces."""
         rows = self.state.rows
-        near = np.flatnonzero(rows["distance"] <= 2.0 * self.state.tolerance.linear)  # motion stops at `linear`
+        near = np.flatnonzero(rows["distance"] <= 2.0 * self.state.tolerance.linear)  # `Motion` stops parts at `linear`
         return np.stack([rows[c][near] for c in COLUMNS], axis=1)
 
     def views(self) -> ViewsOfStep:
-        """All constraints in the user's terms: active by age, then candidates by score, then refused."""
+        """Views of all constraints: active by age, then candidates by score, then refused ones."""
         self.state.start()
         mates = self.state.mates
-        mates.state()  # from here on changes are made to copies of its records
+        mates.state()  # later changes are made to copies of these records
         given = mates.in_force, mates.candidates, mates.refused
         return ViewsOfStep(partial(self._views, *given, self.state.poses), given)
 
@@ -66,7 +66,7 @@ class Readings:
         return (*active, *(view for _, view in now.values()))
 
     def view(self, id: int, candidate: Candidate, state: str) -> ConstraintView:
-        """A candidate or constraint in the user's terms."""
+        """Return the view of a candidate or constraint."""
         names, poses = self.state.names, self.state.poses
         a, b = candidate.bodies
         match, residual = candidate.match, candidate.residual
@@ -91,9 +91,9 @@ class Readings:
         )
 
     def freedom(self, i: int, carried: Sequence[int] = (), to: Sequence[int] | None = None) -> tuple[int, str]:
-        """Degrees of freedom left to a part, and the lower pair's name; others stay, but what statements join to it.
+        """Return a part's degrees of freedom and its lower pair; parts joined by stated constraints move along.
 
-        carried: bodies that move with it as one. to: count only what joins them to these; None: to all others.
+        carried: objects that move rigidly with it. to: consider only constraints with these; None: with all others.
         """
         state = self.state
         if any(state.scene.parts[j].fixed for j in (i, *carried)):
@@ -106,7 +106,7 @@ class Readings:
         return self._freedom[key]
 
     def twists(self, i: int, carried: Sequence[int] = ()) -> NDArray[np.float64]:
-        """(6, k) orthonormal twists that are left to a part with what it carries, in the part's frame, linear first."""
+        """(6, k) orthonormal twists left to a part with the objects it carries, in the part's frame, linear first."""
         if any(self.state.scene.parts[j].fixed for j in (i, *carried)):
             return np.zeros((6, 0))
         return self._mobility(i, *self._constraining(i, carried, None)).twists
@@ -114,7 +114,7 @@ class Readings:
     def _constraining(
         self, i: int, carried: Sequence[int], to: Sequence[int] | None
     ) -> tuple[frozenset[int], Groups, dict[int, Candidate]]:
-        """What moves with a part, what it carries as one rigid body, and the constraints on them by id."""
+        """Return the objects that move with a part, the rigid group it carries, and the constraints on them by id."""
         state = self.state
         state.start()
         one = {i, *carried}
@@ -132,7 +132,7 @@ class Readings:
         return mobility(constraints, self.state.poses, others, self.state.tolerance).parts[i]
 
     def freedoms(self) -> tuple[dict[str, int], dict[str, str]]:
-        """Degrees of freedom and lower pairs of all parts that ever moved or were held, by name."""
+        """Degrees of freedom and lower pairs of all parts that have moved or been held, by name."""
         state = self.state
         key = tuple(state.mates.accepted), len(state.moved)
         if self._freedoms[0] != key:
@@ -142,7 +142,7 @@ class Readings:
         return self._freedoms[1]
 
     def pitch_of(self, i: int) -> float | None:
-        """m a turn, negative for a left-hand thread: from the script, else from a recognised thread."""
+        """Pitch, m a turn, negative for a left-hand thread: from the script, else from a recognised thread."""
         state = self.state
         if i in state.threads:
             return state.threads[i]
@@ -151,7 +151,7 @@ class Readings:
         return next((p for p in pitches if p is not None), None)
 
     def clearance(self, i: int, others: Sequence[int]) -> float:
-        """Least distance (m) of an object to some others; inf if there are none."""
+        """Least distance (m) from an object to others; inf if there are none."""
         self.state.start()
         low, high = self._box(i)
         boxes = [(j, *self._box(j)) for j in others]
@@ -164,9 +164,9 @@ class Readings:
         return best
 
     def velocity(self, i: int, dt: float) -> pin.Motion:
-        """Twist of a part's frame, world axes at its origin: m/s and rad/s; as forces have it, else over the last step.
+        """Twist of a part's frame, world axes at its origin, m/s and rad/s: from dynamics, else from the last step.
 
-        dt: s, of the last step.
+        dt: length of the last step, s.
         """
         state = self.state
         state.start()
@@ -179,7 +179,7 @@ class Readings:
         return pin.Motion((here.translation - before.translation) / dt, turn / dt)
 
     def contacts(self, i: int) -> tuple[ContactPoint, ...]:
-        """Where a part meets others, mated surfaces left out: with forces where it moves under them."""
+        """Contact points of a part with others, without mated surfaces; with forces if the part is dynamic."""
         state = self.state
         state.start()
         found = []
@@ -200,7 +200,7 @@ class Readings:
         return tuple(found)
 
     def _box(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """World box of an object: that of its own box's corners, so it is never too small."""
+        """World bounding box of an object's rotated local box: never too small."""
         if i not in self._corners:
             self._corners[i] = corners(self.state.collision.mesh(i))
         pose = self.state.poses[i]
@@ -208,7 +208,7 @@ class Readings:
         return placed.min(0), placed.max(0)
 
     def least_clearance(self) -> float | None:
-        """m: of what hands hold to all that no constraint joins it to; None if there is nothing."""
+        """Least distance from held objects to all objects not constrained to them, m; None if there are none."""
         state = self.state
         mates: dict[int, set[int]] = {}
         for entry in state.mates.accepted.values():
@@ -225,14 +225,14 @@ class Readings:
 
 
 def _fixed(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A copy that cannot be written to: observers get it."""
+    """Return a read-only copy, safe to pass to observers."""
     out = np.array(vector)
     out.setflags(write=False)
     return out
 
 
 def along(state: State, bodies: set[int] | frozenset[int] | dict[int, pin.SE3]) -> frozenset[int]:
-    """Bodies that move with some that do: what the script states takes along what it joins."""
+    """Return the given bodies and the bodies that stated constraints move along with them."""
     stated = state.mates.in_force.stated
     if not stated:
         return frozenset(bodies)

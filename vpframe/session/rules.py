@@ -1,7 +1,7 @@
-"""Who accepts a candidate constraint: rules, small functions from a candidate to a verdict.
+"""Rules that accept or refuse candidate constraints: functions from a candidate to a verdict.
 
-A rule sees the candidate as an observer does (kind, part names, surfaces, residual, why) and answers `"accept"`,
-`"refuse"`, or None to leave it on offer. Rules combine with `first_of`; the first that answers wins.
+A rule receives a candidate as observers do (kind, part names, surfaces, residual, why) and returns `"accept"`,
+`"refuse"`, or None to leave it on offer. `first_of` combines rules; the first verdict counts.
 
 ```python
 session = vp.Session(scene, rule=first_of(refuse_between("shaft", "bench"), accept_kinds("concentric", "against")))
@@ -21,42 +21,42 @@ Rule = Callable[[ConstraintView], Verdict]
 
 
 def accept_all(candidate: ConstraintView) -> Verdict:
-    """Accept whatever is recognised."""
+    """Accept every candidate."""
     return "accept"
 
 
 def leave_all(candidate: ConstraintView) -> Verdict:
-    """Decide nothing: the script accepts and refuses."""
+    """Return no verdict: the script accepts and refuses."""
     return None
 
 
 def accept_standing(candidate: ConstraintView) -> Verdict:
-    """Accept what the assembly has when the session begins; decide nothing of what comes about later."""
+    """Accept the constraints of the initial assembly; return no verdict on later candidates."""
     return "accept" if candidate.state == "standing" else None
 
 
 def accept_kinds(*kinds: str) -> Rule:
-    """Accept candidates of these kinds; say nothing of others."""
+    """Return a rule that accepts candidates of these kinds."""
     return lambda candidate: "accept" if candidate.kind in kinds else None
 
 
 def refuse_kinds(*kinds: str) -> Rule:
-    """Refuse candidates of these kinds; say nothing of others."""
+    """Return a rule that refuses candidates of these kinds."""
     return lambda candidate: "refuse" if candidate.kind in kinds else None
 
 
 def accept_between(a: str, b: str, *kinds: str) -> Rule:
-    """Accept candidates (of these kinds, if any are given) between two parts; say nothing of others."""
+    """Return a rule that accepts candidates between two parts, of these kinds if any are given."""
     return lambda c: "accept" if set(c.parts) == {a, b} and (not kinds or c.kind in kinds) else None
 
 
 def refuse_between(a: str, b: str, *kinds: str) -> Rule:
-    """Refuse candidates (of these kinds, if any are given) between two parts; say nothing of others."""
+    """Return a rule that refuses candidates between two parts, of these kinds if any are given."""
     return lambda c: "refuse" if set(c.parts) == {a, b} and (not kinds or c.kind in kinds) else None
 
 
 def first_of(*rules: Rule) -> Rule:
-    """The first rule that has an answer decides."""
+    """Return a rule that gives the first verdict of several rules."""
 
     def rule(candidate: ConstraintView) -> Verdict:
         return next((verdict for verdict in (r(candidate) for r in rules) if verdict), None)

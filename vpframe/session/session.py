@@ -1,6 +1,6 @@
-"""`Session`: a scene, hands, and the loop that joins collision, constraints and physics step by step.
+"""`Session`, the object that task scripts use: it connects a scene, hands and observers and advances them step by step.
 
-What changes is in `vpframe.session.state`, one step in `vpframe.session.step`; this file is what a script talks to.
+`vpframe.session.state` holds all data that changes; `vpframe.session.step` computes one step.
 """
 
 from __future__ import annotations
@@ -56,32 +56,34 @@ if TYPE_CHECKING:
 
 
 class SessionMark(NamedTuple):
-    """What `Session.mark` keeps."""
+    """Data kept by `Session.mark`."""
 
     state: Mark
     trails: tuple[int, int]
+    heard: tuple[int, list[Event], int]
+    observers: list[tuple[Any, Any]]
 
 
 class Session:
-    """One run of a task on a scene.
+    """One run of a task on a scene. Use it as a context manager, or call `close()` to end recording and viewer.
 
     Parameters
     ----------
-    scene: the parts; their poses are what the session moves.
+    scene: the parts; the session moves their poses.
     viewer: None, "meshcat", or any `Observer`.
-    record: None, a `.rrd` file to write (an `Output` to say what it may replace), or any `Observer`.
-    gravity: (3,) m/s², e.g. (0, 0, -9.81): acts on every part that `behave` gives mass, as long as it is free and has
-        no `Gravity` of its own. None: there is none.
-    rule: who accepts candidate constraints (see `vpframe.session.rules`); by default all are accepted.
-    dt: s, length of a step.
-    tolerance: what counts as touching, parallel, fitting.
-    clearance: whether to measure the least clearance of what moves at every step (observers show it).
-    access: whether a straight tool must get to what hands grab and turn: True, or a `Reach` of another size.
-    observers: more of them.
-    checkpoint: a file that keeps where the run is; `resume` goes on from it, `run` names what it depends on.
-    name: of the task, for the report; the model's by default.
-
-    Use it as a context manager, or call `close()`: that ends recording and view.
+    record: None, a `.rrd` file to write (an `Output` states which file it may replace), or any `Observer`.
+    gravity: (3,) m/s², e.g. (0, 0, -9.81): acts on every free part that has mass from `behave` and no `Gravity` of its
+        own. None: no gravity.
+    rule: accepts or refuses candidate constraints (see `vpframe.session.rules`); the default accepts all.
+    dt: length of a step, s.
+    tolerance: limits below which surfaces count as touching, parallel or fitting.
+    clearance: whether to measure the least clearance of moving parts at every step (observers show it).
+    access: whether a straight tool must reach the parts that hands grab and turn: True, or a `Reach` of another size.
+    observers: further observers.
+    checkpoint: file in which the progress of the run is saved.
+    resume: whether to continue the run saved in `checkpoint`.
+    run: inputs on which the checkpoint depends, by name; a checkpoint with other values is not resumed.
+    name: name of the task in the report; the default is the name of the model.
     """
 
     def __init__(
@@ -111,25 +113,25 @@ class Session:
         self.dt = float(dt)
         self.tolerance = tolerance or Tolerance()
         self.access = reach_of(access, "access")
-        """the tool that must get to what hands grab and turn; None: that is not asked"""
+        """tool that must reach the parts that hands grab and turn; None: no check"""
         self.rule = rule
         pull = vector((0.0, 0.0, 0.0) if gravity is None else gravity, "gravity")
         self.state = State(scene, self.tolerance, pull, self._judge, self._make_hand)
-        """all that changes: `save`, `restore`, `reset`"""
+        """all data that changes: `save`, `restore`, `reset`"""
         self._readings = Readings(self.state)
         self.state.on_change(self._forget)
         self.log = SessionLog()
-        """collects what the report shows"""
+        """observer that collects the data of the report"""
         everyone = [self.log, *viewers(viewer), *recorders(record), *observers]
         self._observers = Observers(everyone, lambda: (self.step_count, self.time))
         self.failure = ""
-        """why the task cannot be done; empty while nothing says so"""
+        """reason why the task failed; empty if it has not failed"""
         self.undecided = "the task has not ended"
-        """why the task is not decided; empty once it has ended, by itself or by a failure"""
+        """reason why the result of the task is unknown; empty once the task has ended or failed"""
         self.complete = False
         """whether the task ran to its end"""
         self._concluded = False
-        self._handled = sys.exc_info()[1]  # not of this session: it is opened while that error is dealt with
+        self._error_before = sys.exc_info()[1]  # an error handled by the caller, raised before this session was opened
         self._queues: dict[str, deque[Verb]] | None = None
         self._watch = Watch(self._standing, always=True)
         self._frame: Frame | None = None
@@ -150,16 +152,16 @@ class Session:
             self._journal = journal_of(checkpoint, scene, depends, resume)
         self._impose()
 
-    # ---- the loop
+    # ---- steps
 
     @property
     def step_count(self) -> int:
-        """How many steps there were."""
+        """Number of steps taken."""
         return self.state.step
 
     @property
     def time(self) -> float:
-        """s since the session began."""
+        """Time since the session began, s."""
         return self.step_count * self.dt
 
     @property
@@ -174,18 +176,18 @@ class Session:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """All that has happened, in order."""
+        """All events so far, in order."""
         return tuple(self._observers.events)
 
     @property
     def observers(self) -> list[Observer]:
-        """Who watches: the report's log, viewer and recorder, and those that were given; one that failed is gone."""
+        """The active observers: log of the report, viewer, recorder and others; observers that raised are removed."""
         return self._observers.observers
 
     def step(self) -> Frame:
-        """Advance the session by one step of `dt` seconds, and return its frame.
+        """Advance the session by one step of `dt` seconds and return its frame.
 
-        What fails or is interrupted changes nothing (see `vpframe.session.step`).
+        A step that fails or is interrupted changes nothing (see `vpframe.session.step`).
 
         Raises
         ------
@@ -205,7 +207,7 @@ class Session:
         return self._frame
 
     def show(self) -> Frame:
-        """Show observers the state as it stands, without a step: before the first one, or after it went back."""
+        """Show the present state to the observers without a step: before the first step, or after `undo`."""
         if self._closed:
             raise VpframeError("the session is closed; open a new one")
         with self._watch:
@@ -213,30 +215,37 @@ class Session:
             self._observers.tell()
             self.state.start()
             self._changes = standing(self.state, self._readings)
-            self._frame = None  # poses of all parts are new
+            self._frame = None  # a new frame gets the poses of all parts
             self._frame = self._frame_of(self._changes)
             self._observers.show(self._frame)
             self._observers.tell()
         return self._frame
 
     def mark(self) -> SessionMark:
-        """Where the session stands, to `undo` what follows; no part may be given mass meanwhile.
+        """Return a mark of the present state for `undo`; parts must not be given mass in between.
 
-        Raises VpframeError where a checkpoint is kept: its journal only goes on.
+        Raises VpframeError if the session keeps a checkpoint, because its journal cannot go back.
         """
         if self._journal is not None:
             raise VpframeError("a session that keeps a checkpoint cannot go back; open it without one")
         self._begin()
         self.state.start()
-        return SessionMark(self.state.mark(), self._trails.mark())
+        observers = [(observer, observer.mark()) for observer in self.observers if hasattr(observer, "mark")]
+        return SessionMark(self.state.mark(), self._trails.mark(), self._observers.mark(), observers)
 
     def undo(self, mark: SessionMark) -> None:
-        """Go back to a mark, to the bit; the events until now are kept, and observers see it with `show`."""
+        """Restore the state at a mark, bit for bit; later events are dropped, observers see it with `show`.
+
+        Viewers and the report forget what followed; recordings and listeners keep it.
+        """
         self.state.undo(mark.state)
         self._trails.undo(mark.trails)
+        self._observers.undo(mark.heard)
+        for observer, there in mark.observers:
+            observer.undo(there)
 
     def _advance(self) -> None:
-        """Go through one step and commit it; or, whatever happens meanwhile, be where it began, to the bit."""
+        """Compute and commit one step; on any error or interrupt restore the state before it, bit for bit."""
         mark = self._mark()
         committed = False
         try:
@@ -253,7 +262,7 @@ class Session:
             if not committed:
                 with deferred():
                     self._undo(mark)
-                    if isinstance(error, DecisionError):  # else no step could ever be made again
+                    if isinstance(error, DecisionError):  # if it stayed queued, every later step would fail too
                         kept = (d for d in self.state.decisions if d is not error.decision)
                         self.state.decisions = tuple(kept)
             raise
@@ -261,7 +270,7 @@ class Session:
         self._pace.beat()
 
     def _inputs(self) -> Inputs:
-        """What the hands ask for in the next step, and what the script has decided."""
+        """Collect the hand targets and the script's decisions for the next step."""
         room = None if self._changes is None else self._changes.clearance
         hands = self.state.hands.values()
         careful = any(hand.held is not None and hand.assist.slow_within > 0.0 for hand in hands)
@@ -275,7 +284,7 @@ class Session:
         return Inputs(targets, decisions, self.dt, self._shows_clearance or careful)
 
     def _commit(self, changes: Changes) -> None:
-        """Make a step part of what was: trails, events, frame."""
+        """Record the changes of a step in trails, events and frame."""
         self._changes = changes
         moved = [self._numbers[name] for name in changes.poses]
         self._trails.add(self.step_count, moved, self.state.collision.packed_poses()[moved])
@@ -300,12 +309,12 @@ class Session:
             self._journal.undo(journal)
 
     def run(self, seconds: float) -> None:
-        """Let `seconds` pass."""
+        """Advance the session by `seconds`."""
         for _ in range(max(round(seconds / self.dt), 0)):
             self.step()
 
     def run_until(self, condition: Condition, limit: float = 60.0) -> bool:
-        """Step until the condition holds, for at most `limit` seconds; whether it did."""
+        """Step until the condition holds, for at most `limit` seconds; return whether it holds."""
         for _ in range(round(limit / self.dt)):
             if condition(self):
                 return True
@@ -313,10 +322,8 @@ class Session:
         return condition(self)
 
     def interrupt(self) -> None:
-        """End the run at the next step, with `KeyboardInterrupt` raised from it. Safe in a signal handler.
-
-        A person's pause ends too.
-        """
+        """End the run at the next step, which raises `KeyboardInterrupt`; also ends a viewer's pause. Safe in signal
+        handlers."""
         self._stop = True
         self._observers.play()
 
@@ -326,7 +333,7 @@ class Session:
         return self._watch.compiling
 
     def perform(self, hand: Hand, verb: Verb) -> Outcome:
-        """Run a verb to its end (inside `together`: queue it, and say so in the outcome)."""
+        """Run a verb to its end and return its outcome; inside `together`, only queue it."""
         if self._queues is not None:
             self._queues.setdefault(hand.name, deque()).append(verb)
             return Outcome(True, "queued until the end of `together`", self.time)
@@ -335,7 +342,7 @@ class Session:
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Verbs of different hands inside it run at the same time; those of one hand still one after another."""
+        """Run the verbs of different hands in this block at the same time; the verbs of one hand still run in order."""
         if self._queues is not None:
             raise TaskError("session.together() inside another; close the first before")
         self._queues = {}
@@ -350,7 +357,7 @@ class Session:
         if self._begun:
             return
         self._pace.beat()
-        self._trails.undo((0, 0))  # this may have been interrupted before
+        self._trails.undo((0, 0))  # an interrupted start may have added rows already
         self._trails.add(0, range(len(self.scene)), Poses.of({part.name: part.pose for part in self.scene.parts}).rows)
         self._observers.begin(self.scene)
         self._begun = True
@@ -379,7 +386,7 @@ class Session:
         )
 
     def _judge(self, candidate: Candidate) -> bool | None:
-        """The rule's word on mates that a hand makes or that the assembly has; what fell into place is offered."""
+        """Return the rule's verdict on a candidate of a held part or of the initial assembly; None for all others."""
         if self.state.started and self.state.held.isdisjoint(candidate.bodies):
             return None
         state = "candidate" if self.state.started else "standing"
@@ -391,10 +398,10 @@ class Session:
     def hand(
         self, name: str = "hand", at: pin.SE3 | ArrayLike | None = None, reach: Reach | bool | None = None
     ) -> Hand:
-        """The hand of that name; at first use it is made, at a world pose or position (over the scene by default).
+        """Return the hand of that name; create it at first use, at a world pose or position (default: above the scene).
 
-        reach: the tool or finger that must get to whatever it grabs or turns (`vp.Reach`; True: the default one; False:
-        none). If not given, what the session's `access` says.
+        reach: tool or finger that must reach the parts this hand grabs or turns (`vp.Reach`; True: default size; False:
+        none). The default is the session's `access`.
         """
         hands = self.state.hands
         if name not in hands:
@@ -414,12 +421,12 @@ class Session:
         return hand
 
     def holder(self, part: str) -> Gripper | None:
-        """The hand that holds (or carries) a part, or one of a subassembly."""
+        """Return the hand that holds or carries a part, or any part of a subassembly; None if there is none."""
         group = set(self.group(part))
         return next((h for h in self.state.hands.values() if not group.isdisjoint((h.held, *h.carried))), None)
 
     def note_grab(self, hand: Hand, named: str = "") -> None:
-        """Called by a hand that has closed on a part, or on a subassembly of that name."""
+        """Record the event "grabbed"; a hand calls this after it closed on a part, or on a subassembly of that name."""
         assert hand.held is not None
         by = f" by surfaces {', '.join(map(str, hand.surfaces))}"
         text = f"{hand.name} holds {hand.holding(named, by)}"
@@ -427,20 +434,20 @@ class Session:
         self._observers.happened("grabbed", (hand.held,), (hand.surfaces,), text, data)
 
     def note_release(self, hand: Hand) -> None:
-        """Called by a hand about to open."""
+        """Record the event "released"; a hand calls this before it opens."""
         assert hand.held is not None
         self._observers.happened("released", (hand.held,), (), f"{hand.name} lets go of {hand.held}", {})
 
-    # ---- what is so
+    # ---- queries
 
     @property
     def constraints(self) -> tuple[ConstraintView, ...]:
-        """Active constraints, as of the last step."""
+        """Active constraints after the last step."""
         return self._constraints("active")
 
     @property
     def candidates(self) -> tuple[ConstraintView, ...]:
-        """Candidates on offer as of the last step, best first."""
+        """Candidate constraints on offer after the last step, highest score first."""
         return self._constraints("candidate")
 
     def _constraints(self, state: str) -> tuple[ConstraintView, ...]:
@@ -448,11 +455,11 @@ class Session:
         return tuple(c for c in known if c.state == state)
 
     def group(self, *names: str) -> tuple[str, ...]:
-        """The parts that names are of, each once: a part, or all of a subassembly (see `scene.subassembly`).
+        """Return the parts with these names, each once: a part, or all of a subassembly (see `scene.subassembly`).
 
         Raises
         ------
-        UnknownPartError: with near matches. TaskError: more than one thing has that name.
+        UnknownPartError: with near matches. TaskError: a name is ambiguous.
         """
         known = self._numbers
         return tuple(dict.fromkeys(p for n in names for p in ((n,) if n in known else parts_named(tuple(known), n))))
@@ -461,12 +468,12 @@ class Session:
         return [self._numbers[name] for name in self.group(*names)]
 
     def constraints_of(self, part: str, *carried: str) -> tuple[ConstraintView, ...]:
-        """Active constraints on a part; of a subassembly, or with what it carries, those that join it to others."""
+        """Return the active constraints that join a part or subassembly, with the parts it carries, to other parts."""
         group = set(self.group(part, *carried))
         return tuple(c for c in self.constraints if (c.parts[0] in group) != (c.parts[1] in group))
 
     def touching(self, part: str, *carried: str) -> dict[str, tuple[int, ...]]:
-        """What a part or subassembly, with what it carries, touches: by part name, the surfaces of that part.
+        """Surfaces, by part name, that a part or subassembly, with the parts it carries, touches.
 
         Mated surfaces are left out.
         """
@@ -480,15 +487,15 @@ class Session:
         return {name: tuple(sorted(surfaces)) for name, surfaces in sorted(found.items())}
 
     def freedom(self, part: str, to: str | None = None, carried: str | Sequence[str] = ()) -> int:
-        """Degrees of freedom that the active constraints leave a part or subassembly (0 when it is fixed).
+        """Degrees of freedom that the active constraints leave a part or subassembly (0 if it is fixed).
 
-        All other parts stay. to: only what joins it to that part or subassembly counts. carried: parts that move with
-        it as one, such as the nut on a bolt.
+        All other parts count as fixed. to: consider only constraints with this part or subassembly. carried: parts that
+        move rigidly with it, such as the nut on a bolt.
         """
         return self._freedom(part, to, carried)[0]
 
     def joint(self, part: str, to: str | None = None, carried: str | Sequence[str] = ()) -> str:
-        """The lower pair that `freedom` of the same counts, by name ("free", "cylindrical", "revolute", …)."""
+        """Name of the lower pair for the same arguments as `freedom` ("free", "cylindrical", "revolute", …)."""
         return self._freedom(part, to, carried)[1]
 
     def _freedom(self, part: str, to: str | None, carried: str | Sequence[str]) -> tuple[int, str]:
@@ -497,19 +504,19 @@ class Session:
         if other is not None and not {first, *rest}.isdisjoint(other):
             raise TaskError(f"freedom({part!r}, to={to!r}): a part is on both sides; name another to measure to")
         if other is not None and all(self.scene.parts[i].fixed for i in (first, *rest)):
-            first, rest, other = other[0], other[1:], [first, *rest]  # freedom between two is the same seen from either
+            first, rest, other = other[0], other[1:], [first, *rest]  # mobility between two parts is symmetric
         return self._readings.freedom(first, rest, other)
 
     def twists(self, part: str, carried: str | Sequence[str] = ()) -> NDArray[np.float64]:
         """(6, k) orthonormal twists that the constraints leave a part or subassembly, linear first (1 and 1/m), in the
-        frame of its first part; `carried` as of `freedom`. Solid bodies are not considered."""
+        frame of its first part; `carried` as in `freedom`. Collisions are ignored."""
         first, *rest = self._indices(part, *((carried,) if isinstance(carried, str) else carried))
         return self._readings.twists(first, rest)
 
     def clearance(self, part: str, other: str | None = None) -> float:
-        """Least distance (m) of a part or subassembly to another, or to all it is not constrained to; inf if none.
+        """Least distance (m) from a part or subassembly to another, or to all parts not constrained to it; inf if none.
 
-        What a hand holds together with it does not count as another.
+        Parts held by the same hand are left out.
         """
         own = self._indices(part)
         if other is not None:
@@ -525,17 +532,17 @@ class Session:
             return min(self._readings.clearance(i, to) for i in own)
 
     def velocity(self, part: str) -> pin.Motion:
-        """Twist of a part's frame (of a subassembly its first part's) in world axes, m/s at its origin and rad/s."""
+        """Twist of a part's frame (of a subassembly its first part's), world axes: m/s at its origin, and rad/s."""
         return self._readings.velocity(self._indices(part)[0], self.dt)
 
     def contacts(self, part: str) -> tuple[ContactPoint, ...]:
-        """Where a part or subassembly meets others, mated surfaces left out; with the force where forces move it."""
+        """Contact points of a part or subassembly, without mated surfaces; with forces if the part is dynamic."""
         own = self.group(part)
         found = [c for name in own for c in self._readings.contacts(self._numbers[name])]
         return tuple(c for c in found if c.other not in own)
 
     def clashes(self) -> NDArray[np.int32]:
-        """(k, 4) object, surface, object, surface that intersect now, mated surfaces and authorised pairs left out."""
+        """(k, 4) object, surface, object, surface that intersect now, without mated and authorised pairs."""
         return self.state.colliding if self._changes is None else self._changes.colliding
 
     def _touching(self) -> NDArray[np.int32]:
@@ -544,11 +551,11 @@ class Session:
         return self._readings.near_pairs() if self.state.started else np.zeros((0, 4), np.int32)
 
     def _forget(self) -> None:
-        """Drop the changes of the last step: the state has gone back."""
+        """Drop the cached changes of the last step, because the state went back."""
         self._changes = None
 
     def half_size(self, part: str) -> float:
-        """Half the diagonal of a part's bounding box, of a subassembly the largest of its parts', m."""
+        """Half the diagonal of a part's bounding box, m; of a subassembly, the largest value of its parts."""
         if part not in self.scene:
             return max(self.half_size(name) for name in self.group(part))
         if part not in self._sizes:
@@ -557,30 +564,30 @@ class Session:
 
     @property
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(3,) lower and upper corner of the box about all parts when a script first moved one, m."""
+        """Lower and upper corner (3,), m, of the bounding box of all parts, kept from the first use on."""
         if self._bounds is None:
             self._bounds = bounds(self.scene)
         return self._bounds
 
     def pitch_of(self, part: str) -> float | None:
-        """m a turn, of the thread that holds a part, negative for a left-hand one: from `thread`, else from a screw
-        constraint; None if neither tells."""
+        """Pitch of the thread on a part, m a turn, negative for a left-hand thread: from `thread`, else from a screw
+        constraint; None if unknown."""
         return next(filter(None, map(self._readings.pitch_of, self._indices(part))), None)
 
     def trail(self, part: str) -> tuple[tuple[int, pin.SE3], ...]:
-        """(step, pose) whenever the part (of a subassembly its first part) moved, from step 0 on."""
+        """(step, pose) of each step in which the part (first part of a subassembly) moved, from step 0 on."""
         self._begin()
         return self._trails.of(self._indices(part)[0])
 
-    # ---- what the script decides
+    # ---- decisions of the script
 
     def accept(
         self, candidate: ConstraintView | int, break_distance: float | None = None, break_force: float | None = None
     ) -> None:
-        """Accept a candidate, or that of an id, from the next step on.
+        """Accept a candidate, or the candidate with an id, from the next step on.
 
-        break_distance: m; a pull farther than this ends it, `Tolerance.break_distance` if not given.
-        break_force: N; a spring (`hand.spring`) that pulls harder ends it; other hands have no measure of force.
+        break_distance: m; a pull beyond this distance removes the constraint, default `Tolerance.break_distance`.
+        break_force: N; a spring (`hand.spring`) that pulls harder removes it; hands without a spring measure no force.
         """
         self._decide(Decision("accept", _id(candidate), limits("accept", break_distance, break_force)))
 
@@ -588,11 +595,11 @@ class Session:
         self.state.decisions = (*self.state.decisions, decision)
 
     def refuse(self, candidate: ConstraintView | int) -> None:
-        """Refuse a candidate, or that of an id; it is not offered again until the parts have parted."""
+        """Refuse a candidate, or the candidate with an id; it is not offered again until the parts have separated."""
         self._decide(Decision("refuse", _id(candidate)))
 
     def remove(self, constraint: ConstraintView | int) -> None:
-        """Drop an active constraint, or that of an id."""
+        """Remove an active constraint, or the constraint with an id."""
         self._decide(Decision("remove", _id(constraint)))
 
     def constrain(
@@ -605,15 +612,15 @@ class Session:
         break_force: float | None = None,
         **parameters: Any,
     ) -> ConstraintView:
-        """State a constraint that contact does not tell (see `vpframe.session.statements`), from the next step on.
+        """Add a constraint that contact does not imply (see `vpframe.session.statements`), from the next step on.
 
         kind: "gear", "belt", "rack-and-pinion", "screw", "angle", "distance", "parallel", "fixed", or any other of
-        `docs/constraints.md`. a, b: a part, or (part, surface). parameters: of the kind, e.g. `teeth=(20, 41)`.
-        break_distance, break_force: as of `accept`; if not given, no pull ends it.
+            `docs/constraints.md`. a, b: a part, or (part, surface). parameters: of the kind, e.g. `teeth=(20, 41)`.
+        break_distance, break_force: as in `accept`; by default no pull removes the constraint.
 
         Raises
         ------
-        ContradictionError: it cannot hold with those in force, and by how much. UnknownPartError, TaskError: bad words.
+        ContradictionError: it contradicts the constraints in force. UnknownPartError, TaskError: invalid arguments.
         """
         bears = limits("constrain", break_distance, break_force)
         try:
@@ -626,13 +633,13 @@ class Session:
         return view
 
     def _impose(self) -> None:
-        """Put the constraints that the model itself states in force from the next step on."""
+        """Put the constraints of the model file in force from the next step on."""
         for s in self.scene.statements:
             if not all(self.scene[name].fixed for name in s.parts):
                 self.constrain(s.kind, s.a, s.b, **s.parameters)
 
     def thread(self, part: str, pitch: float) -> None:
-        """Say that a part is threaded with that pitch (m a turn): positive for a right-hand thread, else negative."""
+        """Declare the pitch of a part's thread, m a turn: positive for a right-hand thread, negative for left-hand."""
         if not np.isfinite(pitch) or pitch == 0.0:
             raise TaskError(f"thread({part!r}, {pitch!r}): the pitch is metres a turn, negative for a left-hand thread")
         size = 2.0 * self.half_size(part)
@@ -640,7 +647,7 @@ class Session:
         self.state.threads = {**self.state.threads, self._one(part, "thread"): float(pitch)}
 
     def _one(self, part: str, what: str) -> int:
-        """Id of one part, where a subassembly will not do."""
+        """Return the index of a part; TaskError for a subassembly of several parts."""
         group = self.group(part)
         if len(group) > 1:
             raise TaskError(f"{what}({part!r}): that is {len(group)} parts, {listed(group)}; name one of them")
@@ -648,11 +655,11 @@ class Session:
 
     @property
     def threads(self) -> dict[str, float]:
-        """Pitches (m a turn, negative for left-hand threads) that the script told, by part."""
+        """Pitches set with `thread` (m a turn, negative for left-hand threads), by part."""
         return {self.scene.names[i]: pitch for i, pitch in self.state.threads.items()}
 
     def authorise(self, a: str, b: str) -> None:
-        """Let two parts or subassemblies overlap (a press fit, a seal): they neither clash nor block each other."""
+        """Let two parts or subassemblies overlap (press fit, seal): they neither clash nor block each other."""
         pairs = [(i, j) for i in self._indices(a) for j in self._indices(b)]
         if any(i == j for i, j in pairs):
             raise TaskError(f"authorise({a!r}, {b!r}): a part is on both sides; name two different ones")
@@ -671,13 +678,13 @@ class Session:
         material: str | float | Material | None = None,
         mass: float | None = None,
     ) -> None:
-        """Give a part (each of a subassembly) mass, so that forces move it whenever no hand holds it: it stands on,
-        bounces off and slides along the other parts.
+        """Give a part (each part of a subassembly) mass: forces move it whenever no hand holds it, with contact and
+        friction.
 
-        behaviours: forces (`vp.Drag()`, `vp.Gravity()` where the session has none, …) and how it meets others
-        (`vp.Friction(0.3)`, `vp.Elastic(0.6)`), which come before those of the material.
-        material: a `vp.Material` or a name from `vp.MATERIALS` (density, friction, restitution), or kg/m³; without a
-        density the part's own counts, else that of steel. mass: kg.
+        behaviours: forces (`vp.Drag()`, `vp.Gravity()` where the session has none, …) and contact laws
+        (`vp.Friction(0.3)`, `vp.Elastic(0.6)`), which override the laws of the material.
+        material: a `vp.Material`, a name from `vp.MATERIALS` (density, friction, restitution), or a density in kg/m³;
+        without a density the part's own is used, else that of steel. mass: kg.
         """
         group = self.group(part)
         if len(group) > 1 and mass is not None:
@@ -695,14 +702,14 @@ class Session:
                 self.note(note)
 
     def reset(self) -> None:
-        """Go back to where the session began (see `State.reset`); what was seen and told until then is kept."""
+        """Return to the start of the session (see `State.reset`); events, recording and log are kept."""
         self.state.reset()
         self._impose()
 
-    # ---- what the task expects
+    # ---- expectations
 
     def expect(self, condition: Condition | bool, reason: str = "") -> None:
-        """Fail the task unless the condition holds: TaskError, and if the script goes on it has failed all the same."""
+        """Raise TaskError unless the condition holds; the task then fails even if the script catches the error."""
         holds = condition(self) if isinstance(condition, Condition) else bool(condition)
         text = reason or str(condition)
         self._observers.happened("expectation", (), (), f"{'holds' if holds else 'FAILS'}: {text}", {"holds": holds})
@@ -715,45 +722,45 @@ class Session:
         self.expect(*expectations.constraint(self, kind, a, b))
 
     def expect_freedom(self, part: str, n: int, to: str | None = None, carried: str | Sequence[str] = ()) -> None:
-        """Expect that a part or subassembly has `n` degrees of freedom left; `to` and `carried` as of `freedom`."""
+        """Expect `n` degrees of freedom for a part or subassembly; `to` and `carried` as in `freedom`."""
         self.expect(*expectations.freedom(self, part, n, to, (carried,) if isinstance(carried, str) else carried))
 
     def expect_free(self, part: str, carried: str | Sequence[str] = ()) -> None:
-        """Expect that a part or subassembly, with what it carries, is held by no constraint and touches nothing."""
+        """Expect that a part or subassembly, with the parts it carries, is joined to no part and touches none."""
         self.expect(*expectations.free(self, part, (carried,) if isinstance(carried, str) else carried))
 
     def expect_no_clash(self) -> None:
-        """Expect that no surfaces intersect but mated ones and authorised pairs."""
+        """Expect that no surfaces intersect, except mated surfaces and authorised pairs."""
         self.expect(*expectations.no_clash(self))
 
     def expect_at(self, part: str, pose: pin.SE3 | ArrayLike, within: float = 1e-3, angle: float = 0.02) -> None:
-        """Expect a part at a pose: its centre within metres, its rotation within radians as far as it can be seen (a
-        shaft may be turned about its axis, a hexagonal nut by 60°). Of a position (3,), as `move_to` takes it, rotation
-        is not compared. The pose of a subassembly is its first part's, and its others must stand to that as they did
-        when the session began.
+        """Expect a part at a pose: its centre within `within` m, its rotation within `angle` rad, modulo its symmetry
+        (a shaft may be turned about its axis, a hexagonal nut by 60°). With a position (3,), rotation is not compared.
+
+        For a subassembly, `pose` is that of its first part; the others must keep their initial poses relative to it.
         """
         self.expect(*expectations.at(self, part, pose, within, angle))
 
-    # ---- what is told
+    # ---- events, log and report
 
     def on_event(self, listener: Callable[[Event], None]) -> None:
         """Call `listener` with every event as it happens."""
         self._observers.listeners.append(listener)
 
     def note(self, text: str) -> None:
-        """Put a line of the script's own into events, recording and report."""
+        """Add a line of text to events, recording and report."""
         self._observers.happened("note", (), (), text, {})
 
     def fail(self, reason: str) -> None:
-        """Mark the task as failed; the report says why."""
+        """Mark the task as failed, with the reason for the report."""
         self.failure = reason
         self._last_note(f"failed: {reason}")
 
     def conclude(self, error: BaseException | None = None, script: Path | None = None) -> None:
-        """Say that the task has ended: by itself, or by an error. `with` and `close()` do so by themselves.
+        """Record the end of the task, with the error that ended it, if any. `with` and `close()` call this.
 
-        A `TaskError` fails the task. Any other error (of the `script`, or Ctrl-C) leaves it undecided, and so does a
-        session that nobody said this of: its report says no "can be done".
+        A `TaskError` fails the task. Any other error (of the `script`, or Ctrl-C) leaves the task undecided, as does a
+        session that was never concluded; its report does not state "can be done".
         """
         if error is None and self._concluded:
             return
@@ -776,13 +783,13 @@ class Session:
             self.note(text)
 
     def sweep(self, part: str) -> None:
-        """Ask for the volume that a part (each of a subassembly) sweeps: the report shows it, and what it meets."""
+        """Request the swept volume of a part (each part of a subassembly) and its collisions for the report."""
         self._swept += [name for name in self.group(part) if name not in self._swept]
 
     def swept(self, part: str, resolution: float | None = None) -> SweptVolume:
-        """The volume that a part has swept so far, and the parts that it collides with (see `vpframe.analysis.swept`).
+        """Return the volume that a part has swept so far and the parts it collides with (see `vpframe.analysis.swept`).
 
-        Parts that a constraint joined it to at any time, and those authorised to overlap it, are not checked.
+        Parts that a constraint ever joined to it and parts authorised to overlap it are not checked.
         """
         from vpframe.analysis.swept import swept_volume
 
@@ -793,10 +800,10 @@ class Session:
         return swept_volume(self.scene[part], [pose for _, pose in self.trail(part)], rest, resolution)
 
     def report(self, directory: str | os.PathLike[str]) -> Path:
-        """Write the report folder (`index.html`, `report.json`, `clashes.csv`), or the `OutputFolder` of one; its path,
-        which a notebook shows as the report.
+        """Write the report folder (`index.html`, `report.json`, `clashes.csv`) and return its path; notebooks display
+        it.
 
-        Raises OutputError where a file of such a name is none that an earlier report left.
+        Raises OutputError if a file to be replaced was not written by an earlier report.
         """
         from vpframe.report import write
         from vpframe.view.notebook import ReportFolder
@@ -815,23 +822,23 @@ class Session:
         return ReportFolder(folder)
 
     def _repr_html_(self) -> str:
-        """The session as a notebook shows it: what happened until now, to be played back."""
+        """Return the HTML with which a notebook plays back the session so far."""
         from vpframe.view.notebook import shown
 
         return shown(self.scene, self.log.history, self.log.start)
 
     def close(self) -> None:
-        """End view and recording. Called once or more; nothing moves afterwards. It ends the task, if nothing did.
+        """End viewer, recording and task; further calls do nothing.
 
-        Raises OutputError when the recording, or what another observer wrote, could not be written to its end.
+        Raises OutputError if the recording or another observer's output could not be completed.
         """
         if self._closed:
             return
         if not self._concluded:
-            error = sys.exc_info()[1]  # in a `finally`, what ended the task
-            self.conclude(None if error is self._handled else error)
+            error = sys.exc_info()[1]  # inside `finally`: the error that ended the task
+            self.conclude(None if error is self._error_before else error)
         news = self._observers.news()
-        if news and self._frame is not None:  # what happened after the last step
+        if news and self._frame is not None:  # events after the last step
             self._observers.show(replace(self._frame, events=news))
             self._observers.tell()
         self.state.leave()
@@ -840,7 +847,7 @@ class Session:
         if self._begun:
             self._observers.end()
         else:
-            self._observers.observers.clear()  # what they claimed is free again
+            self._observers.observers.clear()  # releases the output files they claimed
         if self._journal is not None:
             self._journal.close()
         if self._observers.lost:
@@ -854,7 +861,7 @@ class Session:
         try:
             self.close()
         except OutputError:
-            if error is None:  # what went wrong before matters more; a note in the events says this
+            if error is None:  # do not hide the earlier error; this error is also noted in the events
                 raise
 
     def _standing(self) -> str:

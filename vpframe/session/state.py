@@ -1,12 +1,12 @@
-"""`State`: all that changes while a session runs, in one place.
+"""`State`: all data that changes while a session runs.
 
-A `Scene` is the model and stays as it is. What changes is here: the poses (the collision manager's, the only ones
-there are, with a version each), constraints in force, offered and refused, velocities and sleep, contacts, what hands
-hold, the script's decisions that wait for the next step, the time. Three ways back:
+A `Scene` is the model and never changes. The state holds the poses (in the collision manager, with a version each),
+constraints in force, offered and refused, velocities and sleep, contacts, grips of hands, the script's decisions for
+the next step, and the time. Three ways to restore it:
 
-    mark = state.mark();  state.undo(mark)      within a process, in microseconds: a step that fails is undone
-    data = state.save();  state.restore(data)   bytes, also in another process: the same future to the bit
-    state.reset()                               to where the session began
+    mark = state.mark();  state.undo(mark)      within a process, in microseconds: undoes a failed step
+    data = state.save();  state.restore(data)   bytes, also for another process: continues bit for bit
+    state.reset()                               start of the session
 """
 
 from __future__ import annotations
@@ -41,35 +41,35 @@ from vpframe.session.events import ConstraintView, NewEvent
 NO_PAIRS = np.zeros((0, 4), np.int32)
 COLUMNS = ("object_a", "surface_a", "object_b", "surface_b")
 Judge = Callable[[Candidate], bool | None]
-"""who accepts (True) or refuses (False) a candidate; None leaves it on offer"""
+"""rule for a candidate: True accepts, False refuses, None leaves it on offer"""
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What a script decides about a candidate or constraint: "accept", "refuse", "remove" or "impose"."""
+    """A decision about a candidate or constraint: "accept", "refuse", "remove" or "impose"."""
 
     verb: str
     id: int
     limits: tuple[tuple[str, float], ...] = ()
-    """of what is accepted: "break_distance" (m), "break_force" (N)"""
+    """limits of an accepted constraint: "break_distance" (m), "break_force" (N)"""
     stated: Candidate | None = None
-    """of the verb "impose": what the script states"""
+    """for "impose": the stated constraint"""
 
 
 @dataclass(frozen=True, eq=False)
 class Changes:
-    """What a step changed, by value; poses of parts that moved only."""
+    """Result of a step, by value; `poses` contains only parts that moved."""
 
     poses: Mapping[str, pin.SE3]
     colliding: NDArray[np.int32]
     touching: NDArray[np.int32]
-    """(k, 4) object, surface, object, surface that touch, of parts that were ever held; mated surfaces left out"""
+    """(k, 4) object, surface, object, surface in contact, for parts that were ever held, without mated surfaces"""
     constraints: Sequence[ConstraintView]
     freedom: Mapping[str, int]
     joint: Mapping[str, str]
     clearance: float | None
     blocked: Mapping[str, str]
-    """held parts that solid bodies kept from following, and what stood in the way"""
+    """held parts stopped by solid bodies, each with a text that names the obstacles"""
     events: tuple[NewEvent, ...]
     mates: Mapping[str, Any] | None = None
     """state of the constraint manager, if it changed"""
@@ -102,15 +102,15 @@ CODEC = Codec(
         NewEvent: Packing(tuple, _new_event),
     },
 )
-"""What steps and states are made of."""
+"""encoding of steps and states"""
 
 
 class StateError(VpframeError):
-    """A saved state that is damaged, or of another scene."""
+    """A saved state is damaged or belongs to another scene."""
 
 
 class Mark(NamedTuple):
-    """What `State.mark` keeps: references and small copies."""
+    """Data kept by `State.mark`: references and small copies."""
 
     own: tuple[Any, ...]
     hands: list[tuple[str, Gripper, tuple[Any, ...]]]
@@ -121,16 +121,16 @@ class Mark(NamedTuple):
 
 
 class State:
-    """All that changes in a session on a scene.
+    """All data of a session that changes.
 
-    Managers come into being with `start`; until then a session costs nothing but its scene. Values below are replaced,
-    never changed in place: a mark refers to them.
+    `start` creates the managers; before it a session costs nothing but its scene. The values below are replaced, never
+    changed in place, because marks refer to them.
 
     Parameters
     ----------
-    gravity: (3,) m/s², on parts that are given mass.
-    judge: is asked about each new candidate.
-    make_hand: makes a hand, by name and world pose, and puts it into `hands`.
+    gravity: (3,) m/s², on parts with mass.
+    judge: rule called for each new candidate.
+    make_hand: creates a hand of a name and world pose in `hands`.
     """
 
     _OWN = (
@@ -152,16 +152,16 @@ class State:
         self.tolerance = tolerance
         self.started = False
         self.dynamics: Dynamics | None = None
-        """None until a part is given mass"""
+        """None until a part gets mass"""
         self.hands: dict[str, Gripper] = {}
         self.threads: Mapping[int, float] = {}
-        """pitch (m a turn, negative for left-hand threads) that the script told of parts, by object"""
+        """pitch declared by the script, m a turn, negative for left-hand threads, by object"""
         self.authorised: tuple[tuple[int, int], ...] = ()
         """pairs of objects that may overlap"""
         self.decisions: tuple[Decision, ...] = ()
-        """of the script, for the next step"""
+        """the script's decisions for the next step"""
         self.arms: dict[int, tuple[Groups, float]] = {}
-        """m: how far from a part's origin it and what it carries in these groups reach, twice; once it was asked for"""
+        """cache by object: its carried groups, and a bound (m) on the distance of their points from its origin"""
         self._gravity = gravity
         self._judge = judge
         self._make_hand = make_hand
@@ -172,39 +172,39 @@ class State:
 
     def _begin(self) -> None:
         self.recognised: tuple[Tolerance, NDArray[Any], tuple[pin.SE3, ...]] | None = None
-        """what the constraints were last brought up to date with, if no hand pulled"""
+        """inputs of the last recognition without hand motion and forces; None if it must run again"""
         self.step = 0
-        """how many steps there were"""
+        """number of steps taken"""
         self.held: frozenset[int] = frozenset()
-        """parts that a hand holds or carries"""
+        """objects that a hand holds or carries"""
         self.moved: frozenset[int] = frozenset()
-        """parts that ever moved or were held"""
+        """objects that have ever moved or been held"""
         self.blocked: Mapping[str, str] = {}
-        """held parts that solid bodies keep from following, and what stands in the way"""
+        """held parts stopped by solid bodies, each with a text that names the obstacles"""
         self.rows: NDArray[Any] = np.zeros(0, CONTACT_DTYPE)
-        """contact rows of the parts that ever moved or were held, within the distance that recognition needs"""
+        """contact rows of the objects in `moved`, within the distance that recognition needs"""
         self.gripped: tuple[tuple[str, tuple[str, ...], bool], ...] | None = None
-        """what hands held in the last step, what they carried with it, and whether firmly; None: not known"""
+        """grips of the last step: held part, carried parts, whether rigid; None: unknown"""
         self.renewed = np.full(len(self.scene), -1, np.int64)
-        """(n,) by part the version of its pose at which its contact rows were asked for"""
+        """(n,) version of each object's pose at which its contact rows were computed"""
         self.colliding: NDArray[np.int32] = NO_PAIRS
         self.joined: frozenset[tuple[str, str]] = frozenset()
-        """pairs of parts that an accepted constraint joined at any time"""
+        """pairs of parts that an accepted constraint has ever joined"""
         self.targets: Mapping[int, pin.SE3] = {}
-        """poses that hands asked of parts in the last step"""
+        """target poses of the hands in the last step"""
         self.last: Mapping[int, pin.SE3] = {}
-        """where the parts were before the last step that this moved"""
+        """poses before the last step of the objects it moved"""
         self.untold: tuple[NewEvent, ...] = ()
-        """what was found when the managers began, for the first step to tell"""
+        """events found by `start`, reported by the first step"""
         self.remated: frozenset[int] = frozenset()
-        """parts whose mated surfaces changed since colliding surfaces were last asked for"""
+        """objects whose mated surfaces changed since the colliding surfaces were last computed"""
         self.decided = False
-        """whether anything was decided since the constraints were last brought up to date"""
+        """whether a decision was made since the last recognition"""
 
     # ---- the managers
 
     def start(self) -> None:
-        """Build the managers, where the parts are now; the first step does it by itself."""
+        """Create the managers at the present poses; the first step calls this."""
         if self.started:
             return
         scene = self.scene
@@ -222,11 +222,11 @@ class State:
         self.motion = Motion(self.collision, self.mates, self.tolerance, drawn=self.poses)
         self._recognise_as_it_stands()
         self.colliding = self.collision.colliding_surfaces()
-        self.started = True  # not before: a start that was interrupted is made again
+        self.started = True  # set last, so that an interrupted start is repeated
         self._first = self.mark()
 
     def _recognise_as_it_stands(self) -> None:
-        """Recognise exact fits of the parts as they stand; nothing is pulled into place."""
+        """Recognise the exact fits of the initial assembly without moving parts."""
         self.mates.tolerance = replace(self.tolerance, reach=0.0, reach_angular=0.0)
         rows = self.collision.contacts(self.mates.within)
         changes = self.mates.update(self.poses, rows, {})
@@ -239,7 +239,7 @@ class State:
         self.rows = rows[np.array([pair in open_pairs for pair in pairs], dtype=bool)]
 
     def event(self, change: Change) -> NewEvent:
-        """The event of a change in the constraint manager."""
+        """Return the event of a change in the constraint manager."""
         candidate = change.candidate
         a, b = self.pair(candidate)
         data = {"id": change.id, "constraint": candidate.kind, "residual": candidate.residual}
@@ -247,12 +247,12 @@ class State:
         return NewEvent(change.kind, (a, b), candidate.surfaces, text, data)
 
     def pair(self, candidate: Candidate) -> tuple[str, str]:
-        """The names of a candidate's parts."""
+        """Return the names of a candidate's parts."""
         a, b = candidate.bodies
         return self.names[a], self.names[b]
 
     def authorise(self, a: int, b: int) -> None:
-        """Leave a pair of objects out of collision for good."""
+        """Exclude a pair of objects from collision."""
         if self.started:
             self.collision.ignore(a, b)
         self.authorised = (*self.authorised, (a, b))
@@ -260,40 +260,40 @@ class State:
     def behave(
         self, i: int, body: Body, behaviours: Sequence[Behaviour], material: Material | str | None = None
     ) -> None:
-        """Give a part mass, behaviours and a material: it moves under forces whenever no hand holds it."""
+        """Give a part mass, behaviours and a material: forces move it whenever no hand holds it."""
         self.start()
         if self.dynamics is None:
             self.dynamics = Dynamics(self.scene, self.collision, self.tolerance, self._gravity)
         self.dynamics.add(i, body, behaviours, material)
 
     def on_change(self, forget: Callable[[], None]) -> None:
-        """Call `forget` whenever the state has gone back: what was derived from the one before is void."""
+        """Call `forget` whenever an earlier state is restored, so that derived data is dropped."""
         self._on_change.append(forget)
 
     # ---- poses
 
     @property
     def poses(self) -> tuple[pin.SE3, ...]:
-        """Of all parts, in scene order; a pose is the same object as long as its part was not moved."""
+        """Poses of all parts, in scene order; a pose object stays the same until its part moves."""
         return self.collision.poses
 
     def pose(self, i: int) -> pin.SE3 | None:
-        """A copy of a part's pose; None before the managers are."""
+        """Return a copy of a part's pose; None before `start`."""
         return self.collision.pose(i) if self.started else None
 
     def leave(self) -> None:
-        """Leave the parts where they are: from now on their poses are theirs."""
+        """Detach the parts: each keeps its present pose."""
         for part in self.scene.parts:
             part.leave(self)
 
     def in_force(self) -> dict[int, Constraint]:
-        """Constraints in force, by id."""
+        """Return the constraints in force, by id."""
         return {id: entry.candidate.constraint for id, entry in self.mates.accepted.items()}
 
-    # ---- back
+    # ---- mark, undo, reset
 
     def mark(self) -> Mark:
-        """Where things stand, to `undo` what follows."""
+        """Return a mark of the present state; `undo(mark)` goes back to it."""
         return Mark(
             tuple(getattr(self, name) for name in self._OWN),
             [(name, hand, self._values(hand)) for name, hand in self.hands.items()],
@@ -304,7 +304,7 @@ class State:
         )
 
     def undo(self, mark: Mark) -> None:
-        """Go back to a mark, whatever was interrupted since; parts were not given mass meanwhile."""
+        """Go back to a mark, also after an interrupted step; parts must not have been given mass in between."""
         for name, value in zip(self._OWN, mark.own, strict=True):
             setattr(self, name, value)
         self.hands.clear()
@@ -320,9 +320,9 @@ class State:
         self._changed()
 
     def reset(self) -> None:
-        """Go back to where the session began: poses, constraints as the parts stood, all at rest, hands gone.
+        """Return to the start of the session: initial poses and constraints, all at rest, no hands.
 
-        What the script has set stays: masses and behaviours, threads, authorised pairs.
+        Masses, behaviours, threads and authorised pairs are kept.
         """
         self.start()
         authorised, threads = self.authorised, self.threads
@@ -341,14 +341,14 @@ class State:
         for forget in self._on_change:
             forget()
 
-    # ---- to a file and back
+    # ---- save and restore
 
     def save(self) -> bytes:
-        """All that the next steps depend on (but the scene, and the script's own behaviours and rules), as bytes."""
+        """Return all data on which the next steps depend, except scene, behaviours and rules, as bytes."""
         return CODEC.encode(self.data())
 
     def data(self) -> dict[str, Any]:
-        """What `save` writes, as values that `CODEC` knows."""
+        """Return the data of `save` before encoding."""
         self.start()
         return {
             "schema": CODEC.schema,
@@ -380,10 +380,10 @@ class State:
         }
 
     def restore(self, saved: bytes) -> None:
-        """Go back to what `save` returned, in this or another process: the same future, to the bit.
+        """Restore the bytes that `save` returned, in this or another process; the run continues bit for bit.
 
-        The session is set up as the one that was saved: same scene, tolerance, rule, masses and behaviours.
-        Raises StateError, and changes nothing, if the bytes are damaged or of another scene.
+        The session must have the same scene, tolerance, rule, masses and behaviours. Raises StateError, and changes
+        nothing, if the bytes are damaged or belong to another scene.
         """
         try:
             data = CODEC.decode(saved)
@@ -392,7 +392,7 @@ class State:
         self.restore_data(data)
 
     def restore_data(self, data: Mapping[str, Any]) -> None:
-        """The same of what `data` returned."""
+        """Restore the values that `data` returned; raises as `restore` does."""
         self.start()
         before = self.mark()
         try:
@@ -411,7 +411,7 @@ class State:
         self.collision.set_poses(range(len(poses)), poses)
         if self.dynamics is not None:
             self.dynamics.restore(data["dynamics"], self.in_force())
-            self.collision.set_poses(range(len(poses)), poses)  # it has those of carried parts but for rounding
+            self.collision.set_poses(range(len(poses)), poses)  # dynamics stores poses of carried parts with rounding
         self.motion.sync()
         for a, b in self.authorised:
             self.collision.enable(a, b)
@@ -435,11 +435,11 @@ class State:
         self._changed()
 
     def follow(self, changes: Changes) -> None:
-        """Take over a step that was computed before, so that questions about it are answered as they were then.
+        """Apply the changes of a recorded step, so that queries return its results.
 
         Raises
         ------
-        ValueError, TypeError, LookupError: these are no such changes, or not of this scene.
+        ValueError, TypeError, LookupError: the changes are damaged or of another scene.
         """
         _require(isinstance(changes, Changes), "result")
         self._require_rows(changes.colliding)
@@ -456,7 +456,7 @@ class State:
             self.mates.restore(changes.mates)
             self.motion.sync()
 
-    # ---- what is read from a file is not trusted
+    # ---- checks of data from files
 
     def _require_data(self, data: Mapping[str, Any]) -> None:
         if data["schema"] != CODEC.schema:
@@ -486,7 +486,7 @@ class State:
         _require(all(0 <= i < len(self.names) for i in ids), "an object's number")
 
     def _require_rows(self, rows: NDArray[Any]) -> None:
-        """Rows (k, 4) of object, surface, object, surface that there are."""
+        """Raise ValueError unless rows (k, 4) of object, surface, object, surface are in range."""
         _require(rows.ndim == 2 and rows.shape[1] == 4, "rows")
         surfaces = np.array([part.mesh.n_surfaces for part in self.scene.parts])
         for objects, of_them in ((rows[:, 0], rows[:, 1]), (rows[:, 2], rows[:, 3])):
@@ -542,7 +542,7 @@ _MATES: dict[str, Any] = {
     "poses": tuple[pin.SE3, ...],
     "unproven": list[int],
 }
-"""of what types a state is that was read from a file"""
+"""types of the data in a saved state"""
 
 
 def _require(holds: bool, what: str) -> None:

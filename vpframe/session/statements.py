@@ -1,10 +1,10 @@
-"""What a script states: a constraint by its kind, between parts and surfaces that it names.
+"""Constraints that a script states by kind, parts and surfaces.
 
     session.constrain("gear", "driver", "driven", teeth=(20, 41))
     session.constrain("rack-and-pinion", "pinion", ("rack", 4), radius=0.012, teeth=24)
     session.constrain("distance", ("lid", 2), ("box", "rim"), at=0.004)
 
-A part's name alone will do where the part turns about one axis only, or where the whole part is meant.
+A part's name alone suffices if all its round surfaces share one axis, or if the kind applies to whole parts.
 """
 
 from __future__ import annotations
@@ -36,29 +36,29 @@ from vpframe.session.readings import Readings
 from vpframe.session.state import Decision, State
 
 Place = str | tuple[str, int | str | Geometry]
-"""A part; or a part and a surface of it, by index or name, or geometry in the part's frame that no surface has"""
+"""a part; or a part and its surface (index or name) or a geometry in the part's frame"""
 
 STATED: dict[str, type[Constraint]] = {
     kind.kind: kind
     for kind in (getattr(kinds, name) for name in kinds.__all__)
     if isinstance(kind, type) and issubclass(kind, Constraint) and kind is not Constraint
 }
-"""every kind there is, by name"""
+"""all constraint kinds, by name"""
 NEEDED = {
     "angle": "at", "distance": "at", "offset": "at", "gear": "teeth", "belt": "teeth", "screw": "pitch",
     "rack-and-pinion": "radius",
 }  # fmt: skip
-"""the parameter without which a kind means nothing"""
+"""required parameter of a kind"""
 WHEELS = ("gear", "belt")
 ABOUT_AXES = (*WHEELS, "screw", "concentric", "rack-and-pinion")
-"""kinds for which a part's name will do where all its round surfaces share one axis"""
+"""kinds for which a part's name suffices if all its round surfaces share one axis"""
 HIDDEN = ("phase", "relative", "teeth_a", "teeth_b")
-"""parameters that are taken from how the parts stand, or given under another name"""
+"""parameters computed from the present poses or from other arguments"""
 ROUND = (Cylinder, Cone, Torus)
 
 
 class ContradictionError(TaskError):
-    """A constraint of two `parts` that cannot hold with those in force: `off` by so much, in `unit` "m" or "rad"."""
+    """A constraint of two `parts` contradicts the constraints in force: deviation `off`, in `unit` "m" or "rad"."""
 
     def __init__(self, message: str, parts: tuple[str, ...], off: float, unit: str) -> None:
         super().__init__(message)
@@ -76,13 +76,13 @@ def stated(
     parameters: Mapping[str, Any],
     bears: tuple[tuple[str, float], ...],
 ) -> tuple[Decision, ConstraintView]:
-    """The decision that stating a constraint amounts to, and the constraint as observers will see it.
+    """Return the decision that imposes a stated constraint, and the view of that constraint.
 
-    bears: what ends it, see `limits`.
+    bears: limits at which it breaks, see `limits`.
 
     Raises
     ------
-    As `statement` does; and ContradictionError where it cannot hold with what will be in force.
+    As `statement` does; and ContradictionError if it contradicts the constraints in force after pending decisions.
     """
     state.start()
     mates, scene, poses = state.mates, state.scene, state.poses
@@ -106,13 +106,13 @@ def stated(
     others = [c.constraint for c in held.values()]
     off = contradiction(constraint, others, poses, fixed, state.tolerance, scene.names)
     if off is not None:
-        said = f"constrain {constraint.kind} of {' and '.join(names)}: refused, {off.text}"
-        raise ContradictionError(said, names, off.off, off.unit)
+        message = f"constrain {constraint.kind} between {' and '.join(names)}: refused, {off.text}"
+        raise ContradictionError(message, names, off.off, off.unit)
     return Decision("impose", id, bears, candidate), readings.view(id, candidate, "active")
 
 
 def limits(verb: str, break_distance: float | None, break_force: float | None) -> tuple[tuple[str, float], ...]:
-    """What a constraint bears, as far as it is given."""
+    """Return the given break limits by name; TaskError if one is not positive."""
     given = (("break_distance", break_distance), ("break_force", break_force))
     for name, value in given:
         if value is not None and not value > 0.0:
@@ -130,13 +130,13 @@ def statement(
     parameters: Mapping[str, Any],
     tolerance: Tolerance,
 ) -> Constraint:
-    """The constraint that a script's words mean; threads, teeth and welds engage as the parts stand at `poses`.
+    """Return the constraint that the arguments describe; threads, teeth and welds engage at `poses`.
 
-    features: of every part, in scene order, as recognition knows them.
+    features: of every part, in scene order, from recognition.
 
     Raises
     ------
-    UnknownPartError, or TaskError: the kind, a surface or a parameter is none that there is.
+    UnknownPartError, or TaskError: unknown kind, surface or parameter.
     """
     name = str(kind).replace("_", "-").replace(" ", "-")
     if name not in STATED:
@@ -159,7 +159,7 @@ def statement(
             _end(name, part, place, features[i], which, tolerance)
             for part, place, i, which in zip(parts, (a, b), bodies, (0, 1), strict=True)
         ]
-        if name in KINDS and bodies[0] > bodies[1]:  # as recognition has them, so that it knows them again
+        if name in KINDS and bodies[0] > bodies[1]:  # the order of recognition, so that the same mate has the same key
             bodies, ends = (bodies[1], bodies[0]), ends[::-1]
         here = (poses[bodies[0]], poses[bodies[1]])
         (first, surfaces_a, size_a), (second, surfaces_b, size_b) = ends
@@ -171,14 +171,14 @@ def statement(
         made = STATED[name](bodies, geometries, (surfaces_a, surfaces_b), min(size_a, size_b), **given)
         return made.engaged(*here) if isinstance(made, kinds.Screw | kinds.Gear | kinds.RackAndPinion) else made
     except ConstraintsError as error:
-        raise TaskError(f"constrain {name} of {parts[0].name} and {parts[1].name}: {error}") from None
+        raise TaskError(f"constrain {name} between {parts[0].name} and {parts[1].name}: {error}") from None
 
 
 def words(constraint: Constraint) -> str:
-    """What is stated, in a few words."""
+    """Describe a stated constraint in a few words."""
     shown = [n for n in parameter_names(type(constraint)) if n not in ("phase", "relative")]
-    told = ", ".join(f"{n} {getattr(constraint, n)}" for n in shown)
-    return "stated by the script" + (f": {told}" if told else "")
+    values = ", ".join(f"{n} {getattr(constraint, n)}" for n in shown)
+    return "stated by the script" + (f": {values}" if values else "")
 
 
 def _part(scene: Scene, kind: str, place: Place) -> Part:
@@ -194,7 +194,7 @@ def _size(part: Part) -> float:
 
 
 def _parameters(kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """The kind's own parameters from those a script gives."""
+    """Convert a script's parameters to those of the constraint class."""
     out = dict(given)
     known = [n for n in parameter_names(STATED[kind]) if n not in HIDDEN]
     if kind in WHEELS:
@@ -216,7 +216,7 @@ def _parameters(kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _teeth(kind: str, teeth: Any, ratio: Any) -> tuple[int, int]:
-    """Numbers of teeth, from themselves or from the turns of a for one turn of b."""
+    """Return the numbers of teeth, from `teeth` or from `ratio`, the turns of a for one turn of b."""
     if ratio is not None:
         try:
             value = float(ratio)
@@ -240,7 +240,7 @@ def _teeth(kind: str, teeth: Any, ratio: Any) -> tuple[int, int]:
 def _end(
     kind: str, part: Part, place: Place, features: Sequence[Feature], which: int, tolerance: Tolerance
 ) -> tuple[Geometry, tuple[int, ...], float]:
-    """Geometry in the part's frame, the surfaces it is of, and its half width (m)."""
+    """Return geometry in the part's frame, its surfaces, and its half width (m)."""
     if isinstance(place, str):
         if kind not in ABOUT_AXES or (kind == "rack-and-pinion" and which == 1):
             raise TaskError(f'constrain {kind}: which surface of {part.name}? give ("{part.name}", index or name)')
@@ -261,7 +261,7 @@ def _end(
 
 
 def _surface(kind: str, part: Part, which: int | str) -> int:
-    """Index of a surface named by index or name."""
+    """Return the index of a surface given by index or name."""
     n = len(part.surfaces)
     if isinstance(which, int | np.integer) and not isinstance(which, bool) and 0 <= which < n:
         return int(which)
@@ -275,7 +275,7 @@ def _surface(kind: str, part: Part, which: int | str) -> int:
 
 
 def _only_axis(kind: str, part: Part, features: Sequence[Feature], tolerance: Tolerance) -> Feature:
-    """The round feature of a part whose round features all share one axis: the largest."""
+    """Return the largest round feature of a part whose round features all share one axis."""
     found = [f for f in features if isinstance(f.geometry, ROUND)]
     if not found:
         raise TaskError(f"constrain {kind}: {part.name} has no round surface, so no axis; name a surface or a Line")
@@ -293,7 +293,7 @@ def _only_axis(kind: str, part: Part, features: Sequence[Feature], tolerance: To
 
 
 def _axis(feature: Feature) -> Line:
-    """The axis of a round feature, from the middle of it."""
+    """Return the axis of a round feature, with its origin at the middle of the feature."""
     g: Any = feature.geometry
     origin = g.origin if isinstance(g, Cylinder) else g.apex if isinstance(g, Cone) else g.center
     along = (feature.samples - origin) @ g.axis
@@ -301,7 +301,7 @@ def _axis(feature: Feature) -> Line:
 
 
 def _same_way(geometries: tuple[Geometry, Geometry], poses: tuple[pin.SE3, pin.SE3]) -> tuple[Geometry, Geometry]:
-    """Axes in one half space of the world, so that `sense` +1 is an external mesh however files direct them."""
+    """Direct both axes into one half space of the world, so that `sense` +1 is an external mesh."""
     a, b = geometries
     if not (isinstance(a, Line) and isinstance(b, Line)):
         return geometries
@@ -310,7 +310,7 @@ def _same_way(geometries: tuple[Geometry, Geometry], poses: tuple[pin.SE3, pin.S
 
 
 def _rack_side(geometries: tuple[Geometry, Geometry], poses: tuple[pin.SE3, pin.SE3], rack: Part) -> int:
-    """+1 where a rack on that side of the pinion goes along its direction as the pinion turns."""
+    """Return the sign with which a rack on its side of the pinion moves along its direction as the pinion turns."""
     a, b = geometries
     axis, direction = _directed(a, poses[0]), _directed(b, poses[1])
     arm = poses[1].act(middle(rack.mesh)) - poses[0].act(_origin(a))

@@ -2,9 +2,9 @@
 
     commands -> follow <=> recognise -> dynamics -> contacts -> changes -> commit
 
-Each stage takes the state and the step's `Inputs`, works on the state and returns the events it found. `advance` runs
-them all; `Session.step` marks the state before and commits after, or goes back to the mark: a step that fails or is
-interrupted has changed nothing.
+Each stage takes the state and the step's `Inputs`, changes the state and returns events. `advance` runs all stages;
+`Session.step` marks the state before and commits after, or goes back to the mark, so that a step that fails or is
+interrupted changes nothing.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -28,24 +29,23 @@ from vpframe.hands.paths import between
 from vpframe.scene.boxes import half_size
 from vpframe.scene.names import face_words
 from vpframe.scene.subassembly import listed
-from vpframe.session.dynamics import spring
 from vpframe.session.events import NewEvent
 from vpframe.session.readings import Readings, along
 from vpframe.session.state import COLUMNS, Changes, Decision, State
 
 MOST_SEGMENTS = 16
-"""into how many segments a hand's way in one step is cut at most"""
+"""maximum number of segments of a hand's motion in one step"""
 MOST_ROUNDS = 2
-"""of following the hands and recognising in a segment: a part snaps on, or off, at once, and no further"""
+"""maximum rounds of follow and recognise in a segment: a part may snap on or off once"""
 MOST_BLOCKERS = 3
-"""parts that are named as being in the way"""
+"""maximum number of parts named as obstacles"""
 FACING = 0.1
-"""cosine of the angle to the way up to which what is met lies ahead, not beside it"""
+"""least cosine between motion and contact direction for an obstacle that lies ahead"""
 _MATING = ("recognised", "withdrawn", "accepted", "refused", "satisfied", "removed")
 
 
 class DecisionError(TaskError):
-    """A `decision` that cannot be carried out, such as to accept what is not on offer any more."""
+    """A `decision` cannot be carried out, such as accepting a candidate that is no longer on offer."""
 
     def __init__(self, message: str, decision: Decision) -> None:
         super().__init__(message)
@@ -54,41 +54,41 @@ class DecisionError(TaskError):
 
 @dataclass(frozen=True, eq=False)
 class HandTarget:
-    """The pose that a hand asks of a part in one step."""
+    """Target pose of a held part in one step."""
 
     part: str
     pose: pin.SE3
     carried: tuple[str, ...] = ()
     snap: float = 0.0
-    """m: reach of the assist's snapping"""
+    """reach of the assist's snapping, m"""
     snap_angle: float = 0.0
-    """rad"""
+    """angular reach of the assist's snapping, rad"""
     spring: SpringHand | None = None
-    """pulls with limited force instead of carrying; its target is `pose`"""
+    """spring that pulls with limited force instead of a rigid grip; its target is `pose`"""
 
     def key(self) -> bytes:
-        """All of it as bytes: equal targets have equal keys."""
+        """Return the target as bytes: equal targets have equal keys."""
         words = repr((self.part, self.carried, self.snap, self.snap_angle, self.spring is not None)).encode()
         return words + np.ascontiguousarray(self.pose.homogeneous).tobytes()
 
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What a step is given, and the clocks that its stages keep."""
+    """Inputs of a step, and the computing time of its stages."""
 
     targets: Sequence[HandTarget]
     decisions: Sequence[Decision]
     dt: float
-    """s"""
+    """length of the step, s"""
     measure_clearance: bool = False
     seconds: dict[str, float] = field(
         default_factory=lambda: dict.fromkeys(("motion", "collision", "constraints", "physics"), 0.0)
     )
-    """spent, by kind of work"""
+    """computing time by kind of work, s"""
 
     @property
     def firm(self) -> list[HandTarget]:
-        """Of hands that carry."""
+        """Targets of rigid grips."""
         return [target for target in self.targets if target.spring is None]
 
 
@@ -96,7 +96,7 @@ Stage = Callable[[State, Inputs], list[NewEvent]]
 
 
 def commands(state: State, given: Inputs) -> list[NewEvent]:
-    """Take in what hands hold and what was decided; parts that a statement joins go to where it holds."""
+    """Apply grips and decisions; parts of stated constraints move to satisfy them."""
     index = state.scene.index
     gripped = tuple((target.part, target.carried, target.spring is None) for target in given.targets)
     for target in given.targets:
@@ -117,9 +117,9 @@ def commands(state: State, given: Inputs) -> list[NewEvent]:
 
 
 def follow(state: State, given: Inputs) -> list[NewEvent]:
-    """Move what hands hold along their way, segment by segment, as far as solid bodies and constraints allow.
+    """Move held parts along the hands' motion, segment by segment, as far as solid bodies and constraints allow.
 
-    In each segment following and recognising go on until nothing is accepted or removed, `MOST_ROUNDS` times at most.
+    Each segment repeats following and recognition, at most `MOST_ROUNDS` times, until no mate is made or broken.
     """
     wanted = _wanted(state, given.firm)
     events: list[NewEvent] = []
@@ -137,14 +137,14 @@ def follow(state: State, given: Inputs) -> list[NewEvent]:
 
 
 def recognise(state: State, wanted: Mapping[int, pin.SE3], given: Inputs) -> list[NewEvent]:
-    """Offer, accept and remove constraints where the parts are now."""
+    """Offer, accept and remove constraints at the present poses."""
     began = clock.perf_counter()
     force = {} if state.dynamics is None else state.dynamics.pull()
     asked = (state.mates.tolerance, state.rows, state.poses)
     if not (wanted or force or state.decided or state.recognised is None):
         tolerance, rows, poses = state.recognised
         if tolerance == asked[0] and rows is asked[1] and poses is asked[2]:
-            return []  # nothing moved and nobody asked: the same answer again
+            return []  # same inputs, same result
     changes = state.mates.update(state.poses, state.rows, wanted, force, state.collision.versions)
     state.decided = False
     state.recognised = None if wanted or force else asked
@@ -157,21 +157,22 @@ def recognise(state: State, wanted: Mapping[int, pin.SE3], given: Inputs) -> lis
 
 
 def dynamics(state: State, given: Inputs) -> list[NewEvent]:
-    """Move what is free under its forces."""
+    """Move dynamic bodies under their forces."""
     physics = state.dynamics
     if physics is None:
         return []
     began = clock.perf_counter()
-    springs = {state.scene.index(t.part): spring(t.pose, t.spring) for t in given.targets if t.spring is not None}
+    index, targets = state.scene.index, given.targets
+    springs = {index(t.part): replace(t.spring, target=t.pose) for t in targets if t.spring is not None}
     physics.join(state.in_force())
     physics.hold({i: state.poses[i] for i in state.held if i not in springs}, springs)
     before = state.poses
     free, rested = physics.step(given.dt)
     state.moved |= {i for i, pose in enumerate(state.poses) if pose is not before[i]}
     gone = [i for i in free if i not in state.held]
-    if gone:  # what was near to them is so no longer
+    if gone:  # contact rows of moved bodies are out of date
         state.rows = picked(state.rows, ~rows_about(state.rows["object_a"], state.rows["object_b"], gone))
-    if rested:  # what they fit is offered, from the next step on
+    if rested:  # their candidates are offered from the next step on
         _renew(state, rested)
     events = []
     for i in sorted(rested):
@@ -183,18 +184,18 @@ def dynamics(state: State, given: Inputs) -> list[NewEvent]:
 
 
 STAGES: tuple[Stage, ...] = (commands, follow, dynamics)
-"""those that move parts"""
+"""stages that move parts"""
 
 
 def contacts(state: State, before: Sequence[pin.SE3], given: Inputs) -> list[NewEvent]:
-    """Find the colliding surfaces of what moved, and who began or ceased to collide."""
+    """Update the colliding surfaces of moved parts; return events for pairs that began or ceased to collide."""
     began = clock.perf_counter()
     about = sorted({i for i, pose in enumerate(state.poses) if pose is not before[i]} | state.remated)
     remated, state.remated = state.remated, frozenset()
     if not about:
         return []
     old, fresh = state.colliding, not remated and bool((state.renewed[about] == state.collision.versions[about]).all())
-    rows = state.rows[state.rows["distance"] == 0.0]  # of surfaces that intersect, and of no others
+    rows = picked(state.rows, state.rows["distance"] == 0.0)  # exactly the surfaces that intersect
     if fresh and not len(old) and not len(rows):
         given.seconds["collision"] += clock.perf_counter() - began
         return []
@@ -202,7 +203,7 @@ def contacts(state: State, before: Sequence[pin.SE3], given: Inputs) -> list[New
     theirs &= ~_within_groups(state, old[:, 0], old[:, 2])
     if fresh:
         a, b = rows["object_a"], rows["object_b"]
-        rows = rows[rows_about(a, b, about) & ~_within_groups(state, a, b)]
+        rows = picked(rows, rows_about(a, b, about) & ~_within_groups(state, a, b))
         new = np.stack([rows[column] for column in COLUMNS], axis=1)
     else:
         new = state.collision.colliding_surfaces(about)
@@ -217,7 +218,7 @@ def contacts(state: State, before: Sequence[pin.SE3], given: Inputs) -> list[New
 
 
 def advance(state: State, readings: Readings, given: Inputs) -> Changes:
-    """Run the stages; the state is that after the step then, and not yet committed."""
+    """Run all stages and return the changes; the caller commits them."""
     before = state.poses
     events: list[NewEvent] = []
     for stage in STAGES:
@@ -239,7 +240,7 @@ def advance(state: State, readings: Readings, given: Inputs) -> Changes:
 
 
 def standing(state: State, readings: Readings) -> Changes:
-    """What there is to see of a state that no step has changed."""
+    """Return the observable quantities of the present state, without a step."""
     freedom, joint = readings.freedoms()
     return Changes(
         poses={},
@@ -258,7 +259,7 @@ def standing(state: State, readings: Readings) -> Changes:
 
 
 def _reach_for(state: State, targets: Sequence[HandTarget]) -> None:
-    """Candidates are offered as far off as the assist of a hand reaches."""
+    """Extend the recogniser's reach to the assist of the hands."""
     reach = max((t.snap for t in targets), default=0.0)
     angle = max((t.snap_angle for t in targets if t.snap > 0.0), default=0.0)
     known = state.tolerance
@@ -269,7 +270,7 @@ def _reach_for(state: State, targets: Sequence[HandTarget]) -> None:
 
 
 def _decide(state: State, decisions: Sequence[Decision]) -> list[Candidate]:
-    """Do what the script and people decide; what was stated among it."""
+    """Carry out decisions; return the stated constraints among them."""
     state.decided |= bool(decisions)
     for decision in decisions:
         what = decision.id if decision.stated is None else decision.stated
@@ -281,7 +282,7 @@ def _decide(state: State, decisions: Sequence[Decision]) -> list[Candidate]:
 
 
 def _assemble(state: State, candidate: Candidate, given: Inputs) -> None:
-    """Bring what no hand holds to where a stated constraint holds: b goes to a, unless it is fixed."""
+    """Move a part that no hand holds to satisfy a stated constraint: b moves to a, unless b is fixed."""
     a, b = candidate.bodies
     mover = a if state.scene.parts[b].fixed else b
     before = state.poses
@@ -293,19 +294,18 @@ def _assemble(state: State, candidate: Candidate, given: Inputs) -> None:
 
 
 def _wanted(state: State, targets: Sequence[HandTarget]) -> dict[int, pin.SE3]:
-    """Poses asked of what hands hold and carry, by object."""
+    """Target poses of held and carried objects."""
     wanted: dict[int, pin.SE3] = {}
     groups = state.motion.groups
     for target in targets:
         held = state.scene.index(target.part)
         wanted[held] = target.pose
-        for i in groups.members.get(held, (held,))[1:]:
-            wanted[i] = target.pose * groups.seats[i][1]
+        wanted |= groups.carried(held, target.pose)
     return wanted
 
 
 def _segments(state: State, wanted: dict[int, pin.SE3]) -> list[dict[int, pin.SE3]]:
-    """The hands' way in this step, cut so finely that no mate is passed unseen where there is anything near."""
+    """Divide the hands' motion in this step into segments short enough to detect every mate near it."""
     poses, seats = state.poses, state.motion.groups.seats
     last = {i: state.targets.get(i, poses[i]) for i in wanted}
     far = max((_travel(state, i, last[i], pose) for i, pose in wanted.items() if i not in seats), default=0.0)
@@ -316,7 +316,7 @@ def _segments(state: State, wanted: dict[int, pin.SE3]) -> list[dict[int, pin.SE
 
 
 def _travel(state: State, i: int, a: pin.SE3, b: pin.SE3) -> float:
-    """m that no point of a part, or of what it carries, exceeds on the way from one pose to another."""
+    """Upper bound (m) on the travel of any point of a part, or of the parts it carries, between two poses."""
     way = a.actInv(b)
     groups = state.motion.groups
     known = state.arms.get(i)
@@ -325,7 +325,7 @@ def _travel(state: State, i: int, a: pin.SE3, b: pin.SE3) -> float:
         seats = [(i, np.zeros(3)), *carried]
         arms = [2.0 * half_size(state.scene.parts[j].mesh) + float(np.linalg.norm(at)) for j, at in seats]
         known = state.arms[i] = groups, max(arms)
-    return float(np.linalg.norm(way.translation) + known[1] * np.linalg.norm(pin.log3(way.rotation)))
+    return hypot(*way.translation.tolist()) + known[1] * hypot(*pin.log3(way.rotation).tolist())
 
 
 def _follow_hands(state: State, wanted: dict[int, pin.SE3], given: Inputs) -> list[NewEvent]:
@@ -345,21 +345,21 @@ def _follow_hands(state: State, wanted: dict[int, pin.SE3], given: Inputs) -> li
             group = state.motion.groups.members.get(i, (i,))
             by = _in_the_way(group, result.contacts, wanted[i].translation - state.poses[i].translation)
             if not by and len(targets) > 1:
-                continue  # it was another hand's part that was stopped
+                continue  # the part of another hand was stopped
             blocked[name] = _blockers(state, by)
             if name not in before:
                 others = [state.names[i] for i in by]
                 surfaces = (tuple(sorted(met)) for met in by.values())
-                told = f"{name} stops: {blocked[name]}"
-                events.append(NewEvent("blocked", (name, *others), ((), *surfaces), told))
+                text = f"{name} stops: {blocked[name]}"
+                events.append(NewEvent("blocked", (name, *others), ((), *surfaces), text))
     state.blocked = blocked
     return events
 
 
 def _blockers(state: State, by: Mapping[int, Mapping[int, NDArray[np.float64]]]) -> str:
-    """What `_in_the_way` found as a sentence, each object with its nearest face and the point where it is met."""
+    """Describe the obstacles found by `_in_the_way`, each with its nearest face and the point of contact."""
     if not by:
-        return "the parts that it is held to keep it"
+        return "its constraints to other parts prevent the motion"
     met = []
     for i, faces in by.items():
         surface, point = next(iter(faces.items()))
@@ -374,10 +374,10 @@ def _blockers(state: State, by: Mapping[int, Mapping[int, NDArray[np.float64]]])
 def _in_the_way(
     group: Sequence[int], rows: NDArray[Any], way: NDArray[np.float64]
 ) -> dict[int, dict[int, NDArray[np.float64]]]:
-    """Surfaces of other objects in contact rows about the objects of a group that it meets on its `way` (3,), m, and
-    the points (3,) where they are met, world, m.
+    """Return the surfaces of other objects that a group meets on its motion `way` (3,), m, from contact rows, each with
+    the contact point (3,), world, m.
 
-    At most `MOST_BLOCKERS` objects, nearest first; those beside the way only where nothing else is met.
+    At most `MOST_BLOCKERS` objects, nearest first; obstacles beside the motion only if none lies ahead.
     """
     length = float(np.linalg.norm(way))
     met: list[tuple[bool, float, int, int, tuple[float, float, float]]] = []
@@ -398,7 +398,7 @@ def _in_the_way(
 
 
 def _renew_moved(state: State, before: Sequence[pin.SE3], given: Inputs) -> None:
-    """Bring the contact rows up to date for what moved since `before`, and for what is newly held."""
+    """Recompute the contact rows of objects that moved since `before` or are newly held."""
     began = clock.perf_counter()
     stale = {i for i, pose in enumerate(state.poses) if pose is not before[i]} | (state.held - state.moved)
     if stale:
@@ -408,13 +408,13 @@ def _renew_moved(state: State, before: Sequence[pin.SE3], given: Inputs) -> None
 
 
 def _renew(state: State, about: Iterable[int]) -> None:
-    """Ask anew for the contact rows of some parts."""
+    """Recompute the contact rows of some objects."""
     ids = sorted(about)
     a, b = state.rows["object_a"], state.rows["object_b"]
-    kept = picked(state.rows, ~rows_about(a, b, ids) | _within_groups(state, a, b))
+    kept = ~rows_about(a, b, ids) | _within_groups(state, a, b)
     rows = state.collision.contacts(state.mates.within, ids)
-    if len(kept):
-        rows = joined([kept, rows])
+    if kept.any():
+        rows = joined([picked(state.rows, kept), rows])
         rows = picked(rows, np.lexsort([rows[c] for c in ("surface_b", "object_b", "surface_a", "object_a")]))
     state.rows = rows
     state.renewed = state.renewed.copy()
@@ -422,7 +422,7 @@ def _renew(state: State, about: Iterable[int]) -> None:
 
 
 def _within_groups(state: State, a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
-    """Which pairs of objects (n,), (n,) move as one: what is known of them stays so while they do."""
+    """Mark the pairs of objects (n,), (n,) that move as one; their contact rows stay valid."""
     if not state.motion.groups.seats:
         return np.zeros(len(a), bool)
     carrier = state.motion.groups.carriers(len(state.names))
@@ -431,7 +431,7 @@ def _within_groups(state: State, a: NDArray[Any], b: NDArray[Any]) -> NDArray[np
 
 
 def _take_along(state: State, before: Sequence[pin.SE3]) -> None:
-    """Move the witness points of rows between objects that move as one with them."""
+    """Move the witness points of contact rows within rigid groups with their group."""
     if not state.motion.groups.seats:
         return
     rows, poses = state.rows, state.poses
@@ -447,7 +447,7 @@ def _take_along(state: State, before: Sequence[pin.SE3]) -> None:
 
 
 def _began_or_ceased(state: State, old: NDArray[np.int32], new: NDArray[np.int32]) -> list[NewEvent]:
-    """ "collided" and "parted" by pair of parts: all surfaces that meet now, or met until now."""
+    """Return events "collided" and "parted" for each pair of parts, with all surfaces that intersect or intersected."""
     was, now = _by_pair(old), _by_pair(new)
     events = []
     for kind, pairs in (("collided", sorted(set(now) - set(was))), ("parted", sorted(set(was) - set(now)))):

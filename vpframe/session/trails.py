@@ -1,4 +1,4 @@
-"""`Trails`: where parts were at every step, in memory that does not grow with the run."""
+"""`Trails`: the poses of moved parts at every step, in bounded memory."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from vpframe.errors import OutputError
 
 ROWS = 4096
-"""steps of a moved part that are held in memory; what came before them is in a temporary file"""
+"""number of rows kept in memory; older rows are in a temporary file"""
 _ROW = np.dtype([("step", np.int64), ("part", np.int64), ("rotation", np.float64, 9), ("translation", np.float64, 3)])
 
 
 class Trails:
     """Poses of parts by step: 112 bytes for each step in which a part moved, most of them in a temporary file.
 
-    The file comes into being when it is needed, has no name, and is gone with this object or its process.
+    The file is created when needed, has no name, and is deleted with this object or its process.
     """
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class Trails:
         self._lost = ""
 
     def add(self, step: int, parts: Sequence[int], poses: NDArray[np.float64]) -> None:
-        """Keep the poses (k, 12), rotation by rows and translation in m, that parts have from a step on."""
+        """Append the poses (k, 12), rotation by rows and translation in m, of parts from a step on."""
         done = 0
         while done < len(parts):
             if self._count == len(self._rows):
@@ -44,26 +44,26 @@ class Trails:
             self._count, done = self._count + len(rows), own.stop
 
     def mark(self) -> tuple[int, int]:
-        """How much there is, to `undo` what follows."""
+        """Return a mark of the current end; `undo(mark)` goes back to it."""
         return self._full, self._count
 
     def undo(self, mark: tuple[int, int]) -> None:
-        """Forget what was added since a mark."""
+        """Remove the rows added since a mark."""
         full, count = mark
-        if self._full > full and self._file is not None:  # the last block of the file was in memory then
+        if self._full > full and self._file is not None:  # this block was still in memory at the mark
             self._file.seek(full * ROWS * _ROW.itemsize)
             self._rows = np.frombuffer(self._file.read(ROWS * _ROW.itemsize), _ROW).copy()
         self._full, self._count = full, count
 
     def of(self, part: int) -> tuple[tuple[int, pin.SE3], ...]:
-        """(step, pose) whenever a part moved, to the bit.
+        """Return (step, pose) of every step in which a part moved, bit for bit.
 
         Raises
         ------
         OutputError: the temporary file could not be written.
         """
         if self._lost:
-            raise OutputError(f"where parts have been is not known: {self._lost}", tempfile.gettempdir())
+            raise OutputError(f"the trails of parts are lost: {self._lost}", tempfile.gettempdir())
         mine = [rows[rows["part"] == part] for rows in self._blocks()]
         return tuple(
             (int(row["step"]), pin.SE3(row["rotation"].reshape(3, 3), row["translation"]))
@@ -79,7 +79,7 @@ class Trails:
         yield self._rows[: self._count]
 
     def _make_room(self) -> None:
-        """Double the rows; once they are `ROWS`, put them into the file and begin anew."""
+        """Double the capacity; at `ROWS` rows, write them to the file and start again with an empty block."""
         if self._count < ROWS:
             grown = np.zeros(min(max(64, 2 * self._count), ROWS), _ROW)
             grown[: self._count] = self._rows
@@ -93,6 +93,6 @@ class Trails:
             if self._file.write(self._rows.tobytes()) != self._rows.nbytes:
                 raise OSError(0, "no room")
             self._full += 1
-        except OSError as error:  # of no matter to a run that nobody asks
+        except OSError as error:  # reported by `of` only
             self._lost = f"the folder for temporary files, {tempfile.gettempdir()}, cannot be written: {error.strerror}"
         self._count = 0

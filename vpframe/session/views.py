@@ -1,4 +1,4 @@
-"""`Views`: the constraints in force as observers see them, drawn where their bodies are."""
+"""`Views`: the constraints in force as observers receive them, placed at the current poses."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from vpframe.session.events import ConstraintView
 
 
 class Selection(NamedTuple):
-    """The constraints to be drawn anew when certain bodies have moved."""
+    """The constraints whose views must be recomputed when certain bodies have moved."""
 
     places: list[int]
     first: list[int]
-    """of each the first body"""
+    """index of each constraint's first body"""
     local: NDArray[np.float64]
-    """(k, 2, 3) where to draw each and its direction, in the frame of that body"""
+    """(k, 2, 3) origin (m) and direction of each symbol, in the frame of its first body"""
     together: Together
-    """the same"""
+    """the same constraints, for batched residuals"""
 
 
 class Drawn(NamedTuple):
-    """What was last drawn."""
+    """The views computed last, and their inputs."""
 
     in_force: InForce
     views: list[ConstraintView]
     local: NDArray[np.float64]
-    """(k, 2, 3) where each is drawn and its direction, in the frame of its first body"""
+    """(k, 2, 3) origin (m) and direction of each symbol, in the frame of its first body"""
     poses: tuple[pin.SE3, ...]
 
 
 class ViewsOfStep(Sequence[ConstraintView]):
-    """The constraints after one step, drawn at first use: most steps nobody looks at them.
+    """The constraints after one step, computed at first use because most steps' views are never read.
 
-    make: returns them; what it is made from does not change any more. of: the records of what is in force, offered
-    and refused; where two steps have the same records, they have the same constraints in the same states.
+    make: returns the views; its inputs must not change any more. of: records of the constraints in force, offered and
+    refused; two steps with the same records have the same constraints in the same states.
     """
 
     def __init__(self, make: Callable[[], tuple[ConstraintView, ...]], of: tuple[object, ...]) -> None:
@@ -56,7 +56,7 @@ class ViewsOfStep(Sequence[ConstraintView]):
         return self._views
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return tuple, (self._made(),)  # a copy, or what goes to another process, has the views only
+        return tuple, (self._made(),)  # a copied or pickled object contains the views only
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, tuple | ViewsOfStep) and self._made() == tuple(other)
@@ -76,14 +76,14 @@ class ViewsOfStep(Sequence[ConstraintView]):
 
 
 class Views:
-    """Draws constraints in force; those whose bodies stand where they were last drawn keep their views."""
+    """Computes the views of constraints in force; those whose bodies have not moved are reused."""
 
     def __init__(self) -> None:
         self._drawn = Drawn(InForce({}), [], np.zeros((0, 2, 3)), ())
         self._selection: tuple[Any, Selection | None] = None, None
 
     def active(self, in_force: InForce, names: Sequence[str], poses: tuple[pin.SE3, ...]) -> list[ConstraintView]:
-        """The constraints in force, in the order of acceptance, at `poses`."""
+        """Return the views of the constraints in force, in order of acceptance, at `poses`."""
         drawn = self._drawn if self._drawn.in_force is in_force else self._begun(in_force, names)
         before = drawn.poses or (None,) * len(poses)
         moved = np.array([now is not then for now, then in zip(poses, before, strict=True)])
@@ -96,7 +96,7 @@ class Views:
             where[:, 0] += at[:, :3, 3]
             where.setflags(write=False)
             for k, residual, (origin, direction) in zip(selection.places, distance, where, strict=True):
-                view = object.__new__(ConstraintView)  # `replace`, a tenth as long: there are hundreds
+                view = object.__new__(ConstraintView)  # ten times faster than `replace`; there can be hundreds
                 view.__dict__.update(views[k].__dict__, origin=origin, direction=direction, residual=residual)
                 views[k] = view
         self._drawn = Drawn(in_force, views, drawn.local, poses)
@@ -115,7 +115,7 @@ class Views:
         return selection
 
     def _begun(self, in_force: InForce, names: Sequence[str]) -> Drawn:
-        """The views of constraints that are still in force, and others that are yet to be drawn."""
+        """Reuse the views of constraints that stay in force; new views have residual NaN until they are computed."""
         last = self._drawn
         known = {id(e.candidate): v for e, v in zip(last.in_force.accepted.values(), last.views, strict=True)}
         views, local, home = [], [], pin.SE3.Identity()

@@ -51,6 +51,13 @@ CHECK = 2.0
 """s between two counts of the workers"""
 CLOSE = 5.0
 """s that closing may take"""
+_UNWATCHED = {
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
+"""what the dashboard shows, and costs 9 % of a core with two idle workers"""
 _LOST = "what was finished is kept, --resume runs what is missing"
 
 
@@ -95,7 +102,7 @@ def connected(machines: Machines, jobs: int, retries: int) -> Iterator[Client]:
             security = _own_certificates()
             settings: dict[str, Any] = {"distributed.scheduler.allowed-failures": retries}
             if not machines.dashboard:
-                settings["distributed.scheduler.http.routes"] = []
+                settings |= _UNWATCHED
             stack.enter_context(dask.config.set(settings))
             stack.enter_context(_main_module_hidden())
             resource_tracker.ensure_running()  # else it is started inside, and unblocks Ctrl-C there
@@ -232,14 +239,22 @@ def on_client(job: Job, work: Work, client: Client, local: bool) -> Done:
 
 
 class _Submitted:
-    """The variants that workers have; no more than they have threads, since one that waits in the queue of a worker is
-    blamed when that worker dies."""
+    """The variants that workers have: one that runs and one that waits a thread, so that no worker idles while an
+    outcome travels.
+
+    Dask blames a worker's death on the variants that wait there too. What it gives up, that may have waited, is
+    therefore submitted again, and nothing is left to wait from then on.
+    """
 
     def __init__(self, client: Client, plugin: str) -> None:
         self._client = client
         self._plugin = plugin
         self._variants: dict[Any, tuple[Variant, str]] = {}
         """by key of their futures"""
+        self._waited: set[Any] = set()
+        """of these keys, those that may have waited behind another variant"""
+        self._ahead = 2
+        """variants a thread"""
         self._addresses: dict[str, str] = {}
         """by child, the address of its worker"""
         self._completed = as_completed([], loop=client.loop, with_results=True, raise_errors=False)
@@ -252,9 +267,13 @@ class _Submitted:
         try:
             while work or self._variants:
                 self._count()
-                while work and len(self._variants) < self._threads:
+                while work and len(self._variants) < self._ahead * self._threads:
                     self._submit(*work.popleft())
-                yield self._next()
+                variant, avoid, outcome = self._next()
+                if outcome is None:
+                    work.appendleft((variant, avoid))
+                else:
+                    yield variant, avoid, outcome
         except WorkersGoneError:
             work.extendleft(self._variants.values())
             raise
@@ -281,9 +300,12 @@ class _Submitted:
             workers=others, allow_other_workers=others is not None,
         )  # fmt: skip
         self._variants[future.key] = variant, avoid
+        if self._ahead > 1:
+            self._waited.add(future.key)
         self._completed.add(future)
 
-    def _next(self) -> tuple[Variant, str, dict[str, Any]]:
+    def _next(self) -> tuple[Variant, str, dict[str, Any] | None]:
+        """The next variant that is done, and its outcome; None if it is to be submitted again."""
         while not self._completed.has_ready():
             self._count()
             with self._completed.thread_condition:
@@ -291,11 +313,16 @@ class _Submitted:
         future: Future
         future, result = next(self._completed)
         variant, avoid = self._variants.pop(future.key)
+        waited = future.key in self._waited
+        self._waited.discard(future.key)
         if isinstance(result, dict):  # an outcome, even if its worker has died since
             self._addresses[result["worker"]] = result["address"]
             return variant, avoid, result
         error = result[1] if isinstance(result, tuple) else None
         if isinstance(error, KilledWorker):
+            if waited:
+                self._ahead = 1
+                return variant, avoid, None
             return variant, avoid, _killed(error)
         if isinstance(error, VpframeError):
             raise error

@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from collision.mesh import welded
 from vpframe.scene.scene import Shape
 
 CREASE = np.cos(np.radians(35.0))
@@ -62,7 +63,7 @@ def _make(shape: Shape) -> DisplayMesh:
     flat = np.divide(area_normal, length, out=np.zeros_like(area_normal), where=length > 0)
 
     # one normal a (surface, vertex): area-weighted mean; a corner far from the mean keeps its triangle's own
-    point, weld = _weld(mesh.vertices)
+    point, weld = welded(mesh.vertices)  # CAD kernels mesh each face for itself
     key = surface[:, None].astype(np.int64) * len(point) + weld[tri]
     _, group = np.unique(key.ravel(), return_inverse=True)
     total = np.zeros((int(group.max()) + 1, 3))
@@ -89,12 +90,6 @@ def _make(shape: Shape) -> DisplayMesh:
         feature_of_surface=feature,
         lines=_lines(point, weld[tri], flat, feature[surface]),
     )
-
-
-def _weld(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Distinct points and, for each vertex, its point: CAD kernels mesh each face for itself."""
-    point, index = np.unique(vertices, axis=0, return_inverse=True)
-    return point, index.reshape(-1)
 
 
 def _lines(

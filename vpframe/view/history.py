@@ -31,6 +31,16 @@ class History:
         self._count += 1
         self._last = frame
 
+    def mark(self) -> tuple[int, int, Frame | None]:
+        """How much there is, to `undo` what follows."""
+        return self._count, len(self._events), self._last
+
+    def undo(self, mark: tuple[int, int, Frame | None]) -> None:
+        """Forget what was added since a mark."""
+        self._count, events, self._last = mark
+        del self._events[events:]
+        del self._kept[bisect.bisect_left(self._kept, self._count, key=itemgetter(0)) :]
+
     @property
     def last(self) -> Frame | None:
         """The newest frame."""

@@ -11,7 +11,7 @@ import time
 import webbrowser
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pinocchio as pin
 
@@ -54,6 +54,8 @@ class Cursor(NamedTuple):
     """number of the frame that a person looks back at; -1: the newest"""
     shown: int = -1
     """the frame that it was sent while it looks back"""
+    undone: int = 0
+    """how often the session had gone back"""
 
 
 class MeshcatViewer:
@@ -96,6 +98,7 @@ class MeshcatViewer:
         self._over = False
         self._last = (0.0, 0.0)
         self._history = History(frames)
+        self._undone = 0
         self._lock = threading.Lock()
         self._count = 0
         self._notices: dict[str, tuple[int, int, str]] = {}
@@ -160,6 +163,17 @@ class MeshcatViewer:
                 time.sleep(min(ahead, MAX_PAUSE))
         self._last = (frame.time, time.monotonic())
 
+    def mark(self) -> object:
+        """What was shown so far, to `undo` what follows."""
+        return self._history.mark()
+
+    def undo(self, mark: Any) -> None:
+        """Forget frames and events since a mark; pages do too, with the next frame."""
+        with self._lock:
+            self._history.undo(mark)
+            self._undone += 1
+            self._encoded = None
+
     def end(self) -> None:
         """Show the last frame and stop to serve, at once or in `close`."""
         self._over = True
@@ -217,19 +231,23 @@ class MeshcatViewer:
 
     def _open(self, client: int) -> tuple[list[str], Cursor]:
         """What a page needs first (in the server's thread)."""
-        first = Cursor(client, events=max(len(self._history.events) - EVENTS, 0))
+        first = Cursor(client, events=self._recent(), undone=self._undone)
         messages, cursor = self._latest(first)
         you = [_json({"type": "you", "client": client})] if self._ask is not None else []
         return [self._opening, *you, *messages], cursor
 
     def _latest(self, cursor: Cursor) -> tuple[list[str], Cursor]:
         """What a page that has seen `cursor` does not know yet (in the server's thread)."""
+        messages: list[str] = []
         with self._lock:
+            if cursor.undone != self._undone:
+                cursor = cursor._replace(undone=self._undone, events=self._recent(), shown=-1)
+                messages.append(_json({"type": "undone", "frame": len(self._history) - 1}))
             count, events = len(self._history), self._history.events_since(cursor.events)
             known = (count - 1, self._history.last) if cursor.look < 0 else self._history.at(cursor.look)
             news = sorted(n for n in self._notices.values() if n[0] > cursor.notices and n[1] in (0, cursor.client))
             noticed = self._count
-        messages = [text for _, _, text in news]
+        messages += [text for _, _, text in news]
         number, frame = known or (-1, None)
         back = cursor.look >= 0
         if frame is not None and not (back and cursor.shown == number):
@@ -246,6 +264,10 @@ class MeshcatViewer:
         return messages, cursor._replace(
             events=cursor.events + len(events), over=self._over, notices=noticed, shown=number
         )
+
+    def _recent(self) -> int:
+        """How many events come before those that a page is told of which does not know any."""
+        return max(len(self._history.events) - EVENTS, 0)
 
     def _frame_message(self, number: int, frame: Frame, back: bool) -> str:
         if not back and self._encoded is not None and self._encoded[0] == number:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus
 from vpframe.scene.names import face_words
 from vpframe.scene.scene import Part, Scene, Shape
-from vpframe.session.events import Event, Frame, moved
+from vpframe.session.events import ConstraintView, Event, Frame, moved
 from vpframe.text import plain
 from vpframe.view import palette
 from vpframe.view.camera import Camera, frame_scene
@@ -35,6 +35,7 @@ class Encoder:
         self._moved: dict[int, str] = {}
         """the parts that ever moved, by place"""
         self._strips: dict[tuple[object, ...], int] = {}
+        self._symbols: dict[int, tuple[ConstraintView, Symbol]] = {}
 
     def begin(self) -> Message:
         """The scene: shapes once, parts with their poses and colours, the camera."""
@@ -52,7 +53,7 @@ class Encoder:
                 self._moved[self._index[name]] = name
         fresh: list[Message] = []
         drawn, places = [], []
-        for symbol in (*frame_symbols(frame), *hand_symbols(frame.hands, 0.06 * self.camera.radius)):
+        for symbol in (*frame_symbols(frame, self._symbols), *hand_symbols(frame.hands, 0.06 * self.camera.radius)):
             number = self._strips.get(symbol.key)
             if number is None:
                 number = self._strips[symbol.key] = len(self._strips)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from vpframe.scene import boxes
-from vpframe.scene.scene import Part, Scene
+from vpframe.scene.scene import Part, Scene, Shape
 from vpframe.view import palette
 from vpframe.view.camera import Camera, frame_scene
 from vpframe.view.display import display_mesh
@@ -68,7 +69,7 @@ def render(
         if opacity.get(name, 1.0) >= 1.0:
             solid.draw(name, part.shape, poses.get(name, part.pose), camera, section)
     solid.fill()
-    image = _background(width, height)
+    image = np.array(_background(width, height), order="C")
     solid.shade(image, tints, marked, 1.0, section is not None)
     depth = solid.depth
     ghosts = [(name, part) for name, part in seen if 0.0 < opacity.get(name, 1.0) < 1.0]
@@ -137,25 +138,30 @@ class _Buffers:
     def draw(
         self,
         name: str,
-        shape: object,
+        shape: Shape,
         pose: pin.SE3,
         camera: Camera,
         section: tuple[ArrayLike, ArrayLike] | None,
     ) -> None:
         """Take a part in, if it is in the picture. What is not cut is filled in at once, by `fill`."""
-        mesh = display_mesh(shape)  # type: ignore[arg-type]
+        mesh = display_mesh(shape)
         world = mesh.positions.astype(np.float64) @ pose.rotation.T + pose.translation
-        corners = project(world, camera, self.depth.shape)[mesh.triangles]
-        low, high = corners[:, :, :2].min(axis=1), corners[:, :, :2].max(axis=1)
-        seen = np.flatnonzero((high >= 0.0).all(axis=1) & (low <= self.depth.shape[::-1]).all(axis=1))
+        points = project(world, camera, self.depth.shape)
+        flat = points[:, :2]
+        a, b, c = (flat[mesh.triangles[:, k]] for k in range(3))
+        back = _cross(b - a, c - a) > 0.0  # rows count downwards
+        low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        there = (high >= 0.0).all(axis=1) & (low <= self.depth.shape[::-1]).all(axis=1)
+        if section is None and shape.closed and shape.volume > 0.0:
+            there &= ~back  # the front of a closed solid hides its back
+        seen = np.flatnonzero(there)
         if not len(seen):
             return  # out of the picture
         first = np.floor(low[seen].min(axis=0)).astype(np.int64).clip(0)[::-1]
         last = np.minimum(np.ceil(high[seen].max(axis=0)).astype(np.int64)[::-1] + 1, self.face.shape)
         self.window[::2], self.window[1::2] = np.minimum(self.window[::2], first), np.maximum(self.window[1::2], last)
-        corners, triangles = corners[seen], mesh.triangles[seen]
-        xy, z = np.ascontiguousarray(corners[:, :, :2]), np.ascontiguousarray(corners[:, :, 2])
-        back = _cross(xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]) > 0.0  # rows count downwards
+        triangles, back = mesh.triangles[seen], back[seen]
+        xy, z = flat[triangles], points[triangles, 2]
         if section is None:
             self.waiting.append((xy, z))
         else:
@@ -222,9 +228,11 @@ class _Buffers:
         filled = back & cut  # an open mesh seen from within, or the fill of a cut
         plain = np.array([tints[name] for name in self.names], dtype=np.float64)[owner[:, 0]]
         surfaces, features = int(owner[:, 1].max()) + 1, int(owner[:, 2].max()) + 2
-        red = [place * surfaces + s for place, name in enumerate(self.names) for s in marked.get(name, ())]
+        red = np.zeros((len(self.names), surfaces), bool)
+        for place, name in enumerate(self.names):
+            red[place, [s for s in marked.get(name, ()) if s < surfaces]] = True
         color = plain.copy()
-        color[np.isin(owner[:, 0] * surfaces + owner[:, 1], red) & ~filled] = palette.COLLIDING
+        color[red[owner[:, 0], owner[:, 1]] & ~filled] = palette.COLLIDING
         # one number a feature of a part, and one a cut part
         label = owner[:, 0] * features + np.where(filled, features - 1, owner[:, 2])
         half = KEY_LIGHT + np.array([0.0, 0.0, 1.0])
@@ -260,10 +268,12 @@ def _plane_depth(section: tuple[ArrayLike, ArrayLike], camera: Camera, shape: tu
     return (n @ offset - n[0] * x[None, :] - n[1] * y[:, None]) / n[2]
 
 
+@lru_cache(maxsize=4)
 def _background(width: int, height: int) -> NDArray[np.float32]:
+    """Read only."""
     top, bottom = (np.array(c, dtype=np.float32) for c in palette.BACKGROUND)
     fade = np.linspace(0.0, 1.0, height, dtype=np.float32)[:, None, None]
-    return np.ascontiguousarray(np.broadcast_to(top + fade * (bottom - top), (height, width, 3)))
+    return np.broadcast_to(top + fade * (bottom - top), (height, width, 3))
 
 
 def _draw_symbols(

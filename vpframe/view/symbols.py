@@ -79,7 +79,7 @@ def _constraint_strips(kind: str, size: float) -> tuple[Points, ...]:
     if kind in TURNING:
         ring = _helix(1.15 * size) if kind == "screw" else circle(Z, 1.15 * size)
         return _segment(-2.2 * size, 2.2 * size), ring
-    if kind in ("spherical", "point"):
+    if kind in ("spherical", "point", "groove"):
         return tuple(circle(axis, 0.6 * size) for axis in (Z, X, Y))
     if kind in ("line", "tangent", "parallel", "rack-and-pinion"):
         return (_segment(-1.5 * size, 1.5 * size),)
@@ -125,9 +125,17 @@ def _rounded(size: float) -> float:
     return float(f"{max(float(size), 1e-9):.3g}")
 
 
-def frame_symbols(frame: Frame) -> tuple[Symbol, ...]:
-    """Symbols of a frame: constraints, candidates, those refused, and the freedom left of what is held."""
-    symbols = [constraint_symbol(view) for view in frame.constraints]
+def frame_symbols(frame: Frame, known: dict[int, tuple[ConstraintView, Symbol]] | None = None) -> tuple[Symbol, ...]:
+    """Symbols of a frame: constraints, candidates, those refused, and the freedom left of what is held.
+
+    known: symbols by constraint, of the frame before: those of constraints that have not moved are taken from it.
+    """
+    symbols, known = [], {} if known is None else known
+    for view in frame.constraints:
+        drawn = known.get(view.id)
+        if drawn is None or drawn[0] is not view:
+            drawn = known[view.id] = view, constraint_symbol(view)
+        symbols.append(drawn[1])
     for name in frame.held:
         mine = [view for view in frame.constraints if view.state == "active" and name in view.parts]
         if not mine or name not in frame.joint:

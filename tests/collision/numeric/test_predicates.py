@@ -19,7 +19,7 @@ def test_orientation_where_float64_fails() -> None:
         a, b, c = rng.normal(size=(3, 3)) * 10.0 ** rng.integers(-6, 7)
         u, v = rng.random(2)
         d = a + u * (b - a) + v * (c - a)  # in the plane but for rounding
-        sign = orient3d(*a, *b, *c, *d, w)
+        sign = orient3d(tuple(a), tuple(b), tuple(c), tuple(d), w)
         assert sign == exact.orient3d(a, b, c, d)
         seen[sign] += 1
     assert min(seen[-1], seen[1]) > 500

@@ -8,7 +8,7 @@ import pytest
 
 from collision import CollisionManager, SurfaceMesh, Tolerance
 from collision.query.containment import inside
-from collision.query.penetration import penetration
+from collision.query.penetration import deepest_points, penetration
 from tests.collision.brute_force import box, point_distances, sphere, turned
 
 TILT = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 2.0, -0.3]))
@@ -159,6 +159,19 @@ def test_no_sampled_point_is_deeper_and_the_deepest_is_one(case: str) -> None:
         every = float(point_distances(point, solid.vertices[solid.triangles]).min())
         assert every == pytest.approx(row["depth"], rel=1e-9)
         assert inside(solid, point)[0]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_pairs_of_surfaces_are_as_deep_together_as_each_alone(case: str) -> None:
+    """In any order: the depth of one pair is but a guess for the next."""
+    a, b, pose = CASES[case]
+    world = CollisionManager()
+    pairs = np.array([(s, t) for s in range(a.n_surfaces) for t in range(b.n_surfaces)], np.int32)
+    alone = np.array([deepest_points(world, (a, b), pose, pair[None])[0, 0] for pair in pairs])
+    for order in (np.arange(len(pairs)), np.argsort(alone), np.argsort(-alone)):
+        together = np.empty(len(pairs))
+        together[order] = deepest_points(world, (a, b), pose, pairs[order])[:, 0]
+        assert (np.abs(together - alone) <= 0.01 * np.maximum(together, alone) + 1e-7 + 1e-12).all()
 
 
 def test_precision_is_the_tolerance_s() -> None:

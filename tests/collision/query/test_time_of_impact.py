@@ -300,6 +300,37 @@ def test_from_contact_nothing_goes_deeper_than_allowed_and_nothing_stops_early(s
     assert stopped > 0
 
 
+def test_the_first_impact_of_many_is_the_first_of_any_pair_alone() -> None:
+    """Whatever the order in which pairs are advanced: all of them, to the end, one at a time."""
+    rng = np.random.default_rng(12)
+    hits = at_once = 0
+    for k in range(40):
+        world = CollisionManager()
+        for _ in range(5):
+            place = rng.normal(size=3) * (0.12 if k % 2 else 0.3)
+            world.add(box(*rng.uniform(0.05, 0.2, 3)), at(*place, turn=tuple(rng.normal(size=3))))
+        moves = {0: at(*rng.normal(size=3) * 0.5, turn=tuple(rng.normal(size=3)))}
+        if k % 3 == 0:
+            moves[3] = world.pose(3) * at(*rng.normal(size=3) * 10.0 ** rng.uniform(-6.0, 0.0))
+        alone = {}
+        for i in range(5):
+            for j in range(i + 1, 5):
+                if i in moves or j in moves:
+                    two = CollisionManager()
+                    two.add(world.mesh(i), world.pose(i)), two.add(world.mesh(j), world.pose(j))
+                    found = time_of_impact(two, {n: moves[m] for n, m in enumerate((i, j)) if m in moves})
+                    alone[i, j] = found.t if found.hit else np.inf
+        found = time_of_impact(world, moves)
+        assert found.hit == (min(alone.values()) <= 1.0)
+        if found.hit:
+            # steps that aim at a nearer end differ by what an impact may be early
+            assert found.t == pytest.approx(min(alone.values()), abs=1e-4)
+            i, j = (int(found.contacts[name][0]) for name in ("object_a", "object_b"))
+            assert alone[i, j] == pytest.approx(found.t, abs=1e-4)
+            hits, at_once = hits + 1, at_once + (found.t == 0.0)
+    assert hits > 15 and at_once > 3 and hits - at_once > 3
+
+
 def test_a_pair_that_parts_and_comes_back_is_not_stopped_far_away() -> None:
     world = CollisionManager()
     world.add(box(4.0, 4.0, 0.1), at(0.0, 0.0, -0.05), movable=False)

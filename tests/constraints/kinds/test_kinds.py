@@ -113,6 +113,11 @@ CASES = {
 each_kind = pytest.mark.parametrize(("constraint", "freedom"), CASES.values(), ids=CASES.keys())
 
 
+@each_kind
+def test_only_threads_and_teeth_hold_again_a_period_farther(constraint, freedom):
+    assert constraint.periodic == isinstance(constraint, Screw | Gear | Belt | RackAndPinion)
+
+
 def random_pose(rng: np.random.Generator, scale: float = 0.3) -> pin.SE3:
     q = rng.normal(size=4)
     return pin.SE3(pin.Quaternion(*(q / np.linalg.norm(q))).matrix(), scale * rng.normal(size=3))

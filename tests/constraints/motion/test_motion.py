@@ -7,7 +7,9 @@ import pinocchio as pin
 import pytest
 
 from collision import CollisionManager, Tolerance
-from constraints import ConstraintManager, ConstraintsError, Motion
+from constraints import ConstraintManager, ConstraintsError, Motion, Screw
+from constraints.geometry.surfaces import Cylinder
+from constraints.kinds.stated import stated
 from constraints.motion.quadratic_program import UndecidedError, quadratic_program
 from constraints.recognition.mated import adjacent_surfaces
 from tests.constraints.shapes import Body, box, flanged_shaft, housing, shaft, turned
@@ -111,6 +113,18 @@ def test_a_shaft_turns_and_slides_freely_in_its_bore_whatever_the_facets(clearan
         assert result.residual < 1e-9 and not result.blocked
         assert pose.translation[2] == pytest.approx(z, abs=1e-3)
         assert abs(pin.log3(pose.rotation.T @ pin.rpy.rpyToMatrix(0, 0, turn))[2]) < 0.02
+
+
+def test_a_hand_that_goes_straight_skips_the_turns_of_a_thread_that_is_drawn_plain():
+    room = Room([housing(0.0105), flanged_shaft(phase=0.05)], [at(), at(z=0.03)], accept=False)
+    axis = Cylinder([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], 0.01)
+    screw = Screw((0, 1), (axis, axis), pitch=1e-3).engaged(*room.poses)
+    room.manager.impose(stated(screw, room.poses, room.manager.recogniser.features, 0, "a thread"))
+    for z in np.arange(0.03, 0.045, 8.5e-4):
+        result = room.move(at(z=z))
+        assert not result.blocked and result.residual < 1e-9
+        assert abs(room.poses[1].translation[2] - z) <= 5e-4 + 1e-9
+        assert np.abs(pin.log3(room.poses[1].rotation)).max() < 0.01
 
 
 def test_the_flange_stops_at_the_face_and_seats_when_accepted():

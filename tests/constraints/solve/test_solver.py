@@ -1,4 +1,4 @@
-"""The solver: what must hold holds to 1e-12, what need not move stays, the nearest solution is the one found."""
+"""The solver: residuals end below 1e-12, what need not move stays, and the solution found is the nearest."""
 
 from __future__ import annotations
 
@@ -38,13 +38,7 @@ PROBLEMS = {
     "bolted plate": problems.bolted_plate(20),
     "chain of 10": problems.chain(10),
     "chain of 100": problems.chain(100),
-    "four-bar": problems.four_bar(),
-    "parallelogram": problems.parallelogram(0.8),
-    "parallelogram, flat": problems.parallelogram(0.0),
-    "stretched pair": problems.stretched_pair(),
-    "Bennett": problems.bennett(),
-    "Sarrus": problems.sarrus(),
-    "slider crank": problems.slider_crank(),
+    **problems.LINKAGES,
     "slider crank at its dead point": problems.slider_crank(0.0),
     "four-bolt flange": problems.flange(),
     "machine of 1,000 constraints": problems.machine(),

@@ -127,7 +127,9 @@ BLOWS = [
 ]
 
 
-@pytest.mark.parametrize(("e", "mu", "angle", "along", "slides"), BLOWS)
+@pytest.mark.parametrize(
+    ("e", "mu", "angle", "along", "slides"), [pytest.param(*BLOWS[0], marks=pytest.mark.slow), *BLOWS[1:]]
+)
 def test_a_rod_strikes_a_floor_as_the_cases_say(e, mu, angle, along, slides):
     expected, how = by_cases(e, mu, angle, along)
     assert how == slides

@@ -109,7 +109,7 @@ def cube(side=0.02, density=7850.0):
     return world, i
 
 
-@pytest.mark.parametrize("dt", [1 / 30, 1 / 60, 1e-3])
+@pytest.mark.parametrize("dt", [1 / 30, 1 / 60, 1 / 250, pytest.param(1e-3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "gains",
     [

@@ -29,6 +29,7 @@ def lowest(world, ids, mesh):
     return min((world.pose(i).translation + mesh.vertices @ world.pose(i).rotation.T)[:, 2].min() for i in ids)
 
 
+@pytest.mark.slow
 def test_steps_in_one_piece_land_and_come_to_rest(monkeypatch):
     """As crowds are stepped, whose impacts are too many to be had each at its time: none falls through."""
     monkeypatch.setattr(stepping, "IMPACTS", 0)

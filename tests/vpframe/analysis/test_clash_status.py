@@ -121,6 +121,7 @@ def test_a_file_of_before_is_read(tmp_path) -> None:
     assert read(file) == () and read_authorised(file) == ()
 
 
+@pytest.mark.slow
 def test_the_command_line_keeps_the_status_over_runs(tmp_path, vpframe) -> None:
     size, apart = (0.01, 0.01, 0.01), {"a": 0.0, "b": 0.008, "c": 0.016}
     parts = {

@@ -1,9 +1,7 @@
 """Mates of an assembly as it stands, its document, and its mechanism as URDF."""
 
 import json
-import os
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -207,12 +205,8 @@ def test_the_command_takes_the_greatest_clearance_of_a_fit(tmp_path, capsys):
         assert [c["kind"] for c in json.loads(capsys.readouterr().out)["constraints"]] == kinds
 
 
-real_models = pytest.mark.skipif("VPFRAME_DATA" not in os.environ, reason="VPFRAME_DATA names no folder of real models")
-
-
-@real_models
 @pytest.mark.parametrize("name", ["as1-oc-214.stp", "as1_pe_203.stp"])
-def test_as1_has_sixteen_against_and_twenty_two_concentric(name):
-    document = mates.mates(vp.load(str(Path(os.environ["VPFRAME_DATA"]) / "step" / name)))
+def test_as1_has_sixteen_against_and_twenty_two_concentric(name, real_models):
+    document = mates.mates(vp.load(real_models / "step" / name))
     assert Counter(c["kind"] for c in document["constraints"]) == {"against": 16, "concentric": 22}
     assert len({(*c["parts"], *map(tuple, c["surfaces"])) for c in document["constraints"]}) == 38

@@ -64,3 +64,32 @@ def test_a_suite_without_its_peers_costs_itself_alone(suites, tmp_path: Path, ca
     assert "No plots: No module named &#x27;matplotlib&#x27; (pip install matplotlib)" in page
     assert cli.main(["bench", "physics"]) == 2
     assert cli.main(["bench", "physics", "--all"]) == 2
+
+
+def test_cases_and_numbers_are_given_to_the_suite_that_takes_them(suites, capsys) -> None:
+    given: dict[str, Any] = {}
+
+    def run(quick: bool = False, only: tuple[str, ...] = (), segments: int | None = None) -> dict[str, Any]:
+        given.update(quick=quick, only=only, segments=segments)
+        return {"suite": "planning", "machine": "", "rows": [], "ratios": {}}
+
+    suites["planning"] = SimpleNamespace(run=run, table=lambda result: "")
+    assert cli.main(["bench", "planning", "--only", "peg", "--only", "clip", "--number", "segments=7"]) == 0
+    assert given == {"quick": False, "only": ("peg", "clip"), "segments": 7}
+    for wrong, said in (
+        (["planning", "--number", "legs=7"], "--number legs=7: suite planning counts segments"),
+        (["planning", "--number", "segments=few"], "--number segments=few: write segments=N"),
+        (["physics", "--only", "peg"], "--only peg: suite physics is run as a whole"),
+        (["--only", "peg"], "--only and --number choose within one suite; name it"),
+    ):
+        capsys.readouterr()
+        assert cli.main(["bench", *wrong]) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_a_text_that_no_case_has_is_named() -> None:
+    cases = {"pairs: peg": 1, "pairs: clip": 2, "segments": 3}
+    assert bench.chosen(cases, ["clip", "seg"]) == {"pairs: clip": 2, "segments": 3}
+    assert bench.chosen(cases, []) == cases
+    with pytest.raises(VpframeError, match="--only pin: no case is called so; there are pairs: peg, pairs: clip"):
+        bench.chosen(cases, ["pin"])

@@ -77,3 +77,22 @@ def test_angles_are_degrees() -> None:
         assert cli._parser().parse_args([*command, "--angular", "20"]).angular == math.radians(20.0)
         with pytest.raises(cli.UsageError, match=r"--angular: invalid number of degrees value: 'steep'"):
             cli._parser().parse_args([*command, "--angular", "steep"])
+
+
+def test_a_missing_library_of_the_system_is_one_line_without_the_packages_that_need_it(tmp_path):
+    (tmp_path / "pinocchio.py").write_text(
+        "raise ImportError('libgomp.so.1: cannot open shared object file: No such file or directory')"
+    )
+    code = "import sys; from vpframe.app.cli import main; sys.exit(main(['clash']))"
+    for script, line in (
+        (code, "vpframe: the following arguments are required: FILE; see vpframe clash --help\n"),
+        (
+            code.replace("'clash'", "'mates', 'a.stl'"),
+            "vpframe: libgomp.so.1 is missing, a library of the system: "
+            "install it (Debian: apt install libgl1 libgomp1)\n",
+        ),
+    ):
+        (tmp_path / "a.stl").write_text("solid a\nendsolid a\n")
+        path = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); "
+        done = subprocess.run([sys.executable, "-c", path + script], cwd=tmp_path, capture_output=True, text=True)
+        assert (done.returncode, done.stdout, done.stderr) == (2, "", line)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 from vpframe.app import demo
 
@@ -28,3 +30,12 @@ def test_a_demo_that_goes_otherwise_says_so(tmp_path, capsys, monkeypatch) -> No
     monkeypatch.setattr(demo, "_EXPECTED", (6, 3))
     assert demo.run(tmp_path / "out") == 1
     assert "expected freedom (6, 3)" in capsys.readouterr().err
+
+
+def test_the_file_of_the_model_does_not_say_when_it_was_written(tmp_path) -> None:
+    """Else no run would find what an earlier one read. The kernel writes the colours in one of two orders."""
+    heads = []
+    for file in (tmp_path / "a.step", tmp_path / "b.step"):
+        subprocess.run([sys.executable, "-c", demo._BUILD, file], check=True)
+        heads.append(file.read_text().split("DATA;")[0])
+    assert heads[0] == heads[1] and "FILE_NAME" in heads[0]

@@ -271,6 +271,7 @@ def test_force_does_not_replace_what_the_run_reads(desk, vpframe, arguments):
     assert contents(desk) == before
 
 
+@pytest.mark.slow
 def test_force_replaces_the_rest(desk, vpframe):
     asked = ("--record", "notes.json", "--report", "mine", "--checkpoint", "mine/old", "--force")
     (desk / "mine" / "old").write_text("old")

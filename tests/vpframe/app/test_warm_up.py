@@ -38,13 +38,13 @@ SOLVE = {
 KERNELS = {
     "session": NEAR | SOLVE | {
         "collision.broad_phase.place", "collision.query.intersection.intersect",
-        "collision.query.time_of_impact.impact",
+        "collision.query.time_of_impact.advance",
         "constraints.motion.quadratic_program._goldfarb_idnani", "vpframe.view.raster.draw_segments",
         "vpframe.view.raster.fill_triangles",
     },
     "disassemble": NEAR | SOLVE | {
         "collision.query.intersection.intersect", "collision.query.penetration.deepest",
-        "collision.query.time_of_impact.impact", "vpframe.planning.tree.grow", "vpframe.planning.tree.meets_within",
+        "collision.query.time_of_impact.advance", "vpframe.planning.tree.grow", "vpframe.planning.tree.meets_within",
     },
     "clash": NEAR | {
         "collision.query.containment.which_wind", "collision.query.intersection.intersect",

@@ -150,12 +150,63 @@ def test_undo_and_redo_are_exact_and_redo_ends_with_the_next_deed(bench: Workben
     ask(bench, "undo")
     ask(bench, "release")
     ask(bench, "redo")
-    assert "nothing to do again" in said(bench)
+    assert "nothing to redo" in said(bench)
     for _ in range(2):
         ask(bench, "undo")
     assert bench.hand.held is None and bench.holder == 0
     ask(bench, "undo")
     assert "nothing to undo" in said(bench)
+
+
+def test_what_is_undone_is_in_no_script_event_timeline_or_report(bench: Workbench, tmp_path: Path) -> None:
+    grab(bench)
+    drag(bench, (0.0, 0.0, 0.04))
+
+    def told() -> tuple[object, ...]:
+        """What script, events, timeline (but for states shown twice) and report say."""
+        bench.session.show()
+        folder = tmp_path / f"report {len(list(tmp_path.iterdir()))}"  # one that knows of no earlier run
+        bench.session.report(folder)
+        report = json.loads((folder / "report.json").read_text())
+        frames = [(frame.step, [e.kind for e in events]) for frame, events in bench.viewer._history]
+        frames = [f for f, before in zip(frames, [(-1, []), *frames], strict=False) if f != (before[0], [])]
+        kept = {name: report[name] for name in ("events", "constraints", "clashes", "freedom", "duration", "steps")}
+        return bench.source(tmp_path), bench.session.events, frames, kept
+
+    before = told()
+    in_the_bore = len(bench.done)
+    drag(bench, (0.0, 0.0, 0.0352))
+    ask(bench, "accept", next(c for c in bench.session.candidates if c.kind == "concentric").id)
+    drag(bench, *((0.0, 0.0, 0.035 - 0.003 * k) for k in range(12)))  # onto the block
+    after = told()
+    assert {"accepted", "blocked"} <= {event.kind for event in bench.session.events}
+    while len(bench.done) > in_the_bore:
+        ask(bench, "undo")
+    assert told() == before
+    for _ in range(3):
+        ask(bench, "redo")
+    assert told() == after
+    assert bench.viewer._history.events == bench.session.events
+
+
+def test_as_much_is_undone_as_there_is_room_for(bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vpframe.app.workbench.MOST_UNDO", 3)
+    grab(bench)
+    for _ in range(5):
+        ask(bench, "slide", along="z", distance=0.001)
+    assert [done.before is not None for done in bench.done] == [False] * 3 + [True] * 3
+    for _ in range(4):
+        ask(bench, "undo")
+    assert "cannot be undone any more" in said(bench) and len(bench.done) == 3
+    assert peg(bench)[2, 3] == pytest.approx(0.0375, abs=1e-9)
+    for _ in range(3):
+        ask(bench, "redo")
+    assert peg(bench)[2, 3] == pytest.approx(0.0405, abs=1e-9) and len(bench.done) == 6
+    monkeypatch.setattr("vpframe.app.workbench.MOST_BYTES", 1000)
+    ask(bench, "slide", along="z", distance=0.001)
+    assert [done.before is not None for done in bench.done] == [False] * 6 + [True]
+    ask(bench, "undo")
+    assert len(bench.done) == 6
 
 
 def test_what_fails_leaves_no_trace(bench: Workbench) -> None:
@@ -249,6 +300,7 @@ def test_a_dragged_hinge_turns_towards_the_mouse() -> None:
     assert pose.translation == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_view_saves_what_is_done_ends_with_ctrl_c_and_its_script_runs(model: Path, tmp_path: Path) -> None:
     script = tmp_path / "done" / "task.py"
     script.parent.mkdir()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import sys
 
@@ -21,6 +22,7 @@ import vpframe as vp
 from vpframe.app import cli
 from vpframe.scene import modelling as m
 from vpframe.scene.motion import Motion
+from vpframe.scene.scene import Size
 
 RED = (1.0, 0.0, 0.0, 0.5)
 
@@ -142,6 +144,18 @@ def test_glb_holds_tree_colours_poses_and_the_motion(tmp_path):
     assert np.abs(np.array(there) - np.array(here)).max() < 1e-9
     for mesh in read.geometry.values():
         assert trimesh.Trimesh(mesh.vertices, mesh.faces, process=True, merge_norm=True).volume > 0.0
+
+
+@pytest.mark.parametrize("ending", ["step", "glb", "urdf", "mjcf", "usda", "csv"])
+def test_sizes_of_pmi_that_no_format_carries_are_named(tmp_path, ending):
+    if ending == "usda":
+        pytest.importorskip("pxr")
+    scene = m.scene({"pin": (m.cylinder(0.004, 0.03), placed(1))})
+    assert not any("PMI" in line for line in scene.export(tmp_path / f"plain.{ending}"))
+    shape = scene["pin"].shape
+    sized = [dataclasses.replace(s, size=Size(8e-3)) if s.geometry.kind == "cylinder" else s for s in shape.surfaces]
+    object.__setattr__(shape, "surfaces", tuple(sized))
+    assert sum("sizes of PMI" in line for line in scene.export(tmp_path / f"sized.{ending}")) == 1
 
 
 def test_motion_goes_through_a_table_and_back(tmp_path):

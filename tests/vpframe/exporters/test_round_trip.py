@@ -51,6 +51,7 @@ def assemblies(draw) -> dict[str, Any]:
     return parts
 
 
+@pytest.mark.slow
 @settings(  # an example starts the CAD kernel three times
     max_examples=3,
     deadline=None,

@@ -41,7 +41,7 @@ HOLDING = {
     "grab when it holds": (lambda h: h.grab("cube"), "already holds peg"),
     "approach when it holds": (lambda h: h.approach("cube"), "use move_to"),
     "no axis": (lambda h: h.pull(), "no axis to go by"),
-    "no thread": (lambda h: h.unscrew(), "no thread holds peg"),
+    "no thread": (lambda h: h.unscrew(), "no recognised thread holds peg"),
     "no direction": (lambda h: h.slide("north", 0.1), "along='north'"),
     "no length of direction": (lambda h: h.slide((0, 0, 0), 0.1), "zero vector"),
     "no end": (lambda h: h.slide("up"), "needs a distance or until="),

@@ -17,10 +17,12 @@ import OCP
 import pinocchio as pin
 import pytest
 import trimesh
+from OCP.IGESControl import IGESControl_Writer
 
 import vpframe as vp
 from tests.vpframe.importers.test_meshes import write_glb
 from vpframe.importers import cad
+from vpframe.importers.checks import iges_damage
 from vpframe.importers.step_text import scan
 from vpframe.scene import modelling as m
 
@@ -184,6 +186,7 @@ def test_parameters_out_of_range(tmp_path, step):
     assert "parsec" in fault(tmp_path / "a.stl", unit="parsec")
 
 
+@pytest.mark.slow
 def test_changed_bytes_end_in_one_line_or_in_a_scene_that_names_what_it_lost(tmp_path, step, capfd):
     data = step.read_bytes()
     whole = sum(len(part.surfaces) for part in vp.load(step).parts)
@@ -413,3 +416,38 @@ def test_an_interrupt_as_reading_begins_leaves_nothing_behind(tmp_path, monkeypa
     assert len(started) == 1 and started[0].daemon
     started[0].join(5.0)
     assert not started[0].is_alive()
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_part_without_a_triangle_of_positive_area_is_named_or_refused(tmp_path, alone):
+    parts = {"ring": m.torus(0.01, 0.002)} | ({} if alone else {"box": m.box(0.01, 0.01, 0.01)})
+    path = m.write_step(tmp_path / "a.step", parts)
+    text = path.read_text()
+    path.write_text(re.sub(r"CIRCLE\(''(,#\d+),2\.\)", r"CIRCLE(''\1,1.E-300)", text))
+    assert path.read_text() != text
+    if alone:
+        assert "holds no triangle of positive area" in fault(path)
+    else:
+        scene = vp.load(path)
+        assert scene.names == ("box",)
+        assert scene.notes == ("part ring is lost: it has no triangle of positive area",)
+
+
+def test_lines_of_an_iges_file_that_are_missing_or_doubled_are_noted(tmp_path):
+    writer = IGESControl_Writer("MM", 0)
+    writer.AddShape(m.box(0.01, 0.02, 0.03).occ)
+    writer.ComputeModel()
+    path = tmp_path / "a.igs"
+    assert writer.Write(str(path))
+    sound = path.read_bytes()
+    assert vp.load(path).notes == () and iges_damage(sound) == ""
+    lines = sound.splitlines(keepends=True)
+    for i in range(len(lines) - 1):  # without the last one it is cut short, and refused
+        assert "not in sequence" in iges_damage(b"".join([*lines[:i], *lines[i + 1 :]]))
+        assert f"the first is line {i + 2}" in iges_damage(b"".join([*lines[: i + 1], *lines[i:]]))
+    last = lines[-1].replace(b"S      1", b"S      2").replace(b"S0000001", b"S0000002")
+    assert last != lines[-1] and "not in sequence" in iges_damage(b"".join([*lines[:-1], last]))
+    place = next(i for i, line in enumerate(lines) if line[72:73] == b"P")
+    path.write_bytes(b"".join([*lines[: place + 1], *lines[place:]]))
+    (note,) = vp.load(path).notes
+    assert note == f"damaged: 1 lines are not in sequence, the first is line {place + 2}: faces or parts may be missing"

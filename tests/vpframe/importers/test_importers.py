@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
 import textwrap
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -324,15 +322,19 @@ def test_the_same_file_gives_the_same_bits(tmp_path):
         assert repr(s) == repr(t)
 
 
-DATA = os.environ.get("VPFRAME_DATA")
+def test_the_reading_process_imports_no_solver():
+    """Numba and Pinocchio take longer to import than most files take to read."""
+    code = "import sys, vpframe.importers.document, vpframe.exporters.step_writer as _\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert "OCP" in done.stdout.split()
+    assert not {"numba", "pinocchio", "coal", "scipy", "physics", "constraints"} & set(done.stdout.split())
 
 
-@pytest.mark.skipif(DATA is None, reason="VPFRAME_DATA names no folder of models")
 class TestRealModels:
     @pytest.mark.parametrize(("name", "length"), [("as1-oc-214", 0.18), ("as1_pe_203", 0.18 * 25.4)])
-    def test_as1(self, name, length):
+    def test_as1(self, real_models, name, length):
         """The same assembly in millimetres, with no cylinder typed, and in inches, with parts that have no faces."""
-        scene = vp.load(Path(DATA or "") / "step" / f"{name}.stp")
+        scene = vp.load(real_models / "step" / f"{name}.stp")
         assert len(scene) == 18
         assert len({id(p.shape) for p in scene.parts}) == 5
         assert sum(len(p.surfaces) for p in scene.parts) == 160
@@ -350,8 +352,8 @@ class TestRealModels:
     @pytest.mark.parametrize(
         "name", ["bearing_20x37x9.stp", "bdw_taper_bearing.step", "caxif_dm1-oc-214.stp", "screw.step"]
     )
-    def test_others_load_whole(self, name):
-        scene = vp.load(Path(DATA or "") / "step" / name)
+    def test_others_load_whole(self, real_models, name):
+        scene = vp.load(real_models / "step" / name)
         assert scene.notes == ()
         assert all(p.shape.closed for p in scene.parts)
         assert all(f.residual <= 1e-5 for p in scene.parts for f in p.features)

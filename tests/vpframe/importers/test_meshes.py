@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import struct
 import sys
 from pathlib import Path
@@ -356,17 +355,13 @@ def test_the_same_mesh_gives_the_same_segments():
     assert [repr(s.geometry) for s in first] == [repr(s.geometry) for s in second]
 
 
-DATA = os.environ.get("VPFRAME_DATA")
-
-
-@pytest.mark.skipif(DATA is None, reason="VPFRAME_DATA names no folder of models")
 class TestRealModels:
     @pytest.mark.parametrize(
         ("name", "concave", "diameter"),
         [("factory_round_peg_8mm_tight", False, 7.995e-3), ("factory_round_hole_8mm_subdiv_3x", True, 8.1e-3)],
     )
-    def test_peg_and_hole(self, name, concave, diameter):
-        (part,) = vp.load(Path(DATA or "") / "mesh" / f"{name}.obj").parts
+    def test_peg_and_hole(self, real_models, name, concave, diameter):
+        (part,) = vp.load(real_models / "mesh" / f"{name}.obj").parts
         (fit,) = (s for s in part.surfaces if isinstance(s.geometry, Cylinder))
         assert fit.orientation == ("concave" if concave else "convex")
         assert 2 * fit.geometry.radius == pytest.approx(diameter, abs=1e-5)
@@ -374,10 +369,10 @@ class TestRealModels:
     @pytest.mark.parametrize(
         ("name", "needed", "total"), [("odri_pulley", 76, 76), ("tinymovr_gimbal_bracket", 48, 56)]
     )
-    def test_segmentation(self, name, needed, total):
+    def test_segmentation(self, real_models, name, needed, total):
         """Faces recovered with at least 0.9 of their area, neighbours on one analytic surface merged on both sides."""
-        stl = trimesh.load_mesh(Path(DATA or "") / "segmentation" / f"{name}.stl", process=False)
-        truth = np.load(Path(DATA or "") / "segmentation" / f"{name}_truth.npz")
+        stl = trimesh.load_mesh(real_models / "segmentation" / f"{name}.stl", process=False)
+        truth = np.load(real_models / "segmentation" / f"{name}_truth.npz")
         vertices, triangles = weld(np.asarray(stl.vertices) * 1e-3, np.asarray(stl.faces))
         corners = vertices[triangles]
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)

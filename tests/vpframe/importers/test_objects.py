@@ -89,7 +89,7 @@ def test_trimesh_meshes_and_scenes_keep_units_names_poses_and_colours():
     assert loaded["b"].pose.translation == pytest.approx([0.05, 0.0, 0.0])
     assert loaded["a"].color == (1.0, 0.0, 0.0, 1.0)
     mesh.units = "parsecs-ish"
-    with pytest.raises(vp.LoadError, match="nobody knows; give unit="):
+    with pytest.raises(vp.LoadError, match="which are unknown; give unit="):
         vp.load(mesh)
 
 

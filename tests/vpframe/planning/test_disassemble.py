@@ -5,13 +5,14 @@ from pathlib import Path
 
 import cases
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import vpframe as vp
 from vpframe.app import task_runner
 from vpframe.app.cli import main
 from vpframe.hands.paths import read_track
-from vpframe.scene.modelling import write_step
+from vpframe.scene.modelling import box, write_step
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +34,14 @@ def test_the_document(model, capsys):
     assert document["levels"] == [["nut"], ["bolt"], ["plate"]]
     assert document["minimal"] == {"proven": False, "bound": None}
     assert document["tolerance"] == 1e-6 and document["interrupted"] is False
+
+
+def test_what_overlaps_is_a_line_a_pair_of_parts(tmp_path, capsys):
+    pressed = pin.SE3(np.eye(3), np.array([0.015, 0.0, 0.0]))  # 5 mm of it in the other, with all its sides
+    path = write_step(tmp_path / "pressed.step", {"a": box(0.02, 0.02, 0.02), "b": (box(0.02, 0.01, 0.01), pressed)})
+    main(["disassemble", str(path), "--base", "a", "--motion", "straight", "--budget", "20s"])
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if "overlap" in line)
+    assert line.startswith("  overlap from the start, never deepened: a – b, ") and line.endswith("pairs of surfaces")
 
 
 def test_one_part_the_fewest_removals_and_a_no(model, capsys):
@@ -66,6 +75,7 @@ def test_bad_usage_is_one_line_and_exit_2(model, capsys, options, words):
     assert captured.out == "" and words in captured.err and captured.err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_tracks_script_and_report_are_written_and_the_script_does_it(model, tmp_path, capsys):
     tracks, report, script = tmp_path / "tracks", tmp_path / "report", tmp_path / "apart.py"
     written = ["--tracks", str(tracks), "--report", str(report), "--task", str(script)]
@@ -117,6 +127,7 @@ def test_the_recording_shows_a_hand_that_does_it(model, tmp_path):
     assert Path(model).exists()
 
 
+@pytest.mark.slow
 def test_the_live_page_plays_the_plan(model, monkeypatch, capsys):
     from vpframe.session.events import Frames
     from vpframe.view import meshcat_viewer

@@ -1,8 +1,6 @@
 """Orders of whole assemblies, and least numbers of removals, against known answers, lattices and enumeration."""
 
-import os
 from itertools import combinations
-from pathlib import Path
 
 import cases
 import numpy as np
@@ -87,12 +85,8 @@ def test_six_piece_burrs_come_apart_as_a_lattice_search_says(seed):
         assert not any(cases.lattice_blocked(cells[a], cells[b], d) for a in step.parts for b in there)
 
 
-DATA = os.environ.get("VPFRAME_DATA")
-
-
-@pytest.mark.skipif(not DATA, reason="VPFRAME_DATA names no folder of real models")
-def test_as1_rod_after_one_nut():
-    scene = vp.load(Path(DATA) / "step" / "as1-oc-214.stp")
+def test_as1_rod_after_one_nut(real_models):
+    scene = vp.load(real_models / "step" / "as1-oc-214.stp")
     rod, nuts = "rod-assembly_1/rod_1", ["rod-assembly_1/nut_1", "rod-assembly_1/nut_2"]
     alone = vp.planning.disassembly(scene, rod, budget=LONG, motion="mates")
     assert order(alone) == [(rod,)] and alone.proven  # it is drawn without a thread, and slides out of both nuts

@@ -82,7 +82,7 @@ def test_a_nut_turns_by_the_engaged_length_over_the_pitch_and_is_not_pulled():
 @pytest.mark.parametrize(
     ("scene", "part", "least"),
     [
-        (cases.c_clip, "clip", cases.clip_angle()),
+        pytest.param(cases.c_clip, "clip", cases.clip_angle(), marks=pytest.mark.slow),
         (cases.bayonet, "plug", cases.BAYONET),
         (cases.l_hook, "hook", np.radians(20.0)),
     ],

@@ -238,7 +238,7 @@ def test_the_page_lists_pairs_of_parts_with_a_picture_a_row_and_folds_their_surf
     scene, frames = stacked([0.06, 0.048, 0.06])
     folder = write(tmp_path, log_of(frames, scene))
     text = (folder / "index.html").read_text()
-    caused, stood = text.index("Caused by the task: 1 pair of parts clash"), text.index("As it stands: 1 pair of parts")
+    caused, stood = text.index("Caused by the task: 1 pair of parts clash"), text.index("At the start: 1 pair of parts")
     assert caused < stood
     rows = re.findall(r"<details class='pair'.*?</details>", text)
     assert len(rows) == 3, "one a pair of parts"
@@ -262,7 +262,7 @@ def test_many_pairs_that_only_touch_are_one_folded_line(tmp_path):
     frames = [Frame(s, s / 60, poses, rows, (), {}, {}, None, {}) for s in (1, 2)]
     text = (write(tmp_path, log_of(frames, scene)) / "index.html").read_text()
     assert "<summary>5 pairs of parts only touch (5 pairs of surfaces)</summary>" in text
-    assert "clashes as it stands</span><b>0</b>" in text, "contacts are no clashes"
+    assert "clashes at the start</span><b>0</b>" in text, "contacts are no clashes"
 
 
 def test_csv_has_a_row_a_clash(written):

@@ -108,7 +108,7 @@ def test_what_is_no_thread_is_said_to_be_none() -> None:
         hand.grab("peg")
         with pytest.raises(TaskError, match="has no axis to go by"):
             hand.unscrew(pitch=PITCH)
-        with pytest.raises(TaskError, match="no thread holds peg"):
+        with pytest.raises(TaskError, match="no recognised thread holds peg"):
             hand.unscrew()
         for bad in ({"pitch": 0.0}, {"pitch": np.nan}, {"rate": 0.0}, {"turns": -1.0}, {"turns": np.inf}):
             with pytest.raises(TaskError, match="give"):

@@ -245,7 +245,7 @@ def test_what_is_recognised_gives_way_to_what_is_stated_and_is_not_offered_anew(
         (lambda s: s.constrain("screw", "small", "large", pitch=0.0), "pitch is 0"),
         (lambda s: s.constrain("distance", "small", "large", at=0.1), "which surface of small"),
         (lambda s: s.constrain("angle", ("bar", 0), ("plate", 0), at=4.0), "between 0 and"),
-        (lambda s: s.constrain("angle", ("bar", 0), ("plate", 0), at="wide"), "angle of bar and plate"),
+        (lambda s: s.constrain("angle", ("bar", 0), ("plate", 0), at="wide"), "angle between bar and plate"),
         (lambda s: s.constrain("fixed", ("bar", 0), "plate"), "name no surfaces"),
         (lambda s: s.constrain("fixed", "bar", "plate", break_distance=-1.0), "break_distance is -1.0"),
     ],

@@ -1,6 +1,5 @@
 """What was travelled can be travelled back, in fits of hardly any clearance; what is solid is never passed."""
 
-import os
 from functools import cache
 from pathlib import Path
 
@@ -89,20 +88,24 @@ REAL = [
 
 
 @cache
-def real(name: str) -> Scene:
-    return load(Path(os.environ["VPFRAME_DATA"]) / "step" / name)
+def real(file: Path) -> Scene:
+    return load(file)
 
 
 @pytest.mark.slow
-@pytest.mark.skipif("VPFRAME_DATA" not in os.environ, reason="VPFRAME_DATA names no folder of real models")
 @pytest.mark.parametrize("rule", [rules.leave_all, rules.accept_all], ids=["leave all", "accept all"])
 @pytest.mark.parametrize(
     ("model", "unit", "way", "far"), REAL, ids=[f"{m[:3]} {u[0].split('/')[-1]}" for m, u, *_ in REAL]
 )
 def test_a_real_part_goes_back_to_where_it_was(
-    model: str, unit: tuple[str, ...], way: tuple[float, float, float], far: float, rule: rules.Rule
+    real_models: Path,
+    model: str,
+    unit: tuple[str, ...],
+    way: tuple[float, float, float],
+    far: float,
+    rule: rules.Rule,
 ) -> None:
-    scene = real(model)
+    scene = real(real_models / "step" / model)
     start = {part.name: pin.SE3(part.pose) for part in scene.parts}
     try:
         with Session(scene, rule=rule) as session:
@@ -132,3 +135,59 @@ def test_equal_faces_do_not_pass_through_each_other(gap: float) -> None:
         assert not outcome
         assert scene["left"].pose.translation[0] <= gap + 1e-6
         assert "right stands in its way (face" in outcome.reason
+
+
+@pytest.mark.parametrize("way", [(0.05, 0.0, 0.0), (0.0, 0.04, 0.003)])
+def test_a_ring_is_not_pulled_through_its_rod(way: tuple[float, float, float]) -> None:
+    """Its facets overlap those of the rod as drawn; nor where the hand is ahead by more than both are thick."""
+    ring = modelling.shape(cylinder(0.009, 0.006) - cylinder(0.005, 0.006))
+    rod = modelling.shape(cylinder(0.005, 0.1).rotated((0.0, 0.0, 1.0), 0.1))
+    scene = Scene([Part("ring", ring, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.05]))), Part("rod", rod, HERE)])
+    scene["rod"].fixed = True
+    with Session(scene, rule=rules.leave_all) as session:
+        hand = session.hand()
+        hand.grab("ring")
+        outcome = hand.move_by(way, required=False)
+        assert not outcome and "rod stands in its way" in outcome.reason
+        assert np.linalg.norm(scene["ring"].pose.translation[:2]) < 1e-3
+        assert hand.move_to(pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.12])))
+
+
+@pytest.mark.parametrize("draft", [2.0, 10.0, 45.0])
+def test_a_wedge_leaves_its_seat(draft: float) -> None:
+    """Both its flanks are mated: neither way along one of them is open, and off both it is what the hand wants."""
+    wide = 0.01 + 0.02 * np.tan(np.radians(draft))
+    wedge = extrude([(-0.01, 0.0), (0.01, 0.0), (wide, 0.02), (-wide, 0.02)], 0.02)
+    seat = extrude([(-0.06, -0.01), (0.06, -0.01), (0.06, 0.02), (-0.06, 0.02)], 0.02) - wedge
+    scene = Scene([Part("seat", modelling.shape(seat), HERE), Part("wedge", modelling.shape(wedge), HERE)])
+    scene["seat"].fixed = True
+    with Session(scene) as session:
+        hand = session.hand()
+        hand.grab("wedge")
+        assert len(session.constraints_of("wedge")) >= 2
+        assert hand.move_by((0.0, 0.06, 0.0), required=False)
+        assert hand.move_to(HERE)
+        assert np.linalg.norm(scene["wedge"].pose.translation) < 1e-6
+
+
+SHROUD = "1329-B2P-C"
+"""of the print head: its floor is drawn 0.45 mm inside the nozzle's block"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rule", "within"), [(rules.leave_all, 1e-6), (rules.accept_all, 5e-4)], ids=["leave all", "accept all"]
+)
+def test_the_shroud_of_the_print_head_goes_out_and_back(real_models: Path, rule: rules.Rule, within: float) -> None:
+    """A mate that is accepted where its floor meets the block keeps it there, 0.45 mm short of where it is drawn."""
+    scene = real(real_models / "step" / "um2_head.step")
+    start = pin.SE3(scene[SHROUD].pose)
+    with Session(scene, rule=rule) as session:
+        mark = session.mark()
+        hand = session.hand()
+        hand.grab(SHROUD)
+        assert hand.move_by((0.0, -0.1, 0.0))
+        assert hand.move_to(start)
+        off = start.actInv(scene[SHROUD].pose)
+        assert np.linalg.norm(off.translation) < within and np.linalg.norm(pin.log3(off.rotation)) < 1e-6
+        session.undo(mark)

@@ -20,6 +20,7 @@ def variant(how: str, index: int = 0) -> Variant:
     return Variant(index, 0, {"how": how, "x": 2.0})
 
 
+@pytest.mark.slow
 def test_every_ending_has_its_status_and_costs_one_variant(tmp_path: Path) -> None:
     script = written(tmp_path, ENDINGS)
     pool = Children(script, 5.0, 0)
@@ -109,6 +110,7 @@ def task(session, v):
 )
 
 
+@pytest.mark.slow
 def test_the_clock_stands_while_kernels_are_compiled(tmp_path: Path) -> None:
     pool = Children(written(tmp_path, COMPILES), 3.0, 0)
     try:

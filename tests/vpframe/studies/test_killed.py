@@ -53,6 +53,7 @@ def whole(tmp_path_factory) -> list[str]:
     return finish(slow(folder, 0.0), folder / "runs", 12)
 
 
+@pytest.mark.slow
 def test_a_killed_study_loses_what_was_running_and_leaves_nobody(tmp_path: Path, whole: list[str]) -> None:
     script, out = slow(tmp_path, 0.5), tmp_path / "runs"
     with started("study", script, "--samples", 12, "--jobs", 2, "--out", out) as process:
@@ -119,6 +120,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
         yield address[1], scheduler
 
 
+@pytest.mark.slow
 def test_workers_of_a_cluster_need_no_files(tmp_path: Path, whole: list[str]) -> None:
     script, out = slow(tmp_path / "here", 0.0), tmp_path / "runs"
     with cluster(tmp_path / "there") as (address, _):

@@ -84,6 +84,7 @@ def test_the_worst_variants_are_scripts_that_run_again(endings, tmp_path: Path) 
     assert (tmp_path / "report" / "scene.html").exists()
 
 
+@pytest.mark.slow
 def test_two_workers_give_the_same_answers_to_the_last_bit(endings, tmp_path: Path) -> None:
     script, out, _ = endings
     done = study(script, "--samples", 10, "--seed", 5, "--jobs", 2, "--retries", 0, "--out", tmp_path / "two", "--json")
@@ -135,6 +136,7 @@ def task(session, v):
 )
 
 
+@pytest.mark.slow
 def test_a_second_run_without_an_answer_is_told_and_counts_as_no_difference(tmp_path: Path) -> None:
     script, out = written(tmp_path, HANGS_AGAIN), tmp_path / "runs"
     given = (script, "--samples", 2, "--jobs", 1, "--timeout", "2s", "--out", out, "--json")
@@ -196,6 +198,7 @@ def test_a_study_resumed_runs_what_is_missing_alone(endings, tmp_path: Path) -> 
     assert (there / "results.jsonl").read_bytes() == before, "nothing was missing"
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_and_reports_what_is_finished(tmp_path: Path) -> None:
     script = slow(tmp_path, 0.3)
     with Terminal("study", script, "--samples", "500", "--jobs", "2", "--out", "runs", cwd=tmp_path) as terminal:

@@ -71,6 +71,7 @@ def browser() -> Iterator[Browser]:
         yield made
 
 
+@pytest.mark.slow
 @pytest.mark.browser
 def test_they_are_seen_in_a_browser_and_the_session_plays(
     displayed: list[str], browser: Browser, tmp_path: Path

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from PIL import Image
 
 import vpframe as vp
 from tests.vpframe.bench_model import write_bench
 from tests.vpframe.browser import PROGRAM, Browser
 from vpframe.app.workbench import Workbench
+from vpframe.scene import modelling as m
 from vpframe.session.session import Session
 
 pytestmark = [
@@ -35,6 +40,13 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def bench(model: Path, browser: Browser) -> Iterator[Workbench]:
+    with served(model, browser) as made:
+        yield made
+
+
+@contextlib.contextmanager
+def served(model: Path, browser: Browser) -> Iterator[Workbench]:
+    """A bench on a model, with its page open."""
     made = Workbench(vp.load(model), model, {})
     runner = threading.Thread(target=made.run)
     runner.start()
@@ -160,6 +172,66 @@ def test_the_gizmo_moves_along_one_axis_and_typed_numbers_are_exact(bench: Workb
     assert peg(bench)[0, 3] - at[0] == pytest.approx(0.0125, abs=1e-9)
 
 
+def on_ring(browser: Browser, name: str, angle: float) -> tuple[float, float]:
+    """Where a point of a ring of the gizmo is on the screen; of z's from the x axis, rad."""
+    x, y = browser.run(
+        f"""(() => {{
+            const ring = gizmo.handles.find((m) => m.userData.ring && m.userData.name === {name!r});
+            const far = ring.geometry.parameters.radius, center = gizmo.group.position;
+            const at = toThree([center.x + far * Math.cos({angle}), center.y + far * Math.sin({angle}), center.z]);
+            at.project(viewer.camera);
+            return [(at.x + 1) / 2 * innerWidth, (1 - at.y) / 2 * innerHeight];
+        }})()"""
+    )
+    return x, y
+
+
+def test_a_ring_of_the_gizmo_turns_and_a_typed_turn_is_exact(bench: Workbench, browser: Browser) -> None:
+    take(browser)
+    browser.wait("gizmo !== null")
+    start = -0.9  # towards the eye, beside the arrows
+    browser.drag(*(on_ring(browser, "z", start + 0.1 * k) for k in range(7)))
+    browser.wait("desk.undo === 2")
+    turned = peg(bench)
+    assert np.arctan2(turned[1, 0], turned[0, 0]) == pytest.approx(0.5, abs=0.06)  # from the first move on
+    assert turned[2, 2] == pytest.approx(1.0, abs=1e-9)
+    assert np.allclose(turned[:3, 3], [0.0, 0.0, 0.0355], atol=1e-6), "about its middle"
+    browser.run("$('exact-axis').value = 'y'; $('exact-by').value = '-30'; $('exact-unit').value = '°'; 1")
+    browser.click("#exact-go")
+    browser.wait("desk.undo === 3")
+    about = peg(bench)[:3, :3] @ turned[:3, :3].T
+    assert np.allclose(about, pin.exp3(np.array([0.0, np.radians(-30.0), 0.0])), atol=1e-9)
+
+
+def test_the_gizmo_is_of_the_views_size_and_a_drag_selects_no_text(bench: Workbench, browser: Browser) -> None:
+    take(browser)
+    browser.wait("gizmo !== null")
+    across = """(() => {
+        const size = new THREE.Box3().setFromObject(gizmo.group).getSize(new THREE.Vector3());
+        return Math.max(size.x, size.y, size.z) / (viewer.camera.position.distanceTo(viewer.controls.target)
+            * Math.tan(viewer.camera.fov * Math.PI / 360)); })()"""
+    for zoom in (600, 600, 600, -600, -600, -600, -600, -600):
+        x, y = place(browser, "peg", HEAD)
+        browser.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=zoom)
+        browser.settle()
+        assert 0.2 < browser.run(across) < 1.6, "seen whole, and large enough to be taken"
+    browser.click("#home")
+    browser.drag((600, 60), (300, 300), (100, 400))
+    assert browser.run("String(window.getSelection())") == ""
+
+
+def test_typed_numbers_about_the_axis_of_a_fit(bench: Workbench, browser: Browser) -> None:
+    take(browser)
+    accept_concentric(browser, bench)
+    before = peg(bench).copy()
+    browser.run("$('exact-axis').value = 'axis'; $('exact-by').value = '90'; $('exact-unit').value = '°'; 1")
+    browser.click("#exact-go")
+    browser.wait("desk.undo === 4")
+    about = before[:3, :3].T @ peg(bench)[:3, :3]
+    assert abs(pin.log3(about) @ [0.0, 0.0, 1.0]) == pytest.approx(np.pi / 2, abs=1e-6)
+    assert np.allclose(peg(bench)[:3, 3], before[:3, 3], atol=1e-6)
+
+
 def test_rows_show_the_place_with_all_else_faded(bench: Workbench, browser: Browser) -> None:
     take(browser)
     accept_concentric(browser, bench)
@@ -231,6 +303,164 @@ def test_two_faces_are_measured(bench: Workbench, browser: Browser) -> None:
     browser.wait("measured.length === 1")
     browser.click("#measure")
     assert browser.text("#measured") == ""
+
+
+def test_two_faces_are_measured_with_the_mouse(bench: Workbench, browser: Browser) -> None:
+    browser.click("#measure")
+    browser.press(*place(browser, "peg", (0.006, 0.0, 0.005)))  # the head's top
+    browser.wait("measured.length === 1")
+    browser.press(*place(browser, "block", (-0.012, -0.012, 0.02)))
+    browser.wait("measured.length === 2")
+    assert "angle 0°" in browser.text("#measured")
+    assert "distance 20.5 mm (along the normal)" in browser.text("#measured")  # 35.5 + 5 - 20
+    browser.press(*place(browser, "peg", (0.0, -0.008, 0.0025)))  # the head's side
+    browser.wait("measured.length === 1")
+    assert "diameter 16 mm" in browser.text("#measured")
+    browser.click("#measure")
+
+
+def test_a_section_is_cut_and_what_is_cut_away_is_not_picked(bench: Workbench, browser: Browser) -> None:
+    at = place(browser, "block", (0.02, -0.01, 0.01))  # its side towards the eye
+    browser.press(*at)
+    browser.wait("selection.surface >= 0")
+    whole = browser.text("#selected")
+    browser.press(30, 780)
+    before = browser.picture().astype(int)
+    browser.run("$('section-axis').value = 'x'; $('section-axis').onchange(); 1")
+    browser.click("#section")  # its middle: through the axis
+    browser.wait("viewer.renderer.localClippingEnabled && clip() !== null")
+    assert (np.abs(browser.picture().astype(int) - before).max(axis=2) > 25).mean() > 0.005
+    browser.press(*at)
+    browser.wait("selection.surface >= 0 || selection.parts.length === 0")
+    assert browser.text("#selected") != whole
+    browser.run("$('section-axis').value = ''; $('section-axis').onchange(); 1")
+    browser.press(30, 780)
+    assert np.abs(browser.picture().astype(int) - before).mean() < 0.5
+
+
+def test_the_picture_is_what_is_seen(bench: Workbench, browser: Browser, tmp_path: Path) -> None:
+    browser.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    seen = browser.picture()
+    browser.click("#picture")
+    browser.wait("world.downloaded === 'vpframe.png'")
+    saved = tmp_path / "vpframe.png"
+    until = time.monotonic() + 20.0
+    while not saved.exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    picture = np.asarray(Image.open(saved).convert("RGB")).astype(int)
+    assert picture.shape == seen.shape
+    middle = np.s_[150:500, 350:950]  # beside the panels
+    assert np.abs(picture - seen.astype(int))[middle].mean() < 1.0
+    assert picture[middle].std() > 10.0
+
+
+def test_nothing_is_painted_while_nothing_changes(bench: Workbench, browser: Browser) -> None:
+    browser.wait("painter.rested")
+    count = browser.run("painter.count")
+    browser.run("viewer.set_dirty(); 1")
+    time.sleep(0.7)
+    assert browser.run("painter.count") == count
+    browser.mouse("Moved", *place(browser, "peg", HEAD))
+    browser.wait(f"painter.count > {count}")
+    browser.wait("painter.rested")
+    count = browser.run("painter.count")
+    time.sleep(0.5)
+    assert browser.run("painter.count") == count
+
+
+def test_what_moves_is_painted_where_all_would_be(bench: Workbench, browser: Browser) -> None:
+    """Over the picture of what stands, with its depth, comes to the same pixels as all drawn at once."""
+    browser.wait("painter.rested")
+    same = browser.run(
+        """(() => {
+            const pixels = () => {
+                const { width, height } = canvas.domElement, made = new Uint8Array(4 * width * height);
+                const gl = canvas.getContext();
+                gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, made);
+                return made;
+            };
+            const unlike = (a, b) => a.reduce((n, value, k) => n + (Math.abs(value - b[k]) > 4), 0) / a.length;
+            const peg = world.parts.find((part) => part.name === "peg"), found = [], still = pixels();
+            for (const height of [0.004, 0.012, -0.006]) { // the last one inside the block
+                painter.level = PLAIN;
+                peg.group.position.set(0, 0, height);
+                repaint(performance.now());
+                const layered = pixels(), loose = painter.loose.size;
+                for (const object of painter.known.keys()) object.layers.set(0);
+                canvas.render(viewer.scene, viewer.camera);
+                found.push([loose, unlike(layered, pixels()), unlike(layered, still)]);
+                painter.stale = true;
+            }
+            peg.group.position.set(0, 0, 0);
+            painter.level = FINE;
+            return found;
+        })()"""
+    )
+    for loose, off, moved in same:
+        assert 0 < loose < browser.run("painter.known.size")
+        assert off < 1e-5 and moved > 1e-3
+
+
+def test_a_click_on_a_clash_shows_its_place_and_the_timeline_jumps_to_one(tmp_path: Path, browser: Browser) -> None:
+    model = m.write_step(
+        tmp_path / "clash.step",
+        {
+            "base": (m.box(0.04, 0.04, 0.02), pin.SE3.Identity()),
+            "wedge": (m.box(0.01, 0.01, 0.01), pin.SE3(np.eye(3), np.array([0.035, 0.01, 0.005]))),
+            "free": (m.box(0.01, 0.01, 0.01), pin.SE3(np.eye(3), np.array([0.01, 0.01, 0.03]))),
+        },
+    )
+    with served(model, browser) as bench:
+        browser.wait("world.found && world.found.done", 120)
+        assert browser.text("#clash-count") == "1"
+        assert "base – wedge" in browser.text("#clashes .row") and "5 mm" in browser.text("#clashes .row")
+        browser.click("#clashes .row .what")
+        browser.wait("marker !== null")
+        assert browser.run("world.parts.map((part) => Boolean(part.faded))") == [False, False, True]
+        x, y, z = browser.run("marker.position.toArray()")
+        assert 0.0349 < x < 0.0401 and 0.0099 < y < 0.0201 and 0.0049 < z < 0.0151
+        assert " · face " in browser.text("#selected")
+        browser.wait("painter.rested")
+        assert (np.abs(browser.picture()[:, 320:960].astype(int) - [224, 27, 36]).max(axis=2) < 60).any(), "the dot"
+        browser.press(330, 30)
+        browser.wait("marker === null && !world.parts[2].faded")
+        browser.click("#home")
+        browser.press(*place(browser, "free", (0.005, 0.005, 0.01)))
+        browser.wait("selection.parts.length === 1")
+        browser.click("#grab")
+        browser.wait("holding()")
+        browser.run("$('free').checked = true; $('exact-axis').value = 'z'; $('exact-by').value = '-15'; 1")
+        browser.click("#exact-go")
+        browser.wait("desk.undo === 2")
+        clashed = next(event for event in bench.session.events if event.kind in ("collided", "blocked"))
+        browser.click("#earlier")
+        browser.wait("timeline.back === true")
+        assert clashed.parts
+        browser.click("#to-clash")
+        browser.wait("world.last.step > 0")
+        browser.click("#now")
+
+
+def test_what_is_undone_leaves_the_pages_events_and_timeline(bench: Workbench, browser: Browser) -> None:
+    take(browser)
+    browser.wait("timeline.newest === timeline.shown")
+    newest = browser.run("timeline.newest")
+    accept_concentric(browser, bench)
+    assert browser.run("timeline.newest") > newest
+    browser.wait("$('events').textContent.includes('accepted')")
+    with Browser(800, 600) as other:
+        other.open(bench.viewer.url)
+        other.wait("$('events').textContent.includes('accepted')")
+        for undo in (2, 1):
+            browser.key("z", ctrl=True)
+            browser.wait(f"desk.undo === {undo}")
+        assert [event.kind for event in bench.session.events] == ["grabbed"]
+        for page in (browser, other):
+            page.wait("!$('events').textContent.includes('accepted')")
+            page.wait("$('events').childElementCount === 1")
+            page.wait(f"timeline.newest === {newest + 1} && Number($('scrub').max) === {newest + 1}")
+            assert page.run("timeline.events.every((event) => event.kind !== 'accepted')")
+        assert other.errors == []
 
 
 def test_the_wheel_keeps_what_is_under_the_cursor_and_f_frames_the_part(bench: Workbench, browser: Browser) -> None:

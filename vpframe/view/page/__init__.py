@@ -11,7 +11,7 @@ from typing import Any
 from vpframe.errors import VpframeError
 
 HERE = Path(__file__).parent
-SCRIPTS = ("scene", "panels", "pick", "look", "measure", "hand", "timeline", "main")
+SCRIPTS = ("scene", "panels", "pick", "paint", "look", "measure", "hand", "timeline", "main")
 """the page's own, in the order in which they are put together"""
 
 

@@ -94,7 +94,8 @@ function showGizmo() {
   if (!holding() || !$("gizmo").checked || !canHold()) return;
   const lead = world.parts[desk.held[0]];
   const sphere = boxOf(desk.held.map((index) => world.parts[index])).getBoundingSphere(new THREE.Sphere());
-  const size = 1.25 * sphere.radius, group = new THREE.Group(), handles = [];
+  const camera = viewer.camera, view = camera.position.distanceTo(sphere.center) * Math.tan(camera.fov * Math.PI / 360);
+  const size = THREE.MathUtils.clamp(1.25 * sphere.radius, 0.15 * view, 0.5 * view), group = new THREE.Group(), handles = [];
   group.position.set(...fromThree(sphere.center)); // meshcat's scene is as scripts have it, z up
   for (const [name, color, direction] of AXES) {
     const along = new THREE.Vector3(...direction);

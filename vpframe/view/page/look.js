@@ -72,7 +72,7 @@ function frameBox(box) {
   camera.position.copy(target).add(back);
   world.steered = true;
   viewer.controls.update();
-  viewer.set_dirty();
+  showGizmo(); // its size is of the view
 }
 
 const frameParts = (parts) => frameBox(boxOf(parts));
@@ -95,7 +95,7 @@ function zoomToCursor(event) {
   target.sub(at).multiplyScalar(scale).add(at);
   world.steered = true;
   viewer.controls.update();
-  viewer.set_dirty();
+  showGizmo(); // its size is of the view
 }
 
 // ---- section, explosion, colours, picture
@@ -152,8 +152,8 @@ function showFreedom(rows) {
 }
 
 function screenshot() {
-  viewer.renderer.render(viewer.scene, viewer.camera);
-  download(viewer.renderer.domElement.toDataURL("image/png"), "vpframe.png");
+  viewer.render();
+  download(canvas.domElement.toDataURL("image/png"), "vpframe.png");
 }
 
 function download(address, name) {
@@ -163,7 +163,7 @@ function download(address, name) {
   world.downloaded = name;
 }
 
-$("home").onclick = () => { focusOn(null); frameCamera(); viewer.set_dirty(); };
+$("home").onclick = () => { focusOn(null); frameCamera(); showGizmo(); };
 $("opacity").oninput = () => {
   const choice = $("opacity-part").value;
   for (const part of choice === "" ? world.parts : [world.parts[choice]]) setOpacity(part, Number($("opacity").value));

@@ -7,6 +7,7 @@ function receive(message) {
   else if (message.type === "frame") receiveFrame(message);
   else if (message.type === "newest") grow(message.frame);
   else if (message.type === "events") message.events.forEach((event) => { markEvent(event); addEvent(event); });
+  else if (message.type === "undone") forget(message.frame);
   else if (message.type === "desk") showDesk(message);
   else if (message.type === "clashes") showFound(message);
   else if (message.type === "freedom") showFreedom(message.rows);
@@ -21,7 +22,6 @@ function receiveFrame(frame) {
   timeline.shown = frame.number;
   showFrame(frame);
   if (!frame.back) grow(frame.number);
-  if (!frame.back) $("scrub").value = frame.number;
 }
 
 function begin(info) {

@@ -9,7 +9,7 @@ const selection = { parts: [], node: null, surface: -1 };
 const HOVER = 0xf08a1c, SELECTED = 0x2f6fe0;
 
 function rayAt(x, y) {
-  const box = viewer.renderer.domElement.getBoundingClientRect();
+  const box = canvas.domElement.getBoundingClientRect();
   caster.setFromCamera(
     { x: 2 * (x - box.left) / box.width - 1, y: 1 - 2 * (y - box.top) / box.height }, viewer.camera);
   return caster.ray;
@@ -71,7 +71,7 @@ const OUTLINE = {
 };
 
 function outline(part, color) {
-  const size = viewer.renderer.getSize(new THREE.Vector2());
+  const size = canvas.getSize(new THREE.Vector2());
   const shell = new THREE.Mesh(part.geometry, new THREE.ShaderMaterial({
     ...OUTLINE, side: THREE.BackSide, clipping: true, clippingPlanes: clip(),
     uniforms: { width: { value: 3 }, size: { value: size }, color: { value: new THREE.Color(color) } },
@@ -199,6 +199,7 @@ function showTree() {
     Object.assign(eye, { type: "checkbox", checked: true, title: "show" });
     eye.onchange = () => { setHidden(node.parts, !eye.checked); };
     const name = element("span", "what", node.name);
+    name.title = node.name;
     name.onclick = () => { focusOn(null); select(node.parts, { part: node.part, level: node.level }); };
     name.ondblclick = () => frameParts(node.parts);
     const only = element("button", "small", "only");

@@ -3,10 +3,11 @@
 // what a person asks for. Live it listens on a web socket; as a file it plays the frames that are embedded in it.
 const THREE = MeshCat.THREE;
 const $ = (id) => document.getElementById(id);
-const viewer = new MeshCat.Viewer($("pane"));
+const canvas = new THREE.WebGLRenderer({ alpha: false, antialias: false, stencil: true, preserveDrawingBuffer: true });
+$("pane").append(canvas.domElement);
+const viewer = new MeshCat.Viewer($("pane"), true, canvas);
 viewer.gui.domElement.classList.add("meshcat-gui");
-viewer.renderer.localClippingEnabled = true;
-viewer.renderer.shadowMap.enabled = false;
+canvas.localClippingEnabled = true;
 const plane = new THREE.Plane(new THREE.Vector3(1, 0, 0), 0);
 const world = {
   info: null, parts: [], shapes: [], strips: new Map(), symbols: new Map(), red: new Map(), trail: new Map(), last: null,
@@ -66,9 +67,8 @@ function addPart(info, index) {
   geometry.computeBoundingSphere();
   geometry.computeBoundingBox();
   const color = new THREE.Color(info.color);
-  const face = new THREE.MeshPhongMaterial({
-    vertexColors: true, shininess: 40, specular: 0x1c1c1c, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
-  });
+  const face = new THREE.MeshLambertMaterial(
+    { vertexColors: true, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
   // seen from within, a closed part is seen at its cut: one flat, darker colour fills it
   const cut = new THREE.MeshBasicMaterial({ color: color.clone().multiplyScalar(0.62), side: THREE.BackSide });
   const edge = new THREE.LineBasicMaterial({ color: world.info.colors.edge });
@@ -78,6 +78,7 @@ function addPart(info, index) {
   const solid = new THREE.Mesh(geometry, face);
   const inside = new THREE.Mesh(geometry, cut);
   const drawn = new THREE.LineSegments(lines, edge);
+  drawn.userData.spared = true;
   group.add(solid, inside, drawn);
   const path = ["parts", info.name.replaceAll("/", "›")];
   viewer.set_object(path, group);
@@ -156,6 +157,27 @@ function showFrame(frame) {
   showCollisions(frame.colliding);
   showSymbols(frame);
   extendTrail(frame);
+  if (gizmo && !dragging()) showGizmo();
+  viewer.set_dirty();
+  tellSoon();
+}
+
+// What panels say, ten times a second at most: text costs more than the picture of what moves.
+const TOLD = 100;
+let told = -TOLD, telling = null;
+
+function tellSoon() {
+  const wait = told + TOLD - performance.now();
+  if (wait <= 0) tell(world.last);
+  else telling ??= setTimeout(() => tell(world.last), wait);
+}
+
+function tell(frame) {
+  clearTimeout(telling);
+  telling = null;
+  told = performance.now();
+  placeMarks();
+  if (!frame) return;
   $("time").textContent = `${frame.time.toFixed(3)} s`;
   $("step").textContent = `step ${frame.step}`;
   $("script").textContent = frame.script;
@@ -163,8 +185,6 @@ function showFrame(frame) {
   showClashes();
   showConstraints(frame.constraints);
   showOffer(frame);
-  if (gizmo && !dragging()) showGizmo();
-  viewer.set_dirty();
 }
 
 function showCollisions(rows) {
@@ -182,7 +202,7 @@ function tube(points, radius) {
   for (let i = 0; i + 1 < points.length; i++) {
     const along = points[i + 1].clone().sub(points[i]), length = along.length();
     if (length === 0) continue;
-    const rod = new THREE.CylinderGeometry(radius, radius, length, 6, 1, false).translate(0, length / 2, 0);
+    const rod = new THREE.CylinderGeometry(radius, radius, length, 3, 1, true).translate(0, length / 2, 0);
     const turn = new THREE.Quaternion().setFromUnitVectors(up, along.divideScalar(length));
     rods.push(rod.applyMatrix4(new THREE.Matrix4().compose(points[i], turn, one)));
   }
@@ -222,6 +242,7 @@ function lineObject({ geometry, hidden: opacity }, color) {
   const hidden = new THREE.Mesh(
     geometry, new THREE.MeshBasicMaterial({ color, transparent: true, opacity, depthTest: false, depthWrite: false }));
   hidden.renderOrder = 1;
+  hidden.userData.spared = true; // where frames are coarse
   front.renderOrder = 2;
   group.add(front, hidden);
   return group;
@@ -251,7 +272,8 @@ function extendTrail(frame) {
     const trail = world.trail.get(name) ?? [];
     const last = trail[trail.length - 1];
     const here = new THREE.Vector3(...place);
-    if (!last || last.distanceTo(here) > 0.004 * world.info.camera.radius) trail.push(here);
+    if (last && last.distanceTo(here) <= 0.004 * world.info.camera.radius) continue;
+    trail.push(here);
     if (trail.length > 4000) trail.splice(0, 1000);
     world.trail.set(name, trail);
     drawTrail(name);

@@ -5,11 +5,17 @@ const looking = () => Boolean(socket) && timeline.back === true;
 
 function grow(newest) {
   timeline.newest = Math.max(timeline.newest, newest);
-  const scrub = $("scrub");
-  const follows = !looking() && document.activeElement !== scrub;
-  scrub.max = timeline.newest;
-  if (follows || !looking()) scrub.value = timeline.shown;
-  placeMarks();
+  tellSoon();
+}
+
+// The session went back to a frame: what followed did not happen.
+function forget(newest) {
+  timeline.newest = newest;
+  timeline.events = [];
+  $("events").replaceChildren();
+  world.trail.clear();
+  viewer.delete_path(["trail"]);
+  tellSoon();
 }
 
 function markEvent(event) {
@@ -21,6 +27,8 @@ function markEvent(event) {
 const MARKED = { collided: "bad", blocked: "bad", accepted: "good", removed: "offer", grabbed: "hand", released: "hand" };
 
 function placeMarks() {
+  $("scrub").max = timeline.newest;
+  if (!looking()) $("scrub").value = timeline.shown;
   const marks = timeline.events.filter((event) => MARKED[event.kind]).slice(-200);
   const key = `${timeline.newest} ${marks.length}`;
   if ($("marks").dataset.key === key) return;
@@ -83,6 +91,7 @@ function live() {
 }
 
 function over() {
+  tell(world.last);
   $("status").textContent = "session ended";
   for (const made of document.querySelectorAll("#transport button, #constraints button, #hand button"))
     made.disabled = true; // what was can be looked at as long as it is served
@@ -112,12 +121,12 @@ function replay(messages) {
     world.parts.forEach((part, i) => { if (!moved.has(i)) viewer.set_transform(part.path, part.pose); });
     timeline.shown = index;
     showFrame(frames[index]);
-    grow(frames.length - 1);
+    $("trail").onchange();
   };
   timeline.newest = frames.length - 1;
   $("scrub").max = frames.length - 1;
   const stop = () => { playing = false; $("play").textContent = "Play"; };
-  timeline.go = (index) => { stop(); $("scrub").value = index; show(index); };
+  timeline.go = (index) => { stop(); $("scrub").value = index; show(index); tell(world.last); };
   $("scrub").oninput = () => timeline.go(Number($("scrub").value));
   let playing = false, origin = 0;
   const tick = () => {
