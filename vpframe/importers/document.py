@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -95,10 +95,7 @@ def read_document(
     leaves = list(_leaves(roots))
     if form == "iges" and not any(_holds(leaf.node.shape, TopAbs_ShapeEnum.TopAbs_SOLID) for leaf in leaves):
         leaves = _joined(leaves, Path(path).stem)
-    for leaf in leaves:
-        found.add(leaf)
-    if not found.has_solid:
-        raise UnreadableError("holds no closed solid; export the parts as solids, not as wireframe or open surfaces")
+    found.add_all(leaves, "export the parts as solids, not as wireframe or open surfaces")
     return found.mesh(deflection, angular, skip, progress, keep)
 
 
@@ -137,10 +134,7 @@ def read_given(
         return Node(given.name, given.name, pose, shape, 0.0, color, [node(child) for child in given.children])
 
     found = _Solids(raw, lambda shape: None, Sizes())
-    for leaf in _leaves([node(root) for root in roots]):
-        found.add(leaf)
-    if not found.has_solid:
-        raise UnreadableError("holds no closed solid; give parts as solids, not as wires or open surfaces")
+    found.add_all(_leaves([node(root) for root in roots]), "give parts as solids, not as wires or open surfaces")
     return found.mesh(deflection, angular, skip, progress, keep)
 
 
@@ -293,16 +287,23 @@ class _Solids:
         self.color = color
         self.sizes = sizes
         self.shapes: list[TopoDS_Shape] = []
-        self.has_solid = False
+        self._has_solid = False
         self._owners: set[tuple[int, ...]] = set()
         self._known: list[tuple[TopoDS_Shape, list[TopoDS_Shape]]] = []
 
-    def add(self, leaf: Leaf) -> None:
+    def add_all(self, leaves: Iterable[Leaf], mend: str) -> None:
+        """Add parts for all leaves. Raises UnreadableError, with how to `mend` it, if none holds a closed solid."""
+        for leaf in leaves:
+            self._add(leaf)
+        if not self._has_solid:
+            raise UnreadableError(f"holds no closed solid; {mend}")
+
+    def _add(self, leaf: Leaf) -> None:
         """Add parts for every solid of a leaf, and for sheets outside solids."""
         solids = self._explored(leaf.node.shape)
         density = _density(leaf.node.density)
         for i, solid in enumerate(solids, 1):
-            self.has_solid |= solid.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID
+            self._has_solid |= solid.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID
             place = leaf.pose.Multiplied(solid.Location())
             number = self._number(solid, place)
             rotation, translation, _ = _rigid(place)
