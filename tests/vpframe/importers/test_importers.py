@@ -15,6 +15,7 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
 from OCP.IGESControl import IGESControl_Writer
 from OCP.Interface import Interface_Static
 from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideAngle
+from OCP.STEPControl import STEPControl_Controller
 from OCP.TopoDS import TopoDS_Builder, TopoDS_Compound
 
 import vpframe as vp
@@ -100,6 +101,7 @@ def test_freeform_stays_freeform():
 
 def test_an_assembly_in_inches_is_in_metres(tmp_path):
     parts = {"block": (m.box(0.0254, 0.0508, 0.0762), pin.SE3(np.eye(3), np.array([0.254, 0.0, 0.0])))}
+    STEPControl_Controller.Init_s()  # or there is no such parameter yet
     Interface_Static.SetCVal_s("write.step.unit", "INCH")
     try:
         path = m.write_step(tmp_path / "inch.step", parts)
