@@ -91,7 +91,7 @@ def load(path: Path | None) -> list[Row]:
 
 
 def totals(rows: Sequence[Row]) -> list[Row]:
-    """The rows of each kind as one: counts are added, of seconds and bytes the largest is kept."""
+    """The rows of each kind as one, by name: counts are added, of seconds and bytes the largest is kept."""
     summed: dict[str, Row] = {}
     for each in rows:
         total = summed.setdefault(each["what"], {})
@@ -104,7 +104,7 @@ def totals(rows: Sequence[Row]) -> list[Row]:
                 total[name] = total[name] + value if name in total else value
             elif isinstance(value, str):
                 total[name] = max(value, total.get(name, "")) if name == "date" else value
-    return list(summed.values())
+    return [summed[name] for name in sorted(summed)]
 
 
 def table(rows: Sequence[Row]) -> str:

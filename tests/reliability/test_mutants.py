@@ -70,7 +70,9 @@ def test_shards_add_up_and_are_not_run_again(tmp_path: Path) -> None:
     results.run(row, ["a", "b"], 5, 3, given)
     results.run(row, ["a", "b"], 9, 3, given)
     assert sorted(calls) == [(name, *each) for name in "ab" for each in ((1, 8), (2, 3), (3, 0), (3, 5))]
-    (a, b) = results.totals(results.load(given.results))
+    rows = results.load(given.results)  # in the order in which they ended
+    (a, b) = results.totals(rows)
+    assert results.totals(rows[::-1]) == [a, b]
     assert (a["what"], a["count"], a["read"], a["slowest"]) == ("a", 9, 5, 0.8)
     assert b | {"what": "a"} == a
 
