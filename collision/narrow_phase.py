@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
-from time import perf_counter
+from time import thread_time
 from typing import Any, Final
 
 import numpy as np
@@ -141,9 +141,9 @@ class NarrowPhase:
         shared = len(pairs) > 1 and len(pairs) * self._pace[query] > WORTH_A_THREAD
         own = pairs[::2] if shared else pairs
         other = _pool().submit(work, pairs[1::2], 1, version, poses) if shared else None
-        began = perf_counter()
+        began = thread_time()
         work(own, 0, version, poses)
-        self._pace[query] = (perf_counter() - began) / len(own)
+        self._pace[query] = (thread_time() - began) / len(own)
         if other is not None:
             other.result()
 
@@ -165,19 +165,18 @@ class NarrowPhase:
         self, within: float, pairs: list[PairCache], thread: int, version: Sequence[int], poses: NDArray[np.float64]
     ) -> None:
         ws = self._workspaces[thread] = large_enough(self._workspaces[thread], *self._sizes)
-        rows = np.zeros(len(ws.pairs), CONTACT_DTYPE)
+        rows = np.empty(len(ws.pairs), CONTACT_DTYPE)
         for pair in pairs:
             if not len(pair.near):
                 pair.near = pair.table()
             while True:
                 if len(rows) != len(ws.pairs):
-                    rows = np.zeros(len(ws.pairs), CONTACT_DTYPE)
+                    rows = np.empty(len(ws.pairs), CONTACT_DTYPE)
                 found = contacts_of(pair.a, pair.b, ws, poses, pair.i, pair.j, within, pair.enabled, pair.near, rows)
                 if found >= 0:
                     break
                 ws = self._workspaces[thread] = large_enough(ws, *self._sizes, pairs=~found)
             pair.contacts, pair.within = rows[:found].copy(), (version[pair.i] + version[pair.j], within)
-            rows[:found] = 0
 
     def forget(self, outdated: Callable[[int, int], bool]) -> None:
         """Drop the pairs (i, j) of objects that are outdated."""

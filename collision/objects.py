@@ -50,6 +50,7 @@ class Objects:
         self._version = np.zeros(16, np.int64)
         self._moves = 0  # how often any object was moved: the source of versions, so that none is given twice
         self._posed: tuple[int, tuple[pin.SE3, ...], NDArray[np.int64]] = (-1, (), self._version[:0])
+        self._given: tuple[int, dict[int, pin.SE3]] = -1, {}  # version and copies of poses that `set_poses` took
         self._revision = 0  # how often anything was changed
         self._broad = BroadPhase()
         self._changed = True  # whether objects were added or removed since the broad phase was last reset
@@ -191,8 +192,12 @@ class Objects:
         where = where[moved]
         self._bodies.pose[where] = packed[moved]
         self._bodies.stale[where] = True
-        self._version[where] = self._next_version()
+        self._version[where] = version = self._next_version()
         self._revision += 1
+        kinds = set(map(type, listed))
+        if len(kinds) == 1 and hasattr(kinds.pop(), "homogeneous"):  # to copy poses is quicker than to make them
+            copies = {i: pose.copy() for i, pose, other in zip(ids, listed, moved.tolist(), strict=True) if other}
+            self._given = version, copies
 
     def packed(
         self, ids: Sequence[int], poses: Sequence[Any] | NDArray[np.float64], what: str = "object"
@@ -240,8 +245,12 @@ class Objects:
         if len(known) != len(now):
             known, versions = (), np.full(len(now), -1)
         poses: list[pin.SE3] = list(known) or [None] * len(now)
-        moved = np.flatnonzero(versions != now)
-        for i, pose in zip(moved.tolist(), _poses.unpack_all(self._bodies.pose[moved]), strict=True):
+        version, given = self._given
+        moved, copied = versions != now, now == version
+        for i in np.flatnonzero(moved & copied).tolist():
+            poses[i] = given[i]
+        others = np.flatnonzero(moved & ~copied)
+        for i, pose in zip(others.tolist(), _poses.unpack_all(self._bodies.pose[others]), strict=True):
             poses[i] = pose
         self._posed = self._moves, tuple(poses), now.copy()
         return self._posed[1]
@@ -322,20 +331,25 @@ class Objects:
 
     def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None:
         """Leave every pair of a surface of i among `surfaces_i` and one of j among `surfaces_j` out of every answer."""
-        self._leave_out(i, j, self.ignored_surfaces(i, j) | self._products(i, surfaces_i, j, surfaces_j))
+        pairs = self._products(i, surfaces_i, j, surfaces_j)
+        self._leave_out(i, j, self.ignored_surfaces(i, j) | pairs, pairs, 0)
 
     def enable_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None:
         """Undo `ignore_surfaces` for these pairs of surfaces."""
-        self._leave_out(i, j, self.ignored_surfaces(i, j) - self._products(i, surfaces_i, j, surfaces_j))
+        pairs = self._products(i, surfaces_i, j, surfaces_j)
+        self._leave_out(i, j, self.ignored_surfaces(i, j) - pairs, pairs, 1)
 
-    def _leave_out(self, i: int, j: int, surfaces: frozenset[tuple[int, int]]) -> None:
-        """Set which pairs of surfaces of i and j are left out."""
+    def _leave_out(
+        self, i: int, j: int, surfaces: frozenset[tuple[int, int]], changed: frozenset[tuple[int, int]], enabled: int
+    ) -> None:
+        """Set which pairs of surfaces of i and j are left out; those that `changed` become `enabled` (0 or 1)."""
         if self._marked:
             self._ignored_surfaces, self._marked = dict(self._ignored_surfaces), False
         pair = self._pair(i, j)
         self._ignored_surfaces[pair] = surfaces
-        self._enabled.pop((i, j), None)
-        self._enabled.pop((j, i), None)
+        for key in (pair, pair[::-1]):
+            if (known := self._enabled.get(key)) is not None:
+                self._enabled[key] = _with(known, changed, key == pair, enabled)
         self._forget(lambda a, b: (a, b) == pair)
 
     @property
@@ -364,11 +378,8 @@ class Objects:
             return None
         enabled = self._enabled.get((i, j))
         if enabled is None:
-            enabled = np.ones((self.mesh(i).n_surfaces, self.mesh(j).n_surfaces), np.uint8)
-            low, high = np.array(sorted(left_out)).T
-            enabled[(low, high) if i < j else (high, low)] = 0
-            enabled.setflags(write=False)
-            self._enabled[i, j] = enabled
+            whole = np.ones((self.mesh(i).n_surfaces, self.mesh(j).n_surfaces), np.uint8)
+            enabled = self._enabled[i, j] = _with(whole, left_out, i < j, 0)
         return enabled
 
     def _pair(self, i: int, j: int) -> tuple[int, int]:
@@ -390,6 +401,18 @@ class Objects:
             if not 0 <= s < known:
                 raise CollisionError(f"object {i} ({self.mesh(i).name}) has no surface {s}; they are 0 … {known - 1}")
         return out
+
+
+def _with(
+    table: NDArray[np.uint8], pairs: frozenset[tuple[int, int]], ascending: bool, enabled: int
+) -> NDArray[np.uint8]:
+    """A copy of a table of enabled pairs of surfaces, read only, in which `pairs` (low, high) are `enabled` or not."""
+    table = table.copy()
+    if pairs:
+        low, high = np.array(list(pairs)).T
+        table[(low, high) if ascending else (high, low)] = enabled
+    table.setflags(write=False)
+    return table
 
 
 def key_of(i: int, j: int) -> int:

@@ -183,6 +183,8 @@ class ConstraintManager:
         """refused until their parts part, by id"""
         self.groups: Groups = ALONE
         """what is carried (see `Motion.carry`): among bodies that move as one nothing is looked at"""
+        self.drawn: tuple[pin.SE3, ...] = ()
+        """poses of all bodies in the assembly as drawn; none if not known"""
         self.assisted = False
         """whether mates within the reach are offered to a hand that passes by, too"""
         self._ids: dict[Key, int] = {}
@@ -209,10 +211,21 @@ class ConstraintManager:
 
     @property
     def within(self) -> float:
-        """m: `CollisionManager.contacts(within=manager.within)` gives `update` all it needs."""
+        """m: `CollisionManager.contacts(within=manager.within)` gives `update` all it needs.
+
+        More as long as there are candidates: they are withdrawn farther away than they are offered.
+        """
+        if not (self.candidates or self.refused or self._pulled):
+            return self._reach
         t = self.tolerance
         as_far = t.release * max(t.linear, t.reach)
-        return max(t.release * t.clearance, as_far, float(np.hypot(self._widest, as_far)))
+        return max(self._reach, t.release * t.clearance, as_far, float(np.hypot(self._widest, as_far)))
+
+    @property
+    def _reach(self) -> float:
+        """m: how far apart surfaces may be that are offered a constraint."""
+        offer = _limits(self.tolerance)[0]
+        return max(offer.clearance, float(np.hypot(self._widest, offer.linear)))
 
     @property
     def in_force(self) -> InForce:
@@ -355,6 +368,12 @@ class ConstraintManager:
                 hardest = max((_borne(entry.candidate, x, poses, force[x]) for x in bodies), default=0.0)
                 if hardest > entry.break_force:
                     self._break(id, f"pulled with {hardest:.4g} N, more than {entry.break_force:.4g} N")
+        for id in self.in_force.about(wanted.keys(), self.groups):
+            candidate = self.accepted[id].candidate
+            if not candidate.stated and self.wanted_as_drawn(candidate, wanted, poses):
+                off = self.off_as_drawn(candidate)
+                if off > self.tolerance.linear:
+                    self._break(id, f"the parts are wanted where they are drawn, where it is {1e3 * off:.3g} mm off")
         ids, pulls = self._pulled_at(wanted.keys())
         if not ids:
             return
@@ -373,6 +392,19 @@ class ConstraintManager:
             for id in reasons:
                 if id in now:
                     self._break(id, now[id])
+
+    def wanted_as_drawn(self, candidate: Candidate, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3]) -> bool:
+        """Whether hands want the two bodies of a candidate where they are drawn, relative to each other."""
+        if not self.drawn:
+            return False
+        a, b = candidate.bodies
+        goal = wanted.get(a, poses[a]).actInv(wanted.get(b, poses[b]))
+        off = self.drawn[a].actInv(self.drawn[b]).actInv(goal).homogeneous
+        return bool(np.abs(off - np.eye(4)).max() <= self.tolerance.satisfied)
+
+    def off_as_drawn(self, candidate: Candidate) -> float:
+        """Greatest residual of a candidate's constraint in the assembly as drawn, m or rad."""
+        return float(np.abs(candidate.constraint.residual(*(self.drawn[i] for i in candidate.bodies))).max())
 
     def _matched(self, about: Set[int]) -> tuple[tuple[int, ...], tuple[Pair, ...], list[str | None]]:
         """Of the constraints on some bodies that are not stated: ids, pairs of features, kinds."""
@@ -443,7 +475,7 @@ class ConstraintManager:
         codes = recogniser.codes(contacts)
         distance = contacts["distance"]
         near = self._pairs(0, codes[distance <= self.within])
-        reach = max(offer.clearance, float(np.hypot(self._widest, offer.linear)))
+        reach = self._reach
         offered = self._pairs(1, codes[distance <= reach])
         mine = [(id, c) for id, c in self.candidates.items() if not (about.isdisjoint(c.bodies) or within(c.bodies))]
         kinds = recogniser.verdicts.kinds("offered", tuple(c.key[:4] for _, c in mine), poses, keep, PAIRINGS)

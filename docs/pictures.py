@@ -31,6 +31,8 @@ from vpframe.view.symbols import frame_symbols
 
 HERE = Path(__file__).resolve().parent
 PICTURES = HERE / "pictures"
+LIFT = 0.012
+"""by which the picture of kinds shows the upper part above its place, m"""
 CUT = ((0.0, 0.0, 0.0), (0.0, -1.0, 0.0))
 COLORS = [
     (0.89, 0.47, 0.20),
@@ -160,6 +162,35 @@ def facets() -> None:
     save("facets", snapshot.render(vp.Scene(parts), size=(420, 420), camera=camera, section=cut, supersample=3))
 
 
+def kinds() -> None:
+    """A pair of parts a kind, the upper one lifted to show the symbol of the constraint that is recognised."""
+    block = m.box(0.04, 0.04, 0.02).translated(-0.02, -0.02, 0.0)
+    groove = m.cylinder(0.010, 0.04).rotated((0.0, 1.0, 0.0), np.pi / 2).translated(-0.02, 0.0, 0.02)
+    pairs = {
+        "against": (block, m.box(0.02, 0.02, 0.015).translated(-0.01, -0.01, 0.02)),
+        "concentric": (block - m.cylinder(0.008, 0.02), m.cylinder(0.008, 0.05).translated(0.0, 0.0, -0.01)),
+        "conical": (block - m.cone(0.004, 0.014, 0.02), m.cone(0.004, 0.014, 0.02)),
+        "spherical": (block - m.sphere(0.012).translated(0.0, 0.0, 0.02), m.sphere(0.012).translated(0.0, 0.0, 0.02)),
+        "groove": (block - groove, m.sphere(0.010).translated(0.0, 0.0, 0.02)),
+    }
+    strip, camera = [], look_at(corners((-0.022, -0.022, -0.01), (0.022, 0.022, 0.045)))
+    for kind, (fixed, moving) in pairs.items():
+        parts = [
+            vp.Part("base", m.shape(fixed, name="base"), pin.SE3.Identity(), (0.70, 0.73, 0.77)),
+            vp.Part("part", m.shape(moving, name="part"), pin.SE3.Identity(), (0.89, 0.60, 0.30)),
+        ]
+        scene, kept = vp.Scene(parts), Frames()
+        with vp.Session(scene, observers=[kept], rule=vp.accept_standing) as session:
+            session.scene["base"].fixed = True
+            session.step()
+            assert [constraint.kind for constraint in session.constraints] == [kind]
+        frame = kept.frames[-1]
+        poses = {**frame.poses, "part": pin.SE3(np.eye(3), np.array([0.0, 0.0, LIFT])) * frame.poses["part"]}
+        options = {"symbols": frame_symbols(frame), "size": (220, 240), "camera": camera, "supersample": 3}
+        strip.append(snapshot.render(scene, poses, **options))
+    save("kinds", *strip)
+
+
 def assembly(model: Path) -> None:
     """AS1, the test assembly of the CAx Implementor Forum: as it stands, its mates, a bolt that the rod stops."""
     one = "l-bracket-assembly_1/nut-bolt-assembly_1"
@@ -199,6 +230,7 @@ def main() -> None:
         surfaces(scene)
         clash(scene)
         facets()
+        kinds()
         service(scene, code["service.py"])
         if shutil.which("chromium"):
             study(code["fits.py"])

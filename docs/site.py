@@ -89,8 +89,10 @@ def last_run() -> str:
     lines = ["| | |", "| --- | --- |", *(f"| {name} | {value} |" for name, value in head), ""]
     lines += ["[The whole page, with tables and plots](bench.html)", "", "| suite | ratio | |", "| --- | --- | --- |"]
     for suite, section in re.findall(r"<h2 id='(\w+)'>(.*?)(?=<h2 |</body>)", text, re.S):
+        if missing := re.search(r"<p class='dim'>(No result: [^<]*)</p>", section):
+            lines.append(f"| {suite} | {missing[1]} | |")
         for name, value in re.findall(r"<tr><td>([^<]*)</td><td>([^<]*)</td></tr>", section):
-            lines.append(f"| {suite} | {name} | {value} |")
+            lines.append(f"| {suite} | {name.replace('|', '&#124;')} | {value} |")
     return "\n".join(lines)
 
 

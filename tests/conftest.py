@@ -12,6 +12,11 @@ MODELS = tempfile.mkdtemp(prefix="vpframe-tests-")
 os.environ["VPFRAME_CACHE"] = MODELS
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than cores: tests of pages and of clusters wait for other processes."""
+    return (os.cpu_count() or 1) + 1
+
+
 def pytest_unconfigure() -> None:
     shutil.rmtree(MODELS, ignore_errors=True)
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from collision.manager import CollisionManager
 from collision.mesh import SurfaceMesh
+from collision.query import revolution
 from collision.tolerance import Tolerance
 
 if TYPE_CHECKING:
@@ -31,6 +32,12 @@ Pairing = tuple[tuple[int, ...], tuple[int, ...]]
 Excuse = Callable[[int, int, "pin.SE3", "pin.SE3"], Iterable[Pairing] | None]
 """(moving, standing, displacement at the start of a leg, at its end) -> the surface pairs that this leg leaves out, or
 None where the pair stops the leg before it begins"""
+PRESSED = 10.0
+"""1: of the tolerance's slop: surfaces are pressed by no more beyond where the objects stand, on however many legs"""
+PRESSED_ON_A_LEG = 1.5
+"""1: of the slop: by how much a sweep may press surfaces (see `collision.query.time_of_impact`)"""
+PRESSED_BY_GRAZING = 2.0
+"""1: of the slop: by how much a graze may have pressed them"""
 GRAZES = 64
 """contacts that a leg may graze before it counts as stopped"""
 SIDES = 8
@@ -74,13 +81,16 @@ class Sweeps:
         self._worlds: dict[tuple[Any, ...], CollisionManager] = {}
         self._boxes: dict[tuple[int, int], tuple[Sequence[pin.SE3], Array, Array]] = {}
         self._start: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
+        self._begins: dict[tuple[Any, ...], bool] = {}
         self._extents: dict[tuple[int, bytes], tuple[float, float]] = {}
+        self._turns: dict[int, tuple[Sequence[pin.SE3], Any, dict[int, Array]]] = {}
+        """by identity of knots: the knots, their screw axis, and by object its profile about it"""
 
     def with_tolerance(self, tolerance: Tolerance) -> Sweeps:
         """The same objects where they stand, under another tolerance; what hangs on none is shared."""
         out = copy(self)
         out.tolerance, out.count = tolerance, 0
-        out._worlds, out._boxes, out._start = {}, {}, {}
+        out._worlds, out._boxes, out._start, out._begins = {}, {}, {}, {}
         return out
 
     def extent(self, i: int, direction: Array) -> tuple[float, float]:
@@ -107,61 +117,91 @@ class Sweeps:
             for side in _across(direction)
         )
 
-    def stop(self, i: int, j: int, knots: Sequence[pin.SE3], besides: tuple[Pairing, ...] = ()) -> Stop | None:
+    def stop(
+        self, i: int, j: int, knots: Sequence[pin.SE3], besides: tuple[Pairing, ...] = (), graze: bool = True
+    ) -> Stop | None:
         """Where object j, standing, stops object i on its way along `knots`; None if it goes to the end.
 
         besides: surface pairs that are left out beside those that the legs leave out.
+        graze: whether surfaces may come nearer than the tolerance where they part again at once; where they may not,
+        None proves that of those that begin apart none comes nearer than the tolerance, less its slop.
         """
         near = True
         if len(knots) > 2:  # of one leg the box is looked at below
             near = self.box_meets(j, *self._whole_box(i, knots))
+            if near:
+                besides = (*besides, *self._clear_of_turn(i, j, knots))
         for leg, (start, end) in enumerate(pairwise(knots)):
             left_out = self.excuse(i, j, start, end)
             if left_out is None:
                 return Stop(leg, 0.0, _none())
-            if not near or not self._boxes_meet(i, j, start, end):
+            if not near or not self.boxes_meet(i, j, start, end):
                 continue
-            found = self._leg(i, j, start, end, (*left_out, *besides))
+            found = self._leg(i, j, start, end, (*left_out, *besides), graze)
             if found is not None:
                 return Stop(leg, *found)
         return None
 
     def _leg(
-        self, i: int, j: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...]
+        self, i: int, j: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...], graze: bool
     ) -> tuple[float, NDArray[Any]] | None:
         """Where and by what i is stopped on one leg, None if it is not.
 
         A sweep stops where surfaces come into contact, and so where edges that lie in one plane slide past each other.
-        Twice the tolerance farther they have parted again; there the group goes on, if nothing is deeper than where the
-        objects stand. What is thinner than that may be passed.
+        Twice the tolerance farther they have parted again; there a group that may graze goes on, if nothing is deeper
+        than where the objects stand. What is thinner than that may be passed.
         """
         import pinocchio as pin
 
         world = self._world(i, j, left_out)
         way = pin.log6(start.actInv(end))
+        first = not graze or start.isIdentity(0.0)  # nothing is pressed yet, or what is apart alone counts
+        if not first and not self._may_begin(i, j, left_out, start):
+            return 0.0, self._told(i, j, world.contacts(self.tolerance.linear))
         speed = self._speed(i, start, end)
         step = 2.0 * self.tolerance.linear / speed if speed > 0.0 else 1.0
-        at = 0.0
+        at, passed = 0.0, False
         for _ in range(GRAZES):
             begin = start * pin.exp6(way * at)
             world.set_pose(0, begin * self.poses[i])
             self.count += 1
             found = world.time_of_impact({0: end * self.poses[i]})
-            if not found.hit:
-                return None
+            passed = not found.hit
+            if passed:
+                break
             t = at + (1.0 - at) * float(found.t)
             at = min(t + step, 1.0)
+            if not graze:
+                break
             if at < 1.0 and self._meets_squarely(
                 i, j, start * pin.exp6(way * t), np.asarray(way) * step, found.contacts
             ):
                 break
-            if not self._no_deeper(i, j, world, end if at == 1.0 else start * pin.exp6(way * at)):
+            there = end if at == 1.0 else start * pin.exp6(way * at)
+            if not self._no_deeper(i, j, world, there, PRESSED_BY_GRAZING):
                 break
-            if at == 1.0:
-                return None
-        rows = found.contacts.copy()
-        rows["object_a"], rows["object_b"] = i, j
-        return t, rows
+            passed = at == 1.0
+            if passed:
+                break
+        # where the next leg could not begin the group does not go
+        if first or self._may_begin(i, j, left_out, end if passed else start * pin.exp6(way * t)):
+            return None if passed else (t, self._told(i, j, found.contacts))
+        return 0.0, self._told(i, j, world.contacts(self.tolerance.linear))
+
+    def _may_begin(self, i: int, j: int, left_out: tuple[Pairing, ...], at: pin.SE3) -> bool:
+        """Whether a leg may begin at a displacement: nothing is pressed farther there than `PRESSED` allows. Kept."""
+        key = i, j, left_out, at.homogeneous.tobytes()
+        if key not in self._begins:
+            world = self._world(i, j, left_out)
+            self._begins[key] = self._no_deeper(i, j, world, at, PRESSED - PRESSED_ON_A_LEG)
+        return self._begins[key]
+
+    @staticmethod
+    def _told(i: int, j: int, rows: NDArray[Any]) -> NDArray[Any]:
+        """Rows of the pair's world as rows of objects i and j."""
+        out = rows.copy()
+        out["object_a"], out["object_b"] = i, j
+        return out
 
     def _speed(self, i: int, start: pin.SE3, end: pin.SE3) -> float:
         """m: no point of i goes farther on a leg."""
@@ -202,13 +242,14 @@ class Sweeps:
                 return True
         return False
 
-    def _no_deeper(self, i: int, j: int, world: CollisionManager, at: pin.SE3) -> bool:
-        """Whether no surfaces of i, displaced, and j reach deeper into each other than where they stand."""
+    def _no_deeper(self, i: int, j: int, world: CollisionManager, at: pin.SE3, slops: float) -> bool:
+        """Whether no surfaces of i, displaced, and j reach deeper into each other than where they stand, by more than
+        so many slops."""
         known = self.depths(i, j)  # before the pose is set: it may be the same world
         world.set_pose(0, at * self.poses[i])
         if not len(world.colliding_surfaces()):
             return True
-        slack = 2.0 * self.tolerance.slop * self.tolerance.linear
+        slack = slops * self.tolerance.slop * self.tolerance.linear
         return all(depth <= known.get(pair, 0.0) + slack for pair, depth in _depths_of(world).items())
 
     def depths(self, i: int, j: int) -> dict[tuple[int, int], float]:
@@ -219,6 +260,29 @@ class Sweeps:
             self._start[i, j] = _depths_of(world)
         return self._start[i, j]
 
+    def turning_gaps(self, i: int, j: int, knots: Sequence[pin.SE3], within: float) -> Array | None:
+        """(a, b) m, at most `within`: no surface of i comes nearer to one of j, on a way that turns about one axis and
+        goes along it; None for other ways."""
+        if id(knots) not in self._turns:
+            size = float(np.abs(self._box(i)).max())
+            self._turns[id(knots)] = knots, revolution.screw_axis(knots, size), {}
+        _, found, profiles = self._turns[id(knots)]
+        if found is None:
+            return None
+        origin, axis, travel = found
+        for k in (i, j):
+            if k not in profiles:
+                profiles[k] = revolution.profile(self.meshes[k], self.poses[k], origin, axis)
+        return revolution.least_gaps(self.meshes[i], self.meshes[j], (profiles[i], profiles[j]), travel, within)
+
+    def _clear_of_turn(self, i: int, j: int, knots: Sequence[pin.SE3]) -> tuple[Pairing, ...]:
+        """Pairs of surfaces that stay farther apart than the tolerance on a way that turns about one axis."""
+        gaps = self.turning_gaps(i, j, knots, 2.0 * self.tolerance.linear)
+        if gaps is None:
+            return ()
+        clear = gaps > self.tolerance.linear
+        return tuple(((a,), tuple(np.flatnonzero(row).tolist())) for a, row in enumerate(clear) if row.any())
+
     def near(
         self, i: int, j: int, start: pin.SE3, end: pin.SE3, within: float, besides: tuple[Pairing, ...] = ()
     ) -> NDArray[Any]:
@@ -228,9 +292,7 @@ class Sweeps:
         """
         world = self._world(i, j, (*(self.excuse(i, j, start, end) or ()), *besides))
         world.set_pose(0, start * self.poses[i])
-        rows = world.contacts(within)
-        rows["object_a"], rows["object_b"] = i, j
-        return rows
+        return self._told(i, j, world.contacts(within))
 
     def straight(self, i: int, j: int, direction: Array, margin: float) -> Stop | None:
         """Where j stops i on its straight way along a unit direction until a plane across it parts them by `margin`."""
@@ -260,7 +322,7 @@ class Sweeps:
                     out[k, i, j] = i != j and self.straight(i, j, direction, margin) is not None
         return out
 
-    def _boxes_meet(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> bool:
+    def boxes_meet(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> bool:
         """Whether the boxes of i on one leg and of j come near each other."""
         return self.box_meets(j, *self._leg_box(i, start, end))
 

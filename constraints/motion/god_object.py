@@ -165,11 +165,13 @@ class Step:
     def __init__(
         self, unknowns: Unknowns, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3], known: Linear | None,
         drawn: Drawn, collision: Swept, walls: Walls, mated: MatedSurfaces, tolerance: Tolerance, solving: Tolerance,
+        home: bool = False,
     ) -> None:  # fmt: skip
-        """known: what the step before ended with. solving: how exactly the constraints are to hold."""
+        """known: what the step before ended with. solving: how exactly the constraints are to hold. home: whether all
+        bodies are wanted where they are drawn: the constraints hold there as they do in the drawing."""
         self.unknowns, self.wanted, self.bodies = unknowns, dict(wanted), unknowns.bodies
         self.drawn, self.collision, self.walls, self.mated = drawn, collision, walls, mated
-        self.tolerance, self.solving = tolerance, solving
+        self.tolerance, self.solving, self.home = tolerance, solving, home
         self.poses: list[pin.SE3] = list(poses)
         self.acting: list[NDArray[Any]] = []
         self.flush: set[tuple[int, ...]] = set()
@@ -181,13 +183,19 @@ class Step:
     def run(self) -> MotionResult:
         """Move the bodies towards the wanted poses; return where they are then."""
         begin, at = {b: self.poses[b] for b in self.unknowns.place}, self.linear
+        if self.home and max(_length(e) for e in self.left.values()) <= self.tolerance.satisfied:
+            return self._result(blocked=False)
         before = self.error
         blocked = self._approach()
         # without solids, only a thread that skips turns can get nearer than the nearest pose that was found
         stalled = self.error > 0.5 * before and any(c.periodic for c in self.unknowns.constraints)
-        if self.error <= FINE * self.tolerance.linear or ((blocked or stalled) and self._pass(begin, at)):
+        near = self.error <= FINE * self.tolerance.linear and not self.home
+        if near or ((blocked or stalled or self.home) and self._pass(begin, at)):
             blocked = False
             self.acting.clear()
+        return self._result(blocked)
+
+    def _result(self, blocked: bool) -> MotionResult:
         return MotionResult(
             poses={b: self.poses[b] for b in self.unknowns.place},
             blocked=blocked,
@@ -231,9 +239,9 @@ class Step:
         """Go straight to the wanted poses from `begin` instead, where solid bodies leave a way without any margin."""
         here, error = {b: self.poses[b] for b in begin}, self.error
         self._put(begin, at)
-        target = self._target()
+        target = self._followed(self.wanted) if self.home else self._target()
         self._put(target)
-        nearer = self.error < error - FINE * self.tolerance.linear
+        nearer = self.home or self.error < error - FINE * self.tolerance.linear
         self._put(begin, at)
         with self._flush_ignored():
             passed = nearer and passable(self.collision, self.walls, self.drawn, self.poses, target, self.tolerance)

@@ -61,7 +61,9 @@ class Motion:
         self._shape: dict[int, tuple[NDArray[np.float64], float]] = {}
         self._unknowns: tuple[Any, Unknowns] | None = None
         self._linear: Linear | None = None
-        self._drawn = None if drawn is None else Drawn(collision, self.walls, drawn)
+        self._drawn: Drawn | None = None
+        if drawn is not None:
+            self.redraw(drawn)
         # a projection finer than this does not pay where measured features contradict one another by rounding
         self.solving = replace(self.tolerance, solver=max(self.tolerance.solver, 0.1 * self.tolerance.satisfied))
 
@@ -104,14 +106,29 @@ class Motion:
             constraints = self.groups.constraints(key[0])
             self._unknowns = (key, Unknowns.of(constraints, moves, key[2], self.shape, self.groups))
         if self._drawn is None:
-            self._drawn = Drawn(self.collision, self.walls, poses)
+            self.redraw(poses)
+        assert self._drawn is not None
         step = Step(
             self._unknowns[1], wanted, poses, self._linear, self._drawn,
-            self.collision, self.walls, self.mated, self.tolerance, self.solving,
+            self.collision, self.walls, self.mated, self.tolerance, self.solving, self._home(wanted, poses),
         )  # fmt: skip
         result = step.run()
         self._linear = step.linear
         return result
+
+    def _home(self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3]) -> bool:
+        """Whether held bodies are wanted where they are drawn, relative to all bodies that constraints join to them.
+
+        The constraints must hold there within `Tolerance.linear`; none of them may be stated.
+        """
+        moved = dict(wanted)
+        for held, pose in wanted.items():
+            moved |= self.groups.carried(held, pose)
+        mates = self.constraints
+        candidates = [mates.accepted[id].candidate for id in mates.in_force.about(moved.keys(), self.groups)]
+        if not candidates or any(c.stated or not mates.wanted_as_drawn(c, moved, poses) for c in candidates):
+            return False
+        return max(map(mates.off_as_drawn, candidates)) <= self.tolerance.linear
 
     @property
     def groups(self) -> Groups:
@@ -146,6 +163,7 @@ class Motion:
     def undo(self, mark: tuple[Any, ...]) -> None:
         """Go back to a mark, whatever was interrupted since; collision and constraints go back by their own."""
         groups, mated, self._drawn = mark
+        self.constraints.drawn = self.drawn
         self.constraints.groups = groups
         self.collision.set_groups(groups.members.values())
         self.mated.undo(mated)
@@ -159,6 +177,7 @@ class Motion:
     def redraw(self, poses: Sequence[pin.SE3]) -> None:
         """Take other poses for those of the assembly as drawn."""
         self._drawn = Drawn(self.collision, self.walls, poses)
+        self.constraints.drawn = self.drawn
 
     def shape(self, body: int) -> tuple[NDArray[np.float64], float]:
         """Centre (3,) of a body's box in its frame and the radius of the ball about it that holds the body, m."""

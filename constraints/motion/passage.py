@@ -22,7 +22,7 @@ from constraints.recognition.mated import adjacent_surfaces
 
 NAMES = ("object_a", "surface_a", "object_b", "surface_b")
 MOST_CONTACTS = 64
-"""Sweeps of one passage: each goes on past the surfaces that came into contact in the one before."""
+"""Sweeps of a passage for each `STRIDE` of it: each goes on past the surfaces that came into contact before."""
 STRIDE = 5e-4
 """m that bodies go between two measurements of surfaces that overlap as drawn, which no sweep stops at"""
 
@@ -83,7 +83,8 @@ class Drawn:
     def _fit(self, pair: Surfaces) -> float:
         a, s, b, t = pair
         depth = self.depth(pair)
-        return depth + self.walls.deflection(a, s) + self.walls.deflection(b, t) if depth > 0.0 else 0.0
+        facets = depth + self.walls.deflection(a, s) + self.walls.deflection(b, t) if depth > 0.0 else 0.0
+        return max(facets, self.walls.interference(pair, self.poses))
 
     def depth(self, pair: Surfaces) -> float:
         """m, at least 0: as drawn."""
@@ -105,10 +106,13 @@ def passable(
 ) -> bool:
     """Whether bodies may go from `poses`, where collision has them, along one screw each, to `target`.
 
+    A pair of surfaces that comes into contact again within `Tolerance.linear` of travel ends the way: it is pressed.
     Afterwards collision has them where they ended: at `target`, or anywhere on the way. The caller puts them back.
     """
     slop = tolerance.slop * tolerance.linear
-    met: set[Surfaces] = set()
+    far = _farthest(drawn, poses, target)
+    travelled = 0.0
+    met: dict[Surfaces, float] = {}  # travel (m) at the last contact
     deep: set[Surfaces] = set()
     at = list(poses)
 
@@ -125,15 +129,16 @@ def passable(
         return False
     try:
         fits(_pairs(near[near["distance"] <= slop]))
-        for _ in range(MOST_CONTACTS):
+        for _ in range(MOST_CONTACTS * max(1, int(np.ceil(far / STRIDE)))):
             found = collision.time_of_impact(target, slop)
             if found.t >= 1.0:
-                return _fits_all_the_way(collision, drawn, poses, target, sorted(deep), slop)
+                return _fits_all_the_way(collision, drawn, poses, target, far, sorted(deep), slop)
             pairs = _pairs(found.contacts)
             pairs -= fits(pairs)
-            if pairs & met:
+            travelled += found.t * (far - travelled)
+            if any(travelled - met[pair] <= tolerance.linear for pair in pairs & met.keys()):
                 return False
-            met |= pairs
+            met |= dict.fromkeys(pairs, travelled)
             collision.set_poses(list(found.poses), list(found.poses.values()))
             for body, pose in found.poses.items():
                 at[body] = pose
@@ -150,6 +155,7 @@ def _fits_all_the_way(
     drawn: Drawn,
     poses: Sequence[pin.SE3],
     target: Mapping[int, pin.SE3],
+    far: float,
     pairs: Sequence[Surfaces],
     slop: float,
 ) -> bool:
@@ -164,11 +170,6 @@ def _fits_all_the_way(
         for bodies, mine in of_bodies.items()
     }
     ways = {body: pin.log6(poses[body].actInv(pose)) for body, pose in target.items()}
-    far = max(
-        float(np.linalg.norm(drawn.corners(body) @ (pose.rotation - poses[body].rotation).T
-              + pose.translation - poses[body].translation, axis=1).max())
-        for body, pose in target.items()
-    )  # fmt: skip
     count = max(1, int(np.ceil(far / STRIDE))) if pairs else 0
     for k in (count, *range(1, count)):  # most that do not fit do not fit at the end
         at = target if k == count else {body: poses[body] * pin.exp6(way * (k / count)) for body, way in ways.items()}
@@ -179,6 +180,15 @@ def _fits_all_the_way(
             if (depth > np.array(most) + slop).any():
                 return False
     return True
+
+
+def _farthest(drawn: Drawn, poses: Sequence[pin.SE3], target: Mapping[int, pin.SE3]) -> float:
+    """Greatest distance (m) of a corner of the bodies' boxes between `poses` and `target`."""
+    return max(
+        float(np.linalg.norm(drawn.corners(body) @ (pose.rotation - poses[body].rotation).T
+              + pose.translation - poses[body].translation, axis=1).max())
+        for body, pose in target.items()
+    )  # fmt: skip
 
 
 def _pairs(rows: NDArray[Any]) -> set[Surfaces]:

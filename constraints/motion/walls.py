@@ -98,6 +98,31 @@ class Walls:
         # it is measured at centroids: a cylinder's facets stray most midway between their sides
         return 1.125 * self.recogniser.view(body, feature, pin.SE3.Identity()).extent.deflection
 
+    def interference(self, pair: Surfaces, poses: Sequence[pin.SE3]) -> float:
+        """m, at least 0: how much larger a shaft is than the bore it is in, the offset of their axes included.
+
+        Facets that lie parallel tell no depth. 0 for any other pair, and for what does not fit (`Tolerance.clearance`).
+        """
+        a, sa, b, sb = pair
+        places = self.recogniser.feature_of(a, sa), self.recogniser.feature_of(b, sb)
+        if places[0] is None or places[1] is None:
+            return 0.0
+        f, g = self.recogniser.features[a][places[0]], self.recogniser.features[b][places[1]]
+        p, q = f.geometry, g.geometry
+        if not (isinstance(p, Cylinder) and isinstance(q, Cylinder)) or f.sense == g.sense:
+            return 0.0
+        at = poses[a].actInv(poses[b])
+        way = at.act(q.origin) - p.origin
+        offset = float(np.linalg.norm(np.cross(way, p.axis)))
+        turned = float(np.linalg.norm(np.cross(at.rotation @ q.axis, p.axis)))
+        larger = (p.radius - q.radius) * (1.0 if f.sense > 0 else -1.0)
+        if turned > self.tolerance.angular or max(offset, abs(larger)) > self.tolerance.clearance:
+            return 0.0
+        along = (f.samples - p.origin) @ p.axis, (g.samples @ at.rotation.T + at.translation - p.origin) @ p.axis
+        if min(along[0].max(), along[1].max()) <= max(along[0].min(), along[1].min()):
+            return 0.0
+        return max(offset + larger, 0.0)
+
     def _border(self, body: int, surface: int) -> float:
         """m: length of the border of a plane."""
         known = self._borders.get((body, surface))

@@ -139,13 +139,21 @@ def concentric(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) ->
         return None  # a loose shaft at the wall of its bore: tangent
     smaller = min(solid.extent.length, hollow.extent.length)
     words = (
-        f"Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm over {millimetres(max(overlap, 0.0))}, "
+        f"Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm{over(overlap)}, "
         f"axes {millimetres(offset)} apart{', ' + limits.fit_class if limits.fit_class else ''}"
     )
     shared = (overlap, smaller, hollow.extent.open)
     return _round(
         "concentric", solid, hollow, axis, offset, angle, fit, shared, on_hollow.mean(axis=0), h.radius, words
     )
+
+
+def over(overlap: float) -> str:
+    """Words for the length (m) by which two surfaces overlap along their axis; negative where their ends are apart."""
+    length = millimetres(abs(overlap))
+    if length == millimetres(0.0):
+        return ", end to end"
+    return f" over {length}" if overlap > 0.0 else f", ends {length} apart"
 
 
 def screw(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) -> Match | None:
@@ -158,8 +166,8 @@ def screw(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) -> Matc
     if found is None:
         return None
     words = (
-        f"thread {thread.name} drawn as Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm "
-        f"over {millimetres(max(found.overlap, 0.0))}, axes {millimetres(found.residual)} apart"
+        f"thread {thread.name} drawn as Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm{over(found.overlap)}, "
+        f"axes {millimetres(found.residual)} apart"
     )
     return replace(found, kind="screw", words=words, parameters={"pitch": thread.pitch})
 
@@ -183,7 +191,7 @@ def conical(solid: View[Cone], hollow: View[Cone], limits: Limits) -> Match | No
     if residual > limits.linear:
         return None
     smaller = min(solid.extent.length, hollow.extent.length)
-    words = f"cones of half angle {np.degrees(h.half_angle):.4g}° over {millimetres(max(overlap, 0.0))}"
+    words = f"cones of half angle {np.degrees(h.half_angle):.4g}°{over(overlap)}"
     shared = (overlap, smaller, hollow.extent.open)
     size = height * float(np.tan(h.half_angle))
     return _round("conical", solid, hollow, h.axis, residual, max(angle, flare), fit, shared, middle, size, words)

@@ -8,6 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.vectors import dot, norm, rotated, sub
 from constraints.geometry.surfaces import Plane
 from constraints.recognition.candidate import Candidate
 from constraints.solve.together import Together
@@ -48,34 +50,59 @@ class Pulls:
         Of faces only a pull that parts them counts, but then all of it, and turns at the faces' size: wedged between
         slanted faces a part goes no way before these give way, and a screw does not turn before its head comes off.
         """
-        together = self.together
-        rotation, translation = together.gather(at)
-        squares = together.residual_at(rotation, translation) ** 2
-        k = len(self.distances)
-        turn = np.sqrt(np.bincount(self._of_row, np.where(together.linear, 0.0, squares), k))
-        distance = np.sqrt(np.bincount(self._of_row, np.where(together.linear, squares, 0.0), k))
-        if len(self._faces):
-            facing, opening, place = self._opening(rotation, translation)
-            limit = LEAN * self.distances[self._faces]
-            if (opening > limit).any():  # else no pull is as long as its limit and parts the faces
-                before = together.gather(poses)
-                pull = np.linalg.norm(place - self._opening(*before)[2], axis=1)
-                pull += self._sizes * self._turns(rotation, before[0])
-                opening = np.where(opening > LEAN * pull, np.maximum(opening, pull), opening)
-            # only parting counts: pressing together is what the faces are for
-            distance[self._faces] = np.where(facing < 0.0, np.maximum(0.0, opening), np.inf)
+        together, k = self.together, len(self.distances)
+        now, before = together.gather(at), together.gather(poses)
+        distance, turn = np.zeros(k), np.zeros(k)
+        residual = together.residual_at(*now)
+        _sum_residuals(self._of_row, together.linear, residual, distance, turn)
+        _part_faces(self._faces, self._a, self._b, self._local, self._sizes, self.distances, *now, *before, distance)
         return distance, turn
 
-    def _opening(self, rotation: Array, translation: Array) -> tuple[Array, Array, Array]:
-        """Of faces: cosine between their normals, m that they are apart, (m, 3) place of the first from the second."""
-        back = rotation.transpose(0, 2, 1)
-        of_a, of_b = self._local[:, :2] @ back[self._a], self._local[:, 2:] @ back[self._b]
-        p, q = of_a[:, 0], of_b[:, 0]
-        place = of_a[:, 1] + translation[self._a] - of_b[:, 1] - translation[self._b]
-        facing = (p * q).sum(axis=1)
-        return facing, (-place * q).sum(axis=1) / np.where(facing < 0.0, facing, 1.0), place
 
-    def _turns(self, rotation: Array, before: Array) -> Array:
-        """Of faces: rad by which one body turned against the other since rotations were those `before`."""
-        now, then = (r[self._a].transpose(0, 2, 1) @ r[self._b] for r in (rotation, before))
-        return np.arccos(np.clip(0.5 * ((now * then).sum(axis=(1, 2)) - 1.0), -1.0, 1.0))
+@kernel
+def _sum_residuals(of_row, linear, residual, distance, turn):  # pragma: no cover - compiled
+    """Fill distance (k,) m and turn (k,) rad, zeros: norms of the rows (m,) of each constraint."""
+    for row in range(len(residual)):
+        square = residual[row] * residual[row]
+        if linear[row]:
+            distance[of_row[row]] += square
+        else:
+            turn[of_row[row]] += square
+    for k in range(len(distance)):
+        distance[k], turn[k] = np.sqrt(distance[k]), np.sqrt(turn[k])
+
+
+@kernel
+def _part_faces(faces, a, b, local, sizes, limits, rotation, translation, rotation_0, translation_0, distance):
+    """Set `distance` (k,) m of faces by how far they are parted, at poses now and, ending in 0, before the pull."""
+    for m in range(len(faces)):
+        k, i, j = faces[m], a[m], b[m]
+        place = _place(local[m], rotation, translation, i, j)
+        p, q = rotated(rotation[i], local[m, 0]), rotated(rotation[j], local[m, 2])
+        facing = dot(p, q)
+        if not facing < 0.0:
+            distance[k] = np.inf
+            continue
+        opening = -dot(place, q) / facing
+        if opening > LEAN * limits[k]:  # else no pull is as long as its limit and parts the faces
+            trace = 0.0
+            for x in range(3):
+                for y in range(3):
+                    turned = stood = 0.0
+                    for z in range(3):
+                        turned += rotation[i, z, x] * rotation[j, z, y]
+                        stood += rotation_0[i, z, x] * rotation_0[j, z, y]
+                    trace += turned * stood
+            angle = np.arccos(min(max(0.5 * (trace - 1.0), -1.0), 1.0))
+            pull = norm(sub(place, _place(local[m], rotation_0, translation_0, i, j))) + sizes[m] * angle
+            if opening > LEAN * pull:
+                opening = max(opening, pull)
+        distance[k] = max(0.0, opening)  # only parting counts: pressing together is what the faces are for
+
+
+@inner_kernel
+def _place(local, rotation, translation, i, j):  # pragma: no cover - compiled
+    """m, world: place of the first face, of body i, from the second, of body j."""
+    x, y = rotated(rotation[i], local[1]), rotated(rotation[j], local[3])
+    s, t = translation[i], translation[j]
+    return x[0] + s[0] - y[0] - t[0], x[1] + s[1] - y[1] - t[1], x[2] + s[2] - y[2] - t[2]

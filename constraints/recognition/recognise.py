@@ -24,7 +24,7 @@ from constraints.geometry.views import Extent, Limits, View, millimetres
 from constraints.recognition.candidate import KINDS, Candidate, Key, Match, Pair, known_kinds
 from constraints.recognition.edge_contacts import as_match, edge_contact, without_implied_contacts
 from constraints.recognition.implied import Found, without_implied
-from constraints.recognition.pairings import PAIRINGS, SLIGHT, STANDING, Pairing, matches
+from constraints.recognition.pairings import PAIRINGS, SLIGHT, STANDING, Pairing, matches, over
 from constraints.recognition.verdicts import Verdicts
 
 Near = tuple[int, int, float]
@@ -141,7 +141,7 @@ class Recogniser:
         limits = self.limits_of(pair, limits)
         found = matches(self.view(a, fa, poses[a]), self.view(b, fb, poses[b]), limits, rows)
         if found is not None and pitch is not None and found.kind == "concentric":
-            words = f"threads on one axis over {millimetres(max(found.overlap, 0.0))}"
+            words = f"threads on one axis{over(found.overlap)}"
             found = replace(found, kind="screw", fit=None, words=words, parameters={"pitch": pitch})
         self._known[asked] = (state, found)
         return found

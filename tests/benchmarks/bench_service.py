@@ -1,9 +1,10 @@
 """The service suite: which parts of an assembly leave it straight, under which rule, and how exactly they come back.
 
 Each part, each subassembly, is drawn out along the world's axes and those of its own largest surfaces until one way is
-open, by a hand under `leave_all`; then back; then the same way under `accept_all`, the default rule. What has left is
-taken away, and what stands behind it is asked; a way is asked again once a part that stopped it there has left. `error`
-is how far from where it was a part is after both ways (its turn counted at its size). Cases of real models need
+open and the part strays from it by no more than `STRAY`, by a hand under `leave_all`; then back along the poses it had;
+then the same way under `accept_all`, the default rule, where mates may take it aside until they let go. What has left
+is taken away, and what stands behind it is asked; a way is asked again once a part that stopped it there has left.
+`error` is how far from where it was a part is after both ways (its turn counted at its size). Cases of real models need
 VPFRAME_DATA; `--only` takes some models.
 """
 
@@ -24,19 +25,22 @@ from numpy.typing import NDArray
 import vpframe as vp
 from vpframe.app.bench import chosen
 from vpframe.app.progress import report
+from vpframe.hands import paths
 from vpframe.session.rules import Rule
 
 Array = NDArray[np.float64]
 RULES: dict[str, Rule] = {"leave all": vp.leave_all, "accept all": vp.accept_all}
 MODELS = (
     "as1-oc-214.stp", "box_sides.STEP", "v4_engine.step", "um2_head.step", "bearing_20x37x9.stp",
-    "bdw_taper_bearing.step", "caxif_dm1-oc-214.stp",
+    "bdw_taper_bearing.step", "caxif_dm1-oc-214.stp", "as1_pe_203.stp",
 )  # fmt: skip
 AXES = tuple(sign * axis for axis in np.eye(3)[::-1] for sign in (1.0, -1.0))
 OWN = 3
 """axes of a part's own surfaces that are tried, either way"""
 FARTHEST = 0.12
 """m: a part that has come so far is out"""
+STRAY = 1e-3
+"""m: how far beside its way a part may come (its turn counted at its size)"""
 GIVE = 0.01
 """m: how far a part may stay behind the hand"""
 
@@ -53,6 +57,10 @@ class Travelled:
     steps: int
     mates: int
     """that were accepted on the way, and those that were removed"""
+    along: tuple[str, ...]
+    """mates along which it slid until their surfaces parted: kind and other part"""
+    stray: float
+    """m: how far beside its way it came"""
     reason: str
     """where it stopped"""
 
@@ -73,20 +81,38 @@ def scenes(quick: bool) -> dict[str, Callable[[], vp.Scene]]:
 def travel(session: vp.Session, unit: tuple[str, ...], way: Array, far: float) -> Travelled:
     """Take a part in hand, carrying the others of its unit, `far` m along `way` (3,) and back."""
     hand, lead = session.hand(), session.scene[unit[0]]
-    start = pin.SE3(lead.pose)
+    start, size = pin.SE3(lead.pose), float(np.ptp(lead.mesh.vertices, axis=0).max())
     back, error = False, np.inf
     begun, heard, steps = time.perf_counter(), len(session.events), session.step_count
-    out = hand.move_by(far * way, required=False)
-    reason = out.reason
+    known = len(session.trail(lead.name))
+    ended = hand.move_by(far * way, required=False)
+    out, reason = bool(ended), ended.reason
+    poses = [start, *(pose for _, pose in session.trail(lead.name)[known:])]
+    stray = max(_beside(start, pose, way, size) for pose in poses)
     if out:
-        ended = hand.move_to(start, required=False)
+        track = paths.Track(session.dt * np.arange(len(poses), dtype=np.float64), poses[::-1])
+        ended = hand.follow(track, required=False)
         back, reason = bool(ended), ended.reason
         off = start.actInv(lead.pose)
-        size = float(np.ptp(lead.mesh.vertices, axis=0).max())
         error = float(np.linalg.norm(off.translation) + size * np.linalg.norm(pin.log3(off.rotation)))
-    mates = sum(event.kind in ("accepted", "removed") for event in session.events[heard:])
+    events = session.events[heard:]
+    mates = sum(event.kind in ("accepted", "removed") for event in events)
+    along = sorted(
+        {
+            f"{event.data['constraint']} ({next(name for name in event.parts if name not in unit)})"
+            for event in events
+            if event.kind == "removed" and "no longer overlap" in event.text
+        }
+    )
     seconds, steps = time.perf_counter() - begun, session.step_count - steps
-    return Travelled(bool(out), back, error, seconds, steps, mates, reason)
+    return Travelled(out, back, error, seconds, steps, mates, tuple(along), stray, reason)
+
+
+def _beside(start: pin.SE3, pose: pin.SE3, way: Array, size: float) -> float:
+    """m: how far a pose is beside the straight way (3,) from `start`, its turn counted at `size`."""
+    shift = pose.translation - start.translation
+    turned = pin.log3(start.rotation.T @ pose.rotation)
+    return float(np.linalg.norm(shift - (shift @ way) * way) + size * np.linalg.norm(turned))
 
 
 class Trials:
@@ -146,14 +172,17 @@ def ways(scene: vp.Scene, unit: tuple[str, ...]) -> list[Array]:
 
 
 def clear(scene: vp.Scene, unit: tuple[str, ...], way: Array) -> float:
-    """m along `way` after which no box of the others is beside the unit, at most `FARTHEST`."""
+    """m along `way` after which no box of the others is beside the unit, at most `FARTHEST`.
+
+    Beyond `Tolerance.break_distance`, up to which a mate holds a part against a pull.
+    """
 
     def heights(part: vp.Part) -> Array:
         return np.asarray((part.mesh.vertices @ part.pose.rotation.T + part.pose.translation) @ way)
 
     low = min(heights(scene[name]).min() for name in unit)
     high = max(heights(part).max() for part in scene.parts if part.name not in unit)
-    return float(np.clip(high - low + 0.005, 0.005, FARTHEST))
+    return float(np.clip(high - low + 0.005, 2.0 * vp.Tolerance().break_distance, FARTHEST))
 
 
 def measure(scene: vp.Scene) -> Iterator[tuple[tuple[str, ...], Array, dict[str, Travelled]]]:
@@ -171,7 +200,7 @@ def measure(scene: vp.Scene) -> Iterator[tuple[tuple[str, ...], Array, dict[str,
                         continue
                     far = clear(scene, unit, way)
                     free = trials.travel(unit, way, far)
-                    if free.out:
+                    if free.out and free.stray <= STRAY:
                         out.append((unit, way, far, free))
                         gone.update(unit)
                         break
@@ -199,10 +228,12 @@ def run(quick: bool = False, only: Sequence[str] = ()) -> dict[str, Any]:
                         "case": f"{model}: {' + '.join(unit)} along ({along})", "method": rule,
                         "seconds": went.seconds / max(went.steps, 1), "error": went.error, "unit": "m",
                         "n": went.steps, "out": went.out, "back": went.back, "mates": went.mates,
-                        "reason": went.reason,
+                        "along": went.along, "stray": went.stray, "reason": went.reason,
                     }
                 )  # fmt: skip
         ratios[f"{model}: units that leave straight"] = len(found)
+        slid = (by_rule["accept all"].along for _, _, by_rule in found)
+        ratios[f"{model}: mates slid along"] = sum(map(len, slid))
         for rule in RULES:
             ratios[f"{model}: leave, {rule}"] = sum(by_rule[rule].out for _, _, by_rule in found)
             exact = sum(by_rule[rule].back and by_rule[rule].error < 1e-6 for _, _, by_rule in found)
@@ -218,7 +249,7 @@ def table(result: dict[str, Any]) -> str:
         error = f"{1e6 * row['error']:.3g} µm" if np.isfinite(row["error"]) else "-"
         lines.append(
             f"{row['case'][-70:]:<70} {row['method']:<11}{said[0]:>4}{said[1]:>5}{error:>11}{row['mates']:6}"
-            f"{1e3 * row['seconds']:9.1f}" + ("" if row["back"] else f"  {row['reason']}")
+            f"{1e3 * row['seconds']:9.1f}  " + (", ".join(row["along"]) if row["back"] else row["reason"])
         )
     return "\n".join([*lines, "", *(f"{name}: {value:g}" for name, value in result["ratios"].items())])
 

@@ -101,9 +101,9 @@ class Engine:
         return simulator, context
 
     def _timed(self, simulator: Any, end: float) -> float:
-        begin = time.perf_counter()
+        begin = time.process_time()
         simulator.AdvanceTo(end)
-        return time.perf_counter() - begin
+        return time.process_time() - begin
 
     def _touch(
         self, friction: float, stiffness: float = RIGID, relaxation: float = 0.0, dissipation: float = 0.0

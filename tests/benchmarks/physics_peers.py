@@ -1,10 +1,10 @@
 """The physics cases in other people's engines: runs in an interpreter that has them.
 
-`python physics_peers.py ENGINE < request.json > answer.json`; request {"truth", "stack", "runs": [[run, [dt, …], wall],
-…]}, answer {"version", "rows": [{"row", "method", "dt", "seconds", "steps", "error"}]} or {"missing": reason}. Every
-set of settings an engine has for a run is tried at each step, and once more at the step with which it would take 0.9
-`wall` seconds, so that errors can be compared at equal wall time. `seconds` is stepping only. Names of runs go to
-standard error as they begin.
+`python physics_peers.py ENGINE < request.json > answer.json`; request {"truth", "stack", "runs":
+[[run, [dt, …], total], …]}, answer {"version", "rows": [{"row", "method", "dt", "seconds", "steps", "error"}]} or
+{"missing": reason}. Every set of settings an engine has for a run is tried at each step, and once more at the step with
+which it would take 0.9 `total` seconds, so that errors can be compared at equal processor time. `seconds` is stepping
+only. Names of runs go to standard error as they begin.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ def _once(engine: Any, run: str, dt: float, option: str) -> Iterator[dict[str, A
         yield {"row": row, "method": option, "dt": dt, "seconds": seconds, "steps": steps, "error": value}
 
 
-def _all(engine: Any, run: str, steps: list[float], wall: float, options: list[str]) -> Iterator[dict[str, Any]]:
+def _all(engine: Any, run: str, steps: list[float], total: float, options: list[str]) -> Iterator[dict[str, Any]]:
     for option in options:
         found = []
         for dt in sorted(steps, reverse=True):
-            if found and "failed" not in found[0] and found[0]["seconds"] * found[0]["dt"] / dt > 3.0 * wall:
-                continue  # far beyond the wall time that is compared
+            if found and "failed" not in found[0] and found[0]["seconds"] * found[0]["dt"] / dt > 3.0 * total:
+                continue  # far beyond the processor time that is compared
             found = list(_once(engine, run, dt, option))
             yield from found
         if not found or "failed" in found[0]:
             continue
-        dt = found[0]["dt"] * found[0]["seconds"] / (0.9 * wall)
+        dt = found[0]["dt"] * found[0]["seconds"] / (0.9 * total)
         if dt < max(steps) and all(abs(np.log(dt / known)) > 0.1 for known in steps):
             yield from _once(engine, run, dt, option)
 
@@ -59,9 +59,9 @@ def main(name: str) -> None:
         json.dump({"missing": f"not installed: {error}"}, sys.stdout)
         return
     rows = []
-    for run, steps, wall in request["runs"]:
+    for run, steps, total in request["runs"]:
         print(run, file=sys.stderr, flush=True)
-        rows += list(_all(engine, run, steps, wall, list(module.options(run))))
+        rows += list(_all(engine, run, steps, total, list(module.options(run))))
     json.dump({"version": engine.version, "rows": rows}, sys.stdout)
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from collision import CollisionManager, SurfaceMesh, Tolerance, colliding_surfaces
-from collision.query.blocking import Sweeps
+from collision.query.blocking import PRESSED, Sweeps
 
 TOLERANCE = Tolerance(linear=1e-6, slop=0.01)
 AXES = [np.array(d, np.float64) for d in product((-1, 0, 1), repeat=3) if sum(map(abs, d)) == 1]
@@ -90,6 +90,19 @@ def test_a_narrow_gap_is_passed_and_a_step_in_it_is_not(gap):
     assert stop.t * 0.051 == pytest.approx(0.02, abs=3e-6)
 
 
+def test_however_many_legs_press_surfaces_go_no_deeper_than_the_bound():
+    s = sweeps(block((0.005, 0.005, 0.01), (0.015, 0.015, 0.02)), block((0, 0, 0), (0.02, 0.02, 0.01)))
+    here, lowest = pin.SE3.Identity(), 0.0
+    for _ in range(40):
+        end = at(0.0, 0.0, -8e-9) * here
+        stop = s.stop(0, 1, (here, end))
+        here = end if stop is None else here * pin.exp6(pin.log6(here.actInv(end)) * stop.t)
+        lowest = min(lowest, here.translation[2])
+    assert -PRESSED * TOLERANCE.slop * TOLERANCE.linear <= lowest < 0.0
+    assert stop is not None and {(int(r["surface_a"]), int(r["surface_b"])) for r in stop.contacts} >= {(4, 5)}
+    assert s.stop(0, 1, (here, at(0.0, 0.0, 1e-3) * here)) is None  # it may still be lifted off
+
+
 def test_an_excuse_leaves_surfaces_out_and_none_stops_the_leg():
     a, b = block((0, 0, 0), (0.01, 0.01, 0.01)), block((0.02, 0, 0), (0.03, 0.01, 0.01))
     every = tuple(range(6))
@@ -117,3 +130,23 @@ def test_no_pose_before_a_stop_of_a_turning_leg_collides(seed):
             world = CollisionManager()
             i, j = world.add(a, pose), world.add(b, pin.SE3.Identity())
             assert world.penetration(i, j)["depth"].max() <= 0.1 * TOLERANCE.linear
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**31))
+def test_what_stays_clear_of_a_turn_changes_no_stop(seed: int) -> None:
+    """A block is screwed along a random axis past another one: the same stop as of every pair of surfaces."""
+    rng = np.random.default_rng(seed)
+    axis = pin.SE3(pin.exp3(rng.uniform(-1.0, 1.0, 3)), rng.uniform(-0.01, 0.01, 3))
+    angle, travel = rng.uniform(0.5, 2.0), rng.uniform(-0.004, 0.004)
+    turns = [pin.SE3(pin.exp3(np.array([0.0, 0.0, k * angle])), np.array([0.0, 0.0, k * travel])) for k in range(6)]
+    knots = tuple(axis * each * axis.inverse() for each in turns)
+    sizes = rng.uniform(0.003, 0.02, (2, 3))
+    meshes = [block(-size / 2, size / 2) for size in sizes]
+    poses = [axis, pin.SE3(pin.exp3(rng.uniform(-1.0, 1.0, 3)), axis.translation + rng.uniform(-0.02, 0.02, 3))]
+    plain = Sweeps(meshes, poses, Tolerance())
+    plain._clear_of_turn = lambda i, j, knots: ()  # type: ignore[method-assign]
+    a, b = plain.stop(0, 1, knots), Sweeps(meshes, poses, Tolerance()).stop(0, 1, knots)
+    assert (a is None) == (b is None)
+    if a is not None and b is not None:
+        assert a.leg + a.t == pytest.approx(b.leg + b.t, abs=1e-3)  # a sweep ends within its slop

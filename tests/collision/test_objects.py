@@ -49,6 +49,24 @@ def test_many_poses_at_once() -> None:
     assert np.array_equal(before, [manager.pose(i).homogeneous for i in manager.objects])
 
 
+def test_poses_read_are_those_set_to_the_bit_and_of_nobody_else() -> None:
+    manager, rng = crowd(6, 3, 3.0), np.random.default_rng(4)
+    mark = manager.mark()
+    for ids in ([0, 2, 4, 5, 3], [1, 2], [3, 3, 0], [4]):
+        given = [anywhere(rng, 3.0) for _ in ids]
+        manager.set_poses(ids, given)
+        was = {i: pose.homogeneous for i, pose in zip(ids, given, strict=True)}
+        for pose in given:
+            pose.translation = np.full(3, 7.0)  # the caller's own
+        known = manager.poses
+        assert all(np.array_equal(known[i].homogeneous, manager.pose(i).homogeneous) for i in range(6))
+        assert all(np.array_equal(known[i].homogeneous, pose) for i, pose in was.items())
+        manager.set_poses(ids[-1:], np.array([was[ids[-1]]]))
+        assert all(a is b for a, b in zip(known, manager.poses, strict=True)), "nothing has moved"
+    manager.undo(mark)
+    assert all(np.array_equal(pose.homogeneous, manager.pose(i).homogeneous) for i, pose in enumerate(manager.poses))
+
+
 def test_a_move_that_was_interrupted_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
     """An interrupt may come when an object has its new pose, and its version is still the old one."""
     manager = crowd(4, 5, 2.0)
@@ -81,6 +99,29 @@ def test_enabled_surfaces_are_the_same_in_either_order() -> None:
         assert enabled.T.tolist() == other.tolist()
     manager.enable_surfaces(b, range(4), a, range(6))
     assert manager.enabled_surfaces(a, b) is None and manager.enabled_surfaces(b, a) is None
+
+
+def test_enabled_surfaces_follow_each_change_and_no_table_that_was_given_changes() -> None:
+    manager, random = CollisionManager(), np.random.default_rng(5)
+    a, b = manager.add(shapes.box(), at(0)), manager.add(shapes.soup(40, 4, 1), at(0.5))
+    left_out: set[tuple[int, int]] = set()
+    given = []
+    for _ in range(60):
+        some = [sorted(set(random.integers(0, n, 3).tolist())) for n in (6, 4)]
+        pairs = {(i, j) for i in some[0] for j in some[1]}
+        if random.random() < 0.5:
+            manager.ignore_surfaces(a, some[0], b, some[1])
+            left_out |= pairs
+        else:
+            manager.enable_surfaces(b, some[1], a, some[0])
+            left_out -= pairs
+        table = manager.enabled_surfaces(a, b)
+        expected = [[(i, j) not in left_out for j in range(4)] for i in range(6)]
+        assert (table is None and not left_out) or table.astype(bool).tolist() == expected
+        if table is not None:
+            given.append((table, table.copy()))
+            assert manager.enabled_surfaces(b, a).T.tolist() == table.tolist()
+    assert all(np.array_equal(table, before) for table, before in given)
 
 
 def test_ids_stay_when_others_go() -> None:

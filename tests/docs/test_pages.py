@@ -14,8 +14,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import physics as physics_package
 import vpframe as vp
 from vpframe.app import cli, demo
+from vpframe.exporters.export import KINDS
+from vpframe.importers.checks import FORMATS
 from vpframe.scene import modelling as m
 
 ROOT = Path(__file__).parents[2]
@@ -218,6 +221,33 @@ def test_every_public_name_and_every_command_has_its_place(site: ModuleType) -> 
     for name in cli._parser()._subparsers._group_actions[0].choices:  # type: ignore[union-attr]
         assert f"## vpframe {name}\n" in line
     assert "--help" in line
+
+
+def rows(text: str) -> list[str]:
+    """First cells of the tables of a text."""
+    return re.findall(r"^\| (.*?) \|", text, re.M)
+
+
+def test_the_table_of_verbs_is_that_of_the_code() -> None:
+    named = set(re.findall(r"`(\w+)\(", "".join(rows((DOCS / "verbs.md").read_text(encoding="utf-8")))))
+    verbs = {name for name, value in vars(vp.Hand).items() if callable(value) and not name.startswith("_")}
+    assert len(verbs) > 15 and verbs - named == set()
+
+
+def test_the_endings_of_files_are_those_of_the_code() -> None:
+    page = (DOCS / "formats.md").read_text(encoding="utf-8")
+    into, out = page.split("\n## In\n")[1].split("\n## Out\n")
+    endings = set(re.findall(r"\.\w+", " ".join(re.findall(r"`([^`]*)`", " ".join(rows(into))))))
+    assert set(FORMATS) <= endings, "each is in the first column"
+    head = next(line for line in out.splitlines() if line.startswith("| |"))
+    assert set(re.findall(r"\.\w+", head)) == set(KINDS) == set(cli.EXPORTS)
+
+
+def test_the_behaviours_of_the_page_are_those_of_the_code() -> None:
+    named = set(re.findall(r"\w+", "".join(rows((DOCS / "physics.md").read_text(encoding="utf-8")))))
+    kinds = [getattr(physics_package, name) for name in physics_package.__all__]
+    behaviours = {k.__name__ for k in kinds if isinstance(k, type) and issubclass(k, physics_package.Behaviour)}
+    assert behaviours - {"Behaviour", "SpringHand"} <= named
 
 
 def test_every_page_is_in_the_navigation() -> None:

@@ -15,6 +15,8 @@ from tests.release import stub
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = {"collision", "constraints", "physics", "vpframe"}
+INTERPRETERS = [sys.executable, *filter(None, os.environ.get("VPFRAME_PYTHONS", "").split(os.pathsep))]
+"""the one of the tests, and others in the environment variable"""
 TASK = """
 import vpframe as vp
 
@@ -72,8 +74,9 @@ def test_the_wheel_holds_the_four_packages_and_nothing_else(built: tuple[Path, P
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_it_works_from_an_empty_environment(built: tuple[Path, Path], tmp_path: Path) -> None:
-    command(sys.executable, "-m", "venv", "env", cwd=tmp_path)
+@pytest.mark.parametrize("interpreter", INTERPRETERS)
+def test_it_works_from_an_empty_environment(interpreter: str, built: tuple[Path, Path], tmp_path: Path) -> None:
+    command(interpreter, "-m", "venv", "env", cwd=tmp_path)
     python = tmp_path / "env" / "bin" / "python"
     command(python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", built[1], cwd=tmp_path)
     vpframe = python.with_name("vpframe")

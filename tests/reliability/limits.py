@@ -1,6 +1,6 @@
 """Long sessions, many pages, full disks: memory stays flat, nobody is refused, one line says what is wrong.
 
-python -m tests.reliability.limits [--count N] [--results FILE] [steps|pages|disk ...]
+python -m tests.reliability.limits [--count N] [--results FILE] [steps|pages|disk|full ...]
 """
 
 from __future__ import annotations
@@ -11,11 +11,13 @@ import errno
 import gc
 import os
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -111,26 +113,65 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (MOST, resource.RLIM_INFINITY))  # no 
 """
 
 
+MOUNTED = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c",
+           'mount -t tmpfs -o size="$1" tmpfs "$2" && cd "$2" && shift 2 && exec "$@"', "sh"]  # fmt: skip
+"""runs a command in a file system of a size (bytes), which is mounted on a folder and is gone when the command ends"""
+
+
+def mountable() -> bool:
+    """Whether a small file system can be mounted here: by Linux's user namespaces, or as root."""
+    if shutil.which("unshare") is None:
+        return False
+    with tempfile.TemporaryDirectory(prefix="vpframe-disk-") as folder:
+        return subprocess.run([*MOUNTED, "65536", folder, "true"], capture_output=True, check=False).returncode == 0
+
+
 def disk(count: int) -> dict[str, Any]:
     """Runs whose files may grow to `count` different lengths: all end in one line, none in a traceback."""
-    faults = []
-    for i in range(count):
-        limit = 1000 + round(300_000 * i / max(count - 1, 1))
+    limits = [1000 + round(300_000 * i / max(count - 1, 1)) for i in range(count)]
+    return _filled(limits, errno.EFBIG, lambda limit, out: ([], DISK.replace("MOST", str(limit))))
+
+
+def full(count: int) -> dict[str, Any]:
+    """Runs on file systems of `count` different sizes, which their files fill: each line says that it is full.
+
+    Raises
+    ------
+    OSError: no file system can be mounted here.
+    """
+    if not mountable():
+        raise OSError(errno.EPERM, "no file system can be mounted: this needs root, or user namespaces")
+    sizes = [4096 * (1 + round(511 * i / max(count - 1, 1))) for i in range(count)]
+    return _filled(sizes, errno.ENOSPC, lambda size, out: ([*MOUNTED, str(size), str(out)], ""))
+
+
+def _filled(
+    limits: Sequence[int], number: int, limited: Callable[[int, Path], tuple[list[str], str]]
+) -> dict[str, Any]:
+    """Run a task under each limit (bytes): how many were stopped by it, and what ended otherwise than in one line.
+
+    number: the system's error. limited: what stands before the command, and before the script.
+    """
+    faults, stopped = [], 0
+    for limit in limits:
         with tempfile.TemporaryDirectory(prefix="vpframe-disk-") as folder:
-            script = Path(folder, "task.py")
-            script.write_text(DISK.replace("MOST", str(limit)) + TASK.replace("STEPS", "300").replace("0.01", "0.0"))
+            script, out = Path(folder, "task.py"), Path(folder, "out")
+            out.mkdir()
+            prefix, before = limited(limit, out)
+            script.write_text(before + TASK.replace("STEPS", "300").replace("0.01", "0.0"))
             outputs = ["--record", "run.rrd", "--checkpoint", "run.journal", "--report", "report"]
             done = subprocess.run(
-                [sys.executable, "-m", "vpframe", "run", script, *outputs], cwd=folder, capture_output=True, text=True,
-                env={**os.environ, "PYTHONPATH": str(ROOT)}, timeout=300,
+                [*prefix, sys.executable, "-m", "vpframe", "run", script, *outputs], cwd=out, capture_output=True,
+                text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, timeout=300, check=False,
             )  # fmt: skip
-            told = done.returncode == 0 or (done.returncode == 2 and "cannot be written" in done.stderr)
-            if not told or "Traceback" in done.stderr:
-                faults.append({"limit": limit, "code": done.returncode, "said": done.stderr[-300:]})
-    return {"count": count, "errno": errno.errorcode[errno.EFBIG], "faults": faults}
+        said = done.returncode == 2 and "cannot be written" in done.stderr and os.strerror(number) in done.stderr
+        stopped += said
+        if not (said or done.returncode == 0) or "Traceback" in done.stderr:
+            faults.append({"limit": limit, "code": done.returncode, "said": done.stderr[-300:]})
+    return {"count": len(limits), "errno": errno.errorcode[number], "stopped": stopped, "faults": faults}
 
 
-MEASURES = {"steps": (steps, 10**6), "pages": (pages, 1000), "disk": (disk, 50)}
+MEASURES = {"steps": (steps, 10**6), "pages": (pages, 1000), "disk": (disk, 50), "full": (full, 50)}
 
 
 def row(name: str, count: int, first: int = 0) -> dict[str, Any]:

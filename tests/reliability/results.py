@@ -23,7 +23,7 @@ Row = dict[str, Any]
 _GOALS = {
     **dict.fromkeys(("step", "iges", "stl", "obj", "ply", "glb"), 10_000),
     **dict.fromkeys(("record", "checkpoint", "study", "accept"), 25),
-    "steps": 10**6, "pages": 1000, "disk": 50,
+    "steps": 10**6, "pages": 1000, "disk": 50, "full": 50,
 }  # fmt: skip
 _WHAT = {
     "step": "damaged STEP files, half of them still well-formed (references, cycles, units, faces, numbers, senses)",
@@ -35,6 +35,7 @@ _WHAT = {
     "steps": "steps of a session with a part in hand",
     "pages": "pages that join a live session, take its first message and go, 50 at a time",
     "disk": "runs whose files may grow to a limit, and no further: one line each, no traceback",
+    "full": "runs on a disk of 4 KiB to 2 MiB (a file system in memory) that they fill: one line each, no traceback",
 }
 _LARGEST = ("slowest", "memory", "growth", "milliseconds")
 
@@ -136,7 +137,7 @@ def _found(total: Row) -> str:
     if "growth" in total:
         grown = f"memory grew by {total['growth'] / 1e6:.1f} MB after the first tenth"
         return f"{grown}; {total['milliseconds']:.1f} ms a step"
-    return faults
+    return f"{faults}; {total['stopped']} were stopped by it, the others had room" if "stopped" in total else faults
 
 
 def _commit() -> str:

@@ -30,4 +30,12 @@ def test_many_pages_are_all_heard() -> None:
 
 
 def test_a_full_disk_is_one_line() -> None:
-    assert limits.disk(3)["faults"] == []
+    found = limits.disk(3)
+    assert found["faults"] == [] and found["stopped"] > 0
+
+
+def test_a_small_disk_that_is_filled_is_one_line() -> None:
+    if not limits.mountable():
+        pytest.skip("needs root, or user namespaces")
+    found = limits.full(3)
+    assert found["faults"] == [] and found["stopped"] > 0 and found["errno"] == "ENOSPC"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import contextlib
 import io
 import json
 import shutil
@@ -22,6 +23,10 @@ FLAGS = (
     "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
     "--remote-debugging-port=0", "--hide-scrollbars", "--no-first-run", "--disable-background-networking",
 )  # fmt: skip
+
+
+class LeftPageError(Exception):
+    """The browser went to another page before it answered."""
 
 
 class Browser:
@@ -57,6 +62,10 @@ class Browser:
         self.socket = self.loop.run_until_complete(self._connect(address))
         self.call("Page.enable")
         self.call("Runtime.enable")
+        self.resize(width, height)
+
+    def resize(self, width: int, height: int) -> None:
+        """Make the page as large as that, pixels."""
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
     @staticmethod
@@ -77,6 +86,8 @@ class Browser:
                 request, body = message["params"]["requestId"], self.answers[message["params"]["request"]["url"]]
                 await self._send("Fetch.fulfillRequest", {"requestId": request, "responseCode": 200, "body": body})
             if message.get("id") == number:
+                if "navigated" in message.get("error", {}).get("message", ""):
+                    raise LeftPageError
                 assert "error" not in message, message
                 return message["result"]
 
@@ -158,11 +169,24 @@ class Browser:
         return str(self.run(f"document.querySelector({json.dumps(selector)}).textContent"))
 
     def wait(self, expression: str, seconds: float = 30.0) -> None:
-        """Wait until an expression is true."""
+        """Wait until an expression is true; the page itself looks every few milliseconds."""
         until = time.monotonic() + seconds
-        while not self.run(expression):
+        look = f"""new Promise((done, fail) => {{
+            const until = performance.now() + 1000;
+            const look = () => {{
+                try {{
+                    if ({expression}) done(true);
+                    else if (performance.now() > until) done(false);
+                    else setTimeout(look, 8);
+                }} catch (error) {{ fail(error); }}
+            }};
+            look();
+        }})"""
+        while True:
+            with contextlib.suppress(LeftPageError):
+                if self.run(look):
+                    return
             assert time.monotonic() < until, f"{expression} did not become true; page errors: {self.errors}"
-            time.sleep(0.05)
 
     def settle(self) -> None:
         """Wait for two animation frames: what was asked for is drawn then."""

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.vpframe.browser import PROGRAM, Browser
+
 ROOT = Path(__file__).parent.parent.parent
 
 
@@ -20,3 +22,12 @@ def vpframe():
         return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, **options)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """One browser for all modules; each says how large its page is."""
+    if PROGRAM is None:
+        pytest.skip("no Chromium on the PATH")
+    with Browser(1300, 800) as made:
+        yield made

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import codecs
 import fcntl
 import os
 import pty
 import re
 import select
 import signal
+import struct
 import subprocess
 import sys
 import termios
 import time
+import unicodedata
+from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -25,15 +29,27 @@ def _take_terminal() -> None:
 
 
 class Terminal:
-    """Runs `python -m vpframe ARGUMENTS`; standard error, and output unless `stdout` is a file, are the terminal."""
+    """Runs `python -m vpframe ARGUMENTS`; standard error, and output unless `stdout` is a file, are the terminal.
 
-    def __init__(self, *arguments: object, cwd: Path, stdout: Path | None = None, **environment: str) -> None:
+    program: what runs in place of `-m vpframe`.
+    """
+
+    def __init__(
+        self,
+        *arguments: object,
+        cwd: Path,
+        stdout: Path | None = None,
+        columns: int = 140,
+        program: Sequence[str] = ("-m", "vpframe"),
+        **environment: str,
+    ) -> None:
+        self._columns = columns
         self._master, slave = pty.openpty()
         path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
         out = slave if stdout is None else os.open(stdout, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-        fcntl.ioctl(slave, termios.TIOCSWINSZ, b"\x28\x00\x8c\x00\x00\x00\x00\x00")  # 40 lines of 140
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "vpframe", *map(str, arguments)],
+            [sys.executable, *program, *map(str, arguments)],
             stdin=slave,
             stdout=out,
             stderr=slave,
@@ -45,6 +61,7 @@ class Terminal:
         for descriptor in {slave, out}:
             os.close(descriptor)
         self.text = ""
+        self._decoder = codecs.getincrementaldecoder("utf-8")(errors="replace")
 
     def wait_for(self, pattern: str, seconds: float = 120.0) -> re.Match[str]:
         """Read on until a pattern is there."""
@@ -91,6 +108,26 @@ class Terminal:
                 shown.append(kept)
         return shown
 
+    def screen(self) -> list[str]:
+        """The lines as a terminal shows them that wraps at its last column, and scrolls for ever."""
+        rows, column = [""], 0
+        for piece in re.findall(r"\r|\n|\x1b\[K|[^\r\n\x1b]", self.text):
+            if piece == "\r":
+                column = 0
+            elif piece == "\n":
+                rows.append("")
+            elif piece == "\x1b[K":
+                rows[-1] = rows[-1][:column]
+            else:
+                cells = piece + "\0" * (unicodedata.east_asian_width(piece) in "WF")
+                if column + len(cells) > self._columns:
+                    rows.append("")
+                    column = 0
+                row = rows[-1].ljust(column)
+                rows[-1] = row[:column] + cells + row[column + len(cells) :]
+                column += len(cells)
+        return [row.replace("\0", "").rstrip() for row in rows]
+
     def close(self) -> None:
         """End it, whatever it does."""
         if self.process.poll() is None:
@@ -111,5 +148,5 @@ class Terminal:
             data = os.read(self._master, 65536)
         except OSError:  # the other side is closed
             return False
-        self.text += data.decode(errors="replace")
+        self.text += self._decoder.decode(data)
         return bool(data)

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from vpframe import files
+from vpframe import __version__, files
 from vpframe.errors import VpframeError
 from vpframe.scene.names import is_of
 
@@ -229,7 +229,8 @@ def write(path: str | Path, records: Iterable[ClashRecord], authorised: Iterable
     pairs = sorted({(min(pair), max(pair)) for pair in authorised})
     lines = ",\n".join(f"    {json.dumps(row)}" for row in rows)
     clashes = f"[\n{lines}\n  ]" if rows else "[]"
-    files.replace(path, f'{{\n  "clashes": {clashes},\n  "authorised": {json.dumps(pairs)}\n}}\n')
+    rest = f'"authorised": {json.dumps(pairs)},\n  "version": {json.dumps(__version__)}'
+    files.replace(path, f'{{\n  "clashes": {clashes},\n  {rest}\n}}\n')
 
 
 def _record(file: Path, n: int, row: Mapping[str, Any]) -> ClashRecord:

@@ -250,7 +250,7 @@ def table(document: dict[str, Any]) -> str:
         lines += ["", "toleranced sizes"]
     for size in document.get("sizes", ()):
         mated = ", ".join(mate["part"] for mate in size["mates"])
-        verdict = f"fits {mated}" if size["holds"] else f"EXPECTED OTHERWISE: {size['why']}"
+        verdict = f"fits {mated}" if size["holds"] else f"NOT AS SPECIFIED: {size['why']}"
         lines.append(f"  {size['part']} · face {size['surface']} · {size['size']}: {verdict}")
     return "\n".join(map(plain, lines))
 

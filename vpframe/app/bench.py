@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -58,3 +59,12 @@ def options(suite: str, module: ModuleType, only: Sequence[str], numbers: Sequen
             raise VpframeError(f"--number {text}: write {what}=N, N a whole number above 0")
         out[what] = int(count)
     return out
+
+
+def finite(value: Any) -> Any:
+    """Return a result with None for infinite numbers and NaN, which JSON has not: what was not reached has no error."""
+    if isinstance(value, Mapping):
+        return {name: finite(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

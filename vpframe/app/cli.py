@@ -10,6 +10,7 @@ import math
 import os
 import re
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
@@ -42,7 +43,7 @@ class UsageError(Exception):
 
 
 ACCEPT = "clash accept"
-EXPORTS = (".step", ".glb", ".urdf", ".mjcf", ".usd", ".usda", ".csv", ".parquet")
+EXPORTS = (".step", ".stp", ".glb", ".urdf", ".mjcf", ".xml", ".usd", ".usda", ".usdc", ".csv", ".parquet")
 
 
 _ERRORS = (
@@ -166,7 +167,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--status", metavar="FILE", help="keep what is new, accepted and resolved in this file, over runs")
     sub.add_argument("--bcf", metavar="OUT", help="write the clashes as BCF 3.0: a topic a pair, with view and picture")
     sub.add_argument("--table", metavar="OUT", help="write all pairs of surfaces as CSV or Parquet")
-    sub.add_argument("--surfaces", action="store_true", help="a line a pair of surfaces, as JSON has them nested")
+    sub.add_argument("--surfaces", action="store_true", help="list pairs of surfaces instead of pairs of parts")
     sub.add_argument("--contacts", action="store_true", help="list parts that only touch, too, instead of their count")
     add_force(sub)
     _add_loading(sub)
@@ -372,8 +373,8 @@ def _new(arguments: argparse.Namespace) -> int:
     stops = study.new_task(arguments.task, arguments.file, arguments.force, arguments.part)
     print(f"wrote {arguments.task}; run it with: vpframe run {arguments.task} --view")
     if stops:
-        which = arguments.part or "no part"
-        say(f"{which} could not be removed; as written the script fails: {stops}")
+        which = f"{arguments.part} could not" if arguments.part else "no part could"
+        say(f"{which} be removed; as written the script fails: {stops}")
     return OK
 
 
@@ -576,27 +577,31 @@ def _bench(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--all is every suite; leave out {arguments.suite}")
     if (arguments.only or arguments.number) and not arguments.suite:
         raise UsageError("--only and --number choose within one suite; name it")
-    failed = False
     with _document(arguments.json) as emit, _claimed(arguments, "html", PAGE, []) as page:
-        results = {}
+        results: dict[str, bench_page.Result] = {}
         for suite in [arguments.suite] if arguments.suite else SUITES:
             try:
                 module = bench.suite(suite)
                 options = bench.options(suite, module, arguments.only, arguments.number)
+                began = time.monotonic()
                 with Progress(f"benchmark {suite}"):
-                    results[suite] = module, module.run(quick=arguments.quick, **options)
-            except (VpframeError, ImportError) as error:
+                    found = module.run(quick=arguments.quick, **options)
+                spent, text = time.monotonic() - began, module.table(found)
+            except Exception as error:
                 if arguments.suite:
                     raise
-                failed = True
-                warn(f"vpframe: {suite}: {error}")  # continue with the other suites
-                continue
-            if not arguments.json:
-                print(module.table(results[suite][1]), end="\n\n")
-            if arguments.plot:
-                module.plot(results[suite][1], arguments.plot)
+                known = isinstance(error, VpframeError | ImportError)
+                results[suite] = str(error) if known else f"{type(error).__name__}: {error}"
+                warn(f"vpframe: {suite}: {results[suite]}")  # continue with the other suites
+            else:
+                results[suite] = module, found, spent
+                if not arguments.json:
+                    print(text, end="\n\n", flush=True)
+                if arguments.plot:
+                    module.plot(found, arguments.plot)
             if page is not None:  # after each suite, so that an interrupted run keeps its results
                 page.path.write_text(bench_page.page(results), encoding="utf-8")
-        found = [result for _, result in results.values()]
-        emit(found[0] if arguments.suite else {"suites": found})
+        documents = [bench.finite(result[1]) for result in results.values() if not isinstance(result, str)]
+        emit(documents[0] if arguments.suite else {"suites": documents})
+        failed = len(documents) < len(results)
     return BAD if failed else OK

@@ -14,7 +14,7 @@ from vpframe import files
 from vpframe.app.outputs import PAGE, RECORDING, REPORT, SCRIPT, Kind, Output, OutputFolder
 from vpframe.app.progress import Progress, say
 from vpframe.errors import VpframeError
-from vpframe.scene.units import NAMES, length
+from vpframe.scene.units import NAMES, length, seconds
 
 PLAN = "plan.json"
 INTERRUPTED = 130
@@ -49,6 +49,7 @@ def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
     )  # fmt: skip
     sub.add_argument("--budget", metavar="TIME", type=_seconds, default=60.0, help="of searching, such as 60s or 5min")
     sub.add_argument("--seed", metavar="N", type=int, default=0, help="of the sampling")
+    sub.add_argument("--jobs", metavar="N", type=int, default=1, help="processes; the plan is the same for any number")
     sub.add_argument("--tracks", metavar="DIR", help=f"write each part's way as CSV, and {PLAN}")
     sub.add_argument("--task", metavar="OUT.py", help="write a task script that does it")
     sub.add_argument("--record", metavar="RUN.rrd", help="write a rerun recording of a hand that does it")
@@ -68,13 +69,9 @@ def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
 
 def _seconds(text: str) -> float:
     """Convert "60s", "5min" or "90" to seconds."""
-    for unit, scale in (("min", 60.0), ("s", 1.0), ("h", 3600.0), ("", 1.0)):
-        if unit and not text.endswith(unit):
-            continue
-        with contextlib.suppress(ValueError):
-            value = scale * float(text.removesuffix(unit))
-            if 0.0 < value < float("inf"):
-                return value
+    with contextlib.suppress(ValueError):
+        if (value := seconds(text)) > 0.0:
+            return value
     raise argparse.ArgumentTypeError(f"{text!r} is not a time; write a positive number of seconds, 60s or 5min")
 
 
@@ -104,7 +101,7 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
             found = plan.disassembly(
                 scene, arguments.part, base=arguments.base, carry=carry, authorise=authorised, threads=threads,
                 clearance=arguments.clearance, motion=arguments.motion, budget=arguments.budget, seed=arguments.seed,
-                known=known, progress=progress,
+                jobs=arguments.jobs, known=known, progress=progress,
                 found=lambda parts, text: progress(None, f"{', '.join(parts)}: {text}"),
             )  # fmt: skip
         names = document.track_files(found)

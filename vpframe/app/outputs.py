@@ -59,7 +59,7 @@ def _is_status(path: Path) -> bool:
         content = json.loads(path.read_bytes())
     except ValueError:
         return False
-    return isinstance(content, dict) and "clashes" in content and content.keys() <= {"clashes", "authorised"}
+    return isinstance(content, dict) and "clashes" in content and content.keys() <= {"clashes", "authorised", "version"}
 
 
 RECORDING = Kind("a recording", _begins(rb"RRF.{,200}\x0a\x07vpframe"))

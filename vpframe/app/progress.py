@@ -3,21 +3,25 @@
     with Progress("loading gearbox.step") as progress:
         scene = vp.load(path, progress=progress)        # calls progress(fraction, "meshing shaft")
 
-While kernels are compiled the line shows their number; that time does not count in the estimate. Nothing is written if
-standard error is not a terminal, or if the work is faster than the delay. Other output during the work must use `say`
-or `warn`.
+While kernels are compiled the line shows their number; that time does not count in the estimate. Nothing is drawn if
+standard error is not a terminal or is a dumb one (`TERM=dumb`), or if the work is faster than the delay. There is one
+line at a time, that of the innermost work; other text on the terminal, also a script's `print`, erases it first.
 """
 
 from __future__ import annotations
 
+import builtins
+import contextlib
+import os
 import re
 import shutil
 import sys
 import threading
 import time
+import unicodedata
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sized
-from typing import TYPE_CHECKING, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from vpframe.text import plain, plain_lines
 
@@ -34,31 +38,147 @@ WIPE = "\r\x1b[K"
 WINDOW = 10.0
 """work time over which the rate is averaged, and without news after which no estimate is shown, s"""
 FEW = 4
-"""number of updates over which the rate is averaged if they are rarer"""
-LEAST = 1.0
+"""number of updates before the first estimate, and over which the rate is averaged if they are rarer"""
+LEAST = 2.0
 """work time before the first estimate, s"""
+STEADY = 2.0
+"""ratio of the rates of the newer and the older half of the updates up to which there is an estimate"""
 CLIMB = 1.25
 """growth of the estimate at which it is dropped until there is a new rate"""
 
-_drawing = threading.RLock()
-_drawn: dict[int, TextIO] = {}
+
+class _Screen:
+    """The terminal: what is drawn on it, and whether other text is on the cursor's line."""
+
+    def __init__(self) -> None:
+        self.lock = threading.RLock()
+        self.unfinished = False
+        """whether a line of other text has not ended; nothing is drawn meanwhile"""
+        self._drawn: dict[int, TextIO] = {}
+        self._users = 0
+        self._waiting = 0
+        self._input = builtins.input
+
+    def draw(self, stream: TextIO, text: str) -> None:
+        """Put text in place of the line; raise OSError or ValueError if the terminal is gone."""
+        with self.lock:
+            if not self.unfinished and not self._waiting:
+                stream.write(WIPE + text)
+                stream.flush()
+                self._drawn[id(stream)] = stream
+
+    def wipe(self, stream: TextIO | None = None) -> None:
+        """Erase the line of a stream, by default of all."""
+        with self.lock:
+            for drawn in list(self._drawn.values()) if stream is None else [stream]:
+                if self._drawn.pop(id(drawn), None) is not None:
+                    with contextlib.suppress(OSError, ValueError):  # the terminal is gone
+                        drawn.write(WIPE)
+                        drawn.flush()
+
+    def has(self, stream: TextIO) -> bool:
+        """Whether there is a line on a stream."""
+        return id(stream) in self._drawn
+
+    @contextlib.contextmanager
+    def waiting(self) -> Iterator[None]:
+        """Draw nothing while a person answers, whose Enter ends the line of the question."""
+        with self.lock:
+            self.wipe()
+            self._waiting += 1
+        try:
+            yield
+        finally:
+            with self.lock:
+                self._waiting -= 1
+                self.unfinished = False
+
+    def begin(self) -> None:
+        """From now on a line may be drawn: standard streams pass through `_Guarded`, and drawing waits for `input`."""
+        with self.lock:
+            self._users += 1
+            if self._users == 1:
+                self._input, builtins.input = builtins.input, _input
+            for name in ("stdout", "stderr"):
+                stream = getattr(sys, name)
+                if stream is not None and not isinstance(stream, _Guarded) and stream.isatty():
+                    setattr(sys, name, _Guarded(stream))
+
+    def end(self) -> None:
+        """Undo `begin`."""
+        with self.lock:
+            self._users -= 1
+            if self._users == 0:
+                self.unfinished = False
+                if builtins.input is _input:
+                    builtins.input = self._input
+                for name in ("stdout", "stderr"):
+                    setattr(sys, name, _bare(getattr(sys, name)))
+
+
+class _Guarded:
+    """A text stream on a terminal; the progress line is erased before anything is written to it."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        with _screen.lock:
+            _screen.wipe()
+            if text:
+                _screen.unfinished = not text.endswith("\n")
+            return self._stream.write(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        for line in lines:
+            self.write(line)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def _bare(stream: Any) -> Any:
+    return stream._stream if isinstance(stream, _Guarded) else stream
+
+
+def _input(prompt: object = "", /) -> str:
+    with _screen.waiting():
+        return _screen._input(prompt)
+
+
+_screen = _Screen()
 _current: list[Progress] = []
 
 
 def say(text: str) -> None:
     """Print lines on standard output, escaped by `plain`; a progress line on the same terminal is erased first."""
-    with _drawing:
-        for stream in list(_drawn.values()):
-            _wipe(stream)
+    with _screen.lock:
+        _screen.wipe()
         print(plain_lines(text), flush=True)
 
 
 def warn(text: str) -> None:
     """Print lines on standard error, escaped by `plain`, from the start of a terminal line (after an echoed `^C`)."""
-    with _drawing:
-        for stream in list(_drawn.values()):
-            _wipe(stream)
+    with _screen.lock:
+        _screen.wipe()
         print((WIPE if sys.stderr.isatty() else "") + plain_lines(text), file=sys.stderr, flush=True)
+
+
+def question(text: str) -> str:
+    """Print a question on standard error, escaped by `plain`, and return the typed line, empty at the end of input.
+
+    No progress line is drawn until the answer is there.
+    """
+    answer = ""
+    with _screen.waiting():
+        sys.stderr.write(plain(text) + " ")
+        sys.stderr.flush()
+        try:
+            answer = sys.stdin.readline()
+        finally:
+            if not (answer.endswith("\n") and sys.stdin.isatty()):  # the terminal has shown no line break
+                sys.stderr.write("\n")
+    return answer.strip()
 
 
 def report(fraction: float | None, text: str = "") -> None:
@@ -71,8 +191,8 @@ class _Line:
     """A terminal line that is drawn from a thread and erased."""
 
     def __init__(self, stream: TextIO | None, quiet: bool = False) -> None:
-        self.stream = stream if stream is not None else sys.stderr
-        self.quiet = quiet or not self.stream.isatty()
+        self.stream: TextIO = _bare(stream if stream is not None else sys.stderr)
+        self.quiet = quiet or not self.stream.isatty() or os.environ.get("TERM") == "dumb"
         self.compilation: Compilation | None = None
 
     def listen(self) -> None:
@@ -102,61 +222,62 @@ class _Line:
         return f"compiling kernels, once: {max(kept(), compiled)} so far"
 
     def draw(self, text: str) -> None:
-        columns = shutil.get_terminal_size().columns - 1
-        with _drawing:
-            self.stream.write(WIPE + fitted(plain(text), columns))
-            self.stream.flush()
-            _drawn[id(self.stream)] = self.stream
+        """Draw text, shortened to the terminal; nothing more if the terminal is gone."""
+        if not self.quiet:
+            try:
+                _screen.draw(self.stream, fitted(plain(text), width(self.stream) - 1))
+            except (OSError, ValueError):
+                self.quiet = True
 
     def wipe(self) -> None:
-        with _drawing:
-            if id(self.stream) in _drawn:
-                _wipe(self.stream)
-
-
-def _wipe(stream: TextIO) -> None:
-    stream.write(WIPE)
-    stream.flush()
-    del _drawn[id(stream)]
+        _screen.wipe(self.stream)
 
 
 class Remaining:
-    """Estimate of the remaining time from the recent rate. It never grows: it is dropped instead."""
+    """Estimate of the remaining time from the recent rate, None while that is unknown: after fewer than `FEW` updates
+    or `LEAST` seconds, while the rate changes by more than `STEADY`, and without news. It never grows: it is dropped
+    instead, and each time it takes twice as long until there is another."""
 
-    def __init__(self) -> None:
-        self._samples = deque([(0.0, 0.0)])
+    def __init__(self, fraction: float = 0.0) -> None:
+        self._samples = deque([(0.0, fraction)])
         """(work time (s), fraction), oldest first: updates in the window, and one before it"""
-        self._claim: tuple[float, float] | None = None
-        """(work time (s), remaining time (s)) of the last estimate"""
+        self._claim: float | None = None
+        """the last estimate, s"""
+        self._least = LEAST
 
     def seconds(self, worked: float, fraction: float) -> float | None:
         """Return the remaining time (s) after `worked` seconds at `fraction`; None if unknown."""
+        if fraction < self._samples[-1][1]:  # a new task has begun
+            self._begin(worked, fraction, LEAST)
+        elif fraction > self._samples[-1][1]:
+            self._samples.append((worked, fraction))
         samples = self._samples
-        if fraction < samples[-1][1]:  # a new task has begun
-            self._begin(worked, fraction)
-        elif fraction > samples[-1][1]:
-            samples.append((worked, fraction))
-        samples = self._samples
-        while len(samples) > FEW and samples[1][0] <= worked - WINDOW:
+        while len(samples) > FEW + 1 and samples[1][0] <= worked - WINDOW:
             samples.popleft()
+        updates = len(samples) - 1
         (since, before), (last, _) = samples[0], samples[-1]
-        if worked - since < LEAST or not before < fraction < 1.0:
+        if updates < FEW or worked - since < self._least or fraction >= 1.0:
             return None
-        if worked - last > max(WINDOW, 2.0 * (last - since) / (len(samples) - 1)):  # no progress
+        between = (last - since) / updates
+        if worked - last > max(WINDOW, 2.0 * between):  # no progress
             return None
-        left = (1.0 - fraction) * (worked - since) / (fraction - before)
+        until = max(last, worked - between)  # the next update is not late before
+        halfway, half = samples[(updates + 1) // 2]
+        older, newer = (half - before) * (until - halfway), (fraction - half) * (halfway - since)  # rates times both
+        if not older <= STEADY * newer <= STEADY * STEADY * older:
+            return None
+        left = max((1.0 - fraction) * (until - since) / (fraction - before) - (worked - until), 0.0)
         if self._claim is not None:
-            claimed = max(self._claim[1] - (worked - self._claim[0]), 0.0)
-            if left > CLIMB * claimed + 1.0:
-                self._begin(worked, fraction)
+            if left > CLIMB * self._claim + 1.0:
+                self._begin(worked, fraction, min(2.0 * self._least, WINDOW))
                 return None
-            left = min(left, claimed)
-        self._claim = worked, left
+            left = min(left, self._claim)
+        self._claim = left
         return left
 
-    def _begin(self, worked: float, fraction: float) -> None:
+    def _begin(self, worked: float, fraction: float, least: float) -> None:
         self._samples = deque([(worked, fraction)])
-        self._claim = None
+        self._claim, self._least = None, least
 
 
 class Progress:
@@ -194,6 +315,7 @@ class Progress:
         self._began, self._compiled = time.monotonic(), self._line.compiled
         _current.append(self)
         if not self._line.quiet:
+            _screen.begin()
             self._thread = threading.Thread(target=self._draw_on, name="vpframe progress", daemon=True)
             self._thread.start()
         return self
@@ -203,7 +325,8 @@ class Progress:
         self._done.set()
         if self._thread is not None:
             self._thread.join()
-        self._line.wipe()
+            self._line.wipe()
+            _screen.end()
 
     def __call__(self, fraction: float | None, text: str = "") -> None:
         """Report progress; cheap enough for every update."""
@@ -226,16 +349,14 @@ class Progress:
         return f"{self.title}  {bar(fraction, elapsed, left)}" + (f"  {self._text}" if self._text else "")
 
     def _draw_on(self) -> None:
-        if self._done.wait(self._delay):
-            return
-        self._due = True
-        while True:
-            line = self.line(time.monotonic() - self._began)
-            with _drawing:
-                if self is _shown(self._line.stream):
-                    self._line.draw(line)
-            if self._done.wait(INTERVAL):
-                return
+        while not self._done.wait(INTERVAL):
+            elapsed = time.monotonic() - self._began
+            line = self.line(elapsed)  # also before the delay, so that the rate is known after it
+            if elapsed >= self._delay:
+                self._due = True
+                with _screen.lock:
+                    if self is _shown(self._line.stream):
+                        self._line.draw(line)
 
 
 def _shown(stream: TextIO) -> Progress | None:
@@ -272,13 +393,14 @@ class Watch:
             self._line.listen()
             self._first = self._began
             if not self._line.quiet:
+                _screen.begin()
                 self._thread = threading.Thread(target=self._look, name="vpframe watch", daemon=True)
                 self._thread.start()
         return self
 
     def __exit__(self, *exc: object) -> None:
         self._began = None
-        if not self._always and _drawn:
+        if not self._always and _screen.has(self._line.stream):
             self._line.wipe()
 
     @property
@@ -291,7 +413,9 @@ class Watch:
         self._closed.set()
         if self._thread is not None:
             self._thread.join()
-        self._line.wipe()
+            self._thread = None
+            self._line.wipe()
+            _screen.end()
 
     def _look(self) -> None:
         while not self._closed.wait(min(self._delay, 2.0 * INTERVAL)):
@@ -305,7 +429,7 @@ class Watch:
                 text = self.text()
                 if began is not None and now - began > self._delay:
                     text += f"  (this step: {duration(now - began)})"
-            with _drawing:
+            with _screen.lock:
                 if not self._always and self._began is None:  # the task has ended meanwhile
                     continue
                 if _shown(self._line.stream) is not None:
@@ -327,13 +451,43 @@ TAIL = 24
 
 
 def fitted(text: str, columns: int) -> str:
-    """Shorten text to `columns` characters: first the bar is dropped, then the middle is cut."""
-    if len(text) > columns:
+    """Shorten text to `columns` columns of a terminal: first the bar is dropped, then the middle is cut."""
+    if _columns(text) > columns:
         text = re.sub(r"\[#*\.*\] +", "", text)
-    if len(text) <= columns:
+    if _columns(text) <= columns:
         return text
-    end = min(TAIL, columns // 2)
-    return text[: max(columns - 1 - end, 0)] + "…" + text[len(text) - end :]
+    end = _prefix(text[::-1], min(TAIL, columns // 2))[::-1]
+    return _prefix(text, columns - 1 - _columns(end)) + "…" + end if columns > 0 else ""
+
+
+def _columns(text: str) -> int:
+    """Return the number of columns that a terminal takes for a text; characters of East Asia take two."""
+    return len(text) if text.isascii() else sum(map(_column, text))
+
+
+def _column(character: str) -> int:
+    if unicodedata.category(character) in ("Mn", "Me"):  # marks on the character before
+        return 0
+    return 2 if unicodedata.east_asian_width(character) in "WF" else 1
+
+
+def _prefix(text: str, columns: int) -> str:
+    """Return the longest beginning of a text that fits."""
+    taken = 0
+    for n, character in enumerate(text):
+        taken += _column(character)
+        if taken > columns:
+            return text[:n]
+    return text
+
+
+def width(stream: TextIO) -> int:
+    """Return the number of columns of the terminal that a stream is; of standard output, or 80, if it tells none."""
+    try:
+        columns = os.get_terminal_size(stream.fileno()).columns
+    except (OSError, ValueError):
+        columns = 0
+    return columns or shutil.get_terminal_size().columns
 
 
 def duration(seconds: float) -> str:

@@ -1,7 +1,9 @@
 """`vpframe new`: write a first task script for a model, after testing it.
 
-Planning searches a removal path for the smallest parts in turn, and the script uses a verb of the hand for it. If no
-part can be removed, the script is written nevertheless, with the reason and a remedy.
+Planning searches a removal path for the smallest parts in turn, and the script uses a verb of the hand for it. A part
+that is named and for which none is found is slid along the world's axes; if that does not free it, the script removes
+what stands in its way before. If no part can be removed, the script is written nevertheless, with the reason and a
+remedy.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from vpframe.app.outline import outline
 from vpframe.app.outputs import SCRIPT, claimed
 from vpframe.app.progress import Progress
 from vpframe.errors import TaskError, VpframeError
+from vpframe.hands.directions import spans
 from vpframe.hands.hand import Hand
 from vpframe.scene.scene import Part, Scene
 from vpframe.scene.subassembly import listed, parts_named
@@ -31,30 +34,42 @@ PARTS = 6
 """maximum number of parts that are tried"""
 SECONDS = 5.0
 """time limit of planning for each part, s"""
+MARGIN = 5e-3
+"""distance by which a slide goes past all other parts, m"""
 WORDS = {"up": (0, 0, 1), "down": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0), "y": (0, 1, 0), "-y": (0, -1, 0)}
+
+
+ALL = 20.0
+"""time limit of planning what has to be removed before a part, s"""
 
 
 @dataclass(frozen=True)
 class Way:
-    """A way to remove a part: a verb of the hand."""
+    """A way to remove a part: a verb of the hand that holds it, or `remove` of several parts, it as the last."""
 
     verb: str
-    along: str | tuple[float, ...] | None
-    options: tuple[tuple[str, float | str], ...]
+    along: str | tuple[float, ...] | None = None
+    options: tuple[tuple[str, float | str], ...] = ()
+    parts: tuple[str, ...] = ()
 
-    @property
-    def line(self) -> str:
-        """Line of the script, e.g. `hand.slide("up", distance=0.1)`."""
+    def lines(self, part: str, note: str) -> str:
+        """Lines of the script, e.g. `hand.slide("up", distance=0.1)`, with a note before the verb."""
+        if self.parts:
+            return f"{note}    hand.{self.verb}([{', '.join(quoted(name) for name in self.parts)}])"
         options = ", ".join(
             f'{name}="{value}"' if isinstance(value, str) else f"{name}={value:g}" for name, value in self.options
         )
         along = "" if self.along is None else f'"{self.along}", ' if isinstance(self.along, str) else f"{self.along}, "
-        return f"hand.{self.verb}({along}{options})"
+        return f"    hand.grab({quoted(part)})\n{note}    hand.{self.verb}({along}{options})\n    hand.release()"
 
-    def go(self, hand: Hand) -> None:
-        """Perform the verb."""
-        along = () if self.along is None else (self.along,)
-        getattr(hand, self.verb)(*along, **dict(self.options))
+    def go(self, hand: Hand, part: str) -> None:
+        """Perform the lines."""
+        if self.parts:
+            getattr(hand, self.verb)(self.parts)
+            return
+        hand.grab(part)
+        getattr(hand, self.verb)(*(() if self.along is None else (self.along,)), **dict(self.options))
+        hand.release()
 
 
 def new_task(path: str | os.PathLike[str], scene: Scene, model: Path, name: str | None = None) -> str:
@@ -78,8 +93,7 @@ def new_task(path: str | os.PathLike[str], scene: Scene, model: Path, name: str 
         file=quoted(model.as_posix()),
         parts="\n".join(f"#   {line}" for line in outline(scene)),
         part=quoted(part.name),
-        way=way.line,
-        note=_STOPS.format(reason=plain(reason)) if reason else "",
+        way=way.lines(part.name, _STOPS.format(reason=plain(reason)) if reason else ""),
     )
     with output:
         files.replace(script, text)
@@ -106,16 +120,27 @@ def _found(scene: Scene, progress: Progress, wanted: Sequence[Part]) -> tuple[Pa
         part = next(p for p in parts if p.shape is shape)
         progress(number / len(tried), part.name)
         found = planning.removal(scene, part.name, budget=SECONDS, motion="mates")
-        for way in _ways(scene, part, found):
+        for way in _ways(scene, part, found) or (_straight(scene, part) if len(wanted) == 1 and not found else []):
             reason = _tried(scene, part, way)
             if not reason:
                 return part, way, ""
             first = first or (part, way, reason)
         if not found:
-            by = f", in its way: {', '.join(found.blockers)}" if found.blockers else ""
-            first = first or (part, Way("slide", "up", (("distance", 0.1),)), f"{part.name} is {found.verdict}{by}")
+            first = first or (part, Way("slide", "up", (("distance", 0.1),)), _no_way(part, found))
     assert first is not None
+    if len(wanted) == 1:
+        progress(0.5, f"what has to be removed before {first[0].name}")
+        plan = planning.disassembly(scene, first[0].name, budget=ALL)
+        way = Way("remove", parts=tuple(name for step in plan.steps for name in step.parts))
+        if plan.verdict == "removable" and not _tried(scene, first[0], way):
+            return first[0], way, ""
     return first
+
+
+def _no_way(part: Part, found: planning.Removal) -> str:
+    """Say that no path was found, or that there is none."""
+    by = f", in its way: {', '.join(found.blockers)}" if found.blockers else ""
+    return f"{part.name}: {'no way out was found' if found.verdict == 'not found' else f'it is {found.verdict}'}{by}"
 
 
 def _ways(scene: Scene, part: Part, found: planning.Removal) -> list[Way]:
@@ -132,6 +157,17 @@ def _ways(scene: Scene, part: Part, found: planning.Removal) -> list[Way]:
     return [Way("pull", "axis", (("until", "free"),)), slide] if len(scene) > 1 else [slide]
 
 
+def _straight(scene: Scene, part: Part) -> list[Way]:
+    """Return slides along the world's axes past all other parts, the shortest first: a hand slides along walls to which
+    a part has no clearance, and out of fits that overlap as drawn."""
+    others = [other for other in scene.parts if other is not part]
+    far = {}
+    for word, axis in WORDS.items():
+        way = np.array(axis, dtype=np.float64)
+        far[word] = _rounded(max(spans(others, way)[1] - spans([part], way)[0], MARGIN) + MARGIN) if others else 0.1
+    return [Way("slide", word, (("distance", far[word]),)) for word in sorted(WORDS, key=far.__getitem__)]
+
+
 def _rounded(length: float) -> float:
     """Round a length (m) up to two digits."""
     digits = 1 - int(np.floor(np.log10(length)))
@@ -143,10 +179,7 @@ def _tried(scene: Scene, part: Part, way: Way) -> str:
     before = {name: pin.SE3(p.pose) for name, p in scene.items()}
     try:
         with Session(scene) as session:
-            hand = session.hand()
-            hand.grab(part.name)
-            way.go(hand)
-            hand.release()
+            way.go(session.hand(), part.name)
             session.expect_free(part.name)
     except TaskError as error:
         return " ".join(str(error).split())
@@ -181,9 +214,7 @@ FILE = {file}
 
 def task(session):
     hand = session.hand()
-    hand.grab({part})
-{note}    {way}
-    hand.release()
+{way}
     session.expect_free({part})
 
 

@@ -26,11 +26,10 @@ from vpframe.app.outputs import Output
 from vpframe.app.progress import warn
 from vpframe.app.written_task import Statement, task_source
 from vpframe.errors import TaskError, VpframeError
-from vpframe.hands.arguments import as_pose
 from vpframe.hands.assist import Assist
 from vpframe.hands.dragging import along_freedom
 from vpframe.hands.hand import Hand
-from vpframe.hands.paths import apart
+from vpframe.hands.paths import apart, between
 from vpframe.scene.scene import Scene
 from vpframe.session.rules import accept_standing
 from vpframe.session.session import Session, SessionMark
@@ -50,6 +49,10 @@ MOST_SNAP = 3e-3
 """maximum reach, m"""
 DIGITS = 7, 9
 """decimals of lengths (m) and of quaternions in scripts"""
+STEP_SECONDS = 0.02
+"""computing time of a step of a drag, s, beyond which the next one has a shorter way to go"""
+UNHINDERED = 0.25
+"""of the way that a step was to go: what is dragged is hindered where it goes less"""
 MOVES = ("drag", "place")
 """requests that replace the previous one of the same kind"""
 MOST_UNDO = 100
@@ -306,32 +309,61 @@ class Workbench:
         self.session.show()
 
     def _targets(self, request: Request, poses: list[tuple[float, ...]]) -> Iterator[tuple[float, ...]]:
-        """Yield a drag's target poses, appending each to `poses`, until the part rests or another request comes."""
+        """Yield a drag's target poses, appending each to `poses`, until the part rests or another request comes.
+
+        A target is no farther away than steps can go in about `STEP_SECONDS`, or half the reach of snapping.
+        """
         latest: Request | None = request
+        way = self.snap
         while latest is not None:
             before = pin.SE3(self.hand.subject)
-            target = self._target(latest)
+            goal = self._goal(latest)
+            target = self._written(self._bounded(goal, way))
             poses.append(target)
+            began = time.thread_time()
             yield target
-            here, goal = pin.SE3(self.hand.subject), as_pose(target, self.hand.subject)
-            goes_on = apart(before, here) > STILL and apart(here, goal) > STILL
-            latest = self._next_move(wait=not goes_on) or (latest if goes_on and not self._requests else None)
+            took = time.thread_time() - began
+            moved, wanted = apart(before, self.hand.subject), way
+            if took > STEP_SECONDS:
+                way = max(0.5 * way, 0.5 * self.snap)
+            elif took < 0.5 * STEP_SECONDS:
+                way = 2.0 * way
+            goes_on = moved > STILL and apart(self.hand.subject, goal) > STILL
+            on_its_way = goes_on and moved > UNHINDERED * wanted  # it arrives before other requests are heard
+            again = on_its_way or (goes_on and not self._requests)
+            latest = self._next_move(wait=not goes_on) or (latest if again else None)
 
-    def _target(self, request: Request) -> tuple[float, ...]:
-        """Return the target pose of a move, as in a script: x y z, or x y z qx qy qz qw."""
+    def _bounded(self, goal: pin.SE3, way: float) -> pin.SE3:
+        """Return the goal, or a pose towards it that is about `way` m away."""
+        here = self.hand.subject
+        assert self.hand.held is not None
+        still = np.array_equal(goal.rotation, here.rotation)
+        turn = 0.0 if still else float(np.linalg.norm(pin.log3(here.rotation.T @ goal.rotation)))
+        far = float(np.linalg.norm(goal.translation - here.translation)) + turn * self.session.half_size(self.hand.held)
+        if far <= way:
+            return goal
+        nearer = between(here, goal, way / far)
+        return pin.SE3(here.rotation, nearer.translation) if still else nearer
+
+    def _goal(self, request: Request) -> pin.SE3:
+        """Return the pose that a move asks for."""
         hand, here = self.hand, pin.SE3(self.hand.subject)
         assert hand.held is not None
         given = request.given
         twists = None if given["free"] else self.session.twists(hand.held, hand.carried)
         if request.action == "place":
             goal = pin.XYZQUATToSE3(_unit(given["pose"]))
-            goal = goal if twists is None else here * pin.exp6(twists @ (twists.T @ pin.log6(here.actInv(goal)).vector))
-        else:
-            grip, to = np.array(given["point"]), np.array(given["to"])
-            goal = along_freedom(here, grip, to, twists, self.session.half_size(hand.held))
+            if twists is None:
+                return goal
+            return here * pin.exp6(twists @ (twists.T @ pin.log6(here.actInv(goal)).vector))
+        grip, to = np.array(given["point"]), np.array(given["to"])
+        return along_freedom(here, grip, to, twists, self.session.half_size(hand.held))
+
+    def _written(self, goal: pin.SE3) -> tuple[float, ...]:
+        """Return a pose as scripts have it: x y z, or x y z qx qy qz qw where it turns what is held."""
         length, turn = DIGITS
         position = tuple(round(float(x), length) for x in goal.translation)
-        if np.array_equal(goal.rotation, here.rotation):
+        if np.array_equal(goal.rotation, self.hand.subject.rotation):
             return position
         return (*position, *(round(float(x), turn) for x in pin.SE3ToXYZQUAT(goal)[3:]))
 
@@ -423,8 +455,10 @@ def _bytes(value: Any, known: set[int]) -> int:
     inside: Iterable[Any] = ()
     if isinstance(value, dict):
         inside = (*value.keys(), *value.values())
-    elif isinstance(value, tuple | list | set | frozenset):
+    elif isinstance(value, tuple | list):
         inside = value
+    elif isinstance(value, set | frozenset):  # of like things: pairs of surfaces, parts
+        return sys.getsizeof(value) + len(value) * sys.getsizeof(next(iter(value), None))
     elif isinstance(value, np.ndarray) and value.base is not None:
         return value.nbytes
     return sys.getsizeof(value) + sum(_bytes(item, known) for item in inside)

@@ -24,6 +24,8 @@ SECTORS, RINGS = 16, 3
 """mesh of the capsule: sectors around its axis, and rings on each end"""
 OFF = 2e-4
 """gap between the tip and the touched point, m"""
+MOST_NAMED = 3
+"""maximum number of parts named as in the way"""
 PLACES = 48
 """maximum number of points of a part that are tried"""
 
@@ -142,24 +144,43 @@ def to_grab(session: Workplace, reach: Reach, part: Part, surface: int | None, h
     corners = mesh.vertices[mesh.triangles] @ part.pose.rotation.T + part.pose.translation
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(normals, axis=1)
+    normals /= np.where(areas > 0.0, areas, 1.0)[:, None]
+    spots = np.hstack([corners.mean(axis=1) / np.linalg.norm(np.ptp(corners, axis=(0, 1))), normals])
     chosen = []
     for s in range(mesh.n_surfaces) if surface is None else (surface,):
         mine = mesh.triangles_of(s)
-        largest = mine[np.argsort(-areas[mine], kind="stable")]
-        chosen += [t for t in largest[: max(1, PLACES // (mesh.n_surfaces if surface is None else 1))] if areas[t] > 0]
-    points = corners[chosen].mean(axis=1)
-    order = np.argsort(np.linalg.norm(points - hand, axis=1), kind="stable")[:PLACES]
+        mine = mine[np.argsort(-areas[mine], kind="stable")]
+        mine = mine[areas[mine] > 0.0]
+        chosen.append(mine[_spread(spots[mine], max(1, PLACES // (mesh.n_surfaces if surface is None else 1)))])
+    tried = np.concatenate(chosen)
+    tried = tried[_spread(spots[tried], PLACES)]
+    points = corners[tried].mean(axis=1)
+    order = np.argsort(np.linalg.norm(points - hand, axis=1), kind="stable")
     access, met = Access(session, reach), Counter[str]()
     for k in order.tolist():
-        normal = normals[chosen[k]] / areas[chosen[k]]
+        normal = normals[tried[k]]
         found = access.obstacles(points[k] + OFF * normal, normal)
         if not found:
-            return int(mesh.surface_of_triangle[chosen[k]]), points[k]
+            return int(mesh.surface_of_triangle[tried[k]]), points[k]
         met.update(found)
-    names = [name for name, _ in sorted(met.items(), key=lambda item: (item[0] == part.name, -item[1], item[0]))]
+    names = [name for name, _ in sorted(met.items(), key=lambda item: (-item[1], item[0])) if name != part.name]
+    names = names or [part.name]  # it is in the way of its own faces only
     raise TaskError(refused(reach, part.name if surface is None else f"surface {surface} of {part.name}", names))
+
+
+def _spread(spots: Array, count: int) -> list[int]:
+    """Return the indices of at most `count` rows, each as far as possible from those before it; the first is row 0."""
+    chosen: list[int] = []
+    distance = np.full(len(spots), np.inf)
+    while len(chosen) < min(count, len(spots)):
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, ((spots - spots[chosen[-1]]) ** 2).sum(axis=1))
+        distance[chosen] = -1.0
+    return chosen
 
 
 def refused(reach: Reach, what: str, names: Sequence[str]) -> str:
     """Return the error message for a point that the tool cannot reach, with the parts in the way."""
-    return f"no access to {what} for {reach}: {listed(names)} in the way; remove that first, or give a smaller Reach"
+    by = listed(names, MOST_NAMED)
+    first = f"remove {'that' if len(names) == 1 else 'them'} first, or " if what not in names else ""
+    return f"no access to {what} for {reach}: {by} in the way; {first}give a smaller Reach"

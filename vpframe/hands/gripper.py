@@ -34,6 +34,8 @@ class Gripper:
     """lag at which a motion counts as blocked, m"""
     slack = 1e-3
     """maximum distance from the goal at which a motion counts as done, m (rotations count by the part's size)"""
+    exact = 1e-6
+    """maximum distance from the goal at which a motion ends in "arrived" without the distance that is left, m"""
     speed = 0.25
     """default speed of motions, m/s"""
     turn_speed = np.pi
@@ -146,7 +148,7 @@ class Gripper:
         if not over and behind <= self.give:
             return None
         if segment.until is None and behind <= self.slack:
-            return self._finish(True, "arrived")
+            return self._finish(True, "arrived" if behind <= self.exact else self._nearly(behind))
         reason = (
             self._obstacle(behind, over)
             if behind > self.slack
@@ -162,14 +164,27 @@ class Gripper:
         assert self.held is not None and self.segment is not None
         way = self.segment.path.pose(0.0).actInv(self.subject)
         far, turned = float(np.linalg.norm(way.translation)), float(np.linalg.norm(pin.log3(way.rotation)))
-        turns = turned * self.session.half_size(self.held) > far
+        turns = turned * self.session.half_size(self.held) > far + self.exact
         text = f"{self.held} stopped after {f'{np.degrees(turned):.1f}°' if turns else f'{1e3 * far:.1f} mm'}"
         if over:
             text += f", {1e3 * behind:.2f} mm short of its target"
+        why = self._kept_by()
+        return f"{text}: {why}" if why else text
+
+    def _nearly(self, behind: float) -> str:
+        """Describe an arrival `behind` m from the target."""
+        left = f"{1e6 * behind:.1f} µm" if behind < 1e-4 else f"{1e3 * behind:.2f} mm"
+        why = self._kept_by()
+        return f"arrived {left} from its target" + (f": {why}" if why else "")
+
+    def _kept_by(self) -> str:
+        """Describe what keeps the held part from its target; empty if not known."""
         if self.stopped_by:
-            return f"{text}: {self.stopped_by}"
-        mates = [f"{c.kind} ({_other(c.parts, self.held)})" for c in self.session.constraints_of(self.held)]
-        return f"{text}: held by its constraints: {listed(list(dict.fromkeys(mates)))}" if mates else text
+            return self.stopped_by
+        assert self.held is not None
+        mine = (self.held, *self.carried)
+        mates = [f"{c.kind} ({_other(c.parts, mine)})" for c in self.session.constraints_of(*mine)]
+        return f"held by its constraints: {listed(list(dict.fromkeys(mates)))}" if mates else ""
 
     def _finish(self, done: bool, reason: str) -> Outcome:
         self.segment, self.doing = None, ""
@@ -179,5 +194,5 @@ class Gripper:
         return Outcome(done, reason, self.session.time)
 
 
-def _other(parts: Sequence[str], name: str) -> str:
-    return parts[1] if parts[0] == name else parts[0]
+def _other(parts: Sequence[str], mine: Sequence[str]) -> str:
+    return parts[1] if parts[0] in mine else parts[0]

@@ -23,8 +23,12 @@ Names = str | Sequence[str]
 
 SEARCH = 30.0
 """time limit of planning for a part that cannot be removed straight, s"""
+MOST_NAMED = 3
+"""maximum number of parts named that lock another"""
 ROOM = 0.01
 """distance between a removed part and all others, m"""
+PASSING = 2e-3
+"""distance at which a removed part passes others on its way aside, m"""
 HOME = 1e-6
 """deviation (m and rad) within which a part is at its initial pose"""
 
@@ -149,8 +153,9 @@ def _planned(hand: Gripper, name: str, straight: TaskError) -> verbs.Generating[
     assert hand.held is not None
     found = removal(hand.session.scene, hand.session.group(name), budget=SEARCH, threads=hand.session.threads)
     if not found:
-        by = f" by {listed(found.blockers)}" if found.blockers else ""
-        raise TaskError(f"{straight}; no other way out: {found.verdict}{by}") from None
+        by = f" by {listed(found.blockers[:MOST_NAMED])}" if found.blockers else ""
+        how = f"none was found in {SEARCH:g} s" if found.verdict == "not found" else f"it is {found.verdict}{by}"
+        raise TaskError(f"{straight}; no other way out: {how}") from None
     assert found.way is not None
     track, begun = found.tracks[hand.held], hand.subject.translation
     yield from verbs.follow(hand, paths.Track(track.times, track.poses), None, True)
@@ -189,7 +194,7 @@ def _clear(hand: Gripper, way: Vector, aside: Vector | None = None) -> float:
 
         def met(part: Part) -> bool:
             least, most = spans([part], across)
-            return least < high + ROOM and most > low - ROOM and spans([part], aside)[1] > behind - ROOM
+            return least < high + PASSING and most > low - PASSING and spans([part], aside)[1] > behind - PASSING
 
         others = [part for part in others if met(part)]
     if not others:

@@ -295,6 +295,8 @@ def _screw(
     required: bool,
     verb: str,
 ) -> Verb:
+    if isinstance(turns, str | Sequence):
+        raise TaskError(f"{who(hand)}.{verb}({turns!r}): the first argument is a number of turns; give names as parts=")
     if pitch is None and hand.session.pitch_of(held_part(hand, verb).name) is None:
         # a thread drawn as a plain cylinder is offered only while the hand rests
         yield MotionSegment(f"{who(hand)}.{verb}()", paths.Resting(hand.subject, hand.session.dt))

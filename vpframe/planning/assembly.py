@@ -40,6 +40,10 @@ from vpframe.scene.scene import Scene
 Array = NDArray[np.float64]
 Knots = tuple[pin.SE3, ...]
 """world displacements from where the parts stand, the first the identity"""
+Key = tuple[Any, ...]
+"""a question: the parts that move and stand, the way"""
+Answer = tuple[Stop | None, int]
+"""and the sweeps that it took"""
 Progress = Callable[[float | None, str], None]
 """hears the fraction done and what has been found so far"""
 
@@ -81,10 +85,14 @@ class Budget:
         if self.by_clock or self.asked > self.questions:
             raise BudgetError("the budget is used up")
 
+    @property
+    def left(self) -> float:
+        """s by the clock until it ends."""
+        return max(0.0, self._end - self._clock())
+
     def share(self, part: float) -> Budget:
         """A budget of a part of what is left, for one question among several; `take` its questions back."""
-        left = max(self._end - self._clock(), 1e-3)
-        out = Budget(max(part * left, 1e-3), self._clock)
+        out = Budget(max(part * self.left, 1e-3), self._clock)
         out.questions = int(np.ceil(part * max(self.questions - self.asked, 0)))
         return out
 
@@ -156,6 +164,10 @@ class GroupStop:
     stop: Stop
 
 
+def _silent(fraction: float | None, text: str) -> None:
+    pass
+
+
 class Assembly:
     """A scene as it stands.
 
@@ -172,7 +184,7 @@ class Assembly:
         authorised: Iterable[tuple[str, str]] = (),
         threads: Mapping[str, float] | None = None,
         tolerance: Tolerance = TOLERANCE,
-        progress: Progress = lambda fraction, text: None,
+        progress: Progress = _silent,
     ) -> None:
         self.scene, self.tolerance = scene, tolerance
         self.names = scene.names
@@ -184,9 +196,51 @@ class Assembly:
             if not (np.isfinite(pitch) and pitch != 0.0):
                 raise VpframeError(f"the thread of {name} has a pitch of {pitch!r}; give metres a turn, not zero")
         self._progress = progress
-        self.sweeps = Sweeps(self.meshes, self.poses, tolerance, self._excuse)
-        self._stops: dict[tuple[Any, ...], Stop | None] = {}
+        self._forget()
+
+    def _forget(self) -> None:
+        self.sweeps = Sweeps(self.meshes, self.poses, self.tolerance, self._excuse)
+        self._stops: dict[Key, Stop | None] = {}
+        self._ahead: dict[Key, Answer] = {}
+        self._new: dict[Key, Answer] = {}
         self._patches: dict[tuple[int, int], tuple[Patch, ...]] = {}
+        self._new_patches: dict[tuple[int, int], tuple[Patch, ...]] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For worker processes: the assembly as it stands, without answers."""
+        left_out = (
+            "world",
+            "candidates",
+            "overlaps",
+            "sweeps",
+            "_progress",
+            "_stops",
+            "_ahead",
+            "_new",
+            "_patches",
+            "_new_patches",
+        )
+        return {name: value for name, value in self.__dict__.items() if name not in left_out}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._progress = _silent
+        self._forget()
+
+    def prepare(self) -> None:
+        """Compute what all questions need, before worker processes do so each."""
+        _ = self.mates, self._touching
+
+    def answer(self, stops: Mapping[Key, Answer], patches: Mapping[tuple[int, int], tuple[Patch, ...]]) -> None:
+        """Keep answers that are given ahead: a question counts when it is asked."""
+        self._ahead |= {key: found for key, found in stops.items() if key not in self._stops}
+        self._patches |= patches
+
+    def new_answers(self) -> tuple[dict[Key, Answer], dict[tuple[int, int], tuple[Patch, ...]]]:
+        """Answers since the last time: stops with their questions, patches."""
+        out = self._new, self._new_patches
+        self._new, self._new_patches = {}, {}
+        return out
 
     def __len__(self) -> int:
         return len(self.names)
@@ -320,7 +374,7 @@ class Assembly:
                 )  # fmt: skip
                 if patch is not None:
                     found.append(patch)
-            self._patches[i, j] = tuple(found)
+            self._patches[i, j] = self._new_patches[i, j] = tuple(found)
         return self._patches[i, j]
 
     # -- questions
@@ -330,9 +384,7 @@ class Assembly:
         if frozenset((i, j)) in self.authorised:
             return None
         key = i, j, *(k.homogeneous.tobytes() for k in knots)
-        if key not in self._stops:
-            self._stops[key] = self.sweeps.stop(i, j, knots)
-        return self._stops[key]
+        return self._asked(key, lambda: self.sweeps.stop(i, j, knots))
 
     def straight(self, i: int, j: int, direction: Array) -> Stop | None:
         """Where part j stops part i on its straight way along a unit direction until they are apart. Kept."""
@@ -340,10 +392,19 @@ class Assembly:
             return None
         key = i, j, direction.tobytes()
         back = j, i, (0.0 - direction).tobytes()
+        if key not in self._stops and back in self._stops and self._stops[back] is None:
+            return None
+        return self._asked(key, lambda: self.sweeps.straight(i, j, direction, CLEAR))
+
+    def _asked(self, key: Key, ask: Callable[[], Stop | None]) -> Stop | None:
         if key not in self._stops:
-            if back in self._stops and self._stops[back] is None:
-                return None
-            self._stops[key] = self.sweeps.straight(i, j, direction, CLEAR)
+            if key in self._ahead:
+                self._stops[key], questions = self._ahead.pop(key)
+                self.sweeps.count += questions
+            else:
+                before = self.sweeps.count
+                self._stops[key] = ask()
+                self._new[key] = self._stops[key], self.sweeps.count - before
         return self._stops[key]
 
     def first_stop(self, group: Sequence[int], others: Iterable[int], start: pin.SE3, end: pin.SE3) -> GroupStop | None:
@@ -373,9 +434,8 @@ class Assembly:
             back += float(at.translation @ direction)
         return max(0.0, front - back) + CLEAR if np.isfinite(front) else CLEAR
 
-    def with_tolerance(self, linear: float) -> Sweeps:
-        """Sweeps that stop at another distance: to find the least clearance of a way."""
-        slop = min(1.0, self.tolerance.slop * self.tolerance.linear / linear)
+    def with_tolerance(self, linear: float, slop: float) -> Sweeps:
+        """Sweeps that stop at another distance (m), to within `slop` of it: to find the least clearance of a way."""
         return self.sweeps.with_tolerance(replace(self.tolerance, linear=linear, slop=slop))
 
 

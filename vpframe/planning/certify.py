@@ -15,12 +15,14 @@ import pinocchio as pin
 from collision.query.blocking import Pairing
 from vpframe.planning.assembly import Array, Assembly, Knots
 
-SEARCHES: Final = 8
-"""sweeps a pair that the least clearance is found with, to within a twentieth or so"""
+SAMPLES: Final = 32
+"""poses of a way, about, at which distances are measured before anything is swept"""
+TRIED: Final = ((1.0 - 1e-3, 1e-3), (0.97, 2e-2))
+"""of the least distance measured: what is tried first, and how exactly, before the distance is bisected"""
 MANY: Final = 9
 """knots: of longer ways, threads above all, the least clearance is known less well"""
-TRIED: Final = (1.0 - 1e-6, 0.95)
-"""of the least distance at a knot: what is tried first, before it is halved"""
+SEARCHES: Final = 6
+"""sweeps a pair of a bisection, which ends sooner within a twentieth"""
 STRAY: Final = 1e-6
 """m: by which straight lines between the rows of a track leave the screw that was certified, at most"""
 SPEED, TURN_SPEED = 0.05, 0.5 * np.pi
@@ -52,51 +54,70 @@ def least_clearance(
     """The least distance of surfaces along a way; left out are those of fits and threads, and those that touch or are
     within `ignore` m of each other where it begins.
 
-    A sweep that stops at a distance, and is not stopped, proves that nothing comes nearer; the greatest such distance
-    is found by bisection. It counts nothing beyond the group's own size.
+    Distances at some poses bound it from above; a sweep that stops at a distance, and is not stopped, from below.
+    The sweeps' bound is returned. It counts nothing beyond the group's own size.
     """
-    linear = assembly.tolerance.linear
     limit = max(assembly.size(i) for i in group)
-    best = Clearance(np.inf)
-    boxes = {i: assembly.with_tolerance(limit).way_box(i, knots) for i in group}
+    wide = assembly.with_tolerance(limit, 1.0)
+    boxes = {i: wide.way_box(i, knots) for i in group}
+    measured = []
+    nearest = limit
     for j in others:
         for i in group:
             if frozenset((i, j)) in assembly.authorised or not assembly.sweeps.box_meets(j, *boxes[i]):
                 continue
-            best = _of_pair(assembly, i, j, knots, max(ignore, 2.0 * linear), min(limit, best.distance), best)
+            if not any(wide.boxes_meet(i, j, a, b) for a, b in pairwise(knots)):
+                continue
+            rows = assembly.sweeps.near(i, j, knots[0], knots[1], max(ignore, 2.0 * assembly.tolerance.linear))
+            together: tuple[Pairing, ...] = tuple(((int(r["surface_a"]),), (int(r["surface_b"]),)) for r in rows)
+            together += assembly.excused(i, j)
+            found = _measured(assembly, i, j, knots, together, nearest)
+            nearest = min(nearest, found.distance)
+            measured.append((found, i, j, together))
+    best = Clearance(np.inf)
+    for found, i, j, together in sorted(measured, key=lambda m: m[0].distance):
+        best = _proven(assembly, i, j, knots, together, found, min(limit, best.distance), best)
     return best
 
 
-def _of_pair(
-    assembly: Assembly, i: int, j: int, knots: Knots, ignore: float, limit: float, best: Clearance
+def _measured(
+    assembly: Assembly, i: int, j: int, knots: Knots, together: tuple[Pairing, ...], within: float
 ) -> Clearance:
-    wide = assembly.with_tolerance(limit)
-    if not any(wide._boxes_meet(i, j, a, b) for a, b in pairwise(knots)):
-        return best
-    sweeps = assembly.sweeps
-    rows = sweeps.near(i, j, knots[0], knots[1], ignore)
-    together: tuple[Pairing, ...] = tuple(((int(r["surface_a"]),), (int(r["surface_b"]),)) for r in rows)
-    together += assembly.excused(i, j)
+    """The least distance at poses along a way, of those below `within` m; infinite without one."""
+    out, each = Clearance(np.inf), max(1, SAMPLES // (len(knots) - 1))
     for start, end in pairwise(knots):
-        rows = sweeps.near(i, j, start, end, limit, together)
-        if len(rows) and rows["distance"].min() < limit:
-            row = rows[np.argmin(rows["distance"])]
-            limit = float(row["distance"])
-            best = _told(limit, i, j, row)
-    low, high = assembly.tolerance.linear, limit
-    for k in range(SEARCHES if len(knots) <= MANY else 3):
+        way = pin.log6(start.actInv(end))
+        for k in range(each):
+            rows = assembly.sweeps.near(i, j, start * pin.exp6(way * (k / each)), end, within, together)
+            if len(rows) and rows["distance"].min() < within:
+                row = rows[np.argmin(rows["distance"])]
+                within = float(row["distance"])
+                out = _told(within, i, j, row)
+    return out
+
+
+def _proven(
+    assembly: Assembly, i: int, j: int, knots: Knots, together: tuple[Pairing, ...], found: Clearance, limit: float,
+    best: Clearance,
+) -> Clearance:  # fmt: skip
+    """The lesser of the best clearance and that of a pair, of which distances were measured."""
+    if found.distance < limit:
+        best = found
+    low, high = assembly.tolerance.linear, min(limit, found.distance)
+    nearer, tried = high < limit, TRIED[len(knots) > MANY :]
+    for k in range(SEARCHES):
         if high <= 1.06 * low:
             break
-        middle = high * TRIED[k] if k < len(TRIED) else float(np.sqrt(low * high))
-        stop = assembly.with_tolerance(middle).stop(i, j, knots, together)
+        part, slop = tried[k] if k < len(tried) else (float(np.sqrt(low / high)), tried[-1][1])
+        stop = assembly.with_tolerance(part * high, slop).stop(i, j, knots, together, graze=False)
         if stop is None:
-            low = middle
-            if k == 0:
-                return best  # nowhere nearer than at a knot, or than `limit`
+            low = part * high * (1.0 - slop)
+            if k < len(tried):
+                break
         else:
-            high = middle
+            high, nearer = part * high, True
             best = _told(low, i, j, stop.contacts[0]) if len(stop.contacts) else best
-    return Clearance(low, best.parts, best.surfaces, best.at)
+    return Clearance(low, best.parts, best.surfaces, best.at) if nearer else best
 
 
 def _told(distance: float, i: int, j: int, row: np.void) -> Clearance:

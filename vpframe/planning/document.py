@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from vpframe import __version__
 from vpframe.errors import VpframeError
 from vpframe.planning.certify import Clearance
 from vpframe.planning.plan import Disassembly, PlannedStep
 from vpframe.planning.verdict import Removal, Tried
 from vpframe.planning.ways import Way
+from vpframe.scene.subassembly import listed
 from vpframe.text import plain
 
 GENERATOR = "vpframe"
@@ -26,6 +28,7 @@ def document(plan: Disassembly, seed: int, tolerance: float, tracks: Mapping[str
     files = tracks or {}
     return {
         "generator": GENERATOR,
+        "version": __version__,
         "verdict": plan.verdict,
         "target": plan.target,
         "base": list(plan.base),
@@ -113,14 +116,17 @@ def table(plan: Disassembly) -> str:
         least = f", the fewest over the ways found ({plan.bound} at least)" if plan.proven else ""
         lines.append(f"{what} comes out in {len(plan.steps)} step{'s' * (len(plan.steps) != 1)}{least}")
     else:
-        lines.append(f"{plan.verdict}: {', '.join(plan.remaining)}")
+        lines.append(f"{plan.verdict}: {listed(plan.remaining)}")
     for n, step in enumerate(plan.steps, 1):
         d = step.clearance.distance
         near = "" if not math.isfinite(d) else f", {d * 1e3:.3g} mm clear"
         lines.append(f"  {n:3}  {', '.join(step.parts)}: {step.way.text}, {step.length * 1e3:.4g} mm{near}")
+    alike: dict[tuple[str, str], list[str]] = {}
     for name, stuck in plan.stuck.items():
-        by = f" (in the way: {', '.join(stuck.blockers)})" if stuck.blockers else ""
-        lines.append(f"  {name} is {WORDS[stuck.verdict]}{by}")
+        by = f" (in the way: {listed(stuck.blockers)})" if stuck.blockers else ""
+        alike.setdefault((WORDS[stuck.verdict], by), []).append(name)
+    for (words, by), names in alike.items():
+        lines.append(f"  {listed(names)} {'is' if len(names) == 1 else 'are'} {words}{by}")
     for (a, b), depths in overlaps_by_parts(plan).items():
         faces = "" if len(depths) == 1 else f" at most, {len(depths)} pairs of surfaces"
         lines.append(f"  overlap from the start, never deepened: {a} – {b}, {depths[0] * 1e3:.3f} mm{faces}")

@@ -25,6 +25,8 @@ FINENESS: Final = 3.0
 """cells of the grid a radius of the ball"""
 MOST_CELLS: Final = 60_000
 """cells that are flooded at most; a larger room is not looked at"""
+MOST_GRID: Final = 1 << 28
+"""cells of the grid at most"""
 MOST_SAMPLES: Final = 400_000
 INSIDE: Final = 12
 """places a side of a part's box at which a ball is tried"""
@@ -115,21 +117,26 @@ def caged_by(assembly: Assembly, group: Sequence[int], others: Iterable[int]) ->
     reach = radius - 0.5 * np.sqrt(3.0) * size * (1.0 + 1e-9)
     shape = np.ceil((high - low) / size).astype(np.int64) + 2
     first = np.floor((center - low) / size).astype(np.int64)
-    if (first < 0).any() or (first >= shape).any():
+    if (first < 0).any() or (first >= shape).any() or shape.prod(dtype=float) > MOST_GRID:
         return None
-    seen, fresh, held = {tuple(first.tolist())}, first[None], set[int]()
+    # cells by their place in the flat grid
+    strides = np.array([shape[1] * shape[2], shape[2], 1])
+    fresh, seen, free = np.array([first @ strides]), np.zeros(int(shape.prod()), bool), 1
+    seen[fresh] = True
+    held = set[int]()
     while len(fresh):
-        if len(seen) > MOST_CELLS or (fresh <= 0).any() or (fresh >= shape - 1).any():
+        cells = np.stack(np.unravel_index(fresh, shape), axis=1)
+        if free > MOST_CELLS or (cells <= 0).any() or (cells >= shape - 1).any():
             return None
-        near = np.unique((fresh[:, None] + NEIGHBOURS).reshape(-1, 3), axis=0)
-        near = near[[tuple(c) not in seen for c in near.tolist()]]
-        if not len(near):
-            break
-        distance, at = tree.query(low + (near + 0.5) * size)
+        near = np.unique(fresh[:, None] + NEIGHBOURS @ strides)
+        near = near[~seen[near]]
+        seen[near] = True
+        middles = low + (np.stack(np.unravel_index(near, shape), axis=1) + 0.5) * size
+        distance, at = tree.query(middles, distance_upper_bound=reach)
         closed = distance < reach
         held |= set(owner[at[closed]].tolist())
         fresh = near[~closed]
-        seen |= {tuple(c) for c in fresh.tolist()}
+        free += len(fresh)
     return tuple(sorted(held))
 
 

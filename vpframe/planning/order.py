@@ -7,7 +7,7 @@ may come out as one (Wilson & Latombe, "Geometric reasoning about mechanical ass
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Iterable, Sequence, Set
 from dataclasses import dataclass
 from typing import Final
 
@@ -79,6 +79,10 @@ class Ways:
         """(3,) unit vectors, along which straight ways of a unit are looked for."""
         return [way.direction for way in self._candidates(unit) if way.motion == "straight"]
 
+    def directions_of(self, units: Iterable[Unit]) -> list[Array]:
+        """The same of several units, each once."""
+        return ways.distinct(d for unit in units for d in self.straight_directions(unit))
+
     def of(self, unit: Unit) -> tuple[Known, ...]:
         """All ways of a unit, with what blocks each."""
         return tuple(self._with_blockers(unit, way) for way in self._candidates(unit))
@@ -129,11 +133,14 @@ class Ways:
         """The least clearance of a way among parts that do not block it."""
         key = id(known), frozenset(standing)
         if key not in self._wide:
-            found = certify.least_clearance(
+            self._wide[key] = certify.least_clearance(
                 self.assembly, known.unit, sorted(standing), known.way.knots, self.clearance
             )
-            self._wide[key] = found
         return self._wide[key]
+
+    def keep_clearance(self, known: Known, standing: Set[int], found: Clearance) -> None:
+        """Keep a clearance that a worker measured."""
+        self._wide[id(known), frozenset(standing)] = found
 
     def step(self, known: Known, present: Set[int], scope: Set[int]) -> Step:
         """The step that takes a unit out along a way while some parts of a scope are still there."""
@@ -159,7 +166,7 @@ def groups(all_ways: Ways, units: Sequence[Unit], base: Set[int]) -> list[Known]
     """
     assembly = all_ways.assembly
     present = frozenset(i for unit in units for i in unit)
-    tried = ways.distinct(d for unit in units for d in all_ways.straight_directions(unit))
+    tried = all_ways.directions_of(units)
     found: dict[Unit, Known] = {}
     for direction in tried:
         for members in free_components(all_ways, units, direction):

@@ -35,8 +35,8 @@ def html(
     pictures = []
     for n, step in enumerate(plan.steps[:PICTURES]):
         progress(n / max(1, len(plan.steps)), "pictures")
-        gone = {name for other in plan.steps[:n] for name in other.parts}
-        pictures.append(_figure(_step_picture(scene, step, gone), f"{n + 1}: {', '.join(step.parts)}, {step.way.text}"))
+        caption = f"{n + 1}: {', '.join(step.parts)}, {step.way.text}"
+        pictures.append(_figure(_step_picture(scene, step, gone(plan, n)), caption))
     sections = [
         _head(plan, title),
         _section("Exploded", f"<div class='wide'>{_figure(exploded(scene, plan), 'drawn along the ways out')}</div>")
@@ -60,6 +60,15 @@ def exploded(scene: Scene, plan: Disassembly) -> bytes:
         for name in step.parts:
             poses[name] = _along(step.tracks[name], share)
     return png(render(scene, poses, size=(960, 720), camera=_camera(scene, poses)))
+
+
+def gone(plan: Disassembly, n: int) -> set[str]:
+    """Parts that are gone before step n; those of a group that it takes apart stand together again."""
+    mine, out = set(plan.steps[n].parts), set[str]()
+    for step in plan.steps[:n]:
+        parts = set(step.parts)
+        out = out - parts if mine < parts else out | parts
+    return out
 
 
 def _step_picture(scene: Scene, step: PlannedStep, gone: set[str]) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -14,10 +15,13 @@ from vpframe.planning.certify import Clearance, Track, track
 from vpframe.planning.order import Known, Step, Unit, Ways
 from vpframe.planning.verdict import MOTIONS, Motion, Removal, Verdict, find
 from vpframe.planning.ways import Way
+from vpframe.planning.workers import Workers
 from vpframe.scene.scene import Scene
 
 SECONDS = 60.0
 """s: the budget of a disassembly where none is given"""
+LEAST_SHARE, MOST_SHARE = 0.1, 0.9
+"""of the budget that is left: what the search for one part's way may take, where many or few are left"""
 
 
 def removal(
@@ -142,6 +146,7 @@ def disassembly(
     motion: Motion = "free",
     budget: float = SECONDS,
     seed: int = 0,
+    jobs: int = 1,
     known: Iterable[tuple[Sequence[str], Way]] = (),
     progress: Progress = lambda fraction, text: None,
     found: Callable[[Sequence[str], str], None] = lambda parts, text: None,
@@ -153,6 +158,7 @@ def disassembly(
     base: parts that stay; by default those that are fixed, else the largest.
     carry: groups of parts that come out as one.
     authorise, threads, clearance, motion, budget, seed: as of `removal`.
+    jobs: processes; the plan is the same whatever their number.
     known: parts and ways from an earlier plan; they are swept anew before they are used.
     progress: hears the fraction done and what has been found so far.
     found: hears the parts of each step as it is found, and the way in words.
@@ -165,7 +171,16 @@ def disassembly(
     """
     _check(motion, clearance)
     assembly = Assembly(scene, authorise, threads, progress=progress)
-    return _Plan(assembly, target, base, carry, clearance, motion, Budget(budget), seed, progress, found).run(known)
+    plan = _Plan(assembly, target, base, carry, clearance, motion, Budget(budget), seed, progress, found)
+    plan.workers = Workers(plan.ways, jobs)
+    try:
+        return plan.run(known)
+    finally:
+        plan.workers.close()
+
+
+_Scope = tuple[set[int], set[int], set[int]]
+"""parts that are present, those of them that stay, and those that there were"""
 
 
 class _Plan:
@@ -187,6 +202,7 @@ class _Plan:
             if len(unit) > 1 and self.base & set(unit):
                 raise VpframeError(f"{assembly.names[min(self.base & set(unit))]} stays, so nothing can carry it")
         self.ways = Ways(assembly, budget, motion, clearance)
+        self.workers = Workers(self.ways, 1)
         self.steps: list[Step] = []
         self.out: set[int] = set()
         """parts that came out, and the bases of groups that did"""
@@ -243,6 +259,7 @@ class _Plan:
             self.bound = 1
             return True
         known: list[list[Known]] = []
+        self.workers.ask([("every", unit, ()) for unit in self.units if not self.base & set(unit)], self.budget.left)
         for u, unit in enumerate(self.units):
             self.progress(u / len(self.units), f"ways of {self.assembly.names[unit[0]]}")
             known.append([] if self.base & set(unit) else list(self.ways.of(unit)))
@@ -268,12 +285,31 @@ class _Plan:
     def _peel(self, present: set[int], base: set[int], scope: set[int]) -> None:
         """Take parts out of those present until only the base is left, the target is out, or nothing more comes out.
 
-        scope: the parts that there were: of the whole, or of a group that is taken apart by itself.
+        scope: the parts that there were. Groups that come out as one are taken apart by themselves. Ways are searched
+        for once nothing comes out along known ways any more, of whatever is left anywhere.
         """
+        easy: list[_Scope] = [(present, base, scope)]
+        hard: list[_Scope] = []
+        while (easy or hard) and self.target not in self.out:
+            if easy:
+                each = easy.pop(0)
+                self._go_along_known_ways(*each, easy)
+                hard.append(each)
+            elif self._search(self._left(*hard[0][:2]), hard[0][0], hard[0][2]):
+                easy.append(hard.pop(0))
+            else:
+                hard.pop(0)
+
+    def _left(self, present: set[int], base: set[int]) -> list[Unit]:
+        return [unit for unit in self.units if set(unit) <= present and not base & set(unit)]
+
+    def _go_along_known_ways(self, present: set[int], base: set[int], scope: set[int], inside: list[_Scope]) -> None:
+        """Take parts and groups out until none comes out; add to `inside` the groups that are to be taken apart."""
         while not present <= base and self.target not in self.out:
-            left = [unit for unit in self.units if set(unit) <= present and not base & set(unit)]
+            left = self._left(present, base)
             free: list[Known] = []
             try:
+                self.workers.ask([("free", unit, (frozenset(present),)) for unit in left], self.budget.left)
                 for n, unit in enumerate(left):
                     done = len(self.out) / max(1, len(self.assembly))
                     self.progress(done, f"{len(self.steps)} steps found; part {n + 1} of {len(left)}")
@@ -281,16 +317,28 @@ class _Plan:
                     if known is not None:
                         free.append(known)
             finally:  # also of a search that is cut off
-                standing = set(present)
-                for known in self._side_by_side(free):  # each way was found among all that is there now
+                standing, leaving = set(present), self._side_by_side(free)
+                self._measure(leaving, standing)
+                for known in leaving:  # each way was found among all that is there now
                     self._take(known, standing, scope)
                     present -= set(known.unit)
             if free:
                 self.ways.larger = False
             elif not self.ways.larger:
                 self.ways.larger = True  # a bolt turns in its nut only where nothing else goes
-            elif not self._group(present, base, scope) and not self._search(left, present, scope):
-                return
+            elif not self._group(present, base, scope, inside):
+                break
+        self.ways.larger = False
+
+    def _measure(self, leaving: Sequence[Known], present: set[int]) -> None:
+        """Let workers measure the clearances of ways among what is there."""
+        rest = [frozenset(present - set(known.unit)) for known in leaving]
+        tasks = [
+            ("clearance", known.unit, (standing, known.way.knots))
+            for known, standing in zip(leaving, rest, strict=True)
+        ]
+        for k, found in self.workers.ask(tasks).items():
+            self.ways.keep_clearance(leaving[k], rest[k], found)
 
     def _side_by_side(self, free: Sequence[Known]) -> list[Known]:
         """The ways that may be gone at once: of two parts of one thread the smaller turns, and the larger waits."""
@@ -308,9 +356,12 @@ class _Plan:
         self.out |= set(known.unit)
         self.found(tuple(self.assembly.names[i] for i in known.unit), known.way.text)
 
-    def _group(self, present: set[int], base: set[int], scope: set[int]) -> bool:
-        """Take out the best group that comes out as one, and take it apart by itself; False if there is none."""
+    def _group(self, present: set[int], base: set[int], scope: set[int], inside: list[_Scope]) -> bool:
+        """Take out the best group that comes out as one, and add it to `inside`; False if there is none."""
         left = [unit for unit in self.units if set(unit) <= present]
+        directions = self.ways.directions_of(left)
+        tasks = [("blocked", unit, ([u for u in left if u != unit], directions)) for unit in left]
+        self.workers.ask(tasks, self.budget.left)
         found = order.groups(self.ways, left, base)
         if not found:
             return False
@@ -318,22 +369,23 @@ class _Plan:
         self._take(known, present, scope)
         present -= set(known.unit)
         if self.target is None or self.target in known.unit:
-            inside = [unit for unit in self.units if set(unit) <= set(known.unit)]
+            members = [unit for unit in self.units if set(unit) <= set(known.unit)]
             largest = max(
-                (unit for unit in inside if self.target not in unit),
+                (unit for unit in members if self.target not in unit),
                 key=lambda unit: (sum(map(self.assembly.size, unit)), unit),
             )
             self.out -= set(known.unit) - set(largest)
-            self._peel(set(known.unit), set(largest), set(known.unit))
+            inside.append((set(known.unit), set(largest), set(known.unit)))
         return True
 
     def _search(self, left: Sequence[Unit], present: set[int], scope: set[int]) -> bool:
-        """Push and sample, for each unit that is left, the target and the small ones first; whether one came out."""
+        """Push and sample, for each unit that is left, until one comes out; returns whether one did."""
         if self.motion == "straight":
             left = [unit for unit in left if self.target is None or self.target in unit]
-        ranked = sorted(left, key=lambda unit: (self.target not in unit, sum(map(self.assembly.size, unit)), unit))
+        ranked = self._ranked(left)
         for n, unit in enumerate(ranked):
-            share = self.budget.share(0.5 if len(ranked) - n > 1 else 0.9)
+            least = 0.5 if self.target in unit else LEAST_SHARE
+            share = self.budget.share(min(max(1.0 / (len(ranked) - n), least), MOST_SHARE))
             self.progress(None, f"{len(self.steps)} steps found; a way for {self.assembly.names[unit[0]]}")
             try:
                 got = find(
@@ -349,6 +401,16 @@ class _Plan:
                 present -= set(unit)
                 return True
         return False
+
+    def _ranked(self, units: Sequence[Unit]) -> list[Unit]:
+        """The target first, then one unit of each shape by size, then the second of each shape, and so on."""
+        seen: Counter[tuple[int, ...]] = Counter()
+        keys = {}
+        for unit in units:
+            shape = tuple(id(self.assembly.scene.parts[i].shape) for i in unit)
+            keys[unit] = self.target not in unit, seen[shape], sum(map(self.assembly.size, unit)), unit
+            seen[shape] += 1
+        return sorted(units, key=keys.__getitem__)
 
     # -- the answer
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vpframe import files
+from vpframe import __version__, files
 from vpframe.analysis import clash_status
 from vpframe.analysis.clash_status import ClashKey, ClashRecord
 from vpframe.analysis.pairs import by_parts
@@ -113,6 +113,7 @@ def _document(
     clashes = [_clash(log, record, found.get(record.key), begun) for record in records]
     return {
         "generator": GENERATOR,
+        "version": __version__,
         "task": task or (Path(log.scene.source).stem if log.scene.source else "session"),
         "model": log.scene.source,
         "parts": len(log.scene),

@@ -117,6 +117,10 @@ class Part:
         self._pose = _pose_of(self)
         self._placing = (session, index)
 
+    def is_placed_by(self, session: Placing) -> bool | None:
+        """Whether that session provides the pose; None if no session does."""
+        return None if self._placing is None else self._placing[0] is session
+
     def leave(self, session: Placing) -> None:
         """Detach the part from a session, keeping its pose, unless another session has attached it."""
         if self._placing is not None and self._placing[0] is session:

@@ -33,7 +33,7 @@ def parts_named(names: Sequence[str], name: str) -> tuple[str, ...]:
     return tuple(n for n in names if n == found[0] or n.startswith(found[0] + "/"))
 
 
-def listed(names: Sequence[str]) -> str:
-    """Join names with commas, at most `LISTED`, with the number of the others."""
-    more = len(names) - LISTED
-    return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
+def listed(names: Sequence[str], most: int = LISTED) -> str:
+    """Join names with commas, at most `most`, with the number of the others."""
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

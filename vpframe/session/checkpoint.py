@@ -237,7 +237,7 @@ def advance_or_replay(
     resulting changes, and `asked` is not called during replay.
     """
     if journal is None:
-        changes = advance(state, readings, replace(given, decisions=[*given.decisions, *asked()]))
+        changes = advance(state, readings, _with(given, asked()))
         state.step += 1
         return changes
     digest = digest_of(given.targets, given.decisions)
@@ -249,8 +249,13 @@ def advance_or_replay(
             if not journal.replaying and journal.saved is not None:
                 state.restore_data(journal.restore())
         return changes
-    changes = advance(state, readings, replace(given, decisions=[*given.decisions, *asked()]))
+    changes = advance(state, readings, _with(given, asked()))
     state.step += 1
     if journal.append(digest, replace(changes, constraints=tuple(changes.constraints))):
         journal.save(state.data())
     return changes
+
+
+def _with(given: Inputs, decisions: list[Decision]) -> Inputs:
+    """Return the inputs with further decisions."""
+    return replace(given, decisions=[*given.decisions, *decisions]) if decisions else given

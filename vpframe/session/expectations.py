@@ -82,7 +82,7 @@ def _at(session: Workplace, body: Part, pose: pin.SE3 | ArrayLike, within: float
     if turned > angle:  # computing the symmetry is expensive
         symmetry = symmetry_of(body.shape)
         turned = symmetry.angle(goal.rotation.T @ here.rotation)
-        way = "" if symmetry.trivial else ", its symmetry left out"
+        way = "" if symmetry.trivial else " from the nearest pose that looks the same"
     text = f"{named} (its centre is {far * 1e3:.3f} mm off, it is turned by {np.degrees(turned):.2f}°{way})"
     return far <= within and turned <= angle, text
 

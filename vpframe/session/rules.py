@@ -10,10 +10,10 @@ session = vp.Session(scene, rule=first_of(refuse_between("shaft", "bench"), acce
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import Literal
 
+from vpframe.app.progress import question
 from vpframe.session.events import ConstraintView
 
 Verdict = Literal["accept", "refuse"] | None
@@ -67,7 +67,5 @@ def first_of(*rules: Rule) -> Rule:
 def ask(candidate: ConstraintView) -> Verdict:
     """Ask the person at the terminal; end of input or an empty line leaves the candidate on offer."""
     a, b = candidate.parts
-    sys.stderr.write(f"{candidate.kind} between {a} and {b} ({candidate.why}): accept? [y/n] ")
-    sys.stderr.flush()
-    answer = sys.stdin.readline().strip().lower()
+    answer = question(f"{candidate.kind} between {a} and {b} ({candidate.why}): accept? [y/n]").lower()
     return "accept" if answer.startswith("y") else "refuse" if answer.startswith("n") else None

@@ -197,6 +197,7 @@ class Session:
             raise VpframeError("the session is closed; open a new one")
         if self._stop:
             raise KeyboardInterrupt
+        self.state.keep_parts()
         with self._watch:
             self._begin()
             self._observers.tell()
@@ -210,6 +211,7 @@ class Session:
         """Show the present state to the observers without a step: before the first step, or after `undo`."""
         if self._closed:
             raise VpframeError("the session is closed; open a new one")
+        self.state.keep_parts()
         with self._watch:
             self._begin()
             self._observers.tell()
@@ -228,6 +230,7 @@ class Session:
         """
         if self._journal is not None:
             raise VpframeError("a session that keeps a checkpoint cannot go back; open it without one")
+        self._keep_parts()
         self._begin()
         self.state.start()
         observers = [(observer, observer.mark()) for observer in self.observers if hasattr(observer, "mark")]
@@ -267,7 +270,6 @@ class Session:
                         self.state.decisions = tuple(kept)
             raise
         self._observers.heard()
-        self._pace.beat()
 
     def _inputs(self) -> Inputs:
         """Collect the hand targets and the script's decisions for the next step."""
@@ -338,6 +340,7 @@ class Session:
             self._queues.setdefault(hand.name, deque()).append(verb)
             return Outcome(True, "queued until the end of `together`", self.time)
         self.state.hands.setdefault(hand.name, hand)
+        self._keep_parts()
         return drive(self.state.hands, {hand.name: deque([verb])}, self.step)[hand.name]
 
     @contextmanager
@@ -353,10 +356,13 @@ class Session:
             self._queues = None
         drive(self.state.hands, queues, self.step)
 
+    def _keep_parts(self) -> None:
+        if not self._closed:
+            self.state.keep_parts()
+
     def _begin(self) -> None:
         if self._begun:
             return
-        self._pace.beat()
         self._trails.undo((0, 0))  # an interrupted start may have added rows already
         self._trails.add(0, range(len(self.scene)), Poses.of({part.name: part.pose for part in self.scene.parts}).rows)
         self._observers.begin(self.scene)
@@ -868,7 +874,7 @@ class Session:
         journal = self._journal
         if journal is not None and journal.replaying:
             return catching_up(self.step_count, journal.left, self._pace)
-        return under_way(self.time, self.dt, list(self.state.hands.values()), self._pace, self._stop)
+        return under_way(self.time, list(self.state.hands.values()), self._pace, self._stop)
 
 
 def _id(constraint: ConstraintView | int) -> int:

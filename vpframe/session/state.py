@@ -160,8 +160,8 @@ class State:
         """pairs of objects that may overlap"""
         self.decisions: tuple[Decision, ...] = ()
         """the script's decisions for the next step"""
-        self.arms: dict[int, tuple[Groups, float]] = {}
-        """cache by object: its carried groups, and a bound (m) on the distance of their points from its origin"""
+        self.boxes: dict[int, tuple[Groups, NDArray[np.float64]]] = {}
+        """cache by object: its carried groups, and the corners (n, 3) of their boxes in its frame, m"""
         self._gravity = gravity
         self._judge = judge
         self._make_hand = make_hand
@@ -280,6 +280,21 @@ class State:
     def pose(self, i: int) -> pin.SE3 | None:
         """Return a copy of a part's pose; None before `start`."""
         return self.collision.pose(i) if self.started else None
+
+    def keep_parts(self) -> None:
+        """Attach parts again that another session has left; they return to their poses in this state.
+
+        Raises VpframeError while another session has them.
+        """
+        for i, part in enumerate(self.scene.parts):
+            mine = part.is_placed_by(self)
+            if mine is False:
+                raise VpframeError(
+                    f"{part.name} is in another session, opened later on the same parts; close that before this one "
+                    "goes on, or load the model once for each session"
+                )
+            if mine is None:
+                part.enter(self, i)
 
     def leave(self) -> None:
         """Detach the parts: each keeps its present pose."""

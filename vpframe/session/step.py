@@ -12,7 +12,6 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import hypot
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from constraints.recognition.candidate import Candidate
 from physics import SpringHand
 from vpframe.errors import TaskError
 from vpframe.hands.paths import between
-from vpframe.scene.boxes import half_size
+from vpframe.scene.boxes import corners
 from vpframe.scene.names import face_words
 from vpframe.scene.subassembly import listed
 from vpframe.session.events import NewEvent
@@ -35,6 +34,8 @@ from vpframe.session.state import COLUMNS, Changes, Decision, State
 
 MOST_SEGMENTS = 16
 """maximum number of segments of a hand's motion in one step"""
+STUCK = 0.01
+"""travel of a blocked part in a segment, relative to the reach, up to which it does not move"""
 MOST_ROUNDS = 2
 """maximum rounds of follow and recognise in a segment: a part may snap on or off once"""
 MOST_BLOCKERS = 3
@@ -119,11 +120,16 @@ def commands(state: State, given: Inputs) -> list[NewEvent]:
 def follow(state: State, given: Inputs) -> list[NewEvent]:
     """Move held parts along the hands' motion, segment by segment, as far as solid bodies and constraints allow.
 
-    Each segment repeats following and recognition, at most `MOST_ROUNDS` times, until no mate is made or broken.
+    Each segment repeats following and recognition, at most `MOST_ROUNDS` times, until no mate is made or broken. Of
+    the segments after one in which blocked parts did not move only the last is followed.
     """
     wanted = _wanted(state, given.firm)
     events: list[NewEvent] = []
-    for segment in _segments(state, wanted):
+    segments, stuck = _segments(state, wanted), False
+    for k, segment in enumerate(segments):
+        if stuck and k + 1 < len(segments):
+            continue
+        began = state.poses
         for _ in range(MOST_ROUNDS):
             before = state.poses
             events += _follow_hands(state, segment, given)
@@ -132,6 +138,9 @@ def follow(state: State, given: Inputs) -> list[NewEvent]:
             events += found
             if not any(event.kind in ("accepted", "removed") for event in found):
                 break
+        if state.blocked:
+            moved = max(_travel(state, i, began[i], state.poses[i]) for i in segment)
+            stuck = moved <= STUCK * state.tolerance.reach
     state.targets = wanted
     return events
 
@@ -229,8 +238,9 @@ def advance(state: State, readings: Readings, given: Inputs) -> Changes:
     if not state.moved.issuperset(moved) or not state.moved >= state.held:
         state.moved |= state.held.union(moved)
     state.last = {i: before[i] for i in moved}
-    return replace(
-        standing(state, readings),
+    return standing(
+        state,
+        readings,
         poses={state.names[i]: poses[i] for i in moved},
         clearance=readings.least_clearance() if given.measure_clearance else None,
         events=tuple(events),
@@ -239,19 +249,17 @@ def advance(state: State, readings: Readings, given: Inputs) -> Changes:
     )
 
 
-def standing(state: State, readings: Readings) -> Changes:
-    """Return the observable quantities of the present state, without a step."""
+def standing(state: State, readings: Readings, **step: Any) -> Changes:
+    """Return the observable quantities of the present state; without those of a `step`, as before the first one."""
     freedom, joint = readings.freedoms()
     return Changes(
-        poses={},
         colliding=state.colliding,
         touching=readings.near_pairs(),
         constraints=readings.views(),
         freedom=freedom,
         joint=joint,
-        clearance=None,
         blocked=dict(state.blocked),
-        events=(),
+        **({"poses": {}, "clearance": None, "events": ()} | step),
     )
 
 
@@ -305,10 +313,20 @@ def _wanted(state: State, targets: Sequence[HandTarget]) -> dict[int, pin.SE3]:
 
 
 def _segments(state: State, wanted: dict[int, pin.SE3]) -> list[dict[int, pin.SE3]]:
-    """Divide the hands' motion in this step into segments short enough to detect every mate near it."""
-    poses, seats = state.poses, state.motion.groups.seats
+    """Divide the hands' motion in this step into segments short enough to detect every mate near it.
+
+    The motion begins at the last targets, or where the parts are if that is nearer (after one that ended blocked).
+    """
+    poses, held = state.poses, wanted.keys() - state.motion.groups.seats.keys()
+
+    def farthest(begun: Mapping[int, pin.SE3]) -> float:
+        return max((_travel(state, i, begun[i], wanted[i]) for i in held), default=0.0)
+
     last = {i: state.targets.get(i, poses[i]) for i in wanted}
-    far = max((_travel(state, i, last[i], pose) for i, pose in wanted.items() if i not in seats), default=0.0)
+    far = farthest(last)
+    if far > state.tolerance.reach:
+        here = {i: poses[i] for i in wanted}
+        last, far = min((last, far), (here, farthest(here)), key=lambda begun: begun[1])
     n = min(int(np.ceil(far / state.tolerance.reach)), MOST_SEGMENTS)
     if n <= 1 or not len(state.collision.object_pairs(sorted(wanted), within=far + state.mates.within)):
         return [wanted]
@@ -316,16 +334,21 @@ def _segments(state: State, wanted: dict[int, pin.SE3]) -> list[dict[int, pin.SE
 
 
 def _travel(state: State, i: int, a: pin.SE3, b: pin.SE3) -> float:
-    """Upper bound (m) on the travel of any point of a part, or of the parts it carries, between two poses."""
-    way = a.actInv(b)
+    """Greatest distance (m) of a point of the boxes of a part, and of those that it carries, between two poses.
+
+    Displacement is affine in the point, so a corner goes farthest.
+    """
     groups = state.motion.groups
-    known = state.arms.get(i)
+    known = state.boxes.get(i)
     if known is None or known[0] is not groups:
-        carried = [(j, groups.seats[j][1].translation) for j in groups.members.get(i, (i,))[1:]]
-        seats = [(i, np.zeros(3)), *carried]
-        arms = [2.0 * half_size(state.scene.parts[j].mesh) + float(np.linalg.norm(at)) for j, at in seats]
-        known = state.arms[i] = groups, max(arms)
-    return hypot(*way.translation.tolist()) + known[1] * hypot(*pin.log3(way.rotation).tolist())
+        members = groups.members.get(i, (i,))
+        placed = [corners(state.scene.parts[i].mesh)]
+        for j in members[1:]:
+            seat = groups.seats[j][1]
+            placed.append(corners(state.scene.parts[j].mesh) @ seat.rotation.T + seat.translation)
+        known = state.boxes[i] = groups, np.concatenate(placed)
+    shift = known[1] @ (b.rotation - a.rotation).T + (b.translation - a.translation)
+    return float(np.sqrt((shift * shift).sum(axis=1).max()))
 
 
 def _follow_hands(state: State, wanted: dict[int, pin.SE3], given: Inputs) -> list[NewEvent]:

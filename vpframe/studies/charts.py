@@ -11,7 +11,7 @@ RIGHT = 20
 HEIGHT = 170
 GOOD, BAD, BLUE = "#1a9e57", "#c22420", "#2a6bd6"
 MOST_POINTS = 4000
-"""good ones that a scatter draws; the others are drawn all"""
+"""maximum number of successful variants in a scatter; failed ones are all drawn"""
 
 
 class _Frame:
@@ -88,7 +88,7 @@ def rates(points: Sequence[Point], name: str, labels: Sequence[str] | None = Non
 
 
 def scatter(x: Sequence[float], y: Sequence[float], good: Sequence[bool], x_name: str, y_name: str) -> str:
-    """Points of variants, the failed ones red and on top."""
+    """Points of variants; failed ones are red and on top."""
     frame = _Frame((min(x), max(x)), (min(y), max(y)), 300)
     fine = [i for i, is_good in enumerate(good) if is_good]
     shown = fine[:: -(-len(fine) // MOST_POINTS)] if fine else []

@@ -32,14 +32,14 @@ IDLE = 600.0
 START = 600.0
 """s that a child may take to read the script"""
 LOOK = 1.0
-"""s between two looks whether a child that says nothing lives: processes it has forked may hold its pipe open"""
+"""s between two checks that a silent child is alive: processes it has forked may hold its pipe open"""
 OUTPUT = 4000
 """characters kept of the output of a child that crashed or was ended"""
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 def in_turn(job: Job, work: Work) -> Done:
-    """Run `work`, and what is appended to it meanwhile, one variant after the other on this machine."""
+    """Run the variants of `work`, and those appended meanwhile, one by one on this machine."""
     children = Children(job.script.resolve(), job.timeout, job.retries)
     try:
         while work:
@@ -50,7 +50,7 @@ def in_turn(job: Job, work: Work) -> Done:
 
 
 def unanswered(status: str, reason: str, **more: Any) -> dict[str, Any]:
-    """The outcome of a variant whose process did not answer."""
+    """Return the outcome of a variant whose process did not answer."""
     nothing = dict.fromkeys(("clearance", "time", "steps", "seconds", "memory"))
     return {"status": status, "reason": reason, **nothing, "measures": {}, **more}
 
@@ -97,7 +97,7 @@ class Child:
             began, limit = time.monotonic(), timeout
             os.ftruncate(self._output, 0)
             request = {"index": variant.index, "seed": variant.seed, "parameters": dict(variant.parameters)}
-            with contextlib.suppress(BrokenPipeError):  # it has ended: `_receive` finds that
+            with contextlib.suppress(BrokenPipeError):  # the child has ended; `_receive` notices
                 assert self.process.stdin is not None
                 self.process.stdin.write(json.dumps(request).encode() + b"\n")
             outcome: dict[str, Any] = self._receive("done", limit)
@@ -106,7 +106,7 @@ class Child:
         except _CrashError:
             outcome = self._ended("crashed", how_it_ended(self.process.wait()), began)
         except _TimeoutError:
-            self.process.send_signal(signal.SIGUSR1)  # it prints where it is, if it can
+            self.process.send_signal(signal.SIGUSR1)  # the child prints its traceback if it can
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self.process.wait(0.2)
             outcome = self._ended("timeout", f"no answer within {limit:g} s", began)
@@ -115,7 +115,7 @@ class Child:
 
     @property
     def alive(self) -> bool:
-        """Whether it can run another variant: it runs, and is not about to end for want of one."""
+        """Whether the child runs and is not about to end for lack of variants."""
         return self.process.poll() is None and time.monotonic() - self._used < 0.5 * IDLE
 
     def close(self) -> None:
@@ -145,7 +145,7 @@ class Child:
         return f"{self._script.name}:{own[0]}: " if own else ""
 
     def _receive(self, name: str, timeout: float) -> Any:
-        """The next message of this name; the clock stands while kernels are compiled."""
+        """Return the next message of this name; the clock stands while kernels are compiled."""
         deadline = time.monotonic() + timeout
         compiling: float | None = None
         while True:
@@ -190,7 +190,7 @@ class Children:
         self._closed = False
 
     def run(self, variant: Variant, avoid: str = "") -> dict[str, Any]:
-        """Run a variant, again after a crash, by another child than `avoid`; returns its outcome.
+        """Run a variant in a child other than `avoid`, again after a crash; return its outcome.
 
         Raises
         ------

@@ -46,7 +46,7 @@ CONNECT = 10.0
 WAIT = 60.0
 """s to wait for a first worker"""
 GONE = 60.0
-"""s without any worker after which no other is waited for"""
+"""s without any worker after which the study stops waiting for one"""
 CHECK = 2.0
 """s between two counts of the workers"""
 CLOSE = 5.0
@@ -57,18 +57,18 @@ _UNWATCHED = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
 }
-"""what the dashboard shows, and costs 9 % of a core with two idle workers"""
+"""settings without the data of the dashboard, which costs 9 % of a core with two idle workers"""
 _LOST = "what was finished is kept, --resume runs what is missing"
 
 
 class WorkersGoneError(VpframeError):
-    """No worker has been there for `GONE` seconds; the variants that they had are in the work again."""
+    """No worker was connected for `GONE` seconds; the variants submitted to workers are back in the work."""
 
 
 def on_machines(job: Job, work: Work, machines: Machines) -> Done:
-    """Run `work`, and what is appended to it meanwhile, on the workers of `machines`.
+    """Run the variants of `work`, and those appended meanwhile, on the workers of `machines`.
 
-    Workers of this machine that have all gone are started anew, unless none of them has finished anything.
+    If all workers of this machine have ended, new ones are started, unless none of them has finished a variant.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def connected(machines: Machines, jobs: int, retries: int) -> Iterator[Client]:
                 settings |= _UNWATCHED
             stack.enter_context(dask.config.set(settings))
             stack.enter_context(_main_module_hidden())
-            resource_tracker.ensure_running()  # else it is started inside, and unblocks Ctrl-C there
+            resource_tracker.ensure_running()  # started inside the block, it would unblock Ctrl-C
             with ctrl_c_blocked():
                 cluster = LocalCluster(
                     n_workers=jobs, threads_per_worker=1, processes=True, host="127.0.0.1", memory_limit=None,
@@ -165,7 +165,7 @@ def _main_module_hidden() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence Dask's log on standard error; what matters of it is raised or reported here."""
+    """Silence Dask's log on standard error; its errors are raised or reported here."""
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
     before = [logger.level for logger in loggers]
     for logger in loggers:
@@ -178,7 +178,7 @@ def _quiet() -> Iterator[None]:
 
 
 class StudyPlugin(WorkerPlugin):
-    """What a worker needs of a study: its script, unpacked there unless it is on the same machine, and its children."""
+    """A study on a worker: the script, unpacked unless the worker is on the same machine, and child processes."""
 
     def __init__(self, job: Job, local: bool) -> None:
         self.name = f"vpframe-study-{job.token}"
@@ -218,7 +218,9 @@ def _run(plugin: str, variant: Variant, avoid: str) -> dict[str, Any]:
 
 
 def on_client(job: Job, work: Work, client: Client, local: bool) -> Done:
-    """Run `work`, and what is appended to it meanwhile, on a client's workers; `local` ones see this machine's files.
+    """Run the variants of `work`, and those appended meanwhile, on a client's workers.
+
+    local: whether they can read this machine's files.
 
     Raises
     ------
@@ -239,24 +241,23 @@ def on_client(job: Job, work: Work, client: Client, local: bool) -> Done:
 
 
 class _Submitted:
-    """The variants that workers have: one that runs and one that waits a thread, so that no worker idles while an
-    outcome travels.
+    """Variants submitted to workers: per thread one that runs and one that waits, so that no worker idles meanwhile.
 
-    Dask blames a worker's death on the variants that wait there too. What it gives up, that may have waited, is
-    therefore submitted again, and nothing is left to wait from then on.
+    Dask blames a worker's death on its waiting variants too. A variant that Dask gives up and that may have waited is
+    therefore submitted again, and no variant waits from then on.
     """
 
     def __init__(self, client: Client, plugin: str) -> None:
         self._client = client
         self._plugin = plugin
         self._variants: dict[Any, tuple[Variant, str]] = {}
-        """by key of their futures"""
+        """submitted variants, by key of their futures"""
         self._waited: set[Any] = set()
-        """of these keys, those that may have waited behind another variant"""
+        """keys of variants that may have waited behind another one"""
         self._ahead = 2
-        """variants a thread"""
+        """variants submitted per thread"""
         self._addresses: dict[str, str] = {}
-        """by child, the address of its worker"""
+        """address of a child's worker, by child"""
         self._completed = as_completed([], loop=client.loop, with_results=True, raise_errors=False)
         self._number = 0
         self._threads = 1
@@ -305,7 +306,7 @@ class _Submitted:
         self._completed.add(future)
 
     def _next(self) -> tuple[Variant, str, dict[str, Any] | None]:
-        """The next variant that is done, and its outcome; None if it is to be submitted again."""
+        """Return the next finished variant and its outcome; None if it must be submitted again."""
         while not self._completed.has_ready():
             self._count()
             with self._completed.thread_condition:
@@ -330,6 +331,6 @@ class _Submitted:
 
 
 def _killed(error: KilledWorker) -> dict[str, Any]:
-    """The outcome of a variant of which every worker that tried it was killed from outside."""
+    """Return the outcome of a variant whose workers were all killed from outside."""
     times = error.allowed_failures + 1
     return unanswered("crashed", f"its worker was killed, {times} times", attempts=times, worker="", address="")

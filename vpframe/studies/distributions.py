@@ -16,7 +16,7 @@ LARGEST = 1e150
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a number that a study can reckon with: finite, and its square too."""
+    """Whether a value is a number that is finite and whose square is."""
     return isinstance(value, int | float) and abs(value) <= LARGEST
 
 
@@ -26,19 +26,19 @@ class Distribution(ABC):
 
     @abstractmethod
     def quantile(self, u: float) -> Any:
-        """The value that the variable stays below with probability `u`, 0 < u < 1."""
+        """Return the value that the variable stays below with probability `u`, 0 < u < 1."""
 
     @property
     @abstractmethod
     def nominal(self) -> Any:
-        """The value of a variant that nothing has gone wrong with."""
+        """Return the value of a variant without deviations."""
 
     def count(self, levels: int) -> int:
-        """How many values `levels` returns."""
+        """Return the number of values of `levels`."""
         return levels
 
     def levels(self, count: int) -> tuple[Any, ...]:
-        """`count` values of equal probability, for a grid: the quantiles of (k + 1/2) / count."""
+        """Return `count` values of equal probability, for a grid: the quantiles of (k + 1/2) / count."""
         return tuple(self.quantile((k + 0.5) / count) for k in range(count))
 
     def _check(self, holds: bool, rule: str) -> None:
@@ -76,7 +76,7 @@ class Normal(Distribution):
         return (float(ndtr(-b)), float(ndtr(-a))) if a > 0.0 else (float(ndtr(a)), float(ndtr(b)))
 
     def quantile(self, u: float) -> float:
-        """In m, rad or whatever the mean is in."""
+        """Return the quantile, in the unit of the mean."""
         from scipy.special import ndtri
 
         below, above = self._tails()
@@ -88,13 +88,13 @@ class Normal(Distribution):
 
     @property
     def nominal(self) -> float:
-        """The mean, or the limit that cuts it off."""
+        """Return the mean, or the limit that cuts it off."""
         return min(max(self.mean, self.low), self.high)
 
 
 @dataclass(frozen=True)
 class Uniform(Distribution):
-    """Every value from `low` to `high` alike."""
+    """All values from `low` to `high`, equally probable."""
 
     low: float
     high: float
@@ -109,7 +109,7 @@ class Uniform(Distribution):
 
     @property
     def nominal(self) -> float:
-        """The middle."""
+        """Return the middle."""
         return 0.5 * (self.low + self.high)
 
 
@@ -127,20 +127,20 @@ class LogNormal(Distribution):
         )
 
     def quantile(self, u: float) -> float:
-        """In the unit of the median."""
+        """Return the quantile, in the unit of the median."""
         from scipy.special import ndtri
 
         return self.median * math.exp(self.spread * float(ndtri(u)))
 
     @property
     def nominal(self) -> float:
-        """The median."""
+        """Return the median."""
         return self.median
 
 
 @dataclass(frozen=True)
 class Triangular(Distribution):
-    """From `low` to `high` with the density's tip at `peak`: what is known of a value that nobody has measured."""
+    """From `low` to `high` with the greatest density at `peak`: for values that nobody has measured."""
 
     low: float
     peak: float
@@ -160,13 +160,13 @@ class Triangular(Distribution):
 
     @property
     def nominal(self) -> float:
-        """The peak."""
+        """Return the peak."""
         return self.peak
 
 
 @dataclass(frozen=True, init=False)
 class Choice(Distribution):
-    """One of several values (numbers, texts, truth values), each alike: `Choice("steel", "brass")`."""
+    """One of several values (numbers, texts, truth values), equally probable: `Choice("steel", "brass")`."""
 
     values: tuple[Value, ...]
 
@@ -180,12 +180,12 @@ class Choice(Distribution):
         self._check(len({(type(v), v) for v in values}) == len(values), "a value is there twice")
 
     def quantile(self, u: float) -> Value:
-        """The value whose share of [0, 1) holds `u`."""
+        """Return the value whose share of [0, 1) contains `u`."""
         return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
 
     @property
     def nominal(self) -> Value:
-        """The first."""
+        """Return the first value."""
         return self.values[0]
 
     def count(self, levels: int) -> int:
@@ -193,5 +193,5 @@ class Choice(Distribution):
         return len(self.values)
 
     def levels(self, count: int) -> tuple[Value, ...]:
-        """All values, whatever `count` is."""
+        """Return all values, for any `count`."""
         return self.values

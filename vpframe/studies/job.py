@@ -1,4 +1,4 @@
-"""What a study runs, and where: the script with all that its answers depend on, as paths, digests and bytes."""
+"""The script of a study with all that its answers depend on (paths, digests, bytes), and the machines that run it."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from vpframe.studies.variants import Variant, bound, nominal, variables_of
 
 @dataclass(frozen=True)
 class Machines:
-    """Where a study runs."""
+    """Machines that run a study."""
 
     jobs: int
     """worker processes on this machine; one needs no Dask"""
     cluster: str | None = None
-    """address of a Dask scheduler, instead"""
+    """address of a Dask scheduler to use instead of workers on this machine"""
     dashboard: bool = False
     """whether Dask shows its dashboard, on this machine"""
 
@@ -45,19 +45,19 @@ class Job:
     digest: str
     """SHA-256 of code, models and version"""
     timeout: float
-    """s that one variant may take, compiling of kernels not counted"""
+    """time limit of a variant, s, without the compilation of kernels"""
     retries: int
-    """how often a variant that crashed is run again"""
+    """maximum number of repeats of a variant that crashed"""
     token: str = field(default_factory=lambda: secrets.token_hex(4))
-    """of this run of the study"""
+    """identifier of this run of the study"""
 
     def key(self, variant: Variant) -> str:
-        """SHA-256 of all that the answer for a variant depends on: script, model, parameters and version."""
+        """Return the SHA-256 of all that the answer for a variant depends on: script, model, parameters and version."""
         depends = [self.digest, variant.seed, variant.index, dict(variant.parameters)]
         return hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
 
     def bundle(self) -> tuple[str, dict[str, bytes]]:
-        """The script's name and the files that a machine without them needs, by their paths under a common folder."""
+        """Return the script's name and the bytes of all its files, by their paths under a common folder."""
         files = [path.resolve() for path in (*self.code, *self.models)]
         root = Path(os.path.commonpath([path.parent for path in files]))
         contents = {path.relative_to(root).as_posix(): path.read_bytes() for path in files}
@@ -84,7 +84,7 @@ def read_job(script: str | Path, timeout: float, retries: int) -> Job:
 
 
 def _beside(script: Path) -> list[Path]:
-    """Python files under the script's folder that are imported, sorted; libraries and this program left out."""
+    """Return the imported Python files under the script's folder, sorted, without libraries and this program."""
     folder, own = script.resolve().parent, script.resolve()
     found = set()
     for name, module in list(sys.modules.items()):

@@ -1,4 +1,4 @@
-"""One variant of a study as a task script: what the scripts of the worst variants are made of."""
+"""One variant of a study as a task script: the scripts of the worst variants call `replayed`."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _open = contextlib.ExitStack()
 
 
 def opened(script: Path) -> ModuleType:
-    """The module of a script, for the rest of this process. Raises VpframeError, in one line."""
+    """Return the module of a script, importable for the rest of this process. Raises VpframeError, in one line."""
     return _open.enter_context(imported(script))
 
 
 def replayed(script: str | Path, index: int, seed: int, parameters: Mapping[str, Value]) -> SimpleNamespace:
-    """`scene`, `task` and `OPTIONS` of one variant. Raises VpframeError if the script no longer has its variables."""
+    """Return `scene`, `task`, `OPTIONS` of one variant. Raises VpframeError if the script lacks a variable of it."""
     path = Path(script)
     module = opened(path)
     changed = set(variables_of(module, path)) ^ set(parameters)

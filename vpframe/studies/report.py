@@ -25,9 +25,9 @@ from vpframe.text import escape, plain
 WORST_FOLDER = "worst"
 TEMPLATE = Path(vpframe.report.__file__).parent / "page.html"
 FAILURES = 40
-"""rows of failures that the page shows; all are in the CSV file"""
+"""maximum number of failures on the page; the CSV file lists all"""
 DRAWN = 3
-"""variables that the page draws the rate over"""
+"""maximum number of variables with a chart of the rate"""
 WORDS = {
     "ok": "can be done",
     "no": "cannot be done",
@@ -77,14 +77,14 @@ def rate_text(document: Mapping[str, Any]) -> str:
 
 
 def rest_text(document: Mapping[str, Any]) -> str:
-    """How the others ended, and how many were not run; empty if all can be done."""
+    """Return the counts of other outcomes and of variants not run, as text; empty if there are none."""
     parts = [f"{n} {WORDS[status]}" for status, n in document["statuses"].items() if n and status != "ok"]
     missing = document["variants"] - document["finished"]
     return ", ".join([*parts, *([f"{missing} not run"] if missing else [])])
 
 
 def table(variables: Mapping[str, Distribution], records: Sequence[Record]) -> str:
-    """The records as CSV, a row a variant: index, answer, variables, measures, what it took, key."""
+    """Return the records as CSV, one row per variant: index, answer, variables, measures, time and memory, key."""
     measures = sorted({name for one in records for name in one["measures"]})
     file = io.StringIO()
     rows = csv.writer(file, lineterminator="\n")
@@ -107,7 +107,7 @@ def table(variables: Mapping[str, Distribution], records: Sequence[Record]) -> s
 
 
 def _cell(value: Any) -> Any:
-    """A text that a spreadsheet would take for a formula is quoted."""
+    """Return the text of a cell, quoted if a spreadsheet would take it for a formula."""
     return f"'{value}" if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r") else value
 
 
@@ -116,7 +116,7 @@ def _replay_name(one: Record) -> str:
 
 
 def replay_script(one: Record, script: Path, folder: Path, seed: int) -> str:
-    """A task script in `folder` that runs one variant again, for `vpframe run … --view`."""
+    """Return a task script in `folder` that runs one variant again, for `vpframe run … --view`."""
     reason = plain(str(one["reason"]))
     return "\n".join(
         [
@@ -146,7 +146,7 @@ def replay_script(one: Record, script: Path, folder: Path, seed: int) -> str:
 def page(
     script: Path, variables: Mapping[str, Distribution], document: Mapping[str, Any], records: Sequence[Record]
 ) -> str:
-    """One HTML file, charts inside it."""
+    """Return one HTML file that contains all charts."""
     sections = [
         _head(script, document),
         _section("Variables", _rows(("variable", "varies as"), document["variables"].items())),
@@ -181,7 +181,7 @@ def _section(title: str, content: str) -> str:
 
 
 def _rows(head: Sequence[str], rows: Any) -> str:
-    """A table of escaped cells."""
+    """Return an HTML table of escaped cells."""
     body = "".join("<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows)
     if not body:
         return ""

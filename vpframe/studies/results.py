@@ -1,4 +1,4 @@
-"""`results.jsonl`: one line of JSON a finished variant, appended as they finish; a killed study goes on from it."""
+"""`results.jsonl`: one line of JSON per finished variant, appended at once; a killed study resumes from it."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from vpframe.studies.variants import Variant
 
 FILE = "results.jsonl"
 SYNC = 1.0
-"""s after which what was written is forced to the disk: a power cut loses no more, a killed process nothing"""
+"""s between two syncs to disk: a power cut loses at most the lines since the last one, a killed process none"""
 STATUSES = ("ok", "no", "error", "crashed", "timeout")
 UNANSWERED = ("crashed", "timeout")
-"""of them, those that a process was ended with from outside: another run may answer"""
+"""statuses without an answer, because a process was ended: another run may answer"""
 ANSWER = ("status", "reason", "clearance", "measures", "time", "steps")
-"""of a record: what must be the same, bit for bit, whenever and wherever the variant is run"""
+"""fields of a record that are the same, bit for bit, in every run of the variant on any machine"""
 Record = dict[str, Any]
 
 
 def record(key: str, variant: Variant, outcome: dict[str, Any], timeout: float, repeat: bool) -> Record:
-    """The line of a variant: its key and values, then its outcome."""
+    """Return the record of a variant: its key and values, then its outcome."""
     head = {"key": key, "index": variant.index, "parameters": dict(variant.parameters), "timeout": timeout}
     return head | ({"repeat": True} if repeat else {}) | outcome
 
 
 def answer(one: Record) -> str:
-    """What must not differ between two runs of a variant, as text."""
+    """Return the fields `ANSWER` of a record as text."""
     return json.dumps([one[name] for name in ANSWER], sort_keys=True)
 
 
@@ -56,11 +56,11 @@ class Results:
     def __init__(self, folder: OutputFolder, variants: Mapping[str, Variant], timeout: float, resume: bool) -> None:
         self.path = folder.file(FILE)
         self.records: dict[str, Record] = {}
-        """by key, the first run of each variant that finished"""
+        """first finished run of each variant, by key"""
         self.repeats: dict[str, Record] = {}
-        """by key, the second runs"""
+        """second runs of variants, by key"""
         self.unreadable = 0
-        """lines that are no records: the last one of a killed study may be torn"""
+        """number of lines that are no records: a killed study may leave its last line incomplete"""
         try:
             content = self.path.read_bytes() if self.path.exists() else b""
             if content and not resume:
@@ -113,7 +113,7 @@ _TYPES: dict[str, tuple[type, ...]] = {
 
 
 def _parsed(line: bytes) -> Record | None:
-    """A record; None for a line that was torn or is none."""
+    """Return the record of a line; None if the line is incomplete or no record."""
     try:
         one = json.loads(line)
     except (ValueError, RecursionError):

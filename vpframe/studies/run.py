@@ -11,7 +11,7 @@ from typing import Any
 
 from vpframe.app import warm_up
 from vpframe.app.outputs import STUDY_FILES, OutputFolder
-from vpframe.app.progress import Progress, warn
+from vpframe.app.progress import FEW, WINDOW, Progress, warn
 from vpframe.errors import VpframeError
 from vpframe.studies import report, variants
 from vpframe.studies.child import Done, Work, in_turn
@@ -21,7 +21,7 @@ from vpframe.studies.summary import summary
 from vpframe.studies.variants import Variant
 
 REPEAT = 100
-"""one variant in so many is run again by another process, and compared"""
+"""every 100th variant is run again by another process and compared"""
 TIMEOUT = 600.0
 """s"""
 RETRIES = 2
@@ -30,17 +30,17 @@ SAMPLES = 100
 
 @dataclass(frozen=True)
 class Sampling:
-    """Which variants a study consists of."""
+    """The choice of a study's variants."""
 
     samples: int = SAMPLES
     sobol: bool = False
-    """from a Sobol' sequence instead of at random"""
+    """whether samples come from a Sobol' sequence instead of random numbers"""
     levels: int | None = None
-    """a grid with so many values of each continuous variable, instead of samples"""
+    """number of values of each continuous variable in a grid, which replaces samples"""
     seed: int = 0
 
     def variants(self, job: Job) -> list[Variant]:
-        """All of them, by index. Raises VpframeError: none, or too many."""
+        """Return all variants, by index. Raises VpframeError for none or too many."""
         if self.seed < 0:
             raise VpframeError(f"--seed {self.seed}: give none below 0")
         if self.levels is not None:
@@ -49,7 +49,7 @@ class Sampling:
         return sample(job.variables, self.samples, self.seed)
 
     def document(self) -> dict[str, Any]:
-        """As `study.json` has it."""
+        """Return the choice as `study.json` states it."""
         if self.levels is not None:
             return {"method": "grid", "levels": self.levels, "seed": self.seed}
         return {"method": "Sobol' sequence" if self.sobol else "random", "samples": self.samples, "seed": self.seed}
@@ -97,7 +97,7 @@ def run_study(
 
 
 def _interrupted(job: Job, by_key: dict[str, Variant], results: Results, machines: Machines) -> bool:
-    """Run what is missing in `results`; returns whether Ctrl-C ended it."""
+    """Run the variants missing in `results`; return whether Ctrl-C ended the run."""
     finished = results.records.items()
     work: Work = deque((variant, "") for key, variant in by_key.items() if key not in results.records)
     work += [(by_key[key], one["worker"]) for key, one in finished if _is_repeated(one) and key not in results.repeats]
@@ -120,7 +120,7 @@ def _interrupted(job: Job, by_key: dict[str, Variant], results: Results, machine
                 if not avoid:
                     if _is_repeated(one):
                         work.append((variant, one["worker"]))
-                    progress(*rate.after(one["status"] != "ok"))
+                    progress(*rate.after(one["status"] != "ok", time.monotonic()))
     except KeyboardInterrupt:
         return True
     return False
@@ -137,26 +137,27 @@ def _done(job: Job, work: Work, machines: Machines) -> Done:
 
 
 def _is_repeated(one: Record) -> bool:
-    """Whether a variant is run twice; not if it was ended from outside, which a second run says nothing about."""
+    """Whether a variant is run twice: every `REPEAT`th, unless its process was ended from outside."""
     return one["index"] % REPEAT == 0 and one["status"] not in UNANSWERED
 
 
 class _Rate:
-    """Counts what has finished, for the line of progress."""
+    """Counts finished variants for the progress line."""
 
     def __init__(self, total: int, finished: int, failed: int) -> None:
         self._total, self._finished, self._failed = total, finished, failed
-        self._first = finished + 1
-        self._began = 0.0
+        self._ends: deque[float] = deque()
+        """when the variants of the last seconds ended, and one before them (s)"""
 
-    def after(self, failed: bool) -> tuple[float, str]:
-        """Count one more variant; returns the fraction that has finished, and the words of the line."""
+    def after(self, failed: bool, now: float) -> tuple[float, str]:
+        """Count one more variant, at time `now` (s); return the finished fraction and the text of the progress line."""
         self._finished += 1
         self._failed += failed
-        now = time.monotonic()
         text = f"{self._finished} of {self._total}, {self._failed} without success"
-        if self._finished == self._first:  # kernels were compiled and workers started before it
-            self._began = now
-        else:
-            text += f", {(self._finished - self._first) / max(now - self._began, 1e-9):.3g} a second"
+        ends = self._ends
+        ends.append(now)  # the first one only begins the count: kernels were compiled and workers started before it
+        while len(ends) > FEW + 1 and ends[1] <= now - WINDOW:
+            ends.popleft()
+        if len(ends) > FEW:
+            text += f", {(len(ends) - 1) / max(now - ends[0], 1e-9):.3g} a second"
         return self._finished / self._total, text

@@ -44,11 +44,11 @@ class Runner:
 
     def __init__(self, script: Path) -> None:
         self.script = script
-        self._name = Path(script.name)  # reasons must not depend on the folder that a worker keeps the script in
+        self._name = Path(script.name)  # a reason must not depend on the worker's folder of the script
         self._module = opened(script)
 
     def run(self, variant: Variant) -> Outcome:
-        """Run one variant; returns its outcome, whatever the script raises."""
+        """Run one variant; return its outcome, also if the script raises."""
         words = np.random.SeedSequence(variant.seed, spawn_key=(variant.index, 2)).generate_state(2)
         random.seed(int(words[0]))
         np.random.seed(int(words[1]))  # noqa: NPY002  (a script that uses the global generator repeats itself too)
@@ -109,12 +109,12 @@ def _measures(returned: Any, script: Path) -> dict[str, Value | None]:
 
 
 def _number(value: float | None) -> float | None:
-    """None for what is infinite, as good as infinite, or NaN."""
+    """Return a number; None if it is NaN, infinite or too large."""
     return value if is_number(value) else None
 
 
 def main(script: Path, parent: int) -> None:
-    """Read the script, then run what comes, until nothing has come for `IDLE` seconds."""
+    """Read the script, then run incoming variants until none has come for `IDLE` seconds."""
     requests, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w", encoding="utf-8")
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
@@ -141,7 +141,7 @@ def main(script: Path, parent: int) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """End as soon as the parent does, even inside a call of C that holds the interpreter."""
+    """End this process as soon as its parent ends, even during a C call that holds the interpreter."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:

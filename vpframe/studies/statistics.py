@@ -1,4 +1,4 @@
-"""What many outcomes tell: rate with its interval, percentiles, classes, and which variables matter."""
+"""Statistics of many outcomes: rate with its interval, percentiles, classes, importance of variables."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MOST_CLASSES = 30
 
 
 def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """The interval that covers the true rate with this confidence; (0, 1) without trials.
+    """Return the interval that covers the true rate with this confidence; (0, 1) without trials.
 
     Source: Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22 (1927).
     """
@@ -28,7 +28,7 @@ def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> tuple
 
 
 def percentiles(values: ArrayLike) -> dict[str, float]:
-    """By percent ("0" … "100"), the value that so many stay below; empty without values."""
+    """Return percentiles by percent ("0" … "100"); empty without values."""
     data = np.asarray(values, dtype=np.float64)
     return {str(p): float(x) for p, x in zip(PERCENTS, np.percentile(data, PERCENTS), strict=True)} if len(data) else {}
 
@@ -38,12 +38,12 @@ class Classes:
     """Counts of values between edges."""
 
     edges: tuple[float, ...]
-    """one more than there are counts"""
+    """(n + 1,) edges of n classes"""
     counts: tuple[int, ...]
 
 
 def classes(values: ArrayLike) -> Classes:
-    """A histogram of 2 n^(1/3) classes of equal width (Rice's rule), at most 30; one class if all values are equal."""
+    """Return a histogram of 2 n^(1/3) classes of equal width (Rice's rule), at most 30; one class for equal values."""
     data = np.asarray(values, dtype=np.float64)
     if not len(data) or np.ptp(data) <= 1e-12 * np.abs(data).max():
         edge = float(data[0]) if len(data) else 0.0
@@ -53,7 +53,7 @@ def classes(values: ArrayLike) -> Classes:
 
 
 def rank_correlation(x: ArrayLike, y: ArrayLike) -> float | None:
-    """Spearman's coefficient, -1 … 1: how far y rises (falls) with x; None where one of them does not vary."""
+    """Return Spearman's coefficient of x and y, -1 … 1; None if one of them does not vary."""
     from scipy.stats import spearmanr
 
     a, b = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
@@ -63,7 +63,7 @@ def rank_correlation(x: ArrayLike, y: ArrayLike) -> float | None:
 
 
 def groups(x: Sequence[float | str]) -> NDArray[np.int64]:
-    """(n,) the class of each value: of few different values one each, of many about n^(1/3) of equal counts."""
+    """Return the class of each value, (n,): one per different value if these are few, else n^(1/3) of equal counts."""
     _, place, counts = np.unique(np.asarray(x), return_inverse=True, return_counts=True)
     wanted = int(np.clip(round(len(place) ** (1.0 / 3.0)), 2, _MOST_CLASSES))
     if len(counts) <= wanted or isinstance(x[0], str):
@@ -73,7 +73,7 @@ def groups(x: Sequence[float | str]) -> NDArray[np.int64]:
 
 
 def first_order(x: Sequence[float | str], y: ArrayLike) -> float | None:
-    """First-order Sobol' index of y for x from given data: the share of y's variance that x alone explains, 0 … 1.
+    """Return the first-order Sobol' index of y for x from data: the share of y's variance that x alone explains, 0 … 1.
 
     It is the variance of the means of y over classes of x, less what chance would give (Kelley's epsilon squared).
     None where y does not vary or there are too few values.

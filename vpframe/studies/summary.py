@@ -1,4 +1,4 @@
-"""`study.json`: all that a study found, from its records."""
+"""The contents of `study.json`, computed from a study's records."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from vpframe.studies.distributions import Choice, Distribution
 from vpframe.studies.results import STATUSES, UNANSWERED, Record, answer
 
 WORST = 10
-"""variants that scripts are written of"""
+"""maximum number of worst variants with a script"""
 TEXTS = 30
-"""values of a measure of texts that are counted, the most frequent ones"""
+"""maximum number of counted values of a text measure; the most frequent ones are kept"""
 SUCCESS = "can be done"
 CLEARANCE = "least clearance (m)"
 
@@ -29,7 +29,7 @@ def summary(
     repeats: Sequence[Record],
     total: int,
 ) -> dict[str, Any]:
-    """The document of a study of `total` variants; `records` are the finished ones by index, `repeats` the second runs.
+    """Return the document of a study of `total` variants; `records`: finished ones by index, `repeats`: second runs.
 
     The rate is that of "ok" over all finished: a variant without an answer was not shown to be possible.
     """
@@ -69,7 +69,7 @@ def summary(
 
 
 def _words(distribution: Distribution) -> str:
-    """`Normal(mean=0.00802, deviation=5e-06)`; limits that are not there left out."""
+    """`Normal(mean=0.00802, deviation=5e-06)`; infinite limits are omitted."""
     given = {field.name: getattr(distribution, field.name) for field in fields(distribution)}
     there = {name: value for name, value in given.items() if value not in (math.inf, -math.inf)}
     words = (f"{name}={f'{value:.6g}' if isinstance(value, float) else repr(value)}" for name, value in there.items())
@@ -77,7 +77,7 @@ def _words(distribution: Distribution) -> str:
 
 
 def outcomes(records: Sequence[Record]) -> dict[str, list[Any]]:
-    """By name, the column of each outcome: 1 or 0 for success, least clearance, every measure; None where it lacks."""
+    """Return the columns of outcomes by name: success (1 or 0), least clearance, every measure; None if missing."""
     columns: dict[str, list[Any]] = {SUCCESS: [float(one["status"] == "ok") for one in records]}
     if any(one["clearance"] is not None for one in records):
         columns[CLEARANCE] = [one["clearance"] for one in records]
@@ -87,7 +87,7 @@ def outcomes(records: Sequence[Record]) -> dict[str, list[Any]]:
 
 
 def worst(records: Sequence[Record], count: int = WORST) -> list[Record]:
-    """The first to look at: those without success, a new reason first, then by least clearance; then the tightest."""
+    """Return the worst variants: failures, new reasons first, then by least clearance; then the tightest successes."""
     seen: Counter[str] = Counter()
     ranked: list[tuple[bool, int, int, Record]] = []
     for one in sorted(records, key=lambda r: (r["status"] == "ok", _or_inf(r["clearance"]), r["index"])):
@@ -102,13 +102,13 @@ def _or_inf(value: float | None) -> float:
 
 
 def _kind(one: Record) -> str:
-    """The reason without its numbers, so that variants that fail alike count as one."""
+    """Return the reason without its numbers, so that like failures count as one kind."""
     reason = str(one["reason"])
     return re.sub(r"\d+", "0", reason) if one["status"] != "ok" else ""
 
 
 def _reasons(records: Sequence[Record]) -> Counter[tuple[str, str]]:
-    """How often what ended a task, the first reason of each kind standing for all."""
+    """Count the reasons that ended tasks; the first reason of a kind represents all."""
     named: dict[tuple[str, str], str] = {}
     counted: Counter[tuple[str, str]] = Counter()
     for one in records:
@@ -133,7 +133,7 @@ def _distribution(column: Sequence[Any]) -> dict[str, Any]:
 def _importance(
     variables: Mapping[str, Distribution], records: Sequence[Record], columns: Mapping[str, Sequence[Any]]
 ) -> dict[str, dict[str, dict[str, float | None]]]:
-    """By outcome, then by variable: first-order Sobol' index, and rank correlation where the variable is a number."""
+    """Return, by outcome and variable, the first-order Sobol' index, and the rank correlation of numeric variables."""
     found: dict[str, dict[str, dict[str, float | None]]] = {}
     for name, column in columns.items():
         there = [i for i, value in enumerate(column) if value is not None and not isinstance(value, str)]
@@ -151,7 +151,7 @@ def _importance(
 
 
 def ranking(document: Mapping[str, Any], outcome: str) -> list[str]:
-    """The variables by what they explain of an outcome, the most first."""
+    """Return the variables, sorted by the share of an outcome's variance that they explain, greatest first."""
     of = document["importance"].get(outcome, {})
 
     def weight(name: str) -> float:

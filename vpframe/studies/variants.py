@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Variables = Mapping[str, Distribution]
 MOST = 10**6
-"""variants of a study"""
+"""maximum number of variants of a study"""
 _OPEN = 2.0**-54
 """keeps uniform numbers off 0 and 1, where quantiles may be infinite"""
 
@@ -53,14 +53,14 @@ class Variant(Mapping[str, Value]):
 
     @cached_property
     def rng(self) -> np.random.Generator:
-        """A generator of the variant's own, apart from the one that its values were drawn from."""
+        """Random generator of the variant, independent of the one that drew its values."""
         import numpy as np
 
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(self.index, 1)))
 
 
 def random_sample(variables: Variables, count: int, seed: int) -> list[Variant]:
-    """Variants with independent values; variant i depends on the seed and i alone."""
+    """Return variants with independent values; variant i depends on the seed and i alone."""
     import numpy as np
 
     _check_count(count)
@@ -72,7 +72,7 @@ def random_sample(variables: Variables, count: int, seed: int) -> list[Variant]:
 
 
 def sobol_sample(variables: Variables, count: int, seed: int) -> list[Variant]:
-    """Variants at the first points of a scrambled Sobol' sequence: means of n converge faster than 1/sqrt(n).
+    """Return variants at the first points of a scrambled Sobol' sequence: means of n converge faster than 1/sqrt(n).
 
     Source: Owen, "Scrambling Sobol' and Niederreiter-Xing points", J. Complexity 14 (1998), as in `scipy.stats.qmc`.
     """
@@ -84,7 +84,7 @@ def sobol_sample(variables: Variables, count: int, seed: int) -> list[Variant]:
 
 
 def grid(variables: Variables, levels: int, seed: int) -> list[Variant]:
-    """All combinations: of a `Choice` every value, of other variables `levels` values of equal probability."""
+    """Return all combinations of every value of a `Choice` and `levels` equally probable values of other variables."""
     _check_count(math.prod(distribution.count(levels) for distribution in variables.values()))
     values = [distribution.levels(levels) for distribution in variables.values()]
     combinations = itertools.product(*values)
@@ -97,7 +97,7 @@ def _check_count(count: int) -> None:
 
 
 def nominal(variables: Variables) -> Variant:
-    """The variant of all nominal values."""
+    """Return the variant of all nominal values."""
     return Variant(0, 0, {name: distribution.nominal for name, distribution in variables.items()})
 
 
@@ -126,7 +126,7 @@ def variables_of(module: ModuleType, script: Path) -> dict[str, Distribution]:
 
 
 def bound(module: ModuleType, script: Path, variant: Variant) -> SimpleNamespace:
-    """A study's script as a task script of one variant: `scene()`, `task(session)`, `OPTIONS`.
+    """Return a study's script as a task script of one variant: `scene()`, `task(session)`, `OPTIONS`.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def _takes(function: Callable[..., Any], wanted: str, count: int, script: Path) 
 
 
 def load(path: str | Path, **options: Any) -> Scene:
-    """`vpframe.load`, but a file is read once a process; each call returns a scene of its own, with shared shapes."""
+    """Load like `vpframe.load`, but read a file once per process; each call returns a new scene with shared shapes."""
     import pinocchio as pin
 
     from vpframe.scene.scene import Scene

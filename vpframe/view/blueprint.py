@@ -1,4 +1,4 @@
-"""How a recording opens: the scene at the left, its plots at the right, events and the script's line below."""
+"""The layout of a recording: scene at the left, plots at the right, events and the script's line below."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import rerun.blueprint as rrb
 from vpframe.view.camera import Camera
 
 DISTANCE = 3.0
-"""of the eye, in radii of the camera, for rerun's opening angle"""
+"""distance of the eye, in radii of the camera, for rerun's field of view"""
 
 
 def blueprint(camera: Camera) -> rrb.Blueprint:
-    """The layout of a recording, looking at the scene as `camera` does."""
+    """Return the layout of a recording, with the view of `camera`."""
     from_start = rrb.VisibleTimeRanges(
         [
             rrb.VisibleTimeRange(

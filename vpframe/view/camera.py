@@ -1,4 +1,4 @@
-"""Where a picture is taken from; the page, the recording and the still pictures frame a scene alike."""
+"""The camera of a picture; the page, the recording and the still pictures frame a scene alike."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ DIRECTION = (0.62, -0.66, 0.42)
 
 
 ASPECT = 4.0 / 3.0
-"""width over height that scenes are framed for"""
+"""aspect ratio for which scenes are framed"""
 MARGIN = 1.08
 WIRE = 0.1
-"""surface over squared diagonal of the box, below which a part counts as long and thin"""
+"""a part is long and thin if its surface is less than this times the square of its box's diagonal"""
 LITTLE = 0.25
-"""share of all surface up to which long thin parts are the ends that a picture may cut"""
+"""a picture may cut the ends of long thin parts that make up at most this share of all surface"""
 STUB = 0.1
-"""of the others' size: how much of a cut part is seen beyond them"""
+"""visible length of a cut part beyond the others, relative to their size"""
 BESIDE = 0.05
-"""of the size of what moves: how near to its way a neighbour is"""
+"""distance up to which a part is a neighbour, relative to the size of the moving parts"""
 AROUND = 0.5
-"""of the same: how far neighbours are seen"""
+"""distance up to which neighbours are in the picture, relative to the same"""
 _AREAS: WeakKeyDictionary[Shape, float] = WeakKeyDictionary()
 
 
@@ -43,12 +43,12 @@ class Camera:
     radius: float
 
     def axes(self) -> NDArray[np.float64]:
-        """(3, 3) rows: right, up, and towards the eye."""
+        """Return (3, 3) rows: right, up, and towards the eye."""
         return view_axes(self.eye - self.target, self.up)
 
 
 def view_axes(back: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3) rows right, up, back of a view along -`back`, with `up` (or x, when they are parallel) upwards."""
+    """Return (3, 3) rows right, up, back of a view along -`back`, with `up` (or x, if parallel) upwards."""
     back = back / np.linalg.norm(back)
     right = np.cross(up, back)
     if np.linalg.norm(right) < 1e-9:
@@ -58,7 +58,7 @@ def view_axes(back: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.
 
 
 def look_at(points: ArrayLike, direction: ArrayLike = DIRECTION, up: ArrayLike = (0.0, 0.0, 1.0)) -> Camera:
-    """The camera that sees all `points` (n, 3) from `direction` (towards the eye), as near as a 4:3 picture allows."""
+    """Return the nearest camera that sees all `points` (n, 3) from `direction` (towards the eye) in a 4:3 picture."""
     p = np.asarray(points, dtype=np.float64)
     axes = view_axes(np.asarray(direction, dtype=np.float64), np.asarray(up, dtype=np.float64))
     seen = p @ axes.T
@@ -73,7 +73,7 @@ def look_at(points: ArrayLike, direction: ArrayLike = DIRECTION, up: ArrayLike =
 def frame_scene(
     scene: Scene, *poses: Mapping[str, pin.SE3], direction: ArrayLike = DIRECTION, names: Iterable[str] = ()
 ) -> Camera:
-    """The camera that sees what moves over `poses` and its neighbours, or all parts (or `names`) where nothing does.
+    """Return the camera that sees the parts that move over `poses` and their neighbours; all (or `names`) if none does.
 
     A part that `poses` do not name stands at its own pose. Of a neighbour, what reaches far beyond is not in the
     picture; neither is what reaches beyond all others of a long thin part, a wire, among stouter ones (`slender`).
@@ -97,7 +97,7 @@ def frame_scene(
 
 
 def first_view(scene: Scene) -> Camera:
-    """The camera for a session whose way is not known yet: room is left for what can move to be lifted."""
+    """Return the camera for a session whose motion is not known yet, with room to lift what can move."""
     if not len(scene):
         return frame_scene(scene)
     parts = scene.parts
@@ -116,7 +116,7 @@ def slender(part: Part) -> bool:
 
 
 def _area(part: Part) -> float:
-    """m²: of its surface; measured once a shape."""
+    """Return the area of a part's surface, m²; measured once per shape."""
     if part.shape not in _AREAS:
         at = part.mesh.vertices[part.mesh.triangles]
         sides = np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
@@ -125,7 +125,7 @@ def _area(part: Part) -> float:
 
 
 def _apart(first: pin.SE3, second: pin.SE3, box: NDArray[np.float64]) -> bool:
-    """Whether a part whose box has these corners (8, 3) is elsewhere in the second pose: by 1e-4 of its size."""
+    """Whether a part with these box corners (8, 3) is displaced in the second pose by more than 1e-4 of its size."""
     moved = box @ (second.rotation - first.rotation).T + (second.translation - first.translation)
     return bool(np.abs(moved).max() > 1e-4 * np.abs(np.ptp(box, axis=0)).max())
 
@@ -133,7 +133,7 @@ def _apart(first: pin.SE3, second: pin.SE3, box: NDArray[np.float64]) -> bool:
 def _with_neighbours(
     boxes: Sequence[NDArray[np.float64]], moving: Sequence[bool], thin: Sequence[bool]
 ) -> NDArray[np.float64]:
-    """(n, 3) points of what moves, and of what stands beside its way as far as that is near; of wires a stub."""
+    """Return points (n, 3) of moving parts and of the near ends of the parts beside their way; wires are cut."""
     way = np.concatenate([box for box, moves in zip(boxes, moving, strict=True) if moves])
     low, high = way.min(axis=0), way.max(axis=0)
     size = float(np.linalg.norm(high - low))
@@ -155,11 +155,11 @@ def _with_neighbours(
 def _without_ends(
     parts: Sequence[Part], boxes: Sequence[NDArray[np.float64]], thin: Sequence[bool]
 ) -> NDArray[np.float64]:
-    """(n, 3) points of all boxes; thin parts that are little of the whole end a little beyond the others."""
+    """Return points (n, 3) of all boxes; thin parts with little surface are cut a little beyond the others."""
     if not any(thin) or all(thin):
         return np.concatenate(boxes)
     area, cut = np.array([_area(part) for part in parts]), np.array(thin)
-    area = np.minimum(area, area[~cut].max())  # a wire twice as long is no more of the whole
+    area = np.minimum(area, area[~cut].max())  # a longer wire must not count more
     if area[cut].sum() > LITTLE * area.sum():
         return np.concatenate(boxes)
     stout = np.concatenate([box for box, out in zip(boxes, thin, strict=True) if not out])

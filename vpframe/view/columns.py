@@ -1,4 +1,4 @@
-"""What a recording keeps, as rerun has it: geometry as archetypes, values over time as columns, names as paths."""
+"""Data of a recording in rerun's form: geometry as archetypes, values over time as columns, names as paths."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from vpframe.view.display import display_mesh
 from vpframe.view.symbols import Symbol
 
 LEVEL = {"bad": "WARN", "plain": "DEBUG"}
-"""rerun's level of an event by its tone; INFO for the rest"""
+"""rerun's level of an event by its tone; INFO for all others"""
 
 
 def geometry(part: Part) -> Iterator[tuple[str, Any]]:
-    """What is drawn of a part, by entity: its surfaces, and the lines between its features."""
+    """Return the drawn geometry of a part, by entity: its surfaces, and the lines between its features."""
     mesh = display_mesh(part.shape)
     for surface in range(mesh.n_surfaces):
         v0, v1 = mesh.vertex_start[surface : surface + 2]
@@ -40,7 +40,7 @@ def geometry(part: Part) -> Iterator[tuple[str, Any]]:
 
 
 def _logged_once(values: list[Any]) -> Any:
-    """The columns of one archetype."""
+    """Return the columns of one archetype."""
     (archetype,) = values
     return [batch.partition([len(batch.as_arrow_array())]) for batch in archetype.as_component_batches()]
 
@@ -59,7 +59,7 @@ def _transforms(values: list[pin.SE3]) -> Any:
 
 def _strips(values: list[Symbol | None]) -> Any:
     drawn = [symbol for symbol in values if symbol]
-    each = [1 if symbol else 0 for symbol in values]  # no strips and no colour: the symbol is gone
+    each = [1 if symbol else 0 for symbol in values]  # without strips and colour the symbol disappears
     strips = rr.LineStrips3D.columns(strips=[strip for symbol in drawn for strip in symbol.strips])
     style = rr.LineStrips3D.columns(
         colors=rgbas([symbol.color for symbol in drawn]),
@@ -101,26 +101,26 @@ COLUMNS: dict[str, Callable[[list[Any]], Any]] = {
 
 
 def surface_path(part: str, surface: int) -> str:
-    """The entity of a surface of a part."""
+    """Return the entity of a surface of a part."""
     return f"{entity('parts', part)}/surfaces/{surface}"
 
 
 def rgba(color: palette.Color) -> int:
-    """A colour as rerun packs it, opaque."""
+    """Return an opaque colour as rerun packs it."""
     r, g, b = (round(255 * min(max(c, 0.0), 1.0)) for c in color)
     return (r << 24) | (g << 16) | (b << 8) | 0xFF
 
 
 def _ui_radii(points: list[float]) -> NDArray[np.float32]:
-    """Radii that do not shrink with distance, in points of the screen: rerun keeps them as negative numbers."""
+    """Return radii that do not shrink with distance, in screen points: rerun's negative numbers."""
     return -np.array(points, dtype=np.float32)
 
 
 def rgbas(colors: list[palette.Color]) -> NDArray[np.uint32]:
-    """(n,) such numbers."""
+    """Return (n,) colours as rerun packs them."""
     return np.array([rgba(color) for color in colors], dtype=np.uint32)
 
 
 def entity(root: str, name: str) -> str:
-    """`root/name` with the name as one step of the path, whatever it holds."""
+    """Return `root/name` with the name as one step of the path, whatever characters it contains."""
     return f"{root}/{rr.escape_entity_path_part(name)}"

@@ -1,4 +1,4 @@
-"""What a person asks of a running session from a page: play, pause, step, accept, refuse, remove."""
+"""Requests of a person at a page to a running session: play, pause, step, accept, refuse, remove."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from vpframe.view.requests import Request
 
 
 class Controls:
-    """Requests pass from the page's thread to the session's through here."""
+    """A queue of requests from the page's thread to the session's."""
 
     def __init__(self) -> None:
         self._change = threading.Condition()
@@ -19,11 +19,11 @@ class Controls:
 
     @property
     def paused(self) -> bool:
-        """Whether the session is asked to wait."""
+        """Whether the session must wait."""
         return self._paused
 
     def put(self, request: Request) -> None:
-        """Take a request in (any thread)."""
+        """Add a request (any thread)."""
         with self._change:
             if request.action == "play":
                 self._go.set()
@@ -37,27 +37,27 @@ class Controls:
             self._change.notify_all()
 
     def take(self) -> tuple[Request, ...]:
-        """The requests about constraints since the last call, in order: what the session does before its next step."""
+        """Return the requests about constraints since the last call, in order: input of the next step."""
         taken = self.waiting()
         self.drop(len(taken))
         return taken
 
     def waiting(self) -> tuple[Request, ...]:
-        """The same, without taking them."""
+        """Return the same requests without removing them."""
         with self._change:
             return tuple(self._requests)
 
     def drop(self, count: int) -> None:
-        """Forget the first requests: they are done."""
+        """Remove the first requests: they are carried out."""
         with self._change:
             del self._requests[:count]
 
     def asked_to_go(self, timeout: float) -> bool:
-        """Whether anybody has ever asked for "play", waiting for it for `timeout` s at most."""
+        """Wait for the first "play", at most `timeout` s; return whether it has come."""
         return self._go.wait(timeout)
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Hold the caller while paused; each "step" lets one call through. False when `timeout` (s) ran out."""
+        """Block the caller while paused; each "step" lets one call through. Return False after `timeout` (s)."""
         with self._change:
             if not self._change.wait_for(lambda: not self._paused or self._steps > 0, timeout):
                 return False

@@ -1,7 +1,7 @@
 """Parts of a large scene that stand still, drawn as instances of their shape.
 
-What rerun shows, keeps and writes grows with the number of entities, hardly with that of instances: thousands of parts
-with an entity for each surface are tens of megabytes before anything has moved, and slow to look at.
+Rerun's memory and files grow with the number of entities, hardly with that of instances: thousands of parts with an
+entity for each surface take tens of megabytes before anything has moved, and are slow to view.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from vpframe.view.columns import rgba
 from vpframe.view.display import display_mesh
 
 SEPARATE = 200
-"""parts up to which each is drawn for itself from the beginning"""
+"""maximum number of parts that are drawn one by one from the beginning"""
 
 
 @dataclass(frozen=True, eq=False)
 class Crowd:
-    """Parts that look alike: of one shape and colour, and of which the same surfaces collide."""
+    """Parts that look alike: of one shape and colour, with the same colliding surfaces."""
 
     entity: str
     shape: Shape
@@ -36,7 +36,7 @@ class Crowd:
     """the parts, by name"""
 
     def mesh(self) -> rr.Mesh3D:
-        """The shape in its colours."""
+        """Return the shape in its colours."""
         mesh = display_mesh(self.shape)
         colors: dict[str, Any] = {"albedo_factor": rgba(self.color)}
         if self.red:
@@ -51,7 +51,7 @@ class Crowd:
 def crowds(
     parts: Iterable[Part], colors: Mapping[str, palette.Color], red: Mapping[str, frozenset[int]]
 ) -> list[Crowd]:
-    """Crowds of parts that stand still, each with its entity, in the order of their first parts.
+    """Return the crowds of parts that stand still, by entity, in the order of their first parts.
 
     colors: of the parts by name. red: the surfaces that collide, of parts that have such.
     """

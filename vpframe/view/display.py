@@ -1,4 +1,4 @@
-"""What is drawn of a part: its triangles by surface with normals, and the lines between its features."""
+"""The drawn form of a part: triangles by surface with normals, and the lines between features."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from collision.mesh import welded
 from vpframe.scene.scene import Shape
 
 CREASE = np.cos(np.radians(35.0))
-"""cosine of the angle beyond which neighbouring triangles of one surface are drawn with an edge between them"""
+"""neighbouring triangles of one surface have an edge drawn between them if the cosine of their angle is less"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class DisplayMesh:
     triangle_start: NDArray[np.int64]
     """(k+1,) likewise for triangles"""
     feature_of_surface: NDArray[np.int32]
-    """(k,) surfaces with one number continue one another: no line is drawn between them"""
+    """(k,) feature number of each surface; no line is drawn between surfaces of one feature"""
     lines: NDArray[np.float32]
     """(e, 2, 3) segments between features and along creases"""
 
@@ -46,7 +46,7 @@ _MADE: WeakKeyDictionary[Shape, DisplayMesh] = WeakKeyDictionary()
 
 
 def display_mesh(shape: Shape) -> DisplayMesh:
-    """The drawable form of `shape`, made once a shape (instances share it)."""
+    """Return the drawn form of `shape`; instances share it."""
     made = _MADE.get(shape)
     if made is None:
         made = _MADE[shape] = _make(shape)
@@ -95,7 +95,7 @@ def _make(shape: Shape) -> DisplayMesh:
 def _lines(
     point: NDArray[np.float64], tri: NDArray[np.int64], normal: NDArray[np.float64], feature: NDArray[np.int32]
 ) -> NDArray[np.float32]:
-    """Edges with other than two triangles, or between two features, or across a crease."""
+    """Return the edges of a single triangle or more than two, between two features, or at a crease."""
     edge = np.sort(tri[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(tri)), 3)
     order = np.lexsort((owner, edge[:, 1], edge[:, 0]))

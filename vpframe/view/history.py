@@ -1,4 +1,4 @@
-"""Frames kept for looking back: all of a short run, ever fewer a second of a long one, every event of both."""
+"""Frames kept for looking back: all frames of a short run, evenly spaced ones of a long run, and all events."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vpframe.session.events import Event, Frame
 
 
 class History:
-    """At most `limit` frames, evenly spaced over all that were added; the last one is always there."""
+    """At most `limit` frames, evenly spaced over all added ones, always with the last one."""
 
     def __init__(self, limit: int = 1200) -> None:
         self.limit = limit
@@ -21,7 +21,11 @@ class History:
         self._last: Frame | None = None
 
     def add(self, frame: Frame) -> None:
-        """Take the next frame in."""
+        """Add the next frame; one that shows the last step again replaces it."""
+        if self._last is not None and frame.step == self._last.step:
+            self._count -= 1
+            if self._kept and self._kept[-1][0] == self._count:
+                self._kept.pop()
         self._events.extend((self._count, event) for event in frame.events)
         if self._count % self._stride == 0:
             self._kept.append((self._count, frame))
@@ -32,45 +36,45 @@ class History:
         self._last = frame
 
     def mark(self) -> tuple[int, int, Frame | None]:
-        """How much there is, to `undo` what follows."""
+        """Return a mark for `undo`."""
         return self._count, len(self._events), self._last
 
     def undo(self, mark: tuple[int, int, Frame | None]) -> None:
-        """Forget what was added since a mark."""
+        """Remove the frames and events added since a mark."""
         self._count, events, self._last = mark
         del self._events[events:]
         del self._kept[bisect.bisect_left(self._kept, self._count, key=itemgetter(0)) :]
 
     @property
     def last(self) -> Frame | None:
-        """The newest frame."""
+        """Return the newest frame."""
         return self._last
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """All events, in order."""
+        """Return all events, in order."""
         return tuple(event for _, event in self._events)
 
     def events_since(self, count: int) -> tuple[tuple[int, Event], ...]:
-        """The events after the first `count`, each with the number of the frame that it came with."""
+        """Return the events after the first `count`, each with the number of its frame."""
         return tuple(self._events[count:])
 
     def at(self, number: int) -> tuple[int, Frame] | None:
-        """The last kept frame up to that number, with its number; the first one kept if there is none, None of none."""
+        """Return the last kept frame up to this number (else the first) with its own; None if none is kept."""
         place = bisect.bisect_right(self._kept, number, key=itemgetter(0))
         return self._kept[max(place - 1, 0)] if self._kept else None
 
     def __len__(self) -> int:
-        """How many frames were added."""
+        """Return the number of added frames."""
         return self._count
 
     def sample(self, count: int) -> list[tuple[Frame, tuple[Event, ...]]]:
-        """About `count` of the kept frames, evenly spaced."""
+        """Return about `count` of the kept frames, evenly spaced."""
         kept = list(self)
         return kept[:: max(len(kept) // count, 1)]
 
     def __iter__(self) -> Iterator[tuple[Frame, tuple[Event, ...]]]:
-        """Kept frames, each with the events since the one kept before it."""
+        """Iterate over the kept frames, each with the events since the kept frame before it."""
         frames = list(self._kept)
         if self._last is not None and (not frames or frames[-1][0] != self._count - 1):
             frames.append((self._count - 1, self._last))

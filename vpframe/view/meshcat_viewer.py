@@ -33,17 +33,17 @@ if TYPE_CHECKING:
     from vpframe.view.server import Server
 
 BROWSER_SECONDS = 8.0
-"""how long a session waits for the browser it has opened"""
+"""s that a session waits for the browser that it has opened"""
 LOOK = 0.05
-"""s between two looks whether it is there"""
+"""s between two checks whether the browser has connected"""
 EVENTS = 1000
-"""that a page is told of which comes late"""
+"""number of past events sent to a page that connects late"""
 MAX_PAUSE = 0.25
 """s, the longest wait between two frames that `pace` can ask for"""
 
 
 class Cursor(NamedTuple):
-    """What a page has seen."""
+    """The state of a page: what it has received."""
 
     client: int
     strips: int = 0
@@ -51,11 +51,11 @@ class Cursor(NamedTuple):
     over: bool = False
     notices: int = 0
     look: int = -1
-    """number of the frame that a person looks back at; -1: the newest"""
+    """number of the past frame that a person views; -1: the newest"""
     shown: int = -1
-    """the frame that it was sent while it looks back"""
+    """the past frame that the page was sent"""
     undone: int = 0
-    """how often the session had gone back"""
+    """number of undos of the session that the page knows"""
 
 
 class MeshcatViewer:
@@ -108,19 +108,19 @@ class MeshcatViewer:
 
     @property
     def url(self) -> str:
-        """Where the page is, once the session has begun; who has this address can see the session and act on it."""
+        """Address of the page after the session has begun; whoever has it can view and control the session."""
         if self._server is None:
             raise VpframeError("the viewer has no address before the session begins")
         return self._server.url
 
     @property
     def outside(self) -> str | None:
-        """The same for other machines; None where only this one is listened to."""
+        """The address for other machines; None if only this machine is served."""
         return self._server.outside if self._server else None
 
     @property
     def clients(self) -> int:
-        """How many pages are looking."""
+        """Number of connected pages."""
         return self._server.clients if self._server else 0
 
     def begin(self, scene: Scene) -> None:
@@ -128,7 +128,7 @@ class MeshcatViewer:
         self.show(scene)
 
     def show(self, scene: Scene) -> None:
-        """Start to serve a scene as it stands."""
+        """Start to serve a scene without a session."""
         from vpframe.view.server import Server
 
         if self._server is not None:
@@ -137,7 +137,7 @@ class MeshcatViewer:
         self._encoder = Encoder(scene, camera=first_view(scene))
         self._opening = _json({**self._encoder.begin(), "hand": self._ask is not None})
         self._strips: list[str] = []
-        self._encoded: tuple[int, str] | None = None
+        self._encoded: tuple[Frame, str] | None = None
         self._server = Server(html(), self._open, self._latest, self._asked, *self._address, gone=self._left)
         opened = self._open_browser and has_screen() and webbrowser.open(self._server.url, new=2)
         if self._open_browser and not opened:
@@ -164,18 +164,17 @@ class MeshcatViewer:
         self._last = (frame.time, time.monotonic())
 
     def mark(self) -> object:
-        """What was shown so far, to `undo` what follows."""
+        """Return a mark of what was shown so far, for `undo`."""
         return self._history.mark()
 
     def undo(self, mark: Any) -> None:
-        """Forget frames and events since a mark; pages do too, with the next frame."""
+        """Remove frames and events since a mark; pages do so with the next frame."""
         with self._lock:
             self._history.undo(mark)
             self._undone += 1
-            self._encoded = None
 
     def end(self) -> None:
-        """Show the last frame and stop to serve, at once or in `close`."""
+        """Show the last frame and stop the server, at once or in `close`."""
         self._over = True
         if self._server is not None:
             self._server.notify()
@@ -190,12 +189,12 @@ class MeshcatViewer:
         self.close()
 
     def close(self) -> None:
-        """Stop to serve."""
+        """Stop the server."""
         if self._server is not None:
             self._server.close()
 
     def static_html(self, path: str | os.PathLike[str]) -> Path:
-        """Write one file that shows and plays back what was shown so far, without a server or any outside part.
+        """Write one file that plays back everything shown so far, without a server or external resources.
 
         Raises OutputError where there is something that vpframe did not write.
         """
@@ -214,7 +213,7 @@ class MeshcatViewer:
             self._server.notify()
 
     def _asked(self, request: Request, cursor: Cursor) -> Cursor:
-        """Pass on what a page asks for (in the server's thread)."""
+        """Pass on a page's request (in the server's thread)."""
         if request.action == "look":
             return cursor._replace(look=max(request.given["frame"], -1), shown=-1)
         if self._ask is not None and request.action not in OF_THE_RUN:
@@ -224,20 +223,20 @@ class MeshcatViewer:
         return cursor
 
     def _left(self, client: int) -> None:
-        """Forget what was said to a page that has gone (in the server's thread)."""
+        """Remove the messages to a page that has disconnected (in the server's thread)."""
         with self._lock:
             self._notices = {key: notice for key, notice in self._notices.items() if notice[1] != client}
         self._gone(client)
 
     def _open(self, client: int) -> tuple[list[str], Cursor]:
-        """What a page needs first (in the server's thread)."""
+        """Return the first messages for a page (in the server's thread)."""
         first = Cursor(client, events=self._recent(), undone=self._undone)
         messages, cursor = self._latest(first)
         you = [_json({"type": "you", "client": client})] if self._ask is not None else []
         return [self._opening, *you, *messages], cursor
 
     def _latest(self, cursor: Cursor) -> tuple[list[str], Cursor]:
-        """What a page that has seen `cursor` does not know yet (in the server's thread)."""
+        """Return the messages that a page at `cursor` does not have yet (in the server's thread)."""
         messages: list[str] = []
         with self._lock:
             if cursor.undone != self._undone:
@@ -266,22 +265,22 @@ class MeshcatViewer:
         )
 
     def _recent(self) -> int:
-        """How many events come before those that a page is told of which does not know any."""
+        """Return the number of events that a new page is not sent."""
         return max(len(self._history.events) - EVENTS, 0)
 
     def _frame_message(self, number: int, frame: Frame, back: bool) -> str:
-        if not back and self._encoded is not None and self._encoded[0] == number:
+        if not back and self._encoded is not None and self._encoded[0] is frame:
             return self._encoded[1]
         fresh, message = self._encoder.frame(frame)
         self._strips.extend(_json(strips) for strips in fresh)
         text = _json({**message, "number": number, "back": back})
         if not back:
-            self._encoded = (number, text)
+            self._encoded = frame, text
         return text
 
 
 def watched(wait: bool = False) -> MeshcatViewer:
-    """A viewer in the browser, at the pace of the clock; `wait` as `MeshcatViewer` has it."""
+    """Return a viewer in the browser that runs in real time; `wait`: see `MeshcatViewer`."""
     return MeshcatViewer(open_browser=True, pace=1.0, wait=wait)
 
 
@@ -290,7 +289,7 @@ def page_of(
     frames: Iterable[tuple[Frame, tuple[Event, ...]]],
     start: Mapping[str, pin.SE3] | None = None,
 ) -> str:
-    """One self-contained page that shows a scene and plays `frames`, each with the events since the one before.
+    """Return one self-contained page that shows a scene and plays `frames`, each with the events since the one before.
 
     `start`: poses before the first frame, where they are not the scene's present ones.
     """
@@ -302,7 +301,7 @@ def page_of(
     for frame, events in shown:
         fresh, message = encoder.frame(frame, events)
         news = {k: v for k, v in message.items() if k == "type" or k not in before or before[k] != v}
-        messages += [*fresh, news]  # the page takes the rest from the frame before
+        messages += [*fresh, news]  # other poses stay those of the frame before
         before = message
     return html(messages)
 
@@ -313,7 +312,7 @@ def write_page(
     path: str | Path,
     start: Mapping[str, pin.SE3] | None = None,
 ) -> Path:
-    """Write `page_of` the same into a file."""
+    """Write `page_of` into a file."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     files.replace(path, page_of(scene, frames, start))

@@ -1,4 +1,4 @@
-"""How scenes, sessions and reports look in a notebook: the page that plays them, in a frame of its own."""
+"""Scenes, sessions and reports in a notebook: the page that plays them, in an isolated frame."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HEIGHT = 560
 
 
 def framed(page: str, height: int = HEIGHT) -> str:
-    """A document inside another one: scripts of it reach nothing of the notebook."""
+    """Return a document as an isolated frame: its scripts cannot reach the notebook."""
     return (
         f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts allow-downloads" '
         f'style="width: 100%; height: {height}px; border: 1px solid #d5dae2"></iframe>'
@@ -29,12 +29,12 @@ def shown(
     frames: Iterable[tuple[Frame, tuple[Event, ...]]] = (),
     start: Mapping[str, pin.SE3] | None = None,
 ) -> str:
-    """A scene, and what happened in it, as `vpframe.view.meshcat_viewer.page_of` has it."""
+    """Return the page of a scene and its frames, see `vpframe.view.meshcat_viewer.page_of`."""
     return framed(page_of(scene, frames, start))
 
 
 class ReportFolder(type(Path())):  # type: ignore[misc]  # a path of this machine
-    """The folder of a report; a notebook shows its page, and plays its scene."""
+    """The folder of a report; a notebook shows its page and plays its scene."""
 
     def _repr_html_(self) -> str:
         pages = [self / name for name in ("index.html", "scene.html")]

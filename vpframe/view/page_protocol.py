@@ -1,4 +1,4 @@
-"""Scenes and frames as the page reads them: JSON, with arrays as base64 of little-endian numbers."""
+"""Messages to the page: scenes and frames as JSON, arrays as base64 of little-endian numbers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Message = dict[str, Any]
 
 
 class Encoder:
-    """Turns the frames of one scene into messages. Strips of symbols are sent once and referred to by a number."""
+    """Encodes the frames of one scene as messages; strips of symbols are sent once and referred to by number."""
 
     def __init__(self, scene: Scene, start: Mapping[str, pin.SE3] | None = None, camera: Camera | None = None) -> None:
         self.scene = scene
@@ -33,19 +33,18 @@ class Encoder:
         self._index = {name: i for i, name in enumerate(scene.names)}
         self._known: Mapping[str, pin.SE3] = {}
         self._moved: dict[int, str] = {}
-        """the parts that ever moved, by place"""
+        """indices of the parts that ever moved"""
         self._strips: dict[tuple[object, ...], int] = {}
         self._symbols: dict[int, tuple[ConstraintView, Symbol]] = {}
 
     def begin(self) -> Message:
-        """The scene: shapes once, parts with their poses and colours, the camera."""
+        """Return the message of the scene: shapes once, parts with poses and colours, camera."""
         return scene_message(self.scene, self.start, self.camera)
 
     def frame(self, frame: Frame, events: Iterable[Event] = ()) -> tuple[list[Message], Message]:
-        """Messages with strips that are new, and the frame's own.
+        """Return messages with new strips, and the message of the frame.
 
-        A page that has all strips can join at any frame, and go back to one: a frame names the pose of every part that
-        ever moved in those that were asked for.
+        A page that has all strips can show any frame: each has the poses of all parts that moved in an encoded frame.
         """
         names, self._known = moved(self._known, frame.poses), frame.poses
         for name in names:
@@ -99,7 +98,7 @@ class Encoder:
 
 
 def scene_message(scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera) -> Message:
-    """Everything a page needs before the first frame."""
+    """Return the message that a page needs before the first frame."""
     shapes: dict[Shape, int] = {}
     first: list[Part] = []
     for part in scene.parts:
@@ -137,7 +136,7 @@ def scene_message(scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera) ->
 
 
 def shape_message(part: Part) -> Message:
-    """Triangles of a part's shape by surface, its lines, and of its faces the names and what can be measured."""
+    """Return a shape: triangles by surface, lines, and names and measures of its faces."""
     mesh = display_mesh(part.shape)
     return {
         "positions": pack(mesh.positions),
@@ -153,7 +152,7 @@ def shape_message(part: Part) -> Message:
 
 
 def _measure(geometry: Geometry) -> list[Any] | None:
-    """What is measured of a face: its kind, point and direction (part frame, m), radius (m; 0 of planes and cones)."""
+    """Return the measures of a face: kind, point and direction (part frame, m), radius (m; 0 for planes and cones)."""
     match geometry:
         case Plane(origin=origin, normal=direction):
             kind, radius = "plane", 0.0
@@ -171,7 +170,7 @@ def _measure(geometry: Geometry) -> list[Any] | None:
 
 
 def strips_message(number: int, symbol: Symbol) -> Message:
-    """The polylines of a symbol, in its own frame."""
+    """Return the polylines of a symbol, in its own frame."""
     return {
         "type": "strips",
         "number": number,
@@ -182,7 +181,7 @@ def strips_message(number: int, symbol: Symbol) -> Message:
 
 
 def event_message(event: Event, frame: int | None = None) -> Message:
-    """An event as a line in the page's log; `frame`: the number of the frame that it came with."""
+    """Return an event as a line of the page's log; `frame`: number of the event's frame."""
     return {
         "frame": frame,
         "parts": [plain(name) for name in event.parts],
@@ -194,7 +193,7 @@ def event_message(event: Event, frame: int | None = None) -> Message:
 
 
 def matrix(pose: pin.SE3) -> NDArray[np.float64]:
-    """(16,) the homogeneous matrix by columns, as three.js wants it."""
+    """Return the homogeneous matrix (16,) by columns, as in three.js."""
     return pose.homogeneous.T.ravel()
 
 
@@ -203,5 +202,5 @@ def _matrix(pose: pin.SE3) -> list[float]:
 
 
 def pack(array: NDArray[Any]) -> str:
-    """Base64 of the array's bytes, little-endian."""
+    """Return base64 of the array's little-endian bytes."""
     return base64.b64encode(np.ascontiguousarray(array).astype(array.dtype.newbyteorder("<")).tobytes()).decode("ascii")

@@ -10,21 +10,21 @@ from vpframe.session.events import Event
 Color = tuple[float, float, float]
 
 COLLIDING: Color = (0.90, 0.16, 0.14)
-"""a surface that collides"""
+"""colliding surface"""
 CANDIDATE: Color = (0.96, 0.65, 0.14)
-"""a constraint that is offered"""
+"""offered constraint"""
 ACTIVE: Color = (0.10, 0.62, 0.34)
-"""a constraint that holds"""
+"""constraint in force"""
 REFUSED: Color = (0.55, 0.55, 0.58)
-"""a constraint that was refused"""
+"""refused constraint"""
 FREEDOM: Color = (0.16, 0.42, 0.86)
-"""motion that is left"""
+"""remaining freedom"""
 HAND: Color = (0.98, 0.80, 0.20)
-"""the hand, and the part it holds"""
+"""hand, and the part it holds"""
 TRAIL: Color = (0.45, 0.35, 0.75)
-"""where the held part has been"""
+"""trail of the held part"""
 GAP: Color = (0.75, 0.10, 0.62)
-"""the place of least clearance"""
+"""place of least clearance"""
 EDGE: Color = (0.13, 0.15, 0.19)
 BACKGROUND: tuple[Color, Color] = ((0.97, 0.98, 0.99), (0.80, 0.84, 0.89))
 """top and bottom"""
@@ -32,7 +32,7 @@ BACKGROUND: tuple[Color, Color] = ((0.97, 0.98, 0.99), (0.80, 0.84, 0.89))
 STATE: dict[str, Color] = {"candidate": CANDIDATE, "active": ACTIVE, "refused": REFUSED}
 
 TONES: dict[str, Color] = {"bad": COLLIDING, "offer": CANDIDATE, "good": ACTIVE, "hand": FREEDOM, "plain": REFUSED}
-"""colours of what an event means to a person"""
+"""colours of events, by tone"""
 
 _TONE = {
     "collided": "bad",
@@ -47,7 +47,7 @@ _TONE = {
 
 
 def tone(event: Event) -> str:
-    """What an event means to a person: one of TONES. An expectation that holds is good, one that fails is bad."""
+    """Return the tone of an event, one of TONES. An expectation that holds is good, one that fails is bad."""
     if event.kind == "expectation":
         return "good" if event.data.get("holds", False) else "bad"
     return _TONE.get(event.kind, "plain")
@@ -57,7 +57,7 @@ _DEFAULT = Part.__dataclass_fields__["color"].default
 
 
 def part_colors(scene: Scene) -> dict[str, Color]:
-    """The colour of each part: the file's hue where it gives one, otherwise hues a golden angle apart; all muted.
+    """Return the colour of each part: the file's hue if it states one, else hues a golden angle apart; all muted.
 
     CAD files like full red and green; muted, they leave vivid colours to what a viewer has to see (a collision is red).
     Instances of one shape share a hue, so that four equal bolts look like four equal bolts.

@@ -1,4 +1,4 @@
-"""Triangles and segments into pixels with a depth buffer, in parallel projection (Pineda 1988, edge functions)."""
+"""Rasterise triangles and segments with a depth buffer, in parallel projection (Pineda 1988, edge functions)."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def fill_triangles(xy, z, keep, depth, face, weight):
 
 @inner_kernel
 def _span(xy, t, y):
-    """Least and greatest x of triangle `t` on the line of that y, but for rounding; inf, -inf if there is none."""
+    """Return least and greatest x of triangle `t` on the line of this y, up to rounding; inf, -inf if there is none."""
     low, high = np.inf, -np.inf
     for k in range(3):
         ax, ay = xy[t, k, 0], xy[t, k, 1]

@@ -45,12 +45,12 @@ if TYPE_CHECKING:
 
 FLUSH_STEPS = 240
 FLUSH_SECONDS = 2.0
-"""the buffered steps go to the file when there are this many, or this long after the last time"""
+"""maximum number of buffered steps, and s after which they are written"""
 
 VIEWS = 200
-"""states of the scene, one a flush, that the final camera is fitted to at most"""
+"""maximum number of states, one per flush, that the final camera frames"""
 BACKLOG = 8
-"""buffers that may wait for the writer before the session does"""
+"""maximum number of buffers waiting for the writer; then the session waits"""
 
 GONE = "removed"
 """the state of a constraint that is no longer listed"""
@@ -72,14 +72,14 @@ class RerunRecorder:
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
-        with contextlib.suppress(OSError):  # what is wrong with the folder is wrong with the file
+        with contextlib.suppress(OSError):  # errors of the folder are reported for the file
             self.path.parent.mkdir(parents=True, exist_ok=True)
         self._output = claimed(path, RECORDING)
         self._stream: rr.RecordingStream | None = None
         self._failure: Exception | None = None
 
     def begin(self, scene: Scene) -> None:
-        """Write the geometry and how to look at it."""
+        """Write geometry and layout."""
         self._file = self._output.open()
         self._empty = True
         self._stream = stream = rr.RecordingStream("vpframe", recording_id=None, send_properties=True)
@@ -127,7 +127,7 @@ class RerunRecorder:
             self._flush()
 
     def frame(self, frame: Frame) -> None:
-        """Buffer one step; now and then hand it to the writer. Raises what stopped the writer, if anything did."""
+        """Buffer one step; pass full buffers to the writer. Raises the error that stopped the writer, if any."""
         if self._failure is not None:
             raise self._failure
         rows = self._rows
@@ -162,7 +162,7 @@ class RerunRecorder:
             self._flush()
 
     def end(self) -> None:
-        """Write what is left and close the file."""
+        """Write the remaining buffers and close the file."""
         if self._stream is not None:
             if not self._gathered:
                 self._gather(None)
@@ -170,7 +170,7 @@ class RerunRecorder:
             self._queue.put(None)
             self._writer.join()
             if self._failure is None:
-                camera = frame_scene(self._scene, *self._seen)  # all that was seen is known now
+                camera = frame_scene(self._scene, *self._seen)  # all poses are known now
                 self._stream.send_blueprint(blueprint(camera), make_default=True)
                 try:
                     self._append()
@@ -184,7 +184,7 @@ class RerunRecorder:
             raise self._failure
 
     def _gather(self, frame: Frame | None) -> None:
-        """Draw what stands still in the first frame as instances, and the rest each for itself."""
+        """Draw parts that stand still in the first frame as instances, all others one by one."""
         self._gathered = True
         rows, scene = self._rows, self._scene
         rows.at(0, 0.0)
@@ -206,10 +206,10 @@ class RerunRecorder:
             rows.add(crowd.entity, "instances", list(self._still[crowd.entity].values()))
         for name in sorted(moving):
             self._come_out(name)
-        self._last_flush = -np.inf  # geometry is not to be lost
+        self._last_flush = -np.inf  # geometry must not be lost
 
     def _come_out(self, name: str) -> None:
-        """Draw a part for itself from now on."""
+        """Draw a part of a crowd separately from now on."""
         if name in self._crowd_of:
             del self._still[self._crowd_of[name]][name]
             self._left.add(name)
@@ -218,7 +218,7 @@ class RerunRecorder:
         self._place(self._scene.index(name))
 
     def _place(self, part: int) -> None:
-        """Pose and colours: their first values too change later, which those of a static component could not."""
+        """Write pose and colours as values in time, since static components could not change later."""
         name = self._names[part]
         self._rows.add(self._paths[name], "transform", self._pose[name])
         for surface in range(self._scene[name].mesh.n_surfaces):
@@ -252,7 +252,7 @@ class RerunRecorder:
         return palette.COLLIDING if (part, surface) in self._red else self._colors[self._names[part]]
 
     def _involved(self, frame: Frame) -> Sequence[ConstraintView]:
-        """The constraints that are drawn: of many those that changed since the session began, or of parts once held."""
+        """Return the drawn constraints: of many, those changed since the session began or of parts once held."""
         views = frame.constraints
         if self._quiet is None:
             self._quiet = {view.id: view.state for view in views} if len(views) > DRAWN else {}
@@ -276,7 +276,7 @@ class RerunRecorder:
             *hand_symbols(frame.hands, self._symbol_size),
         ):
             seen.add(symbol.name)
-            path = f"symbols/{symbol.name}"
+            path = _symbol_path(symbol.name)
             if self._symbols.get(symbol.name) != symbol.key:
                 self._symbols[symbol.name] = symbol.key
                 self._rows.add(path, "strips", symbol)
@@ -285,7 +285,7 @@ class RerunRecorder:
                 self._rows.add(path, "transform", symbol.pose)
         for name in [name for name in self._symbols if name not in seen]:
             del self._symbols[name]
-            self._rows.add(f"symbols/{name}", "strips", None)
+            self._rows.add(_symbol_path(name), "strips", None)
         for name, pose in frame.hands.items():
             place = pose.translation.copy()
             if name in self._hand and not np.array_equal(self._hand[name], place):
@@ -312,7 +312,7 @@ class RerunRecorder:
         self._state = now
 
     def _plot(self, root: str, leaf: str, value: float, name: str, color: palette.Color | None = None) -> None:
-        """One point of a line; its name, with the unit, is written the first time."""
+        """Add a point of a plot; its name, with the unit, is written the first time."""
         path = self._lines.get((root, leaf))
         if path is None:
             path = self._lines[root, leaf] = entity(root, leaf) if leaf else root
@@ -341,12 +341,12 @@ class RerunRecorder:
                 self._append()
         except Exception as error:
             self._failure = error
-            self._encoded.read()  # or rerun complains that nobody did
+            self._encoded.read()  # else rerun warns
             while self._queue.get() is not None:  # the session must not wait for a writer that is gone
                 pass
 
     def _append(self) -> None:
-        """Write what is encoded to the file: all of it, or nothing."""
+        """Append the encoded bytes to the file: all of them, or none."""
         whole = self._encoded.read()
         if whole is None:
             return
@@ -372,21 +372,27 @@ class _Rows:
         self.steps += 1
 
     def add(self, path: str, kind: str, value: Any, at: tuple[int, float] | None = None) -> None:
-        """Buffer a value, at the present step unless `at` says another (step, s)."""
+        """Buffer a value at the present step, or at `at` (step, s)."""
         self._rows.setdefault((path, kind), []).append((*(at or self._now), value))
 
     def take(self) -> Buffered:
-        """All rows by entity and kind; the buffers are empty afterwards."""
+        """Return all rows by entity and kind, and empty the buffers."""
         rows, self._rows, self.steps = self._rows, {}, 0
         return rows
 
 
 def _lane(view: ConstraintView) -> str:
-    """The entity that keeps a constraint's state: its kind and parts, as a person would call it."""
+    """Return the entity of a constraint's state, named by its kind and parts."""
     return re.sub(r"[^\w.-]", "_", f"{view.kind}-{view.parts[0]}-{view.parts[1]}-{view.id}")
 
 
 def _meeting(colliding: NDArray[np.int32]) -> set[tuple[int, int]]:
-    """(part, surface) of all that collides."""
+    """Return (part, surface) of all colliding surfaces."""
     both = np.concatenate([colliding[:, :2], colliding[:, 2:]])
     return set(map(tuple, np.unique(both, axis=0).tolist()))
+
+
+def _symbol_path(name: str) -> str:
+    """The entity of a symbol: its kind, then what it belongs to, which is one step of the path."""
+    kind, slash, of = name.partition("/")
+    return entity(f"symbols/{kind}", of) if slash else f"symbols/{kind}"

@@ -1,4 +1,4 @@
-"""Opening a recording again: in rerun's viewer, or as the events it holds."""
+"""Open a recording: in rerun's viewer, or as a list of its events."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from vpframe.text import plain
 from vpframe.view.screen import has_screen
 
 HEADER = 12
-"""bytes before the first message of a recording"""
+"""bytes of a recording before its first message"""
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a recording's log: an event, or where the script stood ("script")."""
+    """A line of a recording's log: an event, or the script's line ("script")."""
 
     step: int
     time: float
@@ -34,7 +34,7 @@ class Line:
 
 
 def replay(path: str | Path, script: bool = False) -> int:
-    """Open a recording in rerun's viewer, or print its events and the script's lines when `script` is asked for.
+    """Open a recording in rerun's viewer, or with `script` print its events and the script's lines.
 
     Without a screen the viewer is served to the browser, on this machine only. Returns an exit code.
 
@@ -52,7 +52,7 @@ def replay(path: str | Path, script: bool = False) -> int:
 
 
 def command(path: Path) -> list[str]:
-    """How rerun is started: its window where there is a screen, otherwise its server, bound to loopback either way."""
+    """Return rerun's command: a window if there is a screen, else a server; both listen to loopback only."""
     beside = Path(sys.executable).with_name("rerun")
     program = str(beside) if beside.exists() else (shutil.which("rerun") or "rerun")
     where = ["--port", "auto"] if has_screen() else ["--serve-web", "--web-viewer-port", "0"]
@@ -60,7 +60,7 @@ def command(path: Path) -> list[str]:
 
 
 def lines(path: str | Path) -> list[Line]:
-    """Events and the script's lines of a recording, in order. A recording that was cut off gives what it has."""
+    """Return events and the script's lines of a recording, in order; of an incomplete one, those it has."""
     found: list[Line] = []
     order = {"events": 0, "script": 1}
     for entity, rows in tables(path, tuple(order)):
@@ -86,7 +86,7 @@ def tables(path: str | Path, entities: tuple[str, ...] | None = None) -> Iterato
     from rerun.chunk import RrdReader
 
     with tempfile.TemporaryDirectory(prefix="vpframe-") as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that a recording which was cut off has no index at its end
+        warnings.simplefilter("ignore")  # an incomplete recording has no index at its end
         try:
             for chunk in RrdReader(_whole(path, Path(folder))).stream():
                 entity = str(chunk.entity_path).lstrip("/")
@@ -97,8 +97,7 @@ def tables(path: str | Path, entities: tuple[str, ...] | None = None) -> Iterato
 
 
 def _whole(path: Path, folder: Path) -> Path:
-    """The recording itself, or a copy without the message it breaks off in, which neither rerun's reader nor its viewer
-    forgives."""
+    """Return the recording, or a copy without its incomplete last message, which rerun cannot read."""
     size = path.stat().st_size
     with path.open("rb") as file:
         file.seek(max(size - 12, 0))
@@ -114,7 +113,7 @@ def _whole(path: Path, folder: Path) -> Path:
 
 
 def messages_end(file: BinaryIO) -> int:
-    """Where the last whole message of a recording ends, in bytes; an index of its messages is not counted.
+    """Return the end of a recording's last complete message, in bytes, without the index of messages.
 
     The format (RRF2): 12 bytes of header; messages that begin with 16 bytes, their kind and how many bytes follow; and,
     when rerun closed the stream itself, the index, of kind 0, with 32 bytes behind it that end in RRF2FOOT and a

@@ -1,4 +1,4 @@
-"""What pages may send: one table of actions and their fields. A page is not trusted: what is not in it is dropped."""
+"""Requests of pages: one table of actions and their fields. Pages are not trusted: anything else is dropped."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from types import MappingProxyType
 from typing import Any
 
 MOST = 1 << 31
-"""ids and numbers of parts, surfaces and frames are below it"""
+"""upper limit of ids and of numbers of parts, surfaces and frames"""
 FARTHEST = 1e6
-"""m, rad: no coordinate is beyond it"""
+"""greatest coordinate, m or rad"""
 
 
 def _count(value: Any) -> int:
@@ -85,17 +85,17 @@ OF_THE_RUN = ("play", "pause", "step")
 
 @dataclass(frozen=True)
 class Request:
-    """What a person asks for; `id` is the constraint's for accept, refuse and remove, `given` has all other fields."""
+    """A person's request; `id` names the constraint of accept, refuse and remove, `given` has all other fields."""
 
     action: str
     id: int | None = None
     given: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     client: int = field(default=0, compare=False)
-    """number of the page that asks"""
+    """number of the page that sent it"""
 
     @classmethod
     def read(cls, message: Any, client: int = 0) -> Request | None:
-        """The request in a decoded message, or None if it is not one."""
+        """Return the request in a decoded message; None if it is none."""
         if not isinstance(message, dict) or not isinstance(message.get("action"), str):
             return None
         fields = ACTIONS.get(message["action"])

@@ -1,4 +1,4 @@
-"""Whether there is a screen to open windows and browsers on."""
+"""Detection of a screen for windows and browsers."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ import sys
 
 
 def has_screen() -> bool:
-    """True on Windows and macOS, and where an X or Wayland display is named."""
+    """Return whether there is a screen: on Windows and macOS always, else if an X or Wayland display is named."""
     return sys.platform in ("win32", "darwin") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

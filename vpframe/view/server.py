@@ -1,4 +1,4 @@
-"""A web server for the page, in a thread of its own. Nobody ever waits for a browser.
+"""A web server for the page, in its own thread. Nobody ever waits for a browser.
 
 A page answers each message when it has drawn it; the next frame goes out after that, and is then the latest there is.
 A page that does not answer for `PATIENCE` seconds is dropped.
@@ -31,13 +31,13 @@ from vpframe.view.requests import Request
 
 PATIENCE = 10.0
 LONGEST_MESSAGE = 1 << 12
-"""bytes of a message from a page, at most"""
+"""maximum size of a message from a page, bytes"""
 EVERYWHERE = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
-"""hosts that stand for every address of this machine, and the address that it reaches itself at"""
+"""hosts that mean every address of this machine, with the loopback address"""
 MOST_MESSAGES = 300
-"""messages a second from a page; one that sends more for long is dropped"""
+"""maximum rate of messages from a page, 1/s; a page that sends more for long is dropped"""
 RATE = 90.0
-"""frames a second to a page, at most: above 60, so that every frame of a 60 Hz session can pass"""
+"""maximum rate of frames to a page, 1/s: above 60, so that every frame of a 60 Hz session can pass"""
 
 
 class Server:
@@ -95,13 +95,13 @@ class Server:
         ready.wait()
 
     def _address(self, host: str) -> str:
-        """The page's address under a name or address of this machine."""
+        """Return the page's address under a name or address of this machine."""
         return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/?token={self._token}"
 
     def refusal(self, host: str, token: str) -> str:
-        """Why a request that came for `host` with `token` is not answered; empty if it is."""
+        """Return why a request for `host` with `token` is refused; empty if it is accepted."""
         try:
-            ipaddress.ip_address(host.strip("[]"))  # nobody can make an address mean another machine
+            ipaddress.ip_address(host.strip("[]"))  # unlike a name, an address cannot be redirected to another machine
         except ValueError:
             if host.lower() not in self._names:
                 return "served under this machine's own names and addresses only"
@@ -111,17 +111,17 @@ class Server:
 
     @property
     def clients(self) -> int:
-        """Pages that are connected."""
+        """Return the connected pages."""
         return len(self._clients)
 
     def notify(self) -> None:
-        """Say that there is something new; returns at once (any thread)."""
+        """Announce new messages; return at once (any thread)."""
         if self._clients and not self._news.is_set() and self._loop is not None:
             self._news.set()
             self._loop.call_soon_threadsafe(self._pump)
 
     def close(self, linger: float = 1.0) -> None:
-        """Let pages see the last frame, for `linger` seconds at most, and stop."""
+        """Wait until pages have drawn the last frame, at most `linger` s, and stop."""
         if self._loop is None or self._stop is None or not self._thread.is_alive():
             return
         until = time.monotonic() + linger
@@ -159,7 +159,7 @@ class Server:
 
 
 class _Guarded(tornado.web.RequestHandler):
-    """A request that is answered only to those who were given the address."""
+    """A request handler that answers only requests with the token."""
 
     def initialize(self, server: Server) -> None:
         self.server = server
@@ -173,7 +173,7 @@ class _Guarded(tornado.web.RequestHandler):
 class _Page(_Guarded):
     def get(self) -> None:
         self.set_header("Cache-Control", "no-store")
-        self.set_header("Referrer-Policy", "no-referrer")  # the address is a key
+        self.set_header("Referrer-Policy", "no-referrer")  # the address contains the token
         self.write(self.server._page)
 
 
@@ -182,12 +182,12 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
         super().initialize(server)
         self.seen: Any = None
         self.number = 0
-        """of the page, from 1; 0 before it is open"""
+        """number of the page, from 1; 0 before it is open"""
         self.allowed = float(MOST_MESSAGES)
-        """messages that it may send now"""
+        """number of messages that the page may send now"""
         self.counted = time.monotonic()
         self.owed = 0
-        """messages sent that the page has not drawn"""
+        """number of messages sent that the page has not drawn"""
         self.heard = time.monotonic()
         self.sent = 0.0
         self.behind = False
@@ -228,7 +228,7 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
                 self.send_latest()
 
     def send_latest(self) -> None:
-        """Send what is new, now or when the page has drawn what it has."""
+        """Send new messages, now or when the page has drawn the previous ones."""
         self.behind = True
         wait = self.sent + 1.0 / RATE - time.monotonic()
         if self.owed > 0:
@@ -246,7 +246,7 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
             self.send_latest()
 
     def drop_if_gone(self) -> None:
-        """Close when the page owes an answer for too long."""
+        """Close the connection if the page has not answered for too long."""
         if self.owed and time.monotonic() - self.heard > PATIENCE:
             self.server._clients.discard(self)
             self.close(1001, "no answer")
@@ -262,5 +262,5 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
             self.server._clients.discard(self)
 
     def _written(self, message: asyncio.Future[None]) -> None:
-        if not message.cancelled() and message.exception() is not None:  # the page went while it was sent
+        if not message.cancelled() and message.exception() is not None:  # the page disconnected meanwhile
             self.server._clients.discard(self)

@@ -41,7 +41,7 @@ def render(
     colors: Mapping[str, palette.Color] | None = None,
     supersample: int = 2,
 ) -> NDArray[np.uint8]:
-    """Picture (height, width, 3) of a scene.
+    """Return a picture (height, width, 3) of a scene.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def render(
 def _in_picture(
     scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera, shape: tuple[int, int]
 ) -> list[tuple[str, Part]]:
-    """The parts whose boxes reach into the picture: of a large scene seen from near by these are few."""
+    """Return the parts whose boxes reach into the picture; close views of large scenes have few."""
     if not len(scene):
         return []
     corners = {part.shape: boxes.corners(part.mesh) for part in {p.shape: p for p in scene.parts}.values()}
@@ -119,10 +119,10 @@ class _Buffers:
         self.waiting: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []  # (m, 3, 2) pixels and (m, 3) depths
         self.count = 0
         self.window = np.array([height, 0, width, 0])
-        """first row, row after the last, first column, column after the last of all that was drawn"""
+        """drawn area: first row, row after the last, first column, column after the last"""
 
     def clear(self) -> None:
-        """Forget what was drawn."""
+        """Clear the buffers."""
         part = self.part()
         self.depth[part], self.wall, self.face[part] = -np.inf, None, -1
         for rows in (self.names, self.normals, self.owner, self.back):
@@ -131,7 +131,7 @@ class _Buffers:
         self.window[:] = (*self.face.shape[:1], 0, *self.face.shape[1:], 0)
 
     def part(self) -> tuple[slice, slice]:
-        """Rows and columns of `window`."""
+        """Return the rows and columns of `window`."""
         top, bottom, left, right = self.window.tolist()
         return slice(top, bottom), slice(left, right)
 
@@ -143,7 +143,7 @@ class _Buffers:
         camera: Camera,
         section: tuple[ArrayLike, ArrayLike] | None,
     ) -> None:
-        """Take a part in, if it is in the picture. What is not cut is filled in at once, by `fill`."""
+        """Add a part if it is in the picture; parts without a cut are drawn together, by `fill`."""
         mesh = display_mesh(shape)
         world = mesh.positions.astype(np.float64) @ pose.rotation.T + pose.translation
         points = project(world, camera, self.depth.shape)
@@ -178,7 +178,7 @@ class _Buffers:
         self.count += len(surface)
 
     def fill(self) -> None:
-        """Fill in all triangles that wait, in the order in which they came: at equal depth the first is seen."""
+        """Draw all added triangles in order: at equal depth the first is seen."""
         from vpframe.view.raster import fill_triangles
 
         if self.waiting:
@@ -194,7 +194,7 @@ class _Buffers:
         back: NDArray[np.bool_],
         plane: NDArray[np.float64],
     ) -> None:
-        """Fill in a part that is cut: where the eye sees it from within, its cut is in front, in the section plane."""
+        """Draw a cut part: where the eye sees its inside, the cut lies in front, in the section plane."""
         from vpframe.view.raster import fill_triangles
 
         face = np.full_like(self.face, -1)
@@ -206,7 +206,7 @@ class _Buffers:
         if self.wall is None:
             self.wall = np.full_like(self.depth, -np.inf)
         depth[filled] = plane[filled]
-        # of two solids that are cut at one place the inner one is seen: its wall is nearer
+        # of two solids cut at one pixel the inner one is drawn: its wall is nearer
         drawn = (face >= 0) & ((depth > self.depth) | ((depth == self.depth) & (wall > self.wall)))
         self.depth[drawn], self.wall[drawn], self.weight[drawn] = depth[drawn], wall[drawn], weight[drawn]
         self.face[drawn] = face[drawn] + self.count
@@ -219,7 +219,7 @@ class _Buffers:
         alpha: float,
         cut: bool,
     ) -> None:
-        """Blend what was drawn over `image`."""
+        """Blend the drawn triangles over `image`."""
         from vpframe.view.raster import shade_faces
 
         if not self.count:
@@ -242,7 +242,7 @@ class _Buffers:
 
 
 def project(points: ArrayLike, camera: Camera, shape: tuple[int, int]) -> NDArray[np.float64]:
-    """World points (n, 3) to (column, row, depth towards the eye) for a picture of `shape` = (height, width) pixels."""
+    """Project world points (n, 3) to (column, row, depth towards the eye) in a picture of `shape` = (height, width)."""
     height, width = shape
     q = (np.asarray(points, dtype=np.float64) - camera.target) @ camera.axes().T
     scale = 0.5 * min(width, height) / camera.radius
@@ -254,7 +254,7 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def _plane_depth(section: tuple[ArrayLike, ArrayLike], camera: Camera, shape: tuple[int, int]) -> NDArray[np.float64]:
-    """(h, w) depth of the section plane under each pixel; -inf everywhere when it is seen edge on."""
+    """Return the depth (h, w) of the section plane at each pixel; -inf everywhere if it is seen edge on."""
     height, width = shape
     axes = camera.axes()
     point, normal = (np.asarray(v, dtype=np.float64) for v in section)
@@ -270,7 +270,7 @@ def _plane_depth(section: tuple[ArrayLike, ArrayLike], camera: Camera, shape: tu
 
 @lru_cache(maxsize=4)
 def _background(width: int, height: int) -> NDArray[np.float32]:
-    """Read only."""
+    """Return the background, read only."""
     top, bottom = (np.array(c, dtype=np.float32) for c in palette.BACKGROUND)
     fade = np.linspace(0.0, 1.0, height, dtype=np.float32)[:, None, None]
     return np.broadcast_to(top + fade * (bottom - top), (height, width, 3))
@@ -309,7 +309,7 @@ def _draw_symbols(
 
 
 def png(image: NDArray[np.uint8]) -> bytes:
-    """The bytes of a PNG file of `image` (h, w, 3) uint8 (PNG specification, third edition: 8-bit RGB, filter Up)."""
+    """Return `image` (h, w, 3) uint8 as the bytes of a PNG file (third edition: 8-bit RGB, filter Up)."""
     height, width, _ = image.shape
     rows = image.reshape(height, width * 3)
     filtered = np.empty((height, width * 3 + 1), dtype=np.uint8)

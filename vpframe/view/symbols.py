@@ -1,7 +1,7 @@
-"""What a constraint, the freedom it leaves, a hand and its trail look like: polylines, the same in every back end.
+"""Symbols of constraints, freedom, hands and trails: polylines, the same in every back end.
 
 A symbol is drawn once in a frame of its own (z along the axis or normal) and moved by its pose, so that a page or a
-recording need not hear of its shape again while it moves.
+recording receives its shape once.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ TURNING = ("concentric", "conical", "toroidal", "screw", "gear", "belt")
 FLAT = ("against", "coplanar")
 """constraint kinds whose direction is a plane's normal"""
 DRAWN = 400
-"""constraints up to which all are drawn; of more, a recording and a report leave out those that nothing happens to"""
+"""maximum number of constraints that are all drawn; of more, recordings and reports omit those that never change"""
 WIDTH = {"active": 3.0, "candidate": 2.0, "refused": 1.0}
-"""of the lines of a constraint by its state, pixels"""
+"""line width of a constraint by its state, pixels"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,18 +45,18 @@ class Symbol:
     pose: pin.SE3
     color: palette.Color
     width: float
-    """of the lines, pixels"""
+    """line width, pixels"""
     label: str = ""
     hidden: float = 0.4
-    """opacity in 0 … 1 where something stands in front"""
+    """opacity in 0 … 1 of hidden lines"""
 
     def world(self) -> tuple[Points, ...]:
-        """The strips in the world."""
+        """Return the strips in the world frame."""
         return tuple(strip @ self.pose.rotation.T + self.pose.translation for strip in self.strips)
 
 
 def constraint_symbol(view: ConstraintView) -> Symbol:
-    """The symbol of a constraint or candidate, coloured by its state; of a refused one thin, grey and faint.
+    """Return the symbol of a constraint or candidate, coloured by its state; thin, grey and faint if refused.
 
     An axis with a ring for what turns about an axis (concentric, conical, screw, …), a ball for what turns about a
     point, a line for what touches along one, a framed square with its normal for what lies on a plane.
@@ -98,7 +98,7 @@ TURNS: dict[str, tuple[Points, ...]] = {
 
 
 def freedom_symbol(part: str, joint: str, pose: pin.SE3, size: float) -> Symbol | None:
-    """Arrows of the motion that a lower pair leaves: straight ones slide, bent ones turn. None if there is none.
+    """Return arrows of the freedom of a lower pair, straight for slides, bent for turns; None without freedom.
 
     `pose`: where the pair sits, z along the direction that names it. `size`: metres.
     """
@@ -121,12 +121,12 @@ def _freedom_strips(joint: str, size: float) -> tuple[Points, ...]:
 
 
 def _rounded(size: float) -> float:
-    """The size to three digits: a symbol need not be drawn anew when it differs by less."""
+    """Return the size to three digits, so that a symbol is not redrawn for small changes."""
     return float(f"{max(float(size), 1e-9):.3g}")
 
 
 def frame_symbols(frame: Frame, known: dict[int, tuple[ConstraintView, Symbol]] | None = None) -> tuple[Symbol, ...]:
-    """Symbols of a frame: constraints, candidates, those refused, and the freedom left of what is held.
+    """Return the symbols of a frame: constraints, candidates, refused ones, and the freedom of held parts.
 
     known: symbols by constraint, of the frame before: those of constraints that have not moved are taken from it.
     """
@@ -140,7 +140,7 @@ def frame_symbols(frame: Frame, known: dict[int, tuple[ConstraintView, Symbol]] 
         mine = [view for view in frame.constraints if view.state == "active" and name in view.parts]
         if not mine or name not in frame.joint:
             continue
-        naming = min(mine, key=lambda view: (view.kind in FLAT, view.id))  # an axis says more than a normal
+        naming = min(mine, key=lambda view: (view.kind in FLAT, view.id))  # prefer an axis to a normal
         pose = frame_at(naming.origin, naming.direction)
         symbol = freedom_symbol(name, frame.joint[name], pose, 2.4 * naming.size)
         if symbol:
@@ -149,7 +149,7 @@ def frame_symbols(frame: Frame, known: dict[int, tuple[ConstraintView, Symbol]] 
 
 
 def hand_symbols(hands: Mapping[str, pin.SE3], size: float) -> tuple[Symbol, ...]:
-    """A tripod in a ring, `size` metres, for each hand."""
+    """Return a tripod in a ring, `size` m, for each hand."""
     strips = (*(np.array([-size * axis, size * axis]) for axis in (X, Y, Z)), circle(Z, 0.7 * size))
     return tuple(
         Symbol(f"hand/{name}", ("hand", size), strips, pose, palette.HAND, 3.0, name) for name, pose in hands.items()
@@ -157,13 +157,13 @@ def hand_symbols(hands: Mapping[str, pin.SE3], size: float) -> tuple[Symbol, ...
 
 
 def trail_symbol(name: str, points: ArrayLike) -> Symbol:
-    """Where something has been: one polyline (n, 3) in the world."""
+    """Return a trail: one polyline (n, 3) in the world."""
     strip = np.asarray(points, dtype=np.float64)
     return Symbol(f"trail/{name}", (len(strip),), (strip,), pin.SE3.Identity(), palette.TRAIL, 2.0, name)
 
 
 def gap_symbol(a: ArrayLike, b: ArrayLike, scale: float) -> Symbol:
-    """Where two things are nearest: points `a` and `b` (3,) joined, in rings one can find. scale: m, of the picture."""
+    """Return the least clearance: points `a` and `b` (3,), joined, in visible rings. scale: m, of the picture."""
     line = np.array([a, b], dtype=np.float64)
     middle = line.mean(axis=0)
     radius = max(0.03 * scale, 0.75 * float(np.linalg.norm(line[1] - line[0])))
@@ -172,7 +172,7 @@ def gap_symbol(a: ArrayLike, b: ArrayLike, scale: float) -> Symbol:
 
 
 def frame_at(origin: ArrayLike, direction: ArrayLike) -> pin.SE3:
-    """The pose at `origin` (3,) whose z axis is along `direction` (3,); the world's z where that is zero."""
+    """Return the pose at `origin` (3,) with z along `direction` (3,); along the world's z if that is zero."""
     x, y, z = np.asarray(direction, dtype=np.float64).tolist()
     length = sqrt(x * x + y * y + z * z)
     x, y, z = (x / length, y / length, z / length) if length > 0 else (0.0, 0.0, 1.0)
@@ -187,7 +187,7 @@ def frame_at(origin: ArrayLike, direction: ArrayLike) -> pin.SE3:
 
 
 def circle(axis: Points, radius: float, turn: float = 2 * np.pi) -> Points:
-    """(n, 3) points of a circle about the origin, or of its first `turn` radians."""
+    """Return points (n, 3) of a circle about the origin, or of its first `turn` radians."""
     u = perpendicular(axis)
     v = np.cross(axis, u)
     angle = np.linspace(0.0, turn, 49)[:, None]
@@ -195,7 +195,7 @@ def circle(axis: Points, radius: float, turn: float = 2 * np.pi) -> Points:
 
 
 def arrow(axis: Points, length: float) -> list[Points]:
-    """Shaft and four barbs of an arrow from the origin along the unit vector `axis`."""
+    """Return shaft and four barbs of an arrow from the origin along the unit vector `axis`."""
     u = perpendicular(axis)
     v = np.cross(axis, u)
     tip = length * axis
@@ -218,7 +218,7 @@ def _helix(radius: float, turns: int = 3) -> Points:
 
 
 def _turn(axis: Points, radius: float) -> list[Points]:
-    """Three quarters of a circle with an arrow head at its end."""
+    """Return three quarters of a circle with an arrow head at its end."""
     arc = circle(axis, radius, 1.5 * np.pi)
     end = arc[-1]
     outward = end / np.linalg.norm(end)

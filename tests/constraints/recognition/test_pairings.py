@@ -13,7 +13,7 @@ from constraints.errors import GeometryError
 from constraints.geometry.surfaces import cross, norm
 from constraints.geometry.views import Extent, Limits, View
 from constraints.recognition.candidate import KINDS
-from constraints.recognition.pairings import FITS, PAIRINGS, matches, rows_for
+from constraints.recognition.pairings import FITS, PAIRINGS, matches, over, rows_for
 from tests.constraints.shapes import box, flanged_shaft, housing, shaft, turned
 
 EXACT = Limits.offer(replace(Tolerance(), reach=0.0, reach_angular=0.0))
@@ -304,3 +304,8 @@ def test_the_limit_of_clearance_is_a_parameter():
 def test_a_loose_shaft_at_the_wall_of_its_bore_is_tangent_to_it():
     match = matches(view(shaft(0.01, 0.05), 1, (0.0005, 0, 0)), view(housing(0.0105, 0.06), 3), EXACT)
     assert match.kind == "tangent" and match.parameters == {"mode": "inside"}
+
+
+def test_surfaces_that_do_not_overlap_are_not_said_to():
+    words = [over(length) for length in (0.012, 1e-15, 0.0, -0.0012)]
+    assert words == [" over 12 mm", ", end to end", ", end to end", ", ends 1.2 mm apart"]

@@ -103,7 +103,10 @@ def test_a_thread_below_the_cone_of_friction_holds_exactly(way):
     assert Nut(1.01 * pitch, 0.15).run(0.1).height < -1e-6
 
 
-@pytest.mark.parametrize("others", [True, False], ids=["with concentric", "screw alone"])
+@pytest.mark.parametrize(
+    "others",
+    [pytest.param(True, id="with concentric"), pytest.param(False, id="screw alone", marks=pytest.mark.slow)],
+)
 @pytest.mark.parametrize(
     ("pitch", "mu", "flank", "tilt", "torque"),
     [

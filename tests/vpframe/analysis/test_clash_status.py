@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from vpframe import __version__
 from vpframe.analysis.clash_status import (
     WHOLE,
     ClashKey,
@@ -24,6 +25,7 @@ from vpframe.analysis.clash_status import (
 )
 from vpframe.app import task_runner as study
 from vpframe.app.cli import main
+from vpframe.app.outputs import STATUS
 from vpframe.errors import VpframeError
 from vpframe.scene import modelling
 
@@ -116,7 +118,9 @@ def test_a_file_of_before_is_read(tmp_path) -> None:
     file.write_text(json.dumps({"clashes": rows, "authorised": [["a", "b"]]}, indent=2) + "\n")
     assert statuses(read(file)) == {ClashKey("a", "b", 0, 1): "accepted"}
     write(file, read(file), read_authorised(file))
-    assert json.loads(file.read_text()) == {"clashes": [{**rows[0], "runs": 1}], "authorised": [["a", "b"]]}
+    written = json.loads(file.read_text())
+    assert written == {"clashes": [{**rows[0], "runs": 1}], "authorised": [["a", "b"]], "version": __version__}
+    assert STATUS.recognise(file), "it may be replaced"
     write(file, ())
     assert read(file) == () and read_authorised(file) == ()
 
@@ -154,6 +158,7 @@ TASK = """
 import numpy as np, pinocchio as pin
 from vpframe.scene import modelling
 from vpframe.app import task_runner as study
+from vpframe.app.outputs import STATUS
 from vpframe.app.cli import main
 from vpframe.scene.scene import Part, Scene
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from vpframe.app import bench, cli
@@ -21,7 +23,7 @@ def made(name: str, plots: bool = True) -> SimpleNamespace:
         (Path(directory) / f"{name}.png").write_bytes(b"\x89PNG " + name.encode())
 
     result = {"suite": name, "machine": "two cores", "rows": [], "ratios": {"ours over <theirs>": 0.25}}
-    return SimpleNamespace(run=lambda quick: result, table=lambda result: f"table of {name} & more", plot=plot)
+    return SimpleNamespace(run=lambda quick: result, table=lambda result: f"table of {name} & more\nrow", plot=plot)
 
 
 @pytest.fixture
@@ -43,9 +45,14 @@ def test_all_suites_are_on_the_page(suites, tmp_path: Path, capsys) -> None:
     assert cli.main(["bench", "--all", "--html", str(path)]) == 0
     page = path.read_text(encoding="utf-8")
     for name in cli.SUITES:
-        assert f"<h2 id='{name}'>" in page and f"table of {name} &amp; more" in page
+        assert f"<h2 id='{name}'>" in page and f"<pre>table of {name} &amp; more\nrow</pre>" in page
     assert page.count("<img ") == len(cli.SUITES) and "src='data:image/png;base64," in page
-    assert "<script" not in page and "ours over &lt;theirs&gt;" in page and "two cores" in page and "numba " in page
+    assert (
+        "<script" not in page
+        and "ours over &lt;theirs&gt;" in page
+        and "measured in 0 s on two cores" in page
+        and "numba " in page
+    )
     assert cli.main(["bench", "study", "--html", str(path)]) == 0, "a page of ours is written over"
     assert "table of session" not in path.read_text(encoding="utf-8")
     path.write_text("mine")
@@ -56,11 +63,18 @@ def test_all_suites_are_on_the_page(suites, tmp_path: Path, capsys) -> None:
 def test_a_suite_without_its_peers_costs_itself_alone(suites, tmp_path: Path, capsys) -> None:
     suites["physics"] = VpframeError("needs models")
     suites["planning"] = made("planning", plots=False)
+    suites["service"] = SimpleNamespace(run=lambda quick: 1 / 0)
+    suites["session"].plot = lambda result, folder: 1 / 0
     path = tmp_path / "bench.html"
     assert cli.main(["bench", "--html", str(path)]) == 2
-    assert capsys.readouterr().err == "vpframe: physics: needs models\n"
+    told = sorted(capsys.readouterr().err.splitlines())
+    assert told == ["vpframe: physics: needs models", "vpframe: service: ZeroDivisionError: division by zero"]
     page = path.read_text(encoding="utf-8")
-    assert "table of study" in page and "table of physics" not in page
+    assert "table of study" in page and "table of physics" not in page and "measured in 0 s" in page
+    assert "<h2 id='physics'>physics</h2><p class='dim'>No result: needs models</p>" in page
+    assert "No result: ZeroDivisionError: division by zero" in page
+    assert "table of session" in page and "No plots: ZeroDivisionError: division by zero" in page
+    assert "<th>without</th>" in page, "peers that are not installed are named"
     assert "No plots: No module named &#x27;matplotlib&#x27; (pip install matplotlib)" in page
     assert cli.main(["bench", "physics"]) == 2
     assert cli.main(["bench", "physics", "--all"]) == 2
@@ -85,6 +99,14 @@ def test_cases_and_numbers_are_given_to_the_suite_that_takes_them(suites, capsys
         capsys.readouterr()
         assert cli.main(["bench", *wrong]) == 2
         assert said in capsys.readouterr().err
+
+
+def test_what_was_not_reached_has_no_error_in_json(suites, capsys) -> None:
+    rows = [{"error": float("inf"), "seconds": np.float64("nan"), "n": 3}, {"error": 0.5}]
+    result = {"suite": "service", "machine": "", "rows": rows, "ratios": {}}
+    suites["service"] = SimpleNamespace(run=lambda quick: result, table=lambda result: "")
+    assert cli.main(["bench", "service", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"] == [{"error": None, "seconds": None, "n": 3}, {"error": 0.5}]
 
 
 def test_a_text_that_no_case_has_is_named() -> None:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -143,6 +144,30 @@ def test_a_new_task_of_which_nothing_comes_out_says_what_to_change(tmp_path) -> 
     assert "# this fails: " in text and "# give another direction" in text
 
 
+def test_a_named_part_for_which_planning_finds_nothing_is_slid_straight(tmp_path, monkeypatch) -> None:
+    from vpframe import planning
+    from vpframe.scene import modelling as m
+
+    block = m.box(0.04, 0.04, 0.02).translated(-0.02, -0.02, 0.0)
+    m.write_step(
+        tmp_path / "slot.step",
+        {
+            "block": block - m.box(0.01, 0.04, 0.02).translated(-0.005, -0.02, 0.01),
+            "key": m.box(0.01, 0.04, 0.01).translated(-0.005, -0.02, 0.01),
+        },
+    )
+    whole = planning.removal
+
+    def nothing(*given, **named):
+        return replace(whole(*given, **named), verdict="not found", way=None)
+
+    monkeypatch.setattr(planning, "removal", nothing)
+    path = tmp_path / "first.py"
+    assert study.new_task(path, tmp_path / "slot.step", part="key") == ""
+    assert "hand.slide(" in path.read_text()
+    assert study.run_task(path) == 0
+
+
 def test_access_is_asked_with_one_flag(tmp_path, capsys) -> None:
     path = tmp_path / "boxed.py"
     path.write_text(
@@ -186,6 +211,23 @@ def test_a_new_task_for_a_named_part_outlines_the_scene(tmp_path) -> None:
         with pytest.raises(VpframeError, match=words):
             study.new_task(tmp_path / "other.py", tmp_path / "pegged.step", part=name)
     assert not (tmp_path / "other.py").exists()
+
+
+def test_a_new_task_removes_what_stands_in_the_way_of_a_named_part(tmp_path) -> None:
+    from vpframe.scene import modelling as m
+
+    cup = m.box(0.04, 0.04, 0.04) - m.box(0.03, 0.03, 0.035).translated(0.005, 0.005, 0.005)
+    m.write_step(
+        tmp_path / "cup.step",
+        {"cup": cup, "cube": m.box(0.01, 0.01, 0.01).translated(0.015, 0.015, 0.005),
+         "lid": m.box(0.04, 0.04, 0.004).translated(0.0, 0.0, 0.04)},
+    )  # fmt: skip
+    path = tmp_path / "first.py"
+    scene = study.loaded(tmp_path / "cup.step")
+    scene["cup"].fixed = True
+    assert first_task.new_task(path, scene, tmp_path / "cup.step", "cube") == ""
+    assert '    hand.remove(["lid", "cube"])\n    session.expect_free("cube")' in path.read_text()
+    assert study.run_task(path) == 0
 
 
 def test_ctrl_c_ends_cleanly_with_recording_and_report_of_what_was_done(tmp_path) -> None:

@@ -137,6 +137,27 @@ def test_the_script_gives_the_same_poses_to_the_bit(bench: Workbench, model: Pat
     assert "required=False" in bench.source(tmp_path) and "session.accept(" in bench.source(tmp_path)
 
 
+def test_where_steps_take_long_a_drag_goes_less_far_in_each_and_arrives(
+    bench: Workbench, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vpframe.app.workbench.STEP_SECONDS", 0.0)  # every step takes longer
+    grab(bench)
+    start = peg(bench)[:3, 3].copy()
+    end = start + np.array([0.02, -0.01, 0.03])
+    drag(bench, tuple(end))
+    (poses,) = bench.done[-1].statements[0].given
+    way = np.linalg.norm(np.diff([start, *(pose[:3] for pose in poses)], axis=0), axis=1)
+    assert way[0] == pytest.approx(bench.snap, abs=1e-6) and way[1:].max() < 0.5 * bench.snap + 1e-6
+    assert len(poses) == pytest.approx(np.linalg.norm(end - start) / (0.5 * bench.snap), abs=2)
+    assert np.abs(peg(bench)[:3, 3] - end).max() < 1e-6
+    ends = {part.name: part.pose.homogeneous for part in bench.session.scene.parts}
+    again = replayed(bench, model, tmp_path)
+    assert all(again[name].tobytes() == pose.tobytes() for name, pose in ends.items())
+    monkeypatch.setattr("vpframe.app.workbench.STEP_SECONDS", 10.0)  # every step takes less
+    drag(bench, tuple(start))
+    assert len(bench.done[-1].statements[0].given[0]) <= 6
+
+
 def test_undo_and_redo_are_exact_and_redo_ends_with_the_next_deed(bench: Workbench) -> None:
     grab(bench)
     before = bench.session.state.save()

@@ -46,6 +46,25 @@ def test_a_part_in_a_sealed_box_is_not_grabbed_and_the_lid_is_named() -> None:
         assert session.hand().grab("cube")  # off by default
 
 
+def test_at_most_three_parts_in_the_way_are_named_and_never_the_part_itself() -> None:
+    """A ring between six panels: its own far side, too, keeps a finger from the faces of its hole."""
+    ring = m.box(0.02, 0.02, 0.02).translated(-0.01, -0.01, -0.01) - m.cylinder(0.008, 0.02).translated(0, 0, -0.01)
+    parts = [Part("ring", m.shape(ring), at(0, 0, 0))]
+    for k in range(3):
+        size = np.full(3, 0.1)
+        size[k] = 0.005
+        for sign in (1.0, -1.0):
+            place = np.zeros(3)
+            place[k] = 0.02 * sign
+            panel = m.box(*size).translated(*(place - 0.5 * size))
+            parts.append(Part(f"panel {'xyz'[k]}{'+' if sign > 0 else '-'}", m.shape(panel), at(0, 0, 0)))
+    with Session(Scene(parts)) as session:
+        with pytest.raises(TaskError, match=r"panel") as caught:
+            session.hand(reach=SMALL).grab("ring")
+        way = str(caught.value).partition("Ø6 mm: ")[2].partition(" in the way")[0]
+        assert len(way.split(", ")) == 3 and way.endswith(" and 3 more") and "ring" not in way
+
+
 def test_a_finger_takes_the_nearest_place_that_it_gets_to() -> None:
     with Session(boxed(lid=False, wide=0.04), access=SMALL) as session:
         session.scene["cube"]
@@ -56,6 +75,16 @@ def test_a_finger_takes_the_nearest_place_that_it_gets_to() -> None:
         hand.release()
         with pytest.raises(TaskError, match=r"no access to surface \d+ of cube .*walls"):
             hand.grab("cube", surface=next(s for s in range(6) if s not in top))
+
+
+def test_a_ring_in_a_counterbore_is_reached_from_above() -> None:
+    """The largest triangles of a ring are on its outside, where the wall is 1.3 mm away."""
+    seat = m.box(0.06, 0.06, 0.02).translated(-0.03, -0.03) - m.cylinder(0.018, 0.006).translated(0.0, 0.0, 0.014)
+    ring = m.torus(0.0155, 0.0012).translated(0.0, 0.0, 0.0152)
+    scene = Scene([Part("seat", m.shape(seat), at(0, 0, 0), fixed=True), Part("ring", m.shape(ring), at(0, 0, 0))])
+    with Session(scene) as session:
+        hand = session.hand(at=(0.05, 0.0, 0.01), reach=Reach(length=0.1, diameter=0.003))
+        assert hand.grab("ring")
 
 
 @pytest.mark.parametrize("diameter", [0.008, 0.02])

@@ -137,6 +137,7 @@ REFUSED = {
     "fixed": (lambda h: h.remove("base"), "base is fixed"),
     "not moved": (lambda h: h.refit("bolt_1"), "is at its initial pose; remove it first"),
     "no thread": (lambda h: h.unscrew(parts="cover"), "no recognised thread holds cover"),
+    "names first": (lambda h: h.unscrew(["bolt_1", "bolt_2"]), "give names as parts="),
     "both": (lambda h: h.unscrew(parts="bolt_1", turns=2), "turns= is of the part in the hand"),
     "with itself": (lambda h: h.exchange("bolt_1", "lid"), "lid is named twice"),
 }
@@ -220,3 +221,17 @@ def test_a_session_takes_subassemblies_wherever_it_takes_parts() -> None:
         hand.place("base", at=(0.0, 0.0))
         low = min(p.mesh.vertices[:, 2].min() + p.pose.translation[2] for n, p in session.scene.items() if "lid" in n)
         assert low == pytest.approx(0.0, abs=1e-4)  # the bolts stand out under the cover
+
+
+def test_a_part_is_not_taken_past_the_end_of_a_long_neighbour_that_it_passes_beside() -> None:
+    """A rod a metre long hangs 6 mm beside the block's way; it passes the rod by."""
+    block = m.shape(m.box(0.02, 0.02, 0.02).translated(-0.01, -0.01, -0.02))
+    roof = m.shape(m.box(0.1, 0.1, 0.005).translated(-0.05, -0.05))
+    rod = m.shape(m.cylinder(0.002, 1.0).translated(0.0, 0.018, -1.0))
+    scene = Scene([Part("block", block, at(0, 0, 0)), Part("roof", roof, at(0, 0, 0)), Part("rod", rod, at(0, 0, 0))])
+    with Session(scene) as session:
+        assert session.hand().remove("block", along="down")
+        heights = [pose.translation[2] for _, pose in session.trail("block")]
+        assert min(heights) > -0.1
+        assert session.hand().refit("block")
+        assert np.linalg.norm(scene["block"].pose.translation) < 1e-6

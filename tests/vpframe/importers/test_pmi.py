@@ -122,7 +122,7 @@ def test_a_clearance_that_the_classes_do_not_allow_is_told(tmp_path):
         assert found["block"]["holds"] is holds
         if not holds:
             assert "clearance 0.1000 mm on the diameter, H7/g6 allows 0.005 … 0.029" in found["block"]["why"]
-            assert "EXPECTED OTHERWISE" in mates.table(mates.mates(scene))
+            assert "NOT AS SPECIFIED" in mates.table(mates.mates(scene))
 
 
 def test_a_toleranced_bore_without_its_shaft_is_told(tmp_path):

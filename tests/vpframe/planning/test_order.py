@@ -9,7 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vpframe as vp
+from vpframe.planning.page import gone
+from vpframe.planning.plan import _Plan
 from vpframe.planning.target import least
+from vpframe.scene.modelling import box
 from vpframe.scene.modelling import scene as scene_of
 
 LONG = 600.0
@@ -48,12 +51,28 @@ def test_of_a_thread_the_smaller_part_is_turned_and_the_larger_only_where_it_has
     assert order(kept) == [("bolt",), ("plate",)] and kept.steps[0].motion == "screw"
 
 
+def test_ways_are_searched_for_once_all_that_comes_out_easily_is_out(monkeypatch):
+    """Linked rings, which come out of a cup as one and never apart, lie over a block."""
+    cup = box(0.12, 0.12, 0.11) - box(0.1, 0.1, 0.11).translated(0.01, 0.01, 0.01)
+    added = scene_of(
+        {"cup": (cup, cases.at(-0.05, -0.06, -0.07)), "under": (box(0.08, 0.08, 0.02), cases.at(-0.03, -0.04, -0.05))}
+    )
+    scene = vp.Scene([*cases.linked_rings().parts, *added.parts])
+    out_before = []
+    monkeypatch.setattr(_Plan, "_search", lambda self, *given: out_before.append(set(self.out)))
+    plan = vp.planning.disassembly(scene, base=["cup"], budget=LONG)
+    assert order(plan) == [("one", "two"), ("under",)]
+    assert len(plan.remaining) == 1
+    assert scene.index("under") in out_before[0]
+
+
 def test_two_halves_that_hold_each_other_come_out_as_one_and_then_apart():
     scene = cases.interlocked()
     plan = vp.planning.disassembly(scene, budget=LONG)
     assert plan and order(plan)[0] == ("one", "two") and len(plan.steps) == 2
     assert set(plan.steps[0].tracks) == {"one", "two"}
     assert plan.steps[1].level == 1
+    assert gone(plan, 0) == gone(plan, 1) == set()  # the picture of the second step shows the group again
     for target in ("one", "two"):
         assert order(vp.planning.disassembly(scene, target, budget=LONG)) == [("one", "two"), (target,)]
 

@@ -11,6 +11,7 @@ import pytest
 
 from collision import colliding_surfaces
 from tests.vpframe.watching import box, fake_session, place, pressing_frames, pressing_scene
+from vpframe import __version__
 from vpframe.analysis.clash_status import ClashKey
 from vpframe.errors import VpframeError
 from vpframe.report import SessionLog, SweptVolume, plots, write
@@ -38,7 +39,9 @@ def written(tmp_path_factory):
 
 
 def document(folder):
-    return json.loads((folder / "report.json").read_text())
+    document = json.loads((folder / "report.json").read_text())
+    assert document["version"] == __version__
+    return document
 
 
 class Page(HTMLParser):

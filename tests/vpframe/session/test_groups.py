@@ -58,7 +58,7 @@ class Counted:
         monkeypatch.setattr(state.mates.recogniser, "matches", counted_matches)
 
 
-@pytest.mark.parametrize("parts", [2, 64])
+@pytest.mark.parametrize("parts", [2, pytest.param(64, marks=pytest.mark.slow)])
 def test_a_board_with_63_components_is_six_unknowns_and_no_pairs(parts: int, monkeypatch: pytest.MonkeyPatch) -> None:
     with vp.Session(board(parts), rule=rules.accept_all) as session:
         hand = session.hand(at=(0.03, 0.03, 0.02))

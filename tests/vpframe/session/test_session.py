@@ -334,3 +334,25 @@ def test_two_hands_that_push_two_parts_towards_each_other_stop_where_they_meet(g
             hands[1].move_by((-0.005, 0.0, 0.0))
         between = made["right"].pose.translation[0] - made["left"].pose.translation[0] - 0.02
     assert 0.0 <= between < 1e-4
+
+
+def test_two_sessions_on_one_scene_do_not_lose_each_other() -> None:
+    """The earlier one says so while a later one has the parts, and goes on from its own poses once that is closed."""
+    scene = Scene([Part("block", modelling.shape(modelling.box(0.01, 0.01, 0.01)), pin.SE3.Identity())])
+    first = Session(scene)
+    hand = first.hand()
+    hand.grab("block")
+    hand.move_by((0.1, 0.0, 0.0))
+    with Session(scene) as second:
+        other = second.hand()
+        other.grab("block")
+        other.move_by((0.0, 0.1, 0.0))
+        assert np.allclose(scene["block"].pose.translation, (0.1, 0.1, 0.0))
+        for use in (first.step, first.show, first.mark, lambda: hand.move_by((0.1, 0.0, 0.0))):
+            with pytest.raises(VpframeError, match=r"block is in another session, opened later.*close that"):
+                use()
+    hand.move_by((0.1, 0.0, 0.0))
+    assert np.allclose(scene["block"].pose.translation, (0.2, 0.0, 0.0))
+    first.close()
+    assert len(first.trail("block")) > 1
+    assert np.allclose(scene["block"].pose.translation, (0.2, 0.0, 0.0))

@@ -1,5 +1,6 @@
 """What was travelled can be travelled back, in fits of hardly any clearance; what is solid is never passed."""
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from constraints.motion.motion import Motion
 from vpframe import Part, Scene, Session, load
 from vpframe.scene import modelling
 from vpframe.scene.modelling import Solid, box, cylinder, extrude
@@ -83,8 +85,32 @@ REAL = [
     ("um2_head.step", ("1330-Z1P-B/1330 Fan Base 25x25", "1330-Z1P-B/1330 Fan Rotor 25x25"), (0, 0, -1), 0.05),
     ("um2_head.step", ("1320-B2P-B",), (0, 1, 0), 0.05),
     ("um2_head.step", ("1268-Z1P-A",), (0, 0, -1), 0.05),
+    ("um2_head.step", ("1307-Z2P-B Hot End Holder Top",), (0, 0, 1), 0.036),
+    ("um2_head.step", ("1313-Z1P-A_1/Fan Rotor 30x30",), (-SLOPE, SLOPE, 0), 0.05),
+    ("um2_head.step", ("1321-B2P-B",), (0, 1, 0), 0.057),
+    ("um2_head.step", ("1065-Z1P-A_1",), (0, 1, 0), 0.05),
 ]
 """models of VPFRAME_DATA: file, the part that is held and what it carries, its way out and how far (m)"""
+
+
+OFF_FIRST = {
+    "1321-B2P-B": ("1320", "1307", "1268", "1329", "Fan", "1301", "1065-Z1P-A_2"),
+    "1065-Z1P-A_1": (
+        "1320",
+        "1307",
+        "1268",
+        "1329",
+        "Fan",
+        "1301",
+        "1065-Z1P-A_2",
+        "1321",
+        "1308",
+        "1306",
+        "1310",
+        "1322",
+    ),
+}
+"""by part: those that have to be off before it, by parts of their names"""
 
 
 @cache
@@ -106,6 +132,8 @@ def test_a_real_part_goes_back_to_where_it_was(
     rule: rules.Rule,
 ) -> None:
     scene = real(real_models / "step" / model)
+    off_first = OFF_FIRST.get(unit[0], ())
+    scene = Scene([part for part in scene.parts if not any(name in part.name for name in off_first)])
     start = {part.name: pin.SE3(part.pose) for part in scene.parts}
     try:
         with Session(scene, rule=rule) as session:
@@ -170,16 +198,93 @@ def test_a_wedge_leaves_its_seat(draft: float) -> None:
         assert np.linalg.norm(scene["wedge"].pose.translation) < 1e-6
 
 
+def out_and_back(
+    scene: Scene, held: str, way: tuple[float, float, float], rule: rules.Rule = rules.accept_all
+) -> float:
+    """Deviation (m and rad) of a part after it was moved by `way`, m, and back."""
+    start = pin.SE3(scene[held].pose)
+    with Session(scene, rule=rule) as session:
+        hand = session.hand()
+        hand.grab(held)
+        assert hand.move_by(way)
+        back = hand.move_to(start)
+        assert back.reason == "arrived"
+        off = start.actInv(scene[held].pose)
+        return float(np.linalg.norm(off.translation) + np.linalg.norm(pin.log3(off.rotation)))
+
+
+@pytest.mark.parametrize("rule", [rules.leave_all, rules.accept_all])
+@pytest.mark.parametrize("off", [3e-6, 2e-5])
+def test_a_cover_with_holes_beside_its_pins_comes_back_to_where_it_was_drawn(off: float, rule: rules.Rule) -> None:
+    """No pose satisfies both fits; as drawn they hold. Pins reach into their holes by facets that lie parallel."""
+    plate, cover = box(0.06, 0.03, 0.005).translated(-0.03, -0.015, -0.005), box(0.06, 0.03, 0.005)
+    cover = cover.translated(-0.03, -0.015)
+    for x in (-0.02, 0.02):
+        plate = plate + cylinder(0.003, 0.01).translated(x)
+        cover = cover - cylinder(0.003, 0.01).translated(x + np.sign(x) * off, off)
+    parts = [Part("plate", modelling.shape(plate), HERE), Part("cover", modelling.shape(cover), HERE)]
+    parts[0].fixed = True
+    assert out_and_back(Scene(parts), "cover", (0.0, 0.0, 0.03), rule) < 1e-12
+
+
+@pytest.mark.parametrize("deep", [2e-4, 4.5e-4])
+def test_a_cap_that_is_drawn_inside_its_block_comes_back_there(deep: float) -> None:
+    """Its floor is set on the block's top on the way: the mate that is accepted there lets go."""
+    block = box(0.02, 0.02, 0.03)
+    cap = box(0.03, 0.03, 0.02).translated(-0.005, -0.005, 0.015)
+    cap = cap - box(0.022, 0.022, 0.02).translated(-0.001, -0.001, 0.01 - deep)
+    scene = Scene([Part("block", modelling.shape(block), HERE), Part("cap", modelling.shape(cap), HERE)])
+    scene["block"].fixed = True
+    with Session(scene) as session:
+        hand = session.hand()
+        hand.grab("cap")
+        assert hand.move_by((0.0, 0.0, 0.04))
+        assert hand.move_to(pin.SE3(np.eye(3), np.array([0.0, 0.0, deep])))
+        assert [mate.kind for mate in session.constraints_of("cap")] == ["against"]
+        assert hand.move_to(HERE).reason == "arrived"
+        assert np.linalg.norm(scene["cap"].pose.translation) < 1e-12
+
+
+def test_an_arrival_short_of_the_target_says_how_far_and_why() -> None:
+    cube = modelling.shape(box(0.02, 0.02, 0.02))
+    scene = Scene([Part("cube", cube, HERE), Part("wall", cube, pin.SE3(np.eye(3), np.array([0.03, 0.0, 0.0])))])
+    scene["wall"].fixed = True
+    with Session(scene, rule=rules.leave_all) as session:
+        hand = session.hand()
+        hand.grab("cube")
+        near = hand.move_by((0.0104, 0.0, 0.0))
+        assert near and re.fullmatch(r"arrived 0\.4\d mm from its target: wall stands in its way .*", near.reason)
+        assert hand.move_by((-0.01, 0.0, 0.0)).reason == "arrived"
+
+
+def test_a_part_that_is_stuck_is_moved_twice_a_step_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However far ahead of it the hand is, and in the first step of the next motion."""
+    cube = modelling.shape(box(0.02, 0.02, 0.02))
+    scene = Scene([Part("cube", cube, HERE), Part("wall", cube, pin.SE3(np.eye(3), np.array([0.021, 0.0, 0.0])))])
+    scene["wall"].fixed = True
+    steps: list[float] = []
+    whole = Motion.step
+    monkeypatch.setattr(Motion, "step", lambda *given, **named: (steps.append(0.0), whole(*given, **named))[1])
+    with Session(scene, rule=rules.leave_all) as session:
+        hand = session.hand()
+        hand.grab("cube")
+        hand.move_by((0.002, 0.0, 0.0), required=False)
+        before, begun = len(steps), session.step_count
+        assert not hand.move_by((0.2, 0.0, 0.0), required=False)
+        assert len(steps) - before <= 2 * (session.step_count - begun)
+        before = len(steps)
+        hand.move_by((-1e-5, 0.0, 0.0), duration=session.dt)
+        assert len(steps) - before == 1
+
+
 SHROUD = "1329-B2P-C"
 """of the print head: its floor is drawn 0.45 mm inside the nozzle's block"""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rule", "within"), [(rules.leave_all, 1e-6), (rules.accept_all, 5e-4)], ids=["leave all", "accept all"]
-)
-def test_the_shroud_of_the_print_head_goes_out_and_back(real_models: Path, rule: rules.Rule, within: float) -> None:
-    """A mate that is accepted where its floor meets the block keeps it there, 0.45 mm short of where it is drawn."""
+@pytest.mark.parametrize("rule", [rules.leave_all, rules.accept_all], ids=["leave all", "accept all"])
+def test_the_shroud_of_the_print_head_goes_out_and_back(real_models: Path, rule: rules.Rule) -> None:
+    """Its floor meets the block 0.45 mm short of where it is drawn: a mate there does not keep it out."""
     scene = real(real_models / "step" / "um2_head.step")
     start = pin.SE3(scene[SHROUD].pose)
     with Session(scene, rule=rule) as session:
@@ -189,5 +294,5 @@ def test_the_shroud_of_the_print_head_goes_out_and_back(real_models: Path, rule:
         assert hand.move_by((0.0, -0.1, 0.0))
         assert hand.move_to(start)
         off = start.actInv(scene[SHROUD].pose)
-        assert np.linalg.norm(off.translation) < within and np.linalg.norm(pin.log3(off.rotation)) < 1e-6
+        assert np.linalg.norm(off.translation) < 1e-6 and np.linalg.norm(pin.log3(off.rotation)) < 1e-6
         session.undo(mark)

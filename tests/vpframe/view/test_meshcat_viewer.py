@@ -14,6 +14,7 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -512,6 +513,27 @@ def test_a_long_run_is_thinned_evenly_and_keeps_its_end_and_its_events():
     assert [e.kind for _, events in kept for e in events] == ["collided", "recognised", "parted"]
     assert all(event.step <= frame.step for frame, events in kept for event in events)
     assert len(history) == 1000
+
+
+def test_a_step_that_is_shown_again_is_one_frame_with_the_events_of_both():
+    from vpframe.view.history import History
+
+    history = History()
+    frames = pressing_frames(40)
+    told = next(k for k, frame in enumerate(frames) if frame.events)
+    for frame in frames[:told]:
+        history.add(frame)
+    mark = history.mark()
+    for _ in range(3):  # as an undone step is, and as a scene that is shown twice
+        history.add(replace(frames[told], events=()))
+        history.add(frames[told])
+        assert len(history) == told + 1 and history.last is frames[told]
+        assert history.at(told) == (told, frames[told])
+        assert history.events_since(0) == tuple((told, event) for event in frames[told].events)
+        history.undo(mark)
+        assert len(history) == told and not history.events
+    history.add(frames[told - 1])
+    assert [frame.step for frame, _ in history] == [frame.step for frame in frames[:told]]
 
 
 def raw_page(address):

@@ -23,9 +23,9 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with Browser() as made:
-        yield made
+def browser(chromium: Browser) -> Browser:
+    chromium.resize(1000, 700)
+    return chromium
 
 
 @pytest.fixture

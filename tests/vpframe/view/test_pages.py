@@ -26,9 +26,9 @@ TOUCHING = [frame for frame in FRAMES if len(frame.colliding)]
 
 
 @pytest.fixture(scope="module")
-def browser():
-    with Browser() as made:
-        yield made
+def browser(chromium):
+    chromium.resize(1000, 700)
+    return chromium
 
 
 @pytest.fixture(scope="module")

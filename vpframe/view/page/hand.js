@@ -44,7 +44,7 @@ const isMine = (part) => holding() && desk.held.includes(part.index);
 
 // Take the part under the mouse along, if it is selected (or in hand already), or turn the gizmo; whether it is.
 function beginDrag(event) {
-  if (!canHold() || measuring() || Number($("explode").value) > 0) return false;
+  if (!canHold() || measuring() || apart.share > 0) return false;
   rayAt(event.clientX, event.clientY);
   const handle = gizmo && caster.intersectObjects(gizmo.handles, false)[0];
   if (handle) return beginGizmo(handle.object.userData);
@@ -88,7 +88,10 @@ function endDrag() {
 const AXES = [["x", 0xd94a4a, [1, 0, 0]], ["y", 0x3c9a4e, [0, 1, 0]], ["z", 0x2f6fe0, [0, 0, 1]]];
 
 function showGizmo() {
-  if (gizmo) viewer.scene.remove(gizmo.group);
+  if (gizmo) {
+    viewer.scene.remove(gizmo.group);
+    gizmo.group.traverse(({ geometry, material }) => { if (geometry) { geometry.dispose(); material.dispose(); } });
+  }
   gizmo = null;
   viewer.set_dirty();
   if (!holding() || !$("gizmo").checked || !canHold()) return;

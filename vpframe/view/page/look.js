@@ -45,9 +45,14 @@ function showPlace(indices, at, faces = []) {
   const box = boxOf(parts);
   const small = Math.min(...parts.map((part) => part.geometry.boundingSphere.radius));
   if (!at) return frameBox(box);
-  marker = new THREE.Mesh(new THREE.SphereGeometry(0.04 * small, 16, 12), new THREE.MeshBasicMaterial(
-    { color: 0xe01b24, depthTest: false, transparent: true, opacity: 0.9 }));
-  marker.renderOrder = 5;
+  const ball = (radius, color, order) => {
+    const made = new THREE.Mesh(new THREE.SphereGeometry(radius, 16, 12), new THREE.MeshBasicMaterial(
+      { color, depthTest: false, transparent: true, opacity: 0.9 }));
+    made.renderOrder = order;
+    return made;
+  };
+  marker = ball(0.04 * small, 0xe01b24, 5);
+  marker.add(ball(0.055 * small, 0xffffff, 4)); // a rim: faces that clash are as red
   marker.position.set(...at);
   viewer.scene.add(marker);
   frameBox(new THREE.Box3().setFromCenterAndSize(toThree(at), new THREE.Vector3(1, 1, 1).multiplyScalar(1.6 * small)));
@@ -70,6 +75,11 @@ function frameBox(box) {
   const back = camera.position.clone().sub(target).setLength(4.2 * Math.max(sphere.radius, 1e-6));
   target.copy(sphere.center);
   camera.position.copy(target).add(back);
+  apart.farther = 1;
+  steered();
+}
+
+function steered() {
   world.steered = true;
   viewer.controls.update();
   showGizmo(); // its size is of the view
@@ -93,9 +103,7 @@ function zoomToCursor(event) {
   const scale = Math.exp(Math.max(-200, Math.min(200, event.deltaY)) / 600);
   camera.position.sub(at).multiplyScalar(scale).add(at);
   target.sub(at).multiplyScalar(scale).add(at);
-  world.steered = true;
-  viewer.controls.update();
-  showGizmo(); // its size is of the view
+  steered();
 }
 
 // ---- section, explosion, colours, picture
@@ -108,7 +116,7 @@ function applySection() {
     const place = target[i] + Number($("section").value) * radius;
     const normal = [0, 0, 0];
     normal[i] = -sign; // what the plane's normal points away from is cut
-    plane.normal.set(normal[0], normal[2], -normal[1]); // clipping is in three's world, whose y is up
+    plane.normal.copy(toThree(normal));
     plane.constant = sign * place;
   }
   for (const part of world.parts) {
@@ -122,7 +130,7 @@ function applySection() {
 
 // Draw each part away from the middle of the picture; its pose stays as it is. Symbols are where the parts would be.
 function explode() {
-  const share = Number($("explode").value), middle = toThree(world.info.camera.target);
+  const { share } = apart, middle = toThree(world.info.camera.target);
   for (const part of world.parts) {
     const node = part.group.parent.matrixWorld;
     const away = part.geometry.boundingBox.getCenter(new THREE.Vector3()).applyMatrix4(node).sub(middle);
@@ -130,6 +138,27 @@ function explode() {
     part.group.position.copy(away.clampLength(0, world.info.camera.radius).multiplyScalar(share).applyMatrix4(turn));
   }
   viewer.set_dirty();
+}
+
+const apart = { share: 0, farther: 1 }; // what is drawn apart, and how much farther away the camera is for it
+
+// Whether a part is in the picture with all of its box.
+function isWhole(part) {
+  const box = around([part.solid]), { width, height } = canvas.domElement;
+  return box !== null && box.min.x > 0 && box.min.y > 0 && box.max.x < width && box.max.y < height;
+}
+
+// Draw parts apart; the camera steps back until what would be seen of them, or seen whole, is.
+function drawApart(share) {
+  stepBack(1 / apart.farther);
+  apart.farther = 1;
+  apart.share = 0;
+  explode();
+  const seen = world.parts.filter((part) => isShown(part) && inPicture(part)), whole = seen.filter(isWhole);
+  apart.share = share;
+  explode();
+  while (apart.farther < 4 && !(seen.every(inPicture) && whole.every(isWhole))) { stepBack(1.05); apart.farther *= 1.05; }
+  if (world.last) showSymbols(world.last);
 }
 
 const FREEDOM = ["#5b6470", "#4c78a8", "#3fa7a0", "#63b04c", "#c9b73c", "#e08b3a", "#d95f5f"];
@@ -163,7 +192,7 @@ function download(address, name) {
   world.downloaded = name;
 }
 
-$("home").onclick = () => { focusOn(null); frameCamera(); showGizmo(); };
+$("home").onclick = () => { focusOn(null); frameCamera(); drawApart(apart.share); showGizmo(); };
 $("opacity").oninput = () => {
   const choice = $("opacity-part").value;
   for (const part of choice === "" ? world.parts : [world.parts[choice]]) setOpacity(part, Number($("opacity").value));
@@ -181,7 +210,7 @@ $("edges").onchange = () => {
 };
 $("symbols").onchange = () => { if (world.last) showSymbols(world.last); viewer.set_dirty(); };
 $("trail").onchange = () => { for (const name of world.trail.keys()) drawTrail(name); viewer.set_dirty(); };
-$("explode").oninput = () => { explode(); if (world.last) showSymbols(world.last); };
+$("explode").oninput = () => drawApart(Number($("explode").value));
 $("by-freedom").onchange = colorParts;
 $("picture").onclick = screenshot;
 $("all").onclick = () => { focusOn(null); setHidden(world.parts, false); };

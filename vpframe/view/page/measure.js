@@ -1,7 +1,7 @@
 // ---- the distance, angle and diameter of two faces --------------------------------------------------------------------
 const measured = [];
 const measuring = () => $("measure").classList.contains("on");
-const mm = (metres) => `${Number((1e3 * metres).toPrecision(7))} mm`;
+const mm = (metres) => `${Number(Number((1e3 * metres).toPrecision(7)).toFixed(6))} mm`; // to a nanometre
 
 $("measure").onclick = () => {
   measured.length = 0;

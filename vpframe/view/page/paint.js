@@ -2,11 +2,13 @@
 // What stands is drawn once, smoothed, into `still`. While something moves, only the place where it was is taken from
 // there, and what moves is drawn on it. While the view moves all is drawn, as finely as keeps up. At rest all is fine.
 const REST = 200, SLOW = 30, RETRY = 1e4; // ms: at rest after, too long for a frame, until finer frames are tried again
-const FINE = 0, PLAIN = 1, COARSE = 2; // smoothed; not smoothed; while the view moves, of a quarter of the pixels, without edges
+const FINE = 0, PLAIN = 1, COARSE = 2; // smoothed; not smoothed; of a quarter of the pixels, without edges and outlines
+const BANDS = 48; // of one colour each: cheaper than a gradient in software, and no coarser than its colours are
 const painter = {
   still: null, targets: [], known: new Map(), loose: new Set(), view: "", sweep: true, stale: true, rect: null, changed: 0,
   swept: 0, rested: false, all: true, layered: canvas.capabilities.isWebGL2, level: FINE, coarsened: -RETRY, cost: 0, before: 0, painted: 0, count: 0,
 };
+canvas.autoClear = false; // `drawBackground` does that
 const atRest = (now) => now - painter.changed > (pointer.down ? 5 : 1) * REST; // a slow step of a drag is no rest
 viewer.animate = () => {};
 viewer.render = () => repaint(performance.now(), true);
@@ -25,7 +27,7 @@ function tick(now) {
 // Coarser frames where the last ones took too long.
 function keepUp(took) {
   painter.cost = 0.6 * painter.cost + 0.4 * Math.min(took, 4 * SLOW);
-  if (painter.cost < SLOW || painter.level >= (painter.sweep ? COARSE : PLAIN)) return;
+  if (painter.cost < SLOW || painter.level >= COARSE) return;
   painter.level++;
   painter.cost = 0;
   painter.coarsened = painter.before;
@@ -47,7 +49,7 @@ function survey(now) {
     else if (object.material && object.material.visible) drawn.push(object);
   });
   const size = canvas.getSize(new THREE.Vector2());
-  const view = [size.x, size.y, window.devicePixelRatio, scene.background && scene.background.id, ...lights,
+  const view = [size.x, size.y, window.devicePixelRatio, ...lights,
     ...camera.matrixWorld.elements, ...camera.projectionMatrix.elements].join();
   const before = painter.known, moved = view !== painter.view;
   painter.view = view;
@@ -76,6 +78,7 @@ function survey(now) {
 }
 
 function repaint(now, fine = false) {
+  if (!world.info) return;
   viewer.controls.update();
   viewer.needs_render = false;
   const drawn = survey(now);
@@ -86,9 +89,12 @@ function repaint(now, fine = false) {
     painter.swept = -REST;
     painter.loose.clear();
   }
-  const { scene, camera } = viewer, { loose, sweep } = painter, level = sweep ? painter.level : FINE;
+  const { camera } = viewer, { loose, sweep } = painter, level = painter.rested ? FINE : painter.level;
   const ratio = window.devicePixelRatio * (level === COARSE ? 0.5 : 1);
-  if (canvas.getPixelRatio() !== ratio) canvas.setPixelRatio(ratio);
+  if (canvas.getPixelRatio() !== ratio) {
+    canvas.setPixelRatio(ratio);
+    painter.stale = true;
+  }
   const all = loose.size === 0 || sweep;
   if (all !== painter.all) painter.stale = true;
   painter.all = all;
@@ -97,12 +103,12 @@ function repaint(now, fine = false) {
     object.layers.set(level === COARSE && object.userData.spared ? 2 : over ? 1 : 0);
   }
   camera.layers.set(0);
-  if (level !== FINE || !painter.layered) {
+  if (sweep && level !== FINE || !painter.layered) {
     painter.stale = true;
-    canvas.render(scene, camera);
+    drawAll();
   } else {
     const fresh = painter.stale || sweep;
-    if (fresh) drawStill(painter.rested || painter.level === FINE);
+    if (fresh) drawStill(level === FINE);
     painter.stale = sweep;
     const rect = all ? null : around(drawn.filter((object) => object.layers.mask === 2));
     copyStill(fresh || !rect || !painter.rect ? null : rect.clone().union(painter.rect));
@@ -118,8 +124,28 @@ function drawStill(smooth) {
   painter.still = painter.targets[Number(smooth)] ??= new kind(1, 1, { stencilBuffer: true });
   painter.still.setSize(width, height);
   canvas.setRenderTarget(painter.still);
-  canvas.render(viewer.scene, viewer.camera);
+  drawAll();
   canvas.setRenderTarget(null);
+}
+
+function drawAll() {
+  drawBackground();
+  canvas.render(viewer.scene, viewer.camera);
+}
+
+function drawBackground() {
+  const gl = canvas.getContext(), { width, height } = canvas.domElement;
+  const [top, bottom] = world.info.colors.background.map((color) => new THREE.Color(color)), color = new THREE.Color();
+  gl.enable(gl.SCISSOR_TEST);
+  for (let k = 0; k < BANDS; k++) {
+    const from = Math.floor(k * height / BANDS), to = Math.floor((k + 1) * height / BANDS);
+    color.lerpColors(bottom, top, (k + 0.5) / BANDS);
+    gl.scissor(0, from, width, to - from);
+    gl.clearColor(color.r, color.g, color.b, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+  }
+  gl.disable(gl.SCISSOR_TEST);
+  gl.clear(gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
 }
 
 // Colour and depth of what stands, onto the canvas: all of it, or a rectangle (pixels).
@@ -134,14 +160,9 @@ function copyStill(rect) {
 }
 
 function drawLoose() {
-  const { scene, camera } = viewer, { background } = scene;
-  scene.background = null;
-  canvas.autoClear = false;
-  camera.layers.set(1);
-  canvas.render(scene, camera);
-  camera.layers.set(0);
-  canvas.autoClear = true;
-  scene.background = background;
+  viewer.camera.layers.set(1);
+  canvas.render(viewer.scene, viewer.camera);
+  viewer.camera.layers.set(0);
 }
 
 // The rectangle of the canvas (pixels) that objects are in, with room for outlines; null: it may be all of it.

@@ -73,7 +73,7 @@ function showConstraints(list) {
     row.append(dot, what);
     what.classList.add("place");
     what.onclick = () => {
-      const parts = c.parts.map((name) => world.parts.findIndex((part) => part.name === name));
+      const parts = indicesOf(c.parts);
       const faces = parts.map((index, k) => (c.surfaces[k].length ? faceName(world.parts[index], c.surfaces[k][0]) : c.parts[k]));
       showPlace(parts, c.at, faces);
     };

@@ -79,6 +79,7 @@ function outline(part, color) {
   const lines = new THREE.LineSegments(part.lines.geometry, new THREE.LineBasicMaterial(
     { color, depthTest: false, transparent: true, opacity: 0.65, clippingPlanes: clip() }));
   lines.renderOrder = 3;
+  shell.userData.spared = lines.userData.spared = true; // where frames are coarse
   const made = new THREE.Group();
   made.add(shell, lines);
   part.group.add(made);

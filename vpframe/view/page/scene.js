@@ -6,7 +6,7 @@ const $ = (id) => document.getElementById(id);
 const canvas = new THREE.WebGLRenderer({ alpha: false, antialias: false, stencil: true, preserveDrawingBuffer: true });
 $("pane").append(canvas.domElement);
 const viewer = new MeshCat.Viewer($("pane"), true, canvas);
-viewer.gui.domElement.classList.add("meshcat-gui");
+viewer.gui.domElement.remove(); // meshcat's own controls: the panels have all that is needed of them
 canvas.localClippingEnabled = true;
 const plane = new THREE.Plane(new THREE.Vector3(1, 0, 0), 0);
 const world = {
@@ -31,10 +31,7 @@ function element(tag, className, text) {
 function showScene(info) {
   world.info = info;
   document.title = $("title").textContent = info.title.split("/").pop();
-  const hex = (text) => { const c = new THREE.Color(text); return [c.r, c.g, c.b]; };
-  viewer.set_property(["Background"], "top_color", hex(info.colors.background[0]));
-  viewer.set_property(["Background"], "bottom_color", hex(info.colors.background[1]));
-  for (const name of ["Grid", "Axes"]) viewer.set_property([name], "visible", false);
+  for (const name of ["Background", "Grid", "Axes"]) viewer.set_property([name], "visible", false);
   for (const name of ["PointLightNegativeX", "PointLightPositiveX", "SpotLight"])
     viewer.set_property(["Lights", name], "visible", false);
   viewer.set_property(["Lights", "AmbientLight", "<object>"], "intensity", 0.55);
@@ -107,7 +104,6 @@ let lamp = null;
 
 function frameCamera() {
   const { eye, target, radius } = world.info.camera;
-  const up = (p) => new THREE.Vector3(p[0], p[2], -p[1]); // meshcat's camera lives in a frame whose y is up
   if (lamp === null) {
     const camera = new THREE.PerspectiveCamera(30, 1, 1, 2);
     viewer.set_object(["Cameras", "default", "rotated"], camera);
@@ -121,28 +117,35 @@ function frameCamera() {
   camera.near = 0.02 * radius;
   camera.far = 60 * radius;
   camera.zoom = 1;
-  camera.position.copy(up(target)).add(up(eye).sub(up(target)).setLength(4.8 * radius));
+  camera.position.copy(toThree(target)).add(toThree(eye).sub(toThree(target)).setLength(4.8 * radius));
   lamp.position.set(-0.35 * radius, 0.9 * radius, 0.4 * radius);
   lamp.target.position.set(0, 0, -4 * radius);
-  viewer.controls.target.copy(up(target));
+  viewer.controls.target.copy(toThree(target));
   viewer.controls.update();
   world.steered = false;
+  apart.farther = 1;
   viewer.set_3d_pane_size(); // and with it the camera's projection
 }
 
 // a part that leaves the picture makes the camera step back, until a person has taken the camera in hand
 function follow(moved) {
   if (world.steered) return;
-  const camera = viewer.camera;
-  const out = moved.some((index) => {
-    const part = world.parts[index];
-    const center = part.geometry.boundingSphere.center.clone().applyMatrix4(part.group.parent.matrixWorld).project(camera);
-    return Math.abs(center.x) > 0.72 || Math.abs(center.y) > 0.78;
-  });
-  if (!out) return;
+  if (!moved.every((index) => inPicture(world.parts[index]))) stepBack(1.03);
+}
+
+const indicesOf = (names) => names.map((name) => world.parts.findIndex((part) => part.name === name));
+
+function inPicture(part) {
+  part.solid.updateWorldMatrix(true, false);
+  const center = part.geometry.boundingSphere.center.clone().applyMatrix4(part.solid.matrixWorld).project(viewer.camera);
+  return Math.abs(center.x) <= 0.72 && Math.abs(center.y) <= 0.78;
+}
+
+function stepBack(factor) {
   const target = viewer.controls.target;
-  camera.position.sub(target).multiplyScalar(1.03).add(target);
+  viewer.camera.position.sub(target).multiplyScalar(factor).add(target);
   viewer.controls.update();
+  viewer.camera.updateMatrixWorld();
 }
 
 // ---- a frame -------------------------------------------------------------------------------------------------------
@@ -153,7 +156,7 @@ function showFrame(frame) {
   frame.moved.forEach((index, i) => viewer.set_transform(world.parts[index].path, poses.subarray(16 * i, 16 * i + 16)));
   viewer.scene.updateMatrixWorld();
   if (socket && !dragging()) follow(frame.moved);
-  if (Number($("explode").value) > 0) explode();
+  if (apart.share > 0) explode();
   showCollisions(frame.colliding);
   showSymbols(frame);
   extendTrail(frame);
@@ -249,7 +252,7 @@ function lineObject({ geometry, hidden: opacity }, color) {
 }
 
 function showSymbols(frame) {
-  const shown = $("symbols").checked && Number($("explode").value) === 0 ? frame.symbols : [];
+  const shown = $("symbols").checked && apart.share === 0 ? frame.symbols : [];
   const poses = floats(frame.symbol_poses);
   const names = new Set(shown.map((symbol) => symbol.name));
   shown.forEach((symbol, i) => {

@@ -51,7 +51,7 @@ function jump(back, kind) {
     : known.find((event) => event.frame > at) ?? known[0];
   timeline.go(next.frame);
   if (next.kind === "collided" && next.parts.length === 2) {
-    const parts = next.parts.map((name) => world.parts.findIndex((part) => part.name === name));
+    const parts = indicesOf(next.parts);
     if (parts.every((index) => index >= 0)) showPlace(parts, null);
   }
 }
