@@ -114,11 +114,19 @@ class InForce:
         """Id -> place in the order of acceptance."""
         return {id: k for k, id in enumerate(self.accepted)}
 
-    def about(self, bodies: Collection[int], groups: Groups) -> list[int]:
+    def about(self, bodies: Collection[int], groups: Groups) -> tuple[int, ...]:
         """Ids of those on some bodies, in the order of acceptance; those between bodies that move as one left out."""
-        found = {id for body in bodies for id in self.of_body.get(body, ())}
-        entries = ((id, self.accepted[id].candidate.bodies) for id in sorted(found, key=self.place.__getitem__))
-        return [id for id, pair in entries if not groups.within(pair)]
+        key = frozenset(bodies)
+        known = self._about.get(key)
+        if known is None or known[0] is not groups:
+            found = {id for body in bodies for id in self.of_body.get(body, ())}
+            entries = ((id, self.accepted[id].candidate.bodies) for id in sorted(found, key=self.place.__getitem__))
+            known = self._about[key] = groups, tuple(id for id, pair in entries if not groups.within(pair))
+        return known[1]
+
+    @cached_property
+    def _about(self) -> dict[frozenset[int], tuple[Groups, tuple[int, ...]]]:
+        return {}
 
 
 @lru_cache(maxsize=16)
@@ -399,8 +407,11 @@ class ConstraintManager:
             return False
         a, b = candidate.bodies
         goal = wanted.get(a, poses[a]).actInv(wanted.get(b, poses[b]))
-        off = self.drawn[a].actInv(self.drawn[b]).actInv(goal).homogeneous
-        return bool(np.abs(off - np.eye(4)).max() <= self.tolerance.satisfied)
+        drawn, most = self.drawn[a].actInv(self.drawn[b]), self.tolerance.satisfied
+        way = goal.translation - drawn.translation
+        if way @ way > 3.0 * most * most:
+            return False
+        return bool(np.abs(drawn.actInv(goal).homogeneous - np.eye(4)).max() <= most)
 
     def off_as_drawn(self, candidate: Candidate) -> float:
         """Greatest residual of a candidate's constraint in the assembly as drawn, m or rad."""

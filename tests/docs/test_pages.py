@@ -168,8 +168,8 @@ RUN = [page for page in TEXTS if page.name not in ("tutorial.md", "howto.md")]
 RUN = [page for page in RUN if any(language == "python" for language, _, _ in blocks(page))]
 
 
-LONG = ("verbs.md",)
-"""pages of which all blocks together take half a minute"""
+LONG = ("verbs.md", "physics.md", "sessions.md")
+"""pages of which all blocks together take five seconds to half a minute"""
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,7 @@ def test_an_example_of_a_real_model_says_what_it_needs(tmp_path: Path, monkeypat
     assert "set VPFRAME_DATA" in done.stderr
 
 
+@pytest.mark.slow
 def test_the_formats_go_out_and_come_back(tmp_path: Path) -> None:
     done = run(str(EXAMPLES / "formats.py"), str(tmp_path))
     assert done.returncode == 0, done.stderr[-2000:]
@@ -83,6 +84,7 @@ def test_each_example_has_its_section_and_its_picture() -> None:
         assert 2_000 < len(data) < 30_000
 
 
+@pytest.mark.slow
 def test_a_picture_is_drawn_of_the_examples_own_frames(tmp_path: Path) -> None:
     name = "digger_pin"
     kept = (EXAMPLES / "pictures" / f"{name}.png").read_bytes()

@@ -49,7 +49,8 @@ def no_clash(session: Workplace) -> Verdict:
     if len(rows):
         a, sa, b, sb = rows[0].tolist()
         names = session.scene.names
-        found = f" ({len(rows)} surface pairs meet, first {names[a]} {sa} and {names[b]} {sb})"
+        more = f", and {len(rows) - 1} more" if len(rows) > 1 else ""
+        found = f" (face {sa} of {names[a]} and face {sb} of {names[b]} meet{more})"
     return not found, f"no clash{found}"
 
 

@@ -139,7 +139,10 @@ def test_mechanisms_move_as_they_do(name: str, freedom: int, finite: int, joints
     assert [f.joint for f in found.parts.values()] == joints
 
 
-@pytest.mark.parametrize("problem", MECHANISMS.values(), ids=MECHANISMS.keys())
+@pytest.mark.parametrize(
+    "problem",
+    [pytest.param(p, id=name, marks=[pytest.mark.slow] * (name == "Bennett")) for name, p in MECHANISMS.items()],
+)
 def test_freedom_by_blocks_is_the_freedom_of_the_whole(problem: Problem) -> None:
     """One singular value decomposition of everything at once, and the part's rows of its null space."""
     found = mobility(problem.constraints, problem.poses, [0])

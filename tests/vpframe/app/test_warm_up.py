@@ -118,7 +118,9 @@ def test_they_end_with_the_process_that_started_them(tmp_path):
 
 
 @pytest.mark.timeout(900)  # all kernels of a use are compiled where none is kept
-@pytest.mark.parametrize("use", warm_up.USES)
+@pytest.mark.parametrize(
+    "use", [pytest.param(use, marks=[pytest.mark.slow] * (use == "disassemble")) for use in warm_up.USES]
+)
 def test_the_examples_of_a_use_call_its_kernels(use):
     """Loaded or compiled in a process of its own: what a command needs and no example calls would be missing here."""
     done = subprocess.run(

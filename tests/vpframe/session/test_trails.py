@@ -28,6 +28,7 @@ def allocated() -> int:
     return tracemalloc.get_traced_memory()[0]
 
 
+@pytest.mark.slow
 def test_memory_is_flat_over_the_steps_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two parts move at every step; the bounded stores are made small, so that they are full before it is measured."""
     monkeypatch.setattr(trails, "ROWS", 256)

@@ -76,6 +76,7 @@ def task(session, v):
 )
 
 
+@pytest.mark.slow
 def test_only_crashes_are_tried_again(tmp_path: Path) -> None:
     pool = Children(written(tmp_path, FLAKY), 60.0, 2)
     try:
@@ -215,6 +216,7 @@ def test_children_end_with_their_parent_even_when_it_is_killed(tmp_path: Path) -
     wait_until(lambda: not children(script), 10.0)
 
 
+@pytest.mark.slow
 def test_the_memory_of_a_variant_is_not_that_of_who_started_it(tmp_path: Path) -> None:
     text = PARENT.replace("import sys\n", "import sys\nballast = bytearray(b'x' * 900_000_000)\n")
     text = text.replace("Children(", "print(Children(").replace('{"x": 0.1}))', '{"x": 0.1}))["memory"])')
