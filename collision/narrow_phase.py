@@ -7,7 +7,7 @@ intersected, or were nearest, are tested first. Answers do not depend on the num
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
 from time import thread_time
@@ -135,20 +135,28 @@ class NarrowPhase:
         self, query: int, work: Callable[..., None], pairs: list[PairCache], version: Sequence[int],
         poses: NDArray[np.float64],
     ) -> None:  # fmt: skip
-        """Run a query for these pairs, on two threads if they would take long at the pace of the last such query."""
-        if not pairs:
+        """Run a query for these pairs, on two threads if they would take long at the pace of the last of several.
+
+        Each thread takes the next pair, so that a thread that gets no processor keeps nobody waiting.
+        """
+        if len(pairs) < 2:
+            work(pairs, 0, version, poses)
             return
-        shared = len(pairs) > 1 and len(pairs) * self._pace[query] > WORTH_A_THREAD
-        own = pairs[::2] if shared else pairs
-        other = _pool().submit(work, pairs[1::2], 1, version, poses) if shared else None
-        began = thread_time()
-        work(own, 0, version, poses)
-        self._pace[query] = (thread_time() - began) / len(own)
-        if other is not None:
-            other.result()
+        left = iter(pairs)
+
+        def run(thread: int) -> float:
+            began = thread_time()
+            work(left, thread, version, poses)
+            return thread_time() - began
+
+        other = _pool().submit(run, 1) if len(pairs) * self._pace[query] > WORTH_A_THREAD else None
+        took = run(0)
+        if other is not None and not other.cancel():
+            took += other.result()
+        self._pace[query] = took / len(pairs)
 
     def _intersect(
-        self, pairs: list[PairCache], thread: int, version: Sequence[int], poses: NDArray[np.float64]
+        self, pairs: Iterable[PairCache], thread: int, version: Sequence[int], poses: NDArray[np.float64]
     ) -> None:
         ws = self._workspaces[thread] = large_enough(self._workspaces[thread], *self._sizes)
         for pair in pairs:
@@ -162,7 +170,7 @@ class NarrowPhase:
             pair.rows, pair.version = ws.rows[:found].copy(), version[pair.i] + version[pair.j]
 
     def _contacts(
-        self, within: float, pairs: list[PairCache], thread: int, version: Sequence[int], poses: NDArray[np.float64]
+        self, within: float, pairs: Iterable[PairCache], thread: int, version: Sequence[int], poses: NDArray[np.float64]
     ) -> None:
         ws = self._workspaces[thread] = large_enough(self._workspaces[thread], *self._sizes)
         rows = np.empty(len(ws.pairs), CONTACT_DTYPE)

@@ -377,11 +377,9 @@ class ConstraintManager:
                 if hardest > entry.break_force:
                     self._break(id, f"pulled with {hardest:.4g} N, more than {entry.break_force:.4g} N")
         for id in self.in_force.about(wanted.keys(), self.groups):
-            candidate = self.accepted[id].candidate
-            if not candidate.stated and self.wanted_as_drawn(candidate, wanted, poses):
-                off = self.off_as_drawn(candidate)
-                if off > self.tolerance.linear:
-                    self._break(id, f"the parts are wanted where they are drawn, where it is {1e3 * off:.3g} mm off")
+            off = self._off_where_wanted(self.accepted[id].candidate, wanted, poses)
+            if off > self.tolerance.linear:
+                self._break(id, f"the parts are wanted where they are drawn, where it is {1e3 * off:.3g} mm off")
         ids, pulls = self._pulled_at(wanted.keys())
         if not ids:
             return
@@ -412,6 +410,12 @@ class ConstraintManager:
         if way @ way > 3.0 * most * most:
             return False
         return bool(np.abs(drawn.actInv(goal).homogeneous - np.eye(4)).max() <= most)
+
+    def _off_where_wanted(self, candidate: Candidate, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3]) -> float:
+        """`off_as_drawn` of a candidate whose bodies hands want where they are drawn, else 0; 0 if stated."""
+        if candidate.stated or not self.wanted_as_drawn(candidate, wanted, poses):
+            return 0.0
+        return self.off_as_drawn(candidate)
 
     def off_as_drawn(self, candidate: Candidate) -> float:
         """Greatest residual of a candidate's constraint in the assembly as drawn, m or rad."""
@@ -521,7 +525,7 @@ class ConstraintManager:
             if self._passes_by(pair, match, before, poses, wanted):
                 self._attention.note((pair[0], pair[2]))  # hands that stop or let go change the answer
             else:
-                self._recognise(pair, match, faces[pair], poses)
+                self._recognise(pair, match, faces[pair], poses, wanted)
 
     def _pairs(self, which: int, codes: NDArray[np.int64]) -> dict[Pair, None]:
         """The pairs of features of contact rows by their codes, ascending; `which` question it is that comes again."""
@@ -592,14 +596,19 @@ class ConstraintManager:
         closing, left = float(shift @ match.approach), apart - float(ahead @ match.approach)
         return left > exact or closing <= 0.0 or closing < APPROACHING * float(np.linalg.norm(shift))
 
-    def _recognise(self, pair: Pair, match: Match, near: Sequence[Near], poses: Sequence[pin.SE3]) -> None:
-        """Offer a match that is not known yet, and ask the rules."""
+    def _recognise(
+        self, pair: Pair, match: Match, near: Sequence[Near], poses: Sequence[pin.SE3], wanted: Mapping[int, pin.SE3]
+    ) -> None:
+        """Offer a match that is not known yet, and ask the rules; not one that is off where hands want the parts."""
         id = self._ids.get((*pair, match.kind), len(self._ids))
         if id == len(self._ids):
             self._own("_ids")[*pair, match.kind] = id
         if self._is_known((*pair, match.kind)):
             return
         candidate = self.recogniser.candidate(pair, match, near, Limits.offer(self.tolerance), poses)
+        if self._off_where_wanted(candidate, wanted, poses) > self.tolerance.linear:
+            self._attention.note(candidate.bodies)
+            return
         self._own("candidates")[id] = candidate
         self._note("recognised", id, candidate, candidate.why)
         verdict = next((v for v in (rule(candidate) for rule in self.rules) if v is not None), None)

@@ -4,6 +4,11 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# a busy machine fails no test
+settings.register_profile("vpframe", deadline=None)
+settings.load_profile("vpframe")
 
 # before numpy is imported, as the command line does it: small matrices, and perhaps a busy machine
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -79,6 +79,9 @@ class Sweeps:
         """legs swept so far"""
         self._corners = [np.ascontiguousarray(m.vertices[np.unique(m.triangles)]) for m in self.meshes]
         self._worlds: dict[tuple[Any, ...], CollisionManager] = {}
+        pressed = tolerance.slop * tolerance.linear
+        self._precision = CollisionManager(replace(tolerance, linear=pressed / tolerance.depth))
+        """holds the precision of depths: a slop, and `Tolerance.depth` of themselves"""
         self._boxes: dict[tuple[int, int], tuple[Sequence[pin.SE3], Array, Array]] = {}
         self._start: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
         self._begins: dict[tuple[Any, ...], bool] = {}
@@ -221,21 +224,19 @@ class Sweeps:
             b = theirs.vertices[theirs.triangles[row["triangle_b"]]]
             b = b @ self.poses[j].rotation.T + self.poses[j].translation
             d = float(row["distance"])
-            n = np.cross(a[1] - a[0], a[2] - a[0]) if d <= slack else row["point_b"] - row["point_a"]
+            n = _cross(a[1] - a[0], a[2] - a[0]) if d <= slack else row["point_b"] - row["point_a"]
             length = float(np.linalg.norm(n))
             if length == 0.0:
                 continue
             n = n / length
-            speed = at.rotation @ (way[:3] + np.cross(way[3:], at.actInv(np.array(row["point_a"])))) @ n
+            speed = at.rotation @ (way[:3] + _cross(way[3:], at.actInv(np.array(row["point_a"])))) @ n
             # where they touch, the normal of the moving facet tells the side, if both lie in one plane, back to back
-            flush = d > slack or (
-                np.cross(b[1] - b[0], b[2] - b[0]) @ n < 0.0 and np.abs((b - a[0]) @ n).max() <= slack
-            )
+            flush = d > slack or (_cross(b[1] - b[0], b[2] - b[0]) @ n < 0.0 and np.abs((b - a[0]) @ n).max() <= slack)
             if speed - d <= 2.0 * slack or not (flush and _lies_across(a, n) and _lies_across(b, n)):
                 continue
-            u = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
+            u = _cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
             u /= np.linalg.norm(u)
-            flat = np.stack([u, np.cross(n, u)], axis=1)
+            flat = np.stack([u, _cross(n, u)], axis=1)
             a, b = a @ flat, b @ flat
             longest = min(float(np.ptp(a, axis=0).max()), float(np.ptp(b, axis=0).max()))
             if _shared_area(a, b) > 10.0 * self.tolerance.linear * longest:  # more than a strip along an edge
@@ -250,37 +251,46 @@ class Sweeps:
         if not len(world.colliding_surfaces()):
             return True
         slack = slops * self.tolerance.slop * self.tolerance.linear
-        return all(depth <= known.get(pair, 0.0) + slack for pair, depth in _depths_of(world).items())
+        return all(depth <= known.get(pair, 0.0) + slack for pair, depth in self._depths_of(world).items())
 
     def depths(self, i: int, j: int) -> dict[tuple[int, int], float]:
         """m by surface of i and of j: how deep they reach into each other where the objects stand."""
         if (i, j) not in self._start:
             world = self._world(i, j, ())
             world.set_pose(0, self.poses[i])
-            self._start[i, j] = _depths_of(world)
+            self._start[i, j] = self._depths_of(world)
         return self._start[i, j]
 
-    def turning_gaps(self, i: int, j: int, knots: Sequence[pin.SE3], within: float) -> Array | None:
-        """(a, b) m, at most `within`: no surface of i comes nearer to one of j, on a way that turns about one axis and
-        goes along it; None for other ways."""
+    def _depths_of(self, world: CollisionManager) -> dict[tuple[int, int], float]:
+        """m by surface of object 0 and of object 1 that meet: the depths of `CollisionManager.penetration`, without the
+        directions, which take most of the time where many surfaces only touch."""
+        from collision.query.intersection import intersecting
+        from collision.query.penetration import deepest_points
+
+        pose, enabled = world.relative_pose(0, 1), world.enabled_surfaces(0, 1)
+        a, b = world.mesh(0), world.mesh(1)
+        pairs = intersecting(a, b, pose, world.checked.rigid)[0]
+        if enabled is not None:
+            pairs = pairs[enabled[pairs[:, 0], pairs[:, 1]] != 0]
+        if not len(pairs):
+            return {}
+        depths = deepest_points(self._precision, (a, b), pose, pairs)[:, 0]
+        return dict(zip(map(tuple, pairs.tolist()), depths.tolist(), strict=True))
+
+    def _clear_of_turn(self, i: int, j: int, knots: Sequence[pin.SE3]) -> tuple[Pairing, ...]:
+        """Pairs of surfaces that stay farther apart than the tolerance on a way that turns about one axis."""
         if id(knots) not in self._turns:
             size = float(np.abs(self._box(i)).max())
             self._turns[id(knots)] = knots, revolution.screw_axis(knots, size), {}
         _, found, profiles = self._turns[id(knots)]
         if found is None:
-            return None
+            return ()
         origin, axis, travel = found
         for k in (i, j):
             if k not in profiles:
                 profiles[k] = revolution.profile(self.meshes[k], self.poses[k], origin, axis)
-        return revolution.least_gaps(self.meshes[i], self.meshes[j], (profiles[i], profiles[j]), travel, within)
-
-    def _clear_of_turn(self, i: int, j: int, knots: Sequence[pin.SE3]) -> tuple[Pairing, ...]:
-        """Pairs of surfaces that stay farther apart than the tolerance on a way that turns about one axis."""
-        gaps = self.turning_gaps(i, j, knots, 2.0 * self.tolerance.linear)
-        if gaps is None:
-            return ()
-        clear = gaps > self.tolerance.linear
+        both, within = (self.meshes[i], self.meshes[j]), 2.0 * self.tolerance.linear
+        clear = revolution.least_gaps(*both, (profiles[i], profiles[j]), travel, within) > self.tolerance.linear
         return tuple(((a,), tuple(np.flatnonzero(row).tolist())) for a, row in enumerate(clear) if row.any())
 
     def near(
@@ -376,23 +386,6 @@ class Sweeps:
         return self._worlds[key]
 
 
-def _depths_of(world: CollisionManager) -> dict[tuple[int, int], float]:
-    """m by surface of object 0 and of object 1 that meet: the depths of `CollisionManager.penetration`, without the
-    directions, which take most of the time where many surfaces only touch."""
-    from collision.query.intersection import intersecting
-    from collision.query.penetration import deepest_points
-
-    pose, enabled = world.relative_pose(0, 1), world.enabled_surfaces(0, 1)
-    a, b = world.mesh(0), world.mesh(1)
-    pairs = intersecting(a, b, pose, world.checked.rigid)[0]
-    if enabled is not None:
-        pairs = pairs[enabled[pairs[:, 0], pairs[:, 1]] != 0]
-    if not len(pairs):
-        return {}
-    depths = deepest_points(world, (a, b), pose, pairs)[:, 0]
-    return dict(zip(map(tuple, pairs.tolist()), depths.tolist(), strict=True))
-
-
 def _none() -> NDArray[Any]:
     from collision.contact import CONTACT_DTYPE
 
@@ -410,9 +403,15 @@ def _across(direction: Array) -> Iterable[Array]:
         yield np.cos(angle) * u + np.sin(angle) * v
 
 
+def _cross(a: Array, b: Array) -> Array:
+    """(3,) the vector product of two vectors (3,): `numpy.cross` takes ten times as long for one pair."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
 def _lies_across(triangle: Array, direction: Array) -> bool:
     """Whether a triangle (3, 3) is at right angles to a unit direction."""
-    normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+    normal = _cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
     return bool(abs(normal @ direction) > 0.999 * np.linalg.norm(normal))
 
 

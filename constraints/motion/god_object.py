@@ -64,6 +64,8 @@ class MotionResult:
     """m or rad: greatest row of the constraints in force after the motion"""
     remaining: Mapping[int, tuple[float, float]]
     """m and rad between where each held body is and where its hand wants it"""
+    way: Sequence[Mapping[int, pin.SE3]] = ()
+    """poses that the bodies went through before `poses`, in order; one screw motion leads from each to the next"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +176,7 @@ class Step:
         self.tolerance, self.solving, self.home = tolerance, solving, home
         self.poses: list[pin.SE3] = list(poses)
         self.acting: list[NDArray[Any]] = []
+        self.way: list[dict[int, pin.SE3]] = []
         self.flush: set[tuple[int, ...]] = set()
         self.met = Met()
         self.linear = Linear.at(unknowns, self.poses, known, tolerance.rigid)
@@ -202,6 +205,7 @@ class Step:
             contacts=_latest(self.acting),
             residual=float(np.abs(self.linear.residual).max(initial=0.0)),
             remaining={b: (_length(e[:3]), _length(e[3:])) for b, e in sorted(self.left.items())},
+            way=self.way[:-1],
         )
 
     def _approach(self) -> bool:
@@ -246,6 +250,8 @@ class Step:
         with self._flush_ignored():
             passed = nearer and passable(self.collision, self.walls, self.drawn, self.poses, target, self.tolerance)
         self._put(target if passed else here)
+        if passed:
+            self.way.clear()
         return passed
 
     def _target(self) -> dict[int, pin.SE3]:
@@ -436,6 +442,8 @@ class Step:
             step = self.poses[body].actInv(target[body])
             travel = max(travel, _length(step.act(center) - center) + reach * _length(pin.log3(step.rotation)))
         self._put(target)
+        if travel > 0.0:
+            self.way.append(target)
         return travel
 
 

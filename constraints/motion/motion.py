@@ -29,7 +29,10 @@ from constraints.solve.groups import Groups
 class Solids(Swept, Ignoring, Protocol):
     """What motion needs of `collision.CollisionManager`."""
 
+    @property
+    def poses(self) -> tuple[pin.SE3, ...]: ...
     def set_groups(self, groups: Iterable[Iterable[int]]) -> None: ...
+    def penetration(self, i: int, j: int) -> NDArray[Any]: ...
 
 
 class Motion:
@@ -62,6 +65,7 @@ class Motion:
         self._unknowns: tuple[Any, Unknowns] | None = None
         self._linear: Linear | None = None
         self._drawn: Drawn | None = None
+        self._overlaps: dict[tuple[int, int], float] = {}
         if drawn is not None:
             self.redraw(drawn)
         # a projection finer than this does not pay where measured features contradict one another by rounding
@@ -174,9 +178,27 @@ class Motion:
         """The poses of all bodies in the assembly as drawn; none before the first step, if they were not given."""
         return () if self._drawn is None else self._drawn.poses
 
+    def overlap_as_drawn(self, a: int, b: int) -> float:
+        """m: how much deeper than their facets two bodies reach into each other, if they are where they are drawn."""
+        now, drawn = (at[a].actInv(at[b]) for at in (self.collision.poses, self.drawn))
+        if np.abs(drawn.actInv(now).homogeneous - np.eye(4)).max() > self.tolerance.linear:
+            return 0.0
+        known = self._overlaps.get((a, b))
+        if known is None:
+            sides = (("object_a", "surface_a"), ("object_b", "surface_b"))
+            known = self._overlaps[a, b] = max(
+                (
+                    float(row["depth"]) - sum(self.walls.deflection(int(row[i]), int(row[s])) for i, s in sides)
+                    for row in self.collision.penetration(a, b)
+                ),
+                default=0.0,
+            )
+        return known
+
     def redraw(self, poses: Sequence[pin.SE3]) -> None:
         """Take other poses for those of the assembly as drawn."""
         self._drawn = Drawn(self.collision, self.walls, poses)
+        self._overlaps.clear()
         self.constraints.drawn = self.drawn
 
     def shape(self, body: int) -> tuple[NDArray[np.float64], float]:

@@ -71,6 +71,17 @@ def test_in_and_out_again():
     assert bench.go(at(z=0.08)) == []
 
 
+def test_what_does_not_hold_as_drawn_is_not_offered_to_a_hand_that_wants_the_part_there():
+    """The flange touches its seat; as drawn it is 0.4 mm off it."""
+    for wanted, offered in ((0.0104, False), (0.01, True)):
+        bench = shaft_bench(rules=[lambda c: c.kind == "against"])
+        bench.manager.drawn = (at(), at(z=0.0104))
+        bench.go(at(z=0.03))
+        kinds = bench.go(at(z=0.01), wanted={1: at(z=wanted)})
+        assert (("accepted", "against") in kinds) is offered, kinds
+        assert (("accepted", "against") in bench.go(wanted={1: at(z=0.01)})) is not offered
+
+
 def test_offers_wait_for_a_decision_and_are_withdrawn():
     bench = shaft_bench()
     assert bench.go(at(z=0.03)) == [("recognised", "concentric")]

@@ -12,7 +12,7 @@ import pytest
 
 import vpframe as vp
 from tests.reliability import mutants, results
-from tests.reliability.zygote import forked
+from tests.vpframe.readers import forked
 from vpframe.importers import cad
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]

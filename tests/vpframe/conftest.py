@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.vpframe.browser import PROGRAM, Browser
+from tests.vpframe.readers import forked
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -22,6 +23,16 @@ def vpframe():
         return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, **options)
 
     return run
+
+
+@pytest.fixture(scope="session", autouse=True)
+def readers_start_at_once():
+    """The CAD kernel takes a second to import, for each file; tests of the command line start it as users do."""
+    if sys.platform != "linux":
+        yield
+        return
+    with forked():
+        yield
 
 
 @pytest.fixture(scope="session")

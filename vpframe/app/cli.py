@@ -158,6 +158,12 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("task", metavar="TASK.py")
     sub.add_argument("--from", dest="file", metavar="FILE", required=True, help="the model")
     sub.add_argument("--part", metavar="NAME", help="the part to take out (default: the first that comes out)")
+    sub.add_argument(
+        "--budget",
+        metavar="TIME",
+        type=_seconds,
+        help="of searching what comes out before it, such as 5min (default: 60s)",
+    )
     add_force(sub)
 
     sub = add("clash", _clash, "clash, contact, clearance and containment by pair of parts; exit 1 on a clash")
@@ -370,7 +376,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _new(arguments: argparse.Namespace) -> int:
     from vpframe.app import task_runner as study
 
-    stops = study.new_task(arguments.task, arguments.file, arguments.force, arguments.part)
+    stops = study.new_task(arguments.task, arguments.file, arguments.force, arguments.part, arguments.budget)
     print(f"wrote {arguments.task}; run it with: vpframe run {arguments.task} --view")
     if stops:
         which = f"{arguments.part} could not" if arguments.part else "no part could"

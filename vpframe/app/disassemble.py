@@ -83,6 +83,7 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
     from vpframe.analysis.clash import authorised_pairs
     from vpframe.planning import document, plan
     from vpframe.planning.assembly import LINEAR
+    from vpframe.scene.subassembly import listed
 
     authorised = authorised_pairs(arguments.authorise)
     threads = dict(_thread(text) for text in arguments.thread)
@@ -102,7 +103,7 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
                 scene, arguments.part, base=arguments.base, carry=carry, authorise=authorised, threads=threads,
                 clearance=arguments.clearance, motion=arguments.motion, budget=arguments.budget, seed=arguments.seed,
                 jobs=arguments.jobs, known=known, progress=progress,
-                found=lambda parts, text: progress(None, f"{', '.join(parts)}: {text}"),
+                found=lambda parts, text: progress(None, f"{listed(parts)}: {text}"),
             )  # fmt: skip
         names = document.track_files(found)
         written = {name: names[name] for name in names} if tracks is not None else {}

@@ -44,7 +44,8 @@ def _where(part: Part) -> str:
     size, middle = np.ptp(corners, axis=0), 0.5 * (corners.min(0) + corners.max(0)) + 0.0
     at = ", ".join(f"{x:.3g}" for x in np.where(np.abs(middle) < 5e-4, 0.0, middle))
     fixed = ", fixed" if part.fixed else ""
-    return f"{len(part.surfaces)} surfaces, {' x '.join(f'{x:.3g}' for x in size)} mm around ({at}) mm{fixed}"
+    count = len(part.surfaces)
+    return f"{count} surface{'s' * (count != 1)}, {' x '.join(f'{x:.3g}' for x in size)} mm around ({at}) mm{fixed}"
 
 
 def _beside(scene: Scene, count: int, mates: dict[int, dict[int, list[str]]]) -> dict[int, set[int]]:

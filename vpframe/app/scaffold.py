@@ -34,13 +34,11 @@ PARTS = 6
 """maximum number of parts that are tried"""
 SECONDS = 5.0
 """time limit of planning for each part, s"""
+ALL = 60.0
+"""time limit of planning what has to be removed before a part, s, if none is given"""
 MARGIN = 5e-3
 """distance by which a slide goes past all other parts, m"""
 WORDS = {"up": (0, 0, 1), "down": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0), "y": (0, 1, 0), "-y": (0, -1, 0)}
-
-
-ALL = 20.0
-"""time limit of planning what has to be removed before a part, s"""
 
 
 @dataclass(frozen=True)
@@ -72,10 +70,13 @@ class Way:
         hand.release()
 
 
-def new_task(path: str | os.PathLike[str], scene: Scene, model: Path, name: str | None = None) -> str:
+def new_task(
+    path: str | os.PathLike[str], scene: Scene, model: Path, name: str | None = None, budget: float = ALL
+) -> str:
     """Write a first task script for a scene; return why it fails, empty if it succeeds.
 
     name: of the part to remove; None: the first one that can be removed.
+    budget: of planning what has to be removed before the named part, s.
 
     Raises
     ------
@@ -87,7 +88,7 @@ def new_task(path: str | os.PathLike[str], scene: Scene, model: Path, name: str 
     with contextlib.suppress(ValueError):  # the model is on another drive
         model = Path(os.path.relpath(str(model), str(script.parent)))
     with Progress("looking for a part that comes out") as progress:
-        part, way, reason = _found(scene, progress, wanted)
+        part, way, reason = _found(scene, progress, wanted, budget)
     text = _TEMPLATE.format(
         model=_in_docstring(model.name),
         file=quoted(model.as_posix()),
@@ -109,7 +110,7 @@ def _named(scene: Scene, name: str) -> Part:
     return scene[group[0]]
 
 
-def _found(scene: Scene, progress: Progress, wanted: Sequence[Part]) -> tuple[Part, Way, str]:
+def _found(scene: Scene, progress: Progress, wanted: Sequence[Part], budget: float) -> tuple[Part, Way, str]:
     """Return a part and a way to remove it, with the reason why that fails, empty if it succeeds."""
     parts = sorted((p for p in wanted if not p.fixed), key=lambda p: (p.shape.volume or np.inf, p.name))
     if not parts:
@@ -130,11 +131,27 @@ def _found(scene: Scene, progress: Progress, wanted: Sequence[Part]) -> tuple[Pa
     assert first is not None
     if len(wanted) == 1:
         progress(0.5, f"what has to be removed before {first[0].name}")
-        plan = planning.disassembly(scene, first[0].name, budget=ALL)
-        way = Way("remove", parts=tuple(name for step in plan.steps for name in step.parts))
-        if plan.verdict == "removable" and not _tried(scene, first[0], way):
-            return first[0], way, ""
+        plan = planning.disassembly(scene, first[0].name, budget=budget)
+        if plan.verdict != "removable":
+            return first[0], first[1], f"{first[2]}; {_none_before(plan)}"
+        steps = [(first[0].name,) if first[0].name in step.parts else step.parts for step in plan.steps]
+        way = Way("remove", parts=tuple(dict.fromkeys(name for names in steps for name in names)))
+        reason = _tried(scene, first[0], way)
+        return first[0], way, reason
     return first
+
+
+def _none_before(plan: planning.Disassembly) -> str:
+    """Say that no parts were found whose removal frees the target, or that there are none."""
+    spent = plan.budget
+    if plan.verdict != "not found":
+        return f"it is {plan.verdict}"
+    if not (spent.by_clock or spent.asked >= spent.questions):
+        return "no parts were found whose removal frees it"
+    return (
+        f"the search for what has to be removed before it used up its budget of {spent.seconds:g} s: give more with "
+        f"--budget {2.0 * spent.seconds:g}s"
+    )
 
 
 def _no_way(part: Part, found: planning.Removal) -> str:

@@ -213,10 +213,13 @@ def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
     sys.exit(code)
 
 
-def new_task(path: str | Path, from_file: str | Path, force: bool = False, part: str | None = None) -> str:
+def new_task(
+    path: str | Path, from_file: str | Path, force: bool = False, part: str | None = None, budget: float | None = None
+) -> str:
     """Write a first task script for a model; return why it fails, empty if it succeeds.
 
     part: name of the part to remove; None: the first one that can be removed.
+    budget: of planning what has to be removed before that part, s; None: a minute.
 
     Raises
     ------
@@ -224,12 +227,13 @@ def new_task(path: str | Path, from_file: str | Path, force: bool = False, part:
         UnknownPartError, TaskError: no part has that name.
     """
     with Output(path, SCRIPT, force, [from_file]) as script:
+        from vpframe.app.scaffold import ALL
         from vpframe.app.scaffold import new_task as write
 
         scene = loaded(from_file)
         for note in scene.all_notes():
             say(f"note: {note}")
-        return write(script, scene, Path(from_file), part)
+        return write(script, scene, Path(from_file), part, ALL if budget is None else budget)
 
 
 def loaded(path: str | Path) -> Scene:

@@ -45,12 +45,14 @@ STILL = 1e-6
 """m and rad: motion in a step below which a part rests"""
 SNAP = 0.05
 """reach of the assist's snapping, as a fraction of half the scene's size"""
-MOST_SNAP = 3e-3
+MOST_SNAP = 1.5e-3
 """maximum reach, m"""
 DIGITS = 7, 9
 """decimals of lengths (m) and of quaternions in scripts"""
 STEP_SECONDS = 0.02
 """computing time of a step of a drag, s, beyond which the next one has a shorter way to go"""
+DRAWN_SECONDS = 0.05
+"""longest wait of a drag, s, until the page has drawn all frames but the latest: unseen steps take its time"""
 UNHINDERED = 0.25
 """of the way that a step was to go: what is dragged is hindered where it goes less"""
 MOVES = ("drag", "place")
@@ -323,6 +325,7 @@ class Workbench:
             began = time.thread_time()
             yield target
             took = time.thread_time() - began
+            self.viewer.wait_for(self.holder, DRAWN_SECONDS)
             moved, wanted = apart(before, self.hand.subject), way
             if took > STEP_SECONDS:
                 way = max(0.5 * way, 0.5 * self.snap)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vpframe.errors import TaskError
 from vpframe.hands import paths, verbs
+from vpframe.hands.access import MOST_NAMED
 from vpframe.hands.directions import grip, spans, way_out
 from vpframe.hands.gripper import Gripper
 from vpframe.hands.segment import Outcome
@@ -23,8 +24,6 @@ Names = str | Sequence[str]
 
 SEARCH = 30.0
 """time limit of planning for a part that cannot be removed straight, s"""
-MOST_NAMED = 3
-"""maximum number of parts named that lock another"""
 ROOM = 0.01
 """distance between a removed part and all others, m"""
 PASSING = 2e-3

@@ -17,12 +17,12 @@ from vpframe.planning.assembly import Array, Assembly, Knots
 
 SAMPLES: Final = 32
 """poses of a way, about, at which distances are measured before anything is swept"""
-TRIED: Final = ((1.0 - 1e-3, 1e-3), (0.97, 2e-2))
-"""of the least distance measured: what is tried first, and how exactly, before the distance is bisected"""
-MANY: Final = 9
-"""knots: of longer ways, threads above all, the least clearance is known less well"""
-SEARCHES: Final = 6
-"""sweeps a pair of a bisection, which ends sooner within a twentieth"""
+MARGIN: Final = 1e-3
+"""1: of the least distance measured: how much less is proven first, and how exactly; twice as much after each stop"""
+SEARCHES: Final = 9
+"""sweeps a pair until one is not stopped"""
+DIP: Final = 9
+"""poses of a part of a leg at which the least distance is looked for; then as many between the two beside it"""
 STRAY: Final = 1e-6
 """m: by which straight lines between the rows of a track leave the screw that was certified, at most"""
 SPEED, TURN_SPEED = 0.05, 0.5 * np.pi
@@ -85,39 +85,72 @@ def _measured(
 ) -> Clearance:
     """The least distance at poses along a way, of those below `within` m; infinite without one."""
     out, each = Clearance(np.inf), max(1, SAMPLES // (len(knots) - 1))
-    for start, end in pairwise(knots):
-        way = pin.log6(start.actInv(end))
-        for k in range(each):
-            rows = assembly.sweeps.near(i, j, start * pin.exp6(way * (k / each)), end, within, together)
-            if len(rows) and rows["distance"].min() < within:
-                row = rows[np.argmin(rows["distance"])]
-                within = float(row["distance"])
-                out = _told(within, i, j, row)
+    for leg in pairwise(knots):
+        found, _ = _least_at(assembly, i, j, leg, np.arange(each) / each, together, within)
+        if found.distance < within:
+            out, within = found, found.distance
     return out
+
+
+def _least_at(
+    assembly: Assembly, i: int, j: int, leg: tuple[pin.SE3, pin.SE3], times: Array, together: tuple[Pairing, ...],
+    within: float,
+) -> tuple[Clearance, int]:  # fmt: skip
+    """The least distance at times of a leg, of those below `within` m, and at which of them; infinite without one."""
+    out, at = Clearance(np.inf), 0
+    start, end = leg
+    way = pin.log6(start.actInv(end))
+    for k, t in enumerate(times):
+        rows = assembly.sweeps.near(i, j, start * pin.exp6(way * t), end, within, together)
+        if len(rows) and rows["distance"].min() < within:
+            row = rows[np.argmin(rows["distance"])]
+            within, at = float(row["distance"]), k
+            out = _told(within, i, j, row)
+    return out, at
+
+
+def _least_near(
+    assembly: Assembly, i: int, j: int, leg: tuple[pin.SE3, pin.SE3], begin: float, together: tuple[Pairing, ...],
+    within: float,
+) -> Clearance:  # fmt: skip
+    """A least distance on a leg from a time on, below `within` m: measured finer and finer about the least so far."""
+    times, best = np.linspace(begin, 1.0, DIP), Clearance(np.inf)
+    while times[-1] - times[0] > 1e-4:
+        found, at = _least_at(assembly, i, j, leg, times, together, within)
+        if found.distance == np.inf:
+            break
+        best, within = found, found.distance * (1.0 + 1e-9)
+        times = np.linspace(times[max(at - 1, 0)], times[min(at + 1, DIP - 1)], DIP)
+    return best
 
 
 def _proven(
     assembly: Assembly, i: int, j: int, knots: Knots, together: tuple[Pairing, ...], found: Clearance, limit: float,
     best: Clearance,
 ) -> Clearance:  # fmt: skip
-    """The lesser of the best clearance and that of a pair, of which distances were measured."""
-    if found.distance < limit:
+    """The lesser of the best clearance and that of a pair, of which distances were measured.
+
+    A sweep that is stopped shows where surfaces come nearer; the least distance on from there is measured, and proven
+    in its turn.
+    """
+    high, margin, least = min(limit, found.distance), MARGIN, assembly.tolerance.linear
+    nearer = high < limit
+    if nearer:
         best = found
-    low, high = assembly.tolerance.linear, min(limit, found.distance)
-    nearer, tried = high < limit, TRIED[len(knots) > MANY :]
-    for k in range(SEARCHES):
-        if high <= 1.06 * low:
+    for _ in range(SEARCHES):
+        if high <= least:
             break
-        part, slop = tried[k] if k < len(tried) else (float(np.sqrt(low / high)), tried[-1][1])
-        stop = assembly.with_tolerance(part * high, slop).stop(i, j, knots, together, graze=False)
+        low = high * (1.0 - margin) ** 2
+        stop = assembly.with_tolerance(high * (1.0 - margin), margin).stop(i, j, knots, together, graze=False)
         if stop is None:
-            low = part * high * (1.0 - slop)
-            if k < len(tried):
-                break
-        else:
-            high, nearer = part * high, True
-            best = _told(low, i, j, stop.contacts[0]) if len(stop.contacts) else best
-    return Clearance(low, best.parts, best.surfaces, best.at) if nearer else best
+            return Clearance(max(low, least), best.parts, best.surfaces, best.at) if nearer else best
+        high, nearer, margin = high * (1.0 - margin), True, 2.0 * margin
+        there = _least_near(assembly, i, j, (knots[stop.leg], knots[stop.leg + 1]), stop.t, together, high)
+        if there.distance < high:
+            high, best = there.distance, there
+        elif len(stop.contacts):
+            best = _told(high, i, j, stop.contacts[0])
+    return Clearance(least, best.parts, best.surfaces, best.at) if nearer else best
 
 
 def _told(distance: float, i: int, j: int, row: np.void) -> Clearance:

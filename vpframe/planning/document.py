@@ -110,7 +110,7 @@ def _proof(found: Removal) -> dict[str, Any] | None:
 
 def table(plan: Disassembly) -> str:
     """The plan for a person: a line a step, then what did not come out and why."""
-    what = plan.target or "everything but " + ", ".join(plan.base)
+    what = plan.target or "everything but " + listed(plan.base)
     lines = []
     if plan.verdict == "removable":
         least = f", the fewest over the ways found ({plan.bound} at least)" if plan.proven else ""
@@ -120,7 +120,7 @@ def table(plan: Disassembly) -> str:
     for n, step in enumerate(plan.steps, 1):
         d = step.clearance.distance
         near = "" if not math.isfinite(d) else f", {d * 1e3:.3g} mm clear"
-        lines.append(f"  {n:3}  {', '.join(step.parts)}: {step.way.text}, {step.length * 1e3:.4g} mm{near}")
+        lines.append(f"  {n:3}  {listed(step.parts)}: {step.way.text}, {step.length * 1e3:.4g} mm{near}")
     alike: dict[tuple[str, str], list[str]] = {}
     for name, stuck in plan.stuck.items():
         by = f" (in the way: {listed(stuck.blockers)})" if stuck.blockers else ""
@@ -129,7 +129,8 @@ def table(plan: Disassembly) -> str:
         lines.append(f"  {listed(names)} {'is' if len(names) == 1 else 'are'} {words}{by}")
     for (a, b), depths in overlaps_by_parts(plan).items():
         faces = "" if len(depths) == 1 else f" at most, {len(depths)} pairs of surfaces"
-        lines.append(f"  overlap from the start, never deepened: {a} – {b}, {depths[0] * 1e3:.3f} mm{faces}")
+        meant = f"; if that is meant: --authorise {a}:{b}" if {a, b} & plan.stuck.keys() else ""
+        lines.append(f"  overlap from the start, never deepened: {a} – {b}, {depths[0] * 1e3:.3f} mm{faces}{meant}")
     if plan.interrupted:
         lines.append("  interrupted; these are the steps found until then")
     elif plan.remaining and plan.budget.by_clock:

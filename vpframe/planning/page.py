@@ -15,6 +15,7 @@ from vpframe.planning.certify import Track
 from vpframe.planning.document import WORDS, overlaps_by_parts
 from vpframe.planning.plan import Disassembly, PlannedStep
 from vpframe.scene.scene import Scene
+from vpframe.scene.subassembly import listed
 from vpframe.text import escape
 from vpframe.view.camera import Camera, look_at
 from vpframe.view.snapshot import png, render
@@ -35,7 +36,7 @@ def html(
     pictures = []
     for n, step in enumerate(plan.steps[:PICTURES]):
         progress(n / max(1, len(plan.steps)), "pictures")
-        caption = f"{n + 1}: {', '.join(step.parts)}, {step.way.text}"
+        caption = f"{n + 1}: {listed(step.parts)}, {step.way.text}"
         pictures.append(_figure(_step_picture(scene, step, gone(plan, n)), caption))
     sections = [
         _head(plan, title),
@@ -102,11 +103,11 @@ def _camera(scene: Scene, poses: Mapping[str, pin.SE3]) -> Camera:
 def _head(plan: Disassembly, title: str) -> str:
     good = plan.verdict == "removable"
     what = plan.target or "Everything"
-    words = f"{what} comes out." if good else f"{', '.join(plan.remaining)}: {plan.verdict}."
+    words = f"{what} comes out." if good else f"{listed(plan.remaining)}: {plan.verdict}."
     facts = [
         ("steps", str(len(plan.steps))),
         ("levels", str(len(plan.levels))),
-        ("stays", ", ".join(plan.base)),
+        ("stays", listed(plan.base)),
         ("fewest", "proven over the ways found" if plan.proven else "not proven" if plan.target else "not asked"),
     ]
     cells = "".join(f'<div class="fact"><span class="dim">{k}</span><b>{escape(v)}</b></div>' for k, v in facts)

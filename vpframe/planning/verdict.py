@@ -19,6 +19,7 @@ from vpframe.planning import certify, enclosure, slide, tree, ways
 from vpframe.planning.assembly import CLEAR, Array, Assembly, Budget, BudgetError, Overlap
 from vpframe.planning.certify import Clearance, Track
 from vpframe.planning.ways import Way
+from vpframe.scene.subassembly import listed
 
 Verdict = Literal["removable", "locked", "enclosed", "not found"]
 Motion = Literal["straight", "mates", "free"]
@@ -210,7 +211,7 @@ class _Search:
         )
         surfaces = tuple((names[i], a, names[j], b) for i, a, j, b in faces)
         held = [names[j] for _, j, stop in stops if not len(stop.contacts)]
-        why = f"held by the drawn thread in {', '.join(held)}" if held else ""
+        why = f"held by the drawn thread in {listed(held)}" if held else ""
         self.tried.append(Tried(text, tuple(names[j] for j in by), surfaces, reached, why))
 
     def _wide_enough(self, way: Way) -> Removal | None:

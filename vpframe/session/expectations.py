@@ -31,7 +31,7 @@ def freedom(session: Workplace, part: str, n: int, to: str | None = None, carrie
     """Check the degrees of freedom of a part or subassembly with the parts it carries, to all others or to `to`."""
     have = session.freedom(part, to, carried)
     group, found = f" with {listed(carried)}" if carried else "", f" (it has {have})" if have != n else ""
-    return have == n, f"{part}{group} has {n} degrees of freedom{f' to {to}' if to else ''}{found}"
+    return have == n, f"{part}{group} has {n} degree{'s' * (n != 1)} of freedom{f' to {to}' if to else ''}{found}"
 
 
 def free(session: Workplace, part: str, carried: Sequence[str] = ()) -> Verdict:

@@ -31,7 +31,7 @@ def leave_all(candidate: ConstraintView) -> Verdict:
 
 
 def accept_standing(candidate: ConstraintView) -> Verdict:
-    """Accept the constraints of the initial assembly; return no verdict on later candidates."""
+    """Accept the constraints of the initial assembly, and again when parts come back; no verdict on all others."""
     return "accept" if candidate.state == "standing" else None
 
 

@@ -288,6 +288,8 @@ class Session:
     def _commit(self, changes: Changes) -> None:
         """Record the changes of a step in trails, events and frame."""
         self._changes = changes
+        for poses in changes.way:
+            self._trails.add(self.step_count, [self._numbers[name] for name in poses], Poses.of(poses).rows)
         moved = [self._numbers[name] for name in changes.poses]
         self._trails.add(self.step_count, moved, self.state.collision.packed_poses()[moved])
         for hand in self.state.hands.values():
@@ -395,7 +397,7 @@ class Session:
         """Return the rule's verdict on a candidate of a held part or of the initial assembly; None for all others."""
         if self.state.started and self.state.held.isdisjoint(candidate.bodies):
             return None
-        state = "candidate" if self.state.started else "standing"
+        state = "candidate" if self.state.started and candidate.key not in self.state.standing else "standing"
         verdict = self.rule(self._readings.view(-1, candidate, state))
         return None if verdict is None else verdict == "accept"
 
@@ -581,7 +583,10 @@ class Session:
         return next(filter(None, map(self._readings.pitch_of, self._indices(part))), None)
 
     def trail(self, part: str) -> tuple[tuple[int, pin.SE3], ...]:
-        """(step, pose) of each step in which the part (first part of a subassembly) moved, from step 0 on."""
+        """(step, pose) of each step in which the part (first part of a subassembly) moved, from step 0 on.
+
+        A step has further rows, before its last one, where the way of the part bends within it.
+        """
         self._begin()
         return self._trails.of(self._indices(part)[0])
 

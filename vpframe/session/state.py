@@ -73,6 +73,8 @@ class Changes:
     events: tuple[NewEvent, ...]
     mates: Mapping[str, Any] | None = None
     """state of the constraint manager, if it changed"""
+    way: tuple[Mapping[str, pin.SE3], ...] = ()
+    """poses of the moved parts where their way bends within the step, in order"""
     timings: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -198,6 +200,8 @@ class State:
         """events found by `start`, reported by the first step"""
         self.remated: frozenset[int] = frozenset()
         """objects whose mated surfaces changed since the colliding surfaces were last computed"""
+        self.standing: frozenset[Any] = frozenset()
+        """keys of the constraints recognised in the initial assembly"""
         self.decided = False
         """whether a decision was made since the last recognition"""
 
@@ -231,6 +235,7 @@ class State:
         rows = self.collision.contacts(self.mates.within)
         changes = self.mates.update(self.poses, rows, {})
         self.untold = tuple(self.event(change) for change in changes)
+        self.standing = frozenset(change.candidate.key for change in changes)
         self.joined = frozenset(self.pair(change.candidate) for change in changes if change.kind == "accepted")
         self.mates.tolerance = self.tolerance
         self.motion.sync()
@@ -459,7 +464,8 @@ class State:
         _require(isinstance(changes, Changes), "result")
         self._require_rows(changes.colliding)
         self._require_rows(changes.touching)
-        for name in (*changes.freedom, *changes.joint, *(name for view in changes.constraints for name in view.parts)):
+        named = (*changes.freedom, *changes.joint, *(name for view in changes.constraints for name in view.parts))
+        for name in (*named, *(name for poses in changes.way for name in poses)):
             self.scene.index(name)
         if changes.mates is not None:
             self._require_mates(changes.mates)

@@ -31,6 +31,7 @@ from vpframe.scene.subassembly import listed
 from vpframe.session.events import NewEvent
 from vpframe.session.readings import Readings, along
 from vpframe.session.state import COLUMNS, Changes, Decision, State
+from vpframe.session.trails import bends
 
 MOST_SEGMENTS = 16
 """maximum number of segments of a hand's motion in one step"""
@@ -75,7 +76,7 @@ class HandTarget:
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """Inputs of a step, and the computing time of its stages."""
+    """Inputs of a step, and what its stages note down: their computing time, the way of the held parts."""
 
     targets: Sequence[HandTarget]
     decisions: Sequence[Decision]
@@ -86,6 +87,8 @@ class Inputs:
         default_factory=lambda: dict.fromkeys(("motion", "collision", "constraints", "physics"), 0.0)
     )
     """computing time by kind of work, s"""
+    way: list[Mapping[int, pin.SE3]] = field(default_factory=list)
+    """poses that held parts, and those that come along, went through, in order"""
 
     @property
     def firm(self) -> list[HandTarget]:
@@ -245,8 +248,31 @@ def advance(state: State, readings: Readings, given: Inputs) -> Changes:
         clearance=readings.least_clearance() if given.measure_clearance else None,
         events=tuple(events),
         mates=state.mates.state() if any(event.kind in _MATING for event in events) else None,
+        way=_bends(state, before, given.way),
         timings=given.seconds,
     )
+
+
+def _bends(
+    state: State, before: Sequence[pin.SE3], way: Sequence[Mapping[int, pin.SE3]]
+) -> tuple[Mapping[str, pin.SE3], ...]:
+    """Return the poses, by part, at which a way that led from `before` bends: back along them is as free as out."""
+    if len(way) < 2:
+        return ()
+    moved = sorted(set().union(*way))
+    poses = [{i: before[i] for i in moved}]
+    for there in way:
+        poses.append({**poses[-1], **there})
+    leads = [i for i in moved if i not in state.motion.groups.seats]
+    points = np.empty((len(poses), 2 * len(leads), 3))
+    for k, i in enumerate(leads):
+        center = state.motion.shape(i)[0]
+        size = float(np.linalg.norm(_corners(state, i) - center, axis=1).max())
+        for at, there in enumerate(poses):
+            points[at, 2 * k] = there[i].act(center)
+            points[at, 2 * k + 1] = size * pin.log3(before[i].rotation.T @ there[i].rotation)
+    within = state.tolerance.slop * state.tolerance.linear
+    return tuple({state.names[i]: pose for i, pose in poses[at].items()} for at in bends(points, within))
 
 
 def standing(state: State, readings: Readings, **step: Any) -> Changes:
@@ -338,6 +364,12 @@ def _travel(state: State, i: int, a: pin.SE3, b: pin.SE3) -> float:
 
     Displacement is affine in the point, so a corner goes farthest.
     """
+    shift = _corners(state, i) @ (b.rotation - a.rotation).T + (b.translation - a.translation)
+    return float(np.sqrt((shift * shift).sum(axis=1).max()))
+
+
+def _corners(state: State, i: int) -> NDArray[np.float64]:
+    """(n, 3), m: corners of the boxes of a part, and of those that it carries, in its frame."""
     groups = state.motion.groups
     known = state.boxes.get(i)
     if known is None or known[0] is not groups:
@@ -347,8 +379,7 @@ def _travel(state: State, i: int, a: pin.SE3, b: pin.SE3) -> float:
             seat = groups.seats[j][1]
             placed.append(corners(state.scene.parts[j].mesh) @ seat.rotation.T + seat.translation)
         known = state.boxes[i] = groups, np.concatenate(placed)
-    shift = known[1] @ (b.rotation - a.rotation).T + (b.translation - a.translation)
-    return float(np.sqrt((shift * shift).sum(axis=1).max()))
+    return known[1]
 
 
 def _follow_hands(state: State, wanted: dict[int, pin.SE3], given: Inputs) -> list[NewEvent]:
@@ -360,6 +391,7 @@ def _follow_hands(state: State, wanted: dict[int, pin.SE3], given: Inputs) -> li
     held = {index(target.part) for target in targets}
     result = state.motion.step({i: wanted[i] for i in sorted(held)}, state.poses, along(state, wanted))
     given.seconds["motion"] += clock.perf_counter() - began
+    given.way.extend((*result.way, result.poses))
     before, blocked = state.blocked, {}
     events: list[NewEvent] = []
     if result.blocked:
@@ -369,7 +401,7 @@ def _follow_hands(state: State, wanted: dict[int, pin.SE3], given: Inputs) -> li
             by = _in_the_way(group, result.contacts, wanted[i].translation - state.poses[i].translation)
             if not by and len(targets) > 1:
                 continue  # the part of another hand was stopped
-            blocked[name] = _blockers(state, by)
+            blocked[name] = _blockers(state, by) + _authorising(state, group, by)
             if name not in before:
                 others = [state.names[i] for i in by]
                 surfaces = (tuple(sorted(met)) for met in by.values())
@@ -392,6 +424,26 @@ def _blockers(state: State, by: Mapping[int, Mapping[int, NDArray[np.float64]]])
     if len(met) == 1:
         return f"{met[0][0]} stands in its way {met[0][1]}{remove}"
     return f"{listed([f'{name} {face}' for name, face in met])} stand in its way{remove}"
+
+
+def _authorising(state: State, group: Sequence[int], by: Iterable[int]) -> str:
+    """Say which obstacles overlap the group as drawn, and how that is authorised; empty if none does.
+
+    The overlap of a screw with its thread is not said: it is turned out.
+    """
+    near = {(a, b) if a in group else (b, a) for a, _, b, _ in state.colliding.tolist()}
+    mates = (*state.mates.candidates.values(), *(entry.candidate for entry in state.mates.accepted.values()))
+    threads = {c.bodies for c in mates if c.kind == "screw"}
+    text = ""
+    for own, other in sorted(near):
+        if own not in group or other not in by or {(own, other), (other, own)} & threads:
+            continue
+        depth = state.motion.overlap_as_drawn(own, other)
+        if depth > state.tolerance.linear:
+            a, b = state.names[own], state.names[other]
+            text += f"; {a} and {b} overlap by {1e3 * depth:.3g} mm as drawn: if that is meant, "
+            text += f'session.authorise("{a}", "{b}")'
+    return text
 
 
 def _in_the_way(

@@ -1,4 +1,4 @@
-"""`Trails`: the poses of moved parts at every step, in bounded memory."""
+"""`Trails`: the poses of moved parts at every step, and where a way bends within one, in bounded memory."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ROW = np.dtype([("step", np.int64), ("part", np.int64), ("rotation", np.float64
 
 
 class Trails:
-    """Poses of parts by step: 112 bytes for each step in which a part moved, most of them in a temporary file.
+    """Poses of parts by step, 112 bytes each, most of them in a temporary file.
 
     The file is created when needed, has no name, and is deleted with this object or its process.
     """
@@ -32,7 +32,7 @@ class Trails:
         self._lost = ""
 
     def add(self, step: int, parts: Sequence[int], poses: NDArray[np.float64]) -> None:
-        """Append the poses (k, 12), rotation by rows and translation in m, of parts from a step on."""
+        """Append the poses (k, 12), rotation by rows and translation in m, of parts in a step, in order."""
         done = 0
         while done < len(parts):
             if self._count == len(self._rows):
@@ -56,7 +56,7 @@ class Trails:
         self._full, self._count = full, count
 
     def of(self, part: int) -> tuple[tuple[int, pin.SE3], ...]:
-        """Return (step, pose) of every step in which a part moved, bit for bit.
+        """Return (step, pose) of every step in which a part moved and of the bends within it, bit for bit.
 
         Raises
         ------
@@ -96,3 +96,19 @@ class Trails:
         except OSError as error:  # reported by `of` only
             self._lost = f"the folder for temporary files, {tempfile.gettempdir()}, cannot be written: {error.strerror}"
         self._count = 0
+
+
+def bends(points: NDArray[np.float64], within: float) -> list[int]:
+    """Return the inner points of a polyline that keep it within a distance of itself, ascending.
+
+    points: (n, k, d) k points that move together; the farthest one counts. Ramer 1972, Douglas and Peucker 1973.
+    """
+    chord = points[-1] - points[0]
+    inner = points[1:-1] - points[0]
+    along = (inner * chord).sum(axis=2) / np.maximum((chord * chord).sum(axis=1), np.finfo(float).tiny)
+    beside = inner - np.clip(along, 0.0, 1.0)[..., None] * chord
+    far = (beside * beside).sum(axis=2).max(axis=1, initial=0.0)
+    if not len(far) or far.max() <= within * within:
+        return []
+    k = 1 + int(far.argmax())
+    return [*bends(points[: k + 1], within), k, *(k + i for i in bends(points[k:], within))]

@@ -45,9 +45,10 @@ class Classes:
 def classes(values: ArrayLike) -> Classes:
     """Return a histogram of 2 n^(1/3) classes of equal width (Rice's rule), at most 30; one class for equal values."""
     data = np.asarray(values, dtype=np.float64)
-    if not len(data) or np.ptp(data) <= 1e-12 * np.abs(data).max():
-        edge = float(data[0]) if len(data) else 0.0
-        return Classes((edge, edge), (len(data),))
+    if not len(data):
+        return Classes((0.0, 0.0), (0,))
+    if np.ptp(data) <= max(1e-12 * np.abs(data).max(), np.finfo(np.float64).tiny):
+        return Classes((float(data.min()), float(data.max())), (len(data),))
     counts, edges = np.histogram(data, min(math.ceil(2.0 * len(data) ** (1.0 / 3.0)), _MOST_CLASSES))
     return Classes(tuple(edges.tolist()), tuple(counts.tolist()))
 

@@ -163,6 +163,11 @@ class MeshcatViewer:
                 time.sleep(min(ahead, MAX_PAUSE))
         self._last = (frame.time, time.monotonic())
 
+    def wait_for(self, client: int, most: float) -> None:
+        """Wait until a page has drawn all frames but the latest, at most `most` s."""
+        if self._server is not None:
+            self._server.wait_for(client, most)
+
     def mark(self) -> object:
         """Return a mark of what was shown so far, for `undo`."""
         return self._history.mark()

@@ -75,6 +75,7 @@ class Server:
         self._count = 0
         self._clients: set[_Socket] = set()
         self._news = threading.Event()
+        self._sent = threading.Condition()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
         try:
@@ -119,6 +120,15 @@ class Server:
         if self._clients and not self._news.is_set() and self._loop is not None:
             self._news.set()
             self._loop.call_soon_threadsafe(self._pump)
+
+    def wait_for(self, number: int, most: float) -> None:
+        """Wait until a page was sent the latest frame, hence has drawn the one before; at most `most` s."""
+
+        def sent() -> bool:
+            return not any(client.number == number and client.behind for client in list(self._clients))
+
+        with self._sent:
+            self._sent.wait_for(lambda: not self._news.is_set() and sent(), most)
 
     def close(self, linger: float = 1.0) -> None:
         """Wait until pages have drawn the last frame, at most `linger` s, and stop."""
@@ -240,6 +250,8 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
         self.behind = False
         self.sent = time.monotonic()
         self._send(messages)
+        with self.server._sent:
+            self.server._sent.notify_all()
 
     def _send_later(self) -> None:
         if self.behind and self in self.server._clients:

@@ -99,6 +99,7 @@ def heaped(n, seconds):
     return column
 
 
+@pytest.mark.slow
 def test_a_heap_forms_without_overlap_or_energy_and_falls_asleep():
     """More bodies than are solved exactly, in one island: overlaps told by separating axes, not by our contacts."""
     column = heaped(100, 1.5)

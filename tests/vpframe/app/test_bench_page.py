@@ -26,6 +26,17 @@ def made(name: str, plots: bool = True) -> SimpleNamespace:
     return SimpleNamespace(run=lambda quick: result, table=lambda result: f"table of {name} & more\nrow", plot=plot)
 
 
+def test_what_json_has_no_number_for_is_null() -> None:
+    given = {
+        "rows": [{"error": float("nan"), "n": 3}],
+        "ratios": {"slower": float("inf")},
+        "peak": (-float("inf"), 0.5),
+    }
+    assert json.loads(json.dumps(bench.finite(given), allow_nan=False)) == {
+        "rows": [{"error": None, "n": 3}], "ratios": {"slower": None}, "peak": [None, 0.5],
+    }  # fmt: skip
+
+
 @pytest.fixture
 def suites(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What the suites are instead."""

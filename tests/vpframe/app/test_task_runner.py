@@ -228,6 +228,9 @@ def test_a_new_task_removes_what_stands_in_the_way_of_a_named_part(tmp_path) -> 
     assert first_task.new_task(path, scene, tmp_path / "cup.step", "cube") == ""
     assert '    hand.remove(["lid", "cube"])\n    session.expect_free("cube")' in path.read_text()
     assert study.run_task(path) == 0
+    told = first_task.new_task(tmp_path / "short.py", scene, tmp_path / "cup.step", "cube", budget=0.01)
+    assert told.endswith("used up its budget of 0.01 s: give more with --budget 0.02s")
+    assert f"# this fails: {told}\n" in (tmp_path / "short.py").read_text()
 
 
 def test_ctrl_c_ends_cleanly_with_recording_and_report_of_what_was_done(tmp_path) -> None:

@@ -41,7 +41,33 @@ def test_what_overlaps_is_a_line_a_pair_of_parts(tmp_path, capsys):
     path = write_step(tmp_path / "pressed.step", {"a": box(0.02, 0.02, 0.02), "b": (box(0.02, 0.01, 0.01), pressed)})
     main(["disassemble", str(path), "--base", "a", "--motion", "straight", "--budget", "20s"])
     (line,) = (line for line in capsys.readouterr().out.splitlines() if "overlap" in line)
-    assert line.startswith("  overlap from the start, never deepened: a – b, ") and line.endswith("pairs of surfaces")
+    assert line.startswith("  overlap from the start, never deepened: a – b, ")
+    assert line.endswith("pairs of surfaces; if that is meant: --authorise a:b")
+
+
+def held(count):
+    """Cubes in a closed case."""
+    balls = {f"ball {k}": (box(0.002, 0.002, 0.002), cases.at(0.004 + 0.003 * k, 0.01, 0.01)) for k in range(count)}
+    return {"case": box(0.05, 0.02, 0.02) - box(0.046, 0.016, 0.016).translated(0.002, 0.002, 0.002), **balls}
+
+
+def test_parts_that_stay_for_one_reason_are_one_line_with_few_names(tmp_path, capsys):
+    path = write_step(tmp_path / "held.step", held(9))
+    assert main(["disassemble", str(path), "--motion", "straight", "--budget", "60s"]) == 1
+    out = capsys.readouterr().out
+    (line,) = (line for line in out.splitlines() if "(proof)" in line)
+    assert line.startswith("  ball 0, ball 1, ball 2, ball 3, ball 4, ball 5 and 3 more are enclosed (proof)")
+
+
+def test_a_group_of_many_parts_is_named_by_few_of_them(tmp_path, capsys):
+    cubes = {f"cube {k}": (box(0.01, 0.01, 0.01), cases.at(0.02 * k, 0.0, 0.02)) for k in range(9)}
+    path = write_step(tmp_path / "cubes.step", {"plate": box(0.2, 0.02, 0.02), **cubes})
+    assert main(["disassemble", str(path), "--carry", ",".join(cubes), "--report", str(tmp_path / "page")]) == 0
+    captured = capsys.readouterr()
+    page = (tmp_path / "page" / "index.html").read_text()
+    for text in (captured.out, page):
+        assert "cube 5 and 3 more" in text and "cube 5, cube 6" not in text
+    assert json.loads((tmp_path / "page" / "plan.json").read_text())["steps"][0]["parts"] == list(cubes)
 
 
 def test_one_part_the_fewest_removals_and_a_no(model, capsys):

@@ -69,7 +69,8 @@ def test_while_a_file_is_read(tmp_path: Path, model: Path) -> None:
     assert out.read_text() == ""
 
 
-@pytest.mark.parametrize("command", ["clash", pytest.param("mates", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["clash", "mates"])
 def test_while_kernels_are_compiled(tmp_path: Path, model: Path, command: str) -> None:
     folder = tmp_path / "cache" / f"vpframe-{kernel_cache.digest('vpframe')}"
     folder.mkdir(parents=True)

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from constraints.motion.motion import Motion
-from vpframe import Part, Scene, Session, load
+from vpframe import Hand, Part, Scene, Session, load
+from vpframe.hands.paths import Track
 from vpframe.scene import modelling
 from vpframe.scene.modelling import Solid, box, cylinder, extrude
 from vpframe.session import rules
@@ -181,6 +182,25 @@ def test_a_ring_is_not_pulled_through_its_rod(way: tuple[float, float, float]) -
         assert hand.move_to(pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.12])))
 
 
+@pytest.mark.parametrize("rule", [rules.leave_all, rules.accept_all])
+def test_a_key_drawn_into_its_pocket_on_every_side_says_what_to_authorise(rule: rules.Rule) -> None:
+    block = box(0.04, 0.03, 0.02) - box(0.02, 0.008, 0.02).translated(0.01, 0.011, 0.01)
+    key = box(0.0204, 0.0084, 0.0102).translated(0.0098, 0.0108, 0.0098)
+    for authorised in (False, True):
+        scene = Scene([Part("block", modelling.shape(block), HERE), Part("key", modelling.shape(key), HERE)])
+        with Session(scene, rule=rule) as session:
+            if authorised:
+                session.authorise("key", "block")
+            hand = session.hand()
+            hand.grab("key")
+            outcome = hand.slide("up", 0.03, required=False)
+            advice = re.search(r"key and block overlap by (.*) mm as drawn: if that is meant, (.*)$", outcome.reason)
+            assert bool(outcome) is authorised and bool(advice) is not authorised, outcome.reason
+            if advice:
+                assert float(advice[1]) == pytest.approx(0.283, abs=1e-3)
+                assert advice[2] == 'session.authorise("key", "block")'
+
+
 @pytest.mark.parametrize("draft", [2.0, 10.0, 45.0])
 def test_a_wedge_leaves_its_seat(draft: float) -> None:
     """Both its flanks are mated: neither way along one of them is open, and off both it is what the hand wants."""
@@ -196,6 +216,76 @@ def test_a_wedge_leaves_its_seat(draft: float) -> None:
         assert hand.move_by((0.0, 0.06, 0.0), required=False)
         assert hand.move_to(HERE)
         assert np.linalg.norm(scene["wedge"].pose.translation) < 1e-6
+
+
+def back_along_the_trail(hand: Hand, session: Session, known: int) -> float:
+    """Deviation (m, the turn counted at 20 mm) of a held part that went back along its trail from row `known` on."""
+    held = str(hand.held)
+    start, *out = [pose for _, pose in session.trail(held)[known - 1 :]]
+    if out:
+        poses = [*out[::-1], start]
+        hand.follow(Track(session.dt * np.arange(len(poses) + 1.0), [out[-1], *poses]), required=False)
+    off = start.actInv(session.scene[held].pose)
+    return float(np.linalg.norm(off.translation) + 0.02 * np.linalg.norm(pin.log3(off.rotation)))
+
+
+@pytest.mark.parametrize("rule", [rules.leave_all, rules.accept_all])
+@pytest.mark.parametrize("steps", [1, 2, 3, 20])
+def test_a_pin_that_slid_over_a_ramp_goes_back_over_it(steps: int, rule: rules.Rule) -> None:
+    """However few steps it took: its trail bends where the way did, and behind the ramp is a wall."""
+    ramp = [(-0.01, 0.0), (0.004, 0.0), (0.010, 0.004), (0.010, 0.0), (0.04, 0.0), (0.04, -0.005), (-0.01, -0.005)]
+    rail, roll = extrude(ramp, 0.01), cylinder(0.003, 0.01).translated(y=0.003)
+    scene = Scene([Part("rail", modelling.shape(rail), HERE), Part("pin", modelling.shape(roll), HERE)])
+    scene["rail"].fixed = True
+    with Session(scene, rule=rule) as session:
+        hand = session.hand()
+        hand.grab("pin")
+        known = len(session.trail("pin"))
+        assert hand.move_by((0.024, 0.0, 0.0), duration=steps * session.dt)
+        assert len({step for step, _ in session.trail("pin")[known:]}) <= steps + 1
+        assert back_along_the_trail(hand, session, known) < 1e-6
+
+
+@pytest.mark.parametrize("kind", ["pocket", "bore", "dovetail", "fingers"])
+@settings(max_examples=3, deadline=None, derandomize=True)
+@given(
+    clearance=st.sampled_from([0.0, 1e-5, 1e-4, 4e-4]),
+    rule=st.sampled_from([rules.leave_all, rules.accept_all, rules.accept_kinds("concentric")]),
+    way=st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda way: np.linalg.norm(way) > 0.1),
+    far=st.sampled_from([0.001, 0.01, 0.04]),
+    steps=st.sampled_from([1, 10]),
+)
+def test_a_part_that_was_pulled_any_way_goes_back_along_its_trail(
+    kind: str, clearance: float, rule: rules.Rule, way: tuple[float, float, float], far: float, steps: int
+) -> None:
+    housing, key = (modelling.shape(solid) for solid in tight_fit(kind, clearance))
+    scene = Scene([Part("housing", housing, HERE), Part("key", key, HERE)])
+    scene["housing"].fixed = True
+    with Session(scene, rule=rule) as session:
+        hand = session.hand()
+        hand.grab("key")
+        known = len(session.trail("key"))
+        hand.move_by(far * np.array(way) / np.linalg.norm(way), duration=steps * session.dt, required=False)
+        assert back_along_the_trail(hand, session, known) < 1e-6
+
+
+def test_a_constraint_of_the_initial_assembly_is_in_force_again_when_its_part_comes_back() -> None:
+    """Other constraints that are met on the way are not."""
+    plate = box(0.08, 0.04, 0.02) - cylinder(0.005, 0.02).translated(0.02, 0.02)
+    plate = plate - cylinder(0.005, 0.02).translated(0.06, 0.02)
+    pin_ = cylinder(0.005, 0.03).translated(0.02, 0.02)
+    scene = Scene([Part("plate", modelling.shape(plate), HERE), Part("pin", modelling.shape(pin_), HERE)])
+    scene["plate"].fixed = True
+
+    with Session(scene, rule=rules.accept_standing) as session:
+        hand = session.hand()
+        hand.grab("pin")
+        for shift, kinds in (((0, 0, 0), ["concentric"]), ((0.04, 0, 0), []), ((0, 0, 0), ["concentric"])):
+            hand.move_to(pin.SE3(np.eye(3), np.array([*session.scene["pin"].pose.translation[:2], 0.04])))
+            assert not session.constraints_of("pin")
+            hand.move_to(pin.SE3(np.eye(3), np.array([shift[0], shift[1], 0.04])))
+            hand.move_to(pin.SE3(np.eye(3), np.array(shift, dtype=float)), required=False)
+            assert [mate.kind for mate in session.constraints_of("pin")] == kinds
 
 
 def out_and_back(

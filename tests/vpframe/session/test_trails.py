@@ -11,6 +11,8 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.vpframe.bench_scene import scene
 from vpframe.errors import OutputError
@@ -20,7 +22,7 @@ from vpframe.report import series
 from vpframe.report.series import Series
 from vpframe.session import rules, trails
 from vpframe.session.session import Session
-from vpframe.session.trails import Trails
+from vpframe.session.trails import Trails, bends
 
 
 def allocated() -> int:
@@ -91,6 +93,24 @@ def test_trails_keep_every_pose_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> N
         if step in (10, 200, 349):
             for part, expected in known.items():
                 assert [(s, p.homogeneous.tobytes()) for s, p in kept.of(part)] == expected
+
+
+@given(st.integers(0, 10**6), st.integers(1, 12), st.sampled_from([1e-6, 1e-2, 0.3]))
+@settings(max_examples=50, deadline=None)
+def test_bends_keep_a_polyline_within_a_distance_of_itself(seed: int, n: int, within: float) -> None:
+    rng = np.random.default_rng(seed)
+    points = np.cumsum(rng.normal(size=(n, 2, 3)), axis=0)
+    straight = np.linspace(points[:-1], points[1:], 4, endpoint=False, axis=1).reshape(-1, 2, 3) if n > 1 else points
+    line = np.concatenate([straight, points[-1:]])  # points of straight pieces are no bends
+    kept = bends(line, within)
+    assert kept == sorted(set(kept)) and all(0 < k < len(line) - 1 for k in kept)
+    for a, b in pairwise([0, *kept, len(line) - 1]):
+        chord = line[b] - line[a]
+        for k in range(a + 1, b):
+            s = np.clip(((line[k] - line[a]) * chord).sum(1) / np.maximum((chord * chord).sum(1), 1e-300), 0.0, 1.0)
+            assert np.linalg.norm(line[k] - line[a] - s[:, None] * chord, axis=1).max() <= within
+    if within == 1e-6 and n > 1:
+        assert kept == list(range(4, len(line) - 1, 4))
 
 
 def test_a_trail_that_could_not_be_kept_is_said_when_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -71,6 +71,7 @@ def test_what_does_not_vary_explains_nothing() -> None:
 
 
 @given(arrays(np.float64, st.integers(1, 300), elements=st.floats(-1e6, 1e6)))
+@example(np.array([5e-324, 0.0]))
 def test_classes_count_every_value_once(values) -> None:
     made = statistics.classes(values)
     assert sum(made.counts) == len(values)

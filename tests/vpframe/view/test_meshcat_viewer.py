@@ -120,6 +120,24 @@ def test_every_event_arrives_once_however_many_frames_are_skipped(viewer):
     assert kinds == ["collided", "recognised", "parted"]
 
 
+def test_a_wait_for_a_page_ends_when_it_has_drawn_or_with_its_time(viewer):
+    async def waited(client, most):
+        began = time.monotonic()
+        await asyncio.to_thread(viewer.wait_for, client, most)
+        return time.monotonic() - began
+
+    async def look():
+        page = await connect(viewer)
+        await receive(page, of_type("scene"), answer=False)
+        viewer.frame(pressing_frames(2)[0])
+        assert await waited(1, 0.2) >= 0.2  # the scene is not drawn yet
+        assert await waited(2, 20.0) < 10.0  # there is no such page
+        await page.write_message('{"action": "drawn"}')
+        assert await waited(1, 20.0) < 10.0
+
+    asyncio.run(look())
+
+
 def test_a_page_that_does_not_answer_gets_no_more_and_holds_nobody_up(viewer):
     frames = pressing_frames(300)
 

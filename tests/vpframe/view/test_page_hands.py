@@ -240,6 +240,10 @@ def test_rows_show_the_place_with_all_else_faded(bench: Workbench, browser: Brow
     browser.wait("marker !== null")
     assert browser.run("world.parts.map((part) => Boolean(part.faded))") == [False, False, True]
     browser.run("world.parts.pop(); focusOn(null); 1")
+    mates = "[...world.symbols.keys()].filter((name) => name.startsWith('constraint')).length"
+    for hidden, seen in (([0], True), ([0, 1], False), ([], True)):  # a symbol is hidden with the last of its parts
+        browser.run(f"setHidden(world.parts, false); setHidden({hidden}.map((k) => world.parts[k]), true); 1")
+        assert bool(browser.run(mates)) == seen
 
 
 def test_the_tree_hides_isolates_and_colours(bench: Workbench, browser: Browser) -> None:

@@ -6,7 +6,7 @@ function receive(message) {
   else if (message.type === "strips") keepStrips(message);
   else if (message.type === "frame") receiveFrame(message);
   else if (message.type === "newest") grow(message.frame);
-  else if (message.type === "events") message.events.forEach((event) => { markEvent(event); addEvent(event); });
+  else if (message.type === "events") hear(message.events);
   else if (message.type === "undone") forget(message.frame);
   else if (message.type === "desk") showDesk(message);
   else if (message.type === "clashes") showFound(message);

@@ -82,8 +82,9 @@ function repaint(now, fine = false) {
   viewer.controls.update();
   viewer.needs_render = false;
   const drawn = survey(now);
-  if (painter.rested && !fine) return;
-  if (fine || atRest(now)) {
+  const rests = fine || atRest(now);
+  if (painter.changed !== now && (painter.rested || !rests) && !fine) return; // all looks as it did
+  if (rests) {
     painter.rested = painter.stale = true;
     painter.sweep = false;
     painter.swept = -REST;

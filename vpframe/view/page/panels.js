@@ -93,15 +93,17 @@ function button(text, message) {
   return made;
 }
 
-function addEvent(event) {
-  const line = element("div", event.tone);
-  line.append(element("span", "at", `${event.time.toFixed(3)} s`), element("span", "kind", event.kind),
-    document.createTextNode(event.text));
-  $("events").append(line);
+function addEvents(events) {
+  if (!events.length) return;
+  $("events").append(...events.slice(-300).map((event) => {
+    const line = element("div", event.tone);
+    line.append(element("span", "at", `${event.time.toFixed(3)} s`), element("span", "kind", event.kind),
+      document.createTextNode(event.text));
+    return line;
+  }));
   while ($("events").childElementCount > 300) $("events").firstChild.remove();
   $("events").parentElement.scrollTop = 1e9;
 }
-
 
 let silence = 0;
 

@@ -222,6 +222,7 @@ function setHidden(parts, hidden) {
   for (const part of parts) { part.hidden = hidden; applyOpacity(part); }
   for (const row of document.querySelectorAll("#tree .node"))
     row.querySelector("input").checked = row.parentElement.parts.some((part) => !part.hidden);
+  if (world.last) showSymbols(world.last);
   viewer.set_dirty();
 }
 

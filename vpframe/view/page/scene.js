@@ -165,14 +165,14 @@ function showFrame(frame) {
   tellSoon();
 }
 
-// What panels say, ten times a second at most: text costs more than the picture of what moves.
-const TOLD = 100;
+// What panels say, five times a second at most, and with a frame while frames come: text alone costs as much as a frame.
+const TOLD = 200;
 let told = -TOLD, telling = null;
 
 function tellSoon() {
-  const wait = told + TOLD - performance.now();
-  if (wait <= 0) tell(world.last);
-  else telling ??= setTimeout(() => tell(world.last), wait);
+  clearTimeout(telling);
+  if (performance.now() - told >= TOLD) tell(world.last);
+  else telling = setTimeout(() => tell(world.last), TOLD);
 }
 
 function tell(frame) {
@@ -180,6 +180,7 @@ function tell(frame) {
   telling = null;
   told = performance.now();
   placeMarks();
+  addEvents(timeline.heard.splice(0));
   if (!frame) return;
   $("time").textContent = `${frame.time.toFixed(3)} s`;
   $("step").textContent = `step ${frame.step}`;
@@ -252,10 +253,11 @@ function lineObject({ geometry, hidden: opacity }, color) {
 }
 
 function showSymbols(frame) {
-  const shown = $("symbols").checked && apart.share === 0 ? frame.symbols : [];
-  const poses = floats(frame.symbol_poses);
-  const names = new Set(shown.map((symbol) => symbol.name));
+  const shown = $("symbols").checked && apart.share === 0 ? frame.symbols : [], unseen = ofHiddenParts(frame);
+  const poses = floats(frame.symbol_poses), names = new Set();
   shown.forEach((symbol, i) => {
+    if (unseen.has(symbol.name)) return;
+    names.add(symbol.name);
     const key = `${symbol.strips} ${symbol.color}`;
     const path = ["symbols", symbol.name];
     if (world.symbols.get(symbol.name) !== key) {
@@ -268,6 +270,13 @@ function showSymbols(frame) {
     viewer.delete_path(["symbols", name]);
     world.symbols.delete(name);
   }
+}
+
+// Names of the symbols of which all parts are hidden.
+function ofHiddenParts(frame) {
+  const hidden = new Set(world.parts.filter((part) => part.hidden).map((part) => part.name));
+  const unseen = hidden.size ? frame.constraints.filter((c) => c.parts.every((name) => hidden.has(name))) : [];
+  return new Set([...unseen.map((c) => `constraint/${c.id}`), ...[...hidden].map((name) => `freedom/${name}`)]);
 }
 
 function extendTrail(frame) {

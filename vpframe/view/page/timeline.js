@@ -1,6 +1,6 @@
 // ---- time: looking back while the session runs, or playing what is embedded in the file --------------------------------
 // `go` shows a frame by its number; live that asks the server, which keeps them.
-const timeline = { newest: 0, shown: 0, events: [], go: () => {}, asked: null };
+const timeline = { newest: 0, shown: 0, events: [], heard: [], go: () => {}, asked: null };
 const looking = () => Boolean(socket) && timeline.back === true;
 
 function grow(newest) {
@@ -12,6 +12,7 @@ function grow(newest) {
 function forget(newest) {
   timeline.newest = newest;
   timeline.events = [];
+  timeline.heard = [];
   $("events").replaceChildren();
   world.trail.clear();
   viewer.delete_path(["trail"]);
@@ -22,6 +23,13 @@ function markEvent(event) {
   if (event.frame === null || event.frame === undefined) return;
   timeline.events.push(event);
   if (timeline.events.length > 1000) timeline.events.shift();
+}
+
+// Events of the session: `tell` writes them.
+function hear(events) {
+  events.forEach(markEvent);
+  timeline.heard.push(...events);
+  tellSoon();
 }
 
 const MARKED = { collided: "bad", blocked: "bad", accepted: "good", removed: "offer", grabbed: "hand", released: "hand" };
@@ -45,7 +53,7 @@ function placeMarks() {
 // The next event after the shown frame (before it, if `back`), around the end; of one kind if that is given.
 function jump(back, kind) {
   const known = timeline.events.filter((event) => (kind ? event.kind === kind : MARKED[event.kind]));
-  if (!known.length) return say(kind ? "no clash has happened" : "nothing has happened");
+  if (!known.length) return say(kind ? "no clash since the start" : "nothing has happened");
   const at = timeline.shown;
   const next = back ? known.filter((event) => event.frame < at).at(-1) ?? known.at(-1)
     : known.find((event) => event.frame > at) ?? known[0];
@@ -80,9 +88,13 @@ function live() {
   $("scrub").oninput = () => lookBack(Number($("scrub").value));
   $("now").onclick = () => lookBack(timeline.newest);
   socket = new WebSocket(`ws://${location.host}/socket${location.search}`); // with the token
+  let received = 0;
+  const drawn = () => { for (; received > 0; received--) send({ action: "drawn" }); };
   socket.onmessage = (event) => {
     receive(JSON.parse(event.data));
-    socket.send('{"action": "drawn"}');
+    received++;
+    requestAnimationFrame(drawn); // after `tick` has painted it
+    setTimeout(drawn, 200); // a page that nobody sees paints nothing
   };
   socket.onclose = () => {
     over();
@@ -111,7 +123,7 @@ function replay(messages) {
     world.trail.clear();
     $("events").replaceChildren();
     const past = frames.slice(0, index + 1).flatMap((frame) => frame.events);
-    for (const event of past.slice(-60)) addEvent(event);
+    addEvents(past.slice(-60));
     for (const frame of frames.slice(0, index)) for (const [name, place] of Object.entries(frame.hands)) {
       const trail = world.trail.get(name) ?? [];
       trail.push(new THREE.Vector3(...place));

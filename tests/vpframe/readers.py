@@ -4,7 +4,7 @@
 for each file, its limits of time and memory, its end with ours, its exit code, its memory as the system tells it. A
 zygote has only imported: a kernel that has run once cannot be forked.
 
-    python -I zygote.py READER PARENT SOCKET FOLDER …       is the zygote; `forked()` starts it
+    python -I readers.py READER PARENT SOCKET FOLDER …       is the zygote; `forked()` starts it
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import IO, Any
 from unittest import mock
 
@@ -29,23 +31,55 @@ _REQUEST = 1 << 16
 
 @contextlib.contextmanager
 def forked() -> Iterator[None]:
-    """Have `vpframe.load` fork its reading processes from a zygote; of this process alone, on Linux."""
+    """Have `vpframe.load` fork its reading processes from a zygote, which the first starts; this process alone, Linux.
+
+    A stand-in for the reader that a test sets is a process of its own.
+    """
     from vpframe.importers import cad
 
-    assert ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1) == 0, "forked readers become children of this process"
+    reader, lock = cad.READER, threading.Lock()
+    with contextlib.ExitStack() as ends:
+        channel: list[socket.socket] = []
+
+        def popen(command: list[str], **options: Any) -> Any:
+            if reader != cad.READER:
+                return subprocess.Popen(command, **options)
+            with lock:
+                if not channel:
+                    channel.append(ends.enter_context(_zygote(options["env"])))
+                return _Reader(channel[0], command, **options)
+
+        module = SimpleNamespace(Popen=popen, PIPE=subprocess.PIPE)
+        ends.enter_context(mock.patch.object(cad, "subprocess", module))
+        yield
+
+
+@contextlib.contextmanager
+def _zygote(environment: dict[str, str]) -> Iterator[socket.socket]:
+    """A process that has imported what readers import; the socket for requests."""
+    from vpframe.importers import cad
+
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     words = [str(cad.READER), str(os.getpid()), str(theirs.fileno()), *cad._package_folders(cad.READER.parent)]
-    zygote = subprocess.Popen(
-        [sys.executable, "-I", __file__, *words], pass_fds=[theirs.fileno()], env={**os.environ, **cad._THRIFTY}
-    )
+    process = subprocess.Popen([sys.executable, "-I", __file__, *words], pass_fds=[theirs.fileno()], env=environment)
     theirs.close()
     try:
         assert ours.recv(_REQUEST) == b"ready", "the zygote imports what readers do"
-        with mock.patch.object(cad.subprocess, "Popen", lambda *words, **options: _Reader(ours, *words, **options)):
-            yield
+        yield ours
     finally:
         ours.close()
-        zygote.wait()
+        process.wait()
+
+
+@contextlib.contextmanager
+def _adopting() -> Iterator[None]:
+    """Become the parent of children whose own parent ends."""
+    prctl = ctypes.CDLL(None).prctl
+    assert prctl(_PR_SET_CHILD_SUBREAPER, 1) == 0, "forked readers become children of this process"
+    try:
+        yield
+    finally:
+        prctl(_PR_SET_CHILD_SUBREAPER, 0)
 
 
 class _Reader:
@@ -55,8 +89,9 @@ class _Reader:
         inner_in, outer_in = os.pipe()
         outer_out, inner_out = os.pipe()
         inner = [inner_in, inner_out, stderr.fileno()]
-        socket.send_fds(zygote, [json.dumps([command[-1], cwd]).encode()], inner)
-        self.pid = int(zygote.recv(_REQUEST))
+        with _adopting():
+            socket.send_fds(zygote, [json.dumps([command[-1], cwd]).encode()], inner)
+            self.pid = int(zygote.recv(_REQUEST))
         for each in inner[:2]:
             os.close(each)
         self.stdin, self.stdout = os.fdopen(outer_in, "w"), os.fdopen(outer_out, encoding="utf-8")
