@@ -38,7 +38,7 @@ AXES = tuple(sign * axis for axis in np.eye(3)[::-1] for sign in (1.0, -1.0))
 OWN = 3
 """axes of a part's own surfaces that are tried, either way"""
 FARTHEST = 0.12
-"""m: a part that has come so far is out"""
+"""m: a part that has come so far, and as far as it is long, is out"""
 STRAY = 1e-3
 """m: how far beside its way a part may come (its turn counted at its size)"""
 GIVE = 0.01
@@ -172,7 +172,7 @@ def ways(scene: vp.Scene, unit: tuple[str, ...]) -> list[Array]:
 
 
 def clear(scene: vp.Scene, unit: tuple[str, ...], way: Array) -> float:
-    """m along `way` after which no box of the others is beside the unit, at most `FARTHEST`.
+    """m along `way` after which no box of the others is beside the unit; `FARTHEST` or the unit's length is enough.
 
     Beyond `Tolerance.break_distance`, up to which a mate holds a part against a pull.
     """
@@ -180,9 +180,10 @@ def clear(scene: vp.Scene, unit: tuple[str, ...], way: Array) -> float:
     def heights(part: vp.Part) -> Array:
         return np.asarray((part.mesh.vertices @ part.pose.rotation.T + part.pose.translation) @ way)
 
-    low = min(heights(scene[name]).min() for name in unit)
+    own = np.concatenate([heights(scene[name]) for name in unit])
     high = max(heights(part).max() for part in scene.parts if part.name not in unit)
-    return float(np.clip(high - low + 0.005, 2.0 * vp.Tolerance().break_distance, FARTHEST))
+    most = max(FARTHEST, float(np.ptp(own)))
+    return float(np.clip(high - own.min() + 0.005, 2.0 * vp.Tolerance().break_distance, most))
 
 
 def measure(scene: vp.Scene) -> Iterator[tuple[tuple[str, ...], Array, dict[str, Travelled]]]:

@@ -47,9 +47,10 @@ def test_the_end_of_a_forked_reader_is_seen(tmp_path: Path, monkeypatch: pytest.
         return {int(pid) for file in files for pid in file.read_text().split()}
 
     with forked():
-        others = children()
+        before = children()
         assert vp.load(path).names == ("plate", "pair/pin_1", "pair/ring", "tip")
-        assert children() == others
+        others = children()
+        assert len(others - before) == 1, "the zygote, which the first reader starts"
         with pytest.raises(vp.LoadError, match=r"the CAD kernel crashed \(SIGSEGV\)"):
             vp.load(path, progress=lambda fraction, text: [os.kill(pid, signal.SIGSEGV) for pid in children() - others])
         with pytest.raises(vp.LoadError, match=r"no answer within 0\.001 s"):

@@ -101,7 +101,7 @@ def _axial(hand: Gripper) -> ConstraintView:
     fits = [c for c in on_it if c.kind in _AXIAL]
     if not fits:
         have = ", ".join(c.kind for c in on_it) or "none"
-        raise TaskError(f"{hand.held} has no axis to go by: no concentric fit holds it (its constraints: {have})")
+        raise TaskError(f"{hand.load} has no axis to go by: no concentric fit holds it (its constraints: {have})")
     return min(fits, key=lambda c: (_AXIAL.index(c.kind), c.id))
 
 
@@ -246,7 +246,7 @@ def other_parts(hand: Gripper, verb: str, name: str) -> tuple[Part, ...]:
 
 def who(hand: Gripper) -> str:
     """Return the hand's name, with the name of the held part."""
-    return f"{hand.name}[{hand.held}]" if hand.held else hand.name
+    return f"{hand.name}[{hand.load}]" if hand.held else hand.name
 
 
 def extent(parts: Sequence[Part]) -> tuple[float, Vector]:

@@ -15,10 +15,18 @@ from vpframe.hands.assist import Assist
 from vpframe.hands.reach import surface_distances
 from vpframe.hands.segment import MotionSegment, Outcome
 from vpframe.hands.workplace import Workplace
-from vpframe.scene.subassembly import listed
+from vpframe.scene.names import face_words, obstacles_words
+from vpframe.scene.subassembly import listed, name_of
 
 if TYPE_CHECKING:
     from physics import SpringHand
+    from vpframe.scene.scene import Part
+    from vpframe.session.events import ConstraintView
+
+MOST_BLOCKERS = 3
+"""maximum number of parts named as obstacles"""
+FACING = 0.1
+"""least cosine between motion and contact direction for an obstacle that lies ahead"""
 
 
 class Gripper:
@@ -75,6 +83,11 @@ class Gripper:
     def subject(self) -> pin.SE3:
         """World pose of the held part, or of the empty hand; poses in verbs refer to it."""
         return self.session.scene[self.held].pose if self.held else self.pose
+
+    @property
+    def load(self) -> str:
+        """Name of the held part, or of the subassembly that it is with what it carries; empty if nothing is held."""
+        return name_of(self.session.scene.names, (self.held, *self.carried)) if self.held else ""
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, holds {self.held!r})"
@@ -165,7 +178,7 @@ class Gripper:
         way = self.segment.path.pose(0.0).actInv(self.subject)
         far, turned = float(np.linalg.norm(way.translation)), float(np.linalg.norm(pin.log3(way.rotation)))
         turns = turned * self.session.half_size(self.held) > far + self.exact
-        text = f"{self.held} stopped after {f'{np.degrees(turned):.1f}°' if turns else f'{1e3 * far:.1f} mm'}"
+        text = f"{self.load} stopped after {f'{np.degrees(turned):.1f}°' if turns else f'{1e3 * far:.1f} mm'}"
         if over:
             text += f", {1e3 * behind:.2f} mm short of its target"
         why = self._kept_by()
@@ -183,8 +196,25 @@ class Gripper:
             return self.stopped_by
         assert self.held is not None
         mine = (self.held, *self.carried)
-        mates = [f"{c.kind} ({_other(c.parts, mine)})" for c in self.session.constraints_of(*mine)]
+        holding = self.session.constraints_of(*mine)
+        if met := self._pressed_on(holding, mine):
+            return obstacles_words(met)
+        mates = [f"{c.kind} ({_other(c.parts, mine)})" for c in holding]
         return f"held by its constraints: {listed(list(dict.fromkeys(mates)))}" if mates else ""
+
+    def _pressed_on(self, holding: Sequence[ConstraintView], mine: Sequence[str]) -> list[tuple[Part, str]]:
+        """The parts that the way to the target leads into across an `against`, and their faces."""
+        if self.wanted is None:
+            return []
+        way = self.wanted.translation - self.subject.translation
+        met: dict[str, tuple[Part, str]] = {}
+        for c in holding:
+            own = 0 if c.parts[0] in mine else 1
+            into = float(way @ c.direction) * (1 - 2 * own)
+            if c.kind == "against" and into > FACING * float(np.linalg.norm(way)):
+                part = self.session.scene[c.parts[1 - own]]
+                met[part.name] = part, face_words(part, *c.surfaces[1 - own])
+        return list(met.values())[:MOST_BLOCKERS]
 
     def _finish(self, done: bool, reason: str) -> Outcome:
         self.segment, self.doing = None, ""

@@ -50,7 +50,7 @@ Verb = Generating[Outcome]
 def approach(hand: Gripper, part: str, surface: int | None, duration: float | None) -> Verb:
     """Move to the nearest point of a part, or of one of its surfaces: `Hand.approach`."""
     if hand.held is not None:
-        raise TaskError(f"{hand.name} holds {hand.held}; only an empty hand approaches, use move_to")
+        raise TaskError(f"{hand.name} holds {hand.load}; only an empty hand approaches, use move_to")
     group = hand.session.group(part)
     if surface is not None and len(group) > 1:
         raise TaskError(f"{hand.name}.approach({part!r}, surface={surface}): {part} has {len(group)} parts; name one")
@@ -68,7 +68,7 @@ def grab(hand: Gripper, part: str, surface: int | None, carried: tuple[str, ...]
     """Grab a part or subassembly, after approaching it if necessary: `Hand.grab`."""
     session, scene = hand.session, hand.session.scene
     if hand.held is not None:
-        raise TaskError(f"{hand.name} already holds {hand.held}; release it before grabbing {part}")
+        raise TaskError(f"{hand.name} already holds {hand.load}; release it before grabbing {part}")
     meant = parts_named(scene.names, part)
     along = [name for given in carried for name in parts_named(scene.names, given)]
     if len({*meant, *along}) != len(meant) + len(along):

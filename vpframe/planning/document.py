@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -112,7 +113,9 @@ def table(plan: Disassembly) -> str:
     """The plan for a person: a line a step, then what did not come out and why."""
     what = plan.target or "everything but " + listed(plan.base)
     lines = []
-    if plan.verdict == "removable":
+    if plan.verdict == "removable" and not plan.steps:
+        lines.append(f"nothing to take apart: {listed(plan.base)} is the whole model")
+    elif plan.verdict == "removable":
         least = f", the fewest over the ways found ({plan.bound} at least)" if plan.proven else ""
         lines.append(f"{what} comes out in {len(plan.steps)} step{'s' * (len(plan.steps) != 1)}{least}")
     else:
@@ -129,7 +132,7 @@ def table(plan: Disassembly) -> str:
         lines.append(f"  {listed(names)} {'is' if len(names) == 1 else 'are'} {words}{by}")
     for (a, b), depths in overlaps_by_parts(plan).items():
         faces = "" if len(depths) == 1 else f" at most, {len(depths)} pairs of surfaces"
-        meant = f"; if that is meant: --authorise {a}:{b}" if {a, b} & plan.stuck.keys() else ""
+        meant = f"; if that is meant: --authorise {quote(f'{a}:{b}')}" if {a, b} & plan.stuck.keys() else ""
         lines.append(f"  overlap from the start, never deepened: {a} – {b}, {depths[0] * 1e3:.3f} mm{faces}{meant}")
     if plan.interrupted:
         lines.append("  interrupted; these are the steps found until then")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus
 from vpframe.scene.scene import Part
+from vpframe.scene.subassembly import listed
 
 CYLINDERS = {"convex": "shaft", "concave": "bore"}
 """names of cylinders by `Surface.orientation`"""
@@ -24,6 +26,14 @@ def face_words(part: Part, *surfaces: int) -> str:
     words = dict.fromkeys(geometry_words(face.geometry, face.orientation) for face in known)
     numbers = ", ".join(map(str, surfaces[:NAMED])) + (f" … ({len(surfaces)})" if len(surfaces) > NAMED else "")
     return " · ".join([f"face{'s' if len(surfaces) > 1 else ''} {numbers}", *([", ".join(words)] if words else [])])
+
+
+def obstacles_words(met: Sequence[tuple[Part, str]]) -> str:
+    """Say which parts stand in the way, each with a few words on where: "board stands in its way (face 3 · plane)"."""
+    remove = "" if all(part.fixed for part, _ in met) else f"; remove {'it' if len(met) == 1 else 'them'} first"
+    if len(met) == 1:
+        return f"{met[0][0].name} stands in its way ({met[0][1]}){remove}"
+    return f"{listed([f'{part.name} ({where})' for part, where in met])} stand in its way{remove}"
 
 
 def geometry_words(geometry: Geometry, orientation: str = "") -> str:

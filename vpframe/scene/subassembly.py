@@ -33,6 +33,19 @@ def parts_named(names: Sequence[str], name: str) -> tuple[str, ...]:
     return tuple(n for n in names if n == found[0] or n.startswith(found[0] + "/"))
 
 
+def name_of(names: Sequence[str], parts: Sequence[str]) -> str:
+    """Return the path of the subassembly that consists of `parts`, else the name of the first of them.
+
+    names: of all parts, as for `parts_named`.
+    """
+    levels = parts[0].split("/")
+    for k in range(1, len(levels) if len(parts) > 1 else 0):
+        path = "/".join(levels[:k])
+        if {n for n in names if n.startswith(path + "/")} == set(parts):
+            return path
+    return parts[0]
+
+
 def listed(names: Sequence[str], most: int = LISTED) -> str:
     """Join names with commas, at most `most`, with the number of the others."""
     more = len(names) - most

@@ -24,10 +24,11 @@ from constraints.recognition.attention import rows_about
 from constraints.recognition.candidate import Candidate
 from physics import SpringHand
 from vpframe.errors import TaskError
+from vpframe.hands.gripper import FACING, MOST_BLOCKERS
 from vpframe.hands.paths import between
 from vpframe.scene.boxes import corners
-from vpframe.scene.names import face_words
-from vpframe.scene.subassembly import listed
+from vpframe.scene.names import face_words, obstacles_words
+from vpframe.scene.subassembly import name_of
 from vpframe.session.events import NewEvent
 from vpframe.session.readings import Readings, along
 from vpframe.session.state import COLUMNS, Changes, Decision, State
@@ -39,10 +40,6 @@ STUCK = 0.01
 """travel of a blocked part in a segment, relative to the reach, up to which it does not move"""
 MOST_ROUNDS = 2
 """maximum rounds of follow and recognise in a segment: a part may snap on or off once"""
-MOST_BLOCKERS = 3
-"""maximum number of parts named as obstacles"""
-FACING = 0.1
-"""least cosine between motion and contact direction for an obstacle that lies ahead"""
 _MATING = ("recognised", "withdrawn", "accepted", "refused", "satisfied", "removed")
 
 
@@ -405,7 +402,8 @@ def _follow_hands(state: State, wanted: dict[int, pin.SE3], given: Inputs) -> li
             if name not in before:
                 others = [state.names[i] for i in by]
                 surfaces = (tuple(sorted(met)) for met in by.values())
-                text = f"{name} stops: {blocked[name]}"
+                load = name_of(state.names, [name, *(state.names[j] for j in group if j != i)])
+                text = f"{load} stops: {blocked[name]}"
                 events.append(NewEvent("blocked", (name, *others), ((), *surfaces), text))
     state.blocked = blocked
     return events
@@ -418,12 +416,9 @@ def _blockers(state: State, by: Mapping[int, Mapping[int, NDArray[np.float64]]])
     met = []
     for i, faces in by.items():
         surface, point = next(iter(faces.items()))
-        where = ", ".join(f"{x + 0.0:.1f}" for x in np.round(1e3 * point, 1))
-        met.append((state.names[i], f"({face_words(state.scene.parts[i], surface)}, at {where} mm)"))
-    remove = "" if all(state.scene.parts[i].fixed for i in by) else f"; remove {'it' if len(by) == 1 else 'them'} first"
-    if len(met) == 1:
-        return f"{met[0][0]} stands in its way {met[0][1]}{remove}"
-    return f"{listed([f'{name} {face}' for name, face in met])} stand in its way{remove}"
+        at = ", ".join(f"{x + 0.0:.1f}" for x in np.round(1e3 * point, 1))
+        met.append((state.scene.parts[i], f"{face_words(state.scene.parts[i], surface)}, at {at} mm"))
+    return obstacles_words(met)
 
 
 def _authorising(state: State, group: Sequence[int], by: Iterable[int]) -> str:

@@ -58,7 +58,7 @@ KERNELS = {
 def share(use: str, number: int, cache: Path) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
         [sys.executable, "-P", "-m", "vpframe.app.warm_up", use, str(number)],
-        env=os.environ | {"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(cache)},
+        env=os.environ | {"PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(cache)},
         stdin=subprocess.PIPE,
     )
 
@@ -140,7 +140,7 @@ def test_they_compile_what_the_demo_needs(tmp_path):
     compiled = set((tmp_path / "cache").rglob("*.nbc"))
     done = subprocess.run(
         [sys.executable, "-m", "vpframe", "demo", "--out", tmp_path / "out"],
-        env=os.environ | {"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path / "cache")},
+        env=os.environ | {"PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
         stdout=subprocess.DEVNULL,
     )
     missed = set((tmp_path / "cache").rglob("*.nbc")) - compiled

@@ -38,11 +38,19 @@ def test_the_document(model, capsys):
 
 def test_what_overlaps_is_a_line_a_pair_of_parts(tmp_path, capsys):
     pressed = pin.SE3(np.eye(3), np.array([0.015, 0.0, 0.0]))  # 5 mm of it in the other, with all its sides
-    path = write_step(tmp_path / "pressed.step", {"a": box(0.02, 0.02, 0.02), "b": (box(0.02, 0.01, 0.01), pressed)})
+    path = write_step(
+        tmp_path / "pressed.step", {"a": box(0.02, 0.02, 0.02), "a key": (box(0.02, 0.01, 0.01), pressed)}
+    )
     main(["disassemble", str(path), "--base", "a", "--motion", "straight", "--budget", "20s"])
     (line,) = (line for line in capsys.readouterr().out.splitlines() if "overlap" in line)
-    assert line.startswith("  overlap from the start, never deepened: a – b, ")
-    assert line.endswith("pairs of surfaces; if that is meant: --authorise a:b")
+    assert line.startswith("  overlap from the start, never deepened: a – a key, ")
+    assert line.endswith("pairs of surfaces; if that is meant: --authorise 'a:a key'")
+
+
+def test_a_model_of_one_part_is_not_taken_apart(tmp_path, capsys):
+    path = write_step(tmp_path / "one.step", {"block": box(0.02, 0.02, 0.02)})
+    assert main(["disassemble", str(path)]) == 0
+    assert "nothing to take apart: block is the whole model" in capsys.readouterr().out
 
 
 def held(count):

@@ -12,7 +12,7 @@ from constraints.motion.unknowns import Unknowns
 from tests.benchmarks.bench_session import board
 from vpframe.errors import TaskError, UnknownPartError
 from vpframe.scene import modelling as m
-from vpframe.scene.subassembly import parts_named
+from vpframe.scene.subassembly import name_of, parts_named
 from vpframe.session import rules
 
 NAMES = (
@@ -142,6 +142,13 @@ def test_a_name_in_the_tree(name: str, parts: list[str]) -> None:
     assert list(parts_named(NAMES, name)) == parts
 
 
+def test_parts_that_are_a_subassembly_go_by_its_name() -> None:
+    assert name_of(NAMES, ("head/fan/rotor", "head/fan/base")) == "head/fan"
+    assert name_of(NAMES, tuple(n for n in reversed(NAMES) if n.startswith("head/"))) == "head"
+    for parts in (("head/fan/base",), ("head/fan/base", "frame"), ("head/board", "head/chip_1"), ("spare/fan",)):
+        assert name_of(NAMES, parts) == parts[0]
+
+
 def test_a_name_of_nothing_or_of_several_things_is_refused_with_those_there_are() -> None:
     with pytest.raises(UnknownPartError, match=r"'head/chip_3'.*'head/chip_1'"):
         parts_named(NAMES, "head/chip_3")
@@ -160,7 +167,7 @@ def test_a_subassembly_is_grabbed_by_its_name_and_the_hand_says_which_parts_that
         with pytest.raises(TaskError, match="once"):
             hand.grab("chip_1", carry="board")
         outcome = hand.grab("board")
-        assert hand.held == "board/chip_0" and len(hand.carried) == 8
+        assert hand.held == "board/chip_0" and len(hand.carried) == 8 and hand.load == "board"
         assert outcome.reason.startswith("holds board: board/chip_0, carrying board/plate, board/chip_1")
         assert outcome.reason.endswith("and 2 more")
         (event,) = [e for e in session.events if e.kind == "grabbed"]
