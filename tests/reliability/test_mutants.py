@@ -36,6 +36,18 @@ def test_a_forked_reader_finds_what_a_started_one_does(form: str) -> None:
     assert found(True) == found(False)
 
 
+def test_a_volume_that_the_kernel_finds_infinite_is_that_of_the_triangles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VPFRAME_CACHE", "")
+    _, suffix, data = mutants.mutant("step", 8459, mutants.models(tmp_path)["step"])
+    path = tmp_path / f"a.{suffix}"
+    path.write_bytes(data)
+    scene = vp.load(path)
+    assert 0.0 < scene["plate"].shape.volume < 1e-3
+    assert any("its volume is not that of its faces" in note for note in scene.all_notes())
+
+
 def test_the_end_of_a_forked_reader_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (suffix, data), *_ = mutants.models(tmp_path)["step"]
     path = tmp_path / f"a.{suffix}"
