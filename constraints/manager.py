@@ -327,6 +327,8 @@ class ConstraintManager:
         wanted: Mapping[int, pin.SE3] | None = None,
         force: Mapping[int, ArrayLike] | None = None,
         versions: NDArray[np.int64] | None = None,
+        goals: Mapping[int, pin.SE3] | None = None,
+        begun: Set[int] = frozenset(),
     ) -> tuple[Change, ...]:
         """Bring candidates and constraints up to date with where the parts are now.
 
@@ -334,7 +336,9 @@ class ConstraintManager:
         by body: what pulls constraints apart. force: N, with which hands pull, by body: a (3,) vector in the world's
         frame, of which the part that a constraint bears counts against its `break_force` (faces bear what parts them,
         an axis what is across it); or a number, which counts in full. versions: (n,) one number a body, another one
-        whenever its pose may be (`CollisionManager.versions`); without, poses are compared.
+        whenever its pose may be (`CollisionManager.versions`); without, poses are compared. goals: the poses in which
+        motions of hands end, by body; begun: those of them whose motion begins. Faces that are apart at its end part
+        when it begins, though no pull gets as far as `break_distance`.
 
         Returns the changes since the last call, decisions of `accept`, `refuse` and `remove` first. Only bodies that
         moved, whose rows are other ones, or about which something was decided are looked at: the rest is as it was.
@@ -345,10 +349,16 @@ class ConstraintManager:
         before = self._poses or None
         self._poses = poses if isinstance(poses, tuple) else tuple(poses)
         about = self._attention.begin((self.tolerance, self.kinds), poses, contacts, versions)
-        self._remove_broken(about | (force or {}).keys(), poses, wanted or {}, force or {})
+        self._remove_broken(
+            about | (force or {}).keys(),
+            poses,
+            wanted or {},
+            force or {},
+            {b: pose for b, pose in (goals or {}).items() if b in begun},
+        )
         about |= self._attention.noted().union(*(candidate.bodies for candidate in self._pulled.values()))
         asked = frozenset(self._unproven)
-        self._offer(about, before, poses, contacts, wanted or {})
+        self._offer(about, before, poses, contacts, wanted or {}, goals or {})
         self._remove_contradicted(poses, asked)
         self._note_satisfied(about | self._attention.noted(), poses)
         self._attention.end()
@@ -361,6 +371,7 @@ class ConstraintManager:
         poses: Sequence[pin.SE3],
         wanted: Mapping[int, pin.SE3],
         force: Mapping[int, ArrayLike],
+        goals: Mapping[int, pin.SE3],
     ) -> None:
         overlapping = _limits(self.tolerance)[2]
         ids, pairs, kinds = self._matched(about)
@@ -383,10 +394,22 @@ class ConstraintManager:
         ids, pulls = self._pulled_at(wanted.keys())
         if not ids:
             return
+        self._break_all(ids, poses, wanted, lambda at: self._reasons(ids, pulls, at, poses))
+        if goals:
+            self._break_all(ids, poses, goals, lambda at: self._reasons_to_part(ids, at))
+
+    def _break_all(
+        self,
+        ids: Sequence[int],
+        poses: Sequence[pin.SE3],
+        wanted: Mapping[int, pin.SE3],
+        reasons_at: Callable[[Sequence[pin.SE3]], Mapping[int, str]],
+    ) -> None:
+        """Break the constraints for which there are reasons where hands want bodies, and where the others allow it."""
         at = list(poses)
         for body, pose in wanted.items():
             at[body] = pose
-        reasons = self._reasons(ids, pulls, at, poses)
+        reasons = {id: why for id, why in reasons_at(at).items() if id in self.accepted}
         if reasons:
             # what the other constraints bear is no pull on these: a bore takes a tilt off the face beside it
             rest = (e.candidate.constraint for id, e in self.accepted.items() if id not in reasons)
@@ -394,7 +417,7 @@ class ConstraintManager:
             borne = solve(self.groups.constraints(rest), at, held, self.tolerance).poses
             for body, pose in self.groups.followed(borne, poses).items():
                 at[body] = pose
-            now = self._reasons(ids, pulls, at, poses)
+            now = reasons_at(at)
             for id in reasons:
                 if id in now:
                     self._break(id, now[id])
@@ -460,6 +483,18 @@ class ConstraintManager:
                 out[ids[k]] = f"turned {np.degrees(turn[k]):.3g}° apart, more than {np.degrees(most):.3g}°"
         return out
 
+    def _reasons_to_part(self, ids: Sequence[int], at: Sequence[pin.SE3]) -> dict[int, str]:
+        """Why faces part, of those that are apart, but by no more than breaks them, where motions of hands end."""
+        out = {}
+        for id in ids:
+            entry = self.accepted.get(id)
+            if entry is None or entry.break_distance is not None:
+                continue
+            far = _opening(entry.candidate, at)
+            if self.tolerance.linear < far <= self.tolerance.break_distance:
+                out[id] = f"the hand takes them {1e3 * far:.3g} mm apart"
+        return out
+
     def _break(self, id: int, reason: str) -> None:
         if not self.accepted[id].candidate.stated:
             self._own("_pulled")[id] = self.accepted[id].candidate
@@ -483,6 +518,7 @@ class ConstraintManager:
         poses: Sequence[pin.SE3],
         contacts: NDArray[Any],
         wanted: Mapping[int, pin.SE3],
+        goals: Mapping[int, pin.SE3],
     ) -> None:
         t, recogniser, within = self.tolerance, self.recogniser, self.groups.within
         offer, keep, _ = _limits(t)
@@ -506,7 +542,10 @@ class ConstraintManager:
                 if c.bodies in together or about.isdisjoint(c.bodies) or within(c.bodies)
             }
             at = [wanted.get(i, pose) for i, pose in enumerate(poses)] if self._pulled else poses
+            ends = [goals.get(i, pose) for i, pose in enumerate(at)]
             for id, candidate in [(i, c) for i, c in self._pulled.items() if not within(c.bodies)]:
+                if goals and candidate.bodies in together and _opening(candidate, ends) > t.linear:
+                    continue  # a motion that parts the faces goes on
                 if candidate.bodies not in together or recogniser.match(candidate.key, at, offer) is not None:
                     del self._own("_pulled")[id]
         asked = self.kinds | {"concentric"} if "screw" in self.kinds else self.kinds  # a screw is a fit with pitch
@@ -516,7 +555,8 @@ class ConstraintManager:
             kind not in self.kinds or self._is_known((*pair, kind)) for pair, kind in zip(offered, kinds, strict=True)
         ):
             return
-        found = [(pair, recogniser.matches(pair, poses, offer, rows)) for pair in offered]
+        made = [pair for pair, kind in zip(offered, kinds, strict=True) if kind is not None]
+        found = [(pair, recogniser.matches(pair, poses, offer, rows)) for pair in made]
         matches = [(pair, match) for pair, match in found if match is not None]
         faces = recogniser.near(contacts, reach)
         for pair, match in without_implied(matches, recogniser.features, recogniser.threads, offer):
@@ -707,3 +747,14 @@ class ConstraintManager:
         self._unproven = list(state["unproven"])
         self._attention.forget()
         self.recogniser.verdicts.forget()
+
+
+def _opening(candidate: Candidate, at: Sequence[pin.SE3]) -> float:
+    """m: gap between the faces of a candidate with its bodies `at` these poses; 0 for any other kind."""
+    p, q = candidate.geometries
+    if candidate.kind != "against" or not (isinstance(p, Plane) and isinstance(q, Plane)):
+        return 0.0
+    a, b = (at[i] for i in candidate.bodies)
+    normal = b.rotation @ q.normal
+    facing = float(normal @ (a.rotation @ p.normal))
+    return float((b.act(q.origin) - a.act(candidate.match.local)) @ normal) / facing if facing < 0.0 else np.inf

@@ -20,7 +20,7 @@ from tests.vpframe.browser import Browser
 from vpframe.app.workbench import Workbench
 
 HEAD = """(() => { const at = world.parts[1].solid.localToWorld(new THREE.Vector3(0, 0, 0.005)).project(viewer.camera);
-    return [(at.x + 1) / 2 * innerWidth, (1 - at.y) / 2 * innerHeight]; })()"""
+    return onScreen(at); })()"""
 
 
 def main() -> None:

@@ -179,6 +179,8 @@ class Step:
         self.way: list[dict[int, pin.SE3]] = []
         self.flush: set[tuple[int, ...]] = set()
         self.met = Met()
+        self.refused: dict[int, pin.SE3] = {}
+        """where the last pass was planned to end, if it was stopped on its way"""
         self.linear = Linear.at(unknowns, self.poses, known, tolerance.rigid)
         self.left = self._left()
         self.error = self._error()
@@ -196,6 +198,8 @@ class Step:
         if near or ((blocked or stalled or self.home) and self._pass(begin, at)):
             blocked = False
             self.acting.clear()
+        elif blocked:
+            self._slide()
         return self._result(blocked)
 
     def _result(self, blocked: bool) -> MotionResult:
@@ -217,9 +221,12 @@ class Step:
             proposal = self._propose(aim, may_lift=not lifted)
             lifted = proposal.lifts
             target = self._followed(self.wanted) if proposal.whole else self._moved(proposal.x)
+            self.refused = {}
             if not proposal.covered or len(proposal.rows):
-                target, hit = self._sweep(target, proposal.rows)
+                planned = target
+                target, hit = self._sweep(planned, proposal.rows)
                 if hit is not None:
+                    self.refused = planned
                     self.acting.append(hit)
                     blocked = True
             travel = self._commit(target)
@@ -243,15 +250,27 @@ class Step:
         """Go straight to the wanted poses from `begin` instead, where solid bodies leave a way without any margin."""
         here, error = {b: self.poses[b] for b in begin}, self.error
         self._put(begin, at)
-        target = self._followed(self.wanted) if self.home else self._target()
-        self._put(target)
-        nearer = self.home or self.error < error - FINE * self.tolerance.linear
-        self._put(begin, at)
-        with self._flush_ignored():
-            passed = nearer and passable(self.collision, self.walls, self.drawn, self.poses, target, self.tolerance)
-        self._put(target if passed else here)
+        passed = self._passed(self._followed(self.wanted) if self.home else self._target(), error)
         if passed:
             self.way.clear()
+        else:
+            self._put(here)
+        return passed
+
+    def _slide(self) -> None:
+        """Go on to where the last pass was planned to end, if it was stopped on a way that is a passage."""
+        if self.refused and self._passed(self.refused, self.error):
+            self.way.append(self.refused)
+
+    def _passed(self, target: dict[int, pin.SE3], error: float) -> bool:
+        """Go straight to a target that has less than an error (m), if that way is a passage; otherwise stay."""
+        here, at = {b: self.poses[b] for b in target}, self.linear
+        self._put(target)
+        nearer = self.home or self.error < error - FINE * self.tolerance.linear
+        self._put(here, at)
+        with self._flush_ignored():
+            passed = nearer and passable(self.collision, self.walls, self.drawn, self.poses, target, self.tolerance)
+        self._put(target if passed else here, None if passed else at)
         return passed
 
     def _target(self) -> dict[int, pin.SE3]:

@@ -124,6 +124,10 @@ def passable(
         deep.update(found)
         return found
 
+    collision.set_poses(list(target), list(target.values()))
+    if _stuck_at(collision, drawn, target, tolerance.linear):
+        return False  # no way leads there; most that do not pass do not for this reason, which is soon found
+    collision.set_poses(list(target), [poses[body] for body in target])
     near = collision.contacts(tolerance.linear, target)
     if walls.pressed(near, at, target, slop, drawn.strip, drawn.allowed):
         return False
@@ -150,6 +154,24 @@ def passable(
             collision.enable_surfaces(a, (s,), b, (t,))
 
 
+def _stuck_at(collision: Sweeping, drawn: Drawn, bodies: Iterable[int], beyond: float) -> bool:
+    """Whether a pair of surfaces reaches deeper into each other, where collision has the bodies, by more than `beyond`
+    (m) than it is allowed to: no way may press it there.
+    """
+    for (a, b), mine in _by_bodies(sorted(_pairs(collision.contacts(0.0, bodies)))).items():
+        depth = -collision.signed_distances(a, b, [(s, t) for _, s, _, t in mine], 0.0)
+        if any(deep > beyond and deep > drawn.allowed(pair) + beyond for deep, pair in zip(depth, mine, strict=True)):
+            return True
+    return False
+
+
+def _by_bodies(pairs: Iterable[Surfaces]) -> dict[tuple[int, int], list[Surfaces]]:
+    of_bodies: dict[tuple[int, int], list[Surfaces]] = {}
+    for pair in pairs:
+        of_bodies.setdefault((pair[0], pair[2]), []).append(pair)
+    return of_bodies
+
+
 def _fits_all_the_way(
     collision: Sweeping,
     drawn: Drawn,
@@ -162,9 +184,7 @@ def _fits_all_the_way(
     """Whether pairs that overlap as drawn reach no deeper into each other than they may at the target, and on the way
     there nowhere deeper than two overlaps of the same bodies together: while they slide, other corners are deepest.
     """
-    of_bodies: dict[tuple[int, int], list[Surfaces]] = {}
-    for pair in pairs:
-        of_bodies.setdefault((pair[0], pair[2]), []).append(pair)
+    of_bodies = _by_bodies(pairs)
     between = {
         bodies: 2.0 * max(max(drawn.allowed(pair), drawn.strip(pair)) for pair in mine)
         for bodies, mine in of_bodies.items()

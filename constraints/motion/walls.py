@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from collision import SurfaceMesh, Tolerance
 from constraints.geometry.overlap import FacingArea, facing_area
 from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere
+from constraints.geometry.views import View
 from constraints.recognition.recognise import Recogniser
 
 Array = NDArray[np.float64]
@@ -44,34 +45,38 @@ class Walls:
         self._borders: dict[tuple[int, int], float] = {}
 
     def near(self, reach: float, bodies: Iterable[int], poses: Sequence[pin.SE3]) -> NDArray[Any]:
-        """Contact rows of `bodies` with all others within `reach` m, those of facing planes as one a corner."""
+        """Contact rows of `bodies` with all others within `reach` m, those of facing planes as one a corner.
+
+        Planes that are back to back, as those of plates that lie on each other, are left out: their solids meet before.
+        """
         rows = self.collision.contacts(reach, bodies)
         names = ("object_a", "surface_a", "object_b", "surface_b", "distance")
-        shared = {}
+        shared, counts = {}, np.ones(len(rows), int)
         for k, (a, sa, b, sb, distance) in enumerate(zip(*(rows[name].tolist() for name in names), strict=True)):
             found = self._shared(a, sa, b, sb, distance, poses)
-            if found is not None:
-                shared[k] = found
-        if not shared:
-            return rows
-        out = np.repeat(rows, [len(shared[k][0].gaps) if k in shared else 1 for k in range(len(rows))])
-        at = 0
-        for k in range(len(rows)):
-            if k not in shared:
-                at += 1
+            if found is None:
                 continue
+            region, normal = found
+            if region is not None:
+                shared[k], counts[k] = (region, normal), len(region.gaps)
+            elif float((rows["point_b"][k] - rows["point_a"][k]) @ normal) < -TOUCHING * self.tolerance.linear:
+                counts[k] = 0
+        if counts.all() and not shared:
+            return rows
+        out = np.repeat(rows, counts)
+        for k, at in zip(shared, (np.cumsum(counts) - counts)[list(shared)].tolist(), strict=True):
             region, normal = shared[k]
             end = at + len(region.gaps)
             out["distance"][at:end] = np.maximum(region.gaps, 0.0)
             out["point_a"][at:end] = region.corners
             out["point_b"][at:end] = region.corners + region.gaps[:, None] * normal
-            at = end
         return out
 
     def _shared(
         self, a: int, sa: int, b: int, sb: int, distance: float, poses: Sequence[pin.SE3]
-    ) -> tuple[FacingArea, Array] | None:
-        """The area that two facing planes share and the normal of the first; None for any other pair of surfaces."""
+    ) -> tuple[FacingArea | None, Array] | None:
+        """The area that two facing planes share, None if they do not, and the normal of the first; None for any other
+        pair of surfaces."""
         recogniser = self.recogniser
         fa, fb = recogniser.feature_of(a, sa), recogniser.feature_of(b, sb)
         if fa is None or fb is None:
@@ -87,7 +92,7 @@ class Walls:
         region = facing_area(origins[0], normal, first.triangles, second.triangles, origins[1], other)
         apart = distance > TOUCHING * self.tolerance.linear
         if not len(region.gaps) or (apart and region.gap_min < 0.0):  # back to back through a thin plate
-            return None
+            return None, normal
         return region, normal
 
     def deflection(self, body: int, surface: int) -> float:
@@ -123,13 +128,17 @@ class Walls:
             return 0.0
         return max(offset + larger, 0.0)
 
+    def _view(self, body: int, surface: int, pose: pin.SE3) -> View[Any]:
+        """The feature that a surface belongs to, where its body is at `pose`."""
+        feature = self.recogniser.feature_of(body, surface)
+        assert feature is not None
+        return self.recogniser.view(body, feature, pose)
+
     def _border(self, body: int, surface: int) -> float:
         """m: length of the border of a plane."""
         known = self._borders.get((body, surface))
         if known is None:
-            feature = self.recogniser.feature_of(body, surface)
-            assert feature is not None
-            sides = self.recogniser.view(body, feature, pin.SE3.Identity()).sides
+            sides = self._view(body, surface, pin.SE3.Identity()).sides
             known = self._borders[body, surface] = float(np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1).sum())
         return known
 
@@ -141,20 +150,19 @@ class Walls:
         there, by more than `slop` (m) deeper into each other than is `allowed` (m) of a pair: triangles tell no depth
         of what is parallel.
 
-        Faces that share a strip no wider than `slop` pass each other. So do those that share no more than a strip along
+        Faces that share strips no wider than `slop` pass each other. So do those that share no more than a strip along
         their border, as wide (m) as `strip` has it of a pair: the end of a shaft and the mouth of its bore.
         """
         for row in rows:
             a, sa, b, sb = (int(row[name]) for name in ("object_a", "surface_a", "object_b", "surface_b"))
             found = self._shared(a, sa, b, sb, 0.0, poses)
-            if found is None:
+            region, normal = found or (None, None)
+            if region is None or normal is None:
                 continue
-            region, normal = found
-            spread = region.corners - region.corners.mean(axis=0)
-            if len(spread) < 3 or np.linalg.svd(spread, compute_uv=False)[1] <= slop:
+            border = min(self._border(a, sa), self._border(b, sb))
+            if region.area <= strip((a, sa, b, sb)) * border:
                 continue
-            wide = strip((a, sa, b, sb))
-            if wide > 0.0 and region.area <= wide * min(self._border(a, sa), self._border(b, sb)):
+            if region.area <= slop * border and self._in_strips(a, sa, b, sb, normal, poses, slop):
                 continue
             ends = [target.get(i, poses[i]) for i in (a, b)]
             way = [end * poses[i].inverse() for end, i in zip(ends, (a, b), strict=True)]
@@ -163,9 +171,30 @@ class Walls:
                 region.corners @ way[0].rotation.T + way[0].translation
             )
             gaps = after @ (way[0].rotation @ normal)
-            if (gaps < np.minimum(region.gaps, -allowed((a, sa, b, sb))) - slop).any():
+            if (gaps < np.minimum(region.gaps - TOUCHING * slop, -allowed((a, sa, b, sb)) - slop)).any():
                 return True
         return False
+
+    def _in_strips(
+        self, a: int, sa: int, b: int, sb: int, normal: Array, poses: Sequence[pin.SE3], wide: float
+    ) -> bool:
+        """Whether all that two facing planes share are strips as wide (m) as given, however many and far apart.
+
+        What two triangles share is convex: its corners tell how wide it is.
+        """
+        first, second = (self._view(i, s, poses[i]).triangles for i, s in ((a, sa), (b, sb)))
+        origin = first[0, 0]
+
+        def shared(one: Array, other: Array) -> FacingArea:
+            return facing_area(origin, normal, one, other, origin, -normal)
+
+        ones = [one for one in first[:, None] if shared(one, second).area > 0.0]
+        others = [other for other in second[:, None] if shared(first, other).area > 0.0]
+        for region in (shared(one, other) for one in ones for other in others):
+            spread = region.corners - region.corners.sum(axis=0) / max(len(region.corners), 1)
+            if len(spread) > 2 and np.linalg.svd(spread, compute_uv=False)[1] > wide:
+                return False
+        return True
 
     def parted(self, rows: NDArray[Any], poses: Sequence[pin.SE3]) -> tuple[Array, Array]:
         """For each row the direction (k, 3), unit, world, from a to b, along which its gap (k,) opens.

@@ -51,7 +51,7 @@ def _gap_words(gap: float) -> str:
     return f"{millimetres(abs(gap))} {'apart' if gap > 0 else 'of overlap'}"
 
 
-def _angle(u: Vector, v: Vector) -> float:
+def line_angle(u: Vector, v: Vector) -> float:
     """Angle (rad) between two lines along u and v, accurate near 0."""
     return float(np.arctan2(norm(cross(u, v)), abs(u @ v)))
 
@@ -59,7 +59,7 @@ def _angle(u: Vector, v: Vector) -> float:
 def against(a: View[Plane], b: View[Plane], limits: Limits) -> Match | None:
     """Two planes that face each other and share a real area."""
     p, q = a.geometry, b.geometry
-    angle = _angle(p.normal, q.normal)
+    angle = line_angle(p.normal, q.normal)
     if p.normal @ q.normal >= 0.0 or angle > limits.angular:
         return None
     region = facing_area(p.origin, p.normal, a.triangles, b.triangles, q.origin, q.normal)
@@ -119,7 +119,7 @@ def concentric(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) ->
     """A solid cylinder in a hollow one: radii fit, axes coincide, lengths overlap."""
     s, h = solid.geometry, hollow.geometry
     fit = h.radius - s.radius
-    angle = _angle(s.axis, h.axis)
+    angle = line_angle(s.axis, h.axis)
     if not limits.fit(s.radius, fit) or angle > limits.angular:
         return None
     axis = h.axis
@@ -175,7 +175,7 @@ def screw(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) -> Matc
 def conical(solid: View[Cone], hollow: View[Cone], limits: Limits) -> Match | None:
     """A solid cone in a hollow one of the same half angle, pushed home."""
     s, h = solid.geometry, hollow.geometry
-    angle = _angle(s.axis, h.axis)
+    angle = line_angle(s.axis, h.axis)
     flare = abs(s.half_angle - h.half_angle)
     if s.axis @ h.axis <= 0.0 or max(angle, flare) > limits.angular:
         return None
@@ -217,7 +217,7 @@ def toroidal(solid: View[Torus], hollow: View[Torus], limits: Limits) -> Match |
     """A ring in its groove."""
     s, h = solid.geometry, hollow.geometry
     fit = h.minor - s.minor
-    angle = _angle(s.axis, h.axis)
+    angle = line_angle(s.axis, h.axis)
     offset = float(np.linalg.norm(s.center - h.center))
     if abs(fit) > limits.clearance or abs(h.major - s.major) > limits.clearance or angle > limits.angular:
         return None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from constraints.errors import GeometryError
 from constraints.geometry.surfaces import LARGEST, Cone, Cylinder, Geometry, Sphere, Torus
-from constraints.recognition.fits import Fit
+from constraints.recognition.fits import Fit, crossed
 
 Array = NDArray[np.float64]
 Patch = tuple[Array, Array, Array]
@@ -171,20 +171,13 @@ def _stepped(kind: str, surfaces: _Surfaces, step: Array) -> _Surfaces:
     return _Surfaces(origin, axis if kind != "sphere" else surfaces.axis, surfaces.sizes + step[:, 6:])
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """Products along the last axis; what np.cross does, without its care for other shapes."""
-    x, y, z = a[..., 0], a[..., 1], a[..., 2]
-    u, v, w = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
-
-
 def _turned(vectors: Array, rotation: Array) -> Array:
     """Vectors turned by rotation vectors (Rodrigues)."""
     angle = np.linalg.norm(rotation, axis=-1, keepdims=True)
     unit = rotation / np.maximum(angle, _TINY)
     sine, rest = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
-    across = _cross(unit, vectors)
-    return vectors + sine * across + rest * _cross(unit, across)
+    across = crossed(unit, vectors)
+    return vectors + sine * across + rest * crossed(unit, across)
 
 
 def _radial(surfaces: _Surfaces, points: Array) -> tuple[Array, Array, Array]:
@@ -214,7 +207,7 @@ def _jacobian(kind: str, surfaces: _Surfaces, points: Array) -> Array:
         q = points - surfaces.origin[:, None]
         length = np.linalg.norm(q, axis=2)[:, :, None]
         n = np.where(length > 0.0, q / np.maximum(length, _TINY), [0.0, 0.0, 1.0])
-        return np.concatenate([-n, _cross(n, points), minus], axis=2)
+        return np.concatenate([-n, crossed(n, points), minus], axis=2)
     height, r, radius = _radial(surfaces, points)
     aside = np.where(
         radius[:, :, None] > 0.0, r / np.maximum(radius, _TINY)[:, :, None], _aside(surfaces.axis)[:, None]
@@ -231,13 +224,13 @@ def _jacobian(kind: str, surfaces: _Surfaces, points: Array) -> Array:
         normal = across[:, :, None] * aside + height[:, :, None] * surfaces.axis[:, None]
         n = np.where(length > 0.0, normal / np.maximum(length, _TINY), aside)
         more = np.concatenate([-across[:, :, None] / np.maximum(length, _TINY), minus], axis=2)
-    return np.concatenate([-n, _cross(n, points), more], axis=2)
+    return np.concatenate([-n, crossed(n, points), more], axis=2)
 
 
 def _aside(axis: Array) -> Array:
     """Unit vectors (n, 3) at right angles to `axis` (n, 3)."""
     other = np.eye(3)[np.abs(axis).argmin(axis=1)]
-    p = _cross(axis, other)
+    p = crossed(axis, other)
     return p / np.linalg.norm(p, axis=1)[:, None]
 
 
@@ -284,7 +277,7 @@ def _guess_cylinder(p: Array, weight: Array, bases: Array, known: Array, normals
     least = np.full(rows, np.inf)
     for axis, is_there in zip(candidates, there, strict=True):
         u = _aside(axis)
-        v = _cross(axis, u)
+        v = crossed(axis, u)
         center, radius, found = _circles(np.stack([_along(p, u), _along(p, v)], axis=2), weight)
         guess = _Surfaces(center[:, :1] * u + center[:, 1:] * v, axis, radius[:, None])
         distance = _distance("cylinder", guess, p) * weight
@@ -326,7 +319,7 @@ def _guess_torus(p: Array, weight: Array, bases: Array, known: Array, normals: A
     area = np.linalg.norm(normals, axis=2)
     n = normals / np.maximum(area, _TINY)[:, :, None]
     share = np.sqrt(area / np.maximum(area.sum(axis=1), _TINY)[:, None])
-    lines = np.concatenate([_cross(bases, n), n], axis=2) * share[:, :, None]
+    lines = np.concatenate([crossed(bases, n), n], axis=2) * share[:, :, None]
     matrix = np.einsum("nij,nik->njk", lines, lines)
     matrix[~np.isfinite(matrix).all(axis=(1, 2))] = np.eye(6)
     a, b, c = matrix[:, :3, :3], matrix[:, :3, 3:], matrix[:, 3:, 3:]
@@ -334,7 +327,7 @@ def _guess_torus(p: Array, weight: Array, bases: Array, known: Array, normals: A
     schur = a - b @ inverse @ b.transpose(0, 2, 1)
     axis = np.linalg.eigh(0.5 * (schur + schur.transpose(0, 2, 1)))[1][:, :, 0]
     moment = -np.einsum("nij,nkj,nk->ni", inverse, b, axis)
-    origin = _cross(axis, moment)
+    origin = crossed(axis, moment)
     height, _, radius = _radial(_Surfaces(origin, axis, np.empty((len(p), 0))), p)
     meridian, minor, found = _circles(np.stack([radius, height], axis=2), weight)
     return _Surfaces(origin + meridian[:, 1:] * axis, axis, np.column_stack([meridian[:, 0], minor])), found

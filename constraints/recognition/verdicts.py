@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from collision.numeric.kernel import kernel
 from constraints.geometry.metric_threads import metric_thread
 from constraints.geometry.overlap import shared_height
-from constraints.geometry.surfaces import Cylinder, Plane, perpendicular
+from constraints.geometry.surfaces import Cylinder, Plane, cross, norm, perpendicular
 from constraints.geometry.views import Limits, View
 from constraints.recognition.candidate import Match, Pair
-from constraints.recognition.pairings import Pairing
+from constraints.recognition.pairings import Pairing, line_angle
 
 Array = NDArray[np.float64]
 SAFE = 0.9
@@ -64,9 +64,12 @@ class Question:
         self.kinds[k] = verdict.kind
         self.center[k], self.radius[k], self.seat[k], self.margin[k] = verdict[1:]
 
-    def stale(self, poses: Sequence[pin.SE3]) -> NDArray[np.int64]:
-        """Places of the pairs that have moved beyond their margin, or were never measured."""
-        at = np.array([poses[body].homogeneous for body in self.bodies]).reshape(-1, 4, 4)
+    def at(self, poses: Sequence[pin.SE3]) -> Array:
+        """(n, 4, 4) the poses of `bodies`."""
+        return np.array([poses[body].homogeneous for body in self.bodies]).reshape(-1, 4, 4)
+
+    def stale(self, at: Array) -> NDArray[np.int64]:
+        """Places of the pairs that have moved beyond their margin, or were never measured. at: what `at` returns."""
         out = np.empty(len(self.pairs), np.bool_)
         _beyond(self.a, self.b, at, self.center, self.radius, self.seat, self.margin, out)
         return np.flatnonzero(out)
@@ -88,6 +91,7 @@ class Verdicts:
     def __init__(self, recogniser: Measures) -> None:
         self.recogniser = recogniser
         self._known: dict[tuple[Pair, Limits, int], Known] = {}
+        self._planes: dict[Pair, tuple[float, ...] | None] = {}
         self._questions: dict[str, tuple[Any, Question]] = {}
 
     def forget(self) -> None:
@@ -107,7 +111,11 @@ class Verdicts:
         question = known[1]
         if not question.pairs:
             return []
-        for k in question.stale(poses).tolist():
+        at = question.at(poses)
+        stale = question.stale(at).tolist()
+        if [row.kind for row in rows if row.first is row.second is Plane] == ["against"]:
+            stale = self._settle_planes(question, stale, at, limits, len(rows))
+        for k in stale:
             pair = question.pairs[k]
             found = self.recogniser.matches(pair, poses, limits, rows)
             a, fa, b, fb = pair
@@ -119,6 +127,64 @@ class Verdicts:
             self._known[pair, limits, len(rows)] = verdict
             question.set(k, verdict)
         return question.kinds
+
+    def _settle_planes(
+        self, question: Question, stale: Sequence[int], at: Array, limits: Limits, rows: int
+    ) -> list[int]:
+        """Settle the pairs of planes that are turned or apart too far to face each other; return the other places.
+
+        These are most pairs of parts with many plane faces, and take a few operations on arrays together.
+        """
+        planes = {k: row for k in stale if (row := self._planes_of(question.pairs[k])) is not None}
+        if not planes:
+            return list(stale)
+        places, table = list(planes), np.array(list(planes.values()))
+        seat, radius, room = _planes_apart(table, at[question.a[places]], at[question.b[places]], limits)
+        for j in np.flatnonzero(room > 0.0).tolist():
+            k = places[j]
+            verdict = Known(None, table[j, 17:], float(radius[j]), seat[j], SAFE * float(room[j]))
+            self._known[question.pairs[k], limits, rows] = verdict
+            question.set(k, verdict)
+            del planes[k]
+        return [k for k in stale if k in planes or self._planes_of(question.pairs[k]) is None]
+
+    def _planes_of(self, pair: Pair) -> tuple[float, ...] | None:
+        """Of two planes of solids, each in the frame of its body: normals, origins, the balls that hold them."""
+        if pair not in self._planes:
+            a, fa, b, fb = pair
+            first, second = (self.recogniser.view(i, f, pin.SE3.Identity()) for i, f in ((a, fa), (b, fb)))
+            p, q, found = first.geometry, second.geometry, None
+            if type(p) is type(q) is Plane and first.feature.sense == second.feature.sense == 1:
+                (c, r), (d, s) = first.extent.ball, second.extent.ball
+                found = (*p.normal, *p.origin, *q.normal, *q.origin, r, s, *c, *d)
+            self._planes[pair] = found
+        return self._planes[pair]
+
+
+def _planes_apart(planes: Array, first: Array, second: Array, limits: Limits) -> tuple[Array, Array, Array]:
+    """For pairs of planes (n, 20), as `Verdicts._planes_of` has them, with bodies at poses (n, 4, 4): `Known.seat`,
+    `Known.radius`, and m (n,): how far any point may go until they can face each other, by `_against`; 0 if at once."""
+    n, p, m, q = planes[:, 0:3], planes[:, 3:6], planes[:, 6:9], planes[:, 9:12]
+    r, s, c, d = planes[:, 12], planes[:, 13], planes[:, 14:17], planes[:, 17:20]
+    seat = np.zeros_like(first)
+    turned = first[:, :3, :3].transpose(0, 2, 1)
+    seat[:, :3, :3] = turned @ second[:, :3, :3]
+    seat[:, :3, 3] = (turned @ (second[:, :3, 3] - first[:, :3, 3])[:, :, None])[:, :, 0]
+    seat[:, 3, 3] = 1.0
+
+    def seen(points: Array) -> Array:
+        return (seat[:, :3, :3] @ points[:, :, None])[:, :, 0]
+
+    radius = np.maximum(s, np.linalg.norm(c - seen(d) - seat[:, :3, 3], axis=1) + r)
+    m = seen(m)
+    sine = np.linalg.norm(np.cross(n, m), axis=1)
+    angle = np.arctan2(sine, -(n * m).sum(axis=1))
+    height = ((seen(q) + seat[:, :3, 3] - p) * n).sum(axis=1)
+    tilt = np.full(len(planes), np.inf)
+    slight = angle < 1.5
+    tilt[slight] = 2.0 * radius[slight] * np.tan(angle[slight])
+    turn = radius * 2.0 * np.sin(0.5 * np.clip(angle - min(limits.angular, 0.5 * np.pi), 0.0, np.pi))
+    return seat, radius, np.maximum(turn, np.abs(height) - tilt - limits.linear)
 
 
 def _ball(first: View[Any], second: View[Any]) -> tuple[Array, float]:
@@ -164,7 +230,7 @@ def _chord(angle: float) -> float:
 def _against(found: Match | None, a: View[Plane], b: View[Plane], radius: float, limits: Limits) -> float:
     p, q = a.geometry, b.geometry
     most = min(limits.angular, 0.5 * np.pi)
-    angle = float(np.arctan2(np.linalg.norm(np.cross(p.normal, q.normal)), -(p.normal @ q.normal)))
+    angle = float(np.arctan2(norm(cross(p.normal, q.normal)), -(p.normal @ q.normal)))
     height = float((q.origin - b.center) @ p.normal) + float((b.center - p.origin) @ p.normal)
     tilt = 2.0 * radius * float(np.tan(angle)) if angle < 1.5 else np.inf
     if found is None:
@@ -187,7 +253,7 @@ def _apart(first: Array, second: Array, normal: Array) -> float:
     """m: how far apart two sets of triangles are along one of two directions in the plane."""
     u = perpendicular(normal)
     best = 0.0
-    for direction in (u, np.cross(normal, u)):
+    for direction in (u, cross(normal, u)):
         x, y = first @ direction, second @ direction
         best = max(best, float(y.min() - x.max()), float(x.min() - y.max()))
     return best
@@ -200,7 +266,7 @@ def _concentric(
     fit = h.radius - s.radius
     if not limits.fit(s.radius, fit):
         return np.inf
-    angle = _angle(s.axis, h.axis)
+    angle = line_angle(s.axis, h.axis)
     sign = 1 if s.axis @ h.axis >= 0 else -1
     start = float((s.origin - h.origin) @ h.axis)
     spans = solid.extent.spans, hollow.extent.spans
@@ -215,11 +281,6 @@ def _concentric(
     aside = 0.5 * (limits.linear + max(fit, 0.0) - found.residual - jump)
     loose = 0.5 * (abs(found.residual - fit) - limits.slack - jump) if fit > limits.clearance else np.inf
     return max(0.0, min(turn, along, aside, loose))
-
-
-def _angle(u: Array, v: Array) -> float:
-    """Angle (rad) between two lines."""
-    return float(np.arctan2(np.linalg.norm(np.cross(u, v)), abs(u @ v)))
 
 
 @kernel

@@ -115,7 +115,8 @@ class Browser:
         return answer["result"].get("value")
 
     def click(self, selector: str) -> None:
-        """Press the mouse on the middle of an element, as a person does; it must be there to be pressed."""
+        """Press the mouse on the middle of an element, as a person does, when it is there; nothing may cover it."""
+        self.wait(f"Boolean(document.querySelector({json.dumps(selector)}))")
         place = self.run(
             f"""(() => {{
                 const e = document.querySelector({json.dumps(selector)});
@@ -131,7 +132,7 @@ class Browser:
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
-    def mouse(self, kind: str, x: float, y: float, button: str = "none", clicks: int = 1) -> None:
+    def mouse(self, kind: str, x: float, y: float, button: str = "none", clicks: int = 1, alt: bool = False) -> None:
         """One event of the mouse: "Moved", "Pressed" or "Released"; `button` is held, or changes."""
         held = {"none": 0, "left": 1, "right": 2}[button] if kind != "Released" else 0
         self.call(
@@ -142,13 +143,14 @@ class Browser:
             button=button,
             buttons=held,
             clickCount=clicks,
+            modifiers=int(alt),
         )
 
-    def press(self, x: float, y: float, clicks: int = 1) -> None:
+    def press(self, x: float, y: float, clicks: int = 1, alt: bool = False) -> None:
         """Click with the left button at a place of the window."""
-        self.mouse("Moved", x, y)
-        self.mouse("Pressed", x, y, "left", clicks)
-        self.mouse("Released", x, y, "left", clicks)
+        self.mouse("Moved", x, y, alt=alt)
+        self.mouse("Pressed", x, y, "left", clicks, alt)
+        self.mouse("Released", x, y, "left", clicks, alt)
 
     def drag(self, *places: tuple[float, float]) -> None:
         """Press the left button at the first place, move to the others, let go at the last."""

@@ -214,6 +214,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = add("disassemble", _disassemble, "which parts come out, in which order, along which way; exit 1 if one stays")
     disassemble.add_arguments(sub, _length)
+    _add_loading(sub)
 
     sub = add("view", _view, "look at a model in the browser, and take its parts in hand")
     sub.add_argument("file", metavar="FILE")

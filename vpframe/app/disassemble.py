@@ -14,7 +14,7 @@ from vpframe import files
 from vpframe.app.outputs import PAGE, RECORDING, REPORT, SCRIPT, Kind, Output, OutputFolder
 from vpframe.app.progress import Progress, say
 from vpframe.errors import VpframeError
-from vpframe.scene.units import NAMES, length, seconds
+from vpframe.scene.units import length, seconds
 
 PLAN = "plan.json"
 INTERRUPTED = 130
@@ -58,12 +58,6 @@ def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
     sub.add_argument("--report", metavar="DIR", help=f"write a page with pictures, and {PLAN}")
     sub.add_argument("--resume", action="store_true", help=f"go on from the ways in {PLAN} of --tracks or --report")
     sub.add_argument("--force", action="store_true", help="also replace files that vpframe did not write")
-    sub.add_argument("--deflection", metavar="LENGTH", type=metres, help="greatest sag of a triangle")
-    sub.add_argument("--angular", metavar="RADIANS", type=float, help="greatest angle between neighbouring facets")
-    sub.add_argument(
-        "--timeout", metavar="SECONDS", type=float, help="limit of reading a CAD file (a minute a megabyte)"
-    )
-    sub.add_argument("--unit", metavar="UNIT", help="length unit of STL, OBJ and PLY files: " + NAMES)
     sub.add_argument("--json", action="store_true")
 
 

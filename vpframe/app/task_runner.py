@@ -160,6 +160,9 @@ def _perform(module: ModuleType, session: Session, script: Path) -> tuple[int, s
             module.task(session)
         session.conclude()
     except BaseException as error:  # also SystemExit: `sys.exit` in a script is no success
+        if isinstance(error, TaskError) and session.step_count == 0:
+            with contextlib.suppress(VpframeError):
+                session.step()  # so that the report shows the model as it stands
         session.conclude(error, script)
         if isinstance(error, CheckpointError | OutputError):
             raise

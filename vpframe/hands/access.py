@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,7 +94,7 @@ class Access:
         self.outside = float(np.linalg.norm(high - low)) + 2.0 * reach.length
 
     def obstacles(self, tip: Array, axis: Array) -> tuple[str, ...]:
-        """Return the parts that keep the tool from a pose; empty if it can be reached.
+        """Return the parts that keep the tool from a pose, or the first on the way there; empty if it can be reached.
 
         The tool's tip is at `tip` (3,) m, its body along `axis` (3,) unit, world. It comes straight from outside the
         scene: along its own axis, or along a world axis.
@@ -105,8 +105,10 @@ class Access:
         if len(rows):
             others = np.unique(np.where(rows[:, 0] == self.tool, rows[:, 2], rows[:, 0]))
             return tuple(self.parts[i].name for i in others)
-        met = [self._on_the_way(there, way) for way in (axis, *np.eye(3), *-np.eye(3))]
-        return () if None in met else tuple(dict.fromkeys(name for name in met if name is not None))
+        first = self._on_the_way(there, axis)
+        if first is None or any(self._on_the_way(there, way) is None for way in (*np.eye(3), *-np.eye(3))):
+            return ()
+        return (first,)
 
     def _on_the_way(self, there: pin.SE3, way: Array) -> str | None:
         """Return the first part that the tool hits on its approach against `way`; None if there is none."""
@@ -131,15 +133,38 @@ def to_turn(session: Workplace, reach: Reach, group: Sequence[str], origin: Arra
     return Access(session, reach, group).obstacles(origin + (max(ends) + OFF) * axis, axis)
 
 
-def to_grab(session: Workplace, reach: Reach, part: Part, surface: int | None, hand: Array) -> tuple[int, Array]:
+def to_grab(
+    session: Workplace, reach: Reach, parts: Sequence[Part], surface: int | None, hand: Array
+) -> tuple[str, int, Array]:
     """Find the point of a part, nearest to the hand, that a finger can reach along the normal.
 
-    hand: (3,) m, world. Returns the surface and the point (3,), world, m. At most `PLACES` points are tried.
+    parts: of a subassembly; the first that can be reached is taken. hand: (3,) m, world. Returns the part, the surface
+    and the point (3,), world, m. At most `PLACES` points of a part are tried.
 
     Raises
     ------
-    TaskError: no point can be reached; names the parts in the way.
+    TaskError: no point of them can be reached; names the parts in the way of the first part, those first that are in
+        the way of the point that has fewest in its way.
     """
+    access, met = Access(session, reach), Counter[str]()
+    first: tuple[str, ...] = ()
+    for part in parts:
+        for point, normal, face in _places(part, surface, hand):
+            found = access.obstacles(point + OFF * normal, normal)
+            if not found:
+                return part.name, face, point
+            if part is parts[0]:
+                met.update(found)
+                if part.name not in found and (not first or len(found) < len(first)):
+                    first = found
+    name = parts[0].name
+    rest = [other for other, _ in sorted(met.items(), key=lambda item: (-item[1], item[0])) if other != name]
+    names = tuple(dict.fromkeys((*first, *rest))) or (name,)  # it is in the way of its own faces only
+    raise TaskError(refused(reach, name if surface is None else f"surface {surface} of {name}", names, first))
+
+
+def _places(part: Part, surface: int | None, hand: Array) -> Iterator[tuple[Array, Array, int]]:
+    """Yield points (3,) m, world, all over a part, nearest to the hand first, with their normals and surfaces."""
     mesh = part.mesh
     corners = mesh.vertices[mesh.triangles] @ part.pose.rotation.T + part.pose.translation
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -155,17 +180,8 @@ def to_grab(session: Workplace, reach: Reach, part: Part, surface: int | None, h
     tried = np.concatenate(chosen)
     tried = tried[_spread(spots[tried], PLACES)]
     points = corners[tried].mean(axis=1)
-    order = np.argsort(np.linalg.norm(points - hand, axis=1), kind="stable")
-    access, met = Access(session, reach), Counter[str]()
-    for k in order.tolist():
-        normal = normals[tried[k]]
-        found = access.obstacles(points[k] + OFF * normal, normal)
-        if not found:
-            return int(mesh.surface_of_triangle[tried[k]]), points[k]
-        met.update(found)
-    names = [name for name, _ in sorted(met.items(), key=lambda item: (-item[1], item[0])) if name != part.name]
-    names = names or [part.name]  # it is in the way of its own faces only
-    raise TaskError(refused(reach, part.name if surface is None else f"surface {surface} of {part.name}", names))
+    for k in np.argsort(np.linalg.norm(points - hand, axis=1), kind="stable").tolist():
+        yield points[k], normals[tried[k]], int(mesh.surface_of_triangle[tried[k]])
 
 
 def _spread(spots: Array, count: int) -> list[int]:
@@ -179,8 +195,11 @@ def _spread(spots: Array, count: int) -> list[int]:
     return chosen
 
 
-def refused(reach: Reach, what: str, names: Sequence[str]) -> str:
-    """Return the error message for a point that the tool cannot reach, with the parts in the way."""
-    by = listed(names, MOST_NAMED)
-    first = f"remove {'that' if len(names) == 1 else 'them'} first, or " if what not in names else ""
-    return f"no access to {what} for {reach}: {by} in the way; {first}give a smaller Reach"
+def refused(reach: Reach, what: str, names: Sequence[str], first: Sequence[str] = ()) -> str:
+    """Return the error message for a point that the tool cannot reach.
+
+    names: parts in the way. first: those of them that have to go, if not all.
+    """
+    these = listed(first, MOST_NAMED) if first and set(first) != set(names) else "that" if len(names) == 1 else "them"
+    mend = f"remove {these} first, or " if what not in names else ""
+    return f"no access to {what} for {reach}: {listed(names, MOST_NAMED)} in the way; {mend}give a smaller Reach"

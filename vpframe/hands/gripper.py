@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from vpframe.errors import TaskError
+from vpframe.hands import paths
 from vpframe.hands.access import Reach
 from vpframe.hands.arguments import rigid
 from vpframe.hands.assist import Assist
@@ -140,6 +141,13 @@ class Gripper:
         else:
             self.pose = self.wanted * self.grip.inverse()
         return self.wanted
+
+    def goal(self) -> pin.SE3 | None:
+        """Target pose of the subject at the end of a straight or turning motion; None in any other."""
+        path = None if self.segment is None else self.segment.path
+        if not isinstance(path, paths.Straight | paths.Turning):
+            return None
+        return self.assist.shape(path, path.pose(path.duration))
 
     def lag(self) -> float:
         """Distance from the subject to its target pose, m; rotation counts by half the part's size."""

@@ -173,13 +173,15 @@ class Hand(Gripper):
     def remove(self, parts: str | Sequence[str], along: str | ArrayLike | None = None) -> Outcome:
         """Remove parts and subassemblies one after another and lay them in a row beside the scene.
 
-        Each is grabbed, unscrewed if threaded, pulled clear of all others, and released. along: as in `pull`; by
+        Each is grabbed, unscrewed if threaded, pulled clear of all others, and released; a subassembly as one, unless
+        all of its parts are threaded, or are no longer to each other as they were at first. along: as in `pull`; by
         default the axis of its fit, else away from its against contacts, else up, and if that fails the path that
         `vpframe.planning` finds.
 
         Raises
         ------
-        TaskError: a part cannot be removed; names the part, its number and the obstacle.
+        TaskError: a part cannot be removed; names the part, its number and the obstacle. The part stays in the hand,
+            where it stopped.
         """
         return self._do(service.remove(self, parts, along, None, "remove"))
 

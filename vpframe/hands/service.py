@@ -34,7 +34,9 @@ HOME = 1e-6
 
 def remove(hand: Gripper, parts: Names, along: str | ArrayLike | None, pitch: float | None, verb: str) -> verbs.Verb:
     """Remove each part, unscrewing threaded ones, and lay it beside the scene: `Hand.remove`."""
-    items = _items(hand, parts, verb)
+    items = tuple(unit for name in _items(hand, parts, verb) for unit in _units(hand, name, pitch))
+    if hand.held is not None:
+        raise TaskError(f"{hand.name}.{verb}: {hand.name} holds {hand.load}; release it first")
     if verb == "unscrew":
         for name in items:
             _lead(hand, name, pitch, verb)
@@ -50,7 +52,10 @@ def remove(hand: Gripper, parts: Names, along: str | ArrayLike | None, pitch: fl
 
 def refit(hand: Gripper, parts: Names, verb: str) -> verbs.Verb:
     """Return each part to its initial pose along its trail, the last one removed first: `Hand.refit`."""
-    items = _items(hand, parts, verb)
+    items: tuple[str, ...] = ()
+    for name in _items(hand, parts, verb):
+        units = _units(hand, name)
+        items += tuple(unit for unit in units if not _is_home(hand, hand.session.group(unit)[0])) or units
     leads = {name: hand.session.group(name)[0] for name in items}
     if verb == "screw":
         for name in items:
@@ -117,6 +122,21 @@ def _items(hand: Gripper, parts: Names, verb: str) -> tuple[str, ...]:
             raise TaskError(f"{hand.name}.{verb}: {fixed} is fixed in the scene; set part.fixed = False before")
         seen.update(group)
     return items
+
+
+def _units(hand: Gripper, name: str, pitch: float | None = None) -> tuple[str, ...]:
+    """Return what is removed or refitted as one: a part, a subassembly, or the parts of one that is but fasteners, or
+    whose parts are no longer to each other as they were at first."""
+    session, group = hand.session, hand.session.group(name)
+    if len(group) == 1:
+        return (name,)
+    first = [session.trail(part)[0][1] for part in group]
+    apart = max(
+        paths.apart(first[0].actInv(begun), session.scene[group[0]].pose.actInv(session.scene[part].pose))
+        for begun, part in zip(first, group, strict=True)
+    )
+    fasteners = all(pitch is not None or session.pitch_of(part) is not None for part in group)
+    return group if fasteners or apart > HOME else (name,)
 
 
 def _lead(hand: Gripper, name: str, pitch: float | None, verb: str) -> None:

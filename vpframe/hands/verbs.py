@@ -85,9 +85,12 @@ def grab(hand: Gripper, part: str, surface: int | None, carried: tuple[str, ...]
     def distance(name: str) -> float:
         return float(surface_distances(scene[name].mesh, scene[name].pose, hand.pose.translation)[0].min())
 
-    held = min(meant, key=distance) if len(meant) > 1 else meant[0]
+    nearest = sorted(meant, key=distance) if len(meant) > 1 else meant
+    held = nearest[0]
     if hand.access is not None:
-        surface, there = to_grab(session, hand.access, scene[held], surface, hand.pose.translation)
+        held, surface, there = to_grab(
+            session, hand.access, [scene[n] for n in nearest], surface, hand.pose.translation
+        )
         path = _straight(hand, pin.SE3(hand.pose.rotation, there), None, None)
         yield MotionSegment(f"{hand.name}.approach({held!r})", path)
     elif not hand.touched(held) or surface is not None:
@@ -111,7 +114,7 @@ def move_to(
     """Move straight to a world pose: `Hand.move_to`."""
     goal = as_pose(pose, hand.subject)
     _in_metres(hand, goal.translation - hand.subject.translation, "move_to")
-    where = ", ".join(f"{x * 1e3:.1f}" for x in goal.translation)
+    where = ", ".join(f"{x:.1f}" for x in np.round(1e3 * goal.translation, 1) + 0.0)
     path = _straight(hand, goal, duration, None)
     return (yield MotionSegment(f"{who(hand)}.move_to([{where}] mm)", path, as_condition(until), required))
 
@@ -122,7 +125,7 @@ def move_by(
     """Move straight by a vector (3,), m, without rotation: `Hand.move_by`."""
     by = vector(shift, "move_by")
     _in_metres(hand, by, "move_by")
-    where = ", ".join(f"{x * 1e3:.1f}" for x in by)
+    where = ", ".join(f"{x:.1f}" for x in np.round(1e3 * by, 1) + 0.0)
     path = _straight(hand, paths.lifted(hand.subject, by), duration, None)
     return (yield MotionSegment(f"{who(hand)}.move_by([{where}] mm)", path, as_condition(until), required))
 

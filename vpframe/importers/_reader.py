@@ -62,12 +62,12 @@ def _end_with_parent() -> None:
 
 
 def _limit_memory(limit: int) -> None:
-    """Limit the address space to `limit` bytes, and disable core dumps."""
+    """Limit memory that can be written to `limit` bytes, and disable core dumps."""
     if sys.platform == "win32":
         return
     import resource
 
-    for what, value in ((resource.RLIMIT_AS, limit), (resource.RLIMIT_CORE, 0)):
+    for what, value in ((resource.RLIMIT_DATA, limit), (resource.RLIMIT_CORE, 0)):
         with contextlib.suppress(OSError, ValueError):  # the hard limit may be lower
             resource.setrlimit(what, (value, resource.getrlimit(what)[1]))
 

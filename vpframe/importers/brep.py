@@ -341,15 +341,14 @@ def _volume(shape: TopoDS_Shape, raw: RawShape) -> None:
     TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_SOLID, solids)
     if solids.Extent() == 0:
         return
-    properties = GProp_GProps()
-    BRepGProp.VolumeProperties_s(shape, properties)
-    inertia, volume = properties.MatrixOfInertia(), properties.Mass()
-    closed = not len(open_edges(raw.triangles))
-    box = float(np.ptp(raw.vertices, axis=0).prod())
-    sound = box == 0.0 or abs(volume) * MM**3 <= 2.0 * box  # false for nan
-    if closed and not sound:
-        raw.notes.append("its volume is not that of its faces: it is damaged, and its mass is that of its triangles")
-    if not (closed and sound):
+    if closed := not len(open_edges(raw.triangles)):
+        properties = GProp_GProps()
+        BRepGProp.VolumeProperties_s(shape, properties)
+        inertia, volume = properties.MatrixOfInertia(), properties.Mass()
+        box = float(np.ptp(raw.vertices, axis=0).prod())
+    if not closed or not (box == 0.0 or abs(volume) * MM**3 <= 2.0 * box):  # it may be nan
+        if closed:
+            raw.notes.append("its volume is not that of its faces: it is damaged; its mass is that of its triangles")
         if mass_properties(raw.vertices, raw.triangles)[0] < 0.0:
             raw.triangles = np.ascontiguousarray(raw.triangles[:, [0, 2, 1]])
         return

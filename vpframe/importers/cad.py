@@ -31,16 +31,16 @@ from vpframe.importers.step_text import StepText, scan
 Progress = Callable[[float, str], None]
 READER = Path(__file__).with_name("_reader.py")
 MEGABYTE = 1e6
-MEMORY = 4 << 30
-"""address space for reading, bytes, plus MEMORY_OF_SIZE times the size of the files. The idle kernel takes 0.7 GB;
-measured models took below 80 bytes for each byte (um2_head: 0.19 GB for 2.6 MB)."""
+MEMORY = 1_750_000_000
+"""memory for reading, bytes, plus MEMORY_OF_SIZE times the size of the files: below 2 GB with the kernel's code. The
+idle kernel takes 0.25 GB; measured models took below 80 bytes for each byte (um2_head: 0.05 GB for 2.6 MB)."""
 MEMORY_OF_SIZE = 200
 CROWDED = 0.4
-"""fraction of the address space above which a crash counts as lack of memory, since growing arrays are copied to twice
+"""fraction of the memory above which a crash counts as lack of memory, since growing arrays are copied to twice
 their size"""
 
 _THRIFTY = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "8"}
-"""keeps idle threads on machines with many cores from using address space"""
+"""keeps idle threads on machines with many cores from taking memory"""
 _EXTERNAL = re.compile(rb"DOCUMENT_FILE\s*\(\s*'((?:[^']|'')+)'")
 
 
@@ -348,13 +348,20 @@ def _run(
 
 
 def _wait(process: subprocess.Popen[str]) -> int:
-    """Wait for the end of the process; return its peak memory, bytes (0 if unknown)."""
+    """Wait for the end of the process; return its peak memory, bytes, 0 if unknown.
+
+    A process inherits the peak of the one that started it, so that a smaller one is not known.
+    """
     try:
+        import resource
+
         _, status, usage = os.wait4(process.pid, 0)
-    except (AttributeError, ChildProcessError):  # another platform, or already waited for
+    except (ImportError, AttributeError, ChildProcessError):  # another platform, or already waited for
         process.wait()
         return 0
     process.returncode = os.waitstatus_to_exitcode(status)
+    if usage.ru_maxrss <= resource.getrusage(resource.RUSAGE_SELF).ru_maxrss:
+        return 0
     return usage.ru_maxrss * (1024 if sys.platform == "linux" else 1)
 
 

@@ -200,7 +200,7 @@ class Assembly:
         self._forget()
 
     def _forget(self) -> None:
-        self.sweeps = Sweeps(self.meshes, self.poses, self.tolerance, self._excuse)
+        self.sweeps = Sweeps(self.meshes, self.poses, self.tolerance, self.left_out)
         self._stops: dict[Key, Stop | None] = {}
         self._ahead: dict[Key, Answer] = {}
         self._new: dict[Key, Answer] = {}
@@ -332,8 +332,11 @@ class Assembly:
         pairs = [(m.parts[0] == i, pairing) for m in self.mates_of(i, j) for pairing in m.excused]
         return tuple(pairing if first else (pairing[1], pairing[0]) for first, pairing in pairs)
 
-    def _excuse(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> Iterable[Pairing] | None:
-        """What `Sweeps` asks of each leg of part i against part j."""
+    def left_out(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> Iterable[Pairing] | None:
+        """The surfaces of fits and threads that a leg of part i keeps with part j; None: a drawn thread lets none pass.
+
+        `Sweeps` asks it of each leg.
+        """
         out: list[Pairing] = []
         for mate in self.mates_of(i, j):
             first = mate.parts[0] == i

@@ -51,8 +51,8 @@ def free(assembly: Assembly, group: Sequence[int], others: Iterable[int], knots:
 def least_clearance(
     assembly: Assembly, group: Sequence[int], others: Iterable[int], knots: Knots, ignore: float = 0.0
 ) -> Clearance:
-    """The least distance of surfaces along a way; left out are those of fits and threads, and those that touch or are
-    within `ignore` m of each other where it begins.
+    """The least distance of surfaces along a way; left out are those of fits and threads that a leg of it keeps, and
+    those that touch or are within `ignore` m of each other where it begins.
 
     Distances at some poses bound it from above; a sweep that stops at a distance, and is not stopped, from below.
     The sweeps' bound is returned. It counts nothing beyond the group's own size.
@@ -70,7 +70,8 @@ def least_clearance(
                 continue
             rows = assembly.sweeps.near(i, j, knots[0], knots[1], max(ignore, 2.0 * assembly.tolerance.linear))
             together: tuple[Pairing, ...] = tuple(((int(r["surface_a"]),), (int(r["surface_b"]),)) for r in rows)
-            together += assembly.excused(i, j)
+            kept = (pairing for a, b in pairwise(knots) for pairing in assembly.left_out(i, j, a, b) or ())
+            together += tuple(dict.fromkeys(kept))
             found = _measured(assembly, i, j, knots, together, nearest)
             nearest = min(nearest, found.distance)
             measured.append((found, i, j, together))

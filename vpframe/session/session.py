@@ -33,6 +33,7 @@ from vpframe.hands.hand import Hand
 from vpframe.hands.segment import Outcome
 from vpframe.report.log import SessionLog
 from vpframe.scene.boxes import above, bounds, half_size
+from vpframe.scene.names import face_words
 from vpframe.scene.scene import Part, Scene
 from vpframe.scene.subassembly import listed, parts_named
 from vpframe.session import expectations
@@ -281,7 +282,9 @@ class Session:
             wanted = hand.desire(self.dt, hand.assist.rate(room))
             if hand.held is not None:
                 assist = hand.assist
-                targets.append(HandTarget(hand.held, wanted, hand.carried, assist.snap, assist.snap_angle, hand.spring))
+                snap, begins = (assist.snap, assist.snap_angle), hand.clock <= (1.0 + 1e-9) * self.dt
+                target = HandTarget(hand.held, wanted, hand.carried, *snap, hand.spring, hand.goal(), begins)
+                targets.append(target)
         decisions, self.state.decisions = self.state.decisions, ()
         return Inputs(targets, decisions, self.dt, self._shows_clearance or careful)
 
@@ -436,7 +439,7 @@ class Session:
     def note_grab(self, hand: Hand, named: str = "") -> None:
         """Record the event "grabbed"; a hand calls this after it closed on a part, or on a subassembly of that name."""
         assert hand.held is not None
-        by = f" by surfaces {', '.join(map(str, hand.surfaces))}"
+        by = f" by {face_words(self.scene[hand.held], *hand.surfaces)}"
         text = f"{hand.name} holds {hand.holding(named, by)}"
         data = {"named": named or hand.held, "carried": list(hand.carried)}
         self._observers.happened("grabbed", (hand.held,), (hand.surfaces,), text, data)

@@ -64,11 +64,17 @@ class HandTarget:
     """angular reach of the assist's snapping, rad"""
     spring: SpringHand | None = None
     """spring that pulls with limited force instead of a rigid grip; its target is `pose`"""
+    goal: pin.SE3 | None = None
+    """target at the end of the motion, if that is known"""
+    begins: bool = False
+    """whether the motion begins in this step"""
 
     def key(self) -> bytes:
         """Return the target as bytes: equal targets have equal keys."""
-        words = repr((self.part, self.carried, self.snap, self.snap_angle, self.spring is not None)).encode()
-        return words + np.ascontiguousarray(self.pose.homogeneous).tobytes()
+        what = (self.part, self.carried, self.snap, self.snap_angle, self.spring is not None, self.begins)
+        words = repr(what).encode()
+        poses = (pose for pose in (self.pose, self.goal) if pose is not None)
+        return words + b"".join(np.ascontiguousarray(pose.homogeneous).tobytes() for pose in poses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +160,9 @@ def recognise(state: State, wanted: Mapping[int, pin.SE3], given: Inputs) -> lis
         tolerance, rows, poses = state.recognised
         if tolerance == asked[0] and rows is asked[1] and poses is asked[2]:
             return []  # same inputs, same result
-    changes = state.mates.update(state.poses, state.rows, wanted, force, state.collision.versions)
+    aims = [replace(t, pose=t.goal) for t in given.firm if t.goal is not None] if wanted else []
+    goals, begun = _wanted(state, aims), frozenset(_wanted(state, [aim for aim in aims if aim.begins]))
+    changes = state.mates.update(state.poses, state.rows, wanted, force, state.collision.versions, goals, begun)
     state.decided = False
     state.recognised = None if wanted or force else asked
     if changes:

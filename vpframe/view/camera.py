@@ -41,6 +41,8 @@ class Camera:
     target: NDArray[np.float64]
     up: NDArray[np.float64]
     radius: float
+    across: float = 0.0
+    """half the width of what is to be seen, m: a picture narrower than 4:3 is taken from farther away for it"""
 
     def axes(self) -> NDArray[np.float64]:
         """Return (3, 3) rows: right, up, and towards the eye."""
@@ -67,7 +69,8 @@ def look_at(points: ArrayLike, direction: ArrayLike = DIRECTION, up: ArrayLike =
     half = 0.5 * (high - low)
     radius = MARGIN * max(half[0] / ASPECT, half[1], 0.05 * float(np.linalg.norm(half)), 1e-9)
     distance = 2.0 * radius + float(np.linalg.norm(half))
-    return Camera(target + distance * axes[2], target, np.asarray(up, dtype=np.float64), radius)
+    across = MARGIN * float(half[0])
+    return Camera(target + distance * axes[2], target, np.asarray(up, dtype=np.float64), radius, across)
 
 
 def frame_scene(

@@ -124,6 +124,7 @@ def scene_message(scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera) ->
             "eye": camera.eye.tolist(),
             "target": camera.target.tolist(),
             "radius": camera.radius,
+            "across": camera.across,
         },
         "colors": {
             "colliding": palette.hex_color(palette.COLLIDING),

@@ -1,6 +1,7 @@
 """A web server for the page, in its own thread. Nobody ever waits for a browser.
 
-A page answers each message when it has drawn it; the next frame goes out after that, and is then the latest there is.
+A page answers each message when it has drawn it. While it draws one frame the next is on its way, no more: what goes
+out is the latest there is.
 A page that does not answer for `PATIENCE` seconds is dropped.
 
 A session is shown to, and hears, only who was given its address: a token in it is asked for with every page and every
@@ -18,6 +19,7 @@ import secrets
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -36,6 +38,9 @@ EVERYWHERE = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
 """hosts that mean every address of this machine, with the loopback address"""
 MOST_MESSAGES = 300
 """maximum rate of messages from a page, 1/s; a page that sends more for long is dropped"""
+AHEAD = 2
+"""maximum number of times that a page is sent something before it has drawn it: with one, it would wait for the way
+there and back; until it has drawn the scene, one"""
 RATE = 90.0
 """maximum rate of frames to a page, 1/s: above 60, so that every frame of a 60 Hz session can pass"""
 
@@ -122,7 +127,7 @@ class Server:
             self._loop.call_soon_threadsafe(self._pump)
 
     def wait_for(self, number: int, most: float) -> None:
-        """Wait until a page was sent the latest frame, hence has drawn the one before; at most `most` s."""
+        """Wait until a page was sent the latest frame, hence has drawn those before; at most `most` s."""
 
         def sent() -> bool:
             return not any(client.number == number and client.behind for client in list(self._clients))
@@ -196,8 +201,10 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
         self.allowed = float(MOST_MESSAGES)
         """number of messages that the page may send now"""
         self.counted = time.monotonic()
-        self.owed = 0
-        """number of messages sent that the page has not drawn"""
+        self.owed: deque[int] = deque()
+        """numbers of messages that the page has not drawn, of each time it was sent some"""
+        self.drew = False
+        """whether the page has drawn anything"""
         self.heard = time.monotonic()
         self.sent = 0.0
         self.behind = False
@@ -221,9 +228,12 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
         except (ValueError, RecursionError):
             content = None
         if self.owed and content == {"action": "drawn"}:
-            self.owed -= 1
-            if self.behind and self.owed == 0:
-                self.send_latest()
+            self.owed[0] -= 1
+            self.drew = True
+            if self.owed[0] == 0:
+                self.owed.popleft()
+                if self.behind:
+                    self.send_latest()
             return
         self.allowed = min(self.allowed + MOST_MESSAGES * (now - self.counted), MOST_MESSAGES) - 1.0
         self.counted = now
@@ -238,10 +248,10 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
                 self.send_latest()
 
     def send_latest(self) -> None:
-        """Send new messages, now or when the page has drawn the previous ones."""
+        """Send new messages, now or when the page has drawn enough of the previous ones."""
         self.behind = True
         wait = self.sent + 1.0 / RATE - time.monotonic()
-        if self.owed > 0:
+        if len(self.owed) >= (AHEAD if self.drew else 1):
             return
         if wait > 0:
             asyncio.get_running_loop().call_later(wait, self._send_later)
@@ -264,9 +274,10 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
             self.close(1001, "no answer")
 
     def _send(self, messages: list[str]) -> None:
-        if messages and self.owed == 0:
+        if messages and not self.owed:
             self.heard = time.monotonic()
-        self.owed += len(messages)
+        if messages:
+            self.owed.append(len(messages))
         try:
             for message in messages:
                 self.write_message(message).add_done_callback(self._written)

@@ -77,7 +77,7 @@ def test_micrometres_are_a_unit_wherever_one_is_taken(unit, tmp_path, vpframe):
 
 
 def test_angles_are_degrees() -> None:
-    for command in (["clash", "a.step"], ["mates", "a.step"], ["view", "a.step"]):
+    for command in (["clash", "a.step"], ["disassemble", "a.step"], ["mates", "a.step"], ["view", "a.step"]):
         assert cli._parser().parse_args([*command, "--angular", "20"]).angular == math.radians(20.0)
         with pytest.raises(cli.UsageError, match=r"--angular: invalid number of degrees value: 'steep'"):
             cli._parser().parse_args([*command, "--angular", "steep"])

@@ -187,6 +187,15 @@ def task(session):
     assert "no access to cube" in capsys.readouterr().err
 
 
+def test_a_task_that_fails_before_its_first_step_is_reported_with_the_model_as_it_stands(tmp_path, capsys) -> None:
+    path = script(tmp_path, SCENE + "def task(session):\n    session.hand().release()\n")
+    assert study.run_task(path, report=tmp_path / "report") == 1
+    assert "hand holds nothing" in capsys.readouterr().err
+    document = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert document["steps"] == 1 and document["can_be_done"] is False and "holds nothing" in document["reason"]
+    assert "data:image/png" in (tmp_path / "report" / "index.html").read_text()
+
+
 def test_a_new_task_for_a_named_part_outlines_the_scene(tmp_path) -> None:
     from vpframe.scene import modelling as m
 

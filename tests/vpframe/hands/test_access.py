@@ -46,6 +46,26 @@ def test_a_part_in_a_sealed_box_is_not_grabbed_and_the_lid_is_named() -> None:
         assert session.hand().grab("cube")  # off by default
 
 
+def test_what_has_to_go_first_is_said_of_the_place_with_fewest_parts_in_its_way() -> None:
+    """Its sides are behind the walls; above it there is but the lid."""
+    words = r"Ø6 mm: lid, walls in the way; remove lid first, or give"
+    with Session(boxed(lid=True)) as session, pytest.raises(TaskError, match=words):
+        session.hand(reach=SMALL).grab("cube")
+
+
+def test_a_subassembly_is_taken_by_the_part_of_it_that_is_reached() -> None:
+    """Its block, nearest to the hand, is behind the walls; a rod of it comes out of the box."""
+    walls, cube, _ = boxed(lid=False).parts
+    block = Part("unit/block", cube.shape, cube.pose)
+    cover = m.box(0.12, 0.12, 0.005).translated(-0.06, -0.06) - m.cylinder(0.006, 0.005)
+    rod = m.cylinder(0.005, 0.1)
+    parts = [Part("unit/rod", m.shape(rod), at(0, 0, 0.025)), Part("cover", m.shape(cover), at(0, 0, 0.05))]
+    with Session(Scene([walls, block, *parts])) as session:
+        hand = session.hand(at=(0.0, 0.0, -0.05), reach=SMALL)
+        assert hand.grab("unit")
+        assert hand.held == "unit/rod" and hand.carried == ("unit/block",)
+
+
 def test_at_most_three_parts_in_the_way_are_named_and_never_the_part_itself() -> None:
     """A ring between six panels: its own far side, too, keeps a finger from the faces of its hole."""
     ring = m.box(0.02, 0.02, 0.02).translated(-0.01, -0.01, -0.01) - m.cylinder(0.008, 0.02).translated(0, 0, -0.01)

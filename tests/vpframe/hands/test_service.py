@@ -95,6 +95,69 @@ def test_a_list_that_stops_names_the_part_and_how_many_are_out() -> None:
         session.hand().remove(["bolt_1", "cover"], along="up")
 
 
+@pytest.mark.parametrize("pitch", [None, 5e-3], ids=["plain", "threaded"])
+def test_a_subassembly_of_screws_comes_out_screw_by_screw_and_goes_back(pitch: float | None) -> None:
+    """Pulled as one, or turned one by one: however they came out, the subassembly is back where it was."""
+    parts = [Part(p.name.replace("lid/bolt", "screws/bolt"), p.shape, p.pose, fixed=p.fixed) for p in bolted().parts]
+    with Session(Scene(parts)) as session:
+        begun = poses(session)
+        hand = session.hand()
+        for name in ("screws/bolt_1", "screws/bolt_2") if pitch else ():
+            session.thread(name, pitch)
+        assert hand.remove(["screws", "cover"] if pitch else ["screws/bolt_1", "screws/bolt_2"])
+        if pitch:
+            away = [session.scene[f"screws/bolt_{k}"].pose.translation[:2] for k in (1, 2)]
+            assert np.linalg.norm(away[0] - away[1] + [0.05, 0.0]) > 1e-3  # no longer beside each other as they were
+            assert hand.refit("cover")
+        assert hand.refit("screws")
+        for name, pose in begun.items():
+            assert np.abs(pose.homogeneous - session.scene[name].pose.homogeneous).max() < 1e-6
+        assert hand.remove("bolt_2") and hand.refit("screws")  # the other one has not been out
+        with pytest.raises(TaskError, match="at its initial pose; remove it first"):
+            hand.refit("screws")
+
+
+def test_a_part_that_a_list_cannot_take_out_stays_in_the_hand_and_the_next_list_says_so() -> None:
+    with Session(bolted()) as session:
+        hand = session.hand()
+        with pytest.raises(TaskError, match=r"hand\.remove: cover, 1 of 1: .* stand in its way"):
+            hand.remove("cover", along="up")
+        assert hand.held == "lid/cover"
+        with pytest.raises(TaskError, match=r"hand\.remove: hand holds lid/cover; release it first"):
+            hand.remove("bolt_2")
+
+
+@pytest.mark.parametrize("way", [(0.0, 0.0, 5e-5), (0.0, 0.0, 4e-3), (0.02, 0.0, 5e-4)])
+def test_a_part_is_lifted_off_its_face_by_as_little_as_the_hand_says(way: tuple[float, float, float]) -> None:
+    """Less than breaks a mate; resting there it does not fall back, and a motion along the face keeps its mate."""
+    cube = Part("cube", m.shape(m.box(0.02, 0.02, 0.02)), at(0.02, 0.04, 0.01))
+    with Session(Scene([Part("plate", m.shape(m.box(0.1, 0.1, 0.01)), at(0, 0, 0), fixed=True), cube])) as session:
+        hand = session.hand()
+        hand.grab("cube")
+        assert hand.move_by((0.02, 0.0, 0.0)).reason == "arrived"
+        assert [mate.kind for mate in session.constraints_of("cube")] == ["against"]
+        assert hand.move_by(way).reason == "arrived"
+        session.run(0.2)
+        there = np.array([0.04, 0.04, 0.01]) + way
+        assert np.abs(session.scene["cube"].pose.translation - there).max() < 1e-9
+        assert not session.constraints_of("cube")
+
+
+@pytest.mark.parametrize("turns", [0.2, 2.0])
+def test_a_screw_rises_off_its_seat_by_its_thread_however_little_it_is_turned(turns: float) -> None:
+    with Session(bolted()) as session:
+        session.thread("bolt_1", 1e-3)
+        begun = session.scene["lid/bolt_1"].pose.translation[2]
+        hand = session.hand()
+        hand.grab("bolt_1")
+        for name, sign in (("unscrew", 1.0), ("screw", -1.0)):
+            height = session.scene["lid/bolt_1"].pose.translation[2] + sign * turns * 1e-3
+            getattr(hand, name)(turns=turns)
+            assert session.scene["lid/bolt_1"].pose.translation[2] == pytest.approx(height, abs=2e-6)
+        assert session.scene["lid/bolt_1"].pose.translation[2] == pytest.approx(begun, abs=2e-6)
+        assert "against" in [mate.kind for mate in session.constraints_of("bolt_1")]
+
+
 def ledge(shut: bool) -> Scene:
     """A key in a pocket under a ledge: first to the side, then up; `shut`, the side is walled up too."""
     base = m.box(0.1, 0.06, 0.05) - m.box(0.08, 0.04, 0.03).translated(0.01, 0.01, 0.01)

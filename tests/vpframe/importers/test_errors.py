@@ -277,6 +277,12 @@ def test_a_kernel_that_always_crashes_hangs_or_gives_up_is_one_line(tmp_path, st
     assert "no answer within 1 s" in fault(step, timeout=1.0)
 
 
+def test_the_memory_of_this_process_is_not_taken_for_that_of_a_reader_that_crashes(tmp_path, step, monkeypatch):
+    monkeypatch.setattr(cad, "CROWDED", 0.0)
+    stand_in(tmp_path, monkeypatch, "os.kill(os.getpid(), signal.SIGSEGV)")
+    assert "SIGSEGV" in fault(step)
+
+
 def test_an_interrupt_while_reading_leaves_no_process_behind(tmp_path, step, monkeypatch):
     pid = tmp_path / "pid"
     stand_in(

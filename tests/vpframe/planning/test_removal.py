@@ -322,6 +322,18 @@ def test_a_peg_comes_out_of_ten_micrometres_and_its_clearance_is_told():
     assert wider.verdict == "removable"
 
 
+def test_the_clearance_of_a_way_that_leaves_a_fit_at_once_is_that_of_its_surfaces():
+    shell = box(0.01, 0.016, 0.01).translated(-0.015, -0.008, 0.0) - cylinder(0.01005, 0.01)
+    scene = scene_of({"post": cylinder(0.01, 0.03), "shell": (shell, cases.at(0.0, 0.0, 0.01))})
+    assembly = Assembly(scene)
+    assert assembly.mates_of(0, 1)
+    near = assembly.sweeps.near(1, 0, pin.SE3.Identity(), cases.at(-0.001), 0.001)["distance"].min()
+    found = least_clearance(assembly, (1,), (0,), (pin.SE3.Identity(), cases.at(-0.02)))
+    assert 0.99 * near <= found.distance <= near
+    along = least_clearance(assembly, (1,), (0,), (pin.SE3.Identity(), cases.at(0.0, 0.0, 0.03)))
+    assert along.distance > 10.0 * near
+
+
 def test_the_track_is_what_a_hand_follows_and_keeps_to_the_certified_way():
     scene = cases.bayonet()
     found = vp.planning.removal(scene, "plug", budget=LONG)

@@ -1,16 +1,20 @@
 """What was travelled can be travelled back, in fits of hardly any clearance; what is solid is never passed."""
 
 import re
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from constraints.motion import god_object, passage
 from constraints.motion.motion import Motion
+from constraints.motion.passage import Drawn, passable
 from vpframe import Hand, Part, Scene, Session, load
 from vpframe.hands.paths import Track
 from vpframe.scene import modelling
@@ -269,6 +273,51 @@ def test_a_part_that_was_pulled_any_way_goes_back_along_its_trail(
         assert back_along_the_trail(hand, session, known) < 1e-6
 
 
+@pytest.mark.parametrize("kind", ["pocket", "fingers"])
+@settings(max_examples=4, deadline=None, derandomize=True)
+@given(
+    clearance=st.sampled_from([0.0, 1e-6, 1e-5, 1e-4]),
+    aside=st.tuples(*[st.floats(-0.5, 0.5)] * 2),
+    steps=st.sampled_from([3, 40]),
+    carried=st.booleans(),
+)
+@example(clearance=0.0, aside=(0.0022636, 0.0087975), steps=40, carried=False)
+def test_a_part_that_is_pulled_askew_slides_out_along_the_walls_and_goes_back(
+    kind: str, clearance: float, aside: tuple[float, float], steps: int, carried: bool
+) -> None:
+    """Also where the ends of what leaves and the rim that it leaves meet in edges alone, and however little askew."""
+    housing, key = (modelling.shape(solid) for solid in tight_fit(kind, clearance))
+    parts = [Part("housing", housing, HERE), Part("key", key, HERE)]
+    if carried:
+        handle = modelling.shape(cylinder(0.002, 0.01))
+        parts.append(Part("handle", handle, pin.SE3(np.eye(3), np.array([0.0, -0.005, 0.025]))))
+    parts[0].fixed = True
+    with Session(Scene(parts), rule=rules.leave_all) as session:
+        hand = session.hand()
+        hand.grab("key", carry="handle" if carried else ())
+        known = len(session.trail("key"))
+        hand.move_by((0.04 * aside[0], 0.04 * aside[1], 0.04), duration=steps * session.dt, required=False)
+        assert session.scene["key"].pose.translation[2] > {"pocket": 0.005, "fingers": 0.01}[kind]
+        assert back_along_the_trail(hand, session, known) < 1e-6
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_ends_of_fingers_pass_the_tops_beside_them(back: bool) -> None:
+    """They share strips along their edges, 10 nm wide, and are 10 µm below the tops."""
+    way = [(1.292296, 9.987412, -4.008e-5), (1.292984, 9.989387, 5.868e-5)]
+    there, end = (pin.SE3(pin.exp3(np.array([t, 0.0, 0.0])), np.array([1e-8, 1e-3 * y, 1e-3 * z])) for y, z, t in way)
+    if back:
+        there, end = end, there
+    housing, key = (modelling.shape(solid) for solid in tight_fit("fingers", 0.0))
+    scene = Scene([Part("housing", housing, HERE), Part("key", key, HERE)])
+    with Session(scene, rule=rules.leave_all) as session:
+        session.step()
+        motion = session.state.motion
+        drawn = Drawn(motion.collision, motion.walls, [HERE, HERE])
+        motion.collision.set_poses([1], [there])
+        assert passable(motion.collision, motion.walls, drawn, [HERE, there], {1: end}, motion.tolerance)
+
+
 def test_a_constraint_of_the_initial_assembly_is_in_force_again_when_its_part_comes_back() -> None:
     """Other constraints that are met on the way are not."""
     plate = box(0.08, 0.04, 0.02) - cylinder(0.005, 0.02).translated(0.02, 0.02)
@@ -365,6 +414,37 @@ def test_a_part_that_is_stuck_is_moved_twice_a_step_at_most(monkeypatch: pytest.
         before = len(steps)
         hand.move_by((-1e-5, 0.0, 0.0), duration=session.dt)
         assert len(steps) - before == 1
+
+
+@pytest.mark.parametrize("kind", ["pocket", "bore", "dovetail", "fingers"])
+def test_what_is_refused_at_its_end_no_sweep_would_pass(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The poses in which surfaces would be pressed are found before the way is swept, and are the same."""
+    found: list[tuple[bool, bool]] = []
+
+    def swept(
+        collision: Any, walls: Any, drawn: Any, poses: Any, target: Mapping[int, pin.SE3], tolerance: Any
+    ) -> bool:
+        stuck = passage._stuck_at
+        with monkeypatch.context() as slow:
+            slow.setattr(passage, "_stuck_at", lambda *given: found.append((stuck(*given), False)))
+            passed = passage.passable(collision, walls, drawn, poses, target, tolerance)
+        found[-1] = found[-1][0], passed
+        return passed
+
+    monkeypatch.setattr(god_object, "passable", swept)
+    rng = np.random.default_rng(7)
+    for clearance in (0.0, 1e-5):
+        housing, key = (modelling.shape(solid) for solid in tight_fit(kind, clearance))
+        parts = [Part("housing", housing, HERE), Part("key", key, HERE)]
+        parts[0].fixed = True
+        with Session(Scene(parts), rule=rules.leave_all) as session:
+            hand = session.hand()
+            hand.grab("key")
+            for way in [(0.0, 0.0, 0.004), *rng.normal(scale=2e-3, size=(8, 3)), (0.0, 0.0, 0.002)]:
+                hand.move_by(way, duration=3 * session.dt, required=False)
+    assert not any(stuck and passed for stuck, passed in found)
+    assert sum(stuck for stuck, _ in found) > 5
+    assert kind == "bore" or any(passed for _, passed in found)  # the margin of a bore's facets is passage enough
 
 
 SHROUD = "1329-B2P-C"

@@ -68,7 +68,7 @@ def place(browser: Browser, part: str, local: tuple[float, float, float] = (0.0,
             const part = world.parts.find((p) => p.name === {part!r});
             viewer.scene.updateMatrixWorld();
             const at = part.solid.localToWorld(new THREE.Vector3(...{list(local)})).project(viewer.camera);
-            return [(at.x + 1) / 2 * innerWidth, (1 - at.y) / 2 * innerHeight];
+            return onScreen(at);
         }})()"""
     )
     return x, y
@@ -116,6 +116,21 @@ def test_hover_names_part_and_face_and_a_click_selects(bench: Workbench, browser
     browser.wait("selection.parts.length === 0")
 
 
+def test_alt_and_click_selects_what_is_behind(bench: Workbench, browser: Browser) -> None:
+    x, y = browser.run(
+        """(() => {
+            for (let x = 400; x < 900; x += 4) for (let y = 50; y < 700; y += 4)
+                if (picks(x, y).map(({ part }) => part.name).join() === "peg,block") return [x, y];
+        })()"""
+    )
+    for alt, part in ((False, "peg"), (True, "block"), (True, "peg"), (False, "peg")):
+        browser.press(x, y, alt=alt)
+        browser.wait(f"selection.parts.map((part) => part.name).join() === '{part}'")
+        assert browser.text("#selected").startswith(f"{part} · face ")
+    browser.press(*browser.run("onScreen({ x: -0.98, y: 0.98 })"), alt=True)  # nothing is there
+    browser.wait("selection.parts.length === 0")
+
+
 def vp_face_words(bench: Workbench, part: str, face: int) -> str:
     from vpframe.scene.names import face_words
 
@@ -158,7 +173,7 @@ def test_the_gizmo_moves_along_one_axis_and_typed_numbers_are_exact(bench: Workb
     browser.wait("gizmo !== null")
     tip = """(() => { const g = gizmo.group, h = gizmo.handles.find((m) => m.userData.name === 'z' && !m.userData.ring);
         const at = h.localToWorld(new THREE.Vector3(0, h.geometry.boundingSphere.center.y, 0)).project(viewer.camera);
-        return [(at.x + 1) / 2 * innerWidth, (1 - at.y) / 2 * innerHeight]; })()"""
+        return onScreen(at); })()"""
     browser.run("gizmo.handles.forEach((h) => h.geometry.computeBoundingSphere()); 1")
     x, y = browser.run(tip)
     browser.drag((x, y), (x + 3, y - 20), (x + 6, y - 60))
@@ -180,7 +195,7 @@ def on_ring(browser: Browser, name: str, angle: float) -> tuple[float, float]:
             const far = ring.geometry.parameters.radius, center = gizmo.group.position;
             const at = toThree([center.x + far * Math.cos({angle}), center.y + far * Math.sin({angle}), center.z]);
             at.project(viewer.camera);
-            return [(at.x + 1) / 2 * innerWidth, (1 - at.y) / 2 * innerHeight];
+            return onScreen(at);
         }})()"""
     )
     return x, y
@@ -371,10 +386,12 @@ def test_the_picture_is_what_is_seen(bench: Workbench, browser: Browser, tmp_pat
     while not saved.exists() and time.monotonic() < until:
         time.sleep(0.05)
     picture = np.asarray(Image.open(saved).convert("RGB")).astype(int)
-    assert picture.shape == seen.shape
-    middle = np.s_[150:500, 350:950]  # beside the panels
-    assert np.abs(picture - seen.astype(int))[middle].mean() < 1.0
-    assert picture[middle].std() > 10.0
+    left, top = map(round, browser.run("onScreen({ x: -1, y: 1 })"))
+    right, bottom = map(round, browser.run("onScreen({ x: 1, y: -1 })"))
+    canvas = seen[top:bottom, left:right].astype(int)
+    assert picture.shape == canvas.shape
+    assert np.abs(picture - canvas).mean() < 1.0
+    assert picture.std() > 10.0
 
 
 def test_nothing_is_painted_while_nothing_changes(bench: Workbench, browser: Browser) -> None:
@@ -463,6 +480,14 @@ def test_a_click_on_a_clash_shows_its_place_and_the_timeline_jumps_to_one(tmp_pa
         browser.click("#to-clash")
         browser.wait("world.last.step > 0")
         browser.click("#now")
+        browser.wait("!looking() && elsewhere().size === 1")
+        browser.click("#events .place")
+        browser.wait("looking() && timeline.shown < timeline.newest")
+        browser.click("#now")
+        for undo in (1, 0):
+            browser.key("z", ctrl=True)
+            browser.wait(f"desk.undo === {undo}")
+        browser.wait("world.last.moved.length === 1 && elsewhere().size === 0")  # clashes as found hold for it again
 
 
 def test_what_is_undone_leaves_the_pages_events_and_timeline(bench: Workbench, browser: Browser) -> None:
@@ -497,10 +522,42 @@ def test_the_wheel_keeps_what_is_under_the_cursor_and_f_frames_the_part(bench: W
     browser.wait("selection.parts.length === 1")
     browser.key("f")
     browser.settle()
-    assert place(browser, "peg", (0.0, 0.0, -0.005)) == pytest.approx((650, 400), abs=12)
+    middle = browser.run("onScreen({ x: 0, y: 0 })")  # of what the panels leave free
+    assert place(browser, "peg", (0.0, 0.0, -0.005)) == pytest.approx(middle, abs=12)
     browser.key("Home")
     browser.settle()
     assert browser.run("viewer.camera.position.distanceTo(viewer.controls.target)") == pytest.approx(far)
+
+
+def test_a_long_part_is_seen_whole_beside_the_panels(tmp_path: Path, browser: Browser) -> None:
+    model = m.write_step(tmp_path / "bar.step", {"bar": (m.box(0.3, 0.03, 0.02), pin.SE3.Identity())})
+    with served(model, browser):
+        browser.run(
+            "hear([{ frame: 0, time: 0, kind: 'note', tone: 'dim', text: 'a note', parts: [] }]); tell(world.last); 1"
+        )
+        try:
+            for size in ((1300, 800), (1120, 900)):
+                browser.resize(*size)
+                browser.settle()
+                browser.click("#home")
+                browser.wait("isWhole(world.parts[0])")
+                apart = """[...document.querySelectorAll('header, aside, footer')].every((panel) => {
+                    const a = panel.getBoundingClientRect(), b = canvas.domElement.getBoundingClientRect();
+                    return a.right <= b.left || a.left >= b.right || a.top >= b.bottom; })"""
+                assert browser.run(apart), size
+                assert browser.run("$('events').textContent.includes('a note')")
+        finally:
+            browser.resize(1300, 800)
+
+
+def test_a_page_that_lost_its_connection_does_not_say_that_the_session_ended(
+    bench: Workbench, browser: Browser
+) -> None:
+    browser.run("socket.close(); 1")
+    browser.wait("document.querySelector('#status').textContent === 'connection lost: reload the page'")
+    browser.open(bench.viewer.url)
+    browser.wait("world.last !== null")
+    assert browser.text("#status") == ""
 
 
 def test_two_pages_see_the_same_and_one_holds(bench: Workbench, browser: Browser) -> None:

@@ -174,6 +174,7 @@ function showOffer(frame) {
     ? frame.constraints.find((c) => c.state === "candidate" && c.parts.some((name) => held.includes(name))) : undefined;
   const box = $("offer");
   if (!best) { offered = null; box.hidden = true; return; }
+  if (offered === best.id && !box.hidden) return;
   if (offered !== best.id) { // it stays where it came up, so that it can be clicked
     offered = best.id;
     box.style.left = `${Math.min(pointer.x + 22, window.innerWidth - 260)}px`;

@@ -72,7 +72,7 @@ function boxOf(parts) {
 function frameBox(box) {
   const camera = viewer.camera, target = viewer.controls.target;
   const sphere = box.getBoundingSphere(new THREE.Sphere());
-  const back = camera.position.clone().sub(target).setLength(4.2 * Math.max(sphere.radius, 1e-6));
+  const back = camera.position.clone().sub(target).setLength(4.2 * narrow() * Math.max(sphere.radius, 1e-6));
   target.copy(sphere.center);
   camera.position.copy(target).add(back);
   apart.farther = 1;
@@ -168,8 +168,8 @@ function colorParts() {
   for (const part of world.parts) {
     const freedom = world.freedom.get(part.index);
     part.color = new THREE.Color(!byFreedom ? part.own : freedom === undefined ? "#d0d4da" : FREEDOM[freedom[0]]);
+    part.materials[0].color.copy(part.color);
     part.materials[1].color.copy(part.color).multiplyScalar(0.62);
-    for (let surface = 0; surface + 1 < part.start.length; surface++) paint(part, surface, colorOf(part, surface));
   }
   $("freedoms").hidden = !byFreedom;
   viewer.set_dirty();

@@ -24,6 +24,7 @@ function measure(found) {
   const names = measured.map((face) => faceName(face.part, face.surface));
   const words = measured.length === 2 ? between(...measured) : alone(placed(found));
   $("measured").textContent = [...names, ...words].join("\n");
+  $("measured").scrollIntoView({ block: "nearest" });
 }
 
 const alone = (face) => (face.radius > 0 ? [`diameter ${mm(2 * face.radius)}`] : []);

@@ -3,9 +3,10 @@
 // there, and what moves is drawn on it. While the view moves all is drawn, as finely as keeps up. At rest all is fine.
 const REST = 200, SLOW = 30, RETRY = 1e4; // ms: at rest after, too long for a frame, until finer frames are tried again
 const FINE = 0, PLAIN = 1, COARSE = 2; // smoothed; not smoothed; of a quarter of the pixels, without edges and outlines
+const SETTLED = 600; // ms: what has looked the same for so long during a motion is drawn with what stands again, once
 const BANDS = 48; // of one colour each: cheaper than a gradient in software, and no coarser than its colours are
 const painter = {
-  still: null, targets: [], known: new Map(), loose: new Set(), view: "", sweep: true, stale: true, rect: null, changed: 0,
+  still: null, targets: [], known: new Map(), loose: new Map(), restless: new WeakSet(), view: "", sweep: true, stale: true, rect: null, changed: 0,
   swept: 0, rested: false, all: true, layered: canvas.capabilities.isWebGL2, level: FINE, coarsened: -RETRY, cost: 0, before: 0, painted: 0, count: 0,
 };
 canvas.autoClear = false; // `drawBackground` does that
@@ -34,8 +35,8 @@ function keepUp(took) {
 }
 
 function aspect(object) {
-  const { geometry, material, matrixWorld } = object, color = geometry.attributes.color;
-  return [geometry.id, color ? color.version : 0, material.id, material.version, material.opacity, object.renderOrder,
+  const { geometry, material, matrixWorld } = object;
+  return [geometry.id, geometry.index ? geometry.index.version : 0, material.id, material.version, material.opacity, object.renderOrder,
     material.color ? material.color.getHex() : 0, ...matrixWorld.elements].join();
 }
 
@@ -56,12 +57,12 @@ function survey(now) {
   painter.known = new Map();
   let changed = moved;
   for (const object of drawn) {
-    const now = aspect(object);
-    painter.known.set(object, now);
-    if (before.get(object) === now) continue;
+    const seen = aspect(object);
+    painter.known.set(object, seen);
+    if (before.get(object) === seen) continue;
     changed = true;
     if (!painter.loose.has(object) && before.has(object)) painter.stale = true;
-    painter.loose.add(object);
+    painter.loose.set(object, now);
   }
   for (const object of before.keys()) if (!painter.known.has(object)) {
     changed = true;
@@ -71,10 +72,22 @@ function survey(now) {
     if (painter.rested && now - painter.coarsened > RETRY) painter.level = Math.max(painter.level - 1, FINE);
     painter.changed = now;
     painter.rested = false;
+    settle(now);
   }
   if (moved || painter.loose.size === drawn.length) painter.swept = now;
   painter.sweep = now - painter.swept <= REST;
   return drawn;
+}
+
+// Objects that came or changed once, such as symbols, need not be drawn with every frame.
+function settle(now) {
+  const settled = [...painter.loose].filter(([object, since]) => now - since > SETTLED && !painter.restless.has(object));
+  if (settled.length < 4) return; // a few cost less than all that stands does
+  for (const [object] of settled) {
+    painter.loose.delete(object);
+    painter.restless.add(object);
+  }
+  painter.stale = true;
 }
 
 function repaint(now, fine = false) {
@@ -89,6 +102,7 @@ function repaint(now, fine = false) {
     painter.sweep = false;
     painter.swept = -REST;
     painter.loose.clear();
+    painter.restless = new WeakSet();
   }
   const { camera } = viewer, { loose, sweep } = painter, level = painter.rested ? FINE : painter.level;
   const ratio = window.devicePixelRatio * (level === COARSE ? 0.5 : 1);
@@ -135,12 +149,13 @@ function drawAll() {
 }
 
 function drawBackground() {
-  const gl = canvas.getContext(), { width, height } = canvas.domElement;
+  const gl = canvas.getContext(), { width, height, clientHeight } = canvas.domElement;
+  const page = window.innerHeight, below = page - clientHeight; // the page's background goes on below the canvas
   const [top, bottom] = world.info.colors.background.map((color) => new THREE.Color(color)), color = new THREE.Color();
   gl.enable(gl.SCISSOR_TEST);
   for (let k = 0; k < BANDS; k++) {
     const from = Math.floor(k * height / BANDS), to = Math.floor((k + 1) * height / BANDS);
-    color.lerpColors(bottom, top, (k + 0.5) / BANDS);
+    color.lerpColors(bottom, top, (below + (k + 0.5) / BANDS * clientHeight) / page);
     gl.scissor(0, from, width, to - from);
     gl.clearColor(color.r, color.g, color.b, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);

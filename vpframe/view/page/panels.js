@@ -15,11 +15,19 @@ function showHeld(frame) {
   $("held").replaceChildren(...(rows.length ? rows : [element("span", "empty", "none")]));
 }
 
+// Indices of the parts that are not where they were as the assembly stood.
+function elsewhere() {
+  if (!world.last) return new Set();
+  const poses = floats(world.last.poses);
+  return new Set(world.last.moved.filter((index, i) =>
+    world.parts[index].pose.some((value, k) => Math.fround(value) !== poses[16 * i + k])));
+}
+
 // Clashes by pair of parts: those in depth that were found of the assembly as it stood, while neither part has moved;
 // of all others the surfaces that meet now.
 function clashPairs() {
   const rows = world.last ? world.last.colliding : [], found = world.found && world.found.done ? world.found.rows : null;
-  const moved = new Set(world.last ? world.last.moved : []);
+  const moved = elsewhere();
   const pairs = new Map();
   for (const [a, s, b, t] of rows) {
     if (found && !moved.has(a) && !moved.has(b)) continue;
@@ -97,6 +105,10 @@ function addEvents(events) {
   if (!events.length) return;
   $("events").append(...events.slice(-300).map((event) => {
     const line = element("div", event.tone);
+    if (event.frame !== null) {
+      line.classList.add("place");
+      line.onclick = () => goTo(event);
+    }
     line.append(element("span", "at", `${event.time.toFixed(3)} s`), element("span", "kind", event.kind),
       document.createTextNode(event.text));
     return line;
@@ -104,6 +116,11 @@ function addEvents(events) {
   while ($("events").childElementCount > 300) $("events").firstChild.remove();
   $("events").parentElement.scrollTop = 1e9;
 }
+
+$("unfold").onclick = () => {
+  $("unfold").textContent = document.querySelector("footer").classList.toggle("open") ? "▾" : "▴";
+  $("events").parentElement.scrollTop = 1e9;
+};
 
 let silence = 0;
 

@@ -15,10 +15,19 @@ function rayAt(x, y) {
   return caster.ray;
 }
 
+// Where a point that the camera projected is in the window, pixels.
+function onScreen(at) {
+  const box = canvas.domElement.getBoundingClientRect();
+  return [box.left + (at.x + 1) / 2 * box.width, box.top + (1 - at.y) / 2 * box.height];
+}
+
 const isShown = (part) => !part.hidden && part.group.visible;
 
 // The part, face and point (three's world, and the part's frame) that are seen at a place of the window; null of none.
-function pick(x, y) {
+const pick = (x, y) => picks(x, y)[0] ?? null;
+
+// The same of all parts there, nearest first; what was faded is looked through, unless there is nothing else.
+function picks(x, y) {
   rayAt(x, y);
   const cut = $("section-axis").value !== "";
   const found = [];
@@ -28,14 +37,17 @@ function pick(x, y) {
     const hit = hits.find((h) => !cut || plane.distanceToPoint(h.point) >= 0);
     if (hit) found.push({ part, distance: hit.distance, hit });
   }
-  if (!found.length) return null;
-  // what was faded is looked through, unless there is nothing else
   found.sort((a, b) => Boolean(a.part.faded) - Boolean(b.part.faded) || a.distance - b.distance);
-  const { part, hit } = found[0];
-  return {
+  return found.map(({ part, hit }) => ({
     part, surface: surfaceOf(part, hit.faceIndex), point: hit.point.clone(),
     local: part.solid.worldToLocal(hit.point.clone()).toArray(),
-  };
+  }));
+}
+
+// What is behind the selected part at a place of the window; after the last part the first one again.
+function pickBehind(x, y) {
+  const found = picks(x, y), at = found.findIndex(({ part }) => selection.parts.includes(part));
+  return found[(at + 1) % found.length] ?? null;
 }
 
 function surfaceOf(part, triangle) {
@@ -92,13 +104,14 @@ function hover(found) {
   if (hovered && found && hovered.part === found.part && hovered.surface === found.surface) return place(found);
   if (hovered) {
     hovered.end();
-    paint(hovered.part, hovered.surface, colorOf(hovered.part, hovered.surface));
+    cover(hovered.part, "hover", [], HOVER, 0);
   }
   hovered = null;
   if (found) {
     const { part, surface } = found;
     hovered = { part, surface, end: selection.parts.includes(part) ? () => {} : outline(part, HOVER) };
-    paint(part, surface, colorOf(part, surface).clone().lerp(new THREE.Color(HOVER), 0.45));
+    const red = world.red.get(part.index)?.has(surface), color = red ? new THREE.Color(world.info.colors.colliding) : part.color;
+    cover(part, "hover", [surface], color.clone().lerp(new THREE.Color(HOVER), 0.45), 0);
   }
   place(found);
   viewer.set_dirty();
@@ -155,10 +168,15 @@ function listenToMouse() {
     start = null;
     const dragged = endDrag();
     if (!still || dragged) return;
-    const found = pick(event.clientX, event.clientY);
+    const found = (event.altKey ? pickBehind : pick)(event.clientX, event.clientY);
     if (measuring() && found) return measure(found);
     focusOn(null);
     if (found) selectPart(found.part, found.surface); else select([]);
+  });
+  document.body.addEventListener("pointerdown", (event) => { // beside the canvas and the panels
+    if (event.target !== document.body) return;
+    focusOn(null);
+    select([]);
   });
   pane.addEventListener("dblclick", (event) => {
     const found = pick(event.clientX, event.clientY);

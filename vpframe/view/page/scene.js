@@ -8,6 +8,9 @@ $("pane").append(canvas.domElement);
 const viewer = new MeshCat.Viewer($("pane"), true, canvas);
 viewer.gui.domElement.remove(); // meshcat's own controls: the panels have all that is needed of them
 canvas.localClippingEnabled = true;
+const fitCanvas = viewer.set_3d_pane_size.bind(viewer);
+viewer.set_3d_pane_size = () => fitCanvas($("pane").clientWidth, $("pane").clientHeight); // what the panels leave free
+viewer.set_3d_pane_size();
 const plane = new THREE.Plane(new THREE.Vector3(1, 0, 0), 0);
 const world = {
   info: null, parts: [], shapes: [], strips: new Map(), symbols: new Map(), red: new Map(), trail: new Map(), last: null,
@@ -36,6 +39,7 @@ function showScene(info) {
     viewer.set_property(["Lights", name], "visible", false);
   viewer.set_property(["Lights", "AmbientLight", "<object>"], "intensity", 0.55);
   viewer.set_property(["Lights", "FillLight", "<object>"], "intensity", 0.12);
+  document.body.style.background = `linear-gradient(${info.colors.background})`; // goes on beside the canvas
   world.shapes = info.shapes.map((shape) => ({
     positions: new THREE.BufferAttribute(floats(shape.positions), 3),
     normals: new THREE.BufferAttribute(floats(shape.normals), 3),
@@ -59,13 +63,12 @@ function addPart(info, index) {
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", shape.positions);
   geometry.setAttribute("normal", shape.normals);
-  geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(3 * shape.positions.count), 3));
   geometry.setIndex(shape.index);
   geometry.computeBoundingSphere();
   geometry.computeBoundingBox();
   const color = new THREE.Color(info.color);
   const face = new THREE.MeshLambertMaterial(
-    { vertexColors: true, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
+    { color: info.color, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
   // seen from within, a closed part is seen at its cut: one flat, darker colour fills it
   const cut = new THREE.MeshBasicMaterial({ color: color.clone().multiplyScalar(0.62), side: THREE.BackSide });
   const edge = new THREE.LineBasicMaterial({ color: world.info.colors.edge });
@@ -82,28 +85,53 @@ function addPart(info, index) {
   viewer.set_transform(path, info.pose);
   const { start, triangles, faces, measures } = shape;
   inside.visible = !shape.closed; // else only a cut or a look through shows it
-  const part = {
+  return {
     ...info, index, path, closed: shape.closed, geometry, color, own: color, start, triangles, faces, measures, solid, inside, group,
-    materials: [face, cut, edge], lines: drawn, opacity: 1, hidden: false, path_names: info.name.split("/"),
+    materials: [face, cut, edge], lines: drawn, opacity: 1, hidden: false, path_names: info.name.split("/"), covers: {},
   };
-  for (let surface = 0; surface + 1 < part.start.length; surface++) paint(part, surface, color);
-  return part;
 }
 
-function paint(part, surface, color) {
-  const values = part.geometry.attributes.color;
-  for (let v = part.start[surface]; v < part.start[surface + 1]; v++) values.setXYZ(v, color.r, color.g, color.b);
-  values.needsUpdate = true;
+// Some faces of a part in a colour of their own, over the part's; `name`d, and replaced by others of that name. A part
+// itself is not drawn again when a face that it touches turns red.
+function cover(part, name, faces, color, nearer) {
+  const { geometry, start, triangles, covers } = part;
+  if (!covers[name]) {
+    if (!faces.length) return;
+    const shape = new THREE.BufferGeometry();
+    for (const given of ["position", "normal"]) shape.setAttribute(given, geometry.attributes[given]);
+    shape.setIndex(new THREE.BufferAttribute(new Uint32Array(geometry.index.count), 1));
+    shape.boundingBox = new THREE.Box3();
+    shape.boundingSphere = new THREE.Sphere();
+    const material = new THREE.MeshLambertMaterial(
+      { polygonOffset: true, polygonOffsetFactor: nearer, polygonOffsetUnits: nearer, clippingPlanes: clip() });
+    covers[name] = new THREE.Mesh(shape, material);
+    part.materials.push(material);
+    part.group.add(covers[name]);
+    applyOpacity(part);
+  }
+  const { geometry: shape, material } = covers[name], at = new THREE.Vector3();
+  let count = 0;
+  shape.boundingBox.makeEmpty();
+  for (const face of faces) {
+    const indices = geometry.index.array.subarray(3 * triangles[face], 3 * triangles[face + 1]);
+    shape.index.array.set(indices, count);
+    count += indices.length;
+    for (let v = start[face]; v < start[face + 1]; v++)
+      shape.boundingBox.expandByPoint(at.fromBufferAttribute(geometry.attributes.position, v));
+  }
+  shape.boundingBox.getBoundingSphere(shape.boundingSphere);
+  shape.setDrawRange(0, count);
+  shape.index.updateRange.count = count;
+  shape.index.needsUpdate = true;
+  material.color.set(color);
+  covers[name].visible = count > 0;
 }
-
-const colorOf = (part, surface) => (world.red.has(`${part.index}:${surface}`)
-  ? new THREE.Color(world.info.colors.colliding) : part.color);
 
 // one camera for good: meshcat's scene tree fails when an object with controls of its own is replaced twice
 let lamp = null;
 
 function frameCamera() {
-  const { eye, target, radius } = world.info.camera;
+  const { eye, target, radius, across } = world.info.camera;
   if (lamp === null) {
     const camera = new THREE.PerspectiveCamera(30, 1, 1, 2);
     viewer.set_object(["Cameras", "default", "rotated"], camera);
@@ -117,15 +145,17 @@ function frameCamera() {
   camera.near = 0.02 * radius;
   camera.far = 60 * radius;
   camera.zoom = 1;
-  camera.position.copy(toThree(target)).add(toThree(eye).sub(toThree(target)).setLength(4.8 * radius));
+  viewer.set_3d_pane_size(); // and with it the camera's projection
+  camera.position.copy(toThree(target)).add(toThree(eye).sub(toThree(target)).setLength(4.8 * Math.max(radius, across / camera.aspect)));
   lamp.position.set(-0.35 * radius, 0.9 * radius, 0.4 * radius);
   lamp.target.position.set(0, 0, -4 * radius);
   viewer.controls.target.copy(toThree(target));
   viewer.controls.update();
   world.steered = false;
   apart.farther = 1;
-  viewer.set_3d_pane_size(); // and with it the camera's projection
 }
+
+const narrow = () => Math.max(1, 1 / viewer.camera.aspect); // how much farther away a picture higher than wide is seen from
 
 // a part that leaves the picture makes the camera step back, until a person has taken the camera in hand
 function follow(moved) {
@@ -161,18 +191,21 @@ function showFrame(frame) {
   showSymbols(frame);
   extendTrail(frame);
   if (gizmo && !dragging()) showGizmo();
+  showOffer(frame);
   viewer.set_dirty();
   tellSoon();
 }
 
-// What panels say, five times a second at most, and with a frame while frames come: text alone costs as much as a frame.
+// What panels say, five times a second at most, half as often in a drag, and with a frame while frames come: text alone
+// costs as much as a frame.
 const TOLD = 200;
 let told = -TOLD, telling = null;
 
 function tellSoon() {
   clearTimeout(telling);
-  if (performance.now() - told >= TOLD) tell(world.last);
-  else telling = setTimeout(() => tell(world.last), TOLD);
+  const wait = dragging() ? 2 * TOLD : TOLD;
+  if (performance.now() - told >= wait) tell(world.last);
+  else telling = setTimeout(() => tell(world.last), wait);
 }
 
 function tell(frame) {
@@ -188,17 +221,18 @@ function tell(frame) {
   showHeld(frame);
   showClashes();
   showConstraints(frame.constraints);
-  showOffer(frame);
 }
 
 function showCollisions(rows) {
-  const now = new Map();
-  for (const [a, s, b, t] of rows) { now.set(`${a}:${s}`, [a, s]); now.set(`${b}:${t}`, [b, t]); }
-  const red = new THREE.Color(world.info.colors.colliding);
-  for (const [key, [part, surface]] of now) if (!world.red.has(key)) paint(world.parts[part], surface, red);
-  for (const [key, [part, surface]] of world.red)
-    if (!now.has(key)) paint(world.parts[part], surface, world.parts[part].color);
-  world.red = now;
+  const red = new Map(); // faces by part
+  const add = (part, face) => { if (red.has(part)) red.get(part).add(face); else red.set(part, new Set([face])); };
+  for (const [a, s, b, t] of rows) { add(a, s); add(b, t); }
+  for (const index of new Set([...world.red.keys(), ...red.keys()])) {
+    const was = world.red.get(index) ?? new Set(), now = red.get(index) ?? new Set();
+    if (was.size !== now.size || [...now].some((face) => !was.has(face)))
+      cover(world.parts[index], "red", [...now], world.info.colors.colliding, 0.5);
+  }
+  world.red = red;
 }
 
 function tube(points, radius) {

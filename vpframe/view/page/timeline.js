@@ -45,7 +45,7 @@ function placeMarks() {
     const made = element("i", MARKED[event.kind]);
     made.style.left = `${100 * event.frame / Math.max(timeline.newest, 1)}%`;
     made.title = `${event.time.toFixed(3)} s ${event.kind}: ${event.text}`;
-    made.onclick = () => timeline.go(event.frame);
+    made.onclick = () => goTo(event);
     return made;
   }));
 }
@@ -57,11 +57,14 @@ function jump(back, kind) {
   const at = timeline.shown;
   const next = back ? known.filter((event) => event.frame < at).at(-1) ?? known.at(-1)
     : known.find((event) => event.frame > at) ?? known[0];
-  timeline.go(next.frame);
-  if (next.kind === "collided" && next.parts.length === 2) {
-    const parts = indicesOf(next.parts);
-    if (parts.every((index) => index >= 0)) showPlace(parts, null);
-  }
+  goTo(next);
+}
+
+// Show the frame of an event, and of a clash its parts.
+function goTo(event) {
+  timeline.go(event.frame);
+  const parts = event.kind === "collided" ? indicesOf(event.parts) : [];
+  if (parts.length === 2 && parts.every((index) => index >= 0)) showPlace(parts, null);
 }
 
 $("earlier").onclick = () => jump(true);
@@ -88,23 +91,42 @@ function live() {
   $("scrub").oninput = () => lookBack(Number($("scrub").value));
   $("now").onclick = () => lookBack(timeline.newest);
   socket = new WebSocket(`ws://${location.host}/socket${location.search}`); // with the token
-  let received = 0;
-  const drawn = () => { for (; received > 0; received--) send({ action: "drawn" }); };
-  socket.onmessage = (event) => {
-    receive(JSON.parse(event.data));
-    received++;
+  const waiting = []; // messages after a frame that is not painted yet
+  let received = 0, unpainted = false, unseen = null;
+  const take = () => {
+    while (waiting.length && !unpainted) {
+      const message = waiting.shift();
+      receive(message);
+      received++;
+      unpainted = message.type === "frame";
+    }
+    if (document.hidden) return drawn(); // timers of such a page may wait for a minute
+    if (unseen !== null || received === 0) return;
+    unseen = setTimeout(drawn, 200); // a page that nobody sees paints nothing
     requestAnimationFrame(drawn); // after `tick` has painted it
-    setTimeout(drawn, 200); // a page that nobody sees paints nothing
+  };
+  const drawn = () => {
+    clearTimeout(unseen);
+    unseen = null;
+    for (; received > 0; received--) send({ action: "drawn" });
+    unpainted = false;
+    if (waiting.length) take();
+  };
+  socket.onmessage = (event) => {
+    waiting.push(JSON.parse(event.data));
+    take();
   };
   socket.onclose = () => {
-    over();
+    if ($("status").textContent !== ENDED) over("connection lost: reload the page");
     for (const made of document.querySelectorAll("#times button, #times input")) made.disabled = true;
   };
 }
 
-function over() {
+const ENDED = "session ended";
+
+function over(words = ENDED) {
   tell(world.last);
-  $("status").textContent = "session ended";
+  $("status").textContent = words;
   for (const made of document.querySelectorAll("#transport button, #constraints button, #hand button"))
     made.disabled = true; // what was can be looked at as long as it is served
 }
@@ -118,7 +140,7 @@ function replay(messages) {
     else receive(message);
   if (frames.length < 2) $("times").hidden = true;
   if (!frames.length) return;
-  frames.forEach((frame, number) => frame.events.forEach((event) => markEvent({ ...event, frame: number })));
+  frames.forEach((frame, number) => frame.events.forEach((event) => { event.frame = number; markEvent(event); }));
   const show = (index) => {
     world.trail.clear();
     $("events").replaceChildren();
