@@ -6,6 +6,7 @@ ends with its parent.
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import json
 import os
@@ -15,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -41,6 +43,9 @@ their size"""
 
 _THRIFTY = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "8"}
 """keeps idle threads on machines with many cores from taking memory"""
+SAMPLING = 0.02
+"""s between two looks at the memory of the process"""
+_PEAK = re.compile(r"VmHWM:\s+(\d+) kB")
 _EXTERNAL = re.compile(rb"DOCUMENT_FILE\s*\(\s*'((?:[^']|'')+)'")
 
 
@@ -266,7 +271,7 @@ class _Outcome:
         self.shape: int | None = None
         self.error: str | None = None
         self.done = self.late = self.memory = False
-        self.code = 0
+        self.code = self.peak = 0
         self.words = ""
 
     def hear(self, message: dict[str, Any], progress: Progress | None, ready: Callable[[int], None]) -> None:
@@ -316,7 +321,6 @@ def _run(
     empty = os.path.join(folder, "empty")
     os.mkdir(empty)
     with open(os.path.join(folder, "words"), "w+", encoding="utf-8", errors="replace") as words:
-        peak = 0
         process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
@@ -330,11 +334,12 @@ def _run(
         watch.daemon = True  # so that an interrupt at any point cannot keep this process alive
         try:
             watch.start()
+            threading.Thread(target=_watch_memory, args=(process.pid, outcome), daemon=True).start()
             begun(process)
             assert process.stdout is not None
             for line in process.stdout:
                 outcome.hear(json.loads(line), progress, ready)
-            peak = _wait(process)
+            process.wait()
             outcome.code = process.returncode
         finally:
             watch.cancel()
@@ -343,26 +348,19 @@ def _run(
         words.seek(0)
         outcome.words = words.read()
     outcome.memory |= "bad_alloc" in outcome.words
-    outcome.memory |= outcome.code < 0 and not outcome.late and peak > CROWDED * request["memory"]
+    outcome.memory |= outcome.code < 0 and not outcome.late and outcome.peak > CROWDED * request["memory"]
     return outcome
 
 
-def _wait(process: subprocess.Popen[str]) -> int:
-    """Wait for the end of the process; return its peak memory, bytes, 0 if unknown.
+def _watch_memory(pid: int, outcome: _Outcome) -> None:
+    """Keep the peak memory of a process until it ends; on Linux.
 
-    A process inherits the peak of the one that started it, so that a smaller one is not known.
+    What the system tells at its end begins with the peak of the process that started it.
     """
-    try:
-        import resource
-
-        _, status, usage = os.wait4(process.pid, 0)
-    except (ImportError, AttributeError, ChildProcessError):  # another platform, or already waited for
-        process.wait()
-        return 0
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if usage.ru_maxrss <= resource.getrusage(resource.RUSAGE_SELF).ru_maxrss:
-        return 0
-    return usage.ru_maxrss * (1024 if sys.platform == "linux" else 1)
+    with contextlib.suppress(OSError):
+        while found := _PEAK.search(Path(f"/proc/{pid}/status").read_text(encoding="ascii", errors="replace")):
+            outcome.peak = 1024 * int(found[1])
+            time.sleep(SAMPLING)
 
 
 def _give_up(process: subprocess.Popen[str], outcome: _Outcome) -> None:

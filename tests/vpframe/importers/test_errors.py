@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -278,7 +279,8 @@ def test_a_kernel_that_always_crashes_hangs_or_gives_up_is_one_line(tmp_path, st
 
 
 def test_the_memory_of_this_process_is_not_taken_for_that_of_a_reader_that_crashes(tmp_path, step, monkeypatch):
-    monkeypatch.setattr(cad, "CROWDED", 0.0)
+    monkeypatch.setattr(cad, "CROWDED", 100e6 / cad.MEMORY)
+    assert 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > 110e6
     stand_in(tmp_path, monkeypatch, "os.kill(os.getpid(), signal.SIGSEGV)")
     assert "SIGSEGV" in fault(step)
 

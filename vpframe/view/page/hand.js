@@ -14,7 +14,7 @@ function showDesk(message) {
   const other = desk.holder !== 0 && desk.holder !== world.client;
   $("in-hand").textContent = !held.length ? "nothing in hand"
     : `${held[0].name}${held.length > 1 ? ` and ${held.length - 1} more` : ""} ${other ? "held by another page" : "in hand"}`;
-  $("stopped").textContent = desk.stopped ? `stopped by ${desk.stopped}` : "";
+  $("stopped").textContent = desk.stopped ? `stopped: ${desk.stopped}` : "";
   $("undo").disabled = !desk.undo;
   $("redo").disabled = !desk.redo;
   $("done").replaceChildren(...desk.script.map((line) => element("div", "", line)));
