@@ -245,7 +245,7 @@ print("answer", answer, type(sys.stdout).__name__)
 """
 
 
-@pytest.mark.parametrize("columns", [24, 60, 200])
+@pytest.mark.parametrize("columns", [24, *(pytest.param(columns, marks=pytest.mark.slow) for columns in (60, 200))])
 def test_bars_and_text_of_every_kind_leave_each_line_whole(tmp_path: Path, columns: int) -> None:
     script = tmp_path / "speaking.py"
     script.write_text(SPEAKING)

@@ -95,7 +95,7 @@ def test_a_list_that_stops_names_the_part_and_how_many_are_out() -> None:
         session.hand().remove(["bolt_1", "cover"], along="up")
 
 
-@pytest.mark.parametrize("pitch", [None, 5e-3], ids=["plain", "threaded"])
+@pytest.mark.parametrize("pitch", [None, pytest.param(5e-3, marks=pytest.mark.slow)], ids=["plain", "threaded"])
 def test_a_subassembly_of_screws_comes_out_screw_by_screw_and_goes_back(pitch: float | None) -> None:
     """Pulled as one, or turned one by one: however they came out, the subassembly is back where it was."""
     parts = [Part(p.name.replace("lid/bolt", "screws/bolt"), p.shape, p.pose, fixed=p.fixed) for p in bolted().parts]
