@@ -542,7 +542,7 @@ class ConstraintManager:
                 if c.bodies in together or about.isdisjoint(c.bodies) or within(c.bodies)
             }
             at = [wanted.get(i, pose) for i, pose in enumerate(poses)] if self._pulled else poses
-            ends = [goals.get(i, pose) for i, pose in enumerate(at)]
+            ends = [goals.get(i, pose) for i, pose in enumerate(at)] if goals else at
             for id, candidate in [(i, c) for i, c in self._pulled.items() if not within(c.bodies)]:
                 if goals and candidate.bodies in together and _opening(candidate, ends) > t.linear:
                     continue  # a motion that parts the faces goes on
