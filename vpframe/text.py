@@ -1,12 +1,17 @@
-"""Text for people: names from files, with control characters escaped for terminals and HTML pages."""
+"""Text for people and for what shows it: names from files are escaped for terminals, HTML pages, scripts and tables."""
 
 from __future__ import annotations
 
 import contextlib
+import csv
 import html
+import io
+import json
 import re
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vpframe.scene.scene import Scene
@@ -14,6 +19,10 @@ if TYPE_CHECKING:
 NUMBERED = re.compile(r"\b(?:objects?|bodies|body|part) (\d+)\b(?: and (\d+)\b)?")
 """numbers of objects in messages of the packages below"""
 BELOW = ("collision", "constraints", "physics")
+_MARKUP = {ord(c): f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"}
+_FORMULA = re.compile(r"'*\s*[-=+@\uff0b\uff0d\uff1d\uff20]")
+"""what spreadsheets take for a formula, and the same behind the quotes that mark text; also the full-width signs"""
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def plain(text: str) -> str:
@@ -32,6 +41,42 @@ def plain_lines(text: str) -> str:
 def escape(text: str) -> str:
     """Apply `plain` and escape HTML, for the content of an element or a quoted attribute."""
     return html.escape(plain(text))
+
+
+def script_json(value: Any) -> str:
+    """Return JSON that may stand in a `<script>` element: in it nothing can begin or end an element or a comment."""
+    return json.dumps(value, separators=(",", ":")).translate(_MARKUP)
+
+
+def filled(template: Path, **contents: str) -> str:
+    """Return the text of a template file with its `$name` marks replaced in one pass: contents are not looked at.
+
+    Raises KeyError for a mark without content.
+    """
+    return Template(template.read_text(encoding="utf-8")).substitute(contents)
+
+
+def csv_text(rows: Iterable[Iterable[Any]]) -> str:
+    """Return rows of cells as CSV, lines end in `\\n`: floats with all digits, None empty, texts by `cell`."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([cell(value) for value in row] for row in rows)
+    return text.getvalue()
+
+
+def cell(value: Any) -> Any:
+    """Return the value of a cell of a table: texts by `plain`, quoted by `'` if a spreadsheet would compute them.
+
+    Numbers, and texts that are numbers, stay what they are. `uncell` is the inverse for texts that `plain` keeps.
+    """
+    if not isinstance(value, str):
+        return repr(value) if type(value) is float else value
+    text = plain(value)
+    return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text
+
+
+def uncell(text: str) -> str:
+    """Return the text that `cell` has written."""
+    return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
 
 
 @contextlib.contextmanager

@@ -19,6 +19,7 @@ from io import FileIO
 from pathlib import Path
 
 from vpframe.errors import OutputError
+from vpframe.text import csv_text
 
 try:
     import fcntl
@@ -97,7 +98,7 @@ STUDY_FILES = {"results.jsonl": RESULTS, "results.csv": TABLE, "index.html": PAG
 
 def table_of(columns: Iterable[str]) -> Kind:
     """Return the kind of a table with these columns."""
-    return Kind("a table of these columns", _begins(re.escape(",".join(columns).encode())))
+    return Kind("a table of these columns", _begins(re.escape(csv_text([columns]).rstrip("\n").encode())))
 
 
 def may_write(path: str | os.PathLike[str], kind: Kind, force: bool = False) -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import os
@@ -19,6 +18,7 @@ from vpframe.errors import VpframeError
 from vpframe.scene.motion import Motion
 from vpframe.scene.scene import Scene
 from vpframe.session.events import Event
+from vpframe.text import csv_text
 
 SUFFIXES = (".csv", ".parquet")
 EVENT_COLUMNS = ("step", "time", "kind", "parts", "surfaces", "text", "data")
@@ -51,7 +51,7 @@ def write_table(
     kind = table_of(names) if target.suffix.lower() == ".csv" else PARQUET
     with path if isinstance(path, Output) else Output(path, kind, force) as output:
         if target.suffix.lower() == ".csv":
-            files.replace(output.path, _csv(names, flat))
+            files.replace(output.path, csv_text([names, *([row.get(name) for name in names] for row in flat)]))
         else:
             files.replace(output.path, _parquet(names, flat))
     return target
@@ -112,19 +112,6 @@ def _cell(value: Any) -> Any:
 
 def _known(value: Any) -> bool:
     return isinstance(value, np.generic | np.ndarray)
-
-
-def _csv(names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    for row in rows:
-        writer.writerow(["" if row.get(name) is None else _digits(row[name]) for name in names])
-    return text.getvalue()
-
-
-def _digits(value: Any) -> Any:
-    return repr(value) if isinstance(value, float) else value
 
 
 def _parquet(names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> bytes:

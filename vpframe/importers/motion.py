@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from vpframe.errors import LoadError, VpframeError
 from vpframe.scene.motion import Motion
+from vpframe.text import uncell
 
 COLUMNS = ("part", "t", "x", "y", "z", "qx", "qy", "qz", "qw")
 """columns of a table of poses: s, m, world"""
@@ -101,7 +102,7 @@ def _csv(path: Path, ends: list[float]) -> Iterator[Row]:
             reader = csv.DictReader(file, skipinitialspace=True)
             _check(path, reader.fieldnames or ())
             for row in reader:
-                yield _row(path, reader.line_num, row)
+                yield _row(path, reader.line_num, {**row, "part": uncell(row["part"] or "")})
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise LoadError(f"{path}: cannot be read as a table of poses: {error}", str(path)) from None
 

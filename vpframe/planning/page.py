@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from string import Template
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +15,7 @@ from vpframe.planning.document import WORDS, overlaps_by_parts
 from vpframe.planning.plan import Disassembly, PlannedStep
 from vpframe.scene.scene import Scene
 from vpframe.scene.subassembly import listed
-from vpframe.text import escape
+from vpframe.text import escape, filled
 from vpframe.view.camera import Camera, look_at
 from vpframe.view.snapshot import png, render
 
@@ -48,8 +47,8 @@ def html(
         _section("What stays in", _stuck(plan)),
         _section("Overlaps from the start, never deepened", _overlaps(plan)),
     ]  # fmt: skip
-    template = Template((Path(vpframe.report.__file__).parent / "page.html").read_text(encoding="utf-8"))
-    return template.substitute(title=escape(f"{title}: taken apart"), body="\n".join(filter(None, sections)))
+    template = Path(vpframe.report.__file__).parent / "page.html"
+    return filled(template, title=escape(f"{title}: taken apart"), body="\n".join(filter(None, sections)))
 
 
 def exploded(scene: Scene, plan: Disassembly) -> bytes:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from string import Template
 from typing import Any
 
 from vpframe.analysis.pairs import count_words, place_words
@@ -14,7 +13,7 @@ from vpframe.report.log import SessionLog
 from vpframe.report.standing import BEFORE, EARLIER, TASK
 from vpframe.scene.names import face_name
 from vpframe.session.events import Event
-from vpframe.text import escape
+from vpframe.text import escape, filled
 from vpframe.view import palette
 
 HERE = Path(__file__).parent
@@ -54,8 +53,8 @@ def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) 
         _section("Swept volumes", _swept(document["swept"])),
         _section("Time a step took", _timings(document, log)),
     ]
-    template = Template((HERE / "page.html").read_text(encoding="utf-8"))
-    return template.substitute(title=escape(f"{document['task']}: report"), body="\n".join(filter(None, sections)))
+    body = "\n".join(filter(None, sections))
+    return filled(HERE / "page.html", title=escape(f"{document['task']}: report"), body=body)
 
 
 def _head(document: dict[str, Any]) -> str:

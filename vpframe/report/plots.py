@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from math import ceil, floor, isfinite, log10
 
-from vpframe.text import escape
+from vpframe.text import escape, plain
 from vpframe.view import palette
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 860, 48, 150, 22, 26
@@ -69,6 +69,7 @@ def spans(lanes: Mapping[str, Sequence[tuple[str, float, float]]], duration: flo
 
 def _label(name: str, length: int) -> str:
     """Shorten a name to `length` characters, keeping its end; the tooltip shows it in full."""
+    name = plain(name)
     if len(name) <= length:
         return escape(name)
     return f"<title>{escape(name)}</title>…{escape(name[1 - length :])}"

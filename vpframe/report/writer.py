@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import json
 import os
 from collections.abc import Mapping, Sequence, Set
@@ -29,6 +27,7 @@ from vpframe.report.where import Gap, least_gap
 from vpframe.scene.names import face_words
 from vpframe.scene.stl import write_stl
 from vpframe.session.events import Frame
+from vpframe.text import csv_text
 from vpframe.view.camera import frame_scene
 from vpframe.view.meshcat_viewer import write_page
 from vpframe.view.snapshot import png
@@ -314,19 +313,17 @@ def _trails(log: SessionLog) -> list[Symbol]:
 
 
 def _csv(clashes: Sequence[dict[str, Any]]) -> str:
-    text = io.StringIO(newline="")
-    rows = csv.writer(text)
-    rows.writerow(CSV_COLUMNS)
+    rows: list[list[Any]] = [list(CSV_COLUMNS)]
     for clash in clashes:
         (part_a, part_b), (surface_a, surface_b) = clash["parts"], clash["surfaces"]
-        rows.writerow(
+        rows.append(
             [
                 clash["status"], part_a, surface_a, part_b, surface_b, *clash["faces"], clash["origin"], clash["kind"],
                 clash["count"], clash["first_time"], clash["last_time"], clash["steps"], clash["depth"],
                 *(clash["point"] or (None, None, None)), clash["remark"], clash["runs"],
             ]
         )  # fmt: skip
-    return text.getvalue()
+    return csv_text(rows)
 
 
 def _stl_name(volume: SweptVolume) -> str:

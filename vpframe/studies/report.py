@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -20,7 +17,7 @@ from vpframe.studies import charts, statistics
 from vpframe.studies.distributions import Distribution
 from vpframe.studies.results import ANSWER, Record
 from vpframe.studies.summary import CLEARANCE, SUCCESS, outcomes, ranking, worst
-from vpframe.text import escape, plain
+from vpframe.text import csv_text, escape, filled, plain
 
 WORST_FOLDER = "worst"
 TEMPLATE = Path(vpframe.report.__file__).parent / "page.html"
@@ -86,29 +83,14 @@ def rest_text(document: Mapping[str, Any]) -> str:
 def table(variables: Mapping[str, Distribution], records: Sequence[Record]) -> str:
     """Return the records as CSV, one row per variant: index, answer, variables, measures, time and memory, key."""
     measures = sorted({name for one in records for name in one["measures"]})
-    file = io.StringIO()
-    rows = csv.writer(file, lineterminator="\n")
     ended = [name for name in ANSWER if name != "measures"]
-    rows.writerow(map(_cell, ["index", *ended, *variables, *measures, "seconds", "attempts", "key"]))
+    rows: list[list[Any]] = [["index", *ended, *variables, *measures, "seconds", "attempts", "key"]]
     for one in records:
         given = [one["parameters"][name] for name in variables]
         found = [one["measures"].get(name) for name in measures]
-        row = [
-            one["index"],
-            *(one[name] for name in ended),
-            *given,
-            *found,
-            one["seconds"],
-            one["attempts"],
-            one["key"],
-        ]
-        rows.writerow(map(_cell, row))
-    return file.getvalue()
-
-
-def _cell(value: Any) -> Any:
-    """Return the text of a cell, quoted if a spreadsheet would take it for a formula."""
-    return f"'{value}" if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r") else value
+        end = [one[name] for name in ("seconds", "attempts", "key")]
+        rows.append([one["index"], *(one[name] for name in ended), *given, *found, *end])
+    return csv_text(rows)
 
 
 def _replay_name(one: Record) -> str:
@@ -159,8 +141,7 @@ def page(
         _section("Worst variants", _worst(records)),
         _section("How it was run", _run(document)),
     ]
-    template = Template(TEMPLATE.read_text(encoding="utf-8"))
-    return template.substitute(title=escape(f"{script.stem}: study"), body="\n".join(filter(None, sections)))
+    return filled(TEMPLATE, title=escape(f"{script.stem}: study"), body="\n".join(filter(None, sections)))
 
 
 def _head(script: Path, document: Mapping[str, Any]) -> str:

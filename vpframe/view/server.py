@@ -7,6 +7,9 @@ A page that does not answer for `PATIENCE` seconds is dropped.
 A session is shown to, and hears, only who was given its address: a token in it is asked for with every page and every
 socket. Both are answered under this machine's own names and addresses only, so that another site's name that is made
 to resolve to this machine (DNS rebinding) does not reach them.
+
+Who has no token costs little: a request is refused by its headers, a body is never read, and what waits is bounded in
+size (`LONGEST_HEAD`), number (`MOST_CONNECTIONS`) and time (`HEAD_PATIENCE`).
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import asyncio
 import hmac
 import ipaddress
 import json
+import math
 import secrets
 import socket
 import threading
@@ -24,6 +28,7 @@ from collections.abc import Callable
 from typing import Any
 
 import tornado.httpserver
+import tornado.iostream
 import tornado.netutil
 import tornado.web
 import tornado.websocket
@@ -34,6 +39,14 @@ from vpframe.view.requests import Request
 PATIENCE = 10.0
 LONGEST_MESSAGE = 1 << 12
 """maximum size of a message from a page, bytes"""
+LONGEST_HEAD = 1 << 15
+"""maximum size of a request, which has headers alone, bytes; the cookies of all servers of this machine are in it"""
+MOST_CONNECTIONS = 128
+"""maximum number of open connections; for one more, the oldest that has shown no token is closed"""
+HEAD_PATIENCE = 5.0
+"""time limit of a connection to show the token, s"""
+PAGE_PATIENCE = 30.0
+"""time limit of a browser to read the page, s"""
 EVERYWHERE = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
 """hosts that mean every address of this machine, with the loopback address"""
 MOST_MESSAGES = 300
@@ -72,7 +85,7 @@ class Server:
         port: int = 0,
         gone: Callable[[int], None] = lambda client: None,
     ) -> None:
-        self._page = page
+        self._page = page.encode()
         self._opening = opening
         self._latest = latest
         self._ask = ask
@@ -152,10 +165,17 @@ class Server:
         application = tornado.web.Application(
             handlers, log_function=lambda _: None, websocket_max_message_size=LONGEST_MESSAGE
         )
-        server = tornado.httpserver.HTTPServer(application)
+        server = _Listener(
+            application,
+            max_header_size=LONGEST_HEAD,
+            max_body_size=0,
+            max_buffer_size=2 * LONGEST_HEAD,
+        )
+        self._connections = server.connections
         server.add_sockets(self._sockets)
         ready.set()
         while not self._stop.is_set():
+            self._connections.drop_late()
             for client in list(self._clients):
                 client.drop_if_gone()
             try:
@@ -173,8 +193,59 @@ class Server:
             client.send_latest()
 
 
+class _Connections:
+    """The open connections, each with the time until which it may stay; those without a token give way to others."""
+
+    def __init__(self) -> None:
+        self._unknown: dict[tornado.iostream.IOStream, float] = {}
+        """by age"""
+        self._known: dict[tornado.iostream.IOStream, float] = {}
+
+    def admit(self, stream: tornado.iostream.IOStream) -> bool:
+        """Count a new connection; return whether there is room for it."""
+        self.drop_late()
+        if len(self._unknown) + len(self._known) >= MOST_CONNECTIONS:
+            if not self._unknown:
+                return False
+            oldest = next(iter(self._unknown))
+            del self._unknown[oldest]
+            oldest.close()
+        self._unknown[stream] = time.monotonic() + HEAD_PATIENCE
+        return True
+
+    def know(self, stream: tornado.iostream.IOStream, patience: float) -> None:
+        """Let a connection that has shown the token stay for `patience` s."""
+        self._unknown.pop(stream, None)
+        self._known[stream] = time.monotonic() + patience
+
+    def drop_late(self) -> None:
+        """Close the connections whose time is over, and forget those that are closed."""
+        now = time.monotonic()
+        for streams in (self._unknown, self._known):
+            for stream, until in list(streams.items()):
+                if until < now:
+                    stream.close()
+                if stream.closed():
+                    del streams[stream]
+
+
+class _Listener(tornado.httpserver.HTTPServer):
+    """A server of a bounded number of connections."""
+
+    def initialize(self, *args: Any, **kwargs: Any) -> None:
+        super().initialize(*args, **kwargs)
+        self.connections = _Connections()
+
+    def handle_stream(self, stream: tornado.iostream.IOStream, address: Any) -> None:
+        if self.connections.admit(stream):
+            super().handle_stream(stream, address)
+        else:
+            stream.close()
+
+
+@tornado.web.stream_request_body  # it is prepared when the headers are there
 class _Guarded(tornado.web.RequestHandler):
-    """A request handler that answers only requests with the token."""
+    """A request handler that answers only requests with the token, and reads no body."""
 
     def initialize(self, server: Server) -> None:
         self.server = server
@@ -183,6 +254,11 @@ class _Guarded(tornado.web.RequestHandler):
         refusal = self.server.refusal(self.request.host_name, self.get_query_argument("token", ""))
         if refusal:
             raise tornado.web.HTTPError(403, reason=refusal)
+        headers = self.request.headers
+        if "Transfer-Encoding" in headers or headers.get("Content-Length", "0") != "0":
+            raise tornado.web.HTTPError(413, reason="requests have no body")
+        self.stream: tornado.iostream.IOStream = self.request.connection.stream  # type: ignore[union-attr]
+        self.server._connections.know(self.stream, PAGE_PATIENCE)
 
 
 class _Page(_Guarded):
@@ -210,6 +286,7 @@ class _Socket(_Guarded, tornado.websocket.WebSocketHandler):
         self.behind = False
 
     def open(self, *args: str, **kwargs: str) -> None:
+        self.server._connections.know(self.stream, math.inf)  # as long as it answers, see `drop_if_gone`
         self.server._count += 1
         self.number = self.server._count
         messages, self.seen = self.server._opening(self.number)

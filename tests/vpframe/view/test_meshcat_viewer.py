@@ -504,7 +504,7 @@ def test_before_the_session_there_is_no_address_and_nothing_to_write(tmp_path):
 def embedded(page):
     """The messages in a static page, each frame with what it takes from the one before."""
     messages, before = [], {}
-    for message in json.loads(page.split("const EMBEDDED = ", 1)[1].split(";</script>", 1)[0]):
+    for message in json.loads(page.split(' id="embedded">', 1)[1].split("</script>", 1)[0]):
         if message["type"] == "frame":
             message = before = {**before, **message}
         messages.append(message)

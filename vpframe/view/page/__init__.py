@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from vpframe.errors import VpframeError
+from vpframe.text import filled, script_json
 
 HERE = Path(__file__).parent
 SCRIPTS = ("scene", "panels", "pick", "paint", "look", "measure", "hand", "timeline", "main")
@@ -28,13 +28,10 @@ def meshcat_script() -> str:
 
 def html(messages: Iterable[dict[str, Any]] | None = None) -> str:
     """The page. With `messages` (scene, strips, frames) it shows them; without, it asks the server it came from."""
-    page = (HERE / "page.html").read_text(encoding="utf-8")
-    embedded = "null" if messages is None else json.dumps(list(messages), separators=(",", ":"))
-    for mark, content in (
-        ("/*STYLE*/", (HERE / "page.css").read_text(encoding="utf-8")),
-        ("/*MESHCAT*/", meshcat_script().replace("</script", "<\\/script")),
-        ("null/*EMBEDDED*/", embedded.replace("</", "<\\/")),
-        ("/*PAGE*/", "\n".join((HERE / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS)),
-    ):
-        page = page.replace(mark, content, 1)
-    return page
+    return filled(
+        HERE / "page.html",
+        style=(HERE / "page.css").read_text(encoding="utf-8"),
+        meshcat=meshcat_script().replace("</script", "<\\/script"),
+        embedded=script_json(None if messages is None else list(messages)),
+        script="\n".join((HERE / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS),
+    )

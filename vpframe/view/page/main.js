@@ -35,4 +35,5 @@ for (const [name, action, status] of [["play", "play", ""], ["pause", "pause", "
   $(name).onclick = () => { send({ action }); $("status").textContent = status; };
 
 listenToMouse();
-if (EMBEDDED) replay(EMBEDDED); else live();
+const embedded = JSON.parse($("embedded").textContent);
+if (embedded) replay(embedded); else live();

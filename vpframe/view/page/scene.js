@@ -80,7 +80,7 @@ function addPart(info, index) {
   const drawn = new THREE.LineSegments(lines, edge);
   drawn.userData.spared = true;
   group.add(solid, inside, drawn);
-  const path = ["parts", info.name.replaceAll("/", "›")];
+  const path = ["parts", `part/${index}`]; // names are of files: "__proto__" is one
   viewer.set_object(path, group);
   viewer.set_transform(path, info.pose);
   const { start, triangles, faces, measures } = shape;
@@ -329,7 +329,7 @@ function extendTrail(frame) {
 function drawTrail(name) {
   const trail = world.trail.get(name);
   const geometry = new THREE.BufferGeometry().setFromPoints($("trail").checked ? trail : []);
-  viewer.set_object(["trail", name], new THREE.Line(
+  viewer.set_object(["trail", `hand/${name}`], new THREE.Line(
     geometry, new THREE.LineBasicMaterial({ color: world.info.colors.trail })));
 }
 
