@@ -82,6 +82,9 @@ _MOTION = {
 class World:
     """Objects of a `CollisionManager` that move under forces, joints and contacts.
 
+    An island falls asleep when every point of its bodies has stayed below `tolerance.sleep_speed` for
+    `tolerance.sleep_time`. It then costs nothing until a moving object comes near, or a call here wakes it.
+
     Parameters
     ----------
     collision: meshes and poses; object ids are its ids. Objects that were not added here are static and solid.
@@ -90,9 +93,6 @@ class World:
     gravity: (3,) m/s², acts on every body that is free and has no `Gravity` of its own among its behaviours.
     pairs: friction and restitution of pairs of materials, by their names in either order; they come before the values
         of the materials. None: `PAIRS`, for materials that state no value.
-
-    An island falls asleep when every point of its bodies has stayed below `tolerance.sleep_speed` for
-    `tolerance.sleep_time`. It then costs nothing until a moving object comes near, or a call here wakes it.
 
     Raises WorldError: unknown integrator, bad gravity.
     """

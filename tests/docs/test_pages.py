@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import html
 import re
 import shlex
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
@@ -55,7 +57,7 @@ def follow(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run a page from its first line to its last: files are written, scripts and commands run."""
     monkeypatch.chdir(folder)
     for language, note, text in blocks(page):
-        wanted = int(note.split()[1]) if note.startswith(" exit") else 0
+        wanted = int(re.findall(r"exit code (\d)|$", note)[0] or 0)
         if language == "python":
             named = re.match(r"# (\S+\.py)\n", text)
             if named:
@@ -221,6 +223,48 @@ def test_every_public_name_and_every_command_has_its_place(site: ModuleType) -> 
     for name in cli._parser()._subparsers._group_actions[0].choices:  # type: ignore[union-attr]
         assert f"## vpframe {name}\n" in line
     assert "--help" in line
+
+
+def test_every_block_is_a_block_of_the_site() -> None:
+    """As MkDocs renders it: a fence that it does not understand becomes text, with all up to the next one."""
+    markdown = pytest.importorskip("markdown")
+    pytest.importorskip("pymdownx")
+    for page in TEXTS:
+        text = page.read_text(encoding="utf-8")
+        shown = markdown.markdown(
+            text, extensions=["tables", "attr_list", "pymdownx.highlight", "pymdownx.superfences"]
+        )
+        found = re.findall(r'<div class="highlight">.*?<code>(.*?)</code></pre></div>', shown, re.S)
+        there = {html.unescape(re.sub(r"<[^>]*>", "", block)).strip() for block in found}
+        assert {block.strip() for *_, block in blocks(page)} <= there, page.name
+        assert "```" not in shown, page.name
+
+
+def test_docstrings_are_read_without_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    """By the reader of the reference, whose warnings end a strict build."""
+    griffe = pytest.importorskip("griffe")
+    packages = ("collision", "constraints", "physics", "vpframe")
+    read = griffe.GriffeLoader(search_paths=[str(ROOT)])
+    objects = [read.load(package) for package in packages]
+    count = 0
+    while objects:
+        one = objects.pop()
+        if one.is_alias:
+            continue
+        objects += one.members.values()
+        if one.docstring is not None:
+            one.docstring.parse("numpy", warn_unknown_params=False, warn_missing_types=False)
+            count += 1
+    assert count > 1000
+    assert [record.getMessage() for record in caplog.records] == []
+
+
+def test_what_the_site_is_built_with_is_bounded() -> None:
+    """A new release may bring a warning, and a warning ends the build."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    docs = project["optional-dependencies"]["docs"]
+    assert all(re.search(r">=[\d.]+,<[\d.]+$", requirement) for requirement in docs)
+    assert {re.match(r"[\w-]+", requirement)[0] for requirement in docs} >= {"mkdocs", "griffelib", "ruff"}  # type: ignore[index]
 
 
 def rows(text: str) -> list[str]:

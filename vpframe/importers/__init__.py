@@ -54,8 +54,8 @@ def load(
     unit: "m", "cm", "mm", "um", "in" or "ft" for STL, OBJ and PLY, which state none. By default a model whose largest
         extent is above 2 is read in millimetres, any other in metres; `Scene.notes` says which. A trimesh mesh has its
         own `units` as default.
-    timeout: time limit of a CAD file, s; default one minute for each megabyte, at least one. The memory limit is 4 GiB
-        plus 200 bytes for each byte of the file.
+    timeout: time limit of a CAD file, s; default one minute for each megabyte, at least one. The memory limit is
+        1.75 GB plus 200 bytes for each byte of the file.
     progress: receives the fraction done and the present task.
     format: of bytes, "step", "obj", …; by default recognised from the content (not possible for OBJ).
 

@@ -61,6 +61,9 @@ class Cursor(NamedTuple):
 class MeshcatViewer:
     """An observer that shows a session in the browser.
 
+    `frame` costs the session's loop a few microseconds: drawing happens in another thread, from the latest frame only.
+    It waits in two cases: for `pace`, and when a person pressed "Pause". `controls` has the requests of pages.
+
     Parameters
     ----------
     open_browser: open the page in the user's browser when the session begins, and wait for it for some seconds; without
@@ -71,10 +74,7 @@ class MeshcatViewer:
     wait: the session waits for the first page, or until it is interrupted, and after its end is served on until `stay`
         returns or `close` is called.
     ask: takes the pages' requests for the hand and about what was done, any thread; None: pages have no hand.
-    gone: is told the number of a page that has gone.
-
-    `frame` costs the session's loop a few microseconds: drawing happens in another thread, from the latest frame only.
-    It waits in two cases: for `pace`, and when a person pressed "Pause". `controls` carries what they asked for.
+    gone: called with the number of a page that has disconnected.
     """
 
     def __init__(
