@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import ast
+import csv
 import io
 import json
 import re
 import time
+from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,13 +20,19 @@ from hypothesis import strategies as st
 
 from physics import Gravity
 from tests.vpframe.watching import box, fake_session, hostile_frames, hostile_scene, place
+from vpframe import report
 from vpframe.analysis import clash, mates
 from vpframe.app import scaffold as first_task
 from vpframe.app.progress import WIPE, Progress, say, warn
+from vpframe.exporters.tables import write_table
+from vpframe.importers.motion import read_motion
+from vpframe.report import SessionLog
 from vpframe.scene import modelling
 from vpframe.scene.scene import Part, Scene
 from vpframe.session.session import Session
-from vpframe.text import escape, plain, plain_lines, with_part_names
+from vpframe.studies import report as study_report
+from vpframe.studies.distributions import Uniform
+from vpframe.text import csv_text, escape, plain, plain_lines, uncell, with_part_names
 from vpframe.view import replay
 from vpframe.view.recorder import RerunRecorder
 
@@ -206,3 +215,55 @@ def test_numbers_of_objects_become_names_and_other_numbers_stay():
         ("12 objects, 1 body", "12 objects, 1 body"),
     ):
         assert with_part_names(text, scene) == named
+
+
+FORMULAS = [
+    "=1+1", "+cmd|' /C calc'!A0", "-2+3+cmd|' /C calc'!A0", "@SUM(1+1)*9", "\t=1", "\r=1", "\n=1", " =1", "'=1", "''@x",
+    "＝1", "+", "-", "-5 mm", "--5", "-5", "+1.5e3", ".5", "a=1", "'a", "", "=\x1b[2J\x00", "a\x00b", "\ud800",
+]  # fmt: skip
+
+
+def is_no_formula(text: str) -> bool:
+    """Whether spreadsheets take a cell for text or a number, and a terminal prints it as it stands."""
+    number = re.fullmatch(r"[-+]?[0-9.]+(e[-+]?\d+)?", text)
+    return bool(number) or (text.isprintable() and text.lstrip()[:1] not in tuple("=+-@＝＋－＠"))
+
+
+@given(st.one_of(st.text(), st.sampled_from(FORMULAS), st.from_regex(r"'*\s*[-=+@].*")))
+def test_no_cell_is_a_formula_and_each_can_be_read_back(text: str) -> None:
+    ((shown,),) = csv.reader(io.StringIO(csv_text([[text]]), newline="")) if text else (("",),)
+    number = re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text)
+    assert shown == text if number else is_no_formula(shown) or shown[:1] == "'"
+    assert uncell(shown) == plain(text)
+
+
+@given(st.one_of(st.floats(allow_nan=False), st.integers(), st.booleans(), st.none()))
+def test_numbers_in_cells_stay_numbers(value: Any) -> None:
+    shown = csv_text([["x", value]]).strip().removeprefix("x,")
+    assert shown == ("" if value is None else repr(value))
+    assert not isinstance(value, float) or float(shown) == value
+
+
+@pytest.mark.parametrize("name", FORMULAS[:14])
+def test_no_table_that_is_written_has_a_formula(name: str, tmp_path: Path) -> None:
+    log = SessionLog()
+    log.begin(fake_session(hostile_scene(name)).scene)
+    for frame in hostile_frames(name):
+        log.frame(frame)
+    report.write(tmp_path / "report", log)
+    one = {
+        "index": 0, "status": "no", "reason": name, "clearance": -1.5, "time": 0.0, "steps": 1, "seconds": 0.1,
+        "parameters": {name: -2.5}, "measures": {f"{name} text": name, "depth": -0.5}, "attempts": 1, "key": "k",
+    }  # fmt: skip
+    (tmp_path / "study.csv").write_text(study_report.table({name: Uniform(-3.0, 0.0)}, [one]), newline="")
+    for _ in range(2):  # our own is written over
+        write_table(tmp_path / "rows.csv", [{name: name, "depth": -0.25}, {name: -1, "depth": None}])
+        write_table(tmp_path / "events.csv", [event for frame in hostile_frames(name) for event in frame.events])
+        scene = hostile_scene(name)
+        scene.export(tmp_path / "poses.csv")
+    for table in ("report/clashes.csv", "study.csv", "rows.csv", "events.csv", "poses.csv"):
+        rows = list(csv.reader((tmp_path / table).open(newline="")))
+        assert len(rows) > 1 and all(is_no_formula(shown) or shown[:1] == "'" for row in rows for shown in row), table
+        assert any(plain(name) in shown for row in rows for shown in row), table
+    assert "-2.5" in (tmp_path / "study.csv").read_text() and ",-0.25" in (tmp_path / "rows.csv").read_text()
+    assert set(read_motion(tmp_path / "poses.csv").keys) == {plain(part) for part in scene.names}
