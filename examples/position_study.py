@@ -18,7 +18,7 @@ BOLT, HOLE, DEVIATION = 0.006, 0.0064, 8e-5  # m: diameters, standard deviation 
 COVER = 0.006  # m thick
 FINE = 2e-6  # m: facets stray from their cylinders by less than anything here that matters
 
-VARIANTS = {f"{axis}{i}": vp.Normal(0.0, DEVIATION) for i in range(1, 5) for axis in "xy"}
+VARIANTS = {f"{axis}{i}": vp.Normal(0.0, DEVIATION, unit="m") for i in range(1, 5) for axis in "xy"}
 
 # a bolt is guided by its thread in the housing alone; the hole of the cover leaves it room, or stops it
 NO_GUIDE = [vp.refuse_between("cover", f"bolt_{i}", "concentric") for i in range(1, 5)]

@@ -22,8 +22,8 @@ VARIANTS = {
     "fit": vp.Choice(*SHAFTS),
     "bore": vp.Normal(0.0, 1 / 6),  # place in the zone, from -1/2 to 1/2: a process of Cp = 1
     "shaft": vp.Normal(0.0, 1 / 6),
-    "offset": vp.Normal(0.0, 1e-4),  # m, of the hand from the axis
-    "tilt": vp.Normal(0.0, radians(0.1)),
+    "offset": vp.Normal(0.0, 1e-4, unit="m"),  # of the hand from the axis
+    "tilt": vp.Normal(0.0, radians(0.1), unit="rad"),
 }
 
 

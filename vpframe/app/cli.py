@@ -238,7 +238,7 @@ def _parser() -> argparse.ArgumentParser:
         "--grid", metavar="LEVELS", type=int, nargs="?", const=5,
         help="all combinations, of each continuous variable so many values (5)",
     )  # fmt: skip
-    sub.add_argument("--sobol", action="store_true", help="sample a Sobol' sequence: steadier than chance")
+    sub.add_argument("--sobol", action="store_true", help="sample Sobol' sequences: steadier than chance")
     sub.add_argument("--seed", metavar="N", type=int, default=0, help="of the samples (default: 0)")
     sub.add_argument("--jobs", metavar="N", type=int, help="processes on this machine (default: one a core)")
     sub.add_argument("--cluster", metavar="ADDRESS", help="run on the workers of a Dask scheduler: tcp://HOST:8786")
@@ -380,8 +380,8 @@ def _new(arguments: argparse.Namespace) -> int:
     stops = study.new_task(arguments.task, arguments.file, arguments.force, arguments.part, arguments.budget)
     print(f"wrote {arguments.task}; run it with: vpframe run {arguments.task} --view")
     if stops:
-        which = f"{arguments.part} could not" if arguments.part else "no part could"
-        say(f"{which} be removed; as written the script fails: {stops}")
+        what = f"{arguments.part} was not" if arguments.part else "no part was"
+        say(f"{what} taken out; the script only takes a part in hand, and says what was tried: {stops}")
     return OK
 
 
@@ -563,6 +563,8 @@ def _study(arguments: argparse.Namespace) -> int:
             print(report.rate_text(document))
             if rest := report.rest_text(document):
                 print(rest)
+            for line in report.basis_lines(document):
+                print(line)
             print(f"report: {os.path.join(arguments.out, 'index.html')}")
     if document["repeated"]["different"]:
         warn(f"variants {document['repeated']['different']} gave another answer when they were run again")

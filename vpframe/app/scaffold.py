@@ -2,8 +2,8 @@
 
 Planning searches a removal path for the smallest parts in turn, and the script uses a verb of the hand for it. A part
 that is named and for which none is found is slid along the world's axes; if that does not free it, the script removes
-what stands in its way before. If no part can be removed, the script is written nevertheless, with the reason and a
-remedy.
+what stands in its way before. If no part can be removed, the script takes one in hand and lets it go, and has the
+reason, a remedy and what was tried as comments: a script that is written runs.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ ALL = 60.0
 """time limit of planning what has to be removed before a part, s, if none is given"""
 MARGIN = 5e-3
 """distance by which a slide goes past all other parts, m"""
+REMEDY = "this was tried; give another direction, or remove the parts in the way first:"
 WORDS = {"up": (0, 0, 1), "down": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0), "y": (0, 1, 0), "-y": (0, -1, 0)}
 
 
@@ -50,15 +51,16 @@ class Way:
     options: tuple[tuple[str, float | str], ...] = ()
     parts: tuple[str, ...] = ()
 
-    def lines(self, part: str, note: str) -> str:
-        """Lines of the script, e.g. `hand.slide("up", distance=0.1)`, with a note before the verb."""
+    def lines(self, part: str) -> list[str]:
+        """Lines of the script, e.g. `hand.slide("up", distance=0.1)`, with the expectation that the part is out."""
+        expected = f"session.expect_free({quoted(part)})"
         if self.parts:
-            return f"{note}    hand.{self.verb}([{', '.join(quoted(name) for name in self.parts)}])"
+            return [f"hand.{self.verb}([{', '.join(quoted(name) for name in self.parts)}])", expected]
         options = ", ".join(
             f'{name}="{value}"' if isinstance(value, str) else f"{name}={value:g}" for name, value in self.options
         )
         along = "" if self.along is None else f'"{self.along}", ' if isinstance(self.along, str) else f"{self.along}, "
-        return f"    hand.grab({quoted(part)})\n{note}    hand.{self.verb}({along}{options})\n    hand.release()"
+        return [f"hand.grab({quoted(part)})", f"hand.{self.verb}({along}{options})", "hand.release()", expected]
 
     def go(self, hand: Hand, part: str) -> None:
         """Perform the lines."""
@@ -73,7 +75,7 @@ class Way:
 def new_task(
     path: str | os.PathLike[str], scene: Scene, model: Path, name: str | None = None, budget: float = ALL
 ) -> str:
-    """Write a first task script for a scene; return why it fails, empty if it succeeds.
+    """Write a first task script for a scene; return why it takes no part out, empty if it does.
 
     name: of the part to remove; None: the first one that can be removed.
     budget: of planning what has to be removed before the named part, s.
@@ -93,12 +95,19 @@ def new_task(
         model=_in_docstring(model.name),
         file=quoted(model.as_posix()),
         parts="\n".join(f"#   {line}" for line in outline(scene)),
-        part=quoted(part.name),
-        way=way.lines(part.name, _STOPS.format(reason=plain(reason)) if reason else ""),
+        body="\n".join(f"    {line}" for line in _body(part.name, way, reason)),
     )
     with output:
         files.replace(script, text)
     return reason
+
+
+def _body(part: str, way: Way, reason: str) -> list[str]:
+    """Return the lines of the task; of a way that fails as comments."""
+    if not reason:
+        return way.lines(part)
+    notes = (f"{plain(part)} did not come out: {plain(reason)}", REMEDY, *way.lines(part))
+    return [f"hand.grab({quoted(part)})", "hand.release()", *(f"# {line}" for line in notes)]
 
 
 def _named(scene: Scene, name: str) -> Part:
@@ -216,9 +225,6 @@ def _in_docstring(text: str) -> str:
     return quoted(text)[1:-1]
 
 
-_STOPS = """    # this fails: {reason}
-    # give another direction, or remove the parts in the way first
-"""
 _TEMPLATE = '''"""A first task on {model}: take one part out."""
 
 import vpframe as vp
@@ -231,8 +237,7 @@ FILE = {file}
 
 def task(session):
     hand = session.hand()
-{way}
-    session.expect_free({part})
+{body}
 
 
 if __name__ == "__main__":

@@ -219,7 +219,7 @@ def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
 def new_task(
     path: str | Path, from_file: str | Path, force: bool = False, part: str | None = None, budget: float | None = None
 ) -> str:
-    """Write a first task script for a model; return why it fails, empty if it succeeds.
+    """Write a first task script for a model; return why it takes no part out, empty if it does.
 
     part: name of the part to remove; None: the first one that can be removed.
     budget: of planning what has to be removed before that part, s; None: a minute.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from vpframe.errors import VpframeError
@@ -24,6 +24,13 @@ def is_number(value: Any) -> bool:
 class Distribution(ABC):
     """How one variable varies: a quantile function (inverse of the cumulative distribution)."""
 
+    unit: str = field(default="", kw_only=True, repr=False)
+    """of its values, as reports show it: "m" (in mm or µm by size), "rad", "N", …"""
+
+    def given(self) -> dict[str, Any]:
+        """Return the parameters by name, without the unit."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "unit"}
+
     @abstractmethod
     def quantile(self, u: float) -> Any:
         """Return the value that the variable stays below with probability `u`, 0 < u < 1."""
@@ -42,15 +49,18 @@ class Distribution(ABC):
         return tuple(self.quantile((k + 0.5) / count) for k in range(count))
 
     def _check(self, holds: bool, rule: str) -> None:
-        values = ", ".join(f"{f.name}={getattr(self, f.name)!r}" for f in fields(self))
+        values = ", ".join(f"{name}={value!r}" for name, value in self.given().items())
         if not holds:
             raise VpframeError(f"{type(self).__name__}({values}): {rule}")
 
     def _check_numbers(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
+        self._check_unit()
+        for name, value in self.given().items():
             number = is_number(value) and not isinstance(value, bool)
-            self._check(number or value == field.default, f"{field.name} must be a finite number")
+            self._check(number or value == getattr(type(self), name, None), f"{name} must be a finite number")
+
+    def _check_unit(self) -> None:
+        self._check(isinstance(self.unit, str), f"unit={self.unit!r} must be a text such as 'm' or 'rad'")
 
 
 @dataclass(frozen=True)
@@ -118,7 +128,7 @@ class LogNormal(Distribution):
     """Its logarithm is normal: `median` times a factor that is within exp(±`spread`) in two thirds of all cases."""
 
     median: float
-    spread: float
+    spread: float = field(metadata={"ratio": True})
 
     def __post_init__(self) -> None:
         self._check_numbers()
@@ -170,8 +180,10 @@ class Choice(Distribution):
 
     values: tuple[Value, ...]
 
-    def __init__(self, *values: Value) -> None:
+    def __init__(self, *values: Value, unit: str = "") -> None:
         object.__setattr__(self, "values", values)
+        object.__setattr__(self, "unit", unit)
+        self._check_unit()
         self._check(bool(values), "give at least one value")
         for value in values:
             self._check(

@@ -13,10 +13,11 @@ import numpy as np
 import vpframe.report
 from vpframe.app.outputs import STUDY_FILES, VARIANT, OutputFolder
 from vpframe.files import replace
+from vpframe.scene.units import Scale, name_and_unit, quantity_text, scale_of
 from vpframe.studies import charts, statistics
 from vpframe.studies.distributions import Distribution
 from vpframe.studies.results import ANSWER, Record
-from vpframe.studies.summary import CLEARANCE, SUCCESS, outcomes, ranking, worst
+from vpframe.studies.summary import CLEARANCE, SUCCESS, basis_text, interval, outcomes, ranking, unit_of, worst
 from vpframe.text import csv_text, escape, filled, plain
 
 WORST_FOLDER = "worst"
@@ -135,7 +136,7 @@ def page(
         _section("Outcomes", _outcomes(document)),
         _section("Which variables matter", _importance(document)),
         _section("Rate by variable", _rates(variables, document, records)),
-        _section("Where it fails", _scatter(document, records)),
+        _section("Where it fails", _scatter(variables, document, records)),
         _section("Why", _reasons(document)),
         _section("Without success", _failures(variables, records)),
         _section("Worst variants", _worst(records)),
@@ -171,15 +172,18 @@ def _rows(head: Sequence[str], rows: Any) -> str:
 
 def _outcomes(document: Mapping[str, Any]) -> str:
     parts, rows = [], []
-    for name, column in document["outcomes"].items():
+    for full, column in document["outcomes"].items():
+        name, unit = name_and_unit(full)
         if "values" in column:
             counts = ", ".join(f"{value}: {count}" for value, count in column["values"].items())
             parts.append(f"<p><b>{escape(name)}</b>: {escape(counts)}</p>")
         elif column["count"]:
-            rows.append((name, column["count"], *(f"{column['percentiles'][str(p)]:.3g}" for p in statistics.PERCENTS)))
-            made = column["histogram"]
-            parts.append(charts.histogram(made["edges"], made["counts"], name))
-    return _rows(("", "values", *(f"{p} %" for p in statistics.PERCENTS)), rows) + "".join(parts)
+            scale = scale_of(column["percentiles"].values(), unit)
+            values = (scale.number(column["percentiles"][str(p)]) for p in statistics.PERCENTS)
+            rows.append((scale.label(name), f"{column['count']} of {document['finished']}", *values))
+            edges = [scale.factor * edge for edge in column["histogram"]["edges"]]
+            parts.append(charts.histogram(edges, column["histogram"]["counts"], scale.label(name)))
+    return _rows(("", "variants", *(f"{p} %" for p in statistics.PERCENTS)), rows) + "".join(parts)
 
 
 def _importance(document: Mapping[str, Any]) -> str:
@@ -188,13 +192,25 @@ def _importance(document: Mapping[str, Any]) -> str:
         for variable in ranking(document, outcome):
             row = document["importance"][outcome][variable]
             if any(value is not None for value in row.values()):
-                rows.append((outcome, variable, _share(row["first_order"]), _signed(row["rank_correlation"])))
+                found = _share(row["first_order"]), _signed(row["rank_correlation"])
+                basis = basis_text(document["importance_from"][outcome])
+                rows.append((name_and_unit(outcome)[0], name_and_unit(variable)[0], *found, basis))
     note = (
         "<p class='dim'>First-order Sobol' index: the share of an outcome's variance that the variable alone explains, "
         "estimated from these variants. Rank correlation: whether the outcome rises (+) or falls (-) with it.</p>"
     )
-    made = _rows(("outcome", "variable", "Sobol' index", "rank correlation"), rows)
-    return made + note if made else ""
+    made = _rows(("outcome", "variable", "Sobol' index", "rank correlation", "from"), rows)
+    missing = "".join(f"<p class='dim'>{escape(line)}</p>" for line in basis_lines(document))
+    return made + note + missing if made else ""
+
+
+def basis_lines(document: Mapping[str, Any]) -> list[str]:
+    """Return a line for each outcome that not every variant has: what matters to it is known of those alone."""
+    return [
+        f"What matters to {name_and_unit(outcome)[0]} is computed from {basis_text(basis)}."
+        for outcome, basis in document["importance_from"].items()
+        if basis["variants"] < basis["finished"]
+    ]
 
 
 def _share(value: float | None) -> str:
@@ -213,19 +229,30 @@ def _rates(variables: Mapping[str, Distribution], document: Mapping[str, Any], r
     for name in ranking(document, SUCCESS)[:DRAWN]:
         x = [one["parameters"][name] for one in records]
         text = any(isinstance(value, str) for value in x)
+        scale, label = Scale(""), name
+        if not text:
+            scale, label = _scale(name, variables[name], x)
+            x = [scale.factor * value for value in x]
         of = statistics.groups([str(value) for value in x] if text else x)
         points, labels = [], []
         for group in np.unique(of):
             members = np.flatnonzero(of == group)
             hits = int(good[members].sum())
             at = float(group) if text else float(np.mean([x[i] for i in members]))
-            points.append((at, hits / len(members), *statistics.wilson(hits, len(members))))
+            within = interval([records[int(i)] for i in members], document["sampling"])
+            points.append((at, hits / len(members), *within))
             labels.append(str(x[members[0]]))
-        parts.append(charts.rates(points, name, labels if text else None))
+        parts.append(charts.rates(points, label, labels if text else None))
     return "".join(parts)
 
 
-def _scatter(document: Mapping[str, Any], records: Sequence[Record]) -> str:
+def _scale(name: str, variable: Distribution, values: Sequence[float]) -> tuple[Scale, str]:
+    """Return how values of a variable are written, and its name with the unit."""
+    scale = scale_of(values, unit_of(name, variable))
+    return scale, scale.label(name_and_unit(name)[0])
+
+
+def _scatter(variables: Mapping[str, Distribution], document: Mapping[str, Any], records: Sequence[Record]) -> str:
     good = [one["status"] == "ok" for one in records]
     if all(good):
         return ""
@@ -234,14 +261,19 @@ def _scatter(document: Mapping[str, Any], records: Sequence[Record]) -> str:
         for name in ranking(document, SUCCESS)
         if all(isinstance(one["parameters"][name], int | float) for one in records)
     }
-    names = list(columns)[:DRAWN]
-    if len(names) == 1:
+    drawn = []
+    for name, values in list(columns.items())[:DRAWN]:
+        scale, label = _scale(name, variables[name], values)
+        drawn.append((label, [scale.factor * value for value in values]))
+    if len(drawn) == 1:
         clearance = outcomes(records).get(CLEARANCE)
         if clearance is None or any(value is None for value in clearance):
             return ""
-        return charts.scatter(columns[names[0]], clearance, good, names[0], CLEARANCE)
-    pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
-    return "".join(charts.scatter(columns[a], columns[b], good, a, b) for a, b in pairs)
+        name, unit = name_and_unit(CLEARANCE)
+        scale = scale_of(clearance, unit)
+        drawn.append((scale.label(name), [scale.factor * value for value in clearance]))
+    pairs = [(a, b) for i, a in enumerate(drawn) for b in drawn[i + 1 :]]
+    return "".join(charts.scatter(x, y, good, x_name, y_name) for (x_name, x), (y_name, y) in pairs)
 
 
 def _reasons(document: Mapping[str, Any]) -> str:
@@ -251,16 +283,21 @@ def _reasons(document: Mapping[str, Any]) -> str:
 
 def _failures(variables: Mapping[str, Distribution], records: Sequence[Record]) -> str:
     bad = [one for one in records if one["status"] != "ok"]
+    labels, columns = [], []
+    for name, variable in variables.items():
+        values = [one["parameters"][name] for one in bad[:FAILURES]]
+        label, texts = name, [str(value) for value in values]
+        if not any(isinstance(value, str | bool) for value in values):
+            scale, label = _scale(name, variable, [one["parameters"][name] for one in records])
+            texts = [scale.number(value) for value in values]
+        labels.append(label)
+        columns.append(texts)
     rows = [
-        (one["index"], WORDS[one["status"]], one["reason"], *(_short(one["parameters"][name]) for name in variables))
-        for one in bad[:FAILURES]
+        (one["index"], WORDS[one["status"]], one["reason"], *(texts[k] for texts in columns))
+        for k, one in enumerate(bad[:FAILURES])
     ]
     more = f"<p class='dim'>and {len(bad) - FAILURES} more in results.csv</p>" if len(bad) > FAILURES else ""
-    return _rows(("", "", "reason", *variables), rows) + more
-
-
-def _short(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return _rows(("", "", "reason", *labels), rows) + more
 
 
 def _worst(records: Sequence[Record]) -> str:
@@ -273,7 +310,7 @@ def _worst(records: Sequence[Record]) -> str:
 
 
 def _least(one: Record) -> str:
-    return "" if one["clearance"] is None else f", least clearance {1e3 * one['clearance']:.4g} mm"
+    return "" if one["clearance"] is None else f", least clearance {quantity_text(one['clearance'], 'm')}"
 
 
 def _run(document: Mapping[str, Any]) -> str:

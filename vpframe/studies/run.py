@@ -17,7 +17,7 @@ from vpframe.studies import report, variants
 from vpframe.studies.child import Done, Work, in_turn
 from vpframe.studies.job import Job, Machines, read_job
 from vpframe.studies.results import UNANSWERED, Record, Results, record
-from vpframe.studies.summary import summary
+from vpframe.studies.summary import SOBOL, summary
 from vpframe.studies.variants import Variant
 
 REPEAT = 100
@@ -34,7 +34,7 @@ class Sampling:
 
     samples: int = SAMPLES
     sobol: bool = False
-    """whether samples come from a Sobol' sequence instead of random numbers"""
+    """whether samples come from Sobol' sequences instead of random numbers"""
     levels: int | None = None
     """number of values of each continuous variable in a grid, which replaces samples"""
     seed: int = 0
@@ -52,7 +52,8 @@ class Sampling:
         """Return the choice as `study.json` states it."""
         if self.levels is not None:
             return {"method": "grid", "levels": self.levels, "seed": self.seed}
-        return {"method": "Sobol' sequence" if self.sobol else "random", "samples": self.samples, "seed": self.seed}
+        method = {"method": SOBOL, "sequences": variants.SEQUENCES} if self.sobol else {"method": "random"}
+        return {**method, "samples": self.samples, "seed": self.seed}
 
 
 def run_study(

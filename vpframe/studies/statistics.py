@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 CONFIDENCE = 0.95
 PERCENTS = (0, 1, 5, 25, 50, 75, 95, 99, 100)
+LEAST_COUNT = 1.5
+"""standard deviation of a count of successes that did not vary between sequences"""
 _MOST_CLASSES = 30
 
 
@@ -19,12 +21,44 @@ def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> tuple
 
     Source: Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22 (1927).
     """
-    from scipy.stats import binomtest
+    from scipy.special import ndtri
 
-    if trials == 0:
-        return 0.0, 1.0
-    interval = binomtest(successes, trials).proportion_ci(confidence, method="wilson")
-    return float(interval.low), float(interval.high)
+    return _score(successes / trials, trials, float(ndtri(0.5 + 0.5 * confidence))) if trials else (0.0, 1.0)
+
+
+def replicated(
+    good: Sequence[bool] | NDArray[np.bool_], replicate: ArrayLike, confidence: float = CONFIDENCE
+) -> tuple[float, float]:
+    """Return the interval that covers the true rate, of samples of several independent randomisations.
+
+    Points of one quasi-random sequence depend on each other: `wilson` takes their mean for less certain than it is. The
+    spread of the rates of independent sequences tells its variance; the interval is Wilson's of as many independent
+    samples as would have that variance, with Student's quantile. Where no rate can be told apart (too few samples, all
+    good or all bad) it is `wilson`; it is never narrower than 3 samples to each side, as of a count that may vary.
+
+    good: (n,) successes. replicate: (n,) number of the sequence of each sample.
+
+    Source: Owen, "Practical Quasi-Monte Carlo Integration" (2023), section 17.4; Korn, Graubard, "Confidence intervals
+    for proportions with small expected number of positive counts", Survey Methodology 24 (1998), effective sample size.
+    """
+    from scipy.special import stdtrit
+
+    hits = np.asarray(good, dtype=np.float64)
+    n, of = len(hits), np.asarray(replicate, dtype=np.int64)
+    sizes = np.bincount(of) if n else np.empty(0)
+    r, p = int((sizes > 0).sum()), float(hits.mean()) if n else 0.0
+    if r < 2 or n < 2 * r or p in (0.0, 1.0):
+        return wilson(int(hits.sum()), n, confidence)
+    off = np.bincount(of, hits) - p * sizes
+    variance = max(r / (r - 1) * float(off @ off) / n**2, (LEAST_COUNT / n) ** 2)
+    return _score(p, p * (1.0 - p) / variance, float(stdtrit(r - 1, 0.5 + 0.5 * confidence)))
+
+
+def _score(p: float, n: float, z: float) -> tuple[float, float]:
+    """Return Wilson's interval of a rate p of n samples, for a quantile z."""
+    middle, spread = p + z * z / (2.0 * n), z * math.sqrt(p * (1.0 - p) / n + (z / (2.0 * n)) ** 2)
+    low, high = ((middle + side * spread) / (1.0 + z * z / n) for side in (-1.0, 1.0))
+    return max(0.0, min(low, p)), min(1.0, max(high, p))
 
 
 def percentiles(values: ArrayLike) -> dict[str, float]:

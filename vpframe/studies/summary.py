@@ -10,14 +10,18 @@ from dataclasses import fields
 from typing import Any
 
 from vpframe import __version__
+from vpframe.scene.units import name_and_unit, quantity_text
 from vpframe.studies import statistics
-from vpframe.studies.distributions import Choice, Distribution
+from vpframe.studies.distributions import Choice, Distribution, is_number
 from vpframe.studies.results import STATUSES, UNANSWERED, Record, answer
+from vpframe.studies.variants import sequence_of
 
 WORST = 10
 """maximum number of worst variants with a script"""
 TEXTS = 30
 """maximum number of counted values of a text measure; the most frequent ones are kept"""
+SOBOL = "Sobol' sequences"
+"""sampling method"""
 SUCCESS = "can be done"
 CLEARANCE = "least clearance (m)"
 
@@ -34,7 +38,7 @@ def summary(
     The rate is that of "ok" over all finished: a variant without an answer was not shown to be possible.
     """
     counts = Counter(one["status"] for one in records)
-    low, high = statistics.wilson(counts["ok"], len(records))
+    low, high = interval(records, sampling)
     values = outcomes(records)
     by_key = {one["key"]: one for one in records}
     twice = [one for one in repeats if one["key"] in by_key]
@@ -42,7 +46,7 @@ def summary(
     return {
         "version": __version__,
         "sampling": dict(sampling),
-        "variables": {name: _words(distribution) for name, distribution in variables.items()},
+        "variables": {name: _words(name, distribution) for name, distribution in variables.items()},
         "variants": total,
         "finished": len(records),
         "statuses": {status: counts[status] for status in STATUSES},
@@ -56,6 +60,7 @@ def summary(
         },
         "outcomes": {name: _distribution(column) for name, column in values.items() if name != SUCCESS},
         "importance": _importance(variables, records, values),
+        "importance_from": {name: _basis(records, column) for name, column in values.items()},
         "reasons": [{"status": s, "reason": r, "count": n} for (s, r), n in _reasons(records).most_common()],
         "worst": [one["index"] for one in worst(records)],
         "repeated": {
@@ -68,12 +73,46 @@ def summary(
     }
 
 
-def _words(distribution: Distribution) -> str:
-    """`Normal(mean=0.00802, deviation=5e-06)`; infinite limits are omitted."""
-    given = {field.name: getattr(distribution, field.name) for field in fields(distribution)}
-    there = {name: value for name, value in given.items() if value not in (math.inf, -math.inf)}
-    words = (f"{name}={f'{value:.6g}' if isinstance(value, float) else repr(value)}" for name, value in there.items())
+def interval(records: Sequence[Record], sampling: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the interval of the rate of "ok" among records of a study that was sampled so."""
+    good = [one["status"] == "ok" for one in records]
+    if sampling["method"] == SOBOL:
+        return statistics.replicated(good, [sequence_of(one["index"]) for one in records])
+    return statistics.wilson(sum(good), len(good))
+
+
+def _basis(records: Sequence[Record], column: Sequence[Any]) -> dict[str, int]:
+    """Count the finished variants that have an outcome: the figures of importance rest on them alone."""
+    there = [one["status"] == "ok" for one, value in zip(records, column, strict=True) if value is not None]
+    return {"variants": len(there), "ok": sum(there), "finished": len(records)}
+
+
+def basis_text(basis: Mapping[str, int]) -> str:
+    """`93 of 120 variants, all of which succeeded`."""
+    if basis["variants"] == basis["finished"]:
+        return f"all {basis['finished']} variants"
+    which = "those that succeeded" if basis["ok"] == basis["variants"] else f"{basis['ok']} of which succeeded"
+    return f"{basis['variants']} of {basis['finished']} variants, {which}"
+
+
+def _words(name: str, distribution: Distribution) -> str:
+    """`Normal(mean=8.02 mm, deviation=5 µm)`; infinite limits are omitted."""
+    words, unit = [], unit_of(name, distribution)
+    for field in fields(distribution):
+        value = getattr(distribution, field.name)
+        if field.name == "unit" or value in (math.inf, -math.inf):
+            continue
+        values = value if isinstance(value, tuple) else (value,)
+        own = "" if field.metadata.get("ratio") else unit
+        texts = [quantity_text(x, own) if is_number(x) and not isinstance(x, bool) else repr(x) for x in values]
+        text = ", ".join(texts)
+        words.append(f"{field.name}=({text})" if isinstance(value, tuple) else f"{field.name}={text}")
     return f"{type(distribution).__name__}({', '.join(words)})"
+
+
+def unit_of(name: str, distribution: Distribution) -> str:
+    """Return the unit of a variable: its own, or that in its name, as in "gap (m)"."""
+    return distribution.unit or name_and_unit(name)[1]
 
 
 def outcomes(records: Sequence[Record]) -> dict[str, list[Any]]:

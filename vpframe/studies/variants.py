@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 Variables = Mapping[str, Distribution]
 MOST = 10**6
 """maximum number of variants of a study"""
+SEQUENCES = 16
+"""number of independently scrambled Sobol' sequences of a study"""
 _OPEN = 2.0**-54
 """keeps uniform numbers off 0 and 1, where quantiles may be infinite"""
 
@@ -72,15 +74,27 @@ def random_sample(variables: Variables, count: int, seed: int) -> list[Variant]:
 
 
 def sobol_sample(variables: Variables, count: int, seed: int) -> list[Variant]:
-    """Return variants at the first points of a scrambled Sobol' sequence: means of n converge faster than 1/sqrt(n).
+    """Return variants at points of `SEQUENCES` scrambled Sobol' sequences in turn: means of n converge faster than
+    1/sqrt(n), and the means of the sequences, which are independent, tell how far off they are (`sequence_of`).
 
     Source: Owen, "Scrambling Sobol' and Niederreiter-Xing points", J. Complexity 14 (1998), as in `scipy.stats.qmc`.
     """
+    import numpy as np
     from scipy.stats import qmc
 
     _check_count(count)
-    points = qmc.Sobol(len(variables), scramble=True, seed=seed).random_base2((count - 1).bit_length())
-    return [_at(variables, i, seed, points[i].tolist()) for i in range(count)]
+    size = -(-count // SEQUENCES)
+    points = [
+        qmc.Sobol(len(variables), scramble=True, seed=np.random.default_rng(own)).random_base2((size - 1).bit_length())
+        for own in np.random.SeedSequence(seed, spawn_key=(2,)).spawn(min(count, SEQUENCES))
+    ]
+    rows = (points[sequence_of(i)][i // SEQUENCES] for i in range(count))
+    return [_at(variables, i, seed, row.tolist()) for i, row in enumerate(rows)]
+
+
+def sequence_of(index: int) -> int:
+    """Return the number of the sequence that a variant of `sobol_sample` is a point of."""
+    return index % SEQUENCES
 
 
 def grid(variables: Variables, levels: int, seed: int) -> list[Variant]:

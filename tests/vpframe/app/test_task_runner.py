@@ -141,7 +141,11 @@ def test_a_new_task_of_which_nothing_comes_out_says_what_to_change(tmp_path) -> 
     stops = first_task.new_task(tmp_path / "first.py", scene, tmp_path / "shut.step")
     assert "cube" in stops
     text = (tmp_path / "first.py").read_text()
-    assert "# this fails: " in text and "# give another direction" in text
+    assert "# cube did not come out: " in text and "give another direction" in text
+    assert study.run_task(tmp_path / "first.py") == 0, "what is written runs"
+    tried = text.partition(f"# {first_task.REMEDY}\n")[2].partition("\n\n")[0]
+    (tmp_path / "tried.py").write_text(text.replace(tried, tried.replace("# ", "")))
+    assert study.run_task(tmp_path / "tried.py") == 1, "and what was tried fails"
 
 
 def test_a_named_part_for_which_planning_finds_nothing_is_slid_straight(tmp_path, monkeypatch) -> None:
@@ -239,7 +243,8 @@ def test_a_new_task_removes_what_stands_in_the_way_of_a_named_part(tmp_path) -> 
     assert study.run_task(path) == 0
     told = first_task.new_task(tmp_path / "short.py", scene, tmp_path / "cup.step", "cube", budget=0.01)
     assert told.endswith("used up its budget of 0.01 s: give more with --budget 0.02s")
-    assert f"# this fails: {told}\n" in (tmp_path / "short.py").read_text()
+    assert f"# cube did not come out: {told}\n" in (tmp_path / "short.py").read_text()
+    assert study.run_task(tmp_path / "short.py") == 0
 
 
 def test_ctrl_c_ends_cleanly_with_recording_and_report_of_what_was_done(tmp_path) -> None:

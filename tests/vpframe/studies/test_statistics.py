@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import example, given
@@ -9,6 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from vpframe.studies import statistics
+from vpframe.studies.distributions import Uniform
+from vpframe.studies.variants import sequence_of, sobol_sample
 
 
 @given(st.integers(1, 5000), st.data())
@@ -32,6 +36,61 @@ def test_wilson_covers_the_true_rate_as_often_as_it_says() -> None:
     hits = rng.binomial(200, 0.97, 4000)
     covered = np.mean([low <= 0.97 <= high for low, high in (statistics.wilson(int(k), 200) for k in hits)])
     assert 0.93 < covered < 0.98
+
+
+REGIONS: dict[str, tuple[int, Callable[[np.ndarray], np.ndarray], float]] = {
+    "half a line": (1, lambda u: u[:, 0] < 0.3712, 0.3712),
+    "triangle": (2, lambda u: u.sum(axis=1) < 1.553, 1.0 - 0.447**2 / 2),
+    "corner": (2, lambda u: u.sum(axis=1) < 1.9, 0.995),
+    "ball": (3, lambda u: ((u - 0.5) ** 2).sum(axis=1) < 0.16, 4.0 / 3.0 * np.pi * 0.4**3),
+    "simplex": (5, lambda u: u.sum(axis=1) < 2.5, 0.5),
+    "by two of six": (6, lambda u: u[:, 1] * u[:, 4] < 0.5, 0.5 * (1.0 + np.log(2.0))),
+}
+"""variables, what succeeds, its true rate"""
+
+
+@pytest.mark.parametrize("count", [pytest.param(100, marks=pytest.mark.slow), 400])
+@pytest.mark.parametrize("name", REGIONS)
+def test_the_interval_of_sobol_sequences_covers_as_often_as_it_says(name: str, count: int) -> None:
+    """200 studies by their seeds: Wilson's interval, of independent samples, covers always and is far too wide."""
+    dimensions, succeeds, rate = REGIONS[name]
+    variables = {f"x{k}": Uniform(0.0, 1.0) for k in range(dimensions)}
+    covered, width, wilson = 0, 0.0, 0.0
+    for seed in range(200):
+        taken = sobol_sample(variables, count, seed)
+        good = succeeds(np.array([list(v.values()) for v in taken]))
+        low, high = statistics.replicated(good, [sequence_of(v.index) for v in taken])
+        assert 0.0 <= low <= good.mean() <= high <= 1.0
+        covered += low <= rate <= high
+        width += high - low
+        first, last = statistics.wilson(int(good.sum()), count)
+        wilson += last - first
+    assert 0.90 <= covered / 200 <= 0.995
+    if name not in ("corner", "simplex"):  # few failures, or many variables: as if independent
+        assert width < 0.9 * wilson if count == 100 else width < 0.8 * wilson
+
+
+def test_the_interval_of_replicates_is_wilsons_where_samples_are_independent() -> None:
+    rng = np.random.default_rng(2)
+    for rate in (0.5, 0.9, 0.98):
+        hits = rng.random((400, 800)) < rate
+        found = [statistics.replicated(row, np.arange(800) % 16) for row in hits]
+        assert 0.925 < np.mean([low <= rate <= high for low, high in found]) < 0.975
+        wilson = [statistics.wilson(int(row.sum()), 800) for row in hits]
+        assert np.mean(np.diff(found)) == pytest.approx(np.mean(np.diff(wilson)), rel=0.15)
+
+
+@pytest.mark.parametrize("good", [[True] * 40, [False] * 40, [True] * 20, [True, False] * 5, []])
+def test_replicates_that_tell_nothing_leave_wilsons_interval(good: list[bool]) -> None:
+    found = statistics.replicated(good, [k % 16 for k in range(len(good))])
+    assert found == statistics.wilson(sum(good), len(good))
+    if len(good) > 10:
+        assert found[0] < found[1], "no rate is certain"
+
+
+def test_equal_replicates_are_not_taken_for_certain() -> None:
+    low, high = statistics.replicated([k % 2 == 0 for k in range(64)], [k // 4 for k in range(64)])
+    assert low < 0.5 - 2.5 / 64 and high > 0.5 + 2.5 / 64
 
 
 def ishigami(x: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from vpframe.errors import VpframeError
 from vpframe.scene import modelling
 from vpframe.studies import Choice, Normal, Uniform, Variant, load
-from vpframe.studies.variants import grid, nominal, random_sample, sobol_sample
+from vpframe.studies.variants import SEQUENCES, grid, nominal, random_sample, sequence_of, sobol_sample
 
 VARIABLES = {"bore": Normal(8.02e-3, 5e-6), "tilt": Uniform(-0.01, 0.01), "seal": Choice("a", "b")}
 
@@ -40,9 +40,12 @@ def test_values_follow_their_distributions() -> None:
 
 
 def test_a_sobol_sequence_fills_every_strip() -> None:
-    tilts = np.sort([v["tilt"] for v in sobol_sample(VARIABLES, 64, 3)])
-    strips = np.floor((tilts + 0.01) / 0.02 * 64).astype(int)
-    assert strips.tolist() == list(range(64))
+    taken = sobol_sample(VARIABLES, 64 * SEQUENCES, 3)
+    for number in range(SEQUENCES):
+        tilts = np.sort([v["tilt"] for v in taken if sequence_of(v.index) == number])
+        strips = np.floor((tilts + 0.01) / 0.02 * 64).astype(int)
+        assert strips.tolist() == list(range(64))
+    assert len({v["tilt"] for v in taken}) == len(taken), "each sequence is scrambled in its own way"
 
 
 def test_a_grid_has_all_combinations_in_order() -> None:
