@@ -65,7 +65,7 @@ def quantity_text(value: float, unit: str) -> str:
 
 def name_and_unit(name: str) -> tuple[str, str]:
     """Split "force (N)" into its parts; the unit is empty where the name states none."""
-    match = re.fullmatch(r"(.*\S)\s*\(([^()\s]{1,12})\)", name)
+    match = re.fullmatch(r"(.*\S)\s+\(([^()\s]{1,12})\)", name)
     return (match[1], match[2]) if match else (name, "")
 
 

@@ -197,11 +197,11 @@ def _importance(document: Mapping[str, Any]) -> str:
                 rows.append((name_and_unit(outcome)[0], name_and_unit(variable)[0], *found, basis))
     note = (
         "<p class='dim'>First-order Sobol' index: the share of an outcome's variance that the variable alone explains, "
-        "estimated from these variants. Rank correlation: whether the outcome rises (+) or falls (-) with it.</p>"
+        "estimated from the variants that have the outcome. Rank correlation: whether the outcome rises (+) or falls "
+        "(-) with it.</p>"
     )
     made = _rows(("outcome", "variable", "Sobol' index", "rank correlation", "from"), rows)
-    missing = "".join(f"<p class='dim'>{escape(line)}</p>" for line in basis_lines(document))
-    return made + note + missing if made else ""
+    return made + note if made else ""
 
 
 def basis_lines(document: Mapping[str, Any]) -> list[str]:
