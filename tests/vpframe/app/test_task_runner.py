@@ -148,6 +148,35 @@ def test_a_new_task_of_which_nothing_comes_out_says_what_to_change(tmp_path) -> 
     assert study.run_task(tmp_path / "tried.py") == 1, "and what was tried fails"
 
 
+ODD = (
+    'M3 "pan" {0}', "a\\b'c", "100 % # x", "'''", "<b>{part}</b>", "ключ №5", "-rf", "$x", "hand",
+    "e\u0301 \u202e", "cube", "x",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("named", [pytest.param(None, marks=pytest.mark.slow), 0, 4], ids=["any", "quotes", "braces"])
+@pytest.mark.parametrize("kind", ["enclosed", "pressed", "loose"])
+def test_a_new_task_of_many_parts_with_odd_names_runs(tmp_path, kind: str, named: int | None) -> None:
+    """Twelve shapes in a block: in closed pockets, drawn into it, or on top; what is written ends well in any case."""
+    from vpframe.scene import modelling as m
+
+    block = m.box(0.16, 0.05, 0.04)
+    parts = {}
+    for k, name in enumerate(ODD):
+        size, (x, y) = 0.008 + 1e-4 * k, (0.02 * (k % 6) + 0.01, 0.02 * (k // 6) + 0.005)
+        if kind == "enclosed":
+            block = block - m.box(0.012, 0.012, 0.012).translated(x, y, 0.01)
+        z = {"enclosed": 0.011, "pressed": 0.036, "loose": 0.04}[kind]
+        parts[name] = m.box(size, size, size).translated(x + 0.001, y + 0.001, z)
+    m.write_step(tmp_path / "odd.step", {"block": block, **parts})
+    part = None if named is None else list(study.loaded(tmp_path / "odd.step").names)[named + 1]
+    stops = study.new_task(tmp_path / "first.py", tmp_path / "odd.step", part=part, budget=2.0)
+    assert bool(stops) == (kind == "enclosed") or kind == "pressed"
+    assert study.run_task(tmp_path / "first.py") == 0
+    expected = [line for line in (tmp_path / "first.py").read_text().splitlines() if "session.expect_free(" in line]
+    assert [line.lstrip().startswith("#") for line in expected] == [bool(stops)]
+
+
 def test_a_named_part_for_which_planning_finds_nothing_is_slid_straight(tmp_path, monkeypatch) -> None:
     from vpframe import planning
     from vpframe.scene import modelling as m
