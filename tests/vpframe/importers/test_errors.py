@@ -21,8 +21,8 @@ import trimesh
 from OCP.IGESControl import IGESControl_Writer
 
 import vpframe as vp
-from tests.vpframe.importers.test_meshes import write_glb
-from vpframe.importers import cad, guarded
+from tests.vpframe.importers.test_meshes import PRIMITIVE, write_glb
+from vpframe.importers import cad, guarded, meshes
 from vpframe.importers.checks import iges_damage
 from vpframe.importers.step_text import scan
 from vpframe.scene import modelling as m
@@ -132,6 +132,74 @@ def test_numbers_that_make_no_model_are_one_line(tmp_path):
     for form in ("stl", "ply", "glb"):
         big.export(tmp_path / f"big.{form}")
         assert "1e+06 m are not read" in fault(tmp_path / f"big.{form}")
+
+
+BOX_FACES = "".join("f {} {} {}\n".format(*(f + 1)) for f in trimesh.creation.box().faces)
+BOX_OBJ = "".join(f"v {x} {y} {z}\n" for x, y, z in trimesh.creation.box().vertices) + BOX_FACES
+
+
+@pytest.mark.parametrize("library", ["pipe.mtl", "x" * 5000, "folder.mtl", "/dev/zero", "sparse.mtl", "../pipe.mtl"])
+def test_a_material_file_that_is_no_file_does_not_keep_a_mesh_from_being_read(tmp_path, library):
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    for folder in (tmp_path, inner):
+        os.mkfifo(folder / "pipe.mtl")
+    (inner / "folder.mtl").mkdir()
+    with open(inner / "sparse.mtl", "wb") as file:
+        file.truncate(40 << 30)
+    assert len(vp.load(written(inner / "a.obj", f"mtllib {library}\n{BOX_OBJ}")).parts) == 1
+
+
+@pytest.mark.parametrize("suffix", ["step", "igs", "stl", "obj", "ply", "glb", "urdf"])
+def test_a_huge_file_is_one_line(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    with open(path, "wb") as file:
+        file.truncate(40 << 30)
+    assert "has 42.9 GB, and more than 1 GB are not read" in fault(path)
+
+
+def test_a_path_that_names_no_file_is_one_line(tmp_path):
+    assert "File name too long" in fault(tmp_path / f"{'x' * 5000}.stl")
+    assert "no such file" in fault(Path("a\0b.stl"))
+    os.mkfifo(tmp_path / "a.stl")
+    assert "is a pipe or device" in fault(tmp_path / "a.stl")
+
+
+@pytest.mark.parametrize("where", ["node", "mesh", "note"])
+def test_a_name_that_no_encoding_has_is_replaced(tmp_path, where):
+    """JSON can name half of a surrogate pair, which cannot be written."""
+    node = {"mesh": 0, "name": "b\ud800x"} if where == "node" else {"mesh": 0, "name": "box"}
+    mesh = {"primitives": [PRIMITIVE]} | ({"name": "m\udfff"} if where == "mesh" else {})
+    lines = {"name": "\ud83d", "primitives": [{"attributes": {"POSITION": 0}, "mode": 1}]}
+    nodes = [node, {"mesh": "x", "name": "\udc00"}] if where == "note" else [node]
+    scene = vp.load(write_glb(tmp_path / "a.glb", nodes=nodes, meshes=[mesh, lines]))
+    text = " ".join([*scene.names, *scene.all_notes()])
+    assert text.encode("utf-8") and len(scene) == 1
+    assert "\ufffd" in text
+
+
+def test_a_mesh_that_takes_too_much_memory_or_time_is_one_line(tmp_path, monkeypatch):
+    path = written(tmp_path / "a.obj", BOX_OBJ)
+    assert "no answer within 0.001 s of processor time" in fault(path, timeout=1e-3)
+    monkeypatch.setattr(meshes, "MEMORY", 20_000_000)
+    assert "more than 0.0 GB of memory are needed" in fault(path)
+
+
+def test_a_mesh_reader_that_crashes_is_one_line(tmp_path, monkeypatch):
+    stand_in(tmp_path, monkeypatch, "os.kill(os.getpid(), signal.SIGSEGV)")
+    assert "the mesh reader crashed (SIGSEGV)" in fault(written(tmp_path / "a.obj", BOX_OBJ))
+
+
+def test_nothing_that_lies_beside_a_mesh_is_run(tmp_path, monkeypatch):
+    for name in ("json", "numpy", "trimesh", "scipy", "pickle", "vpframe", "sitecustomize", "PIL/__init__"):
+        spy = tmp_path / f"{name}.py"
+        spy.parent.mkdir(exist_ok=True)
+        spy.write_text(f"open({str(tmp_path / 'run')!r}, 'a').write({name!r})\nraise SystemExit(3)\n")
+    path = written(tmp_path / "a.obj", BOX_OBJ)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert vp.load(path).names == vp.load("a.obj").names == ("a",)
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="n
 def ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, body: str, limits: Limits) -> Outcome:
     """How a process that runs `body` ends."""
     script = tmp_path / "reader.py"
-    head = "import json, os, sys, time\ndef say(**message):\n    print(json.dumps(message), flush=True)\n"
+    head = "import json, os, sys, threading, time\ndef say(**message):\n    print(json.dumps(message), flush=True)\n"
     script.write_text(f"{head}{body}\nsay(done=True)\n")
     monkeypatch.setattr(guarded, "READER", script)
     folder = tmp_path / "out"
@@ -35,7 +35,7 @@ SPIN = "end = time.process_time() + {}\nwhile time.process_time() < end: pass"
     [
         SPIN.format(60),
         "time.sleep(60)",
-        f"import threading\nthreading.Thread(target=exec, args=({SPIN.format(60)!r}, globals())).start()\ntime.sleep(60)",
+        f"threading.Thread(target=exec, args=({SPIN.format(60)!r}, globals())).start()\ntime.sleep(60)",
         f"if os.fork() == 0:\n    exec({SPIN.format(60)!r})\nos.wait()",
         "os.mkfifo('pipe')\nopen('pipe')",
     ],
