@@ -103,10 +103,9 @@ def load(
                 far_check(file, p.name, raw.shapes[p.shape].vertices, p.translation)
             raw.shapes = [build.settled(shape) for shape in raw.shapes]
         else:
-            from collision import Tolerance
             from vpframe.importers import meshes
 
-            raw = meshes.read(file, form, unit, Tolerance(), part(0.0, READING))
+            raw = meshes.read(file, form, unit, timeout, part(0.0, READING))
             raw.shapes = [build.settled(shape) for shape in raw.shapes]
         if key and raw.whole and cache.key_of(files, form, deflection, angular, unit) == key:  # files unchanged
             cache.keep(key, raw)

@@ -1,10 +1,10 @@
-"""The reading process: reads one CAD file and writes archives of its shapes and its tree. Run by `python -I`.
+"""The reading process: reads one CAD file, or meshes, and writes archives of shapes and tree. Run by `python -I`.
 
 It is a separate process because the CAD kernel can crash on a damaged file and writes to standard output. Its
 standard output carries lines of JSON only: `{"fraction", "text", "shape"}` for progress, `{"ready"}` with the number of
-each finished shape archive, `{"error"}` for an unusable file, `{"memory"}` at the memory limit. Nothing is imported
-from the working directory, the file's folder or this folder: vpframe is imported from its own location, all else from
-the folders of Python or the parent.
+each finished shape archive, `{"found"}` with numbers of shapes, faces or triangles that raise limits, `{"error"}` for
+an unusable file, `{"memory"}` at the memory limit. Nothing is imported from the working directory, the file's folder or
+this folder: vpframe is imported from its own location, all else from the folders of Python or the parent.
 """
 
 from __future__ import annotations
@@ -89,6 +89,11 @@ def _say(channel: TextIO, **message: Any) -> None:
 
 
 def _read(request: dict[str, Any], channel: TextIO) -> None:
+    if request["format"] == "meshes":
+        from vpframe.importers.mesh_files import read_files
+
+        read_files(request["files"], request["out"], lambda **message: _say(channel, **message))
+        return
     _say(channel, fraction=0.0, text="starting the CAD kernel")
     if request["format"] == "write":
         from vpframe.exporters.step_writer import write_step

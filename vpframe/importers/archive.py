@@ -52,6 +52,7 @@ def write(raw: RawScene, path: str | Path) -> None:
             "notes": shape.notes,
             "settled": shape.settled,
             "brep": np.frombuffer(shape.brep, np.uint8),
+            "segmented": shape.segmented,
         }
         for shape in raw.shapes
     ]
@@ -115,7 +116,7 @@ def _shape(content: Any) -> RawShape:
         for (_, beside, c), points in zip(content["edges"], lines, strict=True)
     ]
     content["brep"] = content["brep"].tobytes()
-    whole = ("volume", "center", "inertia", "notes", "settled", "brep")
+    whole = ("volume", "center", "inertia", "notes", "settled", "brep", "segmented")
     arrays = (content["vertices"], content["triangles"], content["face_of_triangle"])
     return RawShape(*arrays, faces, edges, *(content[name] for name in whole))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import stat
 import struct
 from pathlib import Path
 
@@ -17,6 +18,8 @@ FORMATS = {
     ".brep": "brep", ".brp": "brep", ".urdf": "urdf", ".mjcf": "mjcf", ".xml": "mjcf",
 }  # fmt: skip
 """format by suffix"""
+LARGEST = 1_000_000_000
+"""maximum size of a file, bytes"""
 STL_HEADER = 80
 """length of the text at the start of a binary STL file, bytes"""
 FARTHEST = 1e6
@@ -24,44 +27,81 @@ FARTHEST = 1e6
 
 _ROOT = re.compile(rb"(?:\s*<(?:\?[^>]*\?|!--.*?--|!DOCTYPE[^>]*)>)*\s*<([A-Za-z_][\w.-]*)", re.DOTALL)
 """an XML file up to its first element"""
+_VERTEX = re.compile(rb"^v[ \t]", re.MULTILINE)
 _SHORT_VERTEX = re.compile(rb"^v[ \t]+(\S+(?:[ \t]+\S+)?)[ \t\r]*$", re.MULTILINE)
 
 
 def checked_format(path: Path) -> str:
     """Return the format of a file; LoadError if it is missing, empty, incomplete, or does not match its suffix."""
     where = str(path)
-    if not path.exists():
+    try:
+        exists = path.exists()
+    except (OSError, ValueError) as error:  # a name too long, or with a null character
+        why = getattr(error, "strerror", None) or str(error)
+        raise LoadError(f"{path}: no such file ({why}); check the path", where) from None
+    if not exists:
         raise LoadError(f"{path}: no such file; check the path", where)
     if not path.is_file():
-        raise LoadError(f"{path}: is a folder; give a file", where)
+        what = "a folder" if path.is_dir() else "a pipe or device"
+        raise LoadError(f"{path}: is {what}; give a file", where)
     form = FORMATS.get(path.suffix.lower())
     if form is None:
         known = ", ".join(FORMATS)
         raise LoadError(f"{path}: files of type {path.suffix or '(none)'} are not read; known are {known}", where)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise LoadError(f"{path}: cannot be read ({error.strerror}); check its permissions", where) from None
+    data = content(path)
     if not data.strip():
         raise LoadError(f"{path}: is empty; export it again", where)
-    content = content_of(data)
-    if content == "urdf" and path.suffix.lower() == ".xml":
+    found = content_of(data)
+    if found == "urdf" and path.suffix.lower() == ".xml":
         form = "urdf"
-    if content is not None and content != form:
-        right = next(suffix for suffix, f in FORMATS.items() if f == content)
-        raise LoadError(f"{path}: is a {content.upper()} file by its content; rename it to end in {right}", where)
-    fault = _FAULTS[form](data, content)
+    if found is not None and found != form:
+        right = next(suffix for suffix, f in FORMATS.items() if f == found)
+        raise LoadError(f"{path}: is a {found.upper()} file by its content; rename it to end in {right}", where)
+    fault = _FAULTS[form](data, found)
     if fault is not None:
         raise LoadError(f"{path}: {fault}", where)
     return form
 
 
+def content(path: Path) -> bytes:
+    """Return the content of a file; LoadError if it cannot be read or is larger than `LARGEST`."""
+    try:
+        size = path.stat().st_size
+        if size > LARGEST:
+            why = f"has {size / 1e9:.1f} GB, and more than {LARGEST / 1e9:g} GB are not read; split it"
+            raise LoadError(f"{path}: {why}, or export it coarser", str(path))
+        return path.read_bytes()
+    except OSError as error:
+        raise LoadError(f"{path}: cannot be read ({error.strerror}); check its permissions", str(path)) from None
+
+
+def beside(folder: Path, name: str) -> Path | None:
+    """Return the regular file that a name in a model means, relative to the model's folder; None if there is none.
+
+    Pipes, devices and files above `LARGEST` are none.
+    """
+    try:
+        file = folder / name
+        status = file.stat()
+    except (OSError, ValueError):  # missing, a name too long, or with a null character
+        return None
+    return file if stat.S_ISREG(status.st_mode) and status.st_size <= LARGEST else None
+
+
 def far_check(path: Path, name: str, vertices: NDArray[np.float64], translation: NDArray[np.float64]) -> None:
     """Raise LoadError for a part with coordinates (m) that are not finite or beyond `FARTHEST`."""
+    fault = too_far(name, vertices, translation)
+    if fault:
+        raise LoadError(f"{path}: {fault}", str(path))
+
+
+def too_far(name: str, vertices: NDArray[np.float64], translation: NDArray[np.float64]) -> str:
+    """Return what is wrong with coordinates (m) that are not finite or beyond `FARTHEST`; "" if nothing is."""
     reach = float(np.abs(vertices).max(initial=0.0)) + float(np.abs(translation).max(initial=0.0))
-    if not reach <= FARTHEST:
-        why = f"{name} has coordinates of {reach:.3g} m, and more than {FARTHEST:g} m are not read"
-        raise LoadError(f"{path}: {why}; check its unit, or export it again", str(path))
+    if reach <= FARTHEST:
+        return ""
+    why = f"{name} has coordinates of {reach:.3g} m, and more than {FARTHEST:g} m are not read"
+    return f"{why}; check its unit, or export it again"
 
 
 def content_of(data: bytes) -> str | None:
@@ -171,7 +211,7 @@ def _xml_fault(data: bytes, content: str | None) -> str | None:
 
 
 def _obj_fault(data: bytes, content: str | None) -> str | None:
-    if b"\0" in data[:4096] or not any(line.startswith((b"v ", b"v\t")) for line in data.splitlines()):
+    if b"\0" in data[:4096] or _VERTEX.search(data) is None:
         return "is not an OBJ file (no line begins with v); export it again"
     short = _SHORT_VERTEX.search(data)
     if short is not None:

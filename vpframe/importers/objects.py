@@ -41,11 +41,10 @@ def load(
     if kind == "trimesh":
         import trimesh
 
-        from collision import Tolerance
         from vpframe.importers import meshes
 
         if isinstance(source, trimesh.Trimesh | trimesh.Scene):
-            raw = meshes.read_object(source, unit, Tolerance(), progress)
+            raw = meshes.read_object(source, unit)
             raw.shapes = [build.settled(shape) for shape in raw.shapes]
             return build.scene(raw, None, progress)
     if unit is not None:

@@ -36,11 +36,13 @@ def without_flat(vertices: Array, triangles: Triangles, owners: Triangles) -> tu
     for i, (corners, _) in local.items():
         for edge in _edges(corners):
             beside.setdefault(edge, []).append(i)
-    last, waiting = len(triangles), thin.tolist()
+    last, waiting = len(triangles), dict.fromkeys(thin.tolist())  # in order
     for _ in range(8 * len(waiting)):  # splitting a flat neighbour gives flat halves; it ends, except for rounding
         if not waiting:
             break
-        corners, _ = local.pop(waiting.pop(0))
+        at = next(iter(waiting))
+        del waiting[at]
+        corners, _ = local.pop(at)
         a, c, b = max(
             (corners, corners[1:] + corners[:1], corners[2:] + corners[:2]),
             key=lambda t: float(np.linalg.norm(vertices[t[0]] - vertices[t[1]])),
@@ -52,13 +54,14 @@ def without_flat(vertices: Array, triangles: Triangles, owners: Triangles) -> tu
         owner = local.pop(neighbour)[1]
         was_flat = neighbour in waiting
         if was_flat:
-            waiting.remove(neighbour)
+            del waiting[neighbour]
         for half in ((c, b, d), (b, a, d)):
             if b != d:
                 local[last] = half, owner
                 for edge in _edges(half):
                     beside.setdefault(edge, []).append(last)
-                waiting += [last] * was_flat
+                if was_flat:
+                    waiting[last] = None
                 last += 1
     for i in waiting:
         del local[i]
@@ -132,6 +135,13 @@ def fill(points: Array) -> Triangles:
             triangles.append((i, j, k))
             waiting += [(j, k), (i, j)]
     return np.array(triangles, np.int32)
+
+
+def signed_volume(vertices: Array, triangles: NDArray[np.int32]) -> float:
+    """Volume inside a closed mesh, m³; negative if it is wound inside out."""
+    middle = vertices[triangles[0, 0]]
+    a, b, c = (vertices[triangles[:, k]] - middle for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
 
 def mass_properties(vertices: Array, triangles: NDArray[np.int32]) -> tuple[float, Array, Array]:

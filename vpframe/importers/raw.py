@@ -71,6 +71,8 @@ class RawShape:
     """whether `build.settled` has processed the shape"""
     brep: bytes = b""
     """exact B-rep in OpenCascade's binary format, mm, without triangles; empty for a mesh"""
+    segmented: bool = True
+    """False for a bare mesh whose surfaces have not been found: it has one face"""
 
 
 @dataclass

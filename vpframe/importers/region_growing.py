@@ -117,3 +117,111 @@ def reach(kind, q, seed, vertices, triangles, normals, needle, across, label, to
                 out[write] = n
                 write += 1
     return kept
+
+
+@kernel
+def flat_facets(order, planes, vertices, triangles, normals, needle, across, tolerance, cosine, facet, work):
+    """Group connected coplanar triangles, from seeds in `order`, into `facet` (m,), which begins as -1.
+
+    planes: (m, 8) plane of each triangle, as of `packed`. work: (2, m) integers, row 0 -1. Returns the number of
+    facets.
+    """
+    mark, out = work[0], work[1]
+    count = 0
+    for t in order:
+        if facet[t] >= 0:
+            continue
+        n = reach(
+            PLANE, planes[t], t, vertices, triangles, normals, needle, across, facet, tolerance, cosine, mark, t, out
+        )
+        for i in range(n):
+            facet[out[i]] = count
+        count += 1
+    return count
+
+
+@kernel(allocates=True)
+def patches_at(seeds, around, rounds, free, corners, first, most, needed, mark, stamp):
+    """Assemble the patches that are fitted at each seed facet: the kinds, and the facets and vertices of each.
+
+    around, rounds: neighbours of facet f are `around[rounds[f]:rounds[f + 1]]`, longest border first; free: (facets,)
+    corners, first: vertices of facet f are `corners[first[f]:first[f + 1]]`. most: facets of a patch, at most. needed:
+    (4,) vertices that each kind needs at least. mark: (2, max(facets, vertices)) integers below `stamp`.
+
+    Returns for each patch its seed's place and kind; then the vertices and their ends, the facets and their ends.
+    """
+    patches = 0
+    size = len(seeds) * 16
+    owner, kinds = np.empty(size, np.int64), np.empty(size, np.int64)
+    ends, stops = np.zeros(size + 1, np.int64), np.zeros(size + 1, np.int64)
+    vertices, facets = np.empty(64 * size, np.int64), np.empty(8 * size, np.int64)
+    near, group = np.empty(most, np.int64), np.empty(2 * most + 4, np.int64)
+    for place in range(len(seeds)):
+        f = seeds[place]
+        count = 0
+        for i in range(rounds[f], rounds[f + 1]):
+            if free[around[i]] and count < most - 1:
+                near[count] = around[i]
+                count += 1
+        close = min(count, 4)
+        pairs = close * (close - 1) // 2
+        for number in range(close + pairs + 6):
+            group[0] = f
+            if number < close:
+                kind, n = 0, 2
+                group[1] = near[number]
+            elif number < close + pairs:
+                kind, n = 1, 3
+                a, left = 0, number - close
+                while left >= close - 1 - a:
+                    left -= close - 1 - a
+                    a += 1
+                group[1], group[2] = near[a], near[a + 1 + left]
+            else:
+                which = number - close - pairs
+                kind = 0 if which == 0 else 2 if which == 3 else 1 if which < 3 else 3
+                wide = which == 0 or which == 2 or which == 5
+                stamp += 1
+                mark[0, f] = stamp
+                n = 1
+                for i in range(count):
+                    group[n] = near[i]
+                    mark[0, near[i]] = stamp
+                    n += 1
+                for i in range(count if wide else 0):
+                    for j in range(rounds[near[i]], rounds[near[i] + 1]):
+                        h = around[j]
+                        if n >= most or j - rounds[near[i]] >= most:
+                            break
+                        if free[h] and mark[0, h] != stamp:
+                            mark[0, h] = stamp
+                            group[n] = h
+                            n += 1
+            stamp += 1
+            points = ends[patches]
+            for i in range(n):
+                for j in range(first[group[i]], first[group[i] + 1]):
+                    v = corners[j]
+                    if mark[1, v] != stamp:
+                        mark[1, v] = stamp
+                        if points == len(vertices):
+                            vertices = np.concatenate((vertices, vertices))
+                        vertices[points] = v
+                        points += 1
+            if points - ends[patches] <= needed[kind]:
+                continue
+            if stops[patches] + n > len(facets):
+                facets = np.concatenate((facets, facets))
+            for i in range(n):
+                facets[stops[patches] + i] = group[i]
+            owner[patches], kinds[patches] = place, kind
+            patches += 1
+            ends[patches], stops[patches] = points, stops[patches - 1] + n
+    done = ends[patches], stops[patches]
+    parts = (
+        vertices[: done[0]].copy(),
+        ends[: patches + 1].copy(),
+        facets[: done[1]].copy(),
+        stops[: patches + 1].copy(),
+    )
+    return owner[:patches].copy(), kinds[:patches].copy(), parts, stamp

@@ -10,9 +10,8 @@ Remaining triangles form freeform surfaces bounded by sharp edges. Growth from s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from heapq import heapify, heappop, heappush
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +19,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from collision import Tolerance
-from constraints.errors import GeometryError
 from constraints.geometry.surfaces import Cylinder, Freeform, Geometry, Plane, Sphere, Torus
-from constraints.recognition.fits import fit_kind, refine
-from constraints.recognition.patches import Patch, fit_patches
-from vpframe.importers.region_growing import neighbours, packed, reach
+from constraints.recognition.patches import NUMBERS, fit_packed, geometry_of, refined
+from vpframe.importers.region_growing import flat_facets, neighbours, packed, patches_at, reach
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -36,6 +33,9 @@ _SMALL = 12
 """number of facets below which a curved segment within a freeform surface counts as accidental"""
 _FEWEST, _MOST = 4, 1024
 """number of facets whose patches are fitted together: doubled while no surface found covers the next facets"""
+_PATCH, _SAMPLES = 40, 64
+"""most facets of a patch, and most vertices of a facet that are fitted"""
+_ITERATIONS = 15
 _OUTDO = {"cylinder": 1.0, "cone": 1.5, "sphere": 1.5, "torus": 2.5}
 """factor by which a more complex surface must explain more facets than a simpler one: a sphere fits both circles of any
 frustum, a torus any two frustums in a row"""
@@ -81,9 +81,17 @@ class _Segmentation:
         self._mark = np.full(len(triangles), -1, np.int64)
         self._stamp = 0
         self._out = np.empty(len(triangles), np.int64)
-        self.facet, self.facets = self._flat_facets()
+        self.facet = self._flat_facets()
+        self._order = np.argsort(self.facet, kind="stable")
+        self._starts = np.concatenate([[0], np.cumsum(np.bincount(self.facet))])
+        self.seeds = self._order[self._starts[:-1]]
+        """(facets,) first triangle of each"""
         self._facet_areas = np.bincount(self.facet, self.areas)
-        self.around = self._smooth_neighbours()
+        self.around, self.rounds = self._smooth_neighbours()
+        self._samples = self._sampled()
+        self._marks = np.full((2, max(len(self.seeds), len(vertices))), -1, np.int64)
+        self._known: dict[int, list[tuple[str, Geometry]]] = {}
+        """surfaces that fit the patches at each facet, of the first pass"""
 
     def run(self) -> list[Segment]:
         self._planes(sure=True)
@@ -112,88 +120,111 @@ class _Segmentation:
         if not isinstance(geometry, Freeform):
             residual = float(np.abs(geometry.distance(self._points(triangles))).max())
         self.segments.append(Segment(triangles, geometry, residual))
+        self._forget(triangles)
 
-    def _flat_facets(self) -> tuple[Index, list[Index]]:
-        """Group connected coplanar triangles: the facet of each triangle, and the triangles of each facet."""
+    def _flat_facets(self) -> Index:
+        """Return the facet of each triangle: groups of connected coplanar triangles."""
         facet = np.full(len(self.triangles), -1, np.int64)
-        facets: list[Index] = []
-        for t in np.argsort(-self.areas, kind="stable"):
-            if facet[t] >= 0:
-                continue
-            plane = Plane(self.middles[t], self.normals[t])
-            kind, numbers = packed(plane)
-            self._stamp += 1
-            count = reach(
-                kind, numbers, t, self.vertices, self.triangles, self.normals, self.needle, self.across, facet,
-                self.tolerance, self.flat, self._mark, self._stamp, self._out,
-            )  # fmt: skip
-            members = np.sort(self._out[:count])
-            facet[members] = len(facets)
-            facets.append(members)
-        return facet, facets
+        planes = np.column_stack([self.middles, self.normals, np.zeros((len(facet), 2))])
+        order = np.argsort(-self.areas, kind="stable")
+        flat_facets(
+            order, planes, self.vertices, self.triangles, self.normals, self.needle, self.across,
+            self.tolerance, self.flat, facet, np.full((2, len(facet)), -1, np.int64),
+        )  # fmt: skip
+        return facet
 
-    def _smooth_neighbours(self) -> list[list[int]]:
-        """Return the facets that meet each facet at a blunt angle, longest common border first."""
+    def _members(self, f: int) -> Index:
+        """Return the triangles of a facet, ascending."""
+        return self._order[self._starts[f] : self._starts[f + 1]]
+
+    def _smooth_neighbours(self) -> tuple[Index, Index]:
+        """Return the facets that meet each facet at a blunt angle, longest common border first, and their ends."""
         t, n, lengths = self._smooth_edges(self.facet)
-        border: list[dict[int, float]] = [{} for _ in self.facets]
-        for a, b, length in zip(self.facet[t].tolist(), self.facet[n].tolist(), lengths.tolist(), strict=True):
-            border[a][b] = border[a].get(b, 0.0) + length
-        return [sorted(d, key=lambda b: (-d[b], b)) for d in border]
+        count = len(self.seeds)
+        key, which = np.unique(self.facet[t] * count + self.facet[n], return_inverse=True)
+        border = np.bincount(which.reshape(-1), lengths, len(key))
+        a, b = key // count, key % count
+        order = np.lexsort((b, -border, a))
+        return b[order], np.concatenate([[0], np.cumsum(np.bincount(a, minlength=count))])
+
+    def _beside(self, facets: Index) -> Index:
+        """Return the facets around some facets, and some of these themselves."""
+        lengths = self.rounds[facets + 1] - self.rounds[facets]
+        ends = np.cumsum(lengths)
+        return self.around[np.arange(lengths.sum()) + np.repeat(self.rounds[facets] - ends + lengths, lengths)]
+
+    def _sampled(self) -> tuple[Index, Index, Array, Array]:
+        """Return up to `_SAMPLES` vertices of each facet with their ends, its middle and its area vector."""
+        count = len(self.seeds)
+        key = np.unique(np.repeat(self.facet, 3) * len(self.vertices) + self.triangles.reshape(-1))
+        owner, corners = key // len(self.vertices), key % len(self.vertices)
+        numbers = np.bincount(owner, minlength=count)
+        rank = np.arange(len(owner)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
+        share = np.minimum(numbers, _SAMPLES)[owner]
+        kept = (rank + 1) * share // numbers[owner] > rank * share // numbers[owner]
+        first = np.concatenate([[0], np.cumsum(np.bincount(owner[kept], minlength=count))])
+        weights = [np.bincount(self.facet, self.areas * self.middles[:, d], count) for d in range(3)]
+        vectors = [np.bincount(self.facet, self.vectors[:, d], count) for d in range(3)]
+        return corners[kept], first, np.column_stack(weights) / self._facet_areas[:, None], np.column_stack(vectors)
 
     def _curved(self, strong: bool) -> None:
         """Take curved surfaces, best score first, from seeds at every free facet."""
-        candidates: list[tuple[int, Geometry, int]] = []
+        candidates: list[tuple[int, int, Geometry, int]] = []
         covered = np.zeros(len(self.triangles), bool)
-        order = [f for f in np.argsort(-self._facet_areas, kind="stable").tolist() if self.label[self.facets[f][0]] < 0]
+        free = self.label[self.seeds] < 0
+        order = [f for f in np.argsort(-self._facet_areas, kind="stable").tolist() if free[f]]
         together, next_ = _FEWEST, 0
         while next_ < len(order):
             seeds: list[int] = []
             while next_ < len(order) and len(seeds) < together:
-                if not covered[self.facets[order[next_]][0]]:
+                if not covered[self.seeds[order[next_]]]:
                     seeds.append(order[next_])
                 next_ += 1
             spared = 0
             for f, fits in zip(seeds, self._fits(seeds), strict=True):
-                if covered[self.facets[f][0]]:
+                if covered[self.seeds[f]]:
                     spared += 1
                     continue
                 best = self._best_at(f, fits, strong)
                 if best is not None:
                     score, geometry, grown = best
-                    candidates.append((score, geometry, int(self.facets[f][0])))
+                    candidates.append((-score, len(candidates), geometry, int(self.seeds[f])))
                     covered[grown] = True
             together = min(2 * together, _MOST) if not spared else max(together // 2, _FEWEST)
+        heapify(candidates)
+        last = len(candidates)
         while candidates:
-            candidates.sort(key=lambda c: -c[0])
-            score, geometry, seed = candidates.pop(0)
+            less, _, geometry, seed = heappop(candidates)
             if self.label[seed] >= 0:
                 continue
             grown = self._grow(geometry, seed)
             now = self._score(geometry, grown)
-            if now < score and candidates and now < candidates[0][0]:
-                if self._enough(geometry, grown, strong):
-                    candidates.append((now, geometry, seed))
+            if not self._enough(geometry, grown, strong):
                 continue
-            if self._enough(geometry, grown, strong):
+            if now < -less and candidates and now < -candidates[0][0]:
+                heappush(candidates, (-now, last, geometry, seed))
+                last += 1
+            else:
                 self._take(grown, geometry)
 
     def _score(self, geometry: Geometry, grown: Index) -> int:
         return len(np.unique(self.triangles[grown])) - _NEEDED[geometry.kind]
 
     def _enough(self, geometry: Geometry, grown: Index, strong: bool) -> bool:
-        facets = len(np.unique(self.facet[grown]))
+        facets = np.unique(self.facet[grown])
         if isinstance(geometry, Torus) and self._circles(geometry, grown) < 4:
             return False  # a torus fits any three coaxial circles
-        if not strong:
-            beside = {g for f in np.unique(self.facet[grown]).tolist() for g in self.around[f]}
-            beside = {g for g in beside - set(self.facet[grown].tolist()) if self.label[self.facets[g][0]] < 0}
-            if len(beside) >= facets:
-                return False  # a patch of a freeform surface
-            areas = np.bincount(self.facet[grown], self.areas[grown])
-            areas = areas[areas > 0]
-            needed = _STRONG if isinstance(geometry, Sphere | Torus) else 1
-            return facets >= 3 and self._score(geometry, grown) >= needed and areas.max() <= 3.0 * np.median(areas)
-        return facets >= 4 and self._score(geometry, grown) >= _STRONG * (1 if isinstance(geometry, Cylinder) else 2)
+        if strong:
+            return len(facets) >= 4 and self._score(geometry, grown) >= _STRONG * (2 - isinstance(geometry, Cylinder))
+        beside = np.setdiff1d(self._beside(facets), facets)
+        if (self.label[self.seeds[beside]] < 0).sum() >= len(facets):
+            return False  # a patch of a freeform surface
+        areas = np.bincount(self.facet[grown], self.areas[grown])
+        areas = areas[areas > 0]
+        needed = _STRONG if isinstance(geometry, Sphere | Torus) else 1
+        return bool(
+            len(facets) >= 3 and self._score(geometry, grown) >= needed and areas.max() <= 3.0 * np.median(areas)
+        )
 
     def _circles(self, torus: Torus, grown: Index) -> int:
         """Number of circles about the torus's axis on which the vertices lie."""
@@ -204,25 +235,36 @@ class _Segmentation:
         return 1 + int((np.diff(arc) > 10.0 * self.tolerance).sum())
 
     def _fits(self, seeds: list[int]) -> list[list[tuple[str, Geometry]]]:
-        """Return the surfaces that fit the patches at each facet within tolerance, in the order of `_patches`."""
-        patches: dict[str, list[Patch]] = {}
-        places: dict[str, list[tuple[int, int]]] = {}
-        for i, f in enumerate(seeds):
-            for k, (kind, patch) in enumerate(self._patches(f)):
-                points = self._points(patch)
-                if len(points) > _NEEDED[kind]:
-                    patches.setdefault(kind, []).append((points, self.middles[patch], self.vectors[patch]))
-                    places.setdefault(kind, []).append((i, k))
-        found: list[list[tuple[int, str, Geometry]]] = [[] for _ in seeds]
-        for kind, given in patches.items():
-            for (i, k), fit in zip(places[kind], fit_patches(kind, given, self.tolerance, iterations=15), strict=True):
-                if fit is not None:
-                    found[i].append((k, kind, fit.geometry))
-        return [[(kind, geometry) for _, kind, geometry in sorted(one, key=lambda each: each[0])] for one in found]
+        """Return the surfaces that fit the patches at each facet within tolerance.
+
+        Patches: the facet with one or two neighbours, with all, and with the neighbours of these.
+        """
+        free = self.label[self.seeds] < 0
+        new = np.array([f for f in seeds if f not in self._known], np.int64)
+        needed = np.array([_NEEDED[kind] for kind in NUMBERS])
+        corners, first, middles, vectors = self._samples
+        owner, kinds, (of, ends, at, stops), self._stamp = patches_at(
+            new, self.around, self.rounds, free, corners, first, _PATCH, needed, self._marks, self._stamp
+        )
+        found = fit_packed(kinds, self.vertices, of, ends, middles, vectors, at, stops, self.tolerance, _ITERATIONS)
+        names = list(NUMBERS)
+        self._known |= {f: [] for f in new.tolist()}
+        for i in np.flatnonzero(np.isfinite(found[:, 0])).tolist():
+            geometry = geometry_of(int(kinds[i]), found[i])
+            if geometry is not None:
+                self._known[int(new[owner[i]])].append((names[kinds[i]], geometry))
+        return [self._known[f] for f in seeds]
+
+    def _forget(self, taken: Index) -> None:
+        """Forget fits at facets whose patches may hold a facet of `taken` triangles."""
+        facets = np.unique(self.facet[taken])
+        near = np.unique(np.concatenate([facets, self._beside(facets)]))
+        for f in (*near.tolist(), *self._beside(near).tolist()):
+            self._known.pop(f, None)
 
     def _best_at(self, f: int, fits: list[tuple[str, Geometry]], strong: bool) -> tuple[int, Geometry, Index] | None:
         best: tuple[int, Geometry, Index] | None = None
-        seed, most = int(self.facets[f][0]), 0
+        seed, most = int(self.seeds[f]), 0
         for kind, fit in fits:
             geometry, grown = self._settle(fit, seed)
             if len(grown) == 0 or not self._enough(geometry, grown, strong):
@@ -237,9 +279,8 @@ class _Segmentation:
         """Alternate growth and fit while the segment grows."""
         grown = self._grow(geometry, seed)
         while len(grown):
-            try:
-                better = refine(geometry, self._points(grown))
-            except GeometryError:
+            better = refined(geometry, self._points(grown))
+            if better is None:
                 return geometry, grown
             more = self._grow(better, seed)
             if len(more) <= len(grown):
@@ -247,57 +288,48 @@ class _Segmentation:
             geometry, grown = better, more
         return geometry, grown
 
-    def _patches(self, f: int) -> Iterator[tuple[str, Index]]:
-        """Yield the kinds to fit at a facet, with the triangles to fit."""
-        near = [g for g in self.around[f] if self.label[self.facets[g][0]] < 0]
-        for g in near[:4]:
-            yield "cylinder", np.concatenate([self.facets[f], self.facets[g]])
-        for g, h in combinations(near[:4], 2):
-            yield "cone", np.concatenate([self.facets[i] for i in (f, g, h)])
-        first = {f, *near}
-        second = first | {h for g in near for h in self.around[g] if self.label[self.facets[h][0]] < 0}
-        ring, wide = (np.concatenate([self.facets[g] for g in sorted(p)]) for p in (first, second))
-        yield "cylinder", wide
-        yield "cone", ring
-        yield "cone", wide
-        yield "sphere", ring
-        yield "torus", ring
-        yield "torus", wide
-
     def _planes(self, sure: bool) -> None:
         """Take flat facets that cannot belong to a curved surface (`sure`), or that have no free neighbours."""
         areas = self._facet_areas
+        beside = np.zeros(len(areas))
+        np.maximum.at(beside, np.repeat(np.arange(len(areas)), np.diff(self.rounds)), areas[self.around])
         for f in np.argsort(-areas, kind="stable").tolist():
-            members = self.facets[f]
-            if self.label[members[0]] >= 0:
+            if self.label[self.seeds[f]] >= 0:
                 continue
+            members = self._members(f)
             if sure:  # a facet beside others of similar size may belong to a slowly bending surface
-                beside = max((areas[g] for g in self.around[f]), default=0.0)
-                flat = areas[f] > 3.0 * beside and self._is_wide(members)
+                flat = areas[f] > 3.0 * beside[f] and self._is_wide(members)
             else:  # a lone triangle with smooth neighbours belongs to a curved surface
-                free = any(self.label[self.facets[g][0]] < 0 for g in self.around[f])
-                flat = not free and (len(members) > 1 or not self.around[f])
+                near = self.around[self.rounds[f] : self.rounds[f + 1]]
+                flat = not (self.label[self.seeds[near]] < 0).any() and (len(members) > 1 or not len(near))
             if flat:
                 self._take(members, self._plane(members))
 
     def _is_wide(self, members: Index) -> bool:
-        """Whether the vertices lie on more than two parallel lines; a strip of a curved surface has two."""
+        """Whether the vertices lie on more than two parallel lines; a strip of a curved surface has two.
+
+        Of any three points two lie on the same of two lines, so three directions are tried; far points are chosen.
+        """
         points = self._points(members)
         if len(points) < 6:
             return False
         normal = self._plane(members).normal
-        corners = self.vertices[self.triangles[members]]
-        sides = (np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)
-        sides /= np.linalg.norm(sides, axis=1)[:, None]
-        heights = points @ np.cross(normal, sides).T
+        a = points[np.linalg.norm(points - points.mean(axis=0), axis=1).argmax()]
+        b = points[np.linalg.norm(points - a, axis=1).argmax()]
+        c = points[np.abs((points - a) @ np.cross(normal, b - a)).argmax()]
+        across = np.cross(normal, [b - a, c - b, a - c])
+        lengths = np.linalg.norm(across, axis=1)
+        heights = points @ (across[lengths > 0.0] / lengths[lengths > 0.0, None]).T
         low, high = heights.min(axis=0), heights.max(axis=0)
         off = np.minimum(heights - low, high - heights).max(axis=0)
         return bool(off.min() > self.tolerance)
 
     def _plane(self, members: Index) -> Plane:
-        fit = fit_kind("plane", self._points(members), self.middles[members], self.vectors[members])
-        assert isinstance(fit.geometry, Plane)
-        return fit.geometry
+        """Return the plane of least squared distances through the vertices, with the triangles' outward normal."""
+        points = self._points(members)
+        middle = points.mean(axis=0)
+        normal = np.linalg.eigh((points - middle).T @ (points - middle))[1][:, 0]
+        return Plane(middle, normal if normal @ self.vectors[members].sum(axis=0) >= 0.0 else -normal)
 
     def _rest(self) -> None:
         """Join remaining triangles across smooth edges to freeform surfaces, or a few flat facets to planes."""
@@ -306,11 +338,11 @@ class _Segmentation:
         graph = coo_array((np.ones(int(free.sum())), (t[free], n[free])), shape=(len(self.label),) * 2)
         _, group = connected_components(graph, directed=False)
         left = np.flatnonzero(self.label < 0)
-        for g in np.unique(group[left]):
-            members = left[group[left] == g]
+        left = left[np.argsort(group[left], kind="stable")]
+        for members in np.split(left, np.flatnonzero(np.diff(group[left])) + 1) if len(left) else ():
             facets = np.unique(self.facet[members])
-            bent = [f for f in facets if len(self.facets[f]) == 1 and self.around[f]]
-            if len(facets) >= 4 or bent:
+            bent = (np.diff(self._starts)[facets] == 1) & (np.diff(self.rounds)[facets] > 0)
+            if len(facets) >= 4 or bent.any():
                 self._take(members, Freeform())
                 continue
             for f in facets:

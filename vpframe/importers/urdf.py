@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as xml
@@ -10,7 +11,6 @@ from xml.etree import ElementTree as xml
 import numpy as np
 import pinocchio as pin
 
-from collision import Tolerance
 from vpframe.errors import LoadError, VpframeError
 from vpframe.importers import meshes
 from vpframe.importers.raw import Axis, Color, RawJoint, RawPart, RawScene, RawShape
@@ -34,6 +34,7 @@ def read(path: Path, deflection: float, angular: float) -> RawScene:
     poses, order = _poses(path, links, joints)
     raw = RawScene(links=[[] for _ in order])
     reader = _Shapes(path, raw, deflection, angular, _materials(robot))
+    reader.read_meshes(links[name] for name in order)
     for k, name in enumerate(order):
         raw.links[k] = reader.add(name, links[name], poses[name])
     number = {name: k for k, name in enumerate(order)}
@@ -172,6 +173,14 @@ def _materials(robot: xml.Element) -> dict[str, Color]:
     return found
 
 
+def _shown(link: xml.Element) -> list[xml.Element]:
+    return link.findall("visual") or link.findall("collision")
+
+
+def _key(element: xml.Element) -> tuple[Any, ...]:
+    return element.tag, tuple(sorted(element.attrib.items()))
+
+
 class _Shapes:
     """Reads the parts of links; each mesh file and scale is read once."""
 
@@ -180,15 +189,28 @@ class _Shapes:
         self.raw = raw
         self.options = deflection, angular
         self.colors = colors
-        self._read: dict[tuple[Any, ...], RawScene] = {}
+        self._read: dict[tuple[Any, ...], RawScene | LoadError] = {}
         self._starts: dict[int, int] = {}
         """index of the first shape of each scene that was read"""
 
+    def read_meshes(self, links: Iterable[xml.Element]) -> None:
+        """Read the mesh files of all links in one process, each file and scale once; errors are kept until used."""
+        wanted: dict[tuple[Any, ...], tuple[Path, tuple[float, ...]]] = {}
+        for geometry in (element.find("geometry") for link in links for element in _shown(link)):
+            element = None if geometry is None or not len(geometry) else geometry[0]
+            if element is None or element.tag != "mesh":
+                continue
+            try:
+                scale = _numbers(self.path, element, "scale", "1 1 1")
+                wanted[_key(element)] = self._find(element.get("filename", "")), tuple(scale.tolist())
+            except LoadError as error:
+                self._read[_key(element)] = error
+        self._read.update(zip(wanted, meshes.read_scaled(list(wanted.values())), strict=True))
+
     def add(self, name: str, link: xml.Element, pose: pin.SE3) -> list[str]:
         """Add the parts of a link; return their names."""
-        shown = link.findall("visual") or link.findall("collision")
         made: list[RawPart] = []
-        for element in shown:
+        for element in _shown(link):
             placed = pose * _origin(self.path, element)
             material = element.find("material")
             color = None if material is None else self.colors.get(material.get("name", ""))
@@ -231,17 +253,15 @@ class _Shapes:
 
     def _scene(self, element: xml.Element) -> RawScene:
         """Return the shapes of a geometry in its frame, from the cache if possible."""
-        scale = _numbers(self.path, element, "scale", "1 1 1") if element.tag == "mesh" else np.ones(3)
-        key = (element.tag, tuple(sorted(element.attrib.items())))
+        key = _key(element)
         if key not in self._read:
-            if element.tag == "mesh":
-                file = self._find(element.get("filename", ""))
-                self._read[key] = meshes.read_scaled(file, tuple(scale.tolist()), Tolerance())
-            elif element.tag in ("box", "cylinder", "sphere", "capsule"):
-                self._read[key] = self._solid(element)
-            else:
+            if element.tag not in SOLIDS:
                 raise LoadError(f"{self.path}: <{element.tag}> is no geometry that is read", str(self.path))
-        return self._read[key]
+            self._read[key] = self._solid(element)
+        found = self._read[key]
+        if isinstance(found, LoadError):
+            raise found
+        return found
 
     def _solid(self, element: xml.Element) -> RawScene:
         if element.tag == "box":

@@ -21,8 +21,8 @@ import trimesh
 from OCP.IGESControl import IGESControl_Writer
 
 import vpframe as vp
-from tests.vpframe.importers.test_meshes import write_glb
-from vpframe.importers import cad
+from tests.vpframe.importers.test_meshes import PRIMITIVE, write_glb
+from vpframe.importers import cad, guarded, meshes
 from vpframe.importers.checks import iges_damage
 from vpframe.importers.step_text import scan
 from vpframe.scene import modelling as m
@@ -132,6 +132,74 @@ def test_numbers_that_make_no_model_are_one_line(tmp_path):
     for form in ("stl", "ply", "glb"):
         big.export(tmp_path / f"big.{form}")
         assert "1e+06 m are not read" in fault(tmp_path / f"big.{form}")
+
+
+BOX_FACES = "".join("f {} {} {}\n".format(*(f + 1)) for f in trimesh.creation.box().faces)
+BOX_OBJ = "".join(f"v {x} {y} {z}\n" for x, y, z in trimesh.creation.box().vertices) + BOX_FACES
+
+
+@pytest.mark.parametrize("library", ["pipe.mtl", "x" * 5000, "folder.mtl", "/dev/zero", "sparse.mtl", "../pipe.mtl"])
+def test_a_material_file_that_is_no_file_does_not_keep_a_mesh_from_being_read(tmp_path, library):
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    for folder in (tmp_path, inner):
+        os.mkfifo(folder / "pipe.mtl")
+    (inner / "folder.mtl").mkdir()
+    with open(inner / "sparse.mtl", "wb") as file:
+        file.truncate(40 << 30)
+    assert len(vp.load(written(inner / "a.obj", f"mtllib {library}\n{BOX_OBJ}")).parts) == 1
+
+
+@pytest.mark.parametrize("suffix", ["step", "igs", "stl", "obj", "ply", "glb", "urdf"])
+def test_a_huge_file_is_one_line(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    with open(path, "wb") as file:
+        file.truncate(40 << 30)
+    assert "has 42.9 GB, and more than 1 GB are not read" in fault(path)
+
+
+def test_a_path_that_names_no_file_is_one_line(tmp_path):
+    assert "File name too long" in fault(tmp_path / f"{'x' * 5000}.stl")
+    assert "no such file" in fault(Path("a\0b.stl"))
+    os.mkfifo(tmp_path / "a.stl")
+    assert "is a pipe or device" in fault(tmp_path / "a.stl")
+
+
+@pytest.mark.parametrize("where", ["node", "mesh", "note"])
+def test_a_name_that_no_encoding_has_is_replaced(tmp_path, where):
+    """JSON can name half of a surrogate pair, which cannot be written."""
+    node = {"mesh": 0, "name": "b\ud800x"} if where == "node" else {"mesh": 0, "name": "box"}
+    mesh = {"primitives": [PRIMITIVE]} | ({"name": "m\udfff"} if where == "mesh" else {})
+    lines = {"name": "\ud83d", "primitives": [{"attributes": {"POSITION": 0}, "mode": 1}]}
+    nodes = [node, {"mesh": "x", "name": "\udc00"}] if where == "note" else [node]
+    scene = vp.load(write_glb(tmp_path / "a.glb", nodes=nodes, meshes=[mesh, lines]))
+    text = " ".join([*scene.names, *scene.all_notes()])
+    assert text.encode("utf-8") and len(scene) == 1
+    assert "\ufffd" in text
+
+
+def test_a_mesh_that_takes_too_much_memory_or_time_is_one_line(tmp_path, monkeypatch):
+    path = written(tmp_path / "a.obj", BOX_OBJ)
+    assert "no answer within 0.001 s of processor time" in fault(path, timeout=1e-3)
+    monkeypatch.setattr(meshes, "MEMORY", 20_000_000)
+    assert "more than 0.0 GB of memory are needed" in fault(path)
+
+
+def test_a_mesh_reader_that_crashes_is_one_line(tmp_path, monkeypatch):
+    stand_in(tmp_path, monkeypatch, "os.kill(os.getpid(), signal.SIGSEGV)")
+    assert "the mesh reader crashed (SIGSEGV)" in fault(written(tmp_path / "a.obj", BOX_OBJ))
+
+
+def test_nothing_that_lies_beside_a_mesh_is_run(tmp_path, monkeypatch):
+    for name in ("json", "numpy", "trimesh", "scipy", "pickle", "vpframe", "sitecustomize", "PIL/__init__"):
+        spy = tmp_path / f"{name}.py"
+        spy.parent.mkdir(exist_ok=True)
+        spy.write_text(f"open({str(tmp_path / 'run')!r}, 'a').write({name!r})\nraise SystemExit(3)\n")
+    path = written(tmp_path / "a.obj", BOX_OBJ)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert vp.load(path).names == vp.load("a.obj").names == ("a",)
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(
@@ -250,7 +318,7 @@ say(fraction=0.1, text="meshing a", shape=0)
 
 def stand_in(tmp_path, monkeypatch, body: str) -> None:
     (tmp_path / "stand_in_reader.py").write_text(READER.format(body=body))
-    monkeypatch.setattr(cad, "READER", tmp_path / "stand_in_reader.py")
+    monkeypatch.setattr(guarded, "READER", tmp_path / "stand_in_reader.py")
 
 
 def test_a_shape_that_crashes_the_kernel_is_skipped_and_the_rest_is_read(tmp_path, step, monkeypatch):
@@ -261,7 +329,7 @@ def test_a_shape_that_crashes_the_kernel_is_skipped_and_the_rest_is_read(tmp_pat
 if list(request["skip"]) != ["0"]:
     os.kill(os.getpid(), signal.SIGSEGV)
 import runpy
-runpy.run_path({str(cad.READER)!r}, run_name="__main__")
+runpy.run_path({str(guarded.READER)!r}, run_name="__main__")
 """,
     )
     scene = vp.load(step)
@@ -279,7 +347,7 @@ def test_a_kernel_that_always_crashes_hangs_or_gives_up_is_one_line(tmp_path, st
 
 
 def test_the_memory_of_this_process_is_not_taken_for_that_of_a_reader_that_crashes(tmp_path, step, monkeypatch):
-    monkeypatch.setattr(cad, "CROWDED", 100e6 / cad.MEMORY)
+    monkeypatch.setattr(guarded, "CROWDED", 100e6 / cad.MEMORY)
     assert 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > 110e6
     stand_in(tmp_path, monkeypatch, "os.kill(os.getpid(), signal.SIGSEGV)")
     assert "SIGSEGV" in fault(step)
@@ -340,8 +408,8 @@ def test_a_source_checkout_reads_with_its_own_package(tmp_path, step):
 
 def test_packages_are_found_where_this_process_has_them_but_never_beside_the_file():
     (folder,) = {str(Path(module.__file__).parent.parent) for module in (OCP, np)}
-    assert cad._package_folders(Path("/somewhere")) == [folder]
-    assert cad._package_folders(Path(folder)) == []
+    assert guarded.package_folders(Path("/somewhere"), cad.PACKAGES) == [folder]
+    assert guarded.package_folders(Path(folder), cad.PACKAGES) == []
 
 
 def test_reading_ends_with_the_process_that_asked_for_it(tmp_path):
@@ -387,7 +455,10 @@ def test_the_limit_of_time_grows_with_the_file_and_is_told(tmp_path, step, monke
     monkeypatch.setattr(cad, "time_limit", lambda size: 0.5 + 0.0 * size)
     stand_in(tmp_path, monkeypatch, "say(fraction=0.2, text='reading'); time.sleep(60)")
     message = fault(step)
-    assert "no answer within 0.5 s, the limit for 0.1 MB, while reading" in message and "timeout" in message
+    assert (
+        "no answer within 0.5 s of processor time, the limit for 0.1 MB, while reading" in message
+        and "timeout" in message
+    )
 
 
 def test_a_shape_that_takes_all_the_time_is_left_out_and_no_second_one(tmp_path, step, monkeypatch):
@@ -410,15 +481,16 @@ def test_two_parts_of_one_name_are_refused(step):
 def test_an_interrupt_as_reading_begins_leaves_nothing_behind(tmp_path, monkeypatch):
     """Ctrl-C can come between any two lines; the clock that limits the reading must not keep the program alive."""
     file = m.write_step(tmp_path / "box.step", {"box": (m.box(0.1, 0.1, 0.1), pin.SE3.Identity(), (0.5, 0.5, 0.5))})
-    started: list[threading.Timer] = []
-    start = threading.Timer.start
+    started: list[threading.Thread] = []
+    start = threading.Thread.start
 
-    def interrupted(timer: threading.Timer) -> None:
-        started.append(timer)
-        start(timer)
-        raise KeyboardInterrupt
+    def interrupted(thread: threading.Thread) -> None:
+        start(thread)
+        if getattr(thread, "_target", None) is guarded._watch:
+            started.append(thread)
+            raise KeyboardInterrupt
 
-    monkeypatch.setattr(threading.Timer, "start", interrupted)
+    monkeypatch.setattr(threading.Thread, "start", interrupted)
     with pytest.raises(KeyboardInterrupt):
         vp.load(file)
     assert len(started) == 1 and started[0].daemon

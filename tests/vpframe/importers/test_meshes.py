@@ -15,7 +15,7 @@ import vpframe as vp
 from collision import Tolerance
 from constraints.geometry.surfaces import Cylinder
 from constraints.recognition.fits import KINDS, FitError, fit_kind
-from vpframe.importers.meshes import weld
+from vpframe.importers.mesh_files import weld
 from vpframe.importers.region_growing import neighbours
 from vpframe.importers.segmentation import segment
 from vpframe.scene import modelling as m
@@ -335,6 +335,99 @@ def test_a_mesh_inside_out_is_turned_and_an_open_one_named(tmp_path):
     part = vp.load(tmp_path / "b.stl")["b"]
     assert not part.shape.closed
     assert any("open" in note for note in part.shape.notes)
+
+
+def doubled(faces: np.ndarray, how: str) -> np.ndarray:
+    return {
+        "all": np.vstack([faces, faces]),
+        "turned": np.vstack([faces, faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]]),
+        "some": np.vstack([faces, faces[3:8], faces[5:6]]),
+        "backs": np.vstack([faces, faces[:, ::-1]]),
+        "backs twice": np.vstack([faces, faces[:, ::-1], faces, faces[:, ::-1]]),
+    }[how]
+
+
+@pytest.mark.parametrize(
+    ("how", "note"),
+    [
+        ("all", "12 triangles that the file has twice dropped"),
+        ("turned", "24 triangles that"),
+        ("some", "6 triangles that"),
+        ("backs", "backs dropped"),
+        ("backs twice", "24 triangles that"),
+    ],
+)
+@pytest.mark.parametrize("form", ["stl", "obj", "ply", "glb"])
+def test_triangles_that_are_there_twice_are_dropped_and_counted(tmp_path, form, how, note):
+    faces = doubled(BOX.faces, how)
+    trimesh.Trimesh(BOX.vertices, faces, process=False).export(tmp_path / f"a.{form}")
+    (part,) = vp.load(tmp_path / f"a.{form}", **({} if form == "glb" else {"unit": "m"})).parts
+    assert part.mesh.n_triangles == 12 and part.shape.closed
+    assert part.shape.volume == pytest.approx(0.006, rel=1e-6)
+    assert any(note in line for line in part.shape.notes)
+
+
+def test_a_wall_between_two_blocks_of_one_mesh_is_kept_and_noted(tmp_path):
+    left, right = trimesh.creation.box((1.0, 1.0, 1.0)), trimesh.creation.box((1.0, 1.0, 1.0))
+    right.apply_translation((1.0, 0.0, 0.0))
+    wall = np.flatnonzero(right.face_normals[:, 0] < -0.5)
+    faces = right.faces.copy()
+    other = left.faces[np.flatnonzero(left.face_normals[:, 0] > 0.5)]
+    place = {tuple(v): i for i, v in enumerate(right.vertices.tolist())}
+    faces[wall] = [[place[tuple(left.vertices[k])] for k in t[::-1]] for t in other]
+    right = trimesh.Trimesh(right.vertices, faces, process=False)
+    trimesh.util.concatenate([left, right]).export(tmp_path / "a.stl")
+    (part,) = vp.load(tmp_path / "a.stl", unit="m").parts
+    assert part.shape.volume == pytest.approx(2.0, rel=1e-6)
+    assert any("2 triangles have their back" in note for note in part.shape.notes)
+
+
+def test_a_face_wound_the_other_way_is_noted(tmp_path):
+    faces = BOX.faces.copy()
+    faces[4] = faces[4][::-1]
+    trimesh.Trimesh(BOX.vertices, faces, process=False).export(tmp_path / "a.stl")
+    (part,) = vp.load(tmp_path / "a.stl").parts
+    assert not part.shape.closed and any("wound the wrong way" in note for note in part.shape.notes)
+
+
+@pytest.mark.parametrize("names", [["a"] * 3, ["a", "b", "a", "b"], ["a", "a_2", "a"], ["", "", ""]])
+@pytest.mark.parametrize("material", [False, True])
+def test_objects_of_one_name_of_an_obj_file_are_parts(tmp_path, names, material):
+    text = ["mtllib a.mtl"]
+    for i, name in enumerate(names):
+        text += [f"v {x + i} {y} {z}" for x, y, z in BOX.vertices]
+        text += [f"o {name}", *([f"usemtl m{i % 2}"] if material else [])]
+        text += ["f {} {} {}".format(*(f + 1 + 8 * i)) for f in BOX.faces]
+    (tmp_path / "a.obj").write_text("\n".join(text))
+    (tmp_path / "a.mtl").write_text("newmtl m0\nKd 1 0 0\nnewmtl m1\nKd 0 1 0\n")
+    scene = vp.load(tmp_path / "a.obj", unit="m")
+    assert len(scene) == len(names)
+    assert sum(p.shape.volume for p in scene.parts) == pytest.approx(0.006 * len(names), rel=1e-6)
+    assert all(name.isprintable() for name in scene.names)
+    assert sorted(name[:1] for name in scene.names if name != "a") <= sorted(name[:1] or "a" for name in names)
+
+
+@pytest.mark.parametrize("mesh", ["x", None, [0], 0.5, True, {"mesh": 0}])
+def test_a_node_of_a_glb_file_whose_mesh_is_no_number_is_noted(tmp_path, mesh):
+    nodes = [{"mesh": 0, "name": "box"}, {"mesh": mesh, "name": "odd"}]
+    try:
+        scene = vp.load(write_glb(tmp_path / "a.glb", nodes=nodes))
+    except vp.LoadError as error:
+        assert "\n" not in str(error)
+    else:
+        assert scene.names == ("a",)
+        assert any("odd is left out: its mesh is" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize("nodes", [[0], [0, "1"], [0, None]])
+def test_a_node_of_a_glb_file_outside_its_scene_is_noted(tmp_path, nodes):
+    both = [{"mesh": 0, "name": "box"}, {"mesh": 0, "name": "odd"}]
+    try:
+        scene = vp.load(write_glb(tmp_path / "a.glb", nodes=both, scenes=[{"nodes": nodes}]))
+    except vp.LoadError as error:
+        assert "\n" not in str(error)
+    else:
+        assert scene.names == ("a",) and any("odd is left out" in note for note in scene.notes)
 
 
 def test_zero_area_triangles_are_dropped_and_counted(tmp_path):
