@@ -1,6 +1,6 @@
 """Reading processes forked off one that has imported the CAD kernel, without the second that Python takes to start.
 
-`forked()` has `vpframe.importers.cad` fork its reading processes from a zygote. All else is as without it: a process
+`forked()` has `vpframe.importers.guarded` fork reading processes from a zygote. All else is as without it: a process
 for each file, its limits of time and memory, its end with ours, its exit code, its memory as the system tells it. A
 zygote has only imported: a kernel that has run once cannot be forked.
 
@@ -35,14 +35,14 @@ def forked() -> Iterator[None]:
 
     A stand-in for the reader that a test sets is a process of its own.
     """
-    from vpframe.importers import cad
+    from vpframe.importers import guarded
 
-    reader, lock = cad.READER, threading.Lock()
+    reader, lock = guarded.READER, threading.Lock()
     with contextlib.ExitStack() as ends:
         channel: list[socket.socket] = []
 
         def popen(command: list[str], **options: Any) -> Any:
-            if reader != cad.READER:
+            if reader != guarded.READER:
                 return subprocess.Popen(command, **options)
             with lock:
                 if not channel:
@@ -50,17 +50,22 @@ def forked() -> Iterator[None]:
                 return _Reader(channel[0], command, **options)
 
         module = SimpleNamespace(Popen=popen, PIPE=subprocess.PIPE)
-        ends.enter_context(mock.patch.object(cad, "subprocess", module))
+        ends.enter_context(mock.patch.object(guarded, "subprocess", module))
         yield
 
 
 @contextlib.contextmanager
 def _zygote(environment: dict[str, str]) -> Iterator[socket.socket]:
     """A process that has imported what readers import; the socket for requests."""
-    from vpframe.importers import cad
+    from vpframe.importers import cad, guarded
 
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    words = [str(cad.READER), str(os.getpid()), str(theirs.fileno()), *cad._package_folders(cad.READER.parent)]
+    words = [
+        str(guarded.READER),
+        str(os.getpid()),
+        str(theirs.fileno()),
+        *guarded.package_folders(guarded.READER.parent, cad.PACKAGES),
+    ]
     process = subprocess.Popen([sys.executable, "-I", __file__, *words], pass_fds=[theirs.fileno()], env=environment)
     theirs.close()
     try:
@@ -83,7 +88,7 @@ def _adopting() -> Iterator[None]:
 
 
 class _Reader:
-    """A forked reading process, as far as `cad` uses a `subprocess.Popen`."""
+    """A forked reading process, as far as `guarded` uses a `subprocess.Popen`."""
 
     def __init__(self, zygote: socket.socket, command: list[str], stderr: IO[str], cwd: str, **_: Any) -> None:
         inner_in, outer_in = os.pipe()

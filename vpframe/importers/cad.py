@@ -1,22 +1,14 @@
 """STEP and IGES through OpenCascade in a separate process, so that a crash of the kernel cannot end this one.
 
-The process is isolated: it imports nothing from the folders of file, script or user, has limits of memory and time, and
-ends with its parent.
+See `guarded`.
 """
 
 from __future__ import annotations
 
-import contextlib
-import importlib.util
-import json
 import os
 import re
-import signal
 import subprocess
-import sys
 import tempfile
-import threading
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -25,27 +17,19 @@ from typing import Any
 import numpy as np
 
 from vpframe.errors import LoadError
-from vpframe.importers import archive
+from vpframe.importers import archive, guarded
 from vpframe.importers.checks import FORMATS, iges_damage
 from vpframe.importers.raw import RawScene, RawShape
 from vpframe.importers.step_text import StepText, scan
 
 Progress = Callable[[float, str], None]
-READER = Path(__file__).with_name("_reader.py")
+PACKAGES = ("OCP", "numpy")
+"""needed in the reading process"""
 MEGABYTE = 1e6
 MEMORY = 1_750_000_000
-"""memory for reading, bytes, plus MEMORY_OF_SIZE times the size of the files: below 2 GB with the kernel's code. The
+"""resident memory for reading, bytes, plus MEMORY_OF_SIZE times the size of the files: below 2 GB. The
 idle kernel takes 0.25 GB; measured models took below 80 bytes for each byte (um2_head: 0.05 GB for 2.6 MB)."""
 MEMORY_OF_SIZE = 200
-CROWDED = 0.4
-"""fraction of the memory above which a crash counts as lack of memory, since growing arrays are copied to twice
-their size"""
-
-_THRIFTY = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "8"}
-"""keeps idle threads on machines with many cores from taking memory"""
-SAMPLING = 0.02
-"""s between two looks at the memory of the process"""
-_PEAK = re.compile(r"VmHWM:\s+(\d+) kB")
 _EXTERNAL = re.compile(rb"DOCUMENT_FILE\s*\(\s*'((?:[^']|'')+)'")
 
 
@@ -68,7 +52,7 @@ def _bytes(file: Path) -> bytes:
 
 
 def time_limit(size: int) -> float:
-    """Default time limit for reading `size` bytes, s: one minute for each megabyte, at least one."""
+    """Default limit of processor time for reading `size` bytes, s: one minute for each megabyte, at least one."""
     return 60.0 * max(1.0, size / MEGABYTE)
 
 
@@ -88,8 +72,8 @@ def read(
     shape while the kernel process continues.
 
     A shape that crashes the kernel or exceeds time or memory is left out by reading again without it, and named in the
-    notes. Raises LoadError if the file cannot be read within `timeout` seconds (default `time_limit`), or its unit of
-    length is unknown.
+    notes. Raises LoadError if the file cannot be read within `timeout` s of processor time (default `time_limit`), or
+    its unit of length is unknown.
     """
     path = files[0]
     with ThreadPoolExecutor(1) as pool:  # reads the text while the kernel starts
@@ -168,8 +152,7 @@ def _read_without_crashing(
     faults: _Faults,
     given: Sequence[Any],
 ) -> RawScene:
-    limit = time_limit(faults.size) if timeout is None else timeout
-    memory = MEMORY + MEMORY_OF_SIZE * faults.size
+    limits = _limits(faults.size, timeout)
     skip: dict[int, str] = {}
     late = False
     while True:
@@ -179,11 +162,10 @@ def _read_without_crashing(
             "deflection": deflection,
             "angular": angular,
             "skip": skip,
-            "memory": memory,
-            "folders": _package_folders(path.resolve().parent),
+            "folders": guarded.package_folders(path.resolve().parent, PACKAGES),
             "given": given,
         }
-        outcome, raw = _read_once(request, limit, progress, settle, faults)
+        outcome, raw = _read_once(request, limits, progress, settle, faults)
         if raw is not None:
             raw.whole = not skip
             return raw
@@ -193,23 +175,23 @@ def _read_without_crashing(
         if outcome.shape is None or outcome.shape in skip or (outcome.late and late):
             damage = f"it is damaged: {where}" if where else "it is probably damaged"
             mend = "open it in a CAD program and export it again"
-            how = outcome.how_it_ended(limit, memory)
+            how = outcome.how_it_ended()
             if outcome.late and timeout is None:
                 how += f", the limit for {faults.size / MEGABYTE:.1f} MB,"
             if (outcome.late or outcome.memory) and not where:
                 damage = f"it is damaged, or takes a coarser deflection{' or a longer timeout' if outcome.late else ''}"
             raise LoadError(f"{path}: {how} while {outcome.text}; {damage}; {mend}", str(path))
         late |= outcome.late
-        skip[outcome.shape] = outcome.what_is_wrong(limit, memory)
+        skip[outcome.shape] = _what_is_wrong(outcome)
 
 
 def _read_once(
     request: dict[str, Any],
-    limit: float,
+    limits: guarded.Limits,
     progress: Progress | None,
     settle: Callable[[RawShape], RawShape],
     faults: _Faults,
-) -> tuple[_Outcome, RawScene | None]:
+) -> tuple[guarded.Outcome, RawScene | None]:
     """Run the process once; return its outcome, and on success the raw scene. Shapes are settled meanwhile."""
     worker = ThreadPoolExecutor(1)
     shapes: list[Future[RawShape]] = []
@@ -220,7 +202,8 @@ def _read_once(
             shapes.append(worker.submit(lambda: settle(archive.read(archived).shapes[0])))
 
         try:
-            outcome = _run({**request, "out": folder}, folder, limit, progress, ready, faults.end_if_refused)
+            begun = guarded.Outcome(limits)
+            outcome = guarded.run({**request, "out": folder}, folder, begun, progress, ready, faults.end_if_refused)
             faults.check_units()
             if not outcome.done:
                 return outcome, None
@@ -248,134 +231,25 @@ def _without_empty(raw: RawScene, path: Path) -> RawScene:
     return raw
 
 
-def _package_folders(beside: Path) -> list[str]:
-    """Return the folders of the packages that reading needs, for a Python that does not find them by itself.
-
-    The file's own folder is never included.
-    """
-    folders = []
-    for name in ("OCP", "numpy"):
-        spec = importlib.util.find_spec(name)
-        if spec is not None and spec.origin is not None:
-            folder = Path(spec.origin).resolve().parent.parent
-            if folder != beside and str(folder) not in folders:
-                folders.append(str(folder))
-    return folders
+def _limits(size: int, timeout: float | None) -> guarded.Limits:
+    """Limits for input of `size` bytes."""
+    return guarded.Limits(time_limit(size) if timeout is None else timeout, MEMORY + MEMORY_OF_SIZE * size)
 
 
-class _Outcome:
-    """Last message of the reading process, and how it ended."""
-
-    def __init__(self) -> None:
-        self.text = "starting the CAD kernel"
-        self.shape: int | None = None
-        self.error: str | None = None
-        self.done = self.late = self.memory = False
-        self.code = self.peak = 0
-        self.words = ""
-
-    def hear(self, message: dict[str, Any], progress: Progress | None, ready: Callable[[int], None]) -> None:
-        """Process one message of the process."""
-        if "ready" in message:
-            ready(message["ready"])
-            return
-        if message.get("memory"):
-            self.memory = True
-            return
-        self.error = message.get("error")
-        self.done = message.get("done", False)
-        self.shape = message.get("shape")
-        if "text" in message:
-            self.text = message["text"]
-            if progress is not None:
-                progress(message["fraction"], message["text"])
-
-    def how_it_ended(self, limit: float, memory: float) -> str:
-        """Describe how the process ended; `limit` in s, `memory` in bytes."""
-        if self.late:
-            return f"no answer within {limit:g} s"
-        if self.memory:
-            return f"more than {memory / 1e9:.1f} GB of memory are needed"
-        if self.code < 0:
-            return f"the CAD kernel crashed ({signal.Signals(-self.code).name})"
-        last = self.words.strip().splitlines()[-1:]
-        return f"the CAD kernel gave up ({last[0] if last else f'exit code {self.code}'})"
-
-    def what_is_wrong(self, limit: float, memory: float) -> str:
-        """Describe why the shape being meshed failed."""
-        if self.late:
-            return f"is not meshed within {limit:g} s"
-        return f"takes more than {memory / 1e9:.1f} GB to mesh" if self.memory else "crashes the CAD kernel"
-
-
-def _run(
-    request: dict[str, Any],
-    folder: str,
-    limit: float,
-    progress: Progress | None,
-    ready: Callable[[int], None],
-    begun: Callable[[subprocess.Popen[str]], None],
-) -> _Outcome:
-    outcome = _Outcome()
-    command = [sys.executable, "-I", str(READER), json.dumps(request)]
-    empty = os.path.join(folder, "empty")
-    os.mkdir(empty)
-    with open(os.path.join(folder, "words"), "w+", encoding="utf-8", errors="replace") as words:
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=words,
-            cwd=empty,
-            env={**os.environ, **_THRIFTY},
-            encoding="utf-8",
-        )
-        watch = threading.Timer(limit, _give_up, (process, outcome))
-        watch.daemon = True  # so that an interrupt at any point cannot keep this process alive
-        try:
-            watch.start()
-            threading.Thread(target=_watch_memory, args=(process.pid, outcome), daemon=True).start()
-            begun(process)
-            assert process.stdout is not None
-            for line in process.stdout:
-                outcome.hear(json.loads(line), progress, ready)
-            process.wait()
-            outcome.code = process.returncode
-        finally:
-            watch.cancel()
-            process.kill()
-            process.communicate()
-        words.seek(0)
-        outcome.words = words.read()
-    outcome.memory |= "bad_alloc" in outcome.words
-    outcome.memory |= outcome.code < 0 and not outcome.late and outcome.peak > CROWDED * request["memory"]
-    return outcome
-
-
-def _watch_memory(pid: int, outcome: _Outcome) -> None:
-    """Keep the peak memory of a process until it ends; on Linux.
-
-    What the system tells at its end begins with the peak of the process that started it.
-    """
-    with contextlib.suppress(OSError):
-        while found := _PEAK.search(Path(f"/proc/{pid}/status").read_text(encoding="ascii", errors="replace")):
-            outcome.peak = 1024 * int(found[1])
-            time.sleep(SAMPLING)
-
-
-def _give_up(process: subprocess.Popen[str], outcome: _Outcome) -> None:
-    outcome.late = True
-    process.kill()
+def _what_is_wrong(outcome: guarded.Outcome) -> str:
+    """Describe why the shape being meshed failed."""
+    if outcome.late:
+        return f"is not meshed within {outcome.limits.seconds:g} s of processor time"
+    return (
+        f"takes more than {outcome.limits.memory / 1e9:.1f} GB to mesh" if outcome.memory else "crashes the CAD kernel"
+    )
 
 
 def in_kernel(request: dict[str, Any], folder: str, limit: float, size: int) -> str:
     """Run a request other than reading in the process; return the reason of a failure, "" on success.
 
-    folder: temporary folder for its output. limit: s. size: of its input, bytes.
+    folder: temporary folder for its output. limit: s of processor time. size: of its input, bytes.
     """
-    memory = MEMORY + MEMORY_OF_SIZE * size
-    whole = {**request, "memory": memory, "folders": _package_folders(Path(folder))}
-    outcome = _run(whole, folder, limit, None, lambda number: None, lambda process: None)
-    if outcome.done:
-        return ""
-    return outcome.error or outcome.how_it_ended(limit, memory)
+    whole = {**request, "folders": guarded.package_folders(Path(folder), PACKAGES)}
+    outcome = guarded.run(whole, folder, guarded.Outcome(_limits(size, limit)))
+    return "" if outcome.done else outcome.error or outcome.how_it_ended()

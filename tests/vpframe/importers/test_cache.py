@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 import vpframe as vp
-from vpframe.importers import archive, cache, cad
+from vpframe.importers import archive, cache, cad, guarded
 from vpframe.scene import modelling as m
 
 ROOT = Path(vp.__file__).parent.parent
@@ -30,13 +30,13 @@ def place(tmp_path, monkeypatch) -> Path:
 def runs(monkeypatch) -> list[str]:
     """The files that the kernel was started for."""
     started: list[str] = []
-    run = cad._run
+    run = guarded.run
 
     def counted(request, *more):
         started.append(Path(request["path"]).name)
         return run(request, *more)
 
-    monkeypatch.setattr(cad, "_run", counted)
+    monkeypatch.setattr(guarded, "run", counted)
     return started
 
 
@@ -168,7 +168,7 @@ def test_what_is_lost_for_want_of_time_is_not_remembered(tmp_path, place, monkey
     def late(request, *more):
         if request["skip"]:
             return once(request, *more)
-        outcome = cad._Outcome()
+        outcome = guarded.Outcome(guarded.Limits(1.0, 1.0))
         outcome.late, outcome.shape = True, 0
         return outcome, None
 

@@ -22,7 +22,7 @@ from OCP.IGESControl import IGESControl_Writer
 
 import vpframe as vp
 from tests.vpframe.importers.test_meshes import write_glb
-from vpframe.importers import cad
+from vpframe.importers import cad, guarded
 from vpframe.importers.checks import iges_damage
 from vpframe.importers.step_text import scan
 from vpframe.scene import modelling as m
@@ -250,7 +250,7 @@ say(fraction=0.1, text="meshing a", shape=0)
 
 def stand_in(tmp_path, monkeypatch, body: str) -> None:
     (tmp_path / "stand_in_reader.py").write_text(READER.format(body=body))
-    monkeypatch.setattr(cad, "READER", tmp_path / "stand_in_reader.py")
+    monkeypatch.setattr(guarded, "READER", tmp_path / "stand_in_reader.py")
 
 
 def test_a_shape_that_crashes_the_kernel_is_skipped_and_the_rest_is_read(tmp_path, step, monkeypatch):
@@ -261,7 +261,7 @@ def test_a_shape_that_crashes_the_kernel_is_skipped_and_the_rest_is_read(tmp_pat
 if list(request["skip"]) != ["0"]:
     os.kill(os.getpid(), signal.SIGSEGV)
 import runpy
-runpy.run_path({str(cad.READER)!r}, run_name="__main__")
+runpy.run_path({str(guarded.READER)!r}, run_name="__main__")
 """,
     )
     scene = vp.load(step)
@@ -279,7 +279,7 @@ def test_a_kernel_that_always_crashes_hangs_or_gives_up_is_one_line(tmp_path, st
 
 
 def test_the_memory_of_this_process_is_not_taken_for_that_of_a_reader_that_crashes(tmp_path, step, monkeypatch):
-    monkeypatch.setattr(cad, "CROWDED", 100e6 / cad.MEMORY)
+    monkeypatch.setattr(guarded, "CROWDED", 100e6 / cad.MEMORY)
     assert 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > 110e6
     stand_in(tmp_path, monkeypatch, "os.kill(os.getpid(), signal.SIGSEGV)")
     assert "SIGSEGV" in fault(step)
@@ -340,8 +340,8 @@ def test_a_source_checkout_reads_with_its_own_package(tmp_path, step):
 
 def test_packages_are_found_where_this_process_has_them_but_never_beside_the_file():
     (folder,) = {str(Path(module.__file__).parent.parent) for module in (OCP, np)}
-    assert cad._package_folders(Path("/somewhere")) == [folder]
-    assert cad._package_folders(Path(folder)) == []
+    assert guarded.package_folders(Path("/somewhere"), cad.PACKAGES) == [folder]
+    assert guarded.package_folders(Path(folder), cad.PACKAGES) == []
 
 
 def test_reading_ends_with_the_process_that_asked_for_it(tmp_path):
@@ -387,7 +387,10 @@ def test_the_limit_of_time_grows_with_the_file_and_is_told(tmp_path, step, monke
     monkeypatch.setattr(cad, "time_limit", lambda size: 0.5 + 0.0 * size)
     stand_in(tmp_path, monkeypatch, "say(fraction=0.2, text='reading'); time.sleep(60)")
     message = fault(step)
-    assert "no answer within 0.5 s, the limit for 0.1 MB, while reading" in message and "timeout" in message
+    assert (
+        "no answer within 0.5 s of processor time, the limit for 0.1 MB, while reading" in message
+        and "timeout" in message
+    )
 
 
 def test_a_shape_that_takes_all_the_time_is_left_out_and_no_second_one(tmp_path, step, monkeypatch):
@@ -410,15 +413,16 @@ def test_two_parts_of_one_name_are_refused(step):
 def test_an_interrupt_as_reading_begins_leaves_nothing_behind(tmp_path, monkeypatch):
     """Ctrl-C can come between any two lines; the clock that limits the reading must not keep the program alive."""
     file = m.write_step(tmp_path / "box.step", {"box": (m.box(0.1, 0.1, 0.1), pin.SE3.Identity(), (0.5, 0.5, 0.5))})
-    started: list[threading.Timer] = []
-    start = threading.Timer.start
+    started: list[threading.Thread] = []
+    start = threading.Thread.start
 
-    def interrupted(timer: threading.Timer) -> None:
-        started.append(timer)
-        start(timer)
-        raise KeyboardInterrupt
+    def interrupted(thread: threading.Thread) -> None:
+        start(thread)
+        if getattr(thread, "_target", None) is guarded._watch:
+            started.append(thread)
+            raise KeyboardInterrupt
 
-    monkeypatch.setattr(threading.Timer, "start", interrupted)
+    monkeypatch.setattr(threading.Thread, "start", interrupted)
     with pytest.raises(KeyboardInterrupt):
         vp.load(file)
     assert len(started) == 1 and started[0].daemon
