@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from OCP.BinTools import BinTools, BinTools_FormatVersion
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
-from OCP.BRepTools import BRepTools_ReShape
 from OCP.collections import (
     IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as AncestorMap,
 )
@@ -31,7 +31,7 @@ from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Iterator, TopoDS_Shape
 
 from collision.mesh import welded
 from vpframe.importers.patches import patch
@@ -87,7 +87,7 @@ def tessellate(
     every = {number: TopoDS.Face(faces.FindKey(number)) for number in range(1, faces.Extent() + 1)}
     own = {number for number, face in every.items() if not mesher or _is_round_cone(face)}
     if len(own) < len(every):
-        given = _compound(face for number, face in every.items() if number not in own) if own else shape
+        given = compound_of(face for number, face in every.items() if number not in own) if own else shape
         BRepMesh_IncrementalMesh(given, deflection / MM, False, angular, True)
     tell(MESHED)
     pieces = {number: NOTHING if number in own else _triangles(face) for number, face in every.items()}
@@ -110,9 +110,10 @@ def tessellate(
         if len(corners):
             raw.faces.append(_type(every[number], f"face_{number}"))
             raw.faces[-1].color, raw.faces[-1].size = color(every[number]), size(every[number])
-    shape = _outwards(shape, faces, [number for number, (_, corners) in pieces.items() if len(corners)], raw)
+    numbers = [number for number, (_, corners) in pieces.items() if len(corners)]
+    shape, inside = _outwards(shape, faces, numbers, raw)
     raw.brep = brep_bytes(shape)
-    _measure(shape, raw, deflection)
+    _measure(shape, raw, raw.triangles[inside], deflection)
     return raw
 
 
@@ -124,7 +125,8 @@ def _is_round_cone(face: TopoDS_Face) -> bool:
     return surface.LastUParameter() - surface.FirstUParameter() >= ROUND
 
 
-def _compound(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
+def compound_of(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
+    """Return one shape of several."""
     compound, builder = TopoDS_Compound(), BRep_Builder()
     builder.MakeCompound(compound)
     for shape in shapes:
@@ -178,10 +180,10 @@ class _Patches:
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(TopoDS.Face(face), location)
         polygon = None if mesh is None else BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
-        if polygon is None or not polygon.HasParameters():
+        points = self._pieces[self._faces.FindIndex(face)][0]
+        if polygon is None or not polygon.HasParameters() or not len(points):
             return None
         nodes = range(1, polygon.NbNodes() + 1)
-        points = self._pieces[self._faces.FindIndex(face)][0]
         return np.array([polygon.Parameter(i) for i in nodes]), points[[polygon.Node(i) - 1 for i in nodes]]
 
 
@@ -322,28 +324,41 @@ def _samples(face: TopoDS_Face, surface: BRepAdaptor_Surface) -> Array:
     return np.array([(p.X(), p.Y(), p.Z()) for p in (surface.Value(u, v) for u, v in middles)]) * MM
 
 
-def _outwards(shape: TopoDS_Shape, faces: ShapeMap, numbers: list[int], raw: RawShape) -> TopoDS_Shape:
-    """Return the shape with each solid's faces pointing out of it, and turn the triangles of `raw` in the same way.
+def _outwards(
+    shape: TopoDS_Shape, faces: ShapeMap, numbers: list[int], raw: RawShape
+) -> tuple[TopoDS_Shape, NDArray[np.bool_]]:
+    """Return the shape with each solid's faces pointing out of it, and which triangles are those of solids.
 
-    numbers: those in `faces` of the faces that have triangles, in the order of `raw.faces`.
+    The triangles of `raw` are turned likewise. numbers: those in `faces` of the faces that have triangles, in the order
+    of `raw.faces`.
     """
     solids = _solids(shape)
     inverted = []
+    inside = np.zeros(len(raw.triangles), bool)
     for i, solid in enumerate(solids):
         own = ShapeMap()
         TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_FACE, own)
         mine = np.array([own.Contains(faces.FindKey(number)) for number in numbers], bool)[raw.face_of_triangle]
+        inside |= mine
         if signed_volume(raw.vertices, raw.triangles[mine]) < 0.0:
             inverted.append(i)
             raw.triangles[mine] = raw.triangles[mine][:, [0, 2, 1]]
     if not inverted:
-        return shape
+        return shape, inside
+    return _turned(shape, [solids[i] for i in inverted]), inside
+
+
+def _turned(shape: TopoDS_Shape, inverted: list[TopoDS_Shape]) -> TopoDS_Shape:
+    """Return a shape with some of its solids reversed."""
     if shape.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID:
-        return shape.Reversed()
-    turned = BRepTools_ReShape()
-    for i in inverted:
-        turned.Replace(solids[i], solids[i].Reversed())
-    return turned.Apply(shape)
+        return shape.Reversed() if any(shape.IsSame(solid) for solid in inverted) else shape
+    if shape.ShapeType() != TopAbs_ShapeEnum.TopAbs_COMPOUND:
+        return shape
+    children, iterator = [], TopoDS_Iterator(shape)
+    while iterator.More():
+        children.append(_turned(iterator.Value(), inverted))
+        iterator.Next()
+    return compound_of(children)
 
 
 def _solids(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
@@ -352,19 +367,18 @@ def _solids(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
     return [solids.FindKey(i) for i in range(1, solids.Extent() + 1)]
 
 
-def _measure(shape: TopoDS_Shape, raw: RawShape, deflection: float) -> None:
-    """Compute volume, centre and inertia of the exact solids; not for sheets, open solids and damaged ones."""
+def _measure(shape: TopoDS_Shape, raw: RawShape, triangles: NDArray[np.int32], deflection: float) -> None:
+    """Compute volume, centre and inertia of the exact solids, which have `triangles`; not of open and damaged ones."""
     solids = _solids(shape)
-    if not solids or len(open_edges(raw.triangles)):
+    if not solids or len(open_edges(triangles)):
         return
     properties = GProp_GProps()
-    BRepGProp.VolumeProperties_s(_compound(solids) if len(solids) > 1 else solids[0], properties)
-    volume, meshed = properties.Mass() * MM**3, signed_volume(raw.vertices, raw.triangles)
-    area = float(np.linalg.norm(triangle_area_vectors(raw.vertices, raw.triangles), axis=1).sum())
-    if not abs(volume - meshed) <= 0.05 * meshed + area * raw.deflection:  # it may be nan
-        raw.notes.append(
-            f"its exact volume, {volume * 1e9:.6g} mm³, is not that of its triangles, {meshed * 1e9:.6g} mm³, which is used"
-        )
+    BRepGProp.VolumeProperties_s(compound_of(solids) if len(solids) > 1 else solids[0], properties)
+    volume, meshed = properties.Mass() * MM**3, signed_volume(raw.vertices, triangles)
+    area = float(np.linalg.norm(triangle_area_vectors(raw.vertices, triangles), axis=1).sum())
+    if not abs(volume - meshed) <= 0.05 * meshed + area * deflection:  # it may be nan
+        wrong, right = (f"{each * 1e9:.6g} mm³" for each in (volume, meshed))
+        raw.notes.append(f"its exact volume, {wrong}, is not that of its triangles, {right}, which is taken")
         return
     if volume > 0.0:
         inertia = properties.MatrixOfInertia()

@@ -5,6 +5,7 @@ This replaces the kernel's mesher where that returns nothing or does not end. Le
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable
 from typing import Any
 
@@ -135,19 +136,22 @@ class _Refined:
         return np.array(self._points), np.array(triangles, np.int64).reshape(-1, 3)
 
     def refine(self, deflection: float, angular: float) -> None:
-        """Flip all inner edges to Delaunay, then split those that deviate or turn too far, until none does."""
-        self._flip(list(self._apex))
-        waiting, splits = list(self._apex), 0
-        while waiting and splits < MOST_SPLITS:
-            edges, waiting = waiting, []
+        """Flip all inner edges to Delaunay; split the one that deviates or turns most, until none does too much."""
+        waiting: list[tuple[float, int, int]] = []
+
+        def weigh(edges: list[tuple[int, int]]) -> None:
             for a, b in edges:
-                if a < b and (a, b) in self._apex and (b, a) in self._apex:
-                    middle = self._middle(a, b, deflection, angular)
-                    if middle is not None:
-                        waiting += self._flip(self._split(a, b, middle))
-                        splits += 1
-                        if splits == MOST_SPLITS:
-                            return
+                excess = self._excess(a, b, deflection, angular) if (b, a) in self._apex else 0.0
+                if excess > 1.0:
+                    heapq.heappush(waiting, (-excess, a, b))
+
+        weigh(self._flip([(a, b) for a, b in self._apex if a < b]))
+        splits = 0
+        while waiting and splits < MOST_SPLITS:
+            _, a, b = heapq.heappop(waiting)
+            if (a, b) in self._apex and (b, a) in self._apex:
+                weigh(self._flip(self._split(a, b)))
+                splits += 1
 
     def _add(self, a: int, b: int, c: int) -> None:
         self._apex[a, b], self._apex[b, c], self._apex[c, a] = c, a, b
@@ -190,16 +194,19 @@ class _Refined:
         size = (abs(sin_c) + abs(cos_c)) * (abs(sin_d) + abs(cos_d))
         return sin_c * cos_d + cos_c * sin_d < -1e-12 * size
 
-    def _middle(self, a: int, b: int, deflection: float, angular: float) -> tuple[float, float, Any] | None:
-        """Parameters and point at the middle of an edge that must be split; None for one that need not be."""
+    def _middle(self, a: int, b: int) -> tuple[float, float, tuple[float, float, float]]:
+        """Parameters and surface point at the middle of an edge."""
         (ua, va), (ub, vb) = self._uv[a], self._uv[b]
         u, v = 0.5 * (ua + ub), 0.5 * (va + vb)
         p = self._surface.Value(u, v)
-        point = (p.X(), p.Y(), p.Z())
-        away = _distance(point, self._points[a], self._points[b])
-        if away <= LEAST * deflection or (away <= deflection and self._turn(a, b) <= TURN * angular):
-            return None
-        return u, v, point
+        return u, v, (p.X(), p.Y(), p.Z())
+
+    def _excess(self, a: int, b: int, deflection: float, angular: float) -> float:
+        """Deviation of an edge, or turn of the normal along it, in units of what is allowed."""
+        away = _distance(self._middle(a, b)[2], self._points[a], self._points[b])
+        if away <= LEAST * deflection:
+            return 0.0
+        return max(away / deflection, self._turn(a, b) / (TURN * angular))
 
     def _turn(self, a: int, b: int) -> float:
         """Angle between the surface's normals at two points, rad; 0 where there is none."""
@@ -217,12 +224,13 @@ class _Refined:
             self._normals[i] = normal if normal.Magnitude() > 1e-9 * size > 0.0 else None
         return self._normals[i]
 
-    def _split(self, a: int, b: int, middle: tuple[float, float, Any]) -> list[tuple[int, int]]:
+    def _split(self, a: int, b: int) -> list[tuple[int, int]]:
         """Put a point on an inner edge; returns the edges to be looked at."""
         c, d = self._apex[a, b], self._apex[b, a]
         m = len(self._uv)
-        self._uv.append(middle[:2])
-        self._points.append(middle[2])
+        u, v, point = self._middle(a, b)
+        self._uv.append((u, v))
+        self._points.append(point)
         self._drop(a, b, c)
         self._drop(b, a, d)
         for x, y, z in ((a, m, c), (m, b, c), (b, m, d), (m, a, d)):
