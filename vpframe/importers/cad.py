@@ -5,11 +5,12 @@ See `guarded`.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import subprocess
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from vpframe.errors import LoadError
 from vpframe.importers import archive, guarded
 from vpframe.importers.checks import FORMATS, iges_damage
 from vpframe.importers.raw import RawScene, RawShape
-from vpframe.importers.step_text import StepText, scan
+from vpframe.importers.step_text import StepText, circular_uses, scan, without
 
 Progress = Callable[[float, str], None]
 PACKAGES = ("OCP", "manifold3d", "numpy")
@@ -80,19 +81,38 @@ def read(
     with ThreadPoolExecutor(1) as pool:  # reads the text while the kernel starts
         texts = pool.submit(lambda: [scan(_bytes(file)) for file in files] if form == "step" else [])
         faults = _Faults(files, texts)
-        raw = _read_guarded(path, form, deflection, angular, timeout, progress, settle, faults, bodies, given)
+        with _acyclic(path, form, len(files)) as source:
+            raw = _read_guarded(source, form, deflection, angular, timeout, progress, settle, faults, bodies, given)
     if form == "iges" and (damage := iges_damage(_bytes(path))):
         raw.notes.append(f"{damage}: faces or parts may be missing")
     if form == "step":
         text = texts.result()[0]
         if text.damage:
             raw.notes.append(f"damaged: {text.damage_summary()}: faces or parts may be missing")
+        raw.notes.extend(f"{name} is used in itself: that use is left out" for name in text.circular.values())
         if any(t.no_unit for t in texts.result()):
             raw.notes.append("names no length unit for some of its shapes: millimetres are taken")
         for file, own in zip(files, texts.result(), strict=True):
             raw.notes.extend(_missing_files(file, own))
         raw.notes.extend(text.lost(raw.instances, raw.faces))
     return raw
+
+
+@contextlib.contextmanager
+def _acyclic(path: Path, form: str, count: int) -> Iterator[Path]:
+    """Give a copy of a STEP file (of `count` files) without assemblies that contain themselves; else the file."""
+    data = _bytes(path) if form == "step" and count == 1 else b""
+    uses = circular_uses(data)
+    if not uses:
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
+        copy = Path(folder, path.name)
+        copy.write_bytes(without(data, uses))
+        try:
+            yield copy
+        except LoadError as error:
+            raise LoadError(str(error).replace(str(copy), str(path)), str(path)) from None
 
 
 class _Faults:

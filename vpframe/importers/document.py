@@ -38,6 +38,7 @@ from OCP.XCAFDoc import (
     XCAFDoc_ShapeTool,
 )
 
+from vpframe.importers import wrong_side
 from vpframe.importers.brep import MM, compound_of, tessellate
 from vpframe.importers.crew import Make, left_out
 from vpframe.importers.names import numbered
@@ -312,6 +313,7 @@ class _Solids:
         self.whole = whole
         self.shapes: list[TopoDS_Shape] = []
         self._has_solid = False
+        self._product = ""
         self._owners: set[tuple[int, ...]] = set()
         self._known: list[tuple[TopoDS_Shape, list[TopoDS_Shape]]] = []
         self._joined: dict[int, TopoDS_Shape] = {}
@@ -329,6 +331,7 @@ class _Solids:
 
     def _add(self, leaf: Leaf) -> None:
         """Add parts for every body of a leaf, or one for all: its solids, and its sheets outside solids."""
+        self._product = leaf.node.product
         solids = self._explored(leaf.node.shape)
         density = _density(next(filter(None, (node.density for node in (leaf.node, *leaf.node.children))), 0.0))
         self._has_solid |= any(solid.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID for solid in solids)
@@ -363,8 +366,17 @@ class _Solids:
         for known, solids in self._known:
             if known.IsEqual(shape):
                 return solids
-        self._known.append((shape, _explore(shape)))
+        self._known.append((shape, [self._mended(body) for body in _explore(shape)]))
         return self._known[-1][1]
+
+    def _mended(self, body: TopoDS_Shape) -> TopoDS_Shape:
+        mended = wrong_side.mended(body)
+        if mended is not None:
+            self.raw.notes.append(
+                f"{self._product}: the sense of a spherical face is wrong in the file; the other side of its border, "
+                "which leaves the smaller volume, is taken"
+            )
+        return mended or body
 
     def _number(self, solid: TopoDS_Shape, place: TopLoc_Location) -> int:
         own = solid.Located(TopLoc_Location())

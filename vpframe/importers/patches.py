@@ -16,6 +16,7 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepTools import BRepTools_WireExplorer
 from OCP.gp import gp_Pnt, gp_Vec
+from OCP.ShapeAnalysis import ShapeAnalysis_Surface
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face
@@ -42,7 +43,7 @@ def patch(face: TopoDS_Face, border: Border, deflection: float, angular: float) 
     """
     forward = TopoDS.Face(face.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
     surface = BRepAdaptor_Surface(forward)
-    loops = _loops(forward, border, angular)
+    loops = _loops(forward, surface, border, deflection, angular)
     if not loops:
         return np.empty((0, 3)), np.empty((0, 3), np.int64)
     scale = _scale(surface, np.concatenate([uv for uv, _ in loops]))
@@ -60,15 +61,26 @@ def patch(face: TopoDS_Face, border: Border, deflection: float, angular: float) 
     return points, triangles[:, [0, 2, 1]] if reversed_ else triangles
 
 
-def _loops(face: TopoDS_Face, border: Border, angular: float) -> list[tuple[Array, Array]]:
-    """Return parameters (n, 2) and points (n, 3) around each wire; none if a wire is not closed in parameters."""
+def _loops(
+    face: TopoDS_Face, surface: BRepAdaptor_Surface, border: Border, deflection: float, angular: float
+) -> list[tuple[Array, Array]]:
+    """Return parameters (n, 2) and points (n, 3) around each wire.
+
+    Parameters that do not lead to their points (curves shifted by a period) are replaced by those of the nearest point.
+    """
     loops = []
     wires = TopExp_Explorer(face, TopAbs_ShapeEnum.TopAbs_WIRE)
     while wires.More():
         explorer = BRepTools_WireExplorer(TopoDS.Wire(wires.Current()), face)
         pieces = []
         while explorer.More():
-            pieces.append(_along(explorer.Current(), face, border, angular))
+            uv, points = _along(explorer.Current(), face, border, angular)
+            reached = np.array([(p.X(), p.Y(), p.Z()) for p in (surface.Value(u, v) for u, v in uv.tolist())])
+            if (np.linalg.norm(reached - points, axis=1) > deflection).any():
+                nearest = ShapeAnalysis_Surface(BRep_Tool.Surface_s(face))
+                found = [nearest.ValueOfUV(gp_Pnt(*point), deflection) for point in points.tolist()]
+                uv = np.array([(p.X(), p.Y()) for p in found])
+            pieces.append((uv, points))
             explorer.Next()
         wires.Next()
         if pieces:
