@@ -30,11 +30,13 @@ def load(
     timeout: float | None = None,
     progress: Callable[[float, str], None] | None = None,
     format: str | None = None,
+    bodies: str | None = None,
 ) -> Scene:
     """Load a CAD assembly, a mesh, a robot model, or shapes of another library, as a scene in metres.
 
     Names of CAD parts are the paths of their instances from the root ("left-bracket/bolt_1"); a single root is left
-    out, siblings of the same name are numbered, and solids of one compound are "name/1", "name/2". Instances share one
+    out, and siblings of the same name are numbered. In a file with assemblies a product without children is one rigid
+    part, whatever number of bodies it has; elsewhere each solid is a part ("name/1", "name/2"). Instances share one
     shape. Each B-rep face is a surface; faces without a type in the file are recognised or fitted within
     `Tolerance.fit`. Density is read in the first unit of g/mm³, g/cm³ and kg/m³ that makes it plausible (20 to 23,000
     kg/m³), because files often state a wrong unit. OBJ objects, groups and materials that share borders become surfaces
@@ -58,6 +60,7 @@ def load(
         1.75 GB plus 200 bytes for each byte of the file.
     progress: receives the fraction done and the present task.
     format: of bytes, "step", "obj", …; by default recognised from the content (not possible for OBJ).
+    bodies: "split" makes each solid of a CAD file a part, "whole" each product.
 
     Raises
     ------
@@ -69,10 +72,12 @@ def load(
             raise LoadError(f"{_called(source)}: {name} is {value!r}; give a positive number", _called(source))
     if unit is not None and unit not in METRES:
         raise LoadError(f"{_called(source)}: unit is {unit!r}; give one of {NAMES}", _called(source))
+    if bodies not in (None, "split", "whole"):
+        raise LoadError(f"{_called(source)}: bodies is {bodies!r}; give 'split' or 'whole'", _called(source))
     if not isinstance(source, str | Path):
         from vpframe.importers import objects
 
-        return objects.load(source, deflection, angular, unit, timeout, progress, format)
+        return objects.load(source, deflection, angular, unit, timeout, progress, format, bodies)
     path, file = source, Path(source)
     form = checked_format(file)
     if unit is not None and form not in ("stl", "obj", "ply"):
@@ -85,14 +90,14 @@ def load(
         return lambda fraction, text: progress(begin + (end - begin) * fraction, text)
 
     files = _files(file, form)
-    key = cache.key_of(files, form, deflection, angular, unit) if files else ""
+    key = cache.key_of(files, form, deflection, angular, unit, bodies) if files else ""
     raw = cache.find(key) if key else None
     if raw is None:
         if form in KERNEL:
             from vpframe.importers import cad
 
             settle = _surfaced_and_settled if form == "mjcf" else build.settled
-            raw = cad.read(files or [file], form, deflection, angular, timeout, part(0.0, READING), settle)
+            raw = cad.read(files or [file], form, deflection, angular, timeout, part(0.0, READING), settle, bodies)
             for p in raw.parts:
                 far_check(file, p.name, raw.shapes[p.shape].vertices, p.translation)
         elif form == "urdf":
@@ -107,7 +112,7 @@ def load(
 
             raw = meshes.read(file, form, unit, timeout, part(0.0, READING))
             raw.shapes = [build.settled(shape) for shape in raw.shapes]
-        if key and raw.whole and cache.key_of(files, form, deflection, angular, unit) == key:  # files unchanged
+        if key and raw.whole and cache.key_of(files, form, deflection, angular, unit, bodies) == key:  # files unchanged
             cache.keep(key, raw)
     scene = build.scene(raw, str(path), part(READING, 1.0))
     if progress is not None:

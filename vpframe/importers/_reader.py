@@ -17,9 +17,13 @@ import os
 import signal
 import sys
 import threading
-from itertools import count
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from vpframe.importers.crew import Make
 
 _PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 
@@ -101,21 +105,30 @@ def _read(request: dict[str, Any], channel: TextIO) -> None:
         write_step(request["content"], request["out"])
         return
     from vpframe.importers.archive import write
+    from vpframe.importers.crew import Crew, crew_size, resident
     from vpframe.importers.document import Given, read_document, read_given
     from vpframe.importers.raw import RawScene, RawShape
 
-    numbers = count()
+    def progress(fraction: float, text: str) -> None:
+        _say(channel, fraction=fraction, text=text)
 
-    def keep(shape: RawShape) -> None:
-        number = next(numbers)
-        write(RawScene([shape]), os.path.join(request["out"], f"{number}.archive"))
-        _say(channel, ready=number)
+    def hire(make: Make, costs: Sequence[float], texts: Sequence[str]) -> dict[int, str]:
+        """Make shapes in forked processes; report what is done, and each archive that is ready."""
+        _say(channel, found={"shapes": len(costs), "faces": int(sum(costs)), "forked": crew_size(costs) * resident()})
+        done, total = [0.0] * len(costs), max(sum(costs), 1.0)
 
-    def progress(fraction: float, text: str, shape: int | None = None) -> None:
-        _say(channel, fraction=fraction, text=text, shape=shape)
+        def tell(number: int, fraction: float) -> None:
+            done[number] = fraction * costs[number]
+            progress(0.35 + 0.65 * sum(done) / total, texts[number])
 
-    skip = {int(number): why for number, why in request["skip"].items()}
-    options = request["deflection"], request["angular"], skip, progress, keep
+        def keep(number: int, shape: RawShape) -> None:
+            write(RawScene([shape]), os.path.join(request["out"], f"{number}.archive"))
+
+        crew = Crew(make, keep, tell, lambda number: _say(channel, ready=number), request["memory"])
+        crew.run(costs)
+        return crew.lost
+
+    options = request["deflection"], request["angular"], request["bodies"], progress, hire
     if request["format"] == "mjcf":
         from vpframe.importers.mjcf import read_model
 

@@ -60,7 +60,15 @@ def write(raw: RawScene, path: str | Path) -> None:
     joints = [[j.name, j.links, j.axes, j.free, j.note] for j in raw.joints]
     counts = {"instances": dict(raw.instances), "faces": dict(raw.faces)}
     content = CODEC.encode(
-        {"shapes": shapes, "parts": parts, "links": raw.links, "joints": joints, "notes": raw.notes, **counts}
+        {
+            "shapes": shapes,
+            "parts": parts,
+            "links": raw.links,
+            "joints": joints,
+            "notes": raw.notes,
+            "whole": raw.whole,
+            **counts,
+        }
     )
     with open(path, "wb") as file:
         file.write(_CHECKSUM.pack(zlib.crc32(content)))
@@ -68,7 +76,7 @@ def write(raw: RawScene, path: str | Path) -> None:
 
 
 def read(path: str | Path) -> RawScene:
-    """Read an archive; `whole` is not stored. Raises ArchiveError if damaged, OSError if missing."""
+    """Read an archive. Raises ArchiveError if damaged, OSError if missing."""
     data = Path(path).read_bytes()
     try:
         if _CHECKSUM.unpack(data[: _CHECKSUM.size])[0] != zlib.crc32(memoryview(data)[_CHECKSUM.size :]):
@@ -81,7 +89,7 @@ def read(path: str | Path) -> RawScene:
         ]
         joints = [RawJoint(*joint) for joint in content["joints"]]
         counts = (Counter(content["instances"]), Counter(content["faces"]))
-        return RawScene(shapes, parts, *counts, content["notes"], content["links"], joints)
+        return RawScene(shapes, parts, *counts, content["notes"], content["links"], joints, content["whole"])
     except (*WRONG, CodecError, struct.error) as error:
         raise ArchiveError(f"{path}: damaged ({type(error).__name__}: {error})") from None
 

@@ -1,4 +1,4 @@
-"""Convert OpenCascade solids to arrays: triangles, type and edges of each face.
+"""Convert OpenCascade solids to arrays: triangles and type of each face, mass properties.
 
 OpenCascade works in millimetres here; results are in metres.
 """
@@ -6,38 +6,37 @@ OpenCascade works in millimetres here; results are in metres.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
-from itertools import product
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from OCP.BinTools import BinTools, BinTools_FormatVersion
-from OCP.BRep import BRep_Tool
+from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
-from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
-from OCP.BRepTools import BRepTools
 from OCP.collections import (
     IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as AncestorMap,
 )
 from OCP.collections import (
     IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap,
 )
-from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
-from OCP.GeomAPI import GeomAPI_ProjectPointOnSurf
-from OCP.gp import gp_Cone, gp_Cylinder, gp_Pln, gp_Pnt, gp_Sphere
+from OCP.GCPnts import GCPnts_TangentialDeflection
+from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.gp import gp_Cone, gp_Cylinder, gp_Pln, gp_Sphere
 from OCP.GProp import GProp_GProps
 from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition
-from OCP.ShapeFix import ShapeFix_Face
+from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Iterator, TopoDS_Shape
 
 from collision.mesh import welded
-from vpframe.importers.polyhedron import LONGEST, boundary_loops, fill, mass_properties, open_edges
-from vpframe.importers.raw import Array, Color, RawEdge, RawFace, RawShape, Size
+from vpframe.importers.patches import patch
+from vpframe.importers.polyhedron import open_edges, signed_volume, triangle_area_vectors
+from vpframe.importers.raw import Array, Color, RawFace, RawShape, Size
 
 MM = 1e-3
 RECOGNITION = 1e-5 / MM  # at looser tolerances the kernel recognises false cylinders
@@ -52,10 +51,17 @@ _TYPES = {
 
 
 Piece = tuple[Array, Any]
-"""mesh of a face: points (n, 3), m, and triangles (m, 3)"""
+"""mesh of a face: points (n, 3), mm, and triangles (m, 3)"""
+NOTHING: Piece = (np.empty((0, 3)), np.empty((0, 3), np.int64))
 
-MESHED, TYPED = 0.45, 0.6
+MESHED, TYPED = 0.6, 0.8
 """fractions of a shape's time at which meshing, and reading of faces, are done"""
+ROUND = 2.0 * np.pi - 1e-6
+"""angle from which on a face goes all the way round, rad"""
+MOST_AGAIN = 200
+"""most faces beside gaps that are meshed again"""
+SHOWN = 3
+"""most faces that a note names"""
 
 
 def tessellate(
@@ -65,40 +71,149 @@ def tessellate(
     color: Callable[[TopoDS_Shape], Color | None] = lambda face: None,
     size: Callable[[TopoDS_Shape], Size | None] = lambda face: None,
     tell: Callable[[float], None] = lambda fraction: None,
+    mesher: bool = True,
 ) -> RawShape:
-    """Mesh `shape` (a solid, shell or face) and read its faces, edges and mass properties.
+    """Mesh `shape` (a solid, shell or face) and read its faces and mass properties.
 
     deflection: maximum distance between a triangle and its surface, m. angular: maximum angle between neighbouring
-    segments of a curve, rad. Faces without triangles are filled from their neighbours' borders, meshed first, or
-    repaired; `notes` names them. color: returns a face's own colour. size: returns its toleranced diameter. tell:
-    receives the fraction done.
+    segments of a curve, rad. Faces that the kernel leaves without triangles are triangulated between the polygons of
+    their edges (`patches`); `notes` names them. color: returns a face's own
+    colour. size: returns its toleranced diameter. tell: receives the fraction done. mesher: False triangulates all
+    faces between the polygons of their edges, without the kernel's mesher, which does not end on some faces.
     """
     raw = RawShape(np.empty((0, 3)), np.empty((0, 3), np.int32), np.empty(0, np.int32), [])
-    raw.brep = brep_bytes(shape)
-    BRepMesh_IncrementalMesh(shape, deflection / MM, False, angular, True)
     faces = ShapeMap()
     TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_FACE, faces)
-    pieces = _pieces(faces, lambda fraction: tell(MESHED + (TYPED - MESHED) * fraction))
-    _weld(raw, pieces)
-    empty = [number for number, (_, corners) in pieces.items() if len(corners) == 0]
-    for repair in (_fill_holes, _mesh_first, _fill_holes, _mesh_alone):
-        missing = [number for number in empty if len(pieces[number][1]) == 0]
-        if missing:
-            pieces.update(repair(shape, faces, missing, raw, deflection / MM, angular))
-            _weld(raw, pieces)
-    for number in empty:
-        lost = len(pieces[number][1]) == 0
-        raw.notes.append(
-            f"face {number} meshed to nothing and {'is lost: it cannot be repaired' if lost else 'was repaired'}"
-        )
-    place = {number: i for i, number in enumerate(n for n, (_, corners) in pieces.items() if len(corners))}
-    for number in place:
-        face = TopoDS.Face(faces.FindKey(number))
-        raw.faces.append(_type(face, f"face_{number}"))
-        raw.faces[-1].color, raw.faces[-1].size = color(face), size(face)
-    raw.edges = _edges(shape, faces, place, tell)
-    _volume(shape, raw)
+    every = {number: TopoDS.Face(faces.FindKey(number)) for number in range(1, faces.Extent() + 1)}
+    own = {number for number, face in every.items() if not mesher or _is_round_cone(face)}
+    if len(own) < len(every):
+        given = compound_of(face for number, face in every.items() if number not in own) if own else shape
+        BRepMesh_IncrementalMesh(given, deflection / MM, False, angular, True)
+    tell(MESHED)
+    pieces = {number: NOTHING if number in own else _triangles(face) for number, face in every.items()}
+    failed = [number for number, (_, corners) in pieces.items() if not len(corners) and number not in own]
+    patches = _Patches(shape, faces, pieces, deflection / MM, angular)
+    for number in sorted(own.union(failed)):
+        pieces[number] = patches.piece(every[number])
+    if not mesher:
+        raw.notes.append("its faces are triangulated one by one: the CAD kernel's mesher does not end, or crashes")
+    _close(raw, pieces, patches, every)
+    lost = [number for number, (_, corners) in pieces.items() if not len(corners)]
+    repaired = [number for number in failed if number not in lost]
+    for numbers, end in ((repaired, "repaired"), (lost, "lost: nothing closes its border")):
+        if numbers:
+            places = "; ".join(_words(every[number], number) for number in numbers[:SHOWN])
+            more = f"; and {len(numbers) - SHOWN} more" if len(numbers) > SHOWN else ""
+            raw.notes.append(f"{places}{more}: meshed to nothing and {'are' if len(numbers) > 1 else 'is'} {end}")
+    tell(TYPED)
+    for number, (_, corners) in pieces.items():
+        if len(corners):
+            raw.faces.append(_type(every[number], f"face_{number}"))
+            raw.faces[-1].color, raw.faces[-1].size = color(every[number]), size(every[number])
+    numbers = [number for number, (_, corners) in pieces.items() if len(corners)]
+    shape, inside = _outwards(shape, faces, numbers, raw)
+    raw.brep = brep_bytes(shape)
+    _measure(shape, raw, raw.triangles[inside], deflection)
     return raw
+
+
+def _is_round_cone(face: TopoDS_Face) -> bool:
+    """Whether a face is a cone that goes all the way round: OpenCascade 8 returns no triangles for many, or hangs."""
+    surface = BRepAdaptor_Surface(face)
+    if surface.GetType() != GeomAbs_SurfaceType.GeomAbs_Cone:
+        return False
+    return surface.LastUParameter() - surface.FirstUParameter() >= ROUND
+
+
+def compound_of(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
+    """Return one shape of several."""
+    compound, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(compound)
+    for shape in shapes:
+        builder.Add(compound, shape)
+    return compound
+
+
+def _words(face: TopoDS_Face, number: int) -> str:
+    """Words for a face: its number, type and centre."""
+    properties = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(face, properties)
+    kind = _TYPES.get(BRepAdaptor_Surface(face).GetType(), ("freeform surface", ""))[0]
+    x, y, z = _xyz(properties.CentreOfMass())
+    return f"face {number} ({kind} near ({x:.6g}, {y:.6g}, {z:.6g}) mm)"
+
+
+class _Patches:
+    """Triangulations of single faces of a shape, joined along the polygons of their edges."""
+
+    def __init__(
+        self, shape: TopoDS_Shape, faces: ShapeMap, pieces: dict[int, Piece], deflection: float, angular: float
+    ) -> None:
+        self._deflection, self._angular = deflection, angular
+        self._shape, self._faces, self._pieces = shape, faces, pieces
+        self._beside: Any = None
+        self._known: dict[int, tuple[Array, Array]] = {}
+
+    def piece(self, face: TopoDS_Face) -> Piece:
+        """Mesh of a face; without triangles if it has no closed border."""
+        try:
+            return patch(face, self._border, self._deflection, self._angular)
+        except (Standard_Failure, ValueError, RuntimeError):  # a curve without parameters, a damaged surface
+            return NOTHING
+
+    def _border(self, edge: TopoDS_Edge) -> tuple[Array, Array]:
+        """Parameters (n,) and points (n, 3), mm, of an edge's polygon: that of a meshed neighbour, else a new one."""
+        if self._beside is None:
+            self._beside = AncestorMap()
+            kinds = TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE
+            TopExp.MapShapesAndAncestors_s(self._shape, *kinds, self._beside)
+        number = self._beside.FindIndex(edge)
+        if number not in self._known:
+            forward = TopoDS.Edge(edge.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
+            polygons = (self._polygon(forward, face) for face in self._beside.FindFromIndex(number))
+            found = next((polygon for polygon in polygons if polygon is not None), None)
+            self._known[number] = found or _discretized(forward, self._deflection, self._angular)
+        return self._known[number]
+
+    def _polygon(self, edge: TopoDS_Edge, face: TopoDS_Shape) -> tuple[Array, Array] | None:
+        """Parameters (n,) and points (n, 3), mm, of the kernel's mesh of a face on an edge; None if there is none."""
+        location = TopLoc_Location()
+        mesh = BRep_Tool.Triangulation_s(TopoDS.Face(face), location)
+        polygon = None if mesh is None else BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
+        points = self._pieces[self._faces.FindIndex(face)][0]
+        if polygon is None or not polygon.HasParameters() or not len(points):
+            return None
+        nodes = range(1, polygon.NbNodes() + 1)
+        return np.array([polygon.Parameter(i) for i in nodes]), points[[polygon.Node(i) - 1 for i in nodes]]
+
+
+def _discretized(edge: TopoDS_Edge, deflection: float, angular: float) -> tuple[Array, Array]:
+    """Parameters (n,) and points (n, 3), mm, of an edge that no meshed face has; its ends are its vertices."""
+    found = GCPnts_TangentialDeflection(BRepAdaptor_Curve(edge), angular, deflection)
+    numbers = range(1, found.NbPoints() + 1)
+    points = np.array([_xyz(found.Value(i)) for i in numbers])
+    for end, vertex in ((0, TopExp.FirstVertex_s(edge)), (-1, TopExp.LastVertex_s(edge))):
+        if not vertex.IsNull():
+            points[end] = _xyz(BRep_Tool.Pnt_s(vertex))
+    return np.array([found.Parameter(i) for i in numbers]), points
+
+
+def _close(raw: RawShape, pieces: dict[int, Piece], patches: _Patches, faces: dict[int, TopoDS_Face]) -> None:
+    """Set the mesh of `raw` from `pieces`. Where it is open, the faces beside gaps are meshed again."""
+    _weld(raw, pieces)
+    gaps = len(open_edges(raw.triangles))
+    if not gaps:
+        return
+    present = [number for number, (_, corners) in pieces.items() if len(corners)]
+    touched = np.isin(raw.triangles, open_edges(raw.triangles)).sum(axis=1) >= 2
+    beside = [present[i] for i in np.unique(raw.face_of_triangle[touched]).tolist()]
+    again = {number: patches.piece(faces[number]) for number in beside[:MOST_AGAIN]}
+    again = {number: piece for number, piece in again.items() if len(piece[1])}
+    _weld(raw, {**pieces, **again})
+    if len(open_edges(raw.triangles)) < gaps:
+        raw.notes.append(f"{len(again)} faces beside gaps of the CAD kernel's mesh were meshed again")
+        pieces.update(again)
+    _weld(raw, pieces)
 
 
 def brep_bytes(shape: TopoDS_Shape) -> bytes:
@@ -115,101 +230,19 @@ def brep_shape(data: bytes) -> TopoDS_Shape:
     return shape
 
 
-def _pieces(faces: ShapeMap, tell: Callable[[float], None] = lambda fraction: None) -> dict[int, Piece]:
-    """Return the mesh of each face, by the kernel's face number."""
-    pieces = {}
-    for number in range(1, faces.Extent() + 1):
-        tell((number - 1) / faces.Extent())
-        points, corners = _triangles(TopoDS.Face(faces.FindKey(number)))
-        pieces[number] = points * MM, corners
-    return pieces
-
-
 def _weld(raw: RawShape, pieces: dict[int, Piece]) -> None:
     """Join the triangles of all faces; merge equal vertices and drop triangles with two equal corners."""
     found = [(points, corners) for points, corners in pieces.values() if len(corners)]
     if not found:
         return
     starts = np.cumsum([0, *(len(points) for points, _ in found)])
-    raw.vertices, point = welded(np.concatenate([p for p, _ in found]) + 0.0)
+    points, point = welded(np.concatenate([p for p, _ in found]) + 0.0)
+    raw.vertices = points * MM
     corners = np.concatenate([corners + start for (_, corners), start in zip(found, starts, strict=False)])
     raw.triangles = point[corners].astype(np.int32)
     raw.face_of_triangle = np.repeat(np.arange(len(found), dtype=np.int32), [len(corners) for _, corners in found])
     real = (raw.triangles != np.roll(raw.triangles, 1, axis=1)).all(axis=1)  # a pole is one point for two corners
     raw.triangles, raw.face_of_triangle = raw.triangles[real], raw.face_of_triangle[real]
-
-
-def _fill_holes(
-    shape: TopoDS_Shape, faces: ShapeMap, missing: list[int], raw: RawShape, deflection: float, angular: float
-) -> dict[int, Piece]:
-    """Fill the holes of missing faces with triangles between their neighbours' vertices.
-
-    A filling is used only if it is within `deflection` of the face's surface and has the face's area.
-    """
-    loops = [loop for loop in boundary_loops(raw.triangles) if len(loop) <= LONGEST]
-    filled: dict[int, Piece] = {}
-    for number in missing:
-        face = TopoDS.Face(faces.FindKey(number))
-        properties = GProp_GProps()
-        BRepGProp.SurfaceProperties_s(face, properties)
-        center = np.array(_xyz(properties.CentreOfMass())) * MM
-        loops.sort(key=lambda loop: float(np.linalg.norm(raw.vertices[loop].mean(axis=0) - center)))
-        for loop in loops:
-            points = raw.vertices[loop]
-            corners = fill(points)
-            a, b, c = (points[corners[:, k]] for k in range(3))
-            area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-            border = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum()
-            if abs(area - properties.Mass() * MM**2) > border * deflection * MM:
-                continue
-            probes = np.concatenate([points, (a + b) / 2, (b + c) / 2, (c + a) / 2, (a + b + c) / 3])
-            if _deviation(face, probes / MM) <= deflection:
-                filled[number] = points, corners
-                loops.remove(loop)
-                break
-    return filled
-
-
-def _deviation(face: TopoDS_Face, points: Array) -> float:
-    """Greatest distance of points (n, 3) from the face's surface, mm."""
-    surface = BRep_Tool.Surface_s(face)
-    feet = (GeomAPI_ProjectPointOnSurf(gp_Pnt(*p), surface) for p in points.tolist())
-    return max(foot.LowerDistance() if foot.NbPoints() else np.inf for foot in feet)
-
-
-def _mesh_first(
-    shape: TopoDS_Shape, faces: ShapeMap, missing: list[int], raw: RawShape, deflection: float, angular: float
-) -> dict[int, Piece]:
-    """Mesh all faces again after the missing ones, which are meshed finer; their neighbours then use their borders."""
-    BRepTools.Clean_s(shape)
-    for number in missing:
-        for finer in (0.5, 0.1):
-            face = TopoDS.Face(faces.FindKey(number))
-            BRepMesh_IncrementalMesh(face, deflection * finer, False, angular * finer, False)
-            if len(_triangles(face)[1]):
-                break
-    BRepMesh_IncrementalMesh(shape, deflection, False, angular, True)
-    return _pieces(faces)
-
-
-def _mesh_alone(
-    shape: TopoDS_Shape, faces: ShapeMap, missing: list[int], raw: RawShape, deflection: float, angular: float
-) -> dict[int, Piece]:
-    """Mesh copies of missing faces finer, and at last repaired; this leaves gaps to their neighbours."""
-    pieces = {}
-    for number in missing:
-        for repair, finer in product((False, True), (0.5, 0.1)):
-            copy = TopoDS.Face(BRepBuilderAPI_Copy(faces.FindKey(number), True, False).Shape())
-            if repair:
-                fix = ShapeFix_Face(copy)
-                fix.Perform()
-                copy = fix.Face()
-            BRepMesh_IncrementalMesh(copy, deflection * finer, False, angular * finer, False)
-            points, corners = _triangles(copy)
-            if len(corners):
-                pieces[number] = points * MM, corners
-                break
-    return pieces
 
 
 def _triangles(face: TopoDS_Face) -> tuple[Array, Any]:
@@ -291,72 +324,64 @@ def _samples(face: TopoDS_Face, surface: BRepAdaptor_Surface) -> Array:
     return np.array([(p.X(), p.Y(), p.Z()) for p in (surface.Value(u, v) for u, v in middles)]) * MM
 
 
-def _edges(shape: TopoDS_Shape, faces: ShapeMap, place: dict[int, int], tell: Callable[[float], None]) -> list[RawEdge]:
-    """Return each edge once: its polyline, the faces it bounds, and its circle if it is one."""
-    ancestors = AncestorMap()
-    TopExp.MapShapesAndAncestors_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, ancestors)
-    edges = []
-    for i in range(1, ancestors.Extent() + 1):
-        tell(TYPED + (1.0 - TYPED) * (i - 1) / ancestors.Extent())
-        edge = TopoDS.Edge(ancestors.FindKey(i))
-        if BRep_Tool.Degenerated_s(edge):
-            continue
-        numbers = dict.fromkeys(faces.FindIndex(face) for face in ancestors.FindFromIndex(i))
-        points = next((p for p in (_polyline(edge, TopoDS.Face(faces.FindKey(n))) for n in numbers) if len(p)), None)
-        if points is None:
-            continue
-        curve = BRepAdaptor_Curve(edge)
-        circle = None
-        if curve.GetType() == GeomAbs_CurveType.GeomAbs_Circle:
-            value = curve.Circle()
-            center, axis = value.Location(), value.Axis().Direction()
-            circle = (
-                np.array([center.X(), center.Y(), center.Z()]) * MM,
-                np.array([axis.X(), axis.Y(), axis.Z()]),
-                value.Radius() * MM,
-            )
-        edges.append(RawEdge(points * MM, tuple(sorted(place[n] for n in numbers if n in place)), circle))
-    return edges
+def _outwards(
+    shape: TopoDS_Shape, faces: ShapeMap, numbers: list[int], raw: RawShape
+) -> tuple[TopoDS_Shape, NDArray[np.bool_]]:
+    """Return the shape with each solid's faces pointing out of it, and which triangles are those of solids.
 
-
-def _polyline(edge: Any, face: TopoDS_Face) -> Array:
-    """Nodes (n, 3) of the face's mesh on the edge, mm; empty if there are none."""
-    location = TopLoc_Location()
-    mesh = BRep_Tool.Triangulation_s(face, location)
-    polygon = None if mesh is None else BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
-    if polygon is None:
-        return np.empty((0, 3))
-    nodes = [mesh.Node(polygon.Node(i)) for i in range(1, polygon.NbNodes() + 1)]
-    if not location.IsIdentity():
-        nodes = [node.Transformed(location.Transformation()) for node in nodes]
-    return np.array([_xyz(node) for node in nodes])
-
-
-def _volume(shape: TopoDS_Shape, raw: RawShape) -> None:
-    """Compute volume, centre and inertia of the exact solid; not for sheets, open solids and damaged ones.
-
-    An inverted solid is reversed.
+    The triangles of `raw` are turned likewise. numbers: those in `faces` of the faces that have triangles, in the order
+    of `raw.faces`.
     """
+    solids = _solids(shape)
+    inverted = []
+    inside = np.zeros(len(raw.triangles), bool)
+    for i, solid in enumerate(solids):
+        own = ShapeMap()
+        TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_FACE, own)
+        mine = np.array([own.Contains(faces.FindKey(number)) for number in numbers], bool)[raw.face_of_triangle]
+        inside |= mine
+        if signed_volume(raw.vertices, raw.triangles[mine]) < 0.0:
+            inverted.append(i)
+            raw.triangles[mine] = raw.triangles[mine][:, [0, 2, 1]]
+    if not inverted:
+        return shape, inside
+    return _turned(shape, [solids[i] for i in inverted]), inside
+
+
+def _turned(shape: TopoDS_Shape, inverted: list[TopoDS_Shape]) -> TopoDS_Shape:
+    """Return a shape with some of its solids reversed."""
+    if shape.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID:
+        return shape.Reversed() if any(shape.IsSame(solid) for solid in inverted) else shape
+    if shape.ShapeType() != TopAbs_ShapeEnum.TopAbs_COMPOUND:
+        return shape
+    children, iterator = [], TopoDS_Iterator(shape)
+    while iterator.More():
+        children.append(_turned(iterator.Value(), inverted))
+        iterator.Next()
+    return compound_of(children)
+
+
+def _solids(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
     solids = ShapeMap()
     TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_SOLID, solids)
-    if solids.Extent() == 0:
+    return [solids.FindKey(i) for i in range(1, solids.Extent() + 1)]
+
+
+def _measure(shape: TopoDS_Shape, raw: RawShape, triangles: NDArray[np.int32], deflection: float) -> None:
+    """Compute volume, centre and inertia of the exact solids, which have `triangles`; not of open and damaged ones."""
+    solids = _solids(shape)
+    if not solids or len(open_edges(triangles)):
         return
-    if closed := not len(open_edges(raw.triangles)):
-        properties = GProp_GProps()
-        BRepGProp.VolumeProperties_s(shape, properties)
-        inertia, volume = properties.MatrixOfInertia(), properties.Mass()
-        box = float(np.ptp(raw.vertices, axis=0).prod())
-    if not closed or not (box == 0.0 or abs(volume) * MM**3 <= 2.0 * box):  # it may be nan
-        if closed:
-            raw.notes.append("its volume is not that of its faces: it is damaged; its mass is that of its triangles")
-        if mass_properties(raw.vertices, raw.triangles)[0] < 0.0:
-            raw.triangles = np.ascontiguousarray(raw.triangles[:, [0, 2, 1]])
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(compound_of(solids) if len(solids) > 1 else solids[0], properties)
+    volume, meshed = properties.Mass() * MM**3, signed_volume(raw.vertices, triangles)
+    area = float(np.linalg.norm(triangle_area_vectors(raw.vertices, triangles), axis=1).sum())
+    if not abs(volume - meshed) <= 0.05 * meshed + area * deflection:  # it may be nan
+        wrong, right = (f"{each * 1e9:.6g} mm³" for each in (volume, meshed))
+        raw.notes.append(f"its exact volume, {wrong}, is not that of its triangles, {right}, which is taken")
         return
-    if volume == 0:
-        return
-    if volume < 0:
-        raw.triangles = np.ascontiguousarray(raw.triangles[:, [0, 2, 1]])
-    raw.volume = abs(volume) * MM**3
-    raw.center = np.array(_xyz(properties.CentreOfMass())) * MM
-    sign = 1.0 if volume > 0 else -1.0
-    raw.inertia = sign * MM**5 * np.array([[inertia.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)])
+    if volume > 0.0:
+        inertia = properties.MatrixOfInertia()
+        raw.volume = volume
+        raw.center = np.array(_xyz(properties.CentreOfMass())) * MM
+        raw.inertia = MM**5 * np.array([[inertia.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)])

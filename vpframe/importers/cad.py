@@ -5,11 +5,12 @@ See `guarded`.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import subprocess
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -20,10 +21,10 @@ from vpframe.errors import LoadError
 from vpframe.importers import archive, guarded
 from vpframe.importers.checks import FORMATS, iges_damage
 from vpframe.importers.raw import RawScene, RawShape
-from vpframe.importers.step_text import StepText, scan
+from vpframe.importers.step_text import StepText, circular_uses, scan, without
 
 Progress = Callable[[float, str], None]
-PACKAGES = ("OCP", "numpy")
+PACKAGES = ("OCP", "manifold3d", "numpy")
 """needed in the reading process"""
 MEGABYTE = 1e6
 MEMORY = 1_750_000_000
@@ -64,6 +65,7 @@ def read(
     timeout: float | None,
     progress: Progress | None,
     settle: Callable[[RawShape], RawShape],
+    bodies: str | None = None,
     given: Sequence[Any] = (),
 ) -> RawScene:
     """Return the raw scene of a file; `form` is "step", "iges", "brep" or "mjcf"; `files`: it and those it refers to.
@@ -71,27 +73,46 @@ def read(
     "given" is a tree of B-reps in `files`: `given` are its roots in the form of `_reader`. `settle` is called with each
     shape while the kernel process continues.
 
-    A shape that crashes the kernel or exceeds time or memory is left out by reading again without it, and named in the
-    notes. Raises LoadError if the file cannot be read within `timeout` s of processor time (default `time_limit`), or
-    its unit of length is unknown.
+    A shape that crashes the kernel's mesher, or on which that does not end, is meshed without it; one that exceeds
+    time or memory is left out, and named in the notes. Raises LoadError if the file cannot be read within `timeout` s
+    of processor time (default `time_limit`, and more for each shape and face), or its unit of length is unknown.
     """
     path = files[0]
     with ThreadPoolExecutor(1) as pool:  # reads the text while the kernel starts
         texts = pool.submit(lambda: [scan(_bytes(file)) for file in files] if form == "step" else [])
         faults = _Faults(files, texts)
-        raw = _read_without_crashing(path, form, deflection, angular, timeout, progress, settle, faults, given)
+        with _acyclic(path, form, len(files)) as source:
+            raw = _read_guarded(source, form, deflection, angular, timeout, progress, settle, faults, bodies, given)
     if form == "iges" and (damage := iges_damage(_bytes(path))):
         raw.notes.append(f"{damage}: faces or parts may be missing")
     if form == "step":
         text = texts.result()[0]
         if text.damage:
             raw.notes.append(f"damaged: {text.damage_summary()}: faces or parts may be missing")
+        raw.notes.extend(f"{name} is used in itself: that use is left out" for name in text.circular.values())
         if any(t.no_unit for t in texts.result()):
             raw.notes.append("names no length unit for some of its shapes: millimetres are taken")
         for file, own in zip(files, texts.result(), strict=True):
             raw.notes.extend(_missing_files(file, own))
         raw.notes.extend(text.lost(raw.instances, raw.faces))
     return raw
+
+
+@contextlib.contextmanager
+def _acyclic(path: Path, form: str, count: int) -> Iterator[Path]:
+    """Give a copy of a STEP file (of `count` files) without assemblies that contain themselves; else the file."""
+    data = _bytes(path) if form == "step" and count == 1 else b""
+    uses = circular_uses(data)
+    if not uses:
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
+        copy = Path(folder, path.name)
+        copy.write_bytes(without(data, uses))
+        try:
+            yield copy
+        except LoadError as error:
+            raise LoadError(str(error).replace(str(copy), str(path)), str(path)) from None
 
 
 class _Faults:
@@ -141,7 +162,7 @@ def _missing_files(path: Path, text: StepText) -> list[str]:
     return lines
 
 
-def _read_without_crashing(
+def _read_guarded(
     path: Path,
     form: str,
     deflection: float,
@@ -150,39 +171,33 @@ def _read_without_crashing(
     progress: Progress | None,
     settle: Callable[[RawShape], RawShape],
     faults: _Faults,
+    bodies: str | None,
     given: Sequence[Any],
 ) -> RawScene:
     limits = _limits(faults.size, timeout)
-    skip: dict[int, str] = {}
-    late = False
-    while True:
-        request = {
-            "path": str(path.resolve()),
-            "format": form,
-            "deflection": deflection,
-            "angular": angular,
-            "skip": skip,
-            "folders": guarded.package_folders(path.resolve().parent, PACKAGES),
-            "given": given,
-        }
-        outcome, raw = _read_once(request, limits, progress, settle, faults)
-        if raw is not None:
-            raw.whole = not skip
-            return raw
-        where = faults.damage()
-        if outcome.error is not None:
-            raise LoadError(f"{path}: {outcome.error}{f' ({where})' if where else ''}", str(path))
-        if outcome.shape is None or outcome.shape in skip or (outcome.late and late):
-            damage = f"it is damaged: {where}" if where else "it is probably damaged"
-            mend = "open it in a CAD program and export it again"
-            how = outcome.how_it_ended()
-            if outcome.late and timeout is None:
-                how += f", the limit for {faults.size / MEGABYTE:.1f} MB,"
-            if (outcome.late or outcome.memory) and not where:
-                damage = f"it is damaged, or takes a coarser deflection{' or a longer timeout' if outcome.late else ''}"
-            raise LoadError(f"{path}: {how} while {outcome.text}; {damage}; {mend}", str(path))
-        late |= outcome.late
-        skip[outcome.shape] = _what_is_wrong(outcome)
+    request = {
+        "path": str(path.resolve()),
+        "format": form,
+        "deflection": deflection,
+        "angular": angular,
+        "bodies": bodies or "",
+        "folders": guarded.package_folders(path.resolve().parent, PACKAGES),
+        "given": given,
+    }
+    outcome, raw = _read_once(request, limits, progress, settle, faults)
+    if raw is not None:
+        return raw
+    where = faults.damage()
+    if outcome.error is not None:
+        raise LoadError(f"{path}: {outcome.error}{f' ({where})' if where else ''}", str(path))
+    damage = f"it is damaged: {where}" if where else "it is probably damaged"
+    mend = "open it in a CAD program and export it again"
+    how = outcome.how_it_ended()
+    if outcome.late and timeout is None:
+        how += f", the limit for {faults.size / MEGABYTE:.1f} MB,"
+    if (outcome.late or outcome.memory) and not where:
+        damage = f"it is damaged, or takes a coarser deflection{' or a longer timeout' if outcome.late else ''}"
+    raise LoadError(f"{path}: {how} while {outcome.text}; {damage}; {mend}", str(path))
 
 
 def _read_once(
@@ -194,12 +209,12 @@ def _read_once(
 ) -> tuple[guarded.Outcome, RawScene | None]:
     """Run the process once; return its outcome, and on success the raw scene. Shapes are settled meanwhile."""
     worker = ThreadPoolExecutor(1)
-    shapes: list[Future[RawShape]] = []
+    shapes: dict[int, Future[RawShape]] = {}
     with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
 
         def ready(number: int) -> None:
             archived = os.path.join(folder, f"{number}.archive")
-            shapes.append(worker.submit(lambda: settle(archive.read(archived).shapes[0])))
+            shapes[number] = worker.submit(lambda: settle(archive.read(archived).shapes[0]))
 
         try:
             begun = guarded.Outcome(limits)
@@ -208,7 +223,7 @@ def _read_once(
             if not outcome.done:
                 return outcome, None
             raw = archive.read(os.path.join(folder, "scene.archive"))
-            raw.shapes = [shape.result() for shape in shapes]
+            raw.shapes = [shapes[number].result() for number in sorted(shapes)]
             return outcome, _without_empty(raw, faults.files[0])
         finally:
             worker.shutdown(cancel_futures=True)
@@ -233,16 +248,9 @@ def _without_empty(raw: RawScene, path: Path) -> RawScene:
 
 def _limits(size: int, timeout: float | None) -> guarded.Limits:
     """Limits for input of `size` bytes."""
-    return guarded.Limits(time_limit(size) if timeout is None else timeout, MEMORY + MEMORY_OF_SIZE * size)
-
-
-def _what_is_wrong(outcome: guarded.Outcome) -> str:
-    """Describe why the shape being meshed failed."""
-    if outcome.late:
-        return f"is not meshed within {outcome.limits.seconds:g} s of processor time"
-    return (
-        f"takes more than {outcome.limits.memory / 1e9:.1f} GB to mesh" if outcome.memory else "crashes the CAD kernel"
-    )
+    growth = () if timeout is not None else (("shapes", 1.0, 0.0), ("faces", 0.05, 0.0))
+    seconds = time_limit(size) if timeout is None else timeout
+    return guarded.Limits(seconds, MEMORY + MEMORY_OF_SIZE * size, (*growth, ("forked", 0.0, 1.0)))
 
 
 def in_kernel(request: dict[str, Any], folder: str, limit: float, size: int) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,12 +38,16 @@ from OCP.XCAFDoc import (
     XCAFDoc_ShapeTool,
 )
 
-from vpframe.importers.brep import MM, tessellate
+from vpframe.importers import wrong_side
+from vpframe.importers.brep import MM, compound_of, tessellate
+from vpframe.importers.crew import Make, left_out
 from vpframe.importers.names import numbered
 from vpframe.importers.pmi import Sizes, sizes_of
 from vpframe.importers.raw import Array, Color, RawPart, RawScene, RawShape, UnreadableError
 
 Progress = Callable[..., None]
+Hire = Callable[[Make, Sequence[float], Sequence[str]], dict[int, str]]
+"""makes shapes; arguments: how, expected effort and words for each; returns why shapes are left out, by number"""
 
 _UNNAMED = re.compile(r"=>\[.*\]|NAUO\d+|\*[A-Z]+\d*|\d+|")
 """names that kernels and exporters write for unnamed objects: "*DIT29" is a dictionary key"""
@@ -64,6 +68,13 @@ class Node:
     """in the unit of the kernel; 0 if there is none"""
     color: Color | None
     children: list[Node]
+    is_body: bool = False
+    """whether the kernel made it of one body of its parent's shape, so that it is no product"""
+
+    @property
+    def has_bodies(self) -> bool:
+        """Whether it is one product of several bodies, not an assembly."""
+        return bool(self.children) and all(child.is_body for child in self.children)
 
 
 def read_document(
@@ -71,13 +82,13 @@ def read_document(
     form: str,
     deflection: float,
     angular: float,
-    skip: Mapping[int, str],
+    bodies: str,
     progress: Progress,
-    keep: Callable[[RawShape], None],
+    crew: Hire,
 ) -> RawScene:
-    """Read a CAD file; shapes whose number is in `skip` (with the reason) are left out and named.
+    """Read a CAD file; `crew` makes its shapes, which are not in the returned scene.
 
-    Each finished shape goes to `keep`, not into the returned scene.
+    bodies: "split" for a part a solid, "whole" for a part a product, "" for the second where the file has assemblies.
     """
     Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
     progress(0.15, "reading the file")
@@ -91,12 +102,13 @@ def read_document(
         raw,
         _color_tool(document),
         sizes_of(document, Path(path).read_bytes(), raw.notes) if form == "step" else Sizes(),
+        _is_whole(roots, bodies),
     )
-    leaves = list(_leaves(roots))
+    leaves = list(_leaves(roots, found.whole))
     if form == "iges" and not any(_holds(leaf.node.shape, TopAbs_ShapeEnum.TopAbs_SOLID) for leaf in leaves):
         leaves = _joined(leaves, Path(path).stem)
     found.add_all(leaves, "export the parts as solids, not as wireframe or open surfaces")
-    return found.mesh(deflection, angular, skip, progress, keep)
+    return found.mesh(deflection, angular, crew)
 
 
 @dataclass
@@ -116,9 +128,9 @@ def read_given(
     roots: list[Given],
     deflection: float,
     angular: float,
-    skip: Mapping[int, str],
+    bodies: str,
     progress: Progress,
-    keep: Callable[[RawShape], None],
+    crew: Hire,
 ) -> RawScene:
     """Read a tree of B-reps as `read_document` reads a file; nodes with the same file share its shape."""
     Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
@@ -133,9 +145,10 @@ def read_given(
         pose = _location(given.matrix)
         return Node(given.name, given.name, pose, shape, 0.0, color, [node(child) for child in given.children])
 
-    found = _Solids(raw, lambda shape: None, Sizes())
-    found.add_all(_leaves([node(root) for root in roots]), "give parts as solids, not as wires or open surfaces")
-    return found.mesh(deflection, angular, skip, progress, keep)
+    nodes = [node(root) for root in roots]
+    found = _Solids(raw, lambda shape: None, Sizes(), _is_whole(nodes, bodies))
+    found.add_all(_leaves(nodes, found.whole), "give parts as solids, not as wires or open surfaces")
+    return found.mesh(deflection, angular, crew)
 
 
 def _brep_file(path: str) -> TopoDS_Shape:
@@ -217,10 +230,10 @@ def _node(label: Any, pose: TopLoc_Location, within: str = "part") -> Node:
         referred = TDF_Label()
         XCAFDoc_ShapeTool.GetReferredShape_s(label, referred)
         pose = XCAFDoc_ShapeTool.GetLocation_s(label)
-    product = _name(referred)
+    product, name = _name(referred), _name(label)
+    is_body = product in _GENERIC and (not name or name.startswith("=>"))
     if not product or product in _GENERIC:  # a solid of a product with several representations
         product = within
-    name = _name(label)
     if _UNNAMED.fullmatch(name):
         name = _name(referred) or within
     children = []
@@ -232,7 +245,8 @@ def _node(label: Any, pose: TopLoc_Location, within: str = "part") -> Node:
         children = [child for child in children if child.children or _holds(child.shape, TopAbs_ShapeEnum.TopAbs_FACE)]
     shape = XCAFDoc_ShapeTool.GetShape_s(referred)
     density = XCAFDoc_MaterialTool.GetDensityForShape_s(referred)
-    return Node(name, product, pose, shape, density, _color(label) or _color(referred), children)
+    color = _color(label) or _color(referred)
+    return Node(name, product, pose, shape, density, color, children, is_body and not children)
 
 
 def _holds(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> bool:
@@ -252,11 +266,21 @@ class Leaf:
     """indices, from the root, of the product instance it belongs to"""
 
 
-def _leaves(roots: list[Node]) -> Iterator[Leaf]:
+def _is_whole(roots: Sequence[Node], bodies: str) -> bool:
+    """Whether a product is one part, whatever number of bodies it has: `bodies`, else if the file has assemblies."""
+    if bodies:
+        return bodies == "whole"
+    return any(root.children and not root.has_bodies for root in roots)
+
+
+def _leaves(roots: list[Node], whole: bool) -> Iterator[Leaf]:
+    """Yield the instances of products; without `whole`, those of bodies that the kernel has as nodes."""
+
     def walk(node: Node, leaf: Leaf) -> Iterator[Leaf]:
         leaf.color = leaf.color or node.color
-        if not node.children:
+        if not node.children or (whole and node.has_bodies):
             yield leaf
+            return
         for i, (name, child) in enumerate(zip(numbered(c.name for c in node.children), node.children, strict=True)):
             alone = len(node.children) == 1 and child.name in _GENERIC and not child.children and leaf.path
             path = leaf.path if alone else f"{leaf.path}/{name}" if leaf.path else name
@@ -264,7 +288,7 @@ def _leaves(roots: list[Node]) -> Iterator[Leaf]:
             yield from walk(child, Leaf(path, child, leaf.pose.Multiplied(child.pose), leaf.color, owner))
 
     for i, (name, root) in enumerate(zip(numbered(r.name for r in roots), roots, strict=True)):
-        path = "" if len(roots) == 1 and root.children else name
+        path = "" if len(roots) == 1 and root.children and not (whole and root.has_bodies) else name
         yield from walk(root, Leaf(path, root, root.pose, None, (i,)))
 
 
@@ -282,34 +306,48 @@ def _joined(leaves: list[Leaf], name: str) -> list[Leaf]:
 class _Solids:
     """Collects solids; instances of one solid become parts of one shape."""
 
-    def __init__(self, raw: RawScene, color: Callable[[TopoDS_Shape], Color | None], sizes: Sizes) -> None:
+    def __init__(self, raw: RawScene, color: Callable[[TopoDS_Shape], Color | None], sizes: Sizes, whole: bool) -> None:
         self.raw = raw
         self.color = color
         self.sizes = sizes
+        self.whole = whole
         self.shapes: list[TopoDS_Shape] = []
         self._has_solid = False
+        self._product = ""
         self._owners: set[tuple[int, ...]] = set()
         self._known: list[tuple[TopoDS_Shape, list[TopoDS_Shape]]] = []
+        self._joined: dict[int, TopoDS_Shape] = {}
+        self._joined_products: dict[str, int] = {}
 
     def add_all(self, leaves: Iterable[Leaf], mend: str) -> None:
         """Add parts for all leaves. Raises UnreadableError, with how to `mend` it, if none holds a closed solid."""
         for leaf in leaves:
             self._add(leaf)
+        if self._joined_products:
+            named = ", ".join(f"{name} ({count} bodies)" for name, count in self._joined_products.items())
+            self.raw.notes.append(f"one rigid part for each product of several bodies: {named}")
         if not self._has_solid:
             raise UnreadableError(f"holds no closed solid; {mend}")
 
     def _add(self, leaf: Leaf) -> None:
-        """Add parts for every solid of a leaf, and for sheets outside solids."""
+        """Add parts for every body of a leaf, or one for all: its solids, and its sheets outside solids."""
+        self._product = leaf.node.product
         solids = self._explored(leaf.node.shape)
-        density = _density(leaf.node.density)
-        for i, solid in enumerate(solids, 1):
-            self._has_solid |= solid.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID
-            place = leaf.pose.Multiplied(solid.Location())
-            number = self._number(solid, place)
+        density = _density(next(filter(None, (node.density for node in (leaf.node, *leaf.node.children))), 0.0))
+        self._has_solid |= any(solid.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID for solid in solids)
+        colors = [child.color for child in leaf.node.children if child.color]
+        bodies = [self._whole(solids)] if self.whole and len(solids) > 1 else solids
+        if len(bodies) < len(solids):
+            self._joined_products.setdefault(leaf.node.product, len(solids))
+        for i, body in enumerate(bodies, 1):
+            place = leaf.pose.Multiplied(body.Location())
+            number = self._number(body, place)
             rotation, translation, _ = _rigid(place)
-            color = leaf.color or self.color(solid)
-            name = leaf.path if len(solids) == 1 else f"{leaf.path}/{i}"
-            self.raw.parts.append(RawPart(name, number, rotation, translation, color, density))
+            color = leaf.color or self.color(body) or next(filter(None, map(self.color, solids)), None)
+            name = leaf.path if len(bodies) == 1 else f"{leaf.path}/{i}"
+            self.raw.parts.append(
+                RawPart(name, number, rotation, translation, color or next(iter(colors), None), density)
+            )
         product = leaf.node.product
         if leaf.owner not in self._owners:
             self._owners.add(leaf.owner)
@@ -319,13 +357,26 @@ class _Solids:
             TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_FACE, faces)
         self.raw.faces[product] += faces.Extent()
 
+    def _whole(self, bodies: list[TopoDS_Shape]) -> TopoDS_Shape:
+        """Compound of the bodies of a product, the same for each of its instances."""
+        return self._joined.setdefault(id(bodies), compound_of(bodies))
+
     def _explored(self, shape: TopoDS_Shape) -> list[TopoDS_Shape]:
         """`_explore` with a cache for instances, since sewing creates new shapes each time."""
         for known, solids in self._known:
             if known.IsEqual(shape):
                 return solids
-        self._known.append((shape, _explore(shape)))
+        self._known.append((shape, [self._mended(body) for body in _explore(shape)]))
         return self._known[-1][1]
+
+    def _mended(self, body: TopoDS_Shape) -> TopoDS_Shape:
+        mended = wrong_side.mended(body)
+        if mended is not None:
+            self.raw.notes.append(
+                f"{self._product}: the sense of a spherical face is wrong in the file; the other side of its border, "
+                "which leaves the smaller volume, is taken"
+            )
+        return mended or body
 
     def _number(self, solid: TopoDS_Shape, place: TopLoc_Location) -> int:
         own = solid.Located(TopLoc_Location())
@@ -340,54 +391,22 @@ class _Solids:
         self.shapes.append(shape)
         return len(self.shapes) - 1
 
-    def mesh(
-        self,
-        deflection: float,
-        angular: float,
-        skip: Mapping[int, str],
-        progress: Progress,
-        keep: Callable[[RawShape], None],
-    ) -> RawScene:
+    def mesh(self, deflection: float, angular: float, crew: Hire) -> RawScene:
         """Mesh every shape once; parts whose shape has no triangles are named and left out."""
-        names: dict[int, str] = {}
+        first: dict[int, str] = {}
         for part in self.raw.parts:
-            names.setdefault(part.shape, part.name)
-        kept: dict[int, int] = {}
+            first.setdefault(part.shape, part.name)
         faces = [sum(1 for _ in _of(shape, TopAbs_ShapeEnum.TopAbs_FACE)) for shape in self.shapes]
-        for number, shape in enumerate(self.shapes):
-            if number in skip:
-                continue
-            begin, share = (0.65 * n / max(sum(faces), 1) for n in (sum(faces[:number]), faces[number]))
-            tell = _ShapeProgress(progress, f"meshing {names[number]}", number, 0.35 + begin, share)
-            tell(0.0)
-            raw = tessellate(shape, deflection, angular, self.color, self.sizes.of, tell)
-            if raw.faces:
-                kept[number] = len(kept)
-                keep(raw)
-        for part in self.raw.parts:
-            if part.shape not in kept:
-                why = skip.get(part.shape, "meshes to nothing")
-                self.raw.notes.append(f"part {part.name} is lost: its geometry {why}")
-        self.raw.parts = [part for part in self.raw.parts if part.shape in kept]
-        for part in self.raw.parts:
-            part.shape = kept[part.shape]
+
+        def make(number: int, mesher: bool, tell: Callable[[float], None]) -> RawShape:
+            shape = self.shapes[number]
+            return tessellate(shape, deflection, angular, self.color, self.sizes.of, tell, mesher)
+
+        lost = crew(make, faces, [f"meshing {first[number]}" for number in range(len(faces))])
+        left_out(self.raw, lost)
         if not self.raw.parts:
             raise UnreadableError("no part of it can be meshed; check it in a CAD program and export it again")
         return self.raw
-
-
-class _ShapeProgress:
-    """Converts the progress of one shape to that of the whole, in steps of one hundredth."""
-
-    def __init__(self, progress: Progress, text: str, number: int, begin: float, share: float) -> None:
-        self._say = lambda fraction: progress(begin + share * fraction, text, number)
-        self._share = share
-        self._last = -1.0
-
-    def __call__(self, fraction: float) -> None:
-        if self._last < 0.0 or (fraction - self._last) * self._share >= 0.01:
-            self._last = fraction
-            self._say(fraction)
 
 
 def _explore(shape: TopoDS_Shape) -> list[TopoDS_Shape]:

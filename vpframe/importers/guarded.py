@@ -166,7 +166,8 @@ def package_folders(beside: Path, packages: Sequence[str]) -> list[str]:
     for name in packages:
         spec = importlib.util.find_spec(name)
         if spec is not None and spec.origin is not None:
-            folder = Path(spec.origin).resolve().parent.parent
+            folder = Path(spec.origin).resolve().parent
+            folder = folder.parent if spec.submodule_search_locations else folder
             if folder != beside and str(folder) not in folders:
                 folders.append(str(folder))
     return folders

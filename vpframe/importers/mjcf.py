@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
+from vpframe.importers.crew import Make, left_out
 from vpframe.importers.raw import Array, Axis, Color, RawFace, RawJoint, RawPart, RawScene, RawShape, UnreadableError
 from vpframe.importers.solids import SOLIDS, part_of_mass
 
@@ -18,11 +19,11 @@ def read_model(
     path: str,
     deflection: float,
     angular: float,
-    skip: Mapping[int, str],
+    bodies: str,
     progress: Callable[..., None],
-    keep: Callable[[RawShape], None],
+    crew: Callable[[Make, Sequence[float], Sequence[str]], dict[int, str]],
 ) -> RawScene:
-    """Return the raw scene of an MJCF file at the reference pose of its joints; shapes go to `keep`.
+    """Return the raw scene of an MJCF file at the reference pose of its joints; `crew` makes its shapes.
 
     Bodies with visual geometry (without collisions) are read from it, others from their collision geometry. Meshes have
     one face. Raises UnreadableError if MuJoCo is not installed or rejects the file.
@@ -42,17 +43,12 @@ def read_model(
     mujoco.mj_comPos(model, data)
     reader = _Model(mujoco, model, data, deflection, angular)
     raw = reader.raw
-    for number in range(len(reader.shapes)):
-        progress(0.3 + 0.6 * number / len(reader.shapes), f"shape {number}", number)
-        if number not in skip:
-            keep(reader.shapes[number]())
-    kept = [number for number in range(len(reader.shapes)) if number not in skip]
-    for part in raw.parts:
-        if part.shape in skip:
-            raw.notes.append(f"part {part.name} is lost: its geometry {skip[part.shape]}")
-    raw.parts = [part for part in raw.parts if part.shape not in skip]
-    for part in raw.parts:
-        part.shape = kept.index(part.shape)
+    lost = crew(
+        lambda number, mesher, tell: reader.shapes[number](),
+        [1.0] * len(reader.shapes),
+        [f"shape {number}" for number in range(len(reader.shapes))],
+    )
+    left_out(raw, lost)
     present = {part.name for part in raw.parts}
     raw.links = [[name for name in names if name in present] for names in raw.links]
     if not raw.parts:

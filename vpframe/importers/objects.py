@@ -33,11 +33,12 @@ def load(
     timeout: float | None,
     progress: Progress | None,
     form: str | None,
+    bodies: str | None = None,
 ) -> Scene:
     """Load an object as `vpframe.load` does. Raises LoadError for unsupported types."""
     kind = type(source).__module__.partition(".")[0]
     if isinstance(source, bytes | bytearray | memoryview):
-        return _of_bytes(bytes(source), deflection, angular, unit, timeout, progress, form)
+        return _of_bytes(bytes(source), deflection, angular, unit, timeout, progress, form, bodies)
     if kind == "trimesh":
         import trimesh
 
@@ -50,7 +51,7 @@ def load(
     if unit is not None:
         raise LoadError(f"{type(source).__name__}: names its unit itself; leave unit= out", type(source).__name__)
     if wrapped.is_wrapped(source):
-        raw, join = wrapped.read(source, deflection, angular, timeout, progress)
+        raw, join = wrapped.read(source, deflection, angular, timeout, progress, bodies)
         scene = build.scene(raw, None, progress)
         join(scene)
         return scene
@@ -70,6 +71,7 @@ def _of_bytes(
     timeout: float | None,
     progress: Progress | None,
     form: str | None,
+    bodies: str | None,
 ) -> Scene:
     found = form or content_of(data)
     suffix = next((s for s, f in FORMATS.items() if found in (f, s, s[1:])), None)
@@ -80,7 +82,7 @@ def _of_bytes(
         path = Path(folder, f"model{suffix}")
         path.write_bytes(data)
         try:
-            scene = importers.load(path, deflection, angular, unit, timeout, progress)
+            scene = importers.load(path, deflection, angular, unit, timeout, progress, bodies=bodies)
         except LoadError as error:
             raise LoadError(str(error).replace(str(path), "bytes"), "bytes") from None
     scene.source = None

@@ -8,9 +8,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Triangles = NDArray[np.int32]
 
-LONGEST = 200
-"""maximum number of vertices of a loop; triangulation takes cubic time"""
-
 
 def triangle_area_vectors(vertices: Array, triangles: NDArray[np.int32]) -> Array:
     """(m, 3) half cross products: direction of the outward normal, length equal to the area, m²."""
@@ -90,51 +87,22 @@ def open_edges(triangles: Triangles) -> NDArray[np.int64]:
     return np.concatenate([pairs[excess > 0], pairs[excess < 0][:, ::-1]])
 
 
-def boundary_loops(triangles: Triangles) -> list[list[int]]:
-    """Return the vertices around each hole, in the winding order of triangles that fill it.
+def signed_volume(vertices: Array, triangles: NDArray[np.int32]) -> float:
+    """Volume enclosed by triangles (m, 3), m³; negative if they are wound inwards, 0 without triangles.
 
-    Holes that meet at a vertex are ambiguous and left out.
+    An open mesh is closed towards the middle of its border, which is exact for a flat hole.
     """
-    edges = open_edges(triangles)[:, ::-1]
-    following = dict(edges.tolist())
-    starts, counts = np.unique(edges[:, 0], return_counts=True)
-    forked = set(starts[counts > 1].tolist())
-    loops = []
-    while following:
-        first, vertex = following.popitem()
-        loop = [first]
-        while vertex != first and vertex in following:
-            loop.append(vertex)
-            vertex = following.pop(vertex)
-        if vertex == first and not forked.intersection(loop):
-            loops.append(loop)
-    return sorted(loops, key=min)
+    if not len(triangles):
+        return 0.0
+    a, b, c = (vertices[triangles[:, k]] - _inner(vertices, triangles) for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
 
-def fill(points: Array) -> Triangles:
-    """(n-2, 3) triangles of least total area that span the closed polygon `points` (n, 3), with its winding.
-
-    Dynamic programming over sub-polygons (Barequet and Sharir, Filling gaps in the boundary of a polyhedron, CAGD 12
-    (1995) 207, section 3). The polygon need not be planar.
-    """
-    n = len(points)
-    least = np.zeros((n, n))
-    chosen = np.zeros((n, n), np.int64)
-    for span in range(2, n):
-        for i in range(n - span):
-            k, between = i + span, np.arange(i + 1, i + span)
-            cross = np.cross(points[between] - points[i], points[k] - points[i])
-            total = least[i, between] + least[between, k] + 0.5 * np.linalg.norm(cross, axis=1)
-            best = int(total.argmin())
-            least[i, k], chosen[i, k] = total[best], between[best]
-    triangles, waiting = [], [(0, n - 1)]
-    while waiting:
-        i, k = waiting.pop()
-        if k - i >= 2:
-            j = int(chosen[i, k])
-            triangles.append((i, j, k))
-            waiting += [(j, k), (i, j)]
-    return np.array(triangles, np.int32)
+def _inner(vertices: Array, triangles: NDArray[np.int32]) -> Array:
+    """Middle of the border of an open mesh; the first vertex of a closed one."""
+    border = open_edges(triangles)
+    middle: Array = vertices[border].mean(axis=(0, 1)) if len(border) else vertices[triangles[0, 0]]
+    return middle
 
 
 def signed_volume(vertices: Array, triangles: NDArray[np.int32]) -> float:
@@ -151,6 +119,4 @@ def mass_properties(vertices: Array, triangles: NDArray[np.int32]) -> tuple[floa
     """
     from physics.model.body import polyhedron  # imports numba, which the reading process rarely needs
 
-    border = open_edges(triangles)
-    origin = vertices[border].mean(axis=(0, 1)) if len(border) else vertices[triangles[0, 0]]
-    return polyhedron(vertices[triangles], origin)
+    return polyhedron(vertices[triangles], _inner(vertices, triangles))

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 _END = re.compile(rb";\s*+(?=#\d++\s*+=|ENDSEC|/\*|$)")  # not any semicolon, since strings may contain one
 _STATEMENT = re.compile(rb"(?:/\*.*?\*/\s*)*#(\d++)\s*+=\s*+(.*)", re.DOTALL)
+_WHOLE = re.compile(rb"#(\d++)\s*+=\s*+((?:[^;']|'(?:[^']|'')*+')*+);")
+_USE = re.compile(rb"#(\d+)\s*=\s*NEXT_ASSEMBLY_USAGE_OCCURRENCE\s*\([^;#]*#(\d+)\s*,\s*#(\d+)")
 _REFERENCE = re.compile(rb"#(\d+)")
 _STRING = re.compile(rb"'(?:[^']++|'')*+'")
 _SIMPLE = re.compile(rb"([A-Z][A-Z0-9_]*)\s*\(")
@@ -37,6 +40,8 @@ class StepText:
     """number of uses of each product with its own shape, by product name"""
     external: list[str] = field(default_factory=list)
     """names of referenced files"""
+    circular: dict[int, str] = field(default_factory=dict)
+    """entity numbers of the uses by which an assembly contains itself, with its name"""
     damage: list[str] = field(default_factory=list)
     """one line for each damaged statement, in the order of the file"""
     unit_fault: str = ""
@@ -186,28 +191,72 @@ def _products(statements: dict[int, bytes], text: StepText) -> None:
         if len(references[n]) == 2 and (definition := shapes.get(references[n][0])) in definitions:
             representation = references[n][1]
             own[definition] = _count_faces([representation, *equal.get(representation, [])], kinds, references)
-    children: dict[int, list[int]] = {}
-    used = set()
-    for n in of(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE"):
-        if len(references[n]) >= 2:
-            children.setdefault(references[n][0], []).append(references[n][1])
-            used.add(references[n][1])
+    uses = [(n, *references[n][:2]) for n in of(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE") if len(references[n]) >= 2]
+    children, circular = _tree(uses)
+    text.circular = {n: definitions.get(parent, f"#{parent}") for n, parent in circular.items()}
+    used = {child for below in children.values() for child in below}
     times: Counter[int] = Counter()
 
-    def walk(definition: int, above: frozenset[int]) -> None:
+    def walk(definition: int) -> None:
         times[definition] += 1
         for child in children.get(definition, ()):
-            if child not in above:
-                walk(child, above | {child})
+            walk(child)
 
     for definition in definitions:
         if definition not in used:
-            walk(definition, frozenset({definition}))
+            walk(definition)
     for definition, count in own.items():
-        if count or definition not in children:
+        if count or (definition not in children and not text.external):  # else its shape may be in another file
             name = definitions[definition]
             text.faces[name] += count * times[definition]
             text.instances[name] += times[definition]
+
+
+def circular_uses(data: bytes) -> set[int]:
+    """Return the numbers of the uses by which an assembly in a STEP file contains itself."""
+    return set(_tree([(int(m[1]), int(m[2]), int(m[3])) for m in _USE.finditer(data)])[1])
+
+
+def _tree(uses: Iterable[tuple[int, int, int]]) -> tuple[dict[int, list[int]], dict[int, int]]:
+    """Return the children of each definition, and the circular ones of `uses` (number, parent, child) with parents."""
+    children: dict[int, list[int]] = {}
+    circular: dict[int, int] = {}
+    for n, parent, child in uses:
+        if _reaches(child, parent, children):
+            circular[n] = parent
+        else:
+            children.setdefault(parent, []).append(child)
+    return children, circular
+
+
+def without(data: bytes, uses: set[int]) -> bytes:
+    """Return a STEP file without some uses of products, and without what places these."""
+    statements = [(int(match[1]), match) for match in _WHOLE.finditer(data)]
+    dropped = set(uses)
+    for kind in (b"PRODUCT_DEFINITION_SHAPE", b"CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"):
+        for n, match in statements:
+            body = _STRING.sub(b"", match[2])
+            if body.startswith(kind) and dropped.intersection(map(int, _REFERENCE.findall(body))):
+                dropped.add(n)
+    kept, position = [], 0
+    for n, match in statements:
+        if n in dropped:
+            kept.append(data[position : match.start()])
+            position = match.end()
+    return b"".join([*kept, data[position:]])
+
+
+def _reaches(start: int, end: int, children: dict[int, list[int]]) -> bool:
+    """Whether a definition is another one or below it."""
+    seen, front = {start}, [start]
+    while front:
+        n = front.pop()
+        if n == end:
+            return True
+        fresh = [child for child in children.get(n, ()) if child not in seen]
+        seen.update(fresh)
+        front += fresh
+    return False
 
 
 def _text(string: bytes) -> str:

@@ -53,7 +53,12 @@ class _Node:
 
 
 def read(
-    source: Any, deflection: float, angular: float, timeout: float | None, progress: Callable[[float, str], None] | None
+    source: Any,
+    deflection: float,
+    angular: float,
+    timeout: float | None,
+    progress: Callable[[float, str], None] | None,
+    bodies: str | None = None,
 ) -> tuple[RawScene, Callable[[Scene], None]]:
     """Return the raw scene of a shape, and a function that adds its joints to the finished scene.
 
@@ -66,7 +71,8 @@ def read(
         if not files.paths:
             raise LoadError(f"{root.name}: the shape is empty; build it before loading", root.name)
         _name(root, "" if root.children else root.given[0])
-        raw = cad.read(files.paths, "given", deflection, angular, timeout, progress, build.settled, given=[root.given])
+        given, settle = [root.given], build.settled
+        raw = cad.read(files.paths, "given", deflection, angular, timeout, progress, settle, bodies, given)
     return raw, lambda scene: _join(scene, list(root.all()))
 
 

@@ -301,6 +301,48 @@ def test_the_text_tells_what_a_step_file_holds(step):
     assert text.lost(text.instances, text.faces) == []
 
 
+def uses_of(text: str) -> dict[str, tuple[str, str, str]]:
+    """Statement, parent and child of each use of a product, by the name of the use."""
+    found = re.findall(r"(#\d+ = NEXT_ASSEMBLY_USAGE_OCCURRENCE\('\d+','(\w+)','',(#\d+),(#\d+),\$\);)", text)
+    return {name: (statement, parent, child) for statement, name, parent, child in found}
+
+
+@pytest.mark.parametrize("user, used", [("plate", "plate"), ("pair", "pair"), ("root", "root"), ("pair", "root")])
+def test_an_assembly_used_in_itself_loses_that_use_alone(user, used, tmp_path, step):
+    text = step.read_text()
+    uses = uses_of(text)
+    root = uses["plate"][1]
+    parent, child = (root if name == "root" else uses[name][2] for name in (user, used))
+    more = f"#99999 = NEXT_ASSEMBLY_USAGE_OCCURRENCE('9','loop','',{parent},{child},$);"
+    path = written(tmp_path / "loop.step", text.replace("DATA;", f"DATA;\n{more}", 1).encode())
+    scene = vp.load(path)
+    assert scene.names == vp.load(step).names
+    assert any("is used in itself" in note for note in scene.notes)
+    assert not any("lost" in note for note in scene.notes)
+
+
+def test_a_part_whose_use_was_overwritten_by_a_loop_is_named(tmp_path, step):
+    text = step.read_text()
+    statement, parent, child = uses_of(text)["cap"]
+    path = written(tmp_path / "loop.step", text.replace(statement, statement.replace(parent, child)).encode())
+    scene = vp.load(path)
+    assert {"plate", "pair/bolt_1", "pair/bolt_2"} <= {name.removeprefix("assembly/") for name in scene.names}
+    assert any("cap is used in itself" in note for note in scene.notes)
+
+
+def test_assemblies_in_other_files_are_no_lost_parts(tmp_path):
+    """A node whose shape lies in another file, where it is an assembly, has no faces of its own."""
+    tail = {"fin": m.box(0.01, 0.02, 0.001), "boom": m.cylinder(0.002, 0.05)}
+    m.write_step(tmp_path / "TAIL.step", tail, name="TAIL")
+    top = m.write_step(
+        tmp_path / "top.step", {"TAIL": m.box(0.01, 0.01, 0.01), "plate": m.box(0.1, 0.1, 0.01)}, external=True
+    )
+    (tmp_path / "top_TAIL.stp").write_bytes((tmp_path / "TAIL.step").read_bytes())
+    scene = vp.load(top)
+    assert set(scene.names) == {"TAIL/fin", "TAIL/boom", "plate"}
+    assert not any("left out" in note or "lost" in note for note in scene.notes)
+
+
 def test_the_text_is_read_in_linear_time_whatever_it_holds():
     quotes = b"DATA;\n" + b"#1=A('" + b"''" * 200_000 + b";\n" + b"#2=B(('x')\n" * 2000 + b"ENDSEC;"
     assert scan(quotes).damage  # by backtracking this would take hours
@@ -319,22 +361,6 @@ say(fraction=0.1, text="meshing a", shape=0)
 def stand_in(tmp_path, monkeypatch, body: str) -> None:
     (tmp_path / "stand_in_reader.py").write_text(READER.format(body=body))
     monkeypatch.setattr(guarded, "READER", tmp_path / "stand_in_reader.py")
-
-
-def test_a_shape_that_crashes_the_kernel_is_skipped_and_the_rest_is_read(tmp_path, step, monkeypatch):
-    stand_in(
-        tmp_path,
-        monkeypatch,
-        f"""
-if list(request["skip"]) != ["0"]:
-    os.kill(os.getpid(), signal.SIGSEGV)
-import runpy
-runpy.run_path({str(guarded.READER)!r}, run_name="__main__")
-""",
-    )
-    scene = vp.load(step)
-    assert "plate" not in scene.names and "cap" in scene.names
-    assert any("plate is lost" in note and "crash" in note for note in scene.notes)
 
 
 def test_a_kernel_that_always_crashes_hangs_or_gives_up_is_one_line(tmp_path, step, monkeypatch):
@@ -446,7 +472,8 @@ def test_a_shape_that_takes_too_much_memory_is_named_and_the_rest_is_read(tmp_pa
     monkeypatch.setattr(cad, "MEMORY", 1200 << 20)
     scene = vp.load(path, deflection=1e-7)
     assert scene.names == ("box",)
-    assert scene.notes == ("part ball is lost: its geometry takes more than 1.3 GB to mesh",)
+    (note,) = scene.notes
+    assert re.fullmatch(r"part ball is lost: its geometry takes more than 1\.\d GB to mesh", note)
 
 
 def test_the_limit_of_time_grows_with_the_file_and_is_told(tmp_path, step, monkeypatch):
@@ -459,17 +486,6 @@ def test_the_limit_of_time_grows_with_the_file_and_is_told(tmp_path, step, monke
         "no answer within 0.5 s of processor time, the limit for 0.1 MB, while reading" in message
         and "timeout" in message
     )
-
-
-def test_a_shape_that_takes_all_the_time_is_left_out_and_no_second_one(tmp_path, step, monkeypatch):
-    stand_in(
-        tmp_path,
-        monkeypatch,
-        "say(fraction=0.2, text='meshing', shape=len(request['skip'])); time.sleep(60)",
-    )
-    began = time.monotonic()
-    assert "no answer within 0.5 s" in fault(step, timeout=0.5)
-    assert time.monotonic() - began < 10.0
 
 
 def test_two_parts_of_one_name_are_refused(step):

@@ -2,62 +2,18 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from itertools import product
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vpframe.importers.polyhedron import boundary_loops, fill, mass_properties, open_edges, without_flat
+from vpframe.importers.polyhedron import mass_properties, open_edges, without_flat
 from vpframe.scene import modelling as m
 
 
 def area(points: np.ndarray, triangles) -> float:
     a, b, c = (points[np.array(triangles)[:, k]] for k in range(3))
     return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-
-
-def triangulations(i: int, k: int) -> list[list[tuple[int, int, int]]]:
-    """All triangulations of the polygon i, i + 1, …, k."""
-    if k - i < 2:
-        return [[]]
-    return [
-        [(i, j, k), *left, *right]
-        for j in range(i + 1, k)
-        for left, right in product(triangulations(i, j), triangulations(j, k))
-    ]
-
-
-@settings(deadline=None, max_examples=40)
-@given(st.integers(3, 8), st.integers(0, 2**32 - 1))
-def test_a_loop_is_filled_with_the_least_area(n, seed):
-    points = np.random.default_rng(seed).normal(size=(n, 3))
-    least = min(area(points, t) for t in triangulations(0, n - 1))
-    triangles = fill(points)
-    assert area(points, triangles) == pytest.approx(least, rel=1e-12)
-    ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
-    border = Counter(map(tuple, ends.tolist()))
-    border.subtract(Counter((b, a) for a, b in ends.tolist()))
-    assert {edge for edge, count in border.items() if count > 0} == {(i, (i + 1) % n) for i in range(n)}
-
-
-@settings(deadline=None, max_examples=40)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
-def test_loops_go_round_what_was_cut_out_and_filling_them_closes_the_mesh(seed, cuts):
-    mesh = m.shape(m.cylinder(0.01, 0.02) + m.box(0.03, 0.01, 0.005)).mesh
-    kept = np.ones(mesh.n_triangles, bool)
-    kept[np.random.default_rng(seed).choice(mesh.n_triangles, cuts, replace=False)] = False
-    triangles = mesh.triangles[kept]
-    gone = Counter(tuple(e) for t in mesh.triangles[~kept].tolist() for e in zip(t, t[1:] + t[:1], strict=True))
-    gone.subtract(Counter({(b, a): n for (a, b), n in gone.items()}))
-    assert sorted((b, a) for (a, b), n in gone.items() if n > 0) == sorted(map(tuple, open_edges(triangles).tolist()))
-    assert len(open_edges(triangles))
-    loops = boundary_loops(triangles)
-    if sum(map(len, loops)) == len(open_edges(triangles)):  # no two holes meet in a vertex
-        patches = [np.array(loop)[fill(mesh.vertices[loop])] for loop in loops]
-        assert not len(open_edges(np.concatenate([triangles, *patches]).astype(np.int32)))
 
 
 @settings(deadline=None, max_examples=60)
