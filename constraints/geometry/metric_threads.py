@@ -66,6 +66,6 @@ def metric_threads(screw: float, hole: float) -> tuple[MetricThread, ...]:
 
 
 def designation(nominal: float, pitch: float | None = None) -> str:
-    """"M6" for a nominal diameter (mm) and its coarse pitch (mm), "M8×1" for a fine one; "M6" for any other number."""
+    """ "M6" for a nominal diameter (mm) and its coarse pitch (mm), "M8×1" for a fine one; "M6" for any other number."""
     fine = pitch is not None and pitch in PITCHES.get(nominal, ())[1:]
     return f"M{nominal:g}" + (f"×{pitch:g}" if fine else "")

@@ -23,16 +23,27 @@ class RoundFit:
     kind: RoundFitKind
     gap: float
     """m: least gap between the surfaces, the offset of their axes or centres included; negative for interference"""
-    interference: float
-    """m, radial, at least 0: how much larger the solid surface is"""
+    clearance: float
+    """m: radius of the hollow surface minus that of the solid one; negative for interference"""
+
+    @property
+    def press(self) -> float:
+        """m, radial: interference of a press fit; 0 for other kinds."""
+        return -self.clearance if self.kind == "press fit" else 0.0
 
     @property
     def words(self) -> str:
-        """A press fit as every command and report names it, any other interference as such; else empty."""
-        if self.interference == 0.0:
-            return ""
-        size = f"{millimetres(self.interference)} radial interference"
-        return f"press fit, {size}, force not checked" if self.kind == "press fit" else size
+        """Radial clearance or interference; a press fit as every command and report names it."""
+        if f"{abs(self.clearance) * 1e6:.2f}" == "0.00":
+            return "same radius"
+        if self.press:
+            return press_fit_words(self.press)
+        return f"{millimetres(abs(self.clearance))} radial {'clearance' if self.clearance > 0.0 else 'interference'}"
+
+
+def press_fit_words(interference: float) -> str:
+    """Name a press fit of a radial interference (m)."""
+    return f"press fit, {millimetres(interference)} radial interference, force not checked"
 
 
 def round_fit(clearance: float, offset: float, most: float, linear: float) -> RoundFit:
@@ -45,10 +56,10 @@ def round_fit(clearance: float, offset: float, most: float, linear: float) -> Ro
     most: m, radial: the greatest interference of a press fit of that diameter.
     linear: m: surfaces nearer than this touch, axes nearer than this coincide.
     """
-    gap, interference = clearance - offset, max(-clearance, 0.0)
+    gap = clearance - offset
     kind: RoundFitKind = "clash"
     if gap >= -linear - ROUNDING:
         kind = "contact" if gap <= linear else "clearance"
-    elif interference <= most + ROUNDING and offset <= linear + ROUNDING:
+    elif -clearance <= most + ROUNDING and offset <= linear + ROUNDING:
         kind = "press fit"
-    return RoundFit(kind, gap, interference)
+    return RoundFit(kind, gap, clearance)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from collision import Tolerance
 from constraints.geometry.features import Feature
-from constraints.geometry.overlap import height_spans, open_angle
 from constraints.geometry.metric_threads import DrawnThread
+from constraints.geometry.overlap import height_spans, open_angle
 from constraints.geometry.reach import deflection
 from constraints.geometry.round_fit import RoundFit, round_fit
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Torus, Vector
@@ -84,7 +84,7 @@ class Limits:
         return not loose and self.round_fit(radius + clearance, clearance).kind != "clash"
 
     def snug(self, radius: float, clearance: float) -> bool:
-        """Whether a ball or ring fits a hollow surface of `radius` with this radial clearance (m), loose holes apart."""
+        """Whether a ball or ring fits a hollow surface of `radius` with this radial clearance (m)."""
         return clearance <= self.clearance and self.round_fit(radius, clearance).kind != "clash"
 
     def round_fit(self, radius: float, clearance: float, offset: float = 0.0) -> RoundFit:

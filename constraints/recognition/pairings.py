@@ -33,17 +33,12 @@ import numpy as np
 
 from constraints.geometry.overlap import facing_area, shared_height
 from constraints.geometry.reach import deflection, reached
+from constraints.geometry.round_fit import RoundFit, round_fit
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector, cross, norm
 from constraints.geometry.views import Limits, View
 from constraints.geometry.words import millimetres
 from constraints.recognition.candidate import Match
 from constraints.recognition.tangencies import TANGENCIES
-
-
-def _fit_words(fit: float, radius: float, limits: Limits) -> str:
-    if f"{abs(fit) * 1e6:.2f}" == "0.00":
-        return "same radius"
-    return limits.round_fit(radius, fit).words if fit < 0.0 else f"{millimetres(fit)} radial clearance"
 
 
 def _gap_words(gap: float) -> str:
@@ -93,18 +88,18 @@ def against(a: View[Plane], b: View[Plane], limits: Limits) -> Match | None:
 
 
 def _round(
-    kind: str, solid: View, hollow: View, axis: Vector, offset: float, angle: float, fit: float,
+    kind: str, solid: View, hollow: View, axis: Vector, offset: float, angle: float, fit: RoundFit,
     shared: tuple[float, float, float], origin: Vector, size: float, words: str,
 ) -> Match:  # fmt: skip
-    """A match of two surfaces of revolution; `shared` is (overlap, smaller length, open angle of the hollow one), `words`
-    end with those of the fit."""
+    """A match of two surfaces of revolution; `shared` is (overlap, smaller length, open angle of the hollow one)."""
     overlap, smaller, hollow_open = shared
     along = float((hollow.center - solid.center) @ axis)
     return Match(
         kind=kind,
         residual=offset,
         angle=angle,
-        fit=fit,
+        fit=fit.clearance,
+        press=fit.press,
         overlap=overlap,
         share=min(1.0, max(0.0, overlap / smaller)) if smaller > 0 else 1.0,
         closed=hollow_open < np.pi * (1 - 1e-6),
@@ -113,7 +108,7 @@ def _round(
         local=solid.pose.actInv(origin),
         direction=axis,
         size=size,
-        words=words,
+        words=f"{words}, {fit.words}",
     )
 
 
@@ -142,12 +137,12 @@ def concentric(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) ->
     smaller = min(solid.extent.length, hollow.extent.length)
     words = (
         f"Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm{over(overlap)}, "
-        f"axes {millimetres(offset)} apart{', ' + limits.fit_class if limits.fit_class else ''}, "
-        f"{_fit_words(fit, h.radius, limits)}"
+        f"axes {millimetres(offset)} apart{', ' + limits.fit_class if limits.fit_class else ''}"
     )
     shared = (overlap, smaller, hollow.extent.open)
+    found = limits.round_fit(h.radius, fit)
     return _round(
-        "concentric", solid, hollow, axis, offset, angle, fit, shared, on_hollow.mean(axis=0), h.radius, words
+        "concentric", solid, hollow, axis, offset, angle, found, shared, on_hollow.mean(axis=0), h.radius, words
     )
 
 
@@ -171,7 +166,7 @@ def screw(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) -> Matc
         f"thread {thread.size.name}: Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm tapping hole, {thread.evidence}"
         f"{over(found.overlap)}, axes {millimetres(found.residual)} apart"
     )
-    return replace(found, kind="screw", words=words, parameters={"pitch": thread.size.pitch})
+    return replace(found, kind="screw", press=0.0, words=words, parameters={"pitch": thread.size.pitch})
 
 
 def of_thread(limits: Limits, radius: float) -> Limits:
@@ -199,9 +194,10 @@ def conical(solid: View[Cone], hollow: View[Cone], limits: Limits) -> Match | No
         return None
     smaller = min(solid.extent.length, hollow.extent.length)
     size = height * float(np.tan(h.half_angle))
-    words = f"cones of half angle {np.degrees(h.half_angle):.4g}°{over(overlap)}, {_fit_words(fit, size, limits)}"
+    words = f"cones of half angle {np.degrees(h.half_angle):.4g}°{over(overlap)}"
+    found = round_fit(fit, 0.0, 0.0, limits.slack)  # how far it is pushed home, which is no press fit
     shared = (overlap, smaller, hollow.extent.open)
-    return _round("conical", solid, hollow, h.axis, residual, max(angle, flare), fit, shared, middle, size, words)
+    return _round("conical", solid, hollow, h.axis, residual, max(angle, flare), found, shared, middle, size, words)
 
 
 def spherical(solid: View[Sphere], hollow: View[Sphere], limits: Limits) -> Match | None:
@@ -214,13 +210,11 @@ def spherical(solid: View[Sphere], hollow: View[Sphere], limits: Limits) -> Matc
     toward = hollow.center - solid.center
     length = float(np.linalg.norm(toward))
     axis = toward / length if length > 0 else np.array([0.0, 0.0, 1.0])
-    words = (
-        f"ball Ø{2e3 * s.radius:.6g} in socket Ø{2e3 * h.radius:.6g} mm, centres {millimetres(offset)} apart, "
-        f"{_fit_words(fit, h.radius, limits)}"
-    )
+    words = f"ball Ø{2e3 * s.radius:.6g} in socket Ø{2e3 * h.radius:.6g} mm, centres {millimetres(offset)} apart"
+    found = limits.round_fit(h.radius, fit)
     depth = hollow.feature.area / (2 * np.pi * h.radius)  # Archimedes: height of the socket's zone
     shared = (min(depth, 2 * h.radius), min(depth, 2 * h.radius), 0.0 if depth > h.radius else 2 * np.pi)
-    return _round("spherical", solid, hollow, axis, offset, 0.0, fit, shared, h.center, h.radius, words)
+    return _round("spherical", solid, hollow, axis, offset, 0.0, found, shared, h.center, h.radius, words)
 
 
 def toroidal(solid: View[Torus], hollow: View[Torus], limits: Limits) -> Match | None:
@@ -233,13 +227,11 @@ def toroidal(solid: View[Torus], hollow: View[Torus], limits: Limits) -> Match |
         return None
     if offset > limits.linear + max(fit, 0.0):
         return None
-    words = (
-        f"tori Ø{2e3 * h.major:.6g} × Ø{2e3 * h.minor:.6g} mm, centres {millimetres(offset)} apart, "
-        f"{_fit_words(fit, h.minor, limits)}"
-    )
+    words = f"tori Ø{2e3 * h.major:.6g} × Ø{2e3 * h.minor:.6g} mm, centres {millimetres(offset)} apart"
+    found = limits.round_fit(h.minor, fit)
     depth = hollow.extent.length
     shared = (depth, min(depth, solid.extent.length), hollow.extent.open)
-    return _round("toroidal", solid, hollow, h.axis, offset, angle, fit, shared, h.center, h.major, words)
+    return _round("toroidal", solid, hollow, h.axis, offset, angle, found, shared, h.center, h.major, words)
 
 
 def groove(ball: View[Sphere], hollow: View[Cylinder] | View[Torus], limits: Limits) -> Match | None:
@@ -257,11 +249,11 @@ def groove(ball: View[Sphere], hollow: View[Cylinder] | View[Torus], limits: Lim
     axis = h.axis if isinstance(h, Cylinder) else np.cross(h.axis, middle - h.center) / h.major
     what = "straight" if isinstance(h, Cylinder) else f"ring Ø{2e3 * h.major:.6g} mm"
     words = (
-        f"ball Ø{2e3 * s.radius:.6g} in groove Ø{2e3 * _radius(h):.6g} mm, {what}, centres {millimetres(offset)} apart, "
-        f"{_fit_words(fit, _radius(h), limits)}"
+        f"ball Ø{2e3 * s.radius:.6g} in groove Ø{2e3 * _radius(h):.6g} mm, {what}, centres {millimetres(offset)} apart"
     )
+    found = limits.round_fit(_radius(h), fit)
     shared = (1.0, 1.0, hollow.extent.open if isinstance(h, Cylinder) else 2.0 * np.pi)
-    return _round("groove", ball, hollow, axis, offset, 0.0, fit, shared, middle, s.radius, words)
+    return _round("groove", ball, hollow, axis, offset, 0.0, found, shared, middle, s.radius, words)
 
 
 def _radius(geometry: Geometry) -> float:

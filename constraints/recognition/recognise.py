@@ -46,7 +46,7 @@ class Recogniser:
     ----------
     features: one sequence of `Feature` a body, in the order of the object ids.
     threads: pitch (m a turn, positive for right-handed) of features that are threads, by (body, feature).
-    named: by body, the words of its name that speak of threads, as `constraints.recognition.thread_evidence` takes them.
+    named: by body, the words of its name that speak of threads (`constraints.recognition.thread_evidence`).
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class Recogniser:
         found = matches(self.view(a, fa, poses[a]), self.view(b, fb, poses[b]), limits, rows)
         if found is not None and pitch is not None and found.kind == "concentric":
             words = f"threads on one axis{over(found.overlap)}"
-            found = replace(found, kind="screw", fit=None, words=words, parameters={"pitch": pitch})
+            found = replace(found, kind="screw", fit=None, press=0.0, words=words, parameters={"pitch": pitch})
         self._known[asked] = (state, found)
         return found
 
