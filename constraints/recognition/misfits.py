@@ -137,8 +137,8 @@ def _coaxial(first: Cylinders, second: Cylinders, hidden: float, limits: Limits)
 
 
 def _meeting(solid: View[Cylinder], hollow: View[Cylinder], match: Match, limits: Limits) -> Segments | None:
-    """Points of the bore (n, 3), m, world, and those of the shaft above them, where both surfaces are there and the shaft
-    is larger; None if there are none."""
+    """Points of the bore (n, 3), m, world, and those of the shaft above them, where both surfaces are there and the
+    shaft is larger; None if there are none."""
     s, h = solid.geometry, hollow.geometry
     u = perpendicular(h.axis)
     v = cross(h.axis, u)
@@ -156,10 +156,11 @@ def _meeting(solid: View[Cylinder], hollow: View[Cylinder], match: Match, limits
 
 
 def _common(at: Segments, meshes: tuple[SurfaceMesh, SurfaceMesh], poses: tuple[pin.SE3, pin.SE3]) -> bool:
-    """Whether two bodies have material in common between points of a bore and of a shaft: a bush in a ring has none,
-    though the ring is larger than the bore of the bush."""
-    points = np.concatenate([at[0] + t * (at[1] - at[0]) for t in (0.25, 0.5, 0.75)])
-    first, second = (
-        inside(mesh, (points - pose.translation) @ pose.rotation) for mesh, pose in zip(meshes, poses, strict=True)
-    )
-    return bool((first & second).any())
+    """Whether two bodies have material in common all the way from a bore to a shaft: a bush in a ring has not, though
+    the ring is larger than the bore of the bush."""
+    common = np.ones(len(at[0]), bool)
+    for t in (0.25, 0.5, 0.75):
+        points = at[0] + t * (at[1] - at[0])
+        for mesh, pose in zip(meshes, poses, strict=True):
+            common &= inside(mesh, (points - pose.translation) @ pose.rotation)
+    return bool(common.any())

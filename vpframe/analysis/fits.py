@@ -17,7 +17,7 @@ from constraints.geometry.sleeve import sleeve
 from constraints.geometry.surfaces import Cylinder, Sphere
 from constraints.geometry.threads import faces_of_thread
 from constraints.geometry.views import Extent, Limits
-from constraints.recognition.misfits import misfits
+from constraints.recognition.misfits import Misfit, misfits
 from constraints.recognition.recognise import Recogniser, contacts_within
 from vpframe.analysis.static import candidates, named_threads, threaded_features
 from vpframe.scene.scene import Scene
@@ -147,7 +147,7 @@ def fits_of(
     sags: deflection of each surface of each part, m. tell: receives the fraction done.
     """
     t, worst = world.tolerance, [float(sag.max(initial=0.0)) for sag in sags]
-    features, pitches = threaded_features(scene)
+    features, _ = threaded_features(scene)
     within = max(contacts_within(features, t), t.linear + 2.0 * max(worst, default=0.0))
     contacts = world.contacts(within=within)
     fits, threads = [], []
@@ -167,12 +167,20 @@ def fits_of(
             beside = sleeve(candidate, features, (world.mesh(a), world.mesh(b)), world.tolerance.fit) or ((), ())
             others = frozenset((a, b, i, j) for i, j in product(*beside))
             fits.append(Fit(found, candidate.why, near, others))
-    recogniser = Recogniser(features, pitches, named_threads(scene))
-    meshes, poses = [part.mesh for part in scene.parts], [part.pose for part in scene.parts]
-    for misfit in misfits(recogniser, meshes, poses, recogniser.near(contacts), Limits.offer(t), worst):
+    for misfit in misfits_of(scene, world, contacts, worst):
         a, _, b, _ = misfit.pair
         fits.append(Fit(misfit.fit, misfit.why, frozenset((a, b, i, j) for i, j in misfit.faces), frozenset()))
     return tuple(fits), tuple(threads)
+
+
+def misfits_of(
+    scene: Scene, world: CollisionManager, contacts: NDArray[Any], slack: Sequence[float]
+) -> tuple[Misfit, ...]:
+    """Return the shafts in bores of a scene that clash; slack: greatest deflection of each part, m."""
+    features, pitches = threaded_features(scene)
+    recogniser = Recogniser(features, pitches, named_threads(scene))
+    meshes, poses = [part.mesh for part in scene.parts], [part.pose for part in scene.parts]
+    return misfits(recogniser, meshes, poses, recogniser.near(contacts), Limits.offer(world.tolerance), slack)
 
 
 def _drawn(candidate: Candidate, near: frozenset[Key], radius: float, depth: float) -> Thread:

@@ -8,6 +8,7 @@ All motions start where the parts stand. What a motion may do to each pair of pa
   of a mate in a session are: their facets cross although the true surfaces fit;
 - a press fit is excused like any other fit: along its axis it keeps the overlap it is drawn with;
 - a drawn thread lets nothing pass but its own screw, until its two cylinders share no length;
+- a shaft that clashes with its bore, being larger than a press fit allows, or off its axis, does not move in it;
 - a pair of parts that the user authorised never stops anything.
 """
 
@@ -31,7 +32,7 @@ from constraints.geometry.surfaces import Cylinder, Sphere
 from constraints.geometry.views import Extent
 from constraints.recognition.mated import adjacent_surfaces
 from vpframe.analysis.clash import clash, is_open
-from vpframe.analysis.fits import BAD_KINDS, PressFit, fit_of, press_fits
+from vpframe.analysis.fits import BAD_KINDS, PressFit, fit_of, misfits_of, press_fits
 from vpframe.analysis.static import candidates, threaded_features, world_of
 from vpframe.errors import VpframeError
 from vpframe.scene.boxes import half_size
@@ -146,6 +147,22 @@ class Mate:
         return -self.apart[1] + ON_AXIS < along < self.apart[0] - ON_AXIS
 
 
+@dataclass(frozen=True, eq=False)
+class Jam:
+    """A shaft and a bore that clash."""
+
+    origin: Array
+    """(3,) world, m: middle of the length they share"""
+    axis: Array
+    """(3,) unit, world"""
+    length: float
+    """m"""
+
+    def engaged(self, d: pin.SE3) -> bool:
+        """Whether the two share some length at a displacement of the first against the second."""
+        return abs(float((d.act(self.origin) - self.origin) @ self.axis)) < self.length - ON_AXIS
+
+
 @dataclass(frozen=True)
 class Overlap:
     """Surfaces that reach into each other where the parts stand, beyond what fits and facets explain."""
@@ -233,7 +250,7 @@ class Assembly:
 
     def prepare(self) -> None:
         """Compute what all questions need, before worker processes do so each."""
-        _ = self.mates, self._touching
+        _ = self.mates, self._jams, self._touching
 
     def answer(self, stops: Mapping[Key, Answer], patches: Mapping[tuple[int, int], tuple[Patch, ...]]) -> None:
         """Keep answers that are given ahead: a question counts when it is asked."""
@@ -343,7 +360,8 @@ class Assembly:
         return tuple(pairing if first else (pairing[1], pairing[0]) for first, pairing in pairs)
 
     def left_out(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> Iterable[Pairing] | None:
-        """The surfaces of fits and threads that a leg of part i keeps with part j; None: a drawn thread lets none pass.
+        """The surfaces of fits and threads that a leg of part i keeps with part j; None: a drawn thread lets none pass,
+        or a shaft and a bore that clash.
 
         `Sweeps` asks it of each leg.
         """
@@ -355,7 +373,22 @@ class Assembly:
                 out += mate.excused if first else [(b, a) for a, b in mate.excused]
             elif mate.drawn and mate.engaged(one) and mate.axis @ mate.axis > 0.0:
                 return None
-        return out
+        if i > j:
+            start = start.inverse()
+        return None if any(jam.engaged(start) for jam in self.jams(i, j)) else out
+
+    def jams(self, i: int, j: int) -> tuple[Jam, ...]:
+        """The shafts and bores of two parts that clash where the parts stand; none if the pair is authorised."""
+        return () if frozenset((i, j)) in self.authorised else self._jams.get((min(i, j), max(i, j)), ())
+
+    @cached_property
+    def _jams(self) -> dict[tuple[int, int], tuple[Jam, ...]]:
+        sags = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
+        contacts = self.world.contacts(within=self.world.tolerance.linear + 2.0 * max(sags, default=0.0))
+        out: dict[tuple[int, int], list[Jam]] = {}
+        for found in misfits_of(self.scene, self.world, contacts, sags):
+            out.setdefault((found.pair[0], found.pair[2]), []).append(Jam(*found.line, found.length))
+        return {pair: tuple(jams) for pair, jams in out.items()}
 
     # -- contacts
 

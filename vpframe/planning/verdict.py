@@ -129,6 +129,10 @@ class _Search:
             return self._removable(
                 Way("straight", ways.AXES[0], ways.straight(self.assembly, self.group, (), ways.AXES[0]).knots)
             )
+        jammed = tuple(self.assembly.names[j] for j in self.others if any(self.assembly.jams(i, j) for i in self.group))
+        if jammed:
+            self.tried.append(Tried("any", jammed, (), 0.0, f"a shaft and a bore clash with {listed(jammed)}"))
+            return self._no("not found")
         cone, told = ways.cone_of(self.assembly, self.group, self.others)
         try:
             way = self.straight(cone) or self.along_threads(motion)

@@ -28,7 +28,7 @@ from constraints.kinds import Constraint
 from constraints.manager import Accepted, Change
 from constraints.motion.motion import Motion
 from constraints.recognition.candidate import Candidate, Key, Match
-from constraints.recognition.misfits import misfits
+from constraints.recognition.misfits import Misfit, misfits
 from constraints.solve.groups import Groups
 from physics import Behaviour, Body, Material, SpringHand
 from vpframe.analysis.static import named_threads, threaded_features
@@ -79,6 +79,12 @@ class Changes:
     way: tuple[Mapping[str, pin.SE3], ...] = ()
     """poses of the moved parts where their way bends within the step, in order"""
     timings: Mapping[str, float] = field(default_factory=dict)
+
+
+def rows_of(found: Iterable[Misfit]) -> NDArray[np.int32]:
+    """(k, 4) object, surface, object, surface of shafts and bores that clash."""
+    rows = [(m.pair[0], i, m.pair[2], j) for m in found for i, j in m.faces]
+    return np.array(rows, np.int32).reshape(-1, 4)
 
 
 def _pose(rows: NDArray[np.float64]) -> pin.SE3:
@@ -230,8 +236,9 @@ class State:
         )
         self.motion = Motion(self.collision, self.mates, self.tolerance, drawn=self.poses)
         self._recognise_as_it_stands()
-        rows = np.concatenate([self.collision.colliding_surfaces(), self.misfits()])
-        self.colliding = np.unique(rows, axis=0)
+        found = self.misfits()
+        self.motion.jammed = {(m.pair[0], m.pair[2]): -m.fit.gap for m in found}
+        self.colliding = np.unique(np.concatenate([self.collision.colliding_surfaces(), rows_of(found)]), axis=0)
         self.started = True  # set last, so that an interrupted start is repeated
         self._first = self.mark()
 
@@ -249,17 +256,14 @@ class State:
         pairs = zip(rows["object_a"].tolist(), rows["object_b"].tolist(), strict=True)
         self.rows = rows[np.array([pair in open_pairs for pair in pairs], dtype=bool)]
 
-    def misfits(self) -> NDArray[np.int32]:
-        """(k, 4) object, surface, object, surface of shafts in bores that clash now, also where no facets intersect;
-        without mated and authorised pairs."""
+    def misfits(self) -> tuple[Misfit, ...]:
+        """Shafts in bores that clash now, also where no facets intersect; without mated and authorised pairs."""
         slack = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
         limits = Limits.offer(replace(self.tolerance, reach=0.0, reach_angular=0.0))
         within = max(self.mates.within, self.tolerance.linear + 2.0 * max(slack, default=0.0))
         near = self.mates.recogniser.near(self.collision.contacts(within))
         meshes = [part.mesh for part in self.scene.parts]
-        found = misfits(self.mates.recogniser, meshes, self.poses, near, limits, slack)
-        rows = [(m.pair[0], i, m.pair[2], j) for m in found for i, j in m.faces]
-        return np.array(rows, np.int32).reshape(-1, 4)
+        return misfits(self.mates.recogniser, meshes, self.poses, near, limits, slack)
 
     def event(self, change: Change) -> NewEvent:
         """Return the event of a change in the constraint manager."""
