@@ -92,7 +92,8 @@ def misfits(
             if match is None or match.fit is None:
                 continue
             fit = limits.round_fit(radius, match.fit, match.residual)
-            at = _meeting(solid, hollow, match, limits) if fit.kind == "clash" else None
+            beside = match.overlap <= max(-fit.gap, limits.slack)  # the end of the one in the mouth of the other
+            at = None if fit.kind != "clash" or beside else _meeting(solid, hollow, match, limits)
             if at is None or (-fit.gap > hidden and not _common(at, (meshes[a], meshes[b]), (poses[a], poses[b]))):
                 continue
             faces = [(i, j) for i, j, distance in near.get(pair, ()) if distance <= hidden - fit.gap]

@@ -47,20 +47,20 @@ def drawn_thread(
     if not sizes:
         return None
     stated = [word for word in words if word[:1] == "M" and word[1:2].isdigit()]
-    for size in sizes:
-        if size.name in stated:
-            return DrawnThread(size, f'name "{size.name}"')
+    named = next((size for size in sizes if size.name in stated), None)
     coarse = next((size for size in sizes if size.coarse), None)
-    if coarse is None:
-        return None
-    found = (
-        _head(screw, shank, s)
-        or _hexagon(screw, s, -1, "hexagon socket")
-        or _hexagon(hole, h, 1, "hexagon nut", s.radius)
-        or _mouth(hole, bore, h, s.radius)
-        or next((f'name "{word}"' for word in sorted(words) if not stated), "")
-    )
-    return DrawnThread(coarse, found) if found else None
+    found = ""
+    if coarse is not None and named in (None, coarse):
+        found = (
+            _head(screw, shank, s)
+            or _hexagon(screw, s, -1, "hexagon socket")
+            or _hexagon(hole, h, 1, "hexagon nut", s.radius)
+            or _mouth(hole, bore, h, s.radius)
+            or next((f'name "{word}"' for word in sorted(words) if not stated), "")
+        )
+    if coarse is not None and found:
+        return DrawnThread(coarse, found)
+    return None if named is None else DrawnThread(named, f'name "{named.name}"')
 
 
 def _head(features: Sequence[Feature], shank: int, s: Cylinder) -> str:
