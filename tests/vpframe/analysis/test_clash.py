@@ -36,7 +36,15 @@ def shaft_in_bore(radius, deflection=1e-4):
 
 @pytest.mark.parametrize("deflection", [2e-5, 1e-4, 4e-4])
 @pytest.mark.parametrize(
-    ("radius", "kind"), [(0.0104, "clash"), (0.01005, "clash"), (0.01002, "press fit"), (0.010, "contact"), (0.00998, "clearance"), (0.0099, None)]
+    ("radius", "kind"),
+    [
+        (0.0104, "clash"),
+        (0.01005, "clash"),
+        (0.01002, "press fit"),
+        (0.010, "contact"),
+        (0.00998, "clearance"),
+        (0.0099, None),
+    ],
 )
 def test_a_fit_is_judged_on_its_radii_whatever_the_tessellation(radius, kind, deflection):
     found = clash(shaft_in_bore(radius, deflection), clearance=5e-5)
@@ -224,7 +232,7 @@ def test_a_screw_drawn_in_its_tap_drill_is_a_thread_and_no_clash(length):
     assert not any(map(is_open, found["pairs"]))
     text = table(found)
     assert text.splitlines()[0] == "1 thread (pairs of parts)"
-    assert "thread, " in table(found, surfaces=True).splitlines()[0] and "thread M6 drawn as Ø6 in Ø5 mm" in text
+    assert "thread, " in table(found, surfaces=True).splitlines()[0] and "thread M6: Ø6 in Ø5 mm" in text
     # a hole that no thread is cut into is a clash as before
     assert "clash" in kinds(clash(screwed(0.0055, length)))
 
