@@ -36,9 +36,12 @@ class Tolerance:
     segment_relative: float = 2e-5
     """1: in a bare mesh, vertices lie on their surface to this part of the mesh's extent (files carry seven digits)."""
     clearance: float = 2.5e-4
-    """m: greatest radial clearance (or interference) at which a shaft still fits a bore."""
+    """m: greatest radial clearance at which a shaft still fits a bore."""
     clearance_relative: float = 0.1
     """1: … or looser by this share of the shaft's diameter, up to 4 mm: screws in clearance holes (ISO 273)"""
+    press_fit: str = "s7"
+    """ISO 286 class of the tightest shaft in a hole H: its greatest interference, for the diameter of the bore, is the
+    most by which a shaft may be larger than its bore and be a press fit; beyond it they clash. u8 allows more."""
     fit_class: str = ""
     """ISO 286 class, such as H7/g6, that a shaft and its bore have to make; empty for `clearance` alone"""
     rigid: float = 1e-6
@@ -83,7 +86,9 @@ class Tolerance:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.name == "fit_class":
+            if isinstance(field.default, str):
+                if not isinstance(value, str):
+                    raise CollisionError(f"Tolerance: {field.name} is {value!r}; give a class of ISO 286 as text")
                 continue
             if not isinstance(value, (int, float)) or not value >= 0.0:
                 raise CollisionError(f"Tolerance: {field.name} is {value!r}; give a number that is not negative")

@@ -161,6 +161,7 @@ class ConstraintManager:
     features: one sequence of `Feature` a body, in the order of the object ids.
     tolerance: `reach`, `release`, `break_distance`, `break_angular` are used here.
     threads: pitch (m a turn) of threaded features, by (body, feature).
+    named: words of the bodies' names that speak of threads, see `Recogniser`.
     rules: asked in order about each new candidate; the first that does not say None decides.
     fixed: ids of bodies that cannot move: two of them may make constraints contradict each other.
     kinds: what is offered; by default surfaces that coincide (`pairings.FITS`), no tangencies.
@@ -174,12 +175,13 @@ class ConstraintManager:
         tolerance: Tolerance | None = None,
         *,
         threads: Mapping[tuple[int, int], float] | None = None,
+        named: Mapping[int, Collection[str]] | None = None,
         rules: Sequence[Rule] = (),
         fixed: Iterable[int] = (),
         kinds: Iterable[str] = FITS,
     ) -> None:
         self.tolerance = tolerance or Tolerance()
-        self.recogniser = Recogniser(features, threads)
+        self.recogniser = Recogniser(features, threads, named)
         self.rules: list[Rule] = list(rules)
         self.fixed = frozenset(fixed)
         self.kinds = known_kinds(kinds)

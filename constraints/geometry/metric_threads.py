@@ -33,11 +33,22 @@ class MetricThread:
     """"M6" for the coarse pitch, "M8×1" for a fine one"""
     pitch: float
     """m a turn"""
+    coarse: bool
+
+
+@dataclass(frozen=True)
+class DrawnThread:
+    """A thread drawn as two plain cylinders."""
+
+    size: MetricThread
+    evidence: str
+    """what tells it from a dowel in a bore that is too small: "hexagon head", 'name "screw"', …"""
 
 
 @lru_cache(maxsize=4096)
-def metric_thread(screw: float, hole: float) -> MetricThread | None:
-    """The thread that a screw and a hole of these diameters (m), drawn as plain cylinders, stand for; None if none."""
+def metric_threads(screw: float, hole: float) -> tuple[MetricThread, ...]:
+    """The threads that a screw and a hole of these diameters (m), drawn as plain cylinders, may stand for; the one with
+    the nearest tap drill first."""
     d, bore = 1e3 * screw, 1e3 * hole
     for nominal in sorted(PITCHES, key=lambda x: abs(x - d)):
         fitting = [
@@ -47,9 +58,14 @@ def metric_thread(screw: float, hole: float) -> MetricThread | None:
             and nominal - MINOR[0] * pitch - DRAWN <= bore <= nominal - MINOR[1] * pitch + DRAWN
         ]
         if fitting:
-            pitch = min(fitting, key=lambda p: abs(nominal - p - bore))
-            fine = f"×{pitch:g}" if pitch != PITCHES[nominal][0] else ""
-            return MetricThread(f"M{nominal:g}{fine}", 1e-3 * pitch)
+            fitting.sort(key=lambda p: abs(nominal - p - bore))
+            return tuple(MetricThread(designation(nominal, p), 1e-3 * p, p == PITCHES[nominal][0]) for p in fitting)
         if nominal - d > THINNER * PITCHES[nominal][0] + DRAWN:
-            return None
-    return None
+            return ()
+    return ()
+
+
+def designation(nominal: float, pitch: float | None = None) -> str:
+    """ "M6" for a nominal diameter (mm) and its coarse pitch (mm), "M8×1" for a fine one; "M6" for any other number."""
+    fine = pitch is not None and pitch in PITCHES.get(nominal, ())[1:]
+    return f"M{nominal:g}" + (f"×{pitch:g}" if fine else "")

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from collision import Tolerance
 from constraints.geometry.features import Feature
+from constraints.geometry.metric_threads import DrawnThread
 from constraints.geometry.overlap import height_spans, open_angle
 from constraints.geometry.reach import deflection
+from constraints.geometry.round_fit import RoundFit, round_fit
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Torus, Vector
-from constraints.recognition.iso286 import fit_class
+from constraints.recognition.iso286 import fit_class, greatest_interference
 
 CLEARANCE_HOLE = 4e-3
 """m: radial clearance of the widest hole of ISO 273, medium series (M150 in Ø158)"""
@@ -31,7 +33,7 @@ class Limits:
     angular: float
     """rad, on directions"""
     clearance: float
-    """m, on the difference of radii, either way"""
+    """m, on the radius of a hollow surface over that of the solid one in it"""
     relative: float
     """1: share of its diameter by which a shaft may be looser than that in its bore"""
     overlap: float
@@ -42,6 +44,12 @@ class Limits:
     """ISO 286 class of shafts in bores"""
     slack: float = 0.0
     """m: how exactly radii are known, and within which faces touch"""
+    press_fit: str = Tolerance.press_fit
+    """ISO 286 class of the tightest shaft in a hole H"""
+    interference: float = 0.0
+    """m, radial: by how much a solid surface may be larger than the hollow one whatever its diameter: of threads"""
+    thread: DrawnThread | None = None
+    """the metric thread that the two features of the pair stand for, drawn as plain cylinders"""
 
     @classmethod
     def offer(cls, tolerance: Tolerance) -> Limits:
@@ -65,13 +73,31 @@ class Limits:
             strip=strip,
             fit_class=tolerance.fit_class,
             slack=tolerance.linear,
+            press_fit=tolerance.press_fit,
         )
 
     def fit(self, radius: float, clearance: float) -> bool:
         """Whether a shaft of `radius` fits a bore with this radial clearance (m; negative: interference)."""
         if self.fit_class and not fit_class(self.fit_class, 2.0 * radius).allows(2.0 * clearance, self.slack):
             return False
-        return -self.clearance - self.slack <= clearance <= self.loosest(radius) + self.slack
+        loose = clearance > self.loosest(radius) + self.slack
+        return not loose and self.round_fit(radius + clearance, clearance).kind != "clash"
+
+    def snug(self, radius: float, clearance: float) -> bool:
+        """Whether a ball or ring fits a hollow surface of `radius` with this radial clearance (m)."""
+        return clearance <= self.clearance and self.round_fit(radius, clearance).kind != "clash"
+
+    def round_fit(self, radius: float, clearance: float, offset: float = 0.0) -> RoundFit:
+        """What a round surface and the hollow one of `radius` around it are to each other, off its axis by `offset`."""
+        return round_fit(clearance, offset, self.most_interference(radius), self.slack)
+
+    def most_interference(self, radius: float) -> float:
+        """Greatest radial interference (m) of a press fit in a bore of `radius`: of `fit_class`, if that is given."""
+        if self.fit_class:
+            most = max(0.0, -0.5 * fit_class(self.fit_class, 2.0 * radius).least)
+        else:
+            most = 0.5 * greatest_interference(self.press_fit, 2.0 * radius)
+        return max(most, self.interference)
 
     def loosest(self, radius: float) -> float:
         """Greatest radial clearance (m) at which a shaft of `radius` fits a bore.
@@ -170,10 +196,3 @@ class View(Generic[G]):
         """(t, 3, 3) world."""
         points = self.feature.samples @ self.pose.rotation.T + self.pose.translation
         return np.asarray(points[self.feature.triangles])
-
-
-def millimetres(x: float) -> str:
-    """A length as a person reads it; below a picometre nothing is left to say."""
-    if abs(x) < 1e-12:
-        return "0 mm"
-    return f"{x * 1e3:.4g} mm" if abs(x) >= 1e-4 else f"{x * 1e6:.3g} µm"

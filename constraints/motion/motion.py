@@ -66,6 +66,9 @@ class Motion:
         self._linear: Linear | None = None
         self._drawn: Drawn | None = None
         self._overlaps: dict[tuple[int, int], float] = {}
+        self.jammed: Mapping[tuple[int, int], float] = {}
+        """bodies of which a shaft and a bore clash as drawn, and how deep, m: where they are drawn they do not move
+        against each other, unless collision leaves them out"""
         if drawn is not None:
             self.redraw(drawn)
         # a projection finer than this does not pay where measured features contradict one another by rounding
@@ -104,6 +107,9 @@ class Motion:
         self.sync()
         if not wanted:
             return MotionResult({}, False, np.empty(0, CONTACT_DTYPE), 0.0, {})
+        stopped = self._jam(wanted, poses)
+        if len(stopped):
+            return MotionResult({}, True, stopped, 0.0, {})
         moves = (frozenset(movable) | frozenset(wanted)).difference(self.groups.seats)
         key = (self.constraints.constraints, moves, frozenset(wanted), self.groups)
         if self._unknowns is None or self._unknowns[0] != key:
@@ -119,6 +125,23 @@ class Motion:
         result = step.run()
         self._linear = step.linear
         return result
+
+    def _jam(self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3]) -> NDArray[Any]:
+        """Contact rows of the first two jammed bodies that a hand wants to move against each other; none if there are
+        none."""
+        moved = {
+            body: held
+            for held, pose in wanted.items()
+            if np.abs(poses[held].actInv(pose).homogeneous - np.eye(4)).max() > self.tolerance.satisfied
+            for body in self.groups.members.get(held, (held,))
+        }
+        for a, b in self.jammed if moved else ():
+            if (a in moved) != (b in moved) and self._stand_as_drawn(a, b):
+                rows = self.collision.contacts(self.constraints.within, [a if a in moved else b])
+                rows = rows[(rows["object_a"] == a) & (rows["object_b"] == b)]
+                if len(rows):
+                    return rows
+        return np.empty(0, CONTACT_DTYPE)
 
     def _home(self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3]) -> bool:
         """Whether held bodies are wanted where they are drawn, relative to all bodies that constraints join to them.
@@ -180,8 +203,7 @@ class Motion:
 
     def overlap_as_drawn(self, a: int, b: int) -> float:
         """m: how much deeper than their facets two bodies reach into each other, if they are where they are drawn."""
-        now, drawn = (at[a].actInv(at[b]) for at in (self.collision.poses, self.drawn))
-        if np.abs(drawn.actInv(now).homogeneous - np.eye(4)).max() > self.tolerance.linear:
+        if not self._stand_as_drawn(a, b):
             return 0.0
         known = self._overlaps.get((a, b))
         if known is None:
@@ -193,7 +215,12 @@ class Motion:
                 ),
                 default=0.0,
             )
-        return known
+        return max(known, self.jammed.get((min(a, b), max(a, b)), 0.0))
+
+    def _stand_as_drawn(self, a: int, b: int) -> bool:
+        """Whether two bodies stand to each other as they are drawn."""
+        now, drawn = (at[a].actInv(at[b]) for at in (self.collision.poses, self.drawn))
+        return bool(np.abs(drawn.actInv(now).homogeneous - np.eye(4)).max() <= self.tolerance.linear)
 
     def redraw(self, poses: Sequence[pin.SE3]) -> None:
         """Take other poses for those of the assembly as drawn."""

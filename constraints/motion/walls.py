@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from collision import SurfaceMesh, Tolerance
 from constraints.geometry.overlap import FacingArea, facing_area
 from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere
-from constraints.geometry.views import View
+from constraints.geometry.views import Limits, View
 from constraints.recognition.recognise import Recogniser
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ class Walls:
     def interference(self, pair: Surfaces, poses: Sequence[pin.SE3]) -> float:
         """m, at least 0: how much larger a shaft is than the bore it is in, the offset of their axes included.
 
-        Facets that lie parallel tell no depth. 0 for any other pair, and for what does not fit (`Tolerance.clearance`).
+        Facets that lie parallel tell no depth. 0 for any other pair, and for a shaft that is no fit (`round_fit`).
         """
         a, sa, b, sb = pair
         places = self.recogniser.feature_of(a, sa), self.recogniser.feature_of(b, sb)
@@ -120,13 +120,14 @@ class Walls:
         way = at.act(q.origin) - p.origin
         offset = float(np.linalg.norm(np.cross(way, p.axis)))
         turned = float(np.linalg.norm(np.cross(at.rotation @ q.axis, p.axis)))
-        larger = (p.radius - q.radius) * (1.0 if f.sense > 0 else -1.0)
-        if turned > self.tolerance.angular or max(offset, abs(larger)) > self.tolerance.clearance:
+        radius, other = (p.radius, q.radius) if f.sense < 0 else (q.radius, p.radius)
+        fit = Limits.keep(self.tolerance).round_fit(radius, radius - other, offset)
+        if turned > self.tolerance.angular or fit.kind == "clash" or fit.clearance > self.tolerance.clearance:
             return 0.0
         along = (f.samples - p.origin) @ p.axis, (g.samples @ at.rotation.T + at.translation - p.origin) @ p.axis
         if min(along[0].max(), along[1].max()) <= max(along[0].min(), along[1].min()):
             return 0.0
-        return max(offset + larger, 0.0)
+        return max(-fit.gap, 0.0)
 
     def _view(self, body: int, surface: int, pose: pin.SE3) -> View[Any]:
         """The feature that a surface belongs to, where its body is at `pose`."""

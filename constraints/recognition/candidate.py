@@ -64,6 +64,8 @@ class Match:
     """what the constraint kind needs to know besides the two features"""
     features: tuple[Geometry, Geometry] | None = None
     """what the constraint is between, in the bodies' frames, where it is not the two features but edges of theirs"""
+    press: float = 0.0
+    """m, radial: interference of a press fit; 0 for anything else"""
 
 
 KINDS: dict[str, type[Constraint]] = {

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from constraints.geometry.reach import Array, deflection, reached
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Vector
-from constraints.geometry.views import Limits, View, millimetres
+from constraints.geometry.views import Limits, View
+from constraints.geometry.words import millimetres
 from constraints.kinds.elements import Circle, Line, Point
 from constraints.recognition.candidate import Match, Pair
 

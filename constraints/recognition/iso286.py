@@ -1,4 +1,4 @@
-"""Fits by ISO 286: the clearance between a hole and a shaft of a class, such as H7/g6, at a diameter.
+"""Fits by ISO 286: the clearance or interference between a hole and a shaft of a class, such as H7/g6, at a diameter.
 
 The values are those of the standard's tables (ISO 286-1:2010, tables 1 to 5), which its formulas give only roughly.
 """
@@ -14,6 +14,11 @@ from constraints.errors import ConstraintsError
 
 STEPS = (3.0, 6.0, 10.0, 18.0, 30.0, 50.0, 80.0, 120.0, 180.0, 250.0, 315.0, 400.0, 500.0)
 """mm: the greatest size of each step of sizes"""
+FINE_STEPS = (
+    3.0, 6.0, 10.0, 14.0, 18.0, 24.0, 30.0, 40.0, 50.0, 65.0, 80.0, 100.0, 120.0, 140.0, 160.0, 180.0, 200.0, 225.0,
+    250.0, 280.0, 315.0, 355.0, 400.0, 450.0, 500.0,
+)  # fmt: skip
+"""mm: the same, of the deviations r, s and u"""
 LEAST = 1.0
 """mm: the least size"""
 GRADES = {
@@ -35,7 +40,26 @@ DEVIATIONS = {
     "h": (0,) * 13,
 }
 """letter -> how far the upper limit of a shaft lies below the nominal size, and the lower one of a hole above, µm"""
-CLASS = re.compile(r"([D-H])(\d+)/([d-h])(\d+)")
+ABOVE = {
+    "k": (0, 1, 1, 1, 2, 2, 2, 3, 3, 4, 4, 4, 5),
+    "m": (2, 4, 6, 7, 8, 9, 11, 13, 15, 17, 20, 21, 23),
+    "n": (4, 8, 10, 12, 15, 17, 20, 23, 27, 31, 34, 37, 40),
+    "p": (6, 12, 15, 18, 22, 26, 32, 37, 43, 50, 56, 62, 68),
+    "r": (
+        10, 15, 19, 23, 23, 28, 28, 34, 34, 41, 43, 51, 54, 63, 65, 68, 77, 80, 84, 94, 98, 108, 114, 126, 132,
+    ),
+    "s": (
+        14, 19, 23, 28, 28, 35, 35, 43, 43, 53, 59, 71, 79, 92, 100, 108, 122, 130, 140, 158, 170, 190, 208, 232, 252,
+    ),
+    "u": (
+        18, 23, 28, 33, 33, 41, 48, 60, 70, 87, 102, 124, 144, 170, 190, 210, 236, 258, 284, 315, 350, 390, 435, 490,
+        540,
+    ),
+}  # fmt: skip
+"""letter -> how far the lower limit of a shaft lies above the nominal size, µm; by `FINE_STEPS` for r, s and u"""
+K_GRADES = range(4, 8)
+"""grades in which k lies above the nominal size; in the others its lower limit is the nominal size"""
+CLASS = re.compile(r"([D-H])(\d+)/([d-hkmnprsu])(\d+)")
 
 
 class FitClassError(ConstraintsError):
@@ -48,7 +72,7 @@ class FitClassError(ConstraintsError):
 
 @dataclass(frozen=True)
 class FitClass:
-    """Diametral clearance that a class allows, m."""
+    """Diametral clearance that a class allows, m; negative for interference."""
 
     name: str
     least: float
@@ -61,17 +85,41 @@ class FitClass:
 
 @lru_cache(maxsize=4096)
 def fit_class(name: str, diameter: float) -> FitClass:
-    """The class `name` (a clearance fit of D … H and d … h, grades 5 … 12) at a nominal diameter (m).
+    """The class `name` (a hole of D … H, a shaft of d … h, k, m, n, p, r, s or u, grades 5 … 12) at a diameter (m).
 
     Raises FitClassError for other names, and for diameters outside 1 … 500 mm.
     """
     parts = CLASS.fullmatch(name)
     if parts is None or not {int(parts[2]), int(parts[4])} <= GRADES.keys():
-        raise FitClassError(f"fit class {name!r} is not known; give a clearance fit such as H7/g6 (D-H, 5-12)", name)
+        known = "a hole D-H and a shaft d-h, k, m, n, p, r, s or u, grades 5-12, such as H7/g6 or H7/s6"
+        raise FitClassError(f"fit class {name!r} is not known; give {known}", name)
     size = 1e3 * diameter
     if not LEAST <= size <= STEPS[-1]:
         raise FitClassError(f"fit class {name} at Ø{size:.6g} mm: classes are defined for 1 … 500 mm", name)
     step = bisect_left(STEPS, size)
     hole, shaft = (GRADES[int(parts[group])][step] for group in (2, 4))
-    lowest = DEVIATIONS[parts[1].lower()][step] + DEVIATIONS[parts[3]][step]
+    lowest = DEVIATIONS[parts[1].lower()][step] - _highest(parts[3], int(parts[4]), size)
     return FitClass(name, 1e-6 * lowest, 1e-6 * (lowest + hole + shaft))
+
+
+def _highest(letter: str, grade: int, size: float) -> int:
+    """µm: upper limit of a shaft of `size` mm above the nominal size."""
+    step = bisect_left(STEPS, size)
+    if letter in DEVIATIONS:
+        return -DEVIATIONS[letter][step]
+    above = ABOVE[letter][step if len(ABOVE[letter]) == len(STEPS) else bisect_left(FINE_STEPS, size)]
+    return GRADES[grade][step] + (0 if letter == "k" and grade not in K_GRADES else above)
+
+
+@lru_cache(maxsize=4096)
+def greatest_interference(shaft: str, diameter: float) -> float:
+    """Greatest diametral interference (m, at least 0) of a shaft class, such as s7, in a hole H of this diameter (m).
+
+    Below 1 mm and above 500 mm it is that of the nearest size in the tables. Raises FitClassError for unknown classes.
+    """
+    size = min(max(diameter, 1e-3 * LEAST), 1e-3 * STEPS[-1])
+    try:
+        return max(0.0, -fit_class(f"H7/{shaft}", size).least)
+    except FitClassError:
+        known = "d-h, k, m, n, p, r, s or u, grade 5-12, such as s7 or u8"
+        raise FitClassError(f"shaft class {shaft!r} is not known; give {known}", shaft) from None

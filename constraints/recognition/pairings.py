@@ -8,7 +8,8 @@ and SolidWorks.
 solid surface        the other              kind            measured
 ===================  =====================  ==============  =========================================================
 plane                plane, facing          against         gap over the shared area
-cylinder             hollow cylinder        screw           offset of the axes, where the two stand for a metric thread
+cylinder             hollow cylinder        screw           offset of the axes, where the two stand for a metric thread,
+                                                            with evidence (`constraints.recognition.thread_evidence`)
 cylinder             hollow cylinder        concentric      offset of the axes over the shared length, radial fit
 cone                 hollow cone            conical         offset of the apexes across the surface, half angles
 sphere               hollow sphere          spherical       offset of the centres, radial fit
@@ -30,19 +31,14 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from constraints.geometry.metric_threads import metric_thread
 from constraints.geometry.overlap import facing_area, shared_height
 from constraints.geometry.reach import deflection, reached
+from constraints.geometry.round_fit import RoundFit, round_fit
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector, cross, norm
-from constraints.geometry.views import Limits, View, millimetres
+from constraints.geometry.views import Limits, View
+from constraints.geometry.words import millimetres
 from constraints.recognition.candidate import Match
 from constraints.recognition.tangencies import TANGENCIES
-
-
-def _fit_words(fit: float) -> str:
-    if f"{abs(fit) * 1e6:.2f}" == "0.00":
-        return "same radius"
-    return f"{millimetres(abs(fit))} radial {'clearance' if fit > 0 else 'interference'}"
 
 
 def _gap_words(gap: float) -> str:
@@ -92,7 +88,7 @@ def against(a: View[Plane], b: View[Plane], limits: Limits) -> Match | None:
 
 
 def _round(
-    kind: str, solid: View, hollow: View, axis: Vector, offset: float, angle: float, fit: float,
+    kind: str, solid: View, hollow: View, axis: Vector, offset: float, angle: float, fit: RoundFit,
     shared: tuple[float, float, float], origin: Vector, size: float, words: str,
 ) -> Match:  # fmt: skip
     """A match of two surfaces of revolution; `shared` is (overlap, smaller length, open angle of the hollow one)."""
@@ -102,7 +98,8 @@ def _round(
         kind=kind,
         residual=offset,
         angle=angle,
-        fit=fit,
+        fit=fit.clearance,
+        press=fit.press,
         overlap=overlap,
         share=min(1.0, max(0.0, overlap / smaller)) if smaller > 0 else 1.0,
         closed=hollow_open < np.pi * (1 - 1e-6),
@@ -111,7 +108,7 @@ def _round(
         local=solid.pose.actInv(origin),
         direction=axis,
         size=size,
-        words=f"{words}, {_fit_words(fit)}",
+        words=f"{words}, {fit.words}",
     )
 
 
@@ -143,8 +140,9 @@ def concentric(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) ->
         f"axes {millimetres(offset)} apart{', ' + limits.fit_class if limits.fit_class else ''}"
     )
     shared = (overlap, smaller, hollow.extent.open)
+    found = limits.round_fit(h.radius, fit)
     return _round(
-        "concentric", solid, hollow, axis, offset, angle, fit, shared, on_hollow.mean(axis=0), h.radius, words
+        "concentric", solid, hollow, axis, offset, angle, found, shared, on_hollow.mean(axis=0), h.radius, words
     )
 
 
@@ -158,18 +156,22 @@ def over(overlap: float) -> str:
 
 def screw(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) -> Match | None:
     """A screw in its tapped hole, both drawn as plain cylinders: on one axis, overlapping by the depth of a thread."""
-    s, h = solid.geometry, hollow.geometry
-    thread = metric_thread(2.0 * s.radius, 2.0 * h.radius)
+    s, h, thread = solid.geometry, hollow.geometry, limits.thread
     if thread is None:
         return None
-    found = concentric(solid, hollow, replace(limits, clearance=s.radius, fit_class=""))
+    found = concentric(solid, hollow, of_thread(limits, s.radius))
     if found is None:
         return None
     words = (
-        f"thread {thread.name} drawn as Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm{over(found.overlap)}, "
-        f"axes {millimetres(found.residual)} apart"
+        f"thread {thread.size.name}: Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm tapping hole, {thread.evidence}"
+        f"{over(found.overlap)}, axes {millimetres(found.residual)} apart"
     )
-    return replace(found, kind="screw", words=words, parameters={"pitch": thread.pitch})
+    return replace(found, kind="screw", press=0.0, words=words, parameters={"pitch": thread.size.pitch})
+
+
+def of_thread(limits: Limits, radius: float) -> Limits:
+    """The limits for a screw of `radius` (m) in its tapped hole: larger than that by the depth of the thread."""
+    return replace(limits, interference=radius, fit_class="")
 
 
 def conical(solid: View[Cone], hollow: View[Cone], limits: Limits) -> Match | None:
@@ -191,10 +193,11 @@ def conical(solid: View[Cone], hollow: View[Cone], limits: Limits) -> Match | No
     if residual > limits.linear:
         return None
     smaller = min(solid.extent.length, hollow.extent.length)
-    words = f"cones of half angle {np.degrees(h.half_angle):.4g}°{over(overlap)}"
-    shared = (overlap, smaller, hollow.extent.open)
     size = height * float(np.tan(h.half_angle))
-    return _round("conical", solid, hollow, h.axis, residual, max(angle, flare), fit, shared, middle, size, words)
+    words = f"cones of half angle {np.degrees(h.half_angle):.4g}°{over(overlap)}"
+    found = round_fit(fit, 0.0, 0.0, limits.slack)  # how far it is pushed home, which is no press fit
+    shared = (overlap, smaller, hollow.extent.open)
+    return _round("conical", solid, hollow, h.axis, residual, max(angle, flare), found, shared, middle, size, words)
 
 
 def spherical(solid: View[Sphere], hollow: View[Sphere], limits: Limits) -> Match | None:
@@ -202,15 +205,16 @@ def spherical(solid: View[Sphere], hollow: View[Sphere], limits: Limits) -> Matc
     s, h = solid.geometry, hollow.geometry
     fit = h.radius - s.radius
     offset = float(np.linalg.norm(s.center - h.center))
-    if abs(fit) > limits.clearance or offset > limits.linear + max(fit, 0.0):
+    if not limits.snug(h.radius, fit) or offset > limits.linear + max(fit, 0.0):
         return None
     toward = hollow.center - solid.center
     length = float(np.linalg.norm(toward))
     axis = toward / length if length > 0 else np.array([0.0, 0.0, 1.0])
     words = f"ball Ø{2e3 * s.radius:.6g} in socket Ø{2e3 * h.radius:.6g} mm, centres {millimetres(offset)} apart"
+    found = limits.round_fit(h.radius, fit)
     depth = hollow.feature.area / (2 * np.pi * h.radius)  # Archimedes: height of the socket's zone
     shared = (min(depth, 2 * h.radius), min(depth, 2 * h.radius), 0.0 if depth > h.radius else 2 * np.pi)
-    return _round("spherical", solid, hollow, axis, offset, 0.0, fit, shared, h.center, h.radius, words)
+    return _round("spherical", solid, hollow, axis, offset, 0.0, found, shared, h.center, h.radius, words)
 
 
 def toroidal(solid: View[Torus], hollow: View[Torus], limits: Limits) -> Match | None:
@@ -219,14 +223,15 @@ def toroidal(solid: View[Torus], hollow: View[Torus], limits: Limits) -> Match |
     fit = h.minor - s.minor
     angle = line_angle(s.axis, h.axis)
     offset = float(np.linalg.norm(s.center - h.center))
-    if abs(fit) > limits.clearance or abs(h.major - s.major) > limits.clearance or angle > limits.angular:
+    if not limits.snug(h.minor, fit) or abs(h.major - s.major) > limits.clearance or angle > limits.angular:
         return None
     if offset > limits.linear + max(fit, 0.0):
         return None
     words = f"tori Ø{2e3 * h.major:.6g} × Ø{2e3 * h.minor:.6g} mm, centres {millimetres(offset)} apart"
+    found = limits.round_fit(h.minor, fit)
     depth = hollow.extent.length
     shared = (depth, min(depth, solid.extent.length), hollow.extent.open)
-    return _round("toroidal", solid, hollow, h.axis, offset, angle, fit, shared, h.center, h.major, words)
+    return _round("toroidal", solid, hollow, h.axis, offset, angle, found, shared, h.center, h.major, words)
 
 
 def groove(ball: View[Sphere], hollow: View[Cylinder] | View[Torus], limits: Limits) -> Match | None:
@@ -236,7 +241,7 @@ def groove(ball: View[Sphere], hollow: View[Cylinder] | View[Torus], limits: Lim
     way = np.asarray(h.normals(s.center)[0])
     offset = float(h.distance(s.center)[0]) + _radius(h)  # of the centre from the groove's centre line
     middle = s.center - offset * way
-    if abs(fit) > limits.clearance or offset > limits.linear + max(fit, 0.0):
+    if not limits.snug(_radius(h), fit) or offset > limits.linear + max(fit, 0.0):
         return None
     triangles = hollow.triangles
     if not reached(middle[None], triangles, _radius(h) + 2.0 * deflection(h, triangles) + limits.linear)[0]:
@@ -246,8 +251,9 @@ def groove(ball: View[Sphere], hollow: View[Cylinder] | View[Torus], limits: Lim
     words = (
         f"ball Ø{2e3 * s.radius:.6g} in groove Ø{2e3 * _radius(h):.6g} mm, {what}, centres {millimetres(offset)} apart"
     )
+    found = limits.round_fit(_radius(h), fit)
     shared = (1.0, 1.0, hollow.extent.open if isinstance(h, Cylinder) else 2.0 * np.pi)
-    return _round("groove", ball, hollow, axis, offset, 0.0, fit, shared, middle, s.radius, words)
+    return _round("groove", ball, hollow, axis, offset, 0.0, found, shared, middle, s.radius, words)
 
 
 def _radius(geometry: Geometry) -> float:

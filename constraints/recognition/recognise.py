@@ -7,7 +7,7 @@ geometry, so faceting neither hides a clearance nor invents one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,14 +17,16 @@ from numpy.typing import NDArray
 
 from collision import Tolerance
 from constraints.geometry.features import Feature
-from constraints.geometry.metric_threads import metric_thread
+from constraints.geometry.metric_threads import DrawnThread, metric_threads
 from constraints.geometry.surfaces import Cylinder
 from constraints.geometry.threads import ALIKE
-from constraints.geometry.views import Extent, Limits, View, millimetres
+from constraints.geometry.views import Extent, Limits, View
+from constraints.geometry.words import millimetres
 from constraints.recognition.candidate import KINDS, Candidate, Key, Match, Pair, known_kinds
 from constraints.recognition.edge_contacts import as_match, edge_contact, without_implied_contacts
 from constraints.recognition.implied import Found, without_implied
 from constraints.recognition.pairings import PAIRINGS, SLIGHT, STANDING, Pairing, matches, over
+from constraints.recognition.thread_evidence import drawn_thread
 from constraints.recognition.verdicts import Verdicts
 
 Near = tuple[int, int, float]
@@ -44,13 +46,19 @@ class Recogniser:
     ----------
     features: one sequence of `Feature` a body, in the order of the object ids.
     threads: pitch (m a turn, positive for right-handed) of features that are threads, by (body, feature).
+    named: by body, the words of its name that speak of threads (`constraints.recognition.thread_evidence`).
     """
 
     def __init__(
-        self, features: Sequence[Sequence[Feature]], threads: Mapping[tuple[int, int], float] | None = None
+        self,
+        features: Sequence[Sequence[Feature]],
+        threads: Mapping[tuple[int, int], float] | None = None,
+        named: Mapping[int, Collection[str]] | None = None,
     ) -> None:
         self.features: tuple[tuple[Feature, ...], ...] = tuple(tuple(f) for f in features)
         self.threads = dict(threads or {})
+        self.named = dict(named or {})
+        self._drawn: dict[Pair, DrawnThread | None] = {}
         self._of_surface = [{s: i for i, f in enumerate(fs) for s in f.surfaces} for fs in self.features]
         self._extents: dict[tuple[int, int], Extent] = {}
         self._shared: dict[int, Extent] = {}
@@ -117,7 +125,7 @@ class Recogniser:
         clearance = bores[None, :] - shafts[:, None]
         fits = (clearance >= 0.0) & (clearance <= most[:, None])
         for i, j in np.argwhere((clearance < 0.0) & (clearance > -0.25 * shafts[:, None])).tolist():
-            fits[i, j] = metric_thread(2.0 * shafts[i], 2.0 * bores[j]) is not None
+            fits[i, j] = bool(metric_threads(2.0 * shafts[i], 2.0 * bores[j]))
         return float(np.abs(clearance[fits]).max(initial=0.0))
 
     def view(self, body: int, feature: int, pose: pin.SE3) -> View:
@@ -142,7 +150,7 @@ class Recogniser:
         found = matches(self.view(a, fa, poses[a]), self.view(b, fb, poses[b]), limits, rows)
         if found is not None and pitch is not None and found.kind == "concentric":
             words = f"threads on one axis{over(found.overlap)}"
-            found = replace(found, kind="screw", fit=None, words=words, parameters={"pitch": pitch})
+            found = replace(found, kind="screw", fit=None, press=0.0, words=words, parameters={"pitch": pitch})
         self._known[asked] = (state, found)
         return found
 
@@ -155,8 +163,23 @@ class Recogniser:
         """The limits for a pair: flanks of threads meet though mean radii differ, as crests are cut differently."""
         pitch = self.pitch(pair)
         if pitch is None:
-            return limits
-        return replace(limits, clearance=max(limits.clearance, FLANK * abs(pitch)), fit_class="")
+            thread = self.drawn_thread(pair)
+            return limits if thread is None else replace(limits, thread=thread)
+        play = FLANK * abs(pitch)
+        return replace(limits, clearance=max(limits.clearance, play), interference=play, fit_class="")
+
+    def drawn_thread(self, pair: Pair) -> DrawnThread | None:
+        """The metric thread that two features, drawn as plain cylinders, stand for; None without evidence."""
+        if pair not in self._drawn:
+            a, fa, b, fb = pair
+            first, second = self.features[a], self.features[b]
+            found = None
+            if first[fa].sense != second[fb].sense:
+                words = (*self.named.get(a, ()), *self.named.get(b, ()))
+                sides = ((first, fa), (second, fb)) if first[fa].sense > 0 else ((second, fb), (first, fa))
+                found = drawn_thread(*sides[0], *sides[1], words)
+            self._drawn[pair] = found
+        return self._drawn[pair]
 
     def pitch(self, pair: Pair) -> float | None:
         """m a turn, where two features are threads of one pitch, or one is a thread that reaches into the other."""
@@ -237,6 +260,7 @@ def recognise(
     tolerance: Tolerance | None = None,
     *,
     threads: Mapping[tuple[int, int], float] | None = None,
+    named: Mapping[int, Collection[str]] | None = None,
     kinds: Iterable[str] | None = None,
     implied: bool = False,
     tell: Callable[[float], None] = lambda fraction: None,
@@ -252,6 +276,7 @@ def recognise(
     tolerance: `reach` and `reach_angular` say how far from exact a mate may be; `replace(t, reach=0.0,
         reach_angular=0.0)` judges an assembly as it stands.
     threads: pitch in m a turn of threaded features, by (body, feature).
+    named: words of the bodies' names that speak of threads, see `Recogniser`.
     kinds: only these kinds; None for all of `pairings.STANDING`. With "contact" or "coplanar" among them (`pairings.
         SLIGHT`) edges and vertices that touch within `tolerance.linear` are looked at too, and faces that lie flush:
         ranked below what fits, and left out where a fit of the same two bodies says as much.
@@ -263,7 +288,7 @@ def recognise(
     One `Candidate` a pair of features, sorted by falling score, then by key.
     """
     tolerance = tolerance or Tolerance()
-    recogniser = Recogniser(features, threads)
+    recogniser = Recogniser(features, threads, named)
     limits = Limits.offer(tolerance)
     wanted = known_kinds(STANDING if kinds is None else kinds)
     near = recogniser.near(contacts)

@@ -8,7 +8,6 @@ overlap, as in conservative advancement). A pair that slides along its mate is m
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -16,12 +15,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision.numeric.kernel import kernel
-from constraints.geometry.metric_threads import metric_thread
 from constraints.geometry.overlap import shared_height
 from constraints.geometry.surfaces import Cylinder, Plane, cross, norm, perpendicular
 from constraints.geometry.views import Limits, View
 from constraints.recognition.candidate import Match, Pair
-from constraints.recognition.pairings import Pairing, line_angle
+from constraints.recognition.pairings import Pairing, line_angle, of_thread
 
 Array = NDArray[np.float64]
 SAFE = 0.9
@@ -211,8 +209,8 @@ def margin(
         return 0.0
     solid, hollow = (a, b) if a.feature.sense > 0 else (b, a)
     judged = {"concentric": limits}
-    if metric_thread(2.0 * solid.geometry.radius, 2.0 * hollow.geometry.radius) is not None:
-        judged["screw"] = replace(limits, clearance=solid.geometry.radius, fit_class="")
+    if limits.thread is not None:
+        judged["screw"] = of_thread(limits, solid.geometry.radius)
     kinds = {row.kind for row in mine} - ({"screw"} - judged.keys())
     if found is None:
         asked = [_concentric(None, solid, hollow, radius, judged[kind]) for kind in kinds if kind in judged]

@@ -2,7 +2,8 @@
 
 Depths of triangles are judged against the deflection of their surfaces. Fits of round surfaces (shaft and bore) are
 judged by radii and axes, because deflection exceeds such clearances; facing planes by their exact distance. Threads
-are a separate kind: drawn as cylinders or out of phase, a screw and its nut overlap by design.
+and press fits are kinds of their own: drawn as cylinders or out of phase, a screw and its nut overlap by design, and so
+does a pin that is pressed into its bore.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
@@ -29,11 +31,11 @@ from vpframe.errors import VpframeError
 from vpframe.scene.deflection import deflections
 from vpframe.scene.names import face_words
 from vpframe.scene.planes import facing_overlaps, is_exact_overlap
-from vpframe.scene.scene import Scene
+from vpframe.scene.scene import Part, Scene
 from vpframe.scene.subassembly import parts_named
 from vpframe.text import plain
 
-KINDS = (*CLASSIFIED[: CLASSIFIED.index("contact")], "thread", *CLASSIFIED[CLASSIFIED.index("contact") :])
+KINDS = (*CLASSIFIED[: CLASSIFIED.index("contact")], "press fit", "thread", *CLASSIFIED[CLASSIFIED.index("contact") :])
 """in descending gravity"""
 INSIDE_KINDS = ("clash", "containment", "authorised", "thread")
 """kinds of rows that depend on containment"""
@@ -83,7 +85,8 @@ def clash(
     {"pairs": [{"kind", "parts": [a, b], "surfaces": [i, j], "faces": [words, words], "distance", "depth", "point",
     "reason"}]}, lengths in metres, in the order of parts and surfaces; `surfaces` and `faces` are empty for parts as a
     whole (containment, coincidence); `point` (3,), world, is the deepest or nearest point. `kind` is one of `KINDS`;
-    "thread" is the overlap of a screw with its nut or tapped hole, which is no clash.
+    "thread" is the overlap of a screw with its nut or tapped hole, "press fit" that of a shaft larger than its bore by
+    no more than `Tolerance.press_fit` allows: neither is a clash.
     """
     world = world_of(scene, tolerance)
     t = world.tolerance
@@ -107,19 +110,22 @@ def clash(
     for overlap in facing_overlaps(scene, world, sags):
         kind = "authorised" if frozenset(overlap.key[:2]) in allowed else "clash"
         rows[overlap.key] = (kind, 0.0, overlap.depth, overlap.why)
-    fits, threads = fits_of(scene, world, lambda done: progress(TRIANGLES + (1.0 - TRIANGLES) * done, "fits"))
+    fits, threads = fits_of(scene, world, sags, lambda done: progress(TRIANGLES + (1.0 - TRIANGLES) * done, "fits"))
     for fit in fits:
         for key in fit.mated | (fit.beside & rows.keys()):
             rows.pop(key, None)
-            if fit.gap > max(t.linear, clearance):
+            kind, gap = fit.fit.kind, fit.fit.gap
+            if gap > max(t.linear, clearance):
                 continue
-            kind = "clash" if fit.gap < -t.linear else "contact" if fit.gap <= t.linear else "clearance"
             if kind == "clash" and frozenset(key[:2]) in allowed:
                 kind = "authorised"
-            rows[key] = (kind, max(fit.gap, 0.0), max(-fit.gap, 0.0), fit.why)
+            rows[key] = (kind, max(gap, 0.0), max(-gap, 0.0), fit.why)
+            whole = rows.get(key[:2])
+            if kind == "press fit" and whole is not None and whole[2] <= -gap + t.linear + _sag(sags, key):
+                del rows[key[:2]]  # the material that the two have in common is that of the press fit
     for thread in threads:  # after the fits, because crests in roots are fits too
         a, b = thread.parts
-        slack = t.linear + float(sags[a].max(initial=0.0) + sags[b].max(initial=0.0))
+        slack = t.linear + _sag(sags, (a, b))
         rows.update(thread.claimed(rows, deepest, slack))
     for key, (kind, distance, depth, reason) in rows.items():
         words = [reason, *(OPEN.format(names[i]) for i in key[:2] if not shapes[i].closed)]
@@ -140,6 +146,20 @@ def clash(
             for key, (kind, distance, depth, reason) in sorted(rows.items())
         ]
     }
+
+
+def between(
+    first: Part, second: Part, poses: tuple[pin.SE3, pin.SE3], tolerance: Tolerance | None = None
+) -> dict[tuple[int, ...], dict[str, Any]]:
+    """Return the rows of `clash` of two parts at world poses, by surfaces of the first and the second, () for the parts
+    as a whole: sessions and reports judge a pair by them, as `vpframe clash` does."""
+    pair = Scene(replace(part, pose=pin.SE3(pose)) for part, pose in zip((first, second), poses, strict=True))
+    return {tuple(row["surfaces"]): row for row in clash(pair, tolerance=tolerance)["pairs"]}
+
+
+def _sag(sags: Sequence[NDArray[np.float64]], key: Key) -> float:
+    """Greatest deflections of the two parts of a key together, m."""
+    return float(sum(sags[i].max(initial=0.0) for i in key[:2]))
 
 
 def with_status(document: dict[str, Any], path: str | os.PathLike[str]) -> None:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from collision import CollisionManager
+from collision import CollisionManager, Tolerance
 from constraints import Candidate
+from constraints.geometry.round_fit import RoundFit, press_fit_words
 from constraints.geometry.sleeve import sleeve
+from constraints.geometry.surfaces import Cylinder, Sphere
 from constraints.geometry.threads import faces_of_thread
-from constraints.geometry.views import Extent
-from vpframe.analysis.static import candidates, threaded_features
+from constraints.geometry.views import Extent, Limits
+from constraints.recognition.misfits import Misfit, misfits
+from constraints.recognition.recognise import Recogniser, contacts_within
+from vpframe.analysis.static import candidates, named_threads, threaded_features
 from vpframe.scene.scene import Scene
 
 Key = tuple[int, ...]
@@ -28,15 +33,40 @@ ROUND_FITS = ("concentric", "spherical")
 
 @dataclass(frozen=True)
 class Fit:
-    """Fit of two round surfaces."""
+    """Two round surfaces, one in the other."""
 
-    gap: float
-    """least gap, m; negative for interference"""
+    fit: RoundFit
     why: str
     mated: frozenset[Key]
     """faces of the two features that are near each other"""
     beside: frozenset[Key]
     """face pairs that cannot be closer than the two features"""
+
+
+@dataclass(frozen=True)
+class PressFit:
+    """A part that is pressed into another: their surfaces overlap by design, and nobody checks the force."""
+
+    parts: tuple[str, str]
+    interference: float
+    """m, radial"""
+
+    def __str__(self) -> str:
+        return f"{' – '.join(self.parts)}: {press_fit_words(self.interference)}"
+
+    def document(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {"parts": list(self.parts), "interference": self.interference, "text": str(self)}
+
+
+def press_fits(mates: Iterable[tuple[tuple[str, str], float]]) -> tuple[PressFit, ...]:
+    """Return the press fits among mates, given by the names of their parts and the radial interference (m, 0 if they
+    are none): the tightest of each pair of parts, in the order given."""
+    found: dict[tuple[str, str], float] = {}
+    for parts, press in mates:
+        if press > 0.0:
+            found[parts] = max(press, found.get(parts, 0.0))
+    return tuple(PressFit(parts, press) for parts, press in found.items())
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +126,32 @@ class Thread:
         return radius - self.depth - slack <= aside <= radius + slack and abs(along) <= half + self.depth + slack
 
 
+def fit_of(candidate: Candidate, tolerance: Tolerance, offset: float | None = None) -> RoundFit | None:
+    """Return what the two round surfaces of a candidate are to each other; None if its kind is none of `ROUND_FITS`.
+
+    offset: m, of axes or centres; by default as it was when the candidate was found.
+    """
+    fit = candidate.match.fit
+    radii = [g.radius for g in candidate.geometries if isinstance(g, Cylinder | Sphere)]
+    if candidate.kind not in ROUND_FITS or fit is None or len(radii) != 2:
+        return None
+    hollow = max(radii) if fit > 0.0 else min(radii)
+    return Limits.keep(tolerance).round_fit(hollow, fit, candidate.residual if offset is None else offset)
+
+
 def fits_of(
-    scene: Scene, world: CollisionManager, tell: Callable[[float], None]
+    scene: Scene, world: CollisionManager, sags: Sequence[NDArray[np.float64]], tell: Callable[[float], None]
 ) -> tuple[tuple[Fit, ...], tuple[Thread, ...]]:
-    """Return the fits and threads of a scene at its present poses; `tell` receives the fraction done."""
+    """Return the fits and threads of a scene at its present poses, and the shafts in bores that clash.
+
+    sags: deflection of each surface of each part, m. tell: receives the fraction done.
+    """
+    t, worst = world.tolerance, [float(sag.max(initial=0.0)) for sag in sags]
     features, _ = threaded_features(scene)
+    within = max(contacts_within(features, t), t.linear + 2.0 * max(worst, default=0.0))
+    contacts = world.contacts(within=within)
     fits, threads = [], []
-    for candidate in candidates(scene, world, tell, implied=True):
+    for candidate in candidates(scene, world, tell, implied=True, contacts=contacts):
         a, fa, b, fb, kind = candidate.key
         near = frozenset((a, b, i, j) for i, j, _ in candidate.near)
         fit = candidate.match.fit
@@ -114,11 +163,24 @@ def fits_of(
             screw = features[a][fa] if features[a][fa].sense > 0 else features[b][fb]
             radius = Extent.of(screw).radii[1]
             threads.append(_drawn(candidate, near, radius, candidate.residual - fit))
-        elif kind in ROUND_FITS and fit is not None:
+        elif (found := fit_of(candidate, t)) is not None:
             beside = sleeve(candidate, features, (world.mesh(a), world.mesh(b)), world.tolerance.fit) or ((), ())
             others = frozenset((a, b, i, j) for i, j in product(*beside))
-            fits.append(Fit(fit - candidate.residual, candidate.why, near, others))
+            fits.append(Fit(found, candidate.why, near, others))
+    for misfit in misfits_of(scene, world, contacts, worst):
+        a, _, b, _ = misfit.pair
+        fits.append(Fit(misfit.fit, misfit.why, frozenset((a, b, i, j) for i, j in misfit.faces), frozenset()))
     return tuple(fits), tuple(threads)
+
+
+def misfits_of(
+    scene: Scene, world: CollisionManager, contacts: NDArray[Any], slack: Sequence[float]
+) -> tuple[Misfit, ...]:
+    """Return the shafts in bores of a scene that clash; slack: greatest deflection of each part, m."""
+    features, pitches = threaded_features(scene)
+    recogniser = Recogniser(features, pitches, named_threads(scene))
+    meshes, poses = [part.mesh for part in scene.parts], [part.pose for part in scene.parts]
+    return misfits(recogniser, meshes, poses, recogniser.near(contacts), Limits.offer(world.tolerance), slack)
 
 
 def _drawn(candidate: Candidate, near: frozenset[Key], radius: float, depth: float) -> Thread:

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from numpy.typing import NDArray
 
 from collision import CollisionManager, Tolerance
 from constraints import Candidate, recognise
 from constraints.geometry.features import Feature
 from constraints.geometry.threads import threaded
 from constraints.recognition.recognise import contacts_within
-from vpframe.scene.scene import Scene
+from vpframe.scene.names import thread_words
+from vpframe.scene.scene import Scene, Shape
+
+_THREADED: WeakKeyDictionary[Shape, tuple[tuple[Feature, ...], dict[int, float]]] = WeakKeyDictionary()
+"""features of each shape with its threads, and the pitches by place"""
 
 
 def world_of(scene: Scene, tolerance: Tolerance | None = None) -> CollisionManager:
@@ -27,6 +35,7 @@ def candidates(
     tell: Callable[[float], None] = lambda fraction: None,
     *,
     implied: bool = False,
+    contacts: NDArray[Any] | None = None,
 ) -> tuple[Candidate, ...]:
     """Return the candidate constraints between parts in contact, best first.
 
@@ -35,26 +44,34 @@ def candidates(
     world: of the scene, from `world_of`.
     tell: receives the fraction done.
     implied: whether to return candidates that others imply (see `constraints.recognition.implied`).
+    contacts: of the world, at least as far as `contacts_within` says; None: they are computed.
     """
     t = world.tolerance
     features, pitches = threaded_features(scene)
-    contacts = world.contacts(within=contacts_within(features, t))
+    if contacts is None:
+        contacts = world.contacts(within=contacts_within(features, t))
     return recognise(
-        features, [part.pose for part in scene.parts], contacts, t, threads=pitches, implied=implied, tell=tell
-    )
+        features, [part.pose for part in scene.parts], contacts, t,
+        threads=pitches, named=named_threads(scene), implied=implied, tell=tell,
+    )  # fmt: skip
 
 
 def threaded_features(scene: Scene) -> tuple[list[tuple[Feature, ...]], dict[tuple[int, int], float]]:
     """Return each part's features, with threads of real geometry, and the pitches by (part, feature)."""
-    known: dict[int, tuple[tuple[Feature, ...], dict[int, float]]] = {}
     features, threads = [], {}
     for i, part in enumerate(scene.parts):
-        key = id(part.shape)
-        if key not in known:
-            known[key] = threaded(part.mesh, part.features)
-        features.append(known[key][0])
-        threads.update({(i, place): pitch for place, pitch in known[key][1].items()})
+        if part.shape not in _THREADED:
+            _THREADED[part.shape] = threaded(part.mesh, part.features)
+        own, pitches = _THREADED[part.shape]
+        features.append(own)
+        threads.update({(i, place): pitch for place, pitch in pitches.items()})
     return features, threads
+
+
+def named_threads(scene: Scene) -> dict[int, tuple[str, ...]]:
+    """Return the words of parts' names that speak of threads, by part; parts without are left out."""
+    words = ((i, thread_words(name)) for i, name in enumerate(scene.names))
+    return {i: found for i, found in words if found}
 
 
 def base_parts(scene: Scene) -> tuple[int, ...]:

@@ -133,6 +133,8 @@ def run_task(
                 if folder is not None:
                     session.report(folder)
     spent = time.perf_counter() - began
+    for fit in session.log.press_fits:
+        say(str(fit))
     say(f"{word}: {session.time:.2f} s of the task in {session.step_count} steps, {spent:.1f} s to compute")
     for what, where in (("recording", record), ("report", report), ("checkpoint", checkpoint)):
         if where is not None:

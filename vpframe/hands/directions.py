@@ -13,6 +13,7 @@ from collision import Tolerance
 from constraints.geometry.features import Feature
 from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.geometry.views import Limits
+from constraints.geometry.words import millimetres
 from vpframe.errors import TaskError
 from vpframe.hands.arguments import vector
 from vpframe.hands.gripper import Gripper
@@ -127,10 +128,24 @@ def best_fit(parts: Sequence[Part], targets: Sequence[Part], tolerance: Toleranc
         raise TaskError(
             f"nothing of {names[0]} fits into {names[1]}: no shaft and bore with a radial clearance of at most "
             f"{tolerance.clearance * 1e3:g} mm, or {tolerance.clearance_relative:.2g} of the shaft's diameter "
-            "(Tolerance.clearance, clearance_relative)"
+            f"(Tolerance.clearance, clearance_relative){_tightest(pairs, limits)}"
         )
     largest = max(min(s.area, b.area) for _, s, _, b in fits)
     return min((f for f in fits if min(f[1].area, f[3].area) > 0.99 * largest), key=_aside)
+
+
+def _tightest(pairs: Sequence[Fit], limits: Limits) -> str:
+    """Words for the pair of least interference among those that are larger than a press fit; empty without one."""
+    tight = [(-clearance, radius) for radius, clearance in (_shaft_and_clearance(p[1], p[3]) for p in pairs)]
+    tight = [(interference, radius) for interference, radius in tight if interference > 0.0]
+    if not tight:
+        return ""
+    interference, radius = min(tight)
+    most = limits.most_interference(radius - interference)
+    return (
+        f"; Ø{2e3 * radius:.6g} in Ø{2e3 * (radius - interference):.6g} mm is {millimetres(interference)} too large, a "
+        f"press fit {limits.fit_class or limits.press_fit} may be {millimetres(most)} (Tolerance.press_fit)"
+    )
 
 
 def _shaft_and_clearance(s: Feature, b: Feature) -> tuple[float, float]:

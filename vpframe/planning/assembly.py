@@ -6,7 +6,9 @@ All motions start where the parts stand. What a motion may do to each pair of pa
 - surfaces that touch or overlap get no deeper than where the parts stand, but for rounding (`TOLERANCE`);
 - the surfaces of a fit or thread are excused while the motion keeps the two on their common axis (or centre), as those
   of a mate in a session are: their facets cross although the true surfaces fit;
+- a press fit is excused like any other fit: along its axis it keeps the overlap it is drawn with;
 - a drawn thread lets nothing pass but its own screw, until its two cylinders share no length;
+- a shaft that clashes with its bore, being larger than a press fit allows, or off its axis, does not move in it;
 - a pair of parts that the user authorised never stops anything.
 """
 
@@ -30,7 +32,7 @@ from constraints.geometry.surfaces import Cylinder, Sphere
 from constraints.geometry.views import Extent
 from constraints.recognition.mated import adjacent_surfaces
 from vpframe.analysis.clash import clash, is_open
-from vpframe.analysis.fits import BAD_KINDS
+from vpframe.analysis.fits import BAD_KINDS, PressFit, fit_of, misfits_of, press_fits
 from vpframe.analysis.static import candidates, threaded_features, world_of
 from vpframe.errors import VpframeError
 from vpframe.scene.boxes import half_size
@@ -117,6 +119,8 @@ class Mate:
     """m: how far a goes along the axis, and against it, until the two surfaces share no length"""
     excused: tuple[Pairing, ...]
     """surfaces of a, surfaces of b"""
+    press: float = 0.0
+    """m, radial: interference of a press fit; 0 for any other mate"""
 
     def keeps(self, start: pin.SE3, end: pin.SE3) -> bool:
         """Whether the motion of a against b from one displacement to another, along a screw, keeps the mate."""
@@ -141,6 +145,22 @@ class Mate:
         """Whether the two share some length at a displacement of a against b."""
         along = float((d.act(self.origin) - self.origin) @ self.axis)
         return -self.apart[1] + ON_AXIS < along < self.apart[0] - ON_AXIS
+
+
+@dataclass(frozen=True, eq=False)
+class Jam:
+    """A shaft and a bore that clash."""
+
+    origin: Array
+    """(3,) world, m: middle of the length they share"""
+    axis: Array
+    """(3,) unit, world"""
+    length: float
+    """m"""
+
+    def engaged(self, d: pin.SE3) -> bool:
+        """Whether the two share some length at a displacement of the first against the second."""
+        return abs(float((d.act(self.origin) - self.origin) @ self.axis)) < self.length - ON_AXIS
 
 
 @dataclass(frozen=True)
@@ -230,7 +250,7 @@ class Assembly:
 
     def prepare(self) -> None:
         """Compute what all questions need, before worker processes do so each."""
-        _ = self.mates, self._touching
+        _ = self.mates, self._jams, self._touching
 
     def answer(self, stops: Mapping[Key, Answer], patches: Mapping[tuple[int, int], tuple[Patch, ...]]) -> None:
         """Keep answers that are given ahead: a question counts when it is asked."""
@@ -282,10 +302,16 @@ class Assembly:
                 out.setdefault(mate.parts, []).append(mate)
         return {pair: tuple(mates) for pair, mates in sorted(out.items())}
 
+    @property
+    def press_fits(self) -> tuple[PressFit, ...]:
+        """The press fits among the mates, the tightest of each pair of parts."""
+        mates = (mate for mates in self.mates.values() for mate in mates)
+        return press_fits(((self.names[m.parts[0]], self.names[m.parts[1]]), m.press) for m in mates)
+
     def _mate(self, candidate: Candidate, features: Sequence[Any], sags: Sequence[float]) -> Mate | None:
         a, fa, b, fb, kind = candidate.key
         first, second = features[a][fa].geometry, features[b][fb].geometry
-        fit, t = candidate.match.fit, self.world.tolerance
+        t = self.world.tolerance
         if kind == "spherical" and isinstance(first, Sphere):
             origin, axis = self.poses[a].act(first.center), np.zeros(3)
         elif kind in ("concentric", "screw") and isinstance(first, Cylinder) and isinstance(second, Cylinder):
@@ -295,10 +321,11 @@ class Assembly:
         stated = self._threads.get(a, self._threads.get(b)) if kind == "concentric" else None
         pitch = candidate.pitch if stated is None else stated
         thread = kind == "screw" or stated is not None
-        if not thread:  # what fits loosely needs no excuse; what is pressed in is an overlap
-            gap = (fit or 0.0) - candidate.residual
-            if not -t.linear <= gap <= sags[a] + sags[b] + t.linear:
-                return None
+        found = fit_of(candidate, t)
+        # what fits loosely needs no excuse; what overlaps and is no press fit has none
+        excusable = found is not None and found.kind != "clash" and found.gap <= sags[a] + sags[b] + t.linear
+        if not (thread or excusable):
+            return None
         apart = np.inf, np.inf
         if isinstance(first, Cylinder):
             spans = [Extent.of(features[i][f]).spans for i, f in ((a, fa), (b, fb))]
@@ -308,12 +335,12 @@ class Assembly:
         surfaces = candidate.surfaces
         beside = tuple(adjacent_surfaces(self.meshes[i], s) for i, s in zip((a, b), surfaces, strict=True))
         excused: list[Pairing] = [(surfaces[0], surfaces[1] + beside[1]), (beside[0], surfaces[1])]
-        found = sleeve(candidate, features, (self.meshes[a], self.meshes[b]), t.fit)
-        if found is not None:
-            excused.append(found)
+        inside = sleeve(candidate, features, (self.meshes[a], self.meshes[b]), t.fit)
+        if inside is not None:
+            excused.append(inside)
         return Mate(
             (a, b), "screw" if thread else kind, np.asarray(origin), np.asarray(axis), pitch if thread else None,
-            thread and fit is not None, apart, tuple(excused),
+            thread and candidate.match.fit is not None, apart, tuple(excused), 0.0 if thread else candidate.match.press,
         )  # fmt: skip
 
     def _heights(self, i: int, cylinder: Any, spans: Array, origin: Array, axis: Array) -> tuple[float, float]:
@@ -333,7 +360,8 @@ class Assembly:
         return tuple(pairing if first else (pairing[1], pairing[0]) for first, pairing in pairs)
 
     def left_out(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> Iterable[Pairing] | None:
-        """The surfaces of fits and threads that a leg of part i keeps with part j; None: a drawn thread lets none pass.
+        """The surfaces of fits and threads that a leg of part i keeps with part j; None: a drawn thread lets none pass,
+        or a shaft and a bore that clash.
 
         `Sweeps` asks it of each leg.
         """
@@ -345,7 +373,22 @@ class Assembly:
                 out += mate.excused if first else [(b, a) for a, b in mate.excused]
             elif mate.drawn and mate.engaged(one) and mate.axis @ mate.axis > 0.0:
                 return None
-        return out
+        if i > j:
+            start = start.inverse()
+        return None if any(jam.engaged(start) for jam in self.jams(i, j)) else out
+
+    def jams(self, i: int, j: int) -> tuple[Jam, ...]:
+        """The shafts and bores of two parts that clash where the parts stand; none if the pair is authorised."""
+        return () if frozenset((i, j)) in self.authorised else self._jams.get((min(i, j), max(i, j)), ())
+
+    @cached_property
+    def _jams(self) -> dict[tuple[int, int], tuple[Jam, ...]]:
+        sags = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
+        contacts = self.world.contacts(within=self.world.tolerance.linear + 2.0 * max(sags, default=0.0))
+        out: dict[tuple[int, int], list[Jam]] = {}
+        for found in misfits_of(self.scene, self.world, contacts, sags):
+            out.setdefault((found.pair[0], found.pair[2]), []).append(Jam(*found.line, found.length))
+        return {pair: tuple(jams) for pair, jams in out.items()}
 
     # -- contacts
 

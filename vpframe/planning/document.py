@@ -40,6 +40,7 @@ def document(plan: Disassembly, seed: int, tolerance: float, tracks: Mapping[str
         "remaining": list(plan.remaining),
         "tried": [row for name, stuck in plan.stuck.items() for row in _tried(name, stuck.tried)],
         "proofs": {name: found for name, stuck in plan.stuck.items() if (found := _proof(stuck)) is not None},
+        "press_fits": [fit.document() for fit in plan.press_fits],
         "overlaps": [{"parts": list(o.parts), "surfaces": list(o.surfaces), "depth": o.depth} for o in plan.overlaps],
         "budget": {
             "seconds": plan.budget.seconds,
@@ -130,6 +131,7 @@ def table(plan: Disassembly) -> str:
         alike.setdefault((WORDS[stuck.verdict], by), []).append(name)
     for (words, by), names in alike.items():
         lines.append(f"  {listed(names)} {'is' if len(names) == 1 else 'are'} {words}{by}")
+    lines += [f"  {fit}" for fit in plan.press_fits]
     for (a, b), depths in overlaps_by_parts(plan).items():
         faces = "" if len(depths) == 1 else f" at most, {len(depths)} pairs of surfaces"
         meant = f"; if that is meant: --authorise {quote(f'{a}:{b}')}" if {a, b} & plan.stuck.keys() else ""

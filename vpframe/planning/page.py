@@ -45,6 +45,7 @@ def html(
         _section("What has to go before what", _precedence(plan)),
         _section("What may go side by side", _gantt(plan)),
         _section("What stays in", _stuck(plan)),
+        _section("Press fits", "".join(f"<p>{escape(str(fit))}</p>" for fit in plan.press_fits)),
         _section("Overlaps from the start, never deepened", _overlaps(plan)),
     ]  # fmt: skip
     template = Path(vpframe.report.__file__).parent / "page.html"

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from vpframe.analysis.fits import PressFit
 from vpframe.analysis.static import base_parts
 from vpframe.errors import VpframeError
 from vpframe.planning import order, ways
@@ -118,6 +119,8 @@ class Disassembly:
     budget: Budget = field(repr=False)
     questions: int = 0
     interrupted: bool = False
+    press_fits: tuple[PressFit, ...] = ()
+    """as the parts stand: ways keep them to their axes; their force is not checked"""
 
     @property
     def precedence(self) -> dict[str, tuple[str, ...]]:
@@ -441,4 +444,5 @@ class _Plan:
             None if self.target is None else names[self.target], self.bound, proven,
             {names[i]: results[i] for i in sorted(results)},
             self.assembly.overlaps, self._mates(), self.budget, self.assembly.sweeps.count, self.interrupted,
+            self.assembly.press_fits,
         )  # fmt: skip

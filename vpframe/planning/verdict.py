@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import Final, Literal
+from typing import Final, Literal, TypeVar
 
 import numpy as np
 
 from collision.query.blocking import Stop
 from constraints.freedom.escape import EscapeCone, Lock
+from vpframe.analysis.fits import PressFit
 from vpframe.planning import certify, enclosure, slide, tree, ways
 from vpframe.planning.assembly import CLEAR, Array, Assembly, Budget, BudgetError, Overlap
 from vpframe.planning.certify import Clearance, Track
@@ -24,6 +25,7 @@ from vpframe.scene.subassembly import listed
 Verdict = Literal["removable", "locked", "enclosed", "not found"]
 Motion = Literal["straight", "mates", "free"]
 """what is tried: straight ways; threads and pushes along what is touched, too; six freedoms, too"""
+Joint = TypeVar("Joint", Overlap, PressFit)
 MOTIONS: Final[tuple[Motion, ...]] = ("straight", "mates", "free")
 
 
@@ -74,6 +76,8 @@ class Removal:
     proof: LockProof | None = None
     overlaps: tuple[Overlap, ...] = ()
     """of these parts with others, as they stand: never deepened"""
+    press_fits: tuple[PressFit, ...] = ()
+    """of these parts with others, as they stand: the way keeps them to their axes; their force is not checked"""
     questions: int = 0
     """sweeps and tests that were asked"""
 
@@ -125,6 +129,10 @@ class _Search:
             return self._removable(
                 Way("straight", ways.AXES[0], ways.straight(self.assembly, self.group, (), ways.AXES[0]).knots)
             )
+        jammed = tuple(self.assembly.names[j] for j in self.others if any(self.assembly.jams(i, j) for i in self.group))
+        if jammed:
+            self.tried.append(Tried("any", jammed, (), 0.0, f"a shaft and a bore clash with {listed(jammed)}"))
+            return self._no("not found")
         cone, told = ways.cone_of(self.assembly, self.group, self.others)
         try:
             way = self.straight(cone) or self.along_threads(motion)
@@ -230,7 +238,7 @@ class _Search:
         tracks = {self.assembly.names[i]: certify.track(self.assembly.poses[i], way.knots) for i in self.group}
         return Removal(
             self.names, "removable", way, tracks, clearance or Clearance(np.inf), tried=tuple(self.tried),
-            overlaps=self._overlaps(),
+            overlaps=self._between(self.assembly.overlaps), press_fits=self._between(self.assembly.press_fits),
         )  # fmt: skip
 
     def _no(self, verdict: Verdict, blockers: tuple[str, ...] = (), proof: LockProof | None = None) -> Removal:
@@ -238,12 +246,14 @@ class _Search:
             stopped = [t.stopped_by for t in self.tried if t.stopped_by]
             blockers = min(stopped, key=lambda by: (len(by), by)) if stopped else ()
         return Removal(
-            self.names, verdict, blockers=blockers, tried=tuple(self.tried), proof=proof, overlaps=self._overlaps()
-        )
+            self.names, verdict, blockers=blockers, tried=tuple(self.tried), proof=proof,
+            overlaps=self._between(self.assembly.overlaps), press_fits=self._between(self.assembly.press_fits),
+        )  # fmt: skip
 
-    def _overlaps(self) -> tuple[Overlap, ...]:
+    def _between(self, found: Iterable[Joint]) -> tuple[Joint, ...]:
+        """Those of some overlaps or press fits that are between the group and the others."""
         mine, theirs = set(self.names), {self.assembly.names[j] for j in self.others}
-        return tuple(o for o in self.assembly.overlaps if mine & set(o.parts) and theirs & set(o.parts))
+        return tuple(o for o in found if mine & set(o.parts) and theirs & set(o.parts))
 
     def locked(self, cone: EscapeCone, told: Sequence[tuple[int, int, int, int]]) -> LockProof | None:
         """The proof that contacts leave the group no motion."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CollisionManager, Tolerance
+from vpframe.analysis.clash import KINDS, between
 from vpframe.analysis.clash_status import ClashKey
+from vpframe.analysis.fits import BAD_KINDS
 from vpframe.app.progress import Progress
 from vpframe.report.log import SessionLog
 from vpframe.scene.deflection import deflections
@@ -32,15 +35,19 @@ class Depth:
     """depth at the first of the steps, m"""
     slack: float = 0.0
     """uncertainty of the depth, m: deflections of the two surfaces and linear tolerance"""
+    kind: str = "contact"
+    """as `vpframe.analysis.clash` has it: "clash", "press fit", "thread", "contact", …; the gravest one found"""
 
     @property
     def clashes(self) -> bool:
-        """Whether the depth exceeds that of a contact."""
-        return self.depth > self.slack
+        """Whether it is more than a contact, a thread or a press fit."""
+        return self.kind in BAD_KINDS
 
 
-def depths(log: SessionLog, progress: Progress | None = None) -> dict[ClashKey, Depth]:
-    """Return the greatest depth of each clash over the steps that the log kept."""
+def depths(
+    log: SessionLog, progress: Progress | None = None, tolerance: Tolerance | None = None
+) -> dict[ClashKey, Depth]:
+    """Return the greatest depth of each clash over the steps that the log kept, and its kind by `clash`."""
     questions: dict[tuple[str, str, int], tuple[Frame, set[ClashKey]]] = {}
     for clash in log.clashes.values():
         for frame in clash.samples:
@@ -48,7 +55,8 @@ def depths(log: SessionLog, progress: Progress | None = None) -> dict[ClashKey, 
             question[1].add(clash.key)
     found: dict[ClashKey, Depth] = {}
     first: dict[ClashKey, float] = {}
-    linear, sags = Tolerance().linear, Deflections()
+    linear, sags = (tolerance or Tolerance()).linear, Deflections()
+    rows_of: Mapping[tuple[int, ...], Mapping[str, Any]] = {}
     last: tuple[str, str, pin.SE3, pin.SE3] | None = None
     rows: NDArray[Any] | None = None
     for number, ((a, b, _), (frame, keys)) in enumerate(sorted(questions.items(), key=lambda item: item[0])):
@@ -60,15 +68,24 @@ def depths(log: SessionLog, progress: Progress | None = None) -> dict[ClashKey, 
             for name in (a, b):
                 manager.add(log.scene[name].mesh, frame.poses[name])
             rows, last = manager.penetration(0, 1), asked
-        for row in rows:
-            key = ClashKey.of(a, int(row["surface_a"]), b, int(row["surface_b"]))
-            if key not in keys:
+            poses = frame.poses[a], frame.poses[b]
+            rows_of = between(log.scene[a], log.scene[b], poses, tolerance)
+        deep = {(int(row["surface_a"]), int(row["surface_b"])): row for row in rows}
+        for key in sorted(keys):
+            surfaces = key.surface_a, key.surface_b
+            judged, row = rows_of.get(surfaces), deep.get(surfaces)
+            if judged is None and row is None:
                 continue
-            depth = float(row["depth"])
+            kind = "contact" if judged is None else judged["kind"]
+            kind = min(kind, found[key].kind if key in found else kind, key=KINDS.index)
+            depth = max(0.0 if row is None else float(row["depth"]), 0.0 if judged is None else judged["depth"])
+            point = np.array((judged or {})["point"] if row is None else row["point"])
             first.setdefault(key, depth)
             if key not in found or depth > found[key].depth:
                 slack = linear + (sags.of(log.scene, key) if depth > linear else 0.0)
-                found[key] = Depth(depth, np.array(row["point"]), frame.time, first[key], slack)
+                found[key] = Depth(depth, point, frame.time, first[key], slack, kind)
+            elif kind != found[key].kind:
+                found[key] = replace(found[key], kind=kind)
     return found
 
 

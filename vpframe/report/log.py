@@ -13,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from vpframe.analysis.clash_status import ClashKey
+from vpframe.analysis.fits import PressFit, press_fits
 from vpframe.report.series import Series
 from vpframe.scene.scene import Scene
 from vpframe.session.events import Event, Frame
@@ -76,6 +77,8 @@ class Mate:
     why: str
     residual: float
     """last known residual, m"""
+    press: float = 0.0
+    """radial interference of a press fit, m; 0 for anything else"""
     spans: list[tuple[str, float, float]] = field(default_factory=list)
     """state, start, end (s)"""
 
@@ -253,6 +256,12 @@ class SessionLog:
             self._unread = None
         return self._mates
 
+    @property
+    def press_fits(self) -> tuple[PressFit, ...]:
+        """Press fits that were ever in force."""
+        used = (m for m in self.mates.values() if any(state == "active" for state, _, _ in m.spans))
+        return press_fits((m.parts, m.press) for m in used)
+
     def _collect_mates(self, frame: Frame) -> None:
         """Add the constraints of a step; of consecutive steps with the same ones only the first and last are read."""
         of = getattr(frame.constraints, "of", None)
@@ -270,7 +279,7 @@ class SessionLog:
             mate = self._mates.get(view.id)
             if mate is None:
                 mate = self._mates[view.id] = Mate(
-                    view.id, view.kind, view.parts, view.surfaces, view.why, view.residual
+                    view.id, view.kind, view.parts, view.surfaces, view.why, view.residual, view.press
                 )
             mate.residual = view.residual
             last = mate.spans[-1] if mate.spans else None

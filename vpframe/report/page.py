@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from vpframe.analysis.fits import BAD_KINDS
 from vpframe.analysis.pairs import count_words, place_words
 from vpframe.report import plots
 from vpframe.report.log import SessionLog
@@ -60,6 +61,7 @@ def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) 
 def _head(document: dict[str, Any]) -> str:
     good = document["can_be_done"]
     verdict = _VERDICTS[document["verdict"]] + (f": {document['reason']}" if document["reason"] else ".")
+    verdict += "".join(f" {fit['text']}." for fit in document["press_fits"])
     clashing = [pair for pair in document["clashes"] if is_open(pair)]
     least = document["clearance"]
     facts = [
@@ -82,7 +84,7 @@ def _head(document: dict[str, Any]) -> str:
 
 def is_open(pair: dict[str, Any]) -> bool:
     """Whether two parts clash and the clash has not been accepted."""
-    return pair["kind"] == "clash" and pair["status"] in ("new", "persistent")
+    return pair["kind"] in BAD_KINDS and pair["status"] in ("new", "persistent")
 
 
 def _section(title: str, content: str) -> str:
@@ -215,8 +217,8 @@ def _clashes(document: dict[str, Any], log: SessionLog, pictures: dict[Any, byte
 
 def _origin(title: str, pairs: Sequence[dict[str, Any]], pictures: dict[Any, bytes]) -> str:
     """Return the pairs of one origin: clashing pairs with pictures, touching pairs folded."""
-    clashing = [pair for pair in pairs if pair["kind"] == "clash"]
-    touching = [pair for pair in pairs if pair["kind"] != "clash"]
+    clashing = [pair for pair in pairs if pair["kind"] in BAD_KINDS]
+    touching = [pair for pair in pairs if pair["kind"] not in BAD_KINDS]
     if not pairs and title != TITLES[TASK]:
         return ""
     words = [count_words(len(of), "parts") + verb for of, verb in ((clashing, " clash"), (touching, " touch")) if of]
@@ -236,7 +238,8 @@ def _pair(pair: dict[str, Any], picture: bytes | None, opened: bool = False) -> 
     names = " – ".join(
         f"{_path(part)} · {escape(face)}" for part, face in zip(pair["parts"], pair["faces"], strict=True)
     )
-    size = _mm(pair["depth"]) if pair["kind"] == "clash" else "touch" if pair["steps"] else ""
+    touch = "touch" if pair["kind"] == "contact" else pair["kind"]
+    size = _mm(pair["depth"]) if pair["kind"] in BAD_KINDS else touch if pair["steps"] else ""
     facts = [f"at {place_words(pair['point'])}" if pair["point"] else "", count_words(pair["count"], "surfaces")]
     if pair["steps"]:
         times = f"{pair['first_time']:.3f} … {pair['last_time']:.3f} s" if pair["origin"] == TASK else ""

@@ -11,9 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from collision import Tolerance
 from vpframe import __version__, files
 from vpframe.analysis import clash_status
+from vpframe.analysis.clash import KINDS
 from vpframe.analysis.clash_status import ClashKey, ClashRecord
+from vpframe.analysis.fits import BAD_KINDS
 from vpframe.analysis.pairs import by_parts
 from vpframe.app.outputs import GENERATOR, MESH, REPORT_FILES, claimed_folder
 from vpframe.app.progress import Progress
@@ -37,8 +40,6 @@ CLASH_PICTURES = 24
 MOMENT_PICTURES = 12
 MILLIMETRES = 1e3
 """scale of STL files, which most readers take as millimetres"""
-KINDS = ("clash", "contact")
-"""in descending gravity: penetration beyond the uncertainty, and touching"""
 CSV_COLUMNS = (
     "status", "part_a", "surface_a", "part_b", "surface_b", "face_a", "face_b", "origin", "kind", "surface_pairs",
     "first_time_s", "last_time_s", "steps", "depth_m", "x_m", "y_m", "z_m", "remark", "runs",
@@ -55,6 +56,7 @@ def write(
     task: str = "",
     authorised: Sequence[tuple[str, str]] = (),
     swept: Sequence[SweptVolume] = (),
+    tolerance: Tolerance | None = None,
 ) -> Path:
     """Write the report of `log` into `directory` (a path, or an `OutputFolder`) and return its path.
 
@@ -66,6 +68,7 @@ def write(
     task: name on the page; default: name of the model.
     authorised: pairs of part names that may overlap (press fits), for a list.
     swept: swept volumes, written as STL.
+    tolerance: of the session, by which clashes are judged.
 
     Raises
     ------
@@ -79,7 +82,7 @@ def write(
         known = clash_status.read_authorised(status)
         records = clash_status.updated(clash_status.read(status), log.clashes, complete)
         with Progress("measuring clashes and clearance") as progress:
-            found = depths(log, progress)
+            found = depths(log, progress, tolerance)
             gap = least_gap(log)
         document = _document(log, records, found, gap, failure, undecided, task, authorised, swept)
         with Progress("drawing the report") as progress:
@@ -136,6 +139,7 @@ def _document(
         ],
         "clashes": _by_origin(clashes),
         "authorised": [list(pair) for pair in authorised],
+        "press_fits": [fit.document() for fit in log.press_fits],
         "clearance": None
         if least is None
         else {
@@ -227,7 +231,7 @@ def _clash(log: SessionLog, record: ClashRecord, depth: Depth | None, begun: Map
     ]
     return {
         "origin": begun.get(key, EARLIER),
-        "kind": "clash" if depth is not None and depth.clashes else "contact",
+        "kind": "contact" if depth is None else depth.kind,
         "status": record.status,
         "parts": [key.part_a, key.part_b],
         "surfaces": [key.surface_a, key.surface_b],
@@ -253,7 +257,7 @@ def _pictures(
     """
     camera = frame_scene(log.scene, log.start, *(frame.poses for frame, _ in log.history.sample(40)))
     seen = [pair for pair in clashes if pair["origin"] != EARLIER]
-    shown = [p for p in seen if p["kind"] == "clash" or p["origin"] == TASK][:CLASH_PICTURES]
+    shown = [p for p in seen if p["kind"] in BAD_KINDS or p["origin"] == TASK][:CLASH_PICTURES]
     moments = log.moments[:MOMENT_PICTURES]
     total = len(shown) + len(moments) + 2
     left_out = log.uninvolved(0)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
+from constraints.geometry.metric_threads import designation
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus
 from vpframe.scene.scene import Part
 from vpframe.scene.subassembly import listed
@@ -13,6 +15,22 @@ CYLINDERS = {"convex": "shaft", "concave": "bore"}
 """names of cylinders by `Surface.orientation`"""
 NAMED = 6
 """maximum number of face numbers that are listed"""
+
+THREADED = ("screw", "bolt", "nut", "stud", "thread", "threaded", "tapped", "schraube", "mutter", "gewinde")
+"""ends of words, without a plural's "s", that name threads"""
+SIZE = re.compile(r"(?<![A-Za-z0-9])M(\d+(?:\.\d+)?)(?:\s?[xX×*]\s?(\d+(?:\.\d+)?))?(?![A-Za-z0-9])")
+"""size of a metric thread, with its pitch or the length of a screw"""
+
+
+def thread_words(name: str) -> tuple[str, ...]:
+    """Return the words of a part's name that speak of a thread: "screw", "nut", …, sizes as "M6" and "M8×1".
+
+    Of a path in the product tree only the last name counts.
+    """
+    own = name.rsplit("/", 1)[-1]
+    sizes = [designation(float(size), float(pitch) if pitch else None) for size, pitch in SIZE.findall(own)]
+    words = [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", own)]
+    return (*dict.fromkeys(sizes), *dict.fromkeys(w for w in words if w.removesuffix("s").endswith(THREADED)))
 
 
 def face_name(part: Part, *surfaces: int) -> str:

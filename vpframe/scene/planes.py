@@ -17,7 +17,7 @@ from collision import CollisionManager, SurfaceMesh
 from collision.classify import PairClass
 from constraints.geometry.overlap import facing_area
 from constraints.geometry.surfaces import Plane
-from constraints.geometry.views import millimetres
+from constraints.geometry.words import millimetres
 from vpframe.scene.deflection import curved_borders
 from vpframe.scene.scene import Scene, Shape
 

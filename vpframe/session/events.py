@@ -66,6 +66,8 @@ class ConstraintView:
     size: float
     """radius or half width of the drawn symbol, m"""
     why: str = ""
+    press: float = 0.0
+    """radial interference of a press fit, m; 0 for anything else"""
 
 
 @dataclass(frozen=True, eq=False)

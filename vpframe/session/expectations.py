@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from vpframe.analysis.clash import between
+from vpframe.analysis.fits import BAD_KINDS, press_fits
 from vpframe.hands.arguments import as_pose
 from vpframe.hands.workplace import Workplace
 from vpframe.scene.boxes import middle
@@ -43,15 +46,30 @@ def free(session: Workplace, part: str, carried: Sequence[str] = ()) -> Verdict:
 
 
 def no_clash(session: Workplace) -> Verdict:
-    """Check that no surfaces intersect, except mated surfaces and authorised pairs."""
-    rows = session.clashes()
+    """Check that no parts clash, as `vpframe.analysis.clash` judges them where surfaces intersect that are neither
+    mated nor of an authorised pair; press fits in force are named."""
+    parts = session.scene.parts
+    names = session.scene.names
+    mated = {
+        (frozenset(c.parts), frozenset(faces))
+        for c in session.constraints
+        for faces in product(*([(name, s) for s in own] for name, own in zip(c.parts, c.surfaces, strict=True)))
+    }
+    bad = []
+    for a, b in sorted({(a, b) for a, _, b, _ in (*session.clashes().tolist(), *session.misfits().tolist())}):
+        rows = between(parts[a], parts[b], (parts[a].pose, parts[b].pose), session.tolerance)
+        for key, row in rows.items():
+            own = frozenset(zip((names[a], names[b]), key, strict=False))
+            if row["kind"] in BAD_KINDS and (frozenset((names[a], names[b])), own) not in mated:
+                bad.append((a, b, key, row))
     found = ""
-    if len(rows):
-        a, sa, b, sb = rows[0].tolist()
-        names = session.scene.names
-        more = f", and {len(rows) - 1} more" if len(rows) > 1 else ""
-        found = f" (face {sa} of {names[a]} and face {sb} of {names[b]} meet{more})"
-    return not found, f"no clash{found}"
+    if bad:
+        a, b, key, row = max(bad, key=lambda entry: entry[3]["depth"])
+        faces = f"face {key[0]} of {names[a]} and face {key[1]} of {names[b]}" if key else f"{names[a]} and {names[b]}"
+        more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
+        found = f" ({faces} overlap by {row['depth'] * 1e3:.3f} mm{more})"
+    pressed = press_fits((c.parts, c.press) for c in session.constraints)
+    return not bad, "; ".join([f"no clash{found}", *map(str, pressed)])
 
 
 def at(session: Workplace, part: str, pose: pin.SE3 | ArrayLike, within: float, angle: float) -> Verdict:

@@ -17,7 +17,7 @@ from constraints.recognition.candidate import Candidate
 from constraints.solve.groups import ALONE, Groups
 from vpframe.scene.boxes import corners
 from vpframe.session.events import ConstraintView, ContactPoint
-from vpframe.session.state import COLUMNS, State
+from vpframe.session.state import COLUMNS, State, rows_of
 from vpframe.session.views import Views, ViewsOfStep
 
 
@@ -88,6 +88,7 @@ class Readings:
             direction=_fixed(direction),
             size=match.size,
             why=candidate.why,
+            press=match.press,
         )
 
     def freedom(self, i: int, carried: Sequence[int] = (), to: Sequence[int] | None = None) -> tuple[int, str]:
@@ -162,6 +163,12 @@ class Readings:
                 break
             best = min(best, float(self.state.collision.clearance(i, j)["distance"][0]))
         return best
+
+    def misfits(self) -> NDArray[np.int32]:
+        """(k, 4) object, surface, object, surface of shafts in bores that clash, whether or not their facets intersect;
+        without mated and authorised pairs."""
+        self.state.start()
+        return rows_of(self.state.misfits())
 
     def velocity(self, i: int, dt: float) -> pin.Motion:
         """Twist of a part's frame, world axes at its origin, m/s and rad/s: from dynamics, else from the last step.

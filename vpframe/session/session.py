@@ -556,6 +556,11 @@ class Session:
         """(k, 4) object, surface, object, surface that intersect now, without mated and authorised pairs."""
         return self.state.colliding if self._changes is None else self._changes.colliding
 
+    def misfits(self) -> NDArray[np.int32]:
+        """(k, 4) object, surface, object, surface of shafts in bores that clash now, also where no facets intersect;
+        without mated and authorised pairs."""
+        return self._readings.misfits()
+
     def _touching(self) -> NDArray[np.int32]:
         if self._changes is not None:
             return self._changes.touching
@@ -832,6 +837,7 @@ class Session:
             task=self.name,
             authorised=self.authorised,
             swept=swept,
+            tolerance=self.tolerance,
         )
         return ReportFolder(folder)
 

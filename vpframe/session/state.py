@@ -23,17 +23,20 @@ from numpy.typing import NDArray
 from collision import CONTACT_DTYPE, CollisionManager, Tolerance
 from constraints import ConstraintManager, kinds
 from constraints.geometry.surfaces import Cone, Cylinder, Freeform, Plane, Sphere, Torus
+from constraints.geometry.views import Limits
 from constraints.kinds import Constraint
 from constraints.manager import Accepted, Change
 from constraints.motion.motion import Motion
 from constraints.recognition.candidate import Candidate, Key, Match
+from constraints.recognition.misfits import Misfit, misfits
 from constraints.solve.groups import Groups
 from physics import Behaviour, Body, Material, SpringHand
-from vpframe.analysis.static import threaded_features
+from vpframe.analysis.static import named_threads, threaded_features
 from vpframe.codec import WRONG, Codec, CodecError, Packing, conforms
 from vpframe.errors import VpframeError
 from vpframe.hands.arguments import rigid
 from vpframe.hands.gripper import Gripper
+from vpframe.scene.deflection import deflections
 from vpframe.scene.scene import Scene
 from vpframe.session.dynamics import Dynamics
 from vpframe.session.events import ConstraintView, NewEvent
@@ -76,6 +79,12 @@ class Changes:
     way: tuple[Mapping[str, pin.SE3], ...] = ()
     """poses of the moved parts where their way bends within the step, in order"""
     timings: Mapping[str, float] = field(default_factory=dict)
+
+
+def rows_of(found: Iterable[Misfit]) -> NDArray[np.int32]:
+    """(k, 4) object, surface, object, surface of shafts and bores that clash."""
+    rows = [(m.pair[0], i, m.pair[2], j) for m in found for i, j in m.faces]
+    return np.array(rows, np.int32).reshape(-1, 4)
 
 
 def _pose(rows: NDArray[np.float64]) -> pin.SE3:
@@ -222,10 +231,14 @@ class State:
             self.collision.ignore(a, b)
         features, threads = threaded_features(scene)
         fixed = [i for i, part in enumerate(scene.parts) if part.fixed]
-        self.mates = ConstraintManager(features, self.tolerance, threads=threads, rules=[self._judge], fixed=fixed)
+        self.mates = ConstraintManager(
+            features, self.tolerance, threads=threads, named=named_threads(scene), rules=[self._judge], fixed=fixed
+        )
         self.motion = Motion(self.collision, self.mates, self.tolerance, drawn=self.poses)
         self._recognise_as_it_stands()
-        self.colliding = self.collision.colliding_surfaces()
+        found = self.misfits()
+        self.motion.jammed = {(m.pair[0], m.pair[2]): -m.fit.gap for m in found}
+        self.colliding = np.unique(np.concatenate([self.collision.colliding_surfaces(), rows_of(found)]), axis=0)
         self.started = True  # set last, so that an interrupted start is repeated
         self._first = self.mark()
 
@@ -242,6 +255,15 @@ class State:
         open_pairs = {c.bodies for d in (self.mates.candidates, self.mates.refused) for c in d.values()}
         pairs = zip(rows["object_a"].tolist(), rows["object_b"].tolist(), strict=True)
         self.rows = rows[np.array([pair in open_pairs for pair in pairs], dtype=bool)]
+
+    def misfits(self) -> tuple[Misfit, ...]:
+        """Shafts in bores that clash now, also where no facets intersect; without mated and authorised pairs."""
+        slack = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
+        limits = Limits.offer(replace(self.tolerance, reach=0.0, reach_angular=0.0))
+        within = max(self.mates.within, self.tolerance.linear + 2.0 * max(slack, default=0.0))
+        near = self.mates.recogniser.near(self.collision.contacts(within))
+        meshes = [part.mesh for part in self.scene.parts]
+        return misfits(self.mates.recogniser, meshes, self.poses, near, limits, slack)
 
     def event(self, change: Change) -> NewEvent:
         """Return the event of a change in the constraint manager."""

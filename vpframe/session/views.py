@@ -125,6 +125,6 @@ class Views:
             local.append((c.match.local, c.constraint.drawing(home).direction))
             views.append(known.get(id(c)) or ConstraintView(
                 number, c.kind, (names[a], names[b]), c.surfaces, np.nan, "active", c.match.origin, c.match.direction,
-                c.match.size, c.why,
+                c.match.size, c.why, c.match.press,
             ))  # fmt: skip
         return Drawn(in_force, views, np.array(local).reshape(-1, 2, 3), last.poses)

@@ -6,7 +6,7 @@ import pytest
 
 from collision import CollisionManager, Tolerance
 from constraints import recognise
-from constraints.geometry.metric_threads import PITCHES, metric_thread
+from constraints.geometry.metric_threads import PITCHES, designation, metric_threads
 from tests.constraints.shapes import housing, shaft
 
 
@@ -25,8 +25,9 @@ from tests.constraints.shapes import housing, shaft
     ],
 )
 def test_a_screw_in_its_tapped_hole(screw, hole, name, pitch):
-    thread = metric_thread(screw * 1e-3, hole * 1e-3)
+    thread = metric_threads(screw * 1e-3, hole * 1e-3)[0]
     assert thread.name == name and thread.pitch == pytest.approx(pitch * 1e-3)
+    assert thread.coarse == ("×" not in name) and designation(float(screw + 0.1) // 1, thread.pitch * 1e3) == name
 
 
 @pytest.mark.parametrize(
@@ -34,14 +35,14 @@ def test_a_screw_in_its_tapped_hole(screw, hole, name, pitch):
     [(6, 6), (6, 6.6), (6, 5.98), (6, 5.5), (6, 4.5), (6.3, 5), (90, 84), (1, 0.8), (6, 0.1)],
 )
 def test_what_is_no_thread(screw, hole):
-    assert metric_thread(screw * 1e-3, hole * 1e-3) is None
+    assert metric_threads(screw * 1e-3, hole * 1e-3) == ()
 
 
 def test_every_size_is_known_by_its_tap_drill_and_by_no_clearance():
     for nominal, pitches in PITCHES.items():
         for pitch in pitches:
-            assert metric_thread(nominal * 1e-3, (nominal - pitch) * 1e-3).pitch == pytest.approx(pitch * 1e-3)
-        assert metric_thread(nominal * 1e-3, nominal * 1e-3) is None
+            assert metric_threads(nominal * 1e-3, (nominal - pitch) * 1e-3)[0].pitch == pytest.approx(pitch * 1e-3)
+        assert metric_threads(nominal * 1e-3, nominal * 1e-3) == ()
 
 
 @pytest.mark.parametrize("swap", [False, True])
@@ -53,6 +54,8 @@ def test_a_tapped_hole_and_its_screw_are_one_mate(swap):
     world = CollisionManager()
     for body, pose in zip(bodies, poses, strict=True):
         world.add(body.mesh, pose)
-    (screw,) = recognise([b.features for b in bodies], poses, world.contacts(1e-3), Tolerance(reach=0.0))
+    known = [b.features for b in bodies], poses, world.contacts(1e-3), Tolerance(reach=0.0)
+    (screw,) = recognise(*known, named={bodies.index(bodies[swap]): ["screw"]})
     assert screw.kind == "screw" and screw.pitch == pytest.approx(1e-3)
-    assert "thread M6 drawn as Ø6 in Ø5 mm over 18 mm" in screw.why
+    assert 'thread M6: Ø6 in Ø5 mm tapping hole, name "screw" over 18 mm' in screw.why
+    assert recognise(*known) == ()

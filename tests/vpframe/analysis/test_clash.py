@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from collision import SurfaceMesh
+from collision import SurfaceMesh, Tolerance
 from collision.solid import solid_of
 from constraints.geometry.features import Feature
 from constraints.geometry.surfaces import Cylinder, Freeform, Plane
@@ -36,20 +36,53 @@ def shaft_in_bore(radius, deflection=1e-4):
 
 @pytest.mark.parametrize("deflection", [2e-5, 1e-4, 4e-4])
 @pytest.mark.parametrize(
-    ("radius", "kind"), [(0.01002, "clash"), (0.010, "contact"), (0.00998, "clearance"), (0.0099, None)]
+    ("radius", "kind"),
+    [
+        (0.0104, "clash"),
+        (0.01005, "clash"),
+        (0.01002, "press fit"),
+        (0.010, "contact"),
+        (0.00998, "clearance"),
+        (0.0099, None),
+    ],
 )
 def test_a_fit_is_judged_on_its_radii_whatever_the_tessellation(radius, kind, deflection):
     found = clash(shaft_in_bore(radius, deflection), clearance=5e-5)
-    assert kinds(found) == ({kind} if kind else set())
-    if kind == "clash":
-        assert [p["depth"] for p in found["pairs"]] == pytest.approx([2e-5] * len(found["pairs"]), abs=1e-9)
+    assert kinds(found) - ({"contact"} if kind == "clash" else set()) == ({kind} if kind else set())
+    if kind in ("clash", "press fit"):
+        depths = [p["depth"] for p in found["pairs"] if "interference" in p["reason"]]
+        assert depths == pytest.approx([radius - 0.01] * max(1, len(depths)), abs=1e-9)
     if kind == "clearance":
         assert [p["distance"] for p in found["pairs"]] == pytest.approx([2e-5] * len(found["pairs"]), abs=1e-9)
 
 
-def test_a_press_fit_may_be_authorised_by_name():
-    scene = shaft_in_bore(0.01002)
-    assert kinds(clash(scene, authorised=authorised_pairs(["shaft:block"]))) == {"authorised"}
+def test_an_overlap_may_be_authorised_by_name():
+    pairs = authorised_pairs(["shaft:block"])
+    assert "clash" not in kinds(clash(shaft_in_bore(0.01005), authorised=pairs)) >= {"authorised"}
+    assert kinds(clash(shaft_in_bore(0.01002), authorised=pairs)) == {"press fit"}  # it needs no authorisation
+
+
+def test_a_press_fit_is_no_clash_and_is_counted():
+    found = clash(shaft_in_bore(0.01002))
+    words = "press fit, 20 µm radial interference, force not checked"
+    assert found["pairs"] and all(words in p["reason"] and not is_open(p) for p in found["pairs"])
+    text = table(found)
+    assert text.startswith("1 press fit (pairs of parts)") and words in text and "0.020 mm deep" in text
+    tight = Tolerance(press_fit="p6")  # Ø20: 35 µm on the diameter
+    assert "clash" in kinds(clash(shaft_in_bore(0.01002), tolerance=tight))
+    assert kinds(clash(shaft_in_bore(0.0100175), tolerance=tight)) == {"press fit"}
+    assert kinds(clash(shaft_in_bore(0.01035), tolerance=Tolerance(press_fit="u8"))) >= {"clash"}
+    assert kinds(clash(shaft_in_bore(0.010036), tolerance=Tolerance(press_fit="u8"))) == {"press fit"}
+
+
+@pytest.mark.parametrize("wall", [5e-4, 2e-5])
+def test_a_ring_around_a_bush_is_no_shaft_in_its_bore(wall):
+    """Ø24 lies about Ø20 without being in it."""
+    ring, bush = (m.cylinder(r, 0.02) - m.cylinder(r - w, 0.02) for r, w in ((0.012, 0.001), (0.01 + wall, wall)))
+    assert clash(m.scene({"ring": ring, "bush": bush}))["pairs"] == []
+    wider = m.cylinder(0.01104, 0.02) - m.cylinder(0.010, 0.02)  # 40 µm into the ring
+    found = clash(m.scene({"ring": ring, "bush": wider}))["pairs"]
+    assert max(p["depth"] for p in found if p["kind"] == "clash") == pytest.approx(4e-5, abs=1e-9)
 
 
 def test_flush_is_contact_overlap_is_clash_inside_is_containment():
@@ -72,8 +105,10 @@ def test_identical_parts_in_one_place_clash():
 
 def test_the_table_names_parts_and_counts_kinds():
     text = table(clash(shaft_in_bore(0.01002)))
-    assert text.startswith("1 clash") and "block – shaft" in text and "0.020 mm deep" in text
-    assert "3 pairs of surfaces" in text and table(clash(shaft_in_bore(0.01002)), surfaces=True).startswith("3 clash")
+    assert text.startswith("1 press fit") and "block – shaft" in text and "0.020 mm deep" in text
+    surfaces = table(clash(shaft_in_bore(0.01002)), surfaces=True)
+    assert "3 pairs of surfaces" in text and surfaces.startswith("3 press fit")
+    assert table(clash(shaft_in_bore(0.01005))).startswith("1 clash (pairs of parts)")
     assert table({"pairs": []}) == "no two parts touch"
 
 
@@ -193,11 +228,11 @@ def test_a_screw_drawn_in_its_tap_drill_is_a_thread_and_no_clash(length):
     assert kinds(found) == {"thread", "contact"}
     threads = [p for p in found["pairs"] if p["kind"] == "thread"]
     assert max(p["depth"] for p in threads) == pytest.approx(5e-4, rel=0.05)
-    assert all(p["reason"].startswith("thread M6 drawn as Ø6 in Ø5 mm") for p in threads)
+    assert all(p["reason"].startswith("thread M6: Ø6 in Ø5 mm tapping hole, head Ø10 mm over") for p in threads)
     assert not any(map(is_open, found["pairs"]))
     text = table(found)
     assert text.splitlines()[0] == "1 thread (pairs of parts)"
-    assert "thread, " in table(found, surfaces=True).splitlines()[0] and "thread M6 drawn as Ø6 in Ø5 mm" in text
+    assert "thread, " in table(found, surfaces=True).splitlines()[0] and "thread M6: Ø6 in Ø5 mm" in text
     # a hole that no thread is cut into is a clash as before
     assert "clash" in kinds(clash(screwed(0.0055, length)))
 

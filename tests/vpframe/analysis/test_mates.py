@@ -191,7 +191,7 @@ def test_a_screw_in_its_hole_and_its_thread_are_two_mates():
         ("screw", "below", "screw"),
     }
     assert found["concentric", "top", "screw"]["fit"] == pytest.approx(2.5e-4)
-    assert "thread M6 drawn as Ø6 in Ø5 mm" in found["screw", "below", "screw"]["why"]
+    assert "thread M6: Ø6 in Ø5 mm tapping hole, head Ø10 mm" in found["screw", "below", "screw"]["why"]
     tight = Tolerance(clearance=2e-4, clearance_relative=0.0)
     assert "concentric" not in {c["kind"] for c in mates.mates(scene, tight)["constraints"]}
 

@@ -1,0 +1,167 @@
+"""Shafts and bores that overlap and are no fit: larger than a press fit allows, or off the axis into the wall.
+
+Facets hide such overlaps up to their deflection, and deeper ones cross elsewhere than in the bore. Radii and axes tell
+them, where both surfaces and their material are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from collision import SurfaceMesh
+from collision.query.containment import inside
+from constraints.geometry.reach import reached
+from constraints.geometry.round_fit import RoundFit
+from constraints.geometry.surfaces import Cylinder, cross, perpendicular
+from constraints.geometry.views import Limits, View
+from constraints.geometry.words import millimetres
+from constraints.recognition.candidate import Match, Pair
+from constraints.recognition.pairings import concentric
+from constraints.recognition.recognise import Pairs, Recogniser
+
+Segments = tuple[NDArray[np.float64], NDArray[np.float64]]
+ROUND, ALONG = 48, 7
+"""places about the axis and along it at which both surfaces are looked for"""
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """A shaft and a bore that clash."""
+
+    pair: Pair
+    fit: RoundFit
+    faces: tuple[tuple[int, int], ...]
+    """faces of the first body and of the second that are as near as they overlap"""
+    line: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """(3,) m, (3,) unit, world: middle of the shared length, and axis"""
+    length: float
+    """m: that they share along it"""
+    why: str
+
+
+class Cylinders(NamedTuple):
+    """Cylinders of one body, in the world."""
+
+    place: NDArray[np.int64]
+    """(n,) among its features"""
+    origin: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    sense: NDArray[np.int64]
+
+
+def misfits(
+    recogniser: Recogniser,
+    meshes: Sequence[SurfaceMesh],
+    poses: Sequence[pin.SE3],
+    near: Pairs,
+    limits: Limits,
+    slack: Sequence[float],
+) -> tuple[Misfit, ...]:
+    """Return the shafts in bores that clash, of bodies that are near each other.
+
+    Off the axis only those are looked for whose facets may hide it; the facets of others cross.
+
+    Parameters
+    ----------
+    near: pairs of features with their contacts, from `Recogniser.near`. limits: as the assembly stands. slack: m, by
+        body, the greatest deflection of its facets.
+    """
+    out = []
+    cylinders = {i: _cylinders(recogniser, i, poses[i]) for i in sorted({i for p in near for i in (p[0], p[2])})}
+    for a, b in sorted({(pair[0], pair[2]) for pair in near}):
+        hidden = limits.slack + slack[a] + slack[b]
+        for fa, fb in _coaxial(cylinders[a], cylinders[b], hidden, limits):
+            pair = a, fa, b, fb
+            if recogniser.pitch(pair) is not None or recogniser.matches(pair, poses, limits) is not None:
+                continue
+            first, second = recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b])
+            solid, hollow = (first, second) if first.feature.sense > 0 else (second, first)
+            radius = hollow.geometry.radius
+            any_fit = replace(
+                limits, linear=hidden, clearance=np.inf, interference=np.inf, overlap=limits.slack, fit_class=""
+            )
+            match = concentric(solid, hollow, any_fit)
+            if match is None or match.fit is None:
+                continue
+            fit = limits.round_fit(radius, match.fit, match.residual)
+            beside = match.overlap <= max(-fit.gap, limits.slack)  # the end of the one in the mouth of the other
+            at = None if fit.kind != "clash" or beside else _meeting(solid, hollow, match, limits)
+            if at is None or (-fit.gap > hidden and not _common(at, (meshes[a], meshes[b]), (poses[a], poses[b]))):
+                continue
+            faces = [(i, j) for i, j, distance in near.get(pair, ()) if distance <= hidden - fit.gap]
+            faces = sorted(faces) or list(product(first.feature.surfaces, second.feature.surfaces))
+            most = millimetres(limits.most_interference(radius))
+            why = f"Ø{2e3 * solid.geometry.radius:.6g} in Ø{2e3 * radius:.6g} mm, "
+            if match.residual > limits.slack:
+                why += f"axes {millimetres(match.residual)} apart, overlap by {millimetres(-fit.gap)}"
+            else:
+                why += f"{fit.words}, more than the {most} of a press fit {limits.fit_class or limits.press_fit}"
+            axis = match.origin, match.direction
+            out.append(Misfit(pair, fit, tuple(faces), axis, match.overlap, why))
+    return tuple(out)
+
+
+def _cylinders(recogniser: Recogniser, body: int, pose: pin.SE3) -> Cylinders:
+    """The cylinders among a body's features, in the world."""
+    features = recogniser.features[body]
+    places = [f for f, feature in enumerate(features) if isinstance(feature.geometry, Cylinder)]
+    geometries: list[Any] = [features[f].geometry.transformed(pose) for f in places]
+    return Cylinders(
+        np.array(places, np.int64),
+        np.array([g.origin for g in geometries]).reshape(-1, 3),
+        np.array([g.axis for g in geometries]).reshape(-1, 3),
+        np.array([g.radius for g in geometries]),
+        np.array([features[f].sense for f in places]),
+    )
+
+
+def _coaxial(first: Cylinders, second: Cylinders, hidden: float, limits: Limits) -> list[tuple[int, int]]:
+    """Places of a solid and a hollow cylinder on one axis that overlap, by less than half the radius."""
+    turn = np.linalg.norm(np.cross(first.axis[:, None], second.axis[None]), axis=2)
+    aside = np.linalg.norm(np.cross(second.origin[None] - first.origin[:, None], first.axis[:, None]), axis=2)
+    larger = first.sense[:, None] * (first.radius[:, None] - second.radius[None])
+    facing = first.sense[:, None] != second.sense[None]
+    # the offset is measured where both are; their origins may be a way off, along axes that are nearly parallel
+    length = np.linalg.norm(second.origin[None] - first.origin[:, None], axis=2)
+    reach = hidden + np.abs(larger) + length * limits.angular
+    found = facing & (turn <= limits.angular) & (aside <= reach)
+    found &= (larger + aside >= 0.0) & (larger <= 0.5 * np.minimum(first.radius[:, None], second.radius[None]))
+    return [(int(first.place[i]), int(second.place[j])) for i, j in np.argwhere(found)]
+
+
+def _meeting(solid: View[Cylinder], hollow: View[Cylinder], match: Match, limits: Limits) -> Segments | None:
+    """Points of the bore (n, 3), m, world, and those of the shaft above them, where both surfaces are there and the
+    shaft is larger; None if there are none."""
+    s, h = solid.geometry, hollow.geometry
+    u = perpendicular(h.axis)
+    v = cross(h.axis, u)
+    angle = 2.0 * np.pi * np.arange(ROUND) / ROUND
+    ways = np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * v
+    heights = 0.49 * match.overlap * np.linspace(-1.0, 1.0, ALONG)
+    points = (match.origin + heights[:, None, None] * h.axis + h.radius * ways).reshape(-1, 3)
+    depth = -s.distance(points)
+    points, depth = points[depth > limits.slack], depth[depth > limits.slack]
+    there = reached(points, hollow.triangles, 2.0 * hollow.extent.deflection + limits.slack)
+    points, depth = points[there], depth[there]
+    opposite = points + depth[:, None] * s.normals(points)
+    both = reached(opposite, solid.triangles, 2.0 * solid.extent.deflection + limits.slack)
+    return (points[both], opposite[both]) if both.any() else None
+
+
+def _common(at: Segments, meshes: tuple[SurfaceMesh, SurfaceMesh], poses: tuple[pin.SE3, pin.SE3]) -> bool:
+    """Whether two bodies have material in common all the way from a bore to a shaft: a bush in a ring has not, though
+    the ring is larger than the bore of the bush."""
+    common = np.ones(len(at[0]), bool)
+    for t in (0.25, 0.5, 0.75):
+        points = at[0] + t * (at[1] - at[0])
+        for mesh, pose in zip(meshes, poses, strict=True):
+            common &= inside(mesh, (points - pose.translation) @ pose.rotation)
+    return bool(common.any())
