@@ -154,5 +154,6 @@ def segmented(raw: RawShape) -> RawShape:
     faces = []
     for i, s in enumerate(found):
         surface[s.triangles] = i
-        faces.append(RawFace(f"surface_{i + 1}", *raw_numbers(s.geometry)))
+        kind, numbers = raw_numbers(s.geometry)
+        faces.append(RawFace(f"surface_{i + 1}", kind, numbers, typed=bool(kind), residual=s.residual))
     return replace(raw, face_of_triangle=surface, faces=faces, segmented=True)
