@@ -12,10 +12,12 @@ import argparse
 import contextlib
 import hashlib
 import json
+import math
 import os
 import random
 import re
 import resource
+import struct
 import subprocess
 import sys
 import tempfile
@@ -32,7 +34,7 @@ from tests.vpframe.readers import forked
 ROOT = Path(__file__).parents[2]
 FORMATS = ("step", "iges", "stl", "obj", "ply", "glb")
 KERNEL = ("step", "iges")
-"""of them, those that a process of their own reads"""
+"""of them, those that the CAD kernel reads"""
 SHARD = 250
 """mutants that one child reads, at most"""
 SILENCE = 600.0
@@ -196,6 +198,97 @@ STEP_MUTATIONS: tuple[Mutation, ...] = (
 )  # fmt: skip
 
 
+def _ring(n: int, radius: float, height: float) -> list[bytes]:
+    turns = (2.0 * math.pi * i / n for i in range(n))
+    return [b"v %.6f %.6f %.6f\n" % (radius * math.cos(a), radius * math.sin(a), height) for a in turns]
+
+
+def obj_prism(data: bytes, rng: random.Random) -> bytes:
+    """A prism, frustum or chamfered disc of many sides, whose ends are polygons."""
+    n = rng.choice((3, 100, 2000, 8000))
+    faces = [b"f %d %d %d %d\n" % (i + 1, (i + 1) % n + 1, n + (i + 1) % n + 1, n + i + 1) for i in range(n)]
+    ends = [b"f " + b" ".join(b"%d" % i for i in order) + b"\n" for order in (range(n, 0, -1), range(n + 1, 2 * n + 1))]
+    radius = rng.choice((50.0, 49.9, 20.0, 0.0))
+    return b"".join([*_ring(n, 50.0, 0.0), *_ring(n, radius, rng.choice((0.1, 20.0))), *faces, *ends])
+
+
+def obj_polygon(data: bytes, rng: random.Random) -> bytes:
+    """A face of many corners: convex, a star, on a line, or the same few corners again and again."""
+    n = rng.choice((5, 500, 5000, 20000))
+    turns = [2.0 * math.pi * i / n for i in range(n)]
+    corners = {
+        "convex": [(50.0 * math.cos(a), 50.0 * math.sin(a)) for a in turns],
+        "star": [
+            ((50.0 - 20.0 * (i % 2)) * math.cos(a), (50.0 - 20.0 * (i % 2)) * math.sin(a)) for i, a in enumerate(turns)
+        ],
+        "line": [(float(i), 5.0 * (i == n - 1)) for i in range(n)],
+    }[rng.choice(("convex", "star", "line"))]
+    face = [i + 1 for i in range(n)] if rng.random() < 0.7 else [1 + rng.randrange(n) for _ in range(n)]
+    vertices = b"".join(b"v %.6f %.6f %.6f\n" % (x, y, rng.choice((0.0, 1e-4))) for x, y in corners)
+    return vertices + b"f " + b" ".join(b"%d" % i for i in face) + b"\n"
+
+
+def obj_repeated(data: bytes, rng: random.Random) -> bytes:
+    """Faces again and again, of the same or of almost the same corners, wound either way."""
+    lines = data.splitlines(keepends=True)
+    faces = [line for line in lines if line.startswith(b"f ")]
+    times = rng.choice((1, 3, 10000 // len(faces) + 1))
+    back = [b"f " + b" ".join(reversed(face.split()[1:])) + b"\n" for face in faces]
+    return data + b"\n" + b"".join(rng.choice((faces, faces, back))[i] for _ in range(times) for i in range(len(faces)))
+
+
+def obj_text(data: bytes, rng: random.Random) -> bytes:
+    """Materials that are none, objects of one name, names that no terminal shows."""
+    word = rng.choice(
+        (b"mtllib " + b"x" * 5000, b"mtllib /dev/zero", b"mtllib .", b"o a", b"o", b"g \xed\xa0\x80", b"o \x1b[2J")
+    )
+    lines = data.splitlines(keepends=True)
+    for _ in range(rng.choice((1, 3, 50))):
+        lines.insert(rng.randrange(len(lines)), word + b"\n")
+    return b"".join(lines)
+
+
+def stl_repeated(data: bytes, rng: random.Random) -> bytes:
+    """A binary file whose triangles come again, turned over or moved by less than can be told apart."""
+    if data.startswith(b"solid"):
+        body = data[data.index(b"facet") : data.rindex(b"endfacet") + 8] + b"\n"
+        return data.replace(b"endsolid", body * rng.choice((1, 20)) + b"endsolid", 1)
+    rows = [data[at : at + 50] for at in range(84, len(data) - 49, 50)]
+    for row in [rng.choice(rows) for _ in range(rng.choice((1, 50, 9600)))]:
+        turned = row[:12] + row[24:36] + row[12:24] + row[36:]
+        rows.append(rng.choice((row, turned, row[:12] + bytes([row[12] ^ 1]) + row[13:])))
+    return data[:80] + struct.pack("<I", len(rows)) + b"".join(rows)
+
+
+def glb_tree(data: bytes, rng: random.Random) -> bytes:
+    """The JSON has a value of another kind, or a name that no encoding has."""
+    length = int.from_bytes(data[12:16], "little")
+    tree = json.loads(data[20 : 20 + length])
+    values = ["x", None, -1, 10**9, 0.5, True, [], {}, [0], "\ud800", "\x1b[2J", 1e308, [1e30] * 16]
+
+    def places(at: Any) -> Iterator[tuple[Any, Any]]:
+        for key in list(at) if isinstance(at, dict) else range(len(at)) if isinstance(at, list) else ():
+            yield at, key
+            yield from places(at[key])
+
+    for _ in range(rng.choice((1, 1, 3))):
+        at, key = rng.choice(list(places(tree)))
+        at[key] = rng.choice(values)
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length :]
+    return data[:8] + struct.pack("<II", 20 + len(text) + len(rest), len(text)) + data[16:20] + text + rest
+
+
+OWN: dict[str, tuple[Mutation, ...]] = {
+    "step": STEP_MUTATIONS,
+    "stl": (stl_repeated,),
+    "obj": (obj_prism, obj_polygon, obj_repeated, obj_text),
+    "glb": (glb_tree,),
+}
+"""mutations by format that keep to its grammar"""
+
+
 def models(folder: Path) -> dict[str, list[tuple[str, bytes]]]:
     """Format -> suffix and bytes of sound files of it."""
     import numpy as np
@@ -234,10 +327,10 @@ def models(folder: Path) -> dict[str, list[tuple[str, bytes]]]:
 
 
 def mutant(form: str, seed: int, sound: list[tuple[str, bytes]]) -> tuple[str, str, bytes]:
-    """Name of the mutation, suffix and bytes of one mutant; half of STEP's keep to its grammar."""
+    """Name of the mutation, suffix and bytes of one mutant; half of them keep to the grammar of the format."""
     rng = random.Random(f"{form} {seed}")
     suffix, data = rng.choice(sound)
-    mutation = rng.choice(STEP_MUTATIONS if form == "step" and seed % 2 else MUTATIONS)
+    mutation = rng.choice(OWN[form] if form in OWN and seed % 2 else MUTATIONS)
     return mutation.__name__, suffix, mutation(data, rng)
 
 
@@ -266,7 +359,7 @@ def read(form: str, first: int, end: int, folder: Path, fork: bool) -> None:
     import vpframe as vp
 
     sound = models(folder)[form]
-    with forked() if fork and form in KERNEL else contextlib.nullcontext():
+    with forked() if fork else contextlib.nullcontext():
         originals: dict[str, tuple[str, ...]] = {}
         for suffix, data in sound:
             path = folder / f"model.{suffix}"  # of one name, as parts may be named by it
@@ -282,7 +375,7 @@ def read(form: str, first: int, end: int, folder: Path, fork: bool) -> None:
             print(json.dumps({"begins": seed}), flush=True)
             began = clocks()
             try:
-                scene = vp.load(path, **({"timeout": LIMIT} if form in KERNEL else {}))
+                scene = vp.load(path, timeout=LIMIT)
             except vp.LoadError as error:
                 told = "\n" not in str(error) and str(error).startswith(str(path))
                 found |= {"outcome": "refused" if told else "foreign", "why": str(error)[-200:]}

@@ -1,4 +1,4 @@
-"""Reading processes forked off one that has imported the CAD kernel, without the second that Python takes to start.
+"""Reading processes forked off one that has imported the CAD kernel and trimesh, without the time that this takes.
 
 `forked()` has `vpframe.importers.guarded` fork reading processes from a zygote. All else is as without it: a process
 for each file, its limits of time and memory, its end with ours, its exit code, its memory as the system tells it. A
@@ -57,14 +57,14 @@ def forked() -> Iterator[None]:
 @contextlib.contextmanager
 def _zygote(environment: dict[str, str]) -> Iterator[socket.socket]:
     """A process that has imported what readers import; the socket for requests."""
-    from vpframe.importers import cad, guarded
+    from vpframe.importers import cad, guarded, meshes
 
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     words = [
         str(guarded.READER),
         str(os.getpid()),
         str(theirs.fileno()),
-        *guarded.package_folders(guarded.READER.parent, cad.PACKAGES),
+        *guarded.package_folders(guarded.READER.parent, (*cad.PACKAGES, *meshes.PACKAGES)),
     ]
     process = subprocess.Popen([sys.executable, "-I", __file__, *words], pass_fds=[theirs.fileno()], env=environment)
     theirs.close()
@@ -124,7 +124,7 @@ def main(reader: str, parent: int, channel: socket.socket, folders: list[str]) -
     spec.loader.exec_module(module)
     sys.path.extend(folders)
     module._import_vpframe()
-    for name in ("vpframe.importers.document", "vpframe.importers.archive"):
+    for name in ("vpframe.importers.document", "vpframe.importers.archive", "vpframe.importers.mesh_files"):
         importlib.import_module(name)
     assert len(os.listdir("/proc/self/task")) == 1, "a process with threads must not fork"
     channel.send(b"ready")

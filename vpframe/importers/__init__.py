@@ -96,7 +96,7 @@ def load(
         if form in KERNEL:
             from vpframe.importers import cad
 
-            settle = _surfaced_and_settled if form == "mjcf" else build.settled
+            settle = _bare_and_settled if form == "mjcf" else build.settled
             raw = cad.read(files or [file], form, deflection, angular, timeout, part(0.0, READING), settle, bodies)
             for p in raw.parts:
                 far_check(file, p.name, raw.shapes[p.shape].vertices, p.translation)
@@ -120,10 +120,10 @@ def load(
     return scene
 
 
-def _surfaced_and_settled(shape: RawShape) -> RawShape:
+def _bare_and_settled(shape: RawShape) -> RawShape:
     from vpframe.importers import build, meshes
 
-    return build.settled(shape if shape.brep else meshes.surfaced(shape))
+    return build.settled(shape if shape.brep else meshes.bare(shape))
 
 
 def _called(source: Any) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +15,7 @@ from constraints.errors import GeometryError
 from constraints.geometry.features import group_features
 from constraints.geometry.surfaces import Cone, Cylinder, Freeform, Geometry, Plane, Sphere, Torus
 from constraints.recognition.fits import allowed, fit_surface
+from vpframe.importers import cache
 from vpframe.importers.mechanism import impose
 from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors, without_flat
 from vpframe.importers.raw import RawEdge, RawFace, RawPart, RawScene, RawShape
@@ -54,6 +57,8 @@ def _shape_names(raw: RawScene) -> list[str]:
 def shape(raw: RawShape, name: str = "shape") -> Shape:
     """Return the shape of raw arrays: zero-area triangles dropped, faces typed, features grouped."""
     raw = settled(raw)
+    if not raw.segmented:
+        return _BareShape.of(raw, name)
     mesh = SurfaceMesh(raw.vertices, raw.triangles, raw.face_of_triangle, name)
     vectors = triangle_area_vectors(raw.vertices, raw.triangles)
     surfaces = tuple(
@@ -66,6 +71,40 @@ def shape(raw: RawShape, name: str = "shape") -> Shape:
     assert raw.volume is not None
     measured = (raw.volume, raw.center, raw.inertia)
     return Shape(mesh, surfaces, features, edges, *measured, closed, tuple(raw.notes), raw.brep)
+
+
+class _BareShape(Shape):
+    """Shape of a bare mesh. Its surfaces are found when `mesh`, `surfaces` or `features` is first needed."""
+
+    @classmethod
+    def of(cls, raw: RawShape, name: str) -> _BareShape:
+        """Return the shape of a settled mesh that is not segmented."""
+        made = object.__new__(cls)
+        closed = not len(open_edges(raw.triangles))
+        known = {"edges": (), "closed": closed, "notes": tuple(raw.notes), "brep": raw.brep}
+        measured = {"volume": raw.volume, "center": raw.center, "inertia": raw.inertia}
+        made.__dict__.update(known | measured | {"_raw": raw, "_name": name})
+        return made
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in ("mesh", "surfaces", "features"):
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        whole = shape(_surfaced(self._raw), self._name)
+        self.__dict__.update({each: getattr(whole, each) for each in ("mesh", "surfaces", "features")})
+        return self.__dict__[name]
+
+
+def _surfaced(raw: RawShape) -> RawShape:
+    """Return a bare mesh with its surfaces, from the cache if possible."""
+    from vpframe.importers import meshes
+
+    key = cache.key_of_arrays(raw.vertices, raw.triangles)
+    found = cache.find(key)
+    if found is None:
+        made = settled(replace(meshes.segmented(raw), settled=False, notes=[]))
+        found = RawScene([made])
+        cache.keep(key, found)
+    return replace(found.shapes[0], notes=raw.notes)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # coordinates out of range are refused later, with one line
@@ -93,6 +132,9 @@ def settled(raw: RawShape) -> RawShape:
     for own, k in zip(by_owner, kept, strict=True):
         corners, face = triangles[own], raw.faces[k]
         points, middles = raw.vertices[np.unique(corners)], raw.vertices[corners].mean(axis=1)
+        if not raw.segmented:
+            faces.append(face)
+            continue
         geometry, residual = recognised(face, points, middles, vectors[own])
         kind, numbers = raw_numbers(geometry)
         faces.append(RawFace(face.name, kind, numbers, typed=True, color=face.color, residual=residual, size=face.size))
@@ -102,7 +144,8 @@ def settled(raw: RawShape) -> RawShape:
     if volume is None:
         volume, center, inertia = mass_properties(raw.vertices, triangles)
     measured = (volume, center, inertia)
-    return RawShape(raw.vertices, triangles, owners, faces, edges, *measured, notes, settled=True, brep=raw.brep)
+    arrays = (raw.vertices, triangles, owners)
+    return RawShape(*arrays, faces, edges, *measured, notes, settled=True, brep=raw.brep, segmented=raw.segmented)
 
 
 def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDArray[np.int32], list[int]]:
@@ -112,11 +155,8 @@ def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDAr
     if flat.any():
         notes.append(f"{flat.sum()} triangles of zero area dropped")
     kept, numbers = np.unique(faces, return_inverse=True)
-    notes.extend(
-        f"{raw.faces[i].name} has no triangle of positive area: it is lost"
-        for i in range(len(raw.faces))
-        if i not in set(kept.tolist())
-    )
+    lost = np.setdiff1d(np.arange(len(raw.faces)), kept).tolist()
+    notes.extend(f"{raw.faces[i].name} has no triangle of positive area: it is lost" for i in lost)
     return triangles, numbers.reshape(-1).astype(np.int32), kept.tolist()
 
 

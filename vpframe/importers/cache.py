@@ -15,6 +15,10 @@ import sys
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from vpframe import __version__
 from vpframe.importers import archive
@@ -52,6 +56,15 @@ def key_of(files: Iterable[Path], *options: object) -> str:
         data = file.read_bytes()
         digest.update(f"{file.name}\0{len(data)}\0".encode())
         digest.update(data)
+    return digest.hexdigest()
+
+
+def key_of_arrays(*arrays: NDArray[Any]) -> str:
+    """Return the cache key of what is computed from arrays: content, shapes, types and versions."""
+    digest = hashlib.sha256(_versions())
+    for array in arrays:
+        digest.update(f"{array.shape} {array.dtype}\0".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 

@@ -93,7 +93,7 @@ def read_object(source: trimesh.Trimesh | trimesh.Scene, unit: str | None) -> Ra
                 raise UnreadableError(why) from None
         else:
             scale = mesh_files.scale_of("trimesh", unit, pieces, raw)
-        return surfaced_scene(mesh_files.made(path.stem, raw, pieces, scale))
+        return mesh_files.made(path.stem, raw, pieces, scale)
     except UnreadableError as error:
         raise LoadError(f"{path}: {error}", name) from None
 
@@ -118,7 +118,7 @@ def _read(tasks: list[dict[str, Any]], timeout: float | None, progress: Progress
             for i, task in enumerate(left):
                 path, made, refused = task["path"], Path(folder, f"{i}.archive"), Path(folder, f"{i}.error")
                 if made.exists():
-                    found.append(surfaced_scene(archive.read(made)))
+                    found.append(archive.read(made))
                     continue
                 how = outcome.error or f"{outcome.how_it_ended()} while {outcome.text}"
                 why = refused.read_text(encoding="utf-8") if refused.exists() else f"{how}; {_MEND}"
@@ -128,19 +128,13 @@ def _read(tasks: list[dict[str, Any]], timeout: float | None, progress: Progress
     return found
 
 
-def surfaced_scene(raw: RawScene) -> RawScene:
-    """Return the scene with its meshes segmented."""
-    raw.shapes = [segmented(shape) for shape in raw.shapes]
-    return raw
-
-
-def surfaced(raw: RawShape) -> RawShape:
-    """Weld a mesh of one face and segment it into surfaces."""
+def bare(raw: RawShape) -> RawShape:
+    """Return a mesh of one face, welded, whose surfaces are found later."""
     from vpframe.importers import mesh_files
 
     piece = mesh_files.Piece("mesh", raw.vertices, raw.triangles.astype(np.int64), None, np.eye(3), np.zeros(3), 0)
     made = mesh_files.shape_of([piece])
-    return raw if made is None else segmented(made)
+    return raw if made is None else made
 
 
 def segmented(raw: RawShape) -> RawShape:
@@ -154,5 +148,6 @@ def segmented(raw: RawShape) -> RawShape:
     faces = []
     for i, s in enumerate(found):
         surface[s.triangles] = i
-        faces.append(RawFace(f"surface_{i + 1}", *raw_numbers(s.geometry)))
+        kind, numbers = raw_numbers(s.geometry)
+        faces.append(RawFace(f"surface_{i + 1}", kind, numbers, typed=bool(kind), residual=s.residual))
     return replace(raw, face_of_triangle=surface, faces=faces, segmented=True)

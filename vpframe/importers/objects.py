@@ -135,7 +135,7 @@ def _shape(item: Any, deflection: float, angular: float) -> RawShape:
     """Convert the coal geometry of a geometry object, in its frame."""
     import coal
 
-    from vpframe.importers.meshes import surfaced
+    from vpframe.importers.meshes import bare
     from vpframe.importers.raw import RawFace
     from vpframe.importers.solids import SOLIDS
 
@@ -156,7 +156,7 @@ def _shape(item: Any, deflection: float, angular: float) -> RawShape:
             if not len(corners):
                 raise LoadError("it has no triangles", item.name)
             mesh = RawShape(points, corners, np.zeros(len(corners), np.int32), [RawFace("mesh")])
-            return surfaced(mesh)
+            return bare(mesh)
     raise LoadError(f"{type(geometry).__name__} is no geometry that is read", item.name)
 
 

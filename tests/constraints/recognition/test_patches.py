@@ -58,7 +58,9 @@ def test_patches_fitted_at_once_are_those_fitted_alone(kind: str) -> None:
         if abs(fit.residual - other.residual) > 1e-6 + 0.01 * other.residual:
             differ.append(i)
     assert both > 50
-    assert len(differ) <= (64 if kind == "torus" else 16), "few points of other surfaces, of which rounding decides what goes through them"
+    assert len(differ) <= (64 if kind == "torus" else 16), (
+        "few points of other surfaces, of which rounding decides what goes through them"
+    )
     own = ("plane", *CURVED).index(kind)
     assert not [i for i in differ if i < 400 and i % 5 == own and len(patches[i][0]) >= 10 and len(patches[i][1]) >= 6]
 

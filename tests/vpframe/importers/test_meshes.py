@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import pickle
 import struct
 import sys
+import tracemalloc
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +18,10 @@ import vpframe as vp
 from collision import Tolerance
 from constraints.geometry.surfaces import Cylinder
 from constraints.recognition.fits import KINDS, FitError, fit_kind
+from vpframe.importers import meshes
 from vpframe.importers.mesh_files import weld
 from vpframe.importers.region_growing import neighbours
-from vpframe.importers.segmentation import segment
+from vpframe.importers.segmentation import _Segmentation, segment
 from vpframe.scene import modelling as m
 
 
@@ -446,6 +450,95 @@ def test_the_same_mesh_gives_the_same_segments():
     first, second = (segment(vertices, triangles, 1e-6, Tolerance()) for _ in range(2))
     assert [s.triangles.tolist() for s in first] == [s.triangles.tolist() for s in second]
     assert [repr(s.geometry) for s in first] == [repr(s.geometry) for s in second]
+
+
+def ring(n: int, radius: float, height: float) -> np.ndarray:
+    a = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
+    return np.column_stack([radius * np.cos(a), radius * np.sin(a), np.full(n, height)])
+
+
+def disc(n: int, lower: float, upper: float, height: float) -> tuple[np.ndarray, np.ndarray]:
+    """A frustum of n sides whose ends are fans of triangles, as readers cut polygons."""
+    i, fan = np.arange(n), np.arange(1, n - 1)
+    j = (i + 1) % n
+    sides = np.vstack([np.column_stack([i, j, j + n]), np.column_stack([i, j + n, i + n])])
+    ends = np.vstack([np.column_stack([0 * fan, fan + 1, fan]), np.column_stack([0 * fan, fan, fan + 1]) + n])
+    return np.vstack([ring(n, lower, 0.0), ring(n, upper, height)]), np.vstack([sides, ends])
+
+
+@pytest.mark.parametrize(
+    ("sizes", "kinds"),
+    [
+        ((0.05, 0.05, 0.02), {"plane": 2, "cylinder": 1}),
+        ((0.05, 0.048, 0.0003), {"plane": 2, "cone": 1}),
+        ((0.05, 0.03, 0.01), {"plane": 2, "cone": 1}),
+    ],
+)
+def test_memory_and_calls_of_a_segmentation_grow_with_the_triangles(sizes, kinds):
+    """Ends of many sides: the number of sides enters once, in memory and in work, not squared."""
+    peaks = []
+    for n in (400, 1600, 6400):
+        vertices, triangles = disc(n, *sizes)
+        tracemalloc.start()
+        segments = segment(vertices, triangles.astype(np.int32), 1e-6)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert Counter(s.geometry.kind for s in segments) == kinds
+    assert peaks[2] < 8 * peaks[1] and peaks[2] < 6400 * 4 * 20_000
+
+
+def test_a_plane_of_few_directions_is_told_from_a_strip():
+    """`_is_wide` against its definition: all directions of sides tried."""
+    rng = np.random.default_rng(3)
+    answers = set()
+    for _ in range(60):
+        n, turn = int(rng.integers(3, 9)), np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        x = np.sort(rng.uniform(0.0, 1.0, n))
+        y = rng.choice([0.0, rng.choice([1e-7, 1e-3, 0.1])], n)
+        points = np.vstack([np.column_stack([x, y, 0 * x]), np.column_stack([x, 0.3 + 0 * x, 0 * x])]) @ turn.T
+        i = np.arange(n - 1)
+        triangles = np.vstack([np.column_stack([i, i + 1, i + n]), np.column_stack([i + 1, i + n + 1, i + n])])
+        found = _Segmentation(points, triangles.astype(np.int32), 1e-6, Tolerance())
+        sides = points[np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])]
+        along = sides[:, 1] - sides[:, 0]
+        heights = points @ np.cross(turn[:, 2], along / np.linalg.norm(along, axis=1)[:, None]).T
+        off = np.minimum(heights - heights.min(axis=0), heights.max(axis=0) - heights).max(axis=0)
+        expected = len(points) >= 6 and bool(off.min() > 1e-6)
+        assert found._is_wide(np.arange(len(triangles))) == expected
+        answers.add(expected)
+    assert answers == {True, False}
+
+
+@pytest.mark.parametrize("form", ["stl", "obj", "glb"])
+def test_a_mesh_is_segmented_when_its_surfaces_are_needed_and_once(tmp_path, monkeypatch, form):
+    calls = []
+    found = meshes.segment
+    monkeypatch.setattr(meshes, "segment", lambda *given: calls.append(given) or found(*given))
+    monkeypatch.setenv("VPFRAME_CACHE", str(tmp_path / "cache"))
+    BOX.export(tmp_path / f"a.{form}")
+    scene = vp.load(tmp_path / f"a.{form}")
+    part = scene["a"]
+    assert part.shape.closed and part.shape.volume > 0.0 and part.shape.center == pytest.approx(np.zeros(3), abs=1e-9)
+    assert not calls
+    copied = pickle.loads(pickle.dumps(part.shape))
+    assert not calls
+    assert len(part.surfaces) == len(part.features) == part.mesh.n_surfaces == 6
+    assert len(calls) == 1
+    assert len(copied.surfaces) == 6 and len(vp.load(tmp_path / f"a.{form}")["a"].surfaces) == 6
+    assert len(calls) == 1, "kept beside the model"
+
+
+@pytest.mark.parametrize("repeat", [1, 3000])
+@pytest.mark.parametrize("shift", [0.0, 1e-9])
+def test_vertices_that_fall_together_are_welded_however_many(repeat, shift):
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    moved = np.tile(corners, (repeat, 1)) + shift * np.linspace(-1.0, 1.0, 3 * repeat)[:, None]
+    tracemalloc.start()
+    vertices, triangles = weld(moved, np.arange(3 * repeat).reshape(-1, 3))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(vertices) == 3 and len(triangles) == repeat
+    assert peak < 3e7
 
 
 class TestRealModels:
