@@ -1,4 +1,4 @@
-"""Convert raw arrays to a `Scene`: type and orient surfaces, group features, compute mass properties."""
+"""Convert raw arrays to a `Scene`: type and orient surfaces, compute mass properties."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from collision import SurfaceMesh, Tolerance
 from constraints.errors import GeometryError
-from constraints.geometry.features import group_features
 from constraints.geometry.surfaces import Cone, Cylinder, Freeform, Geometry, Plane, Sphere, Torus
 from constraints.recognition.fits import allowed, fit_surface
-from vpframe.importers.mechanism import impose
 from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors, without_flat
-from vpframe.importers.raw import RawEdge, RawFace, RawPart, RawScene, RawShape
-from vpframe.scene.scene import Edge, Part, Scene, Shape, Size, Surface
+from vpframe.importers.raw import RawFace, RawPart, RawScene, RawShape
+from vpframe.scene.scene import Part, Scene, Shape, Size, Surface
 
 Array = NDArray[np.float64]
 
@@ -31,6 +29,8 @@ def scene(raw: RawScene, source: str | None = None, progress: Callable[[float, s
         done += len(s.faces)
     made = Scene((_part(p, shapes[p.shape]) for p in raw.parts), source=source, notes=raw.notes)
     if raw.links:
+        from vpframe.importers.mechanism import impose  # imports the solver
+
         impose(made, raw.links, raw.joints)
     return made
 
@@ -52,20 +52,17 @@ def _shape_names(raw: RawScene) -> list[str]:
 
 
 def shape(raw: RawShape, name: str = "shape") -> Shape:
-    """Return the shape of raw arrays: zero-area triangles dropped, faces typed, features grouped."""
+    """Return the shape of raw arrays: zero-area triangles dropped, faces typed."""
     raw = settled(raw)
     mesh = SurfaceMesh(raw.vertices, raw.triangles, raw.face_of_triangle, name)
     vectors = triangle_area_vectors(raw.vertices, raw.triangles)
     surfaces = tuple(
         _surface(i, face, mesh, vectors[mesh.triangles_of(i)], mesh.triangles_of(i)) for i, face in enumerate(raw.faces)
     )
-    senses = [-1 if s.orientation == "concave" else 1 for s in surfaces]
-    features = group_features(mesh, [s.geometry for s in surfaces], senses, [s.residual for s in surfaces])
-    edges = tuple(Edge(e.points, e.faces, e.circle) for e in raw.edges)
     closed = not len(open_edges(raw.triangles))
     assert raw.volume is not None
     measured = (raw.volume, raw.center, raw.inertia)
-    return Shape(mesh, surfaces, features, edges, *measured, closed, tuple(raw.notes), raw.brep)
+    return Shape(mesh, surfaces, None, *measured, closed, tuple(raw.notes), raw.brep)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # coordinates out of range are refused later, with one line
@@ -96,13 +93,11 @@ def settled(raw: RawShape) -> RawShape:
         geometry, residual = recognised(face, points, middles, vectors[own])
         kind, numbers = raw_numbers(geometry)
         faces.append(RawFace(face.name, kind, numbers, typed=True, color=face.color, residual=residual, size=face.size))
-    place = {k: i for i, k in enumerate(kept)}
-    edges = [RawEdge(e.points, tuple(place[f] for f in e.faces if f in place), e.circle) for e in raw.edges]
     volume, center, inertia = raw.volume, raw.center, raw.inertia
     if volume is None:
         volume, center, inertia = mass_properties(raw.vertices, triangles)
     measured = (volume, center, inertia)
-    return RawShape(raw.vertices, triangles, owners, faces, edges, *measured, notes, settled=True, brep=raw.brep)
+    return RawShape(raw.vertices, triangles, owners, faces, *measured, notes, settled=True, brep=raw.brep)
 
 
 def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDArray[np.int32], list[int]]:

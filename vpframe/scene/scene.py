@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, replace
+from functools import cached_property
 from typing import Any, Protocol, overload
 
 import numpy as np
@@ -13,20 +14,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh
-from constraints.geometry.features import Feature
+from constraints.geometry.features import Feature, group_features
 from constraints.geometry.surfaces import Geometry
 from vpframe.errors import UnknownPartError, VpframeError
+from vpframe.scene.edges import Edge, edges_of
 from vpframe.scene.joints import Statement
 from vpframe.scene.motion import Motion
-
-
-@dataclass(frozen=True, eq=False)
-class Edge:
-    """A B-rep edge as a polyline (n, 3) in the part's frame, m; `circle` = (center, axis, radius) if it is one."""
-
-    points: NDArray[np.float64]
-    surfaces: tuple[int, ...]
-    circle: tuple[NDArray[np.float64], NDArray[np.float64], float] | None = None
 
 
 @dataclass(frozen=True)
@@ -70,8 +63,8 @@ class Shape:
 
     mesh: SurfaceMesh
     surfaces: tuple[Surface, ...]
-    features: tuple[Feature, ...]
-    edges: tuple[Edge, ...] = ()
+    grouped: InitVar[tuple[Feature, ...] | None] = None
+    """`features`; by default they are found at their first use"""
     volume: float = 0.0
     """m³; of the CAD solid, else of the closed mesh"""
     center: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -82,8 +75,24 @@ class Shape:
     """whether the mesh bounds a volume (each edge is used equally in both directions)"""
     notes: tuple[str, ...] = ()
     """remarks of the reader: open mesh, lost or repaired faces, dropped triangles"""
-    brep: bytes = b""
+    brep: bytes = field(default=b"", repr=False)
     """exact B-rep in OpenCascade's binary format, mm; empty for a mesh"""
+
+    def __post_init__(self, grouped: tuple[Feature, ...] | None) -> None:
+        if grouped is not None:
+            self.__dict__["features"] = grouped
+
+    @cached_property
+    def features(self) -> tuple[Feature, ...]:
+        """Analytic surfaces, each of one or more faces."""
+        senses = [-1 if surface.orientation == "concave" else 1 for surface in self.surfaces]
+        residuals = [surface.residual for surface in self.surfaces]
+        return group_features(self.mesh, [surface.geometry for surface in self.surfaces], senses, residuals)
+
+    @cached_property
+    def edges(self) -> tuple[Edge, ...]:
+        """Polylines along which surfaces meet."""
+        return edges_of(self.mesh)
 
 
 class Placing(Protocol):
