@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
@@ -172,6 +173,12 @@ def _set_pose(part: Part, pose: pin.SE3) -> None:
 Part.pose = property(_pose_of, _set_pose, doc="World pose of the part.")  # type: ignore[assignment]
 
 
+_NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
+_SHOWN = 3
+"""most parts that a note names"""
+_REPAIRED = ("repaired", "meshed again", "one by one")
+
+
 class Scene(Mapping[str, Part]):
     """Parts by unique name, in a fixed order. `scene["shaft"]`, `for name in scene`, `scene.parts`."""
 
@@ -241,7 +248,7 @@ class Scene(Mapping[str, Part]):
         return self.names.index(name)
 
     def all_notes(self) -> tuple[str, ...]:
-        """Notes on the scene and on each shape; a shape's notes carry the name of its first part.
+        """Notes on the scene and on its shapes, with the names of parts; notes of one kind are one line.
 
         Volume and containment of a part with the note "open" are estimates.
         """
@@ -250,10 +257,34 @@ class Scene(Mapping[str, Part]):
         for part in self.parts:
             first.setdefault(part.shape, part.name)
             count[part.shape] = count.get(part.shape, 0) + 1
-        return self.notes + tuple(
-            f"{name}{f' (and {count[shape] - 1} more of its shape)' if count[shape] > 1 else ''}: {note}"
-            for shape, name in first.items()
-            for note in shape.notes
+        kinds: dict[str, list[tuple[Shape, str]]] = {}
+        for shape in first:
+            for note in shape.notes:
+                kinds.setdefault(_NUMBER.sub("#", note), []).append((shape, note))
+        notes = []
+        for found in kinds.values():
+            shape, note = found[0]
+            parts = sum(count[each] for each, _ in found)
+            if len(found) > 1:
+                named = ", ".join(first[each] for each, _ in found[:_SHOWN])
+                who = f"{parts} parts of {len(found)} shapes ({named}{', …' if len(found) > _SHOWN else ''})"
+                note = f"{note} (the first)" if any(other != note for _, other in found) else note
+            else:
+                who = f"{first[shape]}{f' (and {parts - 1} more of its shape)' if parts > 1 else ''}"
+            notes.append(f"{who}: {note}")
+        return (*self.notes, *notes)
+
+    def summary(self) -> str:
+        """Return the numbers of parts, faces, triangles and repaired and open shapes, in one line."""
+        shapes = list(dict.fromkeys(part.shape for part in self.parts))
+        faces, triangles = (
+            sum(n) for n in zip(*((s.mesh.n_surfaces, s.mesh.n_triangles) for s in shapes), strict=True)
+        )
+        repaired = sum(any(word in note for word in _REPAIRED for note in shape.notes) for shape in shapes)
+        opened = sum(not shape.closed for shape in shapes)
+        return (
+            f"{len(self)} parts of {len(shapes)} shapes, {faces} faces, {triangles} triangles; {repaired} shapes "
+            f"repaired, {opened} open"
         )
 
     def export(
