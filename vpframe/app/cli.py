@@ -466,7 +466,8 @@ def _mates(arguments: argparse.Namespace) -> int:
             print(mates.table(document))
             _print_notes(scene)
         if urdf is not None:
-            mates.write_urdf(scene, urdf, tolerance)
+            for note in mates.write_urdf(scene, urdf, tolerance):
+                warn(f"vpframe: note: {note}")
             print(f"wrote {urdf}", file=sys.stderr)
     return OK
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -19,13 +21,27 @@ from vpframe.scene.scene import Part, Scene, Shape, Size, Surface
 Array = NDArray[np.float64]
 
 
-def scene(raw: RawScene, source: str | None = None, progress: Callable[[float, str], None] | None = None) -> Scene:
-    """Return the scene of a raw scene; parts of one shape share the object. `progress` receives fraction and task."""
+def scene(
+    raw: RawScene,
+    source: str | None = None,
+    progress: Callable[[float, str], None] | None = None,
+    keep: Callable[[RawScene], None] = lambda raw: None,
+) -> Scene:
+    """Return the scene of a raw scene; parts of one shape share the object. `progress` receives fraction and task.
+
+    Faces without a type are fitted when surfaces are first needed; `keep` then receives the raw scene.
+    """
+    raw.shapes = [settled(s) for s in raw.shapes]
+
+    def fit() -> None:
+        if sum(map(fit_faces, raw.shapes)):
+            keep(raw)
+
     shapes, done, total = [], 0, max(sum(len(s.faces) for s in raw.shapes), 1)
     for s, name in zip(raw.shapes, _shape_names(raw), strict=True):
         if progress is not None:
             progress(done / total, f"surfaces of {name}")
-        shapes.append(shape(s, name))
+        shapes.append(shape(s, name, fit))
         done += len(s.faces)
     made = Scene((_part(p, shapes[p.shape]) for p in raw.parts), source=source, notes=raw.notes)
     if raw.links:
@@ -51,23 +67,42 @@ def _shape_names(raw: RawScene) -> list[str]:
     return [first.get(i, f"shape {i}") for i in range(len(raw.shapes))]
 
 
-def shape(raw: RawShape, name: str = "shape") -> Shape:
-    """Return the shape of raw arrays: zero-area triangles dropped, faces typed."""
+def shape(raw: RawShape, name: str = "shape", fit: Callable[[], object] | None = None) -> Shape:
+    """Return the shape of raw arrays, without triangles of zero area; `fit` gives types to its faces (`fit_faces`)."""
     raw = settled(raw)
     mesh = SurfaceMesh(raw.vertices, raw.triangles, raw.face_of_triangle, name)
-    vectors = triangle_area_vectors(raw.vertices, raw.triangles)
-    surfaces = tuple(
-        _surface(i, face, mesh, vectors[mesh.triangles_of(i)], mesh.triangles_of(i)) for i, face in enumerate(raw.faces)
-    )
+
+    def surfaces() -> tuple[Surface, ...]:
+        (fit or partial(fit_faces, raw))()
+        vectors = triangle_area_vectors(raw.vertices, raw.triangles)
+        own = [mesh.triangles_of(i) for i in range(mesh.n_surfaces)]
+        return tuple(_surface(i, face, mesh, vectors[own[i]], own[i]) for i, face in enumerate(raw.faces))
+
     closed = not len(open_edges(raw.triangles))
     assert raw.volume is not None
     measured = (raw.volume, raw.center, raw.inertia)
     return Shape(mesh, surfaces, None, *measured, closed, tuple(raw.notes), raw.brep)
 
 
+def fit_faces(raw: RawShape) -> bool:
+    """Give a type to the faces of a settled shape that have none; whether there were any. Takes milliseconds a face."""
+    free = [k for k, face in enumerate(raw.faces) if not face.typed]
+    order = np.argsort(raw.face_of_triangle, kind="stable")
+    starts = np.searchsorted(raw.face_of_triangle[order], np.arange(len(raw.faces) + 1))
+    for k in free:
+        face, corners = raw.faces[k], raw.triangles[order[starts[k] : starts[k + 1]]]
+        points, middles = raw.vertices[np.unique(corners)], raw.vertices[corners].mean(axis=1)
+        geometry, residual = recognised(face, points, middles, triangle_area_vectors(raw.vertices, corners))
+        kind, numbers = raw_numbers(geometry)
+        raw.faces[k] = replace(
+            face, kind=kind, numbers=numbers, typed=True, residual=residual, samples=np.empty((0, 3))
+        )
+    return bool(free)
+
+
 @np.errstate(over="ignore", invalid="ignore")  # coordinates out of range are refused later, with one line
 def settled(raw: RawShape) -> RawShape:
-    """Drop faces without triangles, type the others and compute mass properties, which takes time.
+    """Drop faces without triangles and compute mass properties.
 
     A settled shape is returned as it is. A shape whose triangles all have zero area has no faces.
     """
@@ -84,20 +119,13 @@ def settled(raw: RawShape) -> RawShape:
             f"open: at {len(border)} edges, the first near ({x:.6g}, {y:.6g}, {z:.6g}) mm, a face is missing or wound "
             "the wrong way; its volume, and what is inside it, are estimates"
         )
-    vectors = triangle_area_vectors(raw.vertices, triangles)
-    faces = []
-    by_owner = np.split(np.argsort(owners, kind="stable"), np.cumsum(np.bincount(owners, minlength=len(kept)))[:-1])
-    for own, k in zip(by_owner, kept, strict=True):
-        corners, face = triangles[own], raw.faces[k]
-        points, middles = raw.vertices[np.unique(corners)], raw.vertices[corners].mean(axis=1)
-        geometry, residual = recognised(face, points, middles, vectors[own])
-        kind, numbers = raw_numbers(geometry)
-        faces.append(RawFace(face.name, kind, numbers, typed=True, color=face.color, residual=residual, size=face.size))
     volume, center, inertia = raw.volume, raw.center, raw.inertia
     if volume is None:
         volume, center, inertia = mass_properties(raw.vertices, triangles)
     measured = (volume, center, inertia)
-    return RawShape(raw.vertices, triangles, owners, faces, *measured, notes, settled=True, brep=raw.brep)
+    return RawShape(
+        raw.vertices, triangles, owners, [raw.faces[k] for k in kept], *measured, notes, settled=True, brep=raw.brep
+    )
 
 
 def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDArray[np.int32], list[int]]:

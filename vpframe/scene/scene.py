@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol, overload
@@ -63,7 +63,8 @@ class Shape:
     """Data shared by instances, in the part's frame: mesh, surfaces, features, edges, mass properties at density 1."""
 
     mesh: SurfaceMesh
-    surfaces: tuple[Surface, ...]
+    given: InitVar[tuple[Surface, ...] | Callable[[], tuple[Surface, ...]]]
+    """`surfaces`, or a function that finds them at their first use"""
     grouped: InitVar[tuple[Feature, ...] | None] = None
     """`features`; by default they are found at their first use"""
     volume: float = 0.0
@@ -79,9 +80,23 @@ class Shape:
     brep: bytes = field(default=b"", repr=False)
     """exact B-rep in OpenCascade's binary format, mm; empty for a mesh"""
 
-    def __post_init__(self, grouped: tuple[Feature, ...] | None) -> None:
+    def __post_init__(
+        self,
+        given: tuple[Surface, ...] | Callable[[], tuple[Surface, ...]],
+        grouped: tuple[Feature, ...] | None,
+    ) -> None:
+        self.__dict__["_find" if callable(given) else "surfaces"] = given
         if grouped is not None:
             self.__dict__["features"] = grouped
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"surfaces": self.surfaces, **{name: value for name, value in vars(self).items() if name != "_find"}}
+
+    @cached_property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """One `Surface` for each B-rep face; `surfaces[i].index == i`."""
+        find: Callable[[], tuple[Surface, ...]] = self.__dict__.pop("_find")
+        return find()
 
     @cached_property
     def features(self) -> tuple[Feature, ...]:
