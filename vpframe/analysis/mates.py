@@ -42,6 +42,8 @@ LARGEST_MESH = 200_000
 """maximum number of triangles of an STL file in MuJoCo"""
 WATER = 1000.0
 """density of parts without one in the file, kg/m³"""
+SHOWN = 5
+"""most parts that a note names"""
 
 
 @dataclass(frozen=True)
@@ -274,8 +276,8 @@ def _graph(scene: Scene, names: Sequence[str], tolerance: Tolerance | None) -> A
 def write_urdf(scene: Scene, path: str | os.PathLike[str], tolerance: Tolerance | None = None) -> tuple[str, ...]:
     """Write the mechanism of a scene as URDF, with a folder of meshes beside it, one STL for each shape.
 
-    path: the file, or its `Output`. Masses follow the parts' densities, default `WATER`. Returns notes on contacts that
-        are no joint.
+    path: the file, or its `Output`. Masses follow the parts' densities, default `WATER`, which a comment
+        names. Returns notes on contacts that are no joint, and on assumed masses.
 
     Raises
     ------
@@ -286,8 +288,10 @@ def write_urdf(scene: Scene, path: str | os.PathLike[str], tolerance: Tolerance 
         made = _mechanism(scene, tolerance)
         inertias, meshes = _inertias(scene), _write_meshes(scene, output)
         declaration, _, robot = to_urdf(made, path.stem, inertias, meshes, _colors(scene)).partition("\n")
-        files.replace(path, f"{declaration}\n<!-- {GENERATOR} -->\n{robot}")
-    return made.notes
+        assumed = _assumed(scene)
+        comments = "".join(f"<!-- {_commented(text)} -->\n" for text in (GENERATOR, *assumed))
+        files.replace(path, f"{declaration}\n{comments}{robot}")
+    return (*made.notes, *assumed)
 
 
 def write_mjcf(scene: Scene, path: str | os.PathLike[str], tolerance: Tolerance | None = None) -> tuple[str, ...]:
@@ -316,8 +320,10 @@ def write_mjcf(scene: Scene, path: str | os.PathLike[str], tolerance: Tolerance 
         screws = [j.name for j in (*made.joints, *made.loops) if any(a.kind == "screw" for a in j.axes)]
         notes += [f"screw {name}: a hinge and a slide that an equality ties, which is soft" for name in screws]
         text = to_mjcf(made, path.stem, inertias, meshes, _colors(scene))
-        files.replace(path, f"<!-- {GENERATOR} -->\n{text}")
-    return tuple(notes)
+        assumed = _assumed(scene)
+        comments = "".join(f"<!-- {_commented(text)} -->\n" for text in (GENERATOR, *assumed))
+        files.replace(path, f"{comments}{text}")
+    return (*notes, *assumed)
 
 
 def _mechanism(scene: Scene, tolerance: Tolerance | None) -> Mechanism:
@@ -344,6 +350,20 @@ def _write_meshes(scene: Scene, output: Output) -> dict[int, str]:
 
 def _colors(scene: Scene) -> dict[int, tuple[float, float, float, float]]:
     return {i: part.color for i, part in enumerate(scene.parts)}
+
+
+def _assumed(scene: Scene) -> list[str]:
+    """Name the parts whose masses are assumed, in one line; none if the model gives all."""
+    names = [part.name for part in scene.parts if part.inertia is None and part.density is None]
+    if not names:
+        return []
+    which = ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+    return [f"assumed masses: the model gives no density for {which}; {WATER:g} kg/m³ is taken"]
+
+
+def _commented(text: str) -> str:
+    """Return text that may stand in an XML comment."""
+    return plain(text).replace("--", "- -")
 
 
 def _inertias(scene: Scene) -> dict[int, pin.Inertia]:

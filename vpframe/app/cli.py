@@ -259,17 +259,18 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--quick", action="store_true", help="fewer repetitions")
     sub.add_argument(
         "--only", metavar="TEXT", action="append", default=[],
-        help="cases whose names contain it (planning, service); may be given again",
+        help="cases whose names contain it (load, planning, service); may be given again",
     )  # fmt: skip
     sub.add_argument(
         "--number", metavar="WHAT=N", action="append", default=[],
-        help="so many of what a suite counts (planning: orientations, segments, sets; study: variants)",
+        help="so many of what a suite counts (load: instances; planning: orientations, segments, sets; study: "
+        "variants)",
     )  # fmt: skip
     sub.add_argument("--json", action="store_true")
     return parser
 
 
-SUITES = ("collision", "constraints", "physics", "planning", "service", "session", "study")
+SUITES = ("collision", "constraints", "load", "physics", "planning", "service", "session", "study")
 
 
 def _length(text: str) -> float:
@@ -301,19 +302,27 @@ def _add_loading(sub: argparse.ArgumentParser) -> None:
         "--timeout", metavar="SECONDS", type=float, help="limit of reading a CAD file (a minute a megabyte)"
     )
     sub.add_argument("--unit", metavar="UNIT", help="length unit of STL, OBJ and PLY files: " + NAMES)
+    sub.add_argument(
+        "--bodies", choices=("split", "whole"),
+        help="make each solid a part, or each product (default: products in files with assemblies)",
+    )  # fmt: skip
 
 
 def _load(path: str, arguments: argparse.Namespace) -> Any:
     import vpframe as vp
     from vpframe.app.progress import Progress
 
+    began = time.monotonic()
     with Progress("loading " + os.path.basename(path)) as progress:
-        return vp.load(path, progress=progress, **_given(arguments))
+        scene = vp.load(path, progress=progress, **_given(arguments))
+    if sys.stderr.isatty():
+        print(f"{os.path.basename(path)}: {scene.summary()}, {time.monotonic() - began:.1f} s", file=sys.stderr)
+    return scene
 
 
 def _given(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return the given options of `vp.load`."""
-    given = {name: getattr(arguments, name) for name in ("deflection", "angular", "timeout", "unit")}
+    given = {name: getattr(arguments, name) for name in ("deflection", "angular", "timeout", "unit", "bodies")}
     return {name: value for name, value in given.items() if value is not None}
 
 
@@ -457,7 +466,8 @@ def _mates(arguments: argparse.Namespace) -> int:
             print(mates.table(document))
             _print_notes(scene)
         if urdf is not None:
-            mates.write_urdf(scene, urdf, tolerance)
+            for note in mates.write_urdf(scene, urdf, tolerance):
+                warn(f"vpframe: note: {note}")
             print(f"wrote {urdf}", file=sys.stderr)
     return OK
 

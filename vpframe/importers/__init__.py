@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,8 +57,8 @@ def load(
     unit: "m", "cm", "mm", "um", "in" or "ft" for STL, OBJ and PLY, which state none. By default a model whose largest
         extent is above 2 is read in millimetres, any other in metres; `Scene.notes` says which. A trimesh mesh has its
         own `units` as default.
-    timeout: time limit of a CAD file, s; default one minute for each megabyte, at least one. The memory limit is
-        1.75 GB plus 200 bytes for each byte of the file.
+    timeout: limit of processor time of a CAD file, s; default one minute for each megabyte, at least one, and more for
+        each shape and face. The memory limit is 1.75 GB plus 200 bytes for each byte of the file.
     progress: receives the fraction done and the present task.
     format: of bytes, "step", "obj", …; by default recognised from the content (not possible for OBJ).
     bodies: "split" makes each solid of a CAD file a part, "whole" each product.
@@ -114,7 +115,8 @@ def load(
             raw.shapes = [build.settled(shape) for shape in raw.shapes]
         if key and raw.whole and cache.key_of(files, form, deflection, angular, unit, bodies) == key:  # files unchanged
             cache.keep(key, raw)
-    scene = build.scene(raw, str(path), part(READING, 1.0))
+    keep = partial(cache.keep, key) if key and raw.whole else lambda raw: None
+    scene = build.scene(raw, str(path), part(READING, 1.0), keep)
     if progress is not None:
         progress(1.0, "loaded")
     return scene

@@ -12,7 +12,7 @@ import numpy as np
 
 from vpframe.codec import WRONG, Codec, CodecError
 from vpframe.errors import VpframeError
-from vpframe.importers.raw import Array, RawEdge, RawFace, RawJoint, RawPart, RawScene, RawShape
+from vpframe.importers.raw import Array, RawFace, RawJoint, RawPart, RawScene, RawShape
 
 
 class ArchiveError(VpframeError):
@@ -31,7 +31,6 @@ def write(raw: RawScene, path: str | Path) -> None:
             "triangles": shape.triangles,
             "face_of_triangle": shape.face_of_triangle,
             "samples": _joined([face.samples for face in shape.faces]),
-            "lines": _joined([edge.points for edge in shape.edges]),
             "faces": [
                 [
                     f.name,
@@ -45,7 +44,6 @@ def write(raw: RawScene, path: str | Path) -> None:
                 ]
                 for f in shape.faces
             ],
-            "edges": [[len(e.points), list(e.faces), _circle(e)] for e in shape.edges],
             "volume": shape.volume,
             "center": shape.center,
             "inertia": shape.inertia,
@@ -102,31 +100,22 @@ def _joined(arrays: list[Array]) -> Array:
     return np.concatenate(arrays) if arrays else np.empty((0, 3))
 
 
-def _circle(edge: RawEdge) -> list[Any] | None:
-    return None if edge.circle is None else [edge.circle[0].tolist(), edge.circle[1].tolist(), edge.circle[2]]
-
-
 def _color(values: Any) -> tuple[float, float, float, float] | None:
     return None if values is None else (values[0], values[1], values[2], values[3])
 
 
 def _shape(content: Any) -> RawShape:
     samples = _cut(content["samples"], [face[4] for face in content["faces"]])
-    lines = _cut(content["lines"], [edge[0] for edge in content["edges"]])
     faces = [
         RawFace(name, kind, tuple(numbers), typed, points, _color(color), residual, size)
         for (name, kind, numbers, typed, _, color, residual, size), points in zip(
             content["faces"], samples, strict=True
         )
     ]
-    edges = [
-        RawEdge(points, tuple(beside), None if c is None else (np.array(c[0]), np.array(c[1]), c[2]))
-        for (_, beside, c), points in zip(content["edges"], lines, strict=True)
-    ]
     content["brep"] = content["brep"].tobytes()
     whole = ("volume", "center", "inertia", "notes", "settled", "brep", "segmented")
     arrays = (content["vertices"], content["triangles"], content["face_of_triangle"])
-    return RawShape(*arrays, faces, edges, *(content[name] for name in whole))
+    return RawShape(*arrays, faces, *(content[name] for name in whole))
 
 
 def _cut(points: Array, counts: list[int]) -> list[Array]:

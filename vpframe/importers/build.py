@@ -1,9 +1,10 @@
-"""Convert raw arrays to a `Scene`: type and orient surfaces, group features, compute mass properties."""
+"""Convert raw arrays to a `Scene`: type and orient surfaces, compute mass properties."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -12,28 +13,42 @@ from numpy.typing import NDArray
 
 from collision import SurfaceMesh, Tolerance
 from constraints.errors import GeometryError
-from constraints.geometry.features import group_features
 from constraints.geometry.surfaces import Cone, Cylinder, Freeform, Geometry, Plane, Sphere, Torus
 from constraints.recognition.fits import allowed, fit_surface
 from vpframe.importers import cache
-from vpframe.importers.mechanism import impose
 from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors, without_flat
-from vpframe.importers.raw import RawEdge, RawFace, RawPart, RawScene, RawShape
-from vpframe.scene.scene import Edge, Part, Scene, Shape, Size, Surface
+from vpframe.importers.raw import RawFace, RawPart, RawScene, RawShape
+from vpframe.scene.scene import Part, Scene, Shape, Size, Surface
 
 Array = NDArray[np.float64]
 
 
-def scene(raw: RawScene, source: str | None = None, progress: Callable[[float, str], None] | None = None) -> Scene:
-    """Return the scene of a raw scene; parts of one shape share the object. `progress` receives fraction and task."""
+def scene(
+    raw: RawScene,
+    source: str | None = None,
+    progress: Callable[[float, str], None] | None = None,
+    keep: Callable[[RawScene], None] = lambda raw: None,
+) -> Scene:
+    """Return the scene of a raw scene; parts of one shape share the object. `progress` receives fraction and task.
+
+    Faces without a type are fitted when surfaces are first needed; `keep` then receives the raw scene.
+    """
+    raw.shapes = [settled(s) for s in raw.shapes]
+
+    def fit() -> None:
+        if sum(fit_faces(s) for s in raw.shapes if s.segmented):
+            keep(raw)
+
     shapes, done, total = [], 0, max(sum(len(s.faces) for s in raw.shapes), 1)
     for s, name in zip(raw.shapes, _shape_names(raw), strict=True):
         if progress is not None:
             progress(done / total, f"surfaces of {name}")
-        shapes.append(shape(s, name))
+        shapes.append(shape(s, name, fit))
         done += len(s.faces)
     made = Scene((_part(p, shapes[p.shape]) for p in raw.parts), source=source, notes=raw.notes)
     if raw.links:
+        from vpframe.importers.mechanism import impose  # imports the solver
+
         impose(made, raw.links, raw.joints)
     return made
 
@@ -54,23 +69,39 @@ def _shape_names(raw: RawScene) -> list[str]:
     return [first.get(i, f"shape {i}") for i in range(len(raw.shapes))]
 
 
-def shape(raw: RawShape, name: str = "shape") -> Shape:
-    """Return the shape of raw arrays: zero-area triangles dropped, faces typed, features grouped."""
+def shape(raw: RawShape, name: str = "shape", fit: Callable[[], object] | None = None) -> Shape:
+    """Return the shape of raw arrays, without triangles of zero area; `fit` gives types to its faces (`fit_faces`)."""
     raw = settled(raw)
     if not raw.segmented:
         return _BareShape.of(raw, name)
     mesh = SurfaceMesh(raw.vertices, raw.triangles, raw.face_of_triangle, name)
-    vectors = triangle_area_vectors(raw.vertices, raw.triangles)
-    surfaces = tuple(
-        _surface(i, face, mesh, vectors[mesh.triangles_of(i)], mesh.triangles_of(i)) for i, face in enumerate(raw.faces)
-    )
-    senses = [-1 if s.orientation == "concave" else 1 for s in surfaces]
-    features = group_features(mesh, [s.geometry for s in surfaces], senses, [s.residual for s in surfaces])
-    edges = tuple(Edge(e.points, e.faces, e.circle) for e in raw.edges)
+
+    def surfaces() -> tuple[Surface, ...]:
+        (fit or partial(fit_faces, raw))()
+        vectors = triangle_area_vectors(raw.vertices, raw.triangles)
+        own = [mesh.triangles_of(i) for i in range(mesh.n_surfaces)]
+        return tuple(_surface(i, face, mesh, vectors[own[i]], own[i]) for i, face in enumerate(raw.faces))
+
     closed = not len(open_edges(raw.triangles))
     assert raw.volume is not None
     measured = (raw.volume, raw.center, raw.inertia)
-    return Shape(mesh, surfaces, features, edges, *measured, closed, tuple(raw.notes), raw.brep)
+    return Shape(mesh, surfaces, None, *measured, closed, tuple(raw.notes), raw.brep)
+
+
+def fit_faces(raw: RawShape) -> bool:
+    """Give a type to the faces of a settled shape that have none; whether there were any. Takes milliseconds a face."""
+    free = [k for k, face in enumerate(raw.faces) if not face.typed]
+    order = np.argsort(raw.face_of_triangle, kind="stable")
+    starts = np.searchsorted(raw.face_of_triangle[order], np.arange(len(raw.faces) + 1))
+    for k in free:
+        face, corners = raw.faces[k], raw.triangles[order[starts[k] : starts[k + 1]]]
+        points, middles = raw.vertices[np.unique(corners)], raw.vertices[corners].mean(axis=1)
+        geometry, residual = recognised(face, points, middles, triangle_area_vectors(raw.vertices, corners))
+        kind, numbers = raw_numbers(geometry)
+        raw.faces[k] = replace(
+            face, kind=kind, numbers=numbers, typed=True, residual=residual, samples=np.empty((0, 3))
+        )
+    return bool(free)
 
 
 class _BareShape(Shape):
@@ -81,17 +112,20 @@ class _BareShape(Shape):
         """Return the shape of a settled mesh that is not segmented."""
         made = object.__new__(cls)
         closed = not len(open_edges(raw.triangles))
-        known = {"edges": (), "closed": closed, "notes": tuple(raw.notes), "brep": raw.brep}
-        measured = {"volume": raw.volume, "center": raw.center, "inertia": raw.inertia}
-        made.__dict__.update(known | measured | {"_raw": raw, "_name": name})
+        measured = {"volume": raw.volume, "center": raw.center, "inertia": raw.inertia, "closed": closed}
+        kept = {"notes": tuple(raw.notes), "brep": raw.brep, "_raw": raw, "_name": name}
+        made.__dict__.update(measured | kept | {"_find": lambda: made._segmented.surfaces})
         return made
 
+    @cached_property
+    def _segmented(self) -> Shape:
+        return shape(_surfaced(self.__dict__["_raw"]), self.__dict__["_name"])
+
     def __getattr__(self, name: str) -> Any:
-        if name not in ("mesh", "surfaces", "features"):
+        if name != "mesh":
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
-        whole = shape(_surfaced(self._raw), self._name)
-        self.__dict__.update({each: getattr(whole, each) for each in ("mesh", "surfaces", "features")})
-        return self.__dict__[name]
+        self.__dict__["mesh"] = self._segmented.mesh
+        return self.__dict__["mesh"]
 
 
 def _surfaced(raw: RawShape) -> RawShape:
@@ -102,6 +136,7 @@ def _surfaced(raw: RawShape) -> RawShape:
     found = cache.find(key)
     if found is None:
         made = settled(replace(meshes.segmented(raw), settled=False, notes=[]))
+        fit_faces(made)
         found = RawScene([made])
         cache.keep(key, found)
     return replace(found.shapes[0], notes=raw.notes)
@@ -109,7 +144,7 @@ def _surfaced(raw: RawShape) -> RawShape:
 
 @np.errstate(over="ignore", invalid="ignore")  # coordinates out of range are refused later, with one line
 def settled(raw: RawShape) -> RawShape:
-    """Drop faces without triangles, type the others and compute mass properties, which takes time.
+    """Drop faces without triangles and compute mass properties.
 
     A settled shape is returned as it is. A shape whose triangles all have zero area has no faces.
     """
@@ -126,26 +161,13 @@ def settled(raw: RawShape) -> RawShape:
             f"open: at {len(border)} edges, the first near ({x:.6g}, {y:.6g}, {z:.6g}) mm, a face is missing or wound "
             "the wrong way; its volume, and what is inside it, are estimates"
         )
-    vectors = triangle_area_vectors(raw.vertices, triangles)
-    faces = []
-    by_owner = np.split(np.argsort(owners, kind="stable"), np.cumsum(np.bincount(owners, minlength=len(kept)))[:-1])
-    for own, k in zip(by_owner, kept, strict=True):
-        corners, face = triangles[own], raw.faces[k]
-        points, middles = raw.vertices[np.unique(corners)], raw.vertices[corners].mean(axis=1)
-        if not raw.segmented:
-            faces.append(face)
-            continue
-        geometry, residual = recognised(face, points, middles, vectors[own])
-        kind, numbers = raw_numbers(geometry)
-        faces.append(RawFace(face.name, kind, numbers, typed=True, color=face.color, residual=residual, size=face.size))
-    place = {k: i for i, k in enumerate(kept)}
-    edges = [RawEdge(e.points, tuple(place[f] for f in e.faces if f in place), e.circle) for e in raw.edges]
     volume, center, inertia = raw.volume, raw.center, raw.inertia
     if volume is None:
         volume, center, inertia = mass_properties(raw.vertices, triangles)
     measured = (volume, center, inertia)
-    arrays = (raw.vertices, triangles, owners)
-    return RawShape(*arrays, faces, edges, *measured, notes, settled=True, brep=raw.brep, segmented=raw.segmented)
+    faces = [raw.faces[k] for k in kept]
+    kept_as = {"settled": True, "brep": raw.brep, "segmented": raw.segmented}
+    return RawShape(raw.vertices, triangles, owners, faces, *measured, notes, **kept_as)  # type: ignore[arg-type]
 
 
 def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDArray[np.int32], list[int]]:

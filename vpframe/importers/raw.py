@@ -45,15 +45,6 @@ class RawFace:
 
 
 @dataclass
-class RawEdge:
-    """One B-rep edge as the polyline of its mesh."""
-
-    points: Array
-    faces: tuple[int, ...]
-    circle: tuple[Array, Array, float] | None = None
-
-
-@dataclass
 class RawShape:
     """One solid (or sheet) with its mesh, in its own frame."""
 
@@ -61,7 +52,6 @@ class RawShape:
     triangles: NDArray[np.int32]
     face_of_triangle: NDArray[np.int32]
     faces: list[RawFace]
-    edges: list[RawEdge] = field(default_factory=list)
     volume: float | None = None
     """m³; None: computed from the mesh"""
     center: Array = field(default_factory=lambda: np.zeros(3))

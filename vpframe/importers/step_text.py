@@ -221,7 +221,7 @@ def _tree(uses: Iterable[tuple[int, int, int]]) -> tuple[dict[int, list[int]], d
     """Return the children of each definition, and the circular ones of `uses` (number, parent, child) with parents."""
     children: dict[int, list[int]] = {}
     circular: dict[int, int] = {}
-    for n, parent, child in uses:
+    for n, parent, child in sorted(uses):
         if _reaches(child, parent, children):
             circular[n] = parent
         else:

@@ -10,9 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from constraints.freedom.lower_pairs import frame_along
 from constraints.geometry.surfaces import Plane
-from constraints.kinds import Line, Point
 from vpframe.errors import VpframeError
 
 Place = str | tuple[str, Any]
@@ -60,6 +58,9 @@ def statements(
     kind: one of KINDS. poses: of the parts, world. origin, axis: (3,) m and (3,), world; a planar joint's normal.
     pitch: of a screw, m a turn. Raises VpframeError for an unknown kind.
     """
+    from constraints.freedom.lower_pairs import frame_along  # imports the solver
+    from constraints.kinds import Line, Point
+
     frame = frame_along(np.asarray(axis, dtype=np.float64), np.asarray(origin, dtype=np.float64))
     x, _, z = frame.rotation.T
 

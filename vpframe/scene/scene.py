@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import InitVar, dataclass, field, replace
+from functools import cached_property
 from typing import Any, Protocol, overload
 
 import numpy as np
@@ -13,20 +15,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh
-from constraints.geometry.features import Feature
+from constraints.geometry.features import Feature, group_features
 from constraints.geometry.surfaces import Geometry
 from vpframe.errors import UnknownPartError, VpframeError
+from vpframe.scene.edges import Edge, edges_of
 from vpframe.scene.joints import Statement
 from vpframe.scene.motion import Motion
-
-
-@dataclass(frozen=True, eq=False)
-class Edge:
-    """A B-rep edge as a polyline (n, 3) in the part's frame, m; `circle` = (center, axis, radius) if it is one."""
-
-    points: NDArray[np.float64]
-    surfaces: tuple[int, ...]
-    circle: tuple[NDArray[np.float64], NDArray[np.float64], float] | None = None
 
 
 @dataclass(frozen=True)
@@ -69,9 +63,10 @@ class Shape:
     """Data shared by instances, in the part's frame: mesh, surfaces, features, edges, mass properties at density 1."""
 
     mesh: SurfaceMesh
-    surfaces: tuple[Surface, ...]
-    features: tuple[Feature, ...]
-    edges: tuple[Edge, ...] = ()
+    given: InitVar[tuple[Surface, ...] | Callable[[], tuple[Surface, ...]]]
+    """`surfaces`, or a function that finds them at their first use"""
+    grouped: InitVar[tuple[Feature, ...] | None] = None
+    """`features`; by default they are found at their first use"""
     volume: float = 0.0
     """m³; of the CAD solid, else of the closed mesh"""
     center: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -82,8 +77,38 @@ class Shape:
     """whether the mesh bounds a volume (each edge is used equally in both directions)"""
     notes: tuple[str, ...] = ()
     """remarks of the reader: open mesh, lost or repaired faces, dropped triangles"""
-    brep: bytes = b""
+    brep: bytes = field(default=b"", repr=False)
     """exact B-rep in OpenCascade's binary format, mm; empty for a mesh"""
+
+    def __post_init__(
+        self,
+        given: tuple[Surface, ...] | Callable[[], tuple[Surface, ...]],
+        grouped: tuple[Feature, ...] | None,
+    ) -> None:
+        self.__dict__["_find" if callable(given) else "surfaces"] = given
+        if grouped is not None:
+            self.__dict__["features"] = grouped
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"surfaces": self.surfaces, **{name: value for name, value in vars(self).items() if name != "_find"}}
+
+    @cached_property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """One `Surface` for each B-rep face; `surfaces[i].index == i`."""
+        find: Callable[[], tuple[Surface, ...]] = self.__dict__.pop("_find")
+        return find()
+
+    @cached_property
+    def features(self) -> tuple[Feature, ...]:
+        """Analytic surfaces, each of one or more faces."""
+        senses = [-1 if surface.orientation == "concave" else 1 for surface in self.surfaces]
+        residuals = [surface.residual for surface in self.surfaces]
+        return group_features(self.mesh, [surface.geometry for surface in self.surfaces], senses, residuals)
+
+    @cached_property
+    def edges(self) -> tuple[Edge, ...]:
+        """Polylines along which surfaces meet."""
+        return edges_of(self.mesh)
 
 
 class Placing(Protocol):
@@ -163,6 +188,12 @@ def _set_pose(part: Part, pose: pin.SE3) -> None:
 Part.pose = property(_pose_of, _set_pose, doc="World pose of the part.")  # type: ignore[assignment]
 
 
+_NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
+_SHOWN = 3
+"""most parts that a note names"""
+_REPAIRED = ("repaired", "meshed again", "one by one")
+
+
 class Scene(Mapping[str, Part]):
     """Parts by unique name, in a fixed order. `scene["shaft"]`, `for name in scene`, `scene.parts`."""
 
@@ -232,7 +263,7 @@ class Scene(Mapping[str, Part]):
         return self.names.index(name)
 
     def all_notes(self) -> tuple[str, ...]:
-        """Notes on the scene and on each shape; a shape's notes carry the name of its first part.
+        """Notes on the scene and on its shapes, with the names of parts; notes of one kind are one line.
 
         Volume and containment of a part with the note "open" are estimates.
         """
@@ -241,10 +272,34 @@ class Scene(Mapping[str, Part]):
         for part in self.parts:
             first.setdefault(part.shape, part.name)
             count[part.shape] = count.get(part.shape, 0) + 1
-        return self.notes + tuple(
-            f"{name}{f' (and {count[shape] - 1} more of its shape)' if count[shape] > 1 else ''}: {note}"
-            for shape, name in first.items()
-            for note in shape.notes
+        kinds: dict[str, list[tuple[Shape, str]]] = {}
+        for shape in first:
+            for note in shape.notes:
+                kinds.setdefault(_NUMBER.sub("#", note), []).append((shape, note))
+        notes = []
+        for found in kinds.values():
+            shape, note = found[0]
+            parts = sum(count[each] for each, _ in found)
+            if len(found) > 1:
+                named = ", ".join(first[each] for each, _ in found[:_SHOWN])
+                who = f"{parts} parts of {len(found)} shapes ({named}{', …' if len(found) > _SHOWN else ''})"
+                note = f"{note} (the first)" if any(other != note for _, other in found) else note
+            else:
+                who = f"{first[shape]}{f' (and {parts - 1} more of its shape)' if parts > 1 else ''}"
+            notes.append(f"{who}: {note}")
+        return (*self.notes, *notes)
+
+    def summary(self) -> str:
+        """Return the numbers of parts, faces, triangles and repaired and open shapes, in one line."""
+        shapes = list(dict.fromkeys(part.shape for part in self.parts))
+        faces, triangles = (
+            sum(n) for n in zip(*((s.mesh.n_surfaces, s.mesh.n_triangles) for s in shapes), strict=True)
+        )
+        repaired = sum(any(word in note for word in _REPAIRED for note in shape.notes) for shape in shapes)
+        opened = sum(not shape.closed for shape in shapes)
+        return (
+            f"{len(self)} parts of {len(shapes)} shapes, {faces} faces, {triangles} triangles; {repaired} shapes "
+            f"repaired, {opened} open"
         )
 
     def export(

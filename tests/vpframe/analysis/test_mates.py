@@ -74,7 +74,9 @@ def test_a_part_off_by_more_than_the_tolerance_has_no_mate():
 
 def test_urdf_with_meshes_turns_the_bolts(tmp_path):
     scene = bolted()
-    assert mates.write_urdf(scene, tmp_path / "bolted.urdf") == ()
+    (assumed,) = mates.write_urdf(scene, tmp_path / "bolted.urdf")
+    assert "1000 kg/m³" in assumed and "plate" in assumed
+    assert assumed in (tmp_path / "bolted.urdf").read_text()
     model, welds = load_urdf(tmp_path / "bolted.urdf")
     assert welds == [] and model.nq == 2 + 6  # two bolts turn, the cap floats
     files = sorted(p.name for p in (tmp_path / "bolted_meshes").iterdir())

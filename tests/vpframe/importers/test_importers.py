@@ -106,7 +106,7 @@ def test_freeform_stays_freeform():
         pole,
         np.vstack([np.column_stack([a, a + 8, a + 9]), np.column_stack([a, a + 9, a + 1])]).astype(np.int32),
     )
-    raw.face_of_triangle, raw.faces, raw.edges = np.zeros(98, np.int32), [RawFace("wave")], []
+    raw.face_of_triangle, raw.faces = np.zeros(98, np.int32), [RawFace("wave")]
     (wave,) = build.shape(raw).surfaces
     assert (wave.geometry.kind, wave.orientation, wave.residual) == ("freeform", "free", 0.0)
 

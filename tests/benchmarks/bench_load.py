@@ -1,0 +1,167 @@
+"""The load suite: processor time of `vpframe.load` against that of OpenCascade's own read and mesh of the same file.
+
+Both run in processes of their own, whose start and imports count, at the same deflection and angle; ours without a
+cache, then with one. Cases are the STEP files below the folder VPFRAME_DATA (`--only` takes some), and assemblies that
+are generated: `--number instances=N` takes one of N instances. `error` is the number of open shapes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from vpframe.app.bench import chosen
+from vpframe.app.progress import report
+from vpframe.scene import modelling as m
+
+GENERATED = (100, 500, 2000)
+DEFLECTION, ANGULAR = 1e-4, 0.35
+KERNEL = """
+import json, sys, time
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.Message import Message, Message_Printer
+from OCP.STEPCAFControl import STEPCAFControl_Reader
+from OCP.TCollection import TCollection_ExtendedString
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopExp import TopExp_Explorer
+from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+from OCP.collections import Sequence_TDF_Label
+Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
+began = time.process_time()
+document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
+reader = STEPCAFControl_Reader()
+for wanted in ("Name", "Color", "Mat", "Props", "GDT"):
+    getattr(reader, f"Set{wanted}Mode")(True)
+reader.ReadFile(sys.argv[1])
+reader.Transfer(document)
+labels = Sequence_TDF_Label()
+XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(labels)
+solids = 0
+for i in range(1, labels.Length() + 1):
+    shape = XCAFDoc_ShapeTool.GetShape_s(labels.Value(i))
+    BRepMesh_IncrementalMesh(shape, float(sys.argv[2]) * 1e3, False, float(sys.argv[3]), True)
+    found = TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
+    while found.More():
+        solids += 1
+        found.Next()
+print(json.dumps({"solids": solids, "alone": time.process_time() - began}))
+"""
+OURS = """
+import json, sys
+import vpframe as vp
+scene = vp.load(sys.argv[1], deflection=float(sys.argv[2]), angular=float(sys.argv[3]))
+shapes = {id(part.shape): part.shape for part in scene.parts}.values()
+print(json.dumps({"parts": len(scene), "open": sum(not shape.closed for shape in shapes),
+    "faces": sum(shape.mesh.n_surfaces for shape in shapes), "lost": sum("lost" in n for n in scene.all_notes())}))
+"""
+
+
+def assembly(count: int, folder: Path) -> Path:
+    """Write an assembly of `count` instances of ten shapes in rows."""
+    shapes = [
+        m.box(0.02, 0.02, 0.01 + 0.001 * i).filleted(0.002)
+        - m.cylinder(0.003 + 0.0003 * i, 0.05).translated(0.01, 0.01, -0.01)
+        for i in range(10)
+    ]
+    parts = {
+        f"part_{i}": (shapes[i % 10], pin.SE3(np.eye(3), np.array([0.03 * (i % 50), 0.03 * (i // 50), 0.0])))
+        for i in range(count)
+    }
+    return m.write_step(folder / f"assembly_{count}.step", parts)
+
+
+def cases(counts: Sequence[int]) -> dict[str, Callable[[Path], Path]]:
+    """Return a function that gives the file of each case in a temporary folder."""
+    found: dict[str, Callable[[Path], Path]] = {}
+    root = os.environ.get("VPFRAME_DATA")
+    files = sorted(Path(root).rglob("*")) if root else []
+    for file in files:
+        if file.suffix.lower() in (".step", ".stp"):
+            found[str(file.relative_to(root or ""))] = lambda folder, file=file: file  # type: ignore[misc]
+    for count in counts:
+        found[f"generated, {count} instances"] = lambda folder, count=count: assembly(count, folder)  # type: ignore[misc]
+    return found
+
+
+def measure(script: str, file: Path, cache: str) -> tuple[dict[str, Any], float, int]:
+    """Run a script on a file; return what it prints, the processor time, s, and its largest process, bytes."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, str(file), str(DEFLECTION), str(ANGULAR)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "VPFRAME_CACHE": cache},
+    )  # fmt: skip
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    out, wrong = process.communicate()
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if process.returncode:
+        raise RuntimeError(f"{file.name}: {wrong.strip().splitlines()[-1]}")
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return json.loads(out), spent, 1024 * after.ru_maxrss
+
+
+def run(quick: bool = False, only: Sequence[str] = (), instances: int | None = None) -> dict[str, Any]:
+    """A row a file and method; the ratios of processor time."""
+    rows, ratios = [], {}
+    counts = (instances,) if instances else GENERATED[: 1 if quick else None]
+    with tempfile.TemporaryDirectory(prefix="vpframe-bench-") as folder:
+        for name, make in chosen(cases(counts), only).items():
+            report(None, name)
+            file, cache = make(Path(folder)), os.path.join(folder, "cache")
+            found, kernel, _ = measure(KERNEL, file, "")
+            loaded, first, memory = measure(OURS, file, cache)
+            _, second, _ = measure(OURS, file, cache)
+            size = file.stat().st_size / 1e6
+            each = {"case": name, "unit": "open shapes", "size": size, **found, **loaded}
+            for method, seconds in (("OpenCascade", kernel), ("first load", first), ("second load", second)):
+                error = loaded["open"] if method != "OpenCascade" else None
+                rows.append({**each, "method": method, "seconds": seconds, "error": error, "n": 1, "memory": memory})
+            ratios[f"{name}: first load x OpenCascade"] = first / kernel
+    return {"suite": "load", "machine": platform.platform(), "rows": rows, "ratios": ratios}
+
+
+def table(result: dict[str, Any]) -> str:
+    """A line a file."""
+    head = f"{'file':<36}{'MB':>6}{'kernel s':>10}{'alone':>8}{'first s':>9}{'ratio':>7}{'second s':>10}"
+    lines = [f"{head}{'solids':>8}{'parts':>7}{'faces':>7}{'open':>6}{'lost':>6}{'MiB':>6}"]
+    by_method = {(row["case"], row["method"]): row for row in result["rows"]}
+    for row in result["rows"]:
+        if row["method"] == "OpenCascade":
+            first, second = (by_method[row["case"], f"{which} load"]["seconds"] for which in ("first", "second"))
+            times = (
+                f"{row['seconds']:>10.2f}{row['alone']:>8.2f}{first:>9.2f}{first / row['seconds']:>7.2f}{second:>10.2f}"
+            )
+            counts = f"{row['solids']:>8}{row['parts']:>7}{row['faces']:>7}{row['open']:>6}{row['lost']:>6}"
+            lines.append(f"{row['case'][-35:]:<36}{row['size']:>6.2f}{times}{counts}{row['memory'] / 2**20:>6.0f}")
+    lines.append("processor time; kernel: OpenCascade's read and mesh with the start of its process, alone: without it")
+    return "\n".join([*lines, result["machine"]])
+
+
+def plot(result: dict[str, Any], directory: str | Path) -> None:
+    """Ratio over the size of the file."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axis = plt.subplots(figsize=(5, 3))
+    rows = [row for row in result["rows"] if row["method"] == "first load"]
+    axis.loglog([row["size"] for row in rows], [row["seconds"] for row in rows], "o")
+    axis.set(xlabel="size of the file, MB", ylabel="processor time of the first load, s")
+    Path(directory).mkdir(parents=True, exist_ok=True)
+    figure.savefig(Path(directory) / "load.png", bbox_inches="tight", dpi=120)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    print(table(run(only=sys.argv[1:])))
