@@ -166,7 +166,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_force(sub)
 
-    sub = add("clash", _clash, "clash, contact, clearance and containment by pair of parts; exit 1 on a clash")
+    sub = add("clash", _clash, "clash, press fit, contact, clearance and containment by pair of parts; exit 1 on a clash")
     sub.add_argument("files", metavar="FILE", nargs="+", help="models; several are put into one scene as they stand")
     sub.add_argument("--clearance", metavar="LENGTH", type=_length, default=0.0, help="also list pairs nearer than it")
     sub.add_argument("--authorise", metavar="A:B", action="append", default=[], help="a pair of parts meant to clash")
