@@ -187,3 +187,33 @@ def test_the_kinds(clearance, offset, kind):
     found = round_fit(clearance, offset, 1.9e-5, 1e-5)
     assert found.kind == kind and found.gap == pytest.approx(clearance - offset)
     assert (found.press > 0.0) == (kind == "press fit")
+
+
+@pytest.mark.parametrize(
+    ("clearance", "options", "code"), [(-1.2e-5, (), 0), (-2.4e-5, (), 1), (-2.4e-5, ("--press-fit", "u8"), 0)]
+)
+def test_the_command_exits_with_0_for_a_press_fit(clearance, options, code, tmp_path, capsys):
+    from vpframe.app.cli import main
+
+    file = str(tmp_path / "pin.step")
+    plate = m.box(0.03, 0.03, 0.01).translated(-0.015, -0.015) - m.cylinder(0.005, 0.01)
+    m.write_step(file, {"plate": plate, "pin": m.cylinder(0.005 - clearance, 0.02)})
+    assert main(["clash", file, "--json", *options]) == code
+    kinds = [pair["kind"] for pair in json.loads(capsys.readouterr().out)["pairs"]]
+    assert kinds == [["press fit"], ["clash"]][code]
+
+
+def test_a_run_names_its_press_fits(tmp_path, capsys):
+    from vpframe.app.cli import main
+
+    script = tmp_path / "press.py"
+    script.write_text(
+        "from tests.vpframe.test_round_fits import scene as make\n\n\n"
+        "def scene():\n    return make(0.01, -1.2e-5, 0.0, 0.0, False)\n\n\n"
+        "def task(session):\n    hand = session.hand()\n    hand.grab('pin')\n    hand.insert('plate')\n"
+        "    hand.release()\n    session.expect_no_clash()\n",
+        encoding="utf-8",
+    )
+    assert main(["run", str(script)]) == 0
+    told = capsys.readouterr()
+    assert "plate – pin: press fit, 12 µm radial interference, force not checked" in told.out + told.err
