@@ -107,9 +107,9 @@ class Motion:
         self.sync()
         if not wanted:
             return MotionResult({}, False, np.empty(0, CONTACT_DTYPE), 0.0, {})
-        stopped = self._jam(wanted, poses)
-        if len(stopped):
-            return MotionResult({}, True, stopped, 0.0, {})
+        jam = self._jam(wanted, poses)
+        if jam is not None:
+            return MotionResult({}, bool(len(jam)), jam, 0.0, {})
         moves = (frozenset(movable) | frozenset(wanted)).difference(self.groups.seats)
         key = (self.constraints.constraints, moves, frozenset(wanted), self.groups)
         if self._unknowns is None or self._unknowns[0] != key:
@@ -126,22 +126,21 @@ class Motion:
         self._linear = step.linear
         return result
 
-    def _jam(self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3]) -> NDArray[Any]:
-        """Contact rows of the first two jammed bodies that a hand wants to move against each other; none if there are
-        none."""
-        moved = {
-            body: held
-            for held, pose in wanted.items()
-            if np.abs(poses[held].actInv(pose).homogeneous - np.eye(4)).max() > self.tolerance.satisfied
-            for body in self.groups.members.get(held, (held,))
-        }
-        for a, b in self.jammed if moved else ():
-            if (a in moved) != (b in moved) and self._stand_as_drawn(a, b):
-                rows = self.collision.contacts(self.constraints.within, [a if a in moved else b])
-                rows = rows[(rows["object_a"] == a) & (rows["object_b"] == b)]
-                if len(rows):
-                    return rows
-        return np.empty(0, CONTACT_DTYPE)
+    def _jam(self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3]) -> NDArray[Any] | None:
+        """Contact rows of two jammed bodies of which hands hold one, no rows if it is wanted where it is; None if no
+        jammed body is held."""
+        held = {body: hand for hand in wanted for body in self.groups.members.get(hand, (hand,))}
+        for a, b in self.jammed:
+            if (a in held) == (b in held) or not self._stand_as_drawn(a, b):
+                continue
+            body = a if a in held else b
+            rows = self.collision.contacts(self.constraints.within, [body])
+            rows = rows[(rows["object_a"] == a) & (rows["object_b"] == b)]
+            if len(rows):
+                hand = held[body]
+                still = np.abs(poses[hand].actInv(wanted[hand]).homogeneous - np.eye(4)).max()
+                return rows if still > self.tolerance.satisfied else rows[:0]
+        return None
 
     def _home(self, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3]) -> bool:
         """Whether held bodies are wanted where they are drawn, relative to all bodies that constraints join to them.

@@ -27,6 +27,8 @@ from constraints.recognition.pairings import concentric
 from constraints.recognition.recognise import Pairs, Recogniser
 
 Segments = tuple[NDArray[np.float64], NDArray[np.float64]]
+OFF_AXIS = 0.25
+"""1: of the radius of a bore"""
 ROUND, ALONG = 48, 7
 """places about the axis and along it at which both surfaces are looked for"""
 
@@ -67,7 +69,7 @@ def misfits(
 ) -> tuple[Misfit, ...]:
     """Return the shafts in bores that clash, of bodies that are near each other.
 
-    Off the axis only those are looked for whose facets may hide it; the facets of others cross.
+    Farther off the axis than `OFF_AXIS` they are left to their facets, which cross.
 
     Parameters
     ----------
@@ -86,7 +88,12 @@ def misfits(
             solid, hollow = (first, second) if first.feature.sense > 0 else (second, first)
             radius = hollow.geometry.radius
             any_fit = replace(
-                limits, linear=hidden, clearance=np.inf, interference=np.inf, overlap=limits.slack, fit_class=""
+                limits,
+                linear=hidden + OFF_AXIS * radius,
+                clearance=np.inf,
+                interference=np.inf,
+                overlap=limits.slack,
+                fit_class="",
             )
             match = concentric(solid, hollow, any_fit)
             if match is None or match.fit is None:
@@ -131,7 +138,7 @@ def _coaxial(first: Cylinders, second: Cylinders, hidden: float, limits: Limits)
     facing = first.sense[:, None] != second.sense[None]
     # the offset is measured where both are; their origins may be a way off, along axes that are nearly parallel
     length = np.linalg.norm(second.origin[None] - first.origin[:, None], axis=2)
-    reach = hidden + np.abs(larger) + length * limits.angular
+    reach = hidden + OFF_AXIS * second.radius[None] + np.abs(larger) + length * limits.angular
     found = facing & (turn <= limits.angular) & (aside <= reach)
     found &= (larger + aside >= 0.0) & (larger <= 0.5 * np.minimum(first.radius[:, None], second.radius[None]))
     return [(int(first.place[i]), int(second.place[j])) for i, j in np.argwhere(found)]

@@ -140,10 +140,15 @@ def concentric(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) ->
         f"axes {millimetres(offset)} apart{', ' + limits.fit_class if limits.fit_class else ''}"
     )
     shared = (overlap, smaller, hollow.extent.open)
-    found = limits.round_fit(h.radius, fit)
+    found = limits.round_fit(h.radius, fit, _kept(offset, limits))
     return _round(
         "concentric", solid, hollow, axis, offset, angle, found, shared, on_hollow.mean(axis=0), h.radius, words
     )
+
+
+def _kept(offset: float, limits: Limits) -> float:
+    """m: the offset of two axes or centres, 0 where the constraint takes it away."""
+    return offset if offset <= limits.slack else 0.0
 
 
 def over(overlap: float) -> str:
@@ -211,7 +216,7 @@ def spherical(solid: View[Sphere], hollow: View[Sphere], limits: Limits) -> Matc
     length = float(np.linalg.norm(toward))
     axis = toward / length if length > 0 else np.array([0.0, 0.0, 1.0])
     words = f"ball Ø{2e3 * s.radius:.6g} in socket Ø{2e3 * h.radius:.6g} mm, centres {millimetres(offset)} apart"
-    found = limits.round_fit(h.radius, fit)
+    found = limits.round_fit(h.radius, fit, _kept(offset, limits))
     depth = hollow.feature.area / (2 * np.pi * h.radius)  # Archimedes: height of the socket's zone
     shared = (min(depth, 2 * h.radius), min(depth, 2 * h.radius), 0.0 if depth > h.radius else 2 * np.pi)
     return _round("spherical", solid, hollow, axis, offset, 0.0, found, shared, h.center, h.radius, words)
@@ -228,7 +233,7 @@ def toroidal(solid: View[Torus], hollow: View[Torus], limits: Limits) -> Match |
     if offset > limits.linear + max(fit, 0.0):
         return None
     words = f"tori Ø{2e3 * h.major:.6g} × Ø{2e3 * h.minor:.6g} mm, centres {millimetres(offset)} apart"
-    found = limits.round_fit(h.minor, fit)
+    found = limits.round_fit(h.minor, fit, _kept(offset, limits))
     depth = hollow.extent.length
     shared = (depth, min(depth, solid.extent.length), hollow.extent.open)
     return _round("toroidal", solid, hollow, h.axis, offset, angle, found, shared, h.center, h.major, words)
@@ -251,7 +256,7 @@ def groove(ball: View[Sphere], hollow: View[Cylinder] | View[Torus], limits: Lim
     words = (
         f"ball Ø{2e3 * s.radius:.6g} in groove Ø{2e3 * _radius(h):.6g} mm, {what}, centres {millimetres(offset)} apart"
     )
-    found = limits.round_fit(_radius(h), fit)
+    found = limits.round_fit(_radius(h), fit, _kept(offset, limits))
     shared = (1.0, 1.0, hollow.extent.open if isinstance(h, Cylinder) else 2.0 * np.pi)
     return _round("groove", ball, hollow, axis, offset, 0.0, found, shared, middle, s.radius, words)
 

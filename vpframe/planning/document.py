@@ -16,7 +16,7 @@ from vpframe import __version__
 from vpframe.errors import VpframeError
 from vpframe.planning.certify import Clearance
 from vpframe.planning.plan import Disassembly, PlannedStep
-from vpframe.planning.verdict import Removal, Tried
+from vpframe.planning.verdict import JAMMED, Removal, Tried
 from vpframe.planning.ways import Way
 from vpframe.scene.subassembly import listed
 from vpframe.text import plain
@@ -127,7 +127,8 @@ def table(plan: Disassembly) -> str:
         lines.append(f"  {n:3}  {listed(step.parts)}: {step.way.text}, {step.length * 1e3:.4g} mm{near}")
     alike: dict[tuple[str, str], list[str]] = {}
     for name, stuck in plan.stuck.items():
-        by = f" (in the way: {listed(stuck.blockers)})" if stuck.blockers else ""
+        jam = "".join(f"; {t.why}" for t in stuck.tried if t.way == JAMMED)
+        by = f" (in the way: {listed(stuck.blockers)}{jam})" if stuck.blockers else ""
         alike.setdefault((WORDS[stuck.verdict], by), []).append(name)
     for (words, by), names in alike.items():
         lines.append(f"  {listed(names)} {'is' if len(names) == 1 else 'are'} {words}{by}")

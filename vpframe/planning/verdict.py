@@ -26,6 +26,8 @@ Verdict = Literal["removable", "locked", "enclosed", "not found"]
 Motion = Literal["straight", "mates", "free"]
 """what is tried: straight ways; threads and pushes along what is touched, too; six freedoms, too"""
 Joint = TypeVar("Joint", Overlap, PressFit)
+JAMMED: Final = "any way"
+"""way of what is tried with a part that clashes with another, a shaft in a bore: it does not move"""
 MOTIONS: Final[tuple[Motion, ...]] = ("straight", "mates", "free")
 
 
@@ -131,7 +133,7 @@ class _Search:
             )
         jammed = tuple(self.assembly.names[j] for j in self.others if any(self.assembly.jams(i, j) for i in self.group))
         if jammed:
-            self.tried.append(Tried("any", jammed, (), 0.0, f"a shaft and a bore clash with {listed(jammed)}"))
+            self.tried.append(Tried(JAMMED, jammed, (), 0.0, f"a shaft clashes with its bore: {listed(jammed)}"))
             return self._no("not found")
         cone, told = ways.cone_of(self.assembly, self.group, self.others)
         try:

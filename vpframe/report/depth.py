@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +16,7 @@ from vpframe.analysis.fits import BAD_KINDS
 from vpframe.app.progress import Progress
 from vpframe.report.log import SessionLog
 from vpframe.scene.deflection import deflections
-from vpframe.scene.scene import Scene, Shape
+from vpframe.scene.scene import Part, Scene, Shape
 from vpframe.session.events import Frame
 
 
@@ -56,37 +55,50 @@ def depths(
     found: dict[ClashKey, Depth] = {}
     first: dict[ClashKey, float] = {}
     linear, sags = (tolerance or Tolerance()).linear, Deflections()
-    rows_of: Mapping[tuple[int, ...], Mapping[str, Any]] = {}
     last: tuple[str, str, pin.SE3, pin.SE3] | None = None
-    rows: NDArray[Any] | None = None
+    rows: Mapping[tuple[int, ...], Row] = {}
     for number, ((a, b, _), (frame, keys)) in enumerate(sorted(questions.items(), key=lambda item: item[0])):
         if progress is not None:
             progress(number / len(questions), f"depth of {a} and {b}")
         asked = (a, b, frame.poses[a], frame.poses[b])
-        if rows is None or asked != last:  # same relative pose, same depth
-            manager = CollisionManager()
-            for name in (a, b):
-                manager.add(log.scene[name].mesh, frame.poses[name])
-            rows, last = manager.penetration(0, 1), asked
-            poses = frame.poses[a], frame.poses[b]
-            rows_of = between(log.scene[a], log.scene[b], poses, tolerance)
-        deep = {(int(row["surface_a"]), int(row["surface_b"])): row for row in rows}
+        if asked != last:  # same relative pose, same depth
+            rows, last = _rows(log.scene[a], log.scene[b], asked[2:], tolerance), asked
         for key in sorted(keys):
-            surfaces = key.surface_a, key.surface_b
-            judged, row = rows_of.get(surfaces), deep.get(surfaces)
-            if judged is None and row is None:
+            if (key.surface_a, key.surface_b) not in rows:
                 continue
-            kind = "contact" if judged is None else judged["kind"]
-            kind = min(kind, found[key].kind if key in found else kind, key=KINDS.index)
-            depth = max(0.0 if row is None else float(row["depth"]), 0.0 if judged is None else judged["depth"])
-            point = np.array((judged or {})["point"] if row is None else row["point"])
+            kind, depth, point = rows[key.surface_a, key.surface_b]
             first.setdefault(key, depth)
-            if key not in found or depth > found[key].depth:
-                slack = linear + (sags.of(log.scene, key) if depth > linear else 0.0)
+            slack = linear + (sags.of(log.scene, key) if depth > linear else 0.0)
+            kind = kind or ("clash" if depth > slack else "contact")
+            known = found.get(key)
+            if known is not None:
+                kind = min(kind, known.kind, key=KINDS.index)
+            if known is None or depth > known.depth:
                 found[key] = Depth(depth, point, frame.time, first[key], slack, kind)
-            elif kind != found[key].kind:
-                found[key] = replace(found[key], kind=kind)
+            elif kind != known.kind:
+                found[key] = replace(known, kind=kind)
     return found
+
+
+Row = tuple[str, float, NDArray[np.float64]]
+"""kind, empty if it is not known, depth (m), and deepest point (3,), world, m"""
+
+
+def _rows(
+    first: Part, second: Part, poses: tuple[pin.SE3, pin.SE3], tolerance: Tolerance | None
+) -> dict[tuple[int, ...], Row]:
+    """What two parts are to each other, by their surfaces; of meshes without faces the depths alone."""
+    if all(len(part.surfaces) == part.mesh.n_surfaces for part in (first, second)):
+        judged = between(first, second, poses, tolerance)
+        return {s: (row["kind"], row["depth"], np.array(row["point"])) for s, row in judged.items()}
+    manager = CollisionManager()
+    for part, pose in zip((first, second), poses, strict=True):
+        manager.add(part.mesh, pose)
+    deep = manager.penetration(0, 1)
+    return {
+        (int(row["surface_a"]), int(row["surface_b"])): ("", float(row["depth"]), np.array(row["point"]))
+        for row in deep
+    }
 
 
 class Deflections:

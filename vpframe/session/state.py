@@ -235,15 +235,15 @@ class State:
             features, self.tolerance, threads=threads, named=named_threads(scene), rules=[self._judge], fixed=fixed
         )
         self.motion = Motion(self.collision, self.mates, self.tolerance, drawn=self.poses)
-        self._recognise_as_it_stands()
-        found = self.misfits()
+        near = self._recognise_as_it_stands()
+        found = self.misfits(near)
         self.motion.jammed = {(m.pair[0], m.pair[2]): -m.fit.gap for m in found}
         self.colliding = np.unique(np.concatenate([self.collision.colliding_surfaces(), rows_of(found)]), axis=0)
         self.started = True  # set last, so that an interrupted start is repeated
         self._first = self.mark()
 
-    def _recognise_as_it_stands(self) -> None:
-        """Recognise the exact fits of the initial assembly without moving parts."""
+    def _recognise_as_it_stands(self) -> NDArray[Any]:
+        """Recognise the exact fits of the initial assembly without moving parts; return the contact rows."""
         self.mates.tolerance = replace(self.tolerance, reach=0.0, reach_angular=0.0)
         rows = self.collision.contacts(self.mates.within)
         changes = self.mates.update(self.poses, rows, {})
@@ -255,13 +255,16 @@ class State:
         open_pairs = {c.bodies for d in (self.mates.candidates, self.mates.refused) for c in d.values()}
         pairs = zip(rows["object_a"].tolist(), rows["object_b"].tolist(), strict=True)
         self.rows = rows[np.array([pair in open_pairs for pair in pairs], dtype=bool)]
+        return rows
 
-    def misfits(self) -> tuple[Misfit, ...]:
-        """Shafts in bores that clash now, also where no facets intersect; without mated and authorised pairs."""
+    def misfits(self, rows: NDArray[Any] | None = None) -> tuple[Misfit, ...]:
+        """Shafts in bores that clash now, also where no facets intersect; without mated and authorised pairs.
+
+        rows: contacts at the present poses, if they are known.
+        """
         slack = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
         limits = Limits.offer(replace(self.tolerance, reach=0.0, reach_angular=0.0))
-        within = max(self.mates.within, self.tolerance.linear + 2.0 * max(slack, default=0.0))
-        near = self.mates.recogniser.near(self.collision.contacts(within))
+        near = self.mates.recogniser.near(self.collision.contacts(self.mates.within) if rows is None else rows)
         meshes = [part.mesh for part in self.scene.parts]
         return misfits(self.mates.recogniser, meshes, self.poses, near, limits, slack)
 
