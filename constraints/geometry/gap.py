@@ -41,6 +41,8 @@ TANGENT: Final = 0.02
 """rad: surfaces that meet at less are tangent"""
 SAME: Final = 1e-9
 """m: points nearer than this to a surface or to a border lie on it"""
+RIM: Final = 1e-8
+"""m: a foot nearer than this to a border may be on the neighbouring face as well"""
 SEEDS: Final = 12
 """local minima among the vertices of a face from which the interior is searched"""
 TINY: Final = 1e-300
@@ -280,7 +282,10 @@ def _beyond(faces, f, k, x):  # pragma: no cover - compiled
 
 @inner_kernel
 def _member(faces, f, x):  # pragma: no cover - compiled
-    """1 if x, on the surface of face f, lies in the face; 0 if not; 2 if an unknown border runs too near to tell."""
+    """Whether x, on the surface of face f, lies in the face: (1, 0, or 2 if an unknown border is too near; two sides).
+
+    The sides are those of the border on which x lies, two in a corner; -1 for none.
+    """
     y, near = x, np.inf
     side, twin = -1, -1
     for k in range(faces.first_side[f], faces.first_side[f + 1]):
@@ -295,7 +300,7 @@ def _member(faces, f, x):  # pragma: no cover - compiled
         elif d <= near + 1e-13:
             twin = k
     if side < 0:
-        return 1
+        return 1, -1, -1
     within = np.inf
     for k in range(faces.first[f], faces.first[f + 1]):
         p, q, r = (
@@ -316,7 +321,7 @@ def _member(faces, f, x):  # pragma: no cover - compiled
     aside = norm(along(w, -dot(w, n), n))
     widest = faces.sag[side] if twin < 0 else max(faces.sag[side], faces.sag[twin])
     if aside > 2.0 * widest + SAME:
-        return 1 if within < near - 1e-13 else 0
+        return (1 if within < near - 1e-13 else 0), -1, -1
     out, exact = _beyond(faces, f, side, x)
     known = faces.sides[side, 3] != UNKNOWN
     if twin >= 0:
@@ -328,8 +333,28 @@ def _member(faces, f, x):  # pragma: no cover - compiled
         if (other - precision > out - exact) == convex:
             out, exact, known = other, precision, faces.sides[twin, 3] != UNKNOWN
     if out > exact:
-        return 0
-    return 1 if known or out < -exact else 2
+        return 0, -1, -1
+    if out < -RIM and known:
+        return 1, -1, -1
+    return (1 if known or out < -exact else 2), side, twin
+
+
+@inner_kernel
+def _overlaps(a, n, first, second, b, side, twin):  # pragma: no cover - compiled
+    """Whether a point of face a, and its foot on face b, which lies on sides of their borders, can move into both.
+
+    n: normal of face a at the point. first, second: sides of a on which it lies, and side, twin: of b; -1 for none.
+    """
+    if side < 0:
+        return True
+    m = row(b.inward, side)
+    w = m if twin < 0 else along(m, 1.0, row(b.inward, twin))
+    w = along(w, -dot(w, n), n)
+    for k in (first, second):
+        if k >= 0:
+            u = row(a.inward, k)
+            w = along(w, -min(0.0, dot(w, u)), u)
+    return dot(w, m) > 1e-6 and (twin < 0 or dot(w, row(b.inward, twin)) > 1e-6)
 
 
 @inner_kernel
@@ -406,15 +431,14 @@ def _interior(a, f, b, g, low, high, x, sign, reach, out):  # pragma: no cover -
     value = sign * d
     if value < low - SAME or value > high + SAME or value >= out[0]:
         return
-    if value < 0.0:
-        _, m, _, _, _, _ = _field(a.geometry[f], x)
-        if a.sense[f] * b.sense[g] * dot(m, n) >= 0.0:
-            return
-    first = _member(a, f, x)
+    _, m, _, _, _, _ = _field(a.geometry[f], x)
+    if value < 0.0 and a.sense[f] * b.sense[g] * dot(m, n) >= 0.0:
+        return
+    first, k, k2 = _member(a, f, x)
     if first == 0:
         return
-    second = _member(b, g, along(x, -d, n))
-    if second != 0:
+    second, i, j = _member(b, g, along(x, -d, n))
+    if second != 0 and (value >= -SAME or _overlaps(a, m, k, k2, b, i, j)):
         _offer(out, low, high, value, value if first == 1 and second == 1 else high, along(x, -0.5 * d, n))
 
 
@@ -530,8 +554,9 @@ def _border(a, f, k, b, g, low, high, out):  # pragma: no cover - compiled
             facing += a.sense[other] * dot(m, n)
         if b.sense[g] * facing >= -1e-9:
             return
-    inside = _member(b, g, along(x, -d, n))
-    if inside != 0:
+    inside, i, j = _member(b, g, along(x, -d, n))
+    _, m, _, _, _, _ = _field(ga, x)
+    if inside != 0 and (value >= -SAME or _overlaps(a, m, k, -1, b, i, j)):
         _offer(out, low, high, value - error, value + error if inside == 1 else high, along(x, -0.5 * d, n))
 
 
