@@ -269,7 +269,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-SUITES = ("collision", "constraints", "physics", "planning", "service", "session", "study")
+SUITES = ("collision", "constraints", "physics", "planning", "service", "session", "study", "truth")
 
 
 def _length(text: str) -> float:
