@@ -282,9 +282,10 @@ def _beyond(faces, f, k, x):  # pragma: no cover - compiled
 
 @inner_kernel
 def _member(faces, f, x):  # pragma: no cover - compiled
-    """Whether x, on the surface of face f, lies in the face: (1, 0, or 2 if an unknown border is too near; two sides).
+    """Whether x, on the surface of face f, lies in the face: (1, 0, or 2 if an unknown border is too near; …).
 
-    The sides are those of the border on which x lies, two in a corner; -1 for none.
+    Also returned are the nearest side of the border, a second one if x is nearest to a corner, -1 for none, and the
+    distance from the border, m, 0 on it.
     """
     y, near = x, np.inf
     side, twin = -1, -1
@@ -300,7 +301,7 @@ def _member(faces, f, x):  # pragma: no cover - compiled
         elif d <= near + 1e-13:
             twin = k
     if side < 0:
-        return 1, -1, -1
+        return 1, -1, -1, np.inf
     within = np.inf
     for k in range(faces.first[f], faces.first[f + 1]):
         p, q, r = (
@@ -321,7 +322,7 @@ def _member(faces, f, x):  # pragma: no cover - compiled
     aside = norm(along(w, -dot(w, n), n))
     widest = faces.sag[side] if twin < 0 else max(faces.sag[side], faces.sag[twin])
     if aside > 2.0 * widest + SAME:
-        return (1 if within < near - 1e-13 else 0), -1, -1
+        return (1 if within < near - 1e-13 else 0), side, twin, near
     out, exact = _beyond(faces, f, side, x)
     known = faces.sides[side, 3] != UNKNOWN
     if twin >= 0:
@@ -333,28 +334,58 @@ def _member(faces, f, x):  # pragma: no cover - compiled
         if (other - precision > out - exact) == convex:
             out, exact, known = other, precision, faces.sides[twin, 3] != UNKNOWN
     if out > exact:
-        return 0, -1, -1
-    if out < -RIM and known:
-        return 1, -1, -1
-    return (1 if known or out < -exact else 2), side, twin
+        return 0, side, twin, 0.0
+    return (1 if known or out < -exact else 2), side, twin, 0.0 if out >= -RIM else -out
 
 
 @inner_kernel
-def _overlaps(a, n, first, second, b, side, twin):  # pragma: no cover - compiled
-    """Whether a point of face a, and its foot on face b, which lies on sides of their borders, can move into both.
+def _behind(b, k, x):  # pragma: no cover - compiled
+    """How deep x lies behind the neighbour at side k; infinite if that does not bound the solid there, 0 if unknown."""
+    h = b.sides[k, 2]
+    if h < 0 or b.geometry[h, 0] == FREEFORM:
+        return 0.0
+    _, n, _, _, _, _ = _field(b.geometry[h], row(b.vertices, b.sides[k, 0]))
+    if b.sense[h] * dot(n, row(b.inward, k)) > -TANGENT:  # a tangent neighbour, or a concave edge
+        return np.inf
+    d, _, _, _, _, _ = _field(b.geometry[h], x)
+    return max(0.0, -b.sense[h] * d)
 
-    n: normal of face a at the point. first, second: sides of a on which it lies, and side, twin: of b; -1 for none.
+
+@inner_kernel
+def _certain(a, f, x, first, second, b, g, depth, side, twin, margin):  # pragma: no cover - compiled
+    """How deep x, on face a, or a point of it nearby, lies in the solid behind face g at least; -1 if it does not.
+
+    depth: of x behind face g. side, twin, margin: the border of g near the foot of x, as `_member` returns them; beyond
+    a convex edge the neighbouring face may be nearer. first, second: sides of a on which x lies, or -1.
     """
-    if side < 0:
-        return True
+    if side < 0 or margin > depth:
+        return depth
+    least = _behind(b, side, x)
     m = row(b.inward, side)
-    w = m if twin < 0 else along(m, 1.0, row(b.inward, twin))
+    w = m
+    if twin >= 0:
+        least = min(least, _behind(b, twin, x))
+        w = along(w, 1.0, row(b.inward, twin))
+    least = min(depth, least)
+    # from a point of the rim of both a step into both faces leads inside, where there is one
+    _, n, _, _, _, _ = _field(a.geometry[f], x)
     w = along(w, -dot(w, n), n)
     for k in (first, second):
         if k >= 0:
             u = row(a.inward, k)
             w = along(w, -min(0.0, dot(w, u)), u)
-    return dot(w, m) > 1e-6 and (twin < 0 or dot(w, row(b.inward, twin)) > 1e-6)
+    length = norm(w)
+    if length < 1e-6 or dot(w, m) < 1e-6 * length:
+        return least if least > SAME else -1.0
+    y = _onto(a.geometry[f], along(x, 3.0 * depth / length, w))
+    d, n, _, _, _, _ = _field(b.geometry[g], y)
+    inside, _, _, _ = _member(a, f, y)
+    if inside == 1:
+        inside, side, twin, _ = _member(b, g, along(y, -d, n))
+        if inside == 1:
+            other = min(-b.sense[g] * d, _behind(b, side, y))
+            least = max(least, other if twin < 0 else min(other, _behind(b, twin, y)))
+    return least if least > SAME else -1.0
 
 
 @inner_kernel
@@ -429,17 +460,25 @@ def _interior(a, f, b, g, low, high, x, sign, reach, out):  # pragma: no cover -
         return
     d, n, _, _, _, _ = _field(b.geometry[g], x)
     value = sign * d
-    if value < low - SAME or value > high + SAME or value >= out[0]:
+    if value < low - SAME or value > high + SAME or value >= out[1]:
         return
     _, m, _, _, _, _ = _field(a.geometry[f], x)
     if value < 0.0 and a.sense[f] * b.sense[g] * dot(m, n) >= 0.0:
         return
-    first, k, k2 = _member(a, f, x)
+    first, k, k2, margin = _member(a, f, x)
     if first == 0:
         return
-    second, i, j = _member(b, g, along(x, -d, n))
-    if second != 0 and (value >= -SAME or _overlaps(a, m, k, k2, b, i, j)):
-        _offer(out, low, high, value, value if first == 1 and second == 1 else high, along(x, -0.5 * d, n))
+    if margin > 0.0:
+        k, k2 = -1, -1
+    second, side, twin, margin = _member(b, g, along(x, -d, n))
+    if second == 0:
+        return
+    most = value
+    if value < -SAME:
+        most = -_certain(a, f, x, k, k2, b, g, -value, side, twin, margin)
+        if most > 0.0:
+            return
+    _offer(out, low, high, value, most if first == 1 and second == 1 else high, along(x, -0.5 * d, n))
 
 
 @inner_kernel
@@ -544,7 +583,7 @@ def _border(a, f, k, b, g, low, high, out):  # pragma: no cover - compiled
     d, n, _, _, _, _ = _field(gb, x)
     value = sign * d
     error = _doubt(a, k, n)
-    if value + error < low - SAME or value - error > high + SAME or value - error >= out[0]:
+    if value + error < low - SAME or value - error > high + SAME or value - error >= out[1]:
         return
     if value < 0.0:
         _, m, _, _, _, _ = _field(ga, x)
@@ -554,10 +593,15 @@ def _border(a, f, k, b, g, low, high, out):  # pragma: no cover - compiled
             facing += a.sense[other] * dot(m, n)
         if b.sense[g] * facing >= -1e-9:
             return
-    inside, i, j = _member(b, g, along(x, -d, n))
-    _, m, _, _, _, _ = _field(ga, x)
-    if inside != 0 and (value >= -SAME or _overlaps(a, m, k, -1, b, i, j)):
-        _offer(out, low, high, value - error, value + error if inside == 1 else high, along(x, -0.5 * d, n))
+    inside, side, twin, margin = _member(b, g, along(x, -d, n))
+    if inside == 0:
+        return
+    most = value
+    if value < -SAME:
+        most = -_certain(a, f, x, k, -1, b, g, -value, side, twin, margin)
+        if most > 0.0:
+            return
+    _offer(out, low, high, value - error, most + error if inside == 1 else high, along(x, -0.5 * d, n))
 
 
 @inner_kernel
@@ -583,22 +627,17 @@ def _borders(a, f, b, g, low, high, out):  # pragma: no cover - compiled
 
 
 @inner_kernel
-def _behind(b, f, j, y, x):  # pragma: no cover - compiled
-    """Whether x lies behind both faces at side j of b, and the sum of their outward normals at y."""
-    g = b.sides[j, 2]
-    d, n, _, _, _, _ = _field(b.geometry[f], x)
+def _depth(b, f, k, y, x):  # pragma: no cover - compiled
+    """How deep x lies behind both faces at side k of face f of b, or 0, and the sum of their outward normals at y."""
+    g, s = b.sides[k, 2], b.sense[f]
+    d, _, _, _, _, _ = _field(b.geometry[f], x)
     _, n, _, _, _, _ = _field(b.geometry[f], y)
-    s = b.sense[f]
-    out = (s * n[0], s * n[1], s * n[2])
-    behind = s * d < -SAME
-    if g >= 0 and b.geometry[g, 0] != FREEFORM:
-        e, _, _, _, _, _ = _field(b.geometry[g], x)
-        _, m, _, _, _, _ = _field(b.geometry[g], y)
-        behind &= b.sense[g] * e < -SAME
-        out = along(out, b.sense[g], m)
-    else:
-        behind = False
-    return behind, out
+    n = (s * n[0], s * n[1], s * n[2])
+    if g < 0 or b.geometry[g, 0] == FREEFORM:
+        return 0.0, n
+    e, _, _, _, _, _ = _field(b.geometry[g], x)
+    _, m, _, _, _, _ = _field(b.geometry[g], y)
+    return max(0.0, min(-s * d, -b.sense[g] * e)), along(n, b.sense[g], m)
 
 
 @inner_kernel
@@ -638,14 +677,15 @@ def _two_sides(a, f, k, b, g, j, s, t, low, high, out):  # pragma: no cover - co
             best, px, py = length, x, y
     w, _ = _radial(sub(py, px), (0.0, 0.0, 1.0))
     error = _doubt(a, k, w) + _doubt(b, j, w)
-    value = best
     if low <= 0.0:
-        first, n = _behind(b, g, j, py, px)
-        second, m = _behind(a, f, k, px, py)
-        if first and second and dot(n, m) < 0.0:
-            value = -best
-    if value - error < out[0]:
-        _offer(out, low, high, value - error, value + error, along(px, 0.5, sub(py, px)))
+        first, n = _depth(b, g, j, py, px)
+        second, m = _depth(a, f, k, px, py)
+        if max(first, second) > SAME and dot(n, m) < 0.0:
+            # the deepest point near two edges that overlap is not stationary: it is as far from two faces
+            _offer(out, low, high, low, -max(first, second), along(px, 0.5, sub(py, px)))
+            return
+    if best - error < out[1]:
+        _offer(out, low, high, best - error, best + error, along(px, 0.5, sub(py, px)))
 
 
 @inner_kernel
@@ -690,7 +730,7 @@ def _edges(a, f, b, g, low, high, out):  # pragma: no cover - compiled
         u = sub(p2, p)
         for j in range(b.first_side[g], b.first_side[g + 1]):
             q, q2 = row(b.vertices, b.sides[j, 0]), row(b.vertices, b.sides[j, 1])
-            limit = min(reach, max(out[1], -out[1])) + a.sag[k] + b.sag[j] + SAME
+            limit = (min(reach, out[1]) if low > 0.0 else reach) + a.sag[k] + b.sag[j] + SAME
             apart = False
             for i in range(3):
                 apart |= min(p[i], p2[i]) > max(q[i], q2[i]) + limit or max(p[i], p2[i]) < min(q[i], q2[i]) - limit

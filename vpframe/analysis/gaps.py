@@ -31,6 +31,8 @@ class Gap:
     """m"""
     high: float
     """m"""
+    depth: float
+    """m: depth of the facets; of the surfaces, where they are known, one that is surely reached; 0 if there is none"""
     point: Array
     """(3,) m, world: between the nearest points, or the deepest"""
 
@@ -49,7 +51,7 @@ class Gap:
         kind = "clash" if self.high < -tolerance else "clearance" if self.low > tolerance else "contact"
         if kind == "clash" and authorised:
             kind = "authorised"
-        return kind, max(self.low, 0.0), max(-0.5 * (self.low + self.high), 0.0), reason
+        return kind, max(self.low, 0.0), self.depth, reason
 
 
 def gaps_of(
@@ -69,7 +71,7 @@ def gaps_of(
         if pair.surfaces is None:
             continue
         low, high = facet_bounds(pair, sags)
-        point = np.asarray(pair.witness)
+        point, depth = np.asarray(pair.witness), pair.depth
         faces = [scene.parts[i].surfaces[s] for i, s in zip(pair.objects, pair.surfaces, strict=True)]
         if high - low > EXACT and low <= nearest and not any(isinstance(face.geometry, Freeform) for face in faces):
             for i in pair.objects:
@@ -80,8 +82,8 @@ def gaps_of(
             least, most, point = analytic.gap(placed[i], s, placed[j], t, searched, high, point)
             if (least, most) != (searched, high):
                 fitted = sum(face.residual for face in faces)
-                low, high = least - fitted, most + fitted
-        out[(*pair.objects, *pair.surfaces)] = Gap(low, high, point)
+                low, high, depth = least - fitted, most + fitted, max(0.0, -most)
+        out[(*pair.objects, *pair.surfaces)] = Gap(low, high, depth, point)
     return out
 
 
