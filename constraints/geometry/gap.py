@@ -147,12 +147,12 @@ def gap(
         returned where no stationary point lies in both faces.
     seed: (3,) m, near the nearest or deepest points of the facets.
     """
-    out = np.array([np.inf, np.inf, *seed])
+    out = np.array([np.inf, np.inf, *seed, np.inf])
     _gap(a, face_a, b, face_b, low, high, np.asarray(seed, dtype=np.float64), out)
     if not np.isfinite(out[0]):
-        return low, high, out[2:]
+        return low, high, out[2:5]
     least = max(low, float(out[0]))
-    return least, max(least, min(high, float(out[1]))), out[2:]
+    return least, max(least, min(high, float(out[1]))), out[2:5]
 
 
 def _row(geometry: Geometry) -> tuple[float, ...]:
@@ -460,6 +460,7 @@ def _interior(a, f, b, g, low, high, x, sign, reach, out):  # pragma: no cover -
         return
     d, n, _, _, _, _ = _field(b.geometry[g], x)
     value = sign * d
+    out[5] = min(out[5], value)
     if value < low - SAME or value > high + SAME or value >= out[1]:
         return
     _, m, _, _, _, _ = _field(a.geometry[f], x)
@@ -495,6 +496,7 @@ def _insides(a, f, b, g, low, high, seed, out, values, lowest):  # pragma: no co
         d, _, _, _, _, _ = _field(gb, x)
         values[v] = abs(d) if apart else b.sense[g] * d
         lowest[v] = values[v] >= low - SAME
+        out[5] = min(out[5], values[v])
         reach = max(reach, norm(sub(x, corner)))
     d, _, _, _, _, _ = _field(gb, _onto(ga, seed))
     _interior(a, f, b, g, low, high, seed, (1.0 if d >= 0.0 else -1.0) if apart else b.sense[g], reach, out)
@@ -583,6 +585,7 @@ def _border(a, f, k, b, g, low, high, out):  # pragma: no cover - compiled
     d, n, _, _, _, _ = _field(gb, x)
     value = sign * d
     error = _doubt(a, k, n)
+    out[5] = min(out[5], value - error)
     if value + error < low - SAME or value - error > high + SAME or value - error >= out[1]:
         return
     if value < 0.0:
@@ -681,8 +684,9 @@ def _two_sides(a, f, k, b, g, j, s, t, low, high, out):  # pragma: no cover - co
         first, n = _depth(b, g, j, py, px)
         second, m = _depth(a, f, k, px, py)
         if max(first, second) > SAME and dot(n, m) < 0.0:
-            # the deepest point near two edges that overlap is not stationary: it is as far from two faces
-            _offer(out, low, high, low, -max(first, second), along(px, 0.5, sub(py, px)))
+            # the deepest point near two edges that overlap is not stationary: it is as far from two faces; but none is
+            # deeper than the deepest point of either face behind the other's whole surface
+            _offer(out, low, high, max(low, out[5]), -max(first, second), along(px, 0.5, sub(py, px)))
             return
     if best - error < out[1]:
         _offer(out, low, high, best - error, best + error, along(px, 0.5, sub(py, px)))
@@ -745,7 +749,10 @@ def _edges(a, f, b, g, low, high, out):  # pragma: no cover - compiled
 def _gap(
     a: Any, f: int, b: Any, g: int, low: float, high: float, seed: Array, out: Array
 ) -> None:  # pragma: no cover - compiled
-    """Fill `out` with least and greatest value of the gap, and its point; infinite where no candidate was found."""
+    """Fill `out` with least and greatest value of the gap, infinite where there is no candidate, and its point.
+
+    Its last number is the least distance of points of either face to the other's whole surface that was seen.
+    """
     x = (seed[0], seed[1], seed[2])
     size = max(len(a.vertices), len(b.vertices))
     values, lowest = np.empty(size), np.empty(size, np.bool_)
