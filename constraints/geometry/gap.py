@@ -630,17 +630,23 @@ def _borders(a, f, b, g, low, high, out):  # pragma: no cover - compiled
 
 
 @inner_kernel
-def _depth(b, f, k, y, x):  # pragma: no cover - compiled
-    """How deep x lies behind both faces at side k of face f of b, or 0, and the sum of their outward normals at y."""
-    g, s = b.sides[k, 2], b.sense[f]
+def _depth(b, f, k, s, y, x):  # pragma: no cover - compiled
+    """How deep x lies behind the faces at place s (0 … 1) of side k of face f, or 0; the sum of their normals at y."""
+    sense = b.sense[f]
     d, _, _, _, _, _ = _field(b.geometry[f], x)
     _, n, _, _, _, _ = _field(b.geometry[f], y)
-    n = (s * n[0], s * n[1], s * n[2])
-    if g < 0 or b.geometry[g, 0] == FREEFORM:
-        return 0.0, n
-    e, _, _, _, _, _ = _field(b.geometry[g], x)
+    n = (sense * n[0], sense * n[1], sense * n[2])
+    g, depth = b.sides[k, 2], max(0.0, -sense * d)
+    corner = b.sides[k, 0] if s < 1e-6 else (b.sides[k, 1] if s > 1.0 - 1e-6 else -1)
+    for i in range(b.first_side[f], b.first_side[f + 1]):  # in a corner the face of the next side counts as well
+        if i == k or b.sides[i, 0] == corner or b.sides[i, 1] == corner:
+            h = b.sides[i, 2]
+            if h < 0 or b.geometry[h, 0] == FREEFORM:
+                return 0.0, n
+            d, _, _, _, _, _ = _field(b.geometry[h], x)
+            depth = max(0.0, min(depth, -b.sense[h] * d))
     _, m, _, _, _, _ = _field(b.geometry[g], y)
-    return max(0.0, min(-s * d, -b.sense[g] * e)), along(n, b.sense[g], m)
+    return depth, along(n, b.sense[g], m)
 
 
 @inner_kernel
@@ -653,7 +659,7 @@ def _two_sides(a, f, k, b, g, j, s, t, low, high, out):  # pragma: no cover - co
     hb = b.geometry[b.sides[j, 2]] if b.sides[j, 3] == CURVE else gb
     ka, kb = a.sides[k, 3], b.sides[j, 3]
     x, y = _on_curve(ga, ha, ka, along(p, s, c)), _on_curve(gb, hb, kb, along(q, t, e))
-    best, px, py = norm(sub(y, x)), x, y
+    best, px, py, at, bt = norm(sub(y, x)), x, y, s, t
     for _ in range(60):
         u, v = _tangent(a, f, k, x, c), _tangent(b, g, j, y, e)
         w = sub(y, x)
@@ -677,12 +683,12 @@ def _two_sides(a, f, k, b, g, j, s, t, low, high, out):  # pragma: no cover - co
         x, y = _on_curve(ga, ha, ka, along(p, s, c)), _on_curve(gb, hb, kb, along(q, t, e))
         length = norm(sub(y, x))
         if length < best:
-            best, px, py = length, x, y
+            best, px, py, at, bt = length, x, y, s, t
     w, _ = _radial(sub(py, px), (0.0, 0.0, 1.0))
     error = _doubt(a, k, w) + _doubt(b, j, w)
     if low <= 0.0:
-        first, n = _depth(b, g, j, py, px)
-        second, m = _depth(a, f, k, px, py)
+        first, n = _depth(b, g, j, bt, py, px)
+        second, m = _depth(a, f, k, at, px, py)
         if max(first, second) > SAME and dot(n, m) < 0.0:
             # the deepest point near two edges that overlap is not stationary: it is as far from two faces; but none is
             # deeper than the deepest point of either face behind the other's whole surface

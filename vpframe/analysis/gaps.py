@@ -66,7 +66,7 @@ def gaps_of(
     nearest: m: gaps that are surely above are not computed exactly.
     """
     placed: dict[int, analytic.Faces] = {}
-    out = {}
+    out: dict[tuple[int, ...], Gap] = {}
     for pair in pairs:
         if pair.surfaces is None:
             continue
