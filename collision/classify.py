@@ -4,7 +4,8 @@ With the tolerance tol = `Tolerance.linear` + the deflections of the two tessell
 
 - clash, if they meet and reach deeper than tol into one another (see `collision.query.penetration`);
 - contact, if they meet less deeply, or are at most `Tolerance.linear` apart: flush faces, a faceted bolt in its bore;
-- clearance, if they are farther apart than that, but nearer than the wanted clearance.
+- clearance, if they are farther apart than that, but their true surfaces may be nearer than the wanted clearance: the
+  distance of the triangles less the two deflections is.
 
 Two parts are in containment if one lies wholly inside the other. Two parts whose surfaces only touch, but which have
 material in common, clash as a whole: two identical parts in one place do. The winding number decides what lies inside a
@@ -89,11 +90,13 @@ def classify(
     meant = _authorised(authorised)
     found: list[PairClass] = []
     called = {i: names[i] if names is not None else f"object {i}" for i in manager.objects}
-    neighbours = manager.object_pairs(objects, max(clearance, tolerance)).tolist()
+    wanted = max(tolerance, clearance)
+    most = {i: float(given.max(initial=0.0)) for i, given in slack.items()}
+    neighbours = manager.object_pairs(objects, wanted + 2.0 * max(most.values(), default=0.0)).tolist()
     for number, (i, j) in enumerate(neighbours):
         tell(number / len(neighbours))
         nearness = tolerance + slack[i][:, None] + slack[j][None, :]
-        rows = manager.pair_contacts(i, j, max(clearance, tolerance))
+        rows = manager.pair_contacts(i, j, wanted + most[i] + most[j])
         depths = {}
         if (rows["distance"] == 0.0).any():
             depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in manager.penetration(i, j)}
@@ -101,7 +104,7 @@ def classify(
         for row in rows:
             surfaces = int(row["surface_a"]), int(row["surface_b"])
             distance, near = float(row["distance"]), float(nearness[surfaces])
-            if distance > max(tolerance, clearance):
+            if distance > wanted + near - tolerance:
                 continue
             deep = depths.get(surfaces)
             depth = 0.0 if deep is None else float(deep["depth"])

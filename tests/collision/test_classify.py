@@ -46,7 +46,9 @@ def test_a_gap_is_contact_within_the_tolerance_then_clearance_then_nothing() -> 
     found = classify(gap, clearance=1e-3)
     assert kind(found) == "clearance"
     assert min(pair.distance for pair in found) == pytest.approx(5e-4)
-    assert classify(gap, deflection=6e-4) == []  # deflection excuses depth; it brings nothing nearer
+    assert classify(gap, deflection=4e-4) == []
+    found = classify(gap, deflection=6e-4)  # the true surfaces may touch
+    assert kind(found) == "clearance" and min(pair.distance for pair in found) == pytest.approx(5e-4)
 
 
 def test_overlap_is_clash_with_its_depth_until_authorised() -> None:

@@ -1,13 +1,15 @@
 """Clash, contact, clearance and containment of a scene at its present poses: `vpframe clash FILE...`.
 
-Depths of triangles are judged against the deflection of their surfaces. Fits of round surfaces (shaft and bore) are
-judged by radii and axes, because deflection exceeds such clearances; facing planes by their exact distance. Threads
-and press fits are kinds of their own: drawn as cylinders or out of phase, a screw and its nut overlap by design, and so
-does a pin that is pressed into its bore.
+Planes, cylinders, cones, spheres and tori are judged by the gap of the surfaces themselves, within their trimmed faces
+(see `vpframe.analysis.gaps`); other faces by their triangles, less the deflections of both. Fits of round surfaces
+(shaft and bore) are judged by radii and axes; facing planes by their exact distance. Threads and press fits are kinds of
+their own: drawn as cylinders or out of phase, a screw and its nut overlap by design, and so does a pin that is pressed
+into its bore.
 """
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -24,6 +26,7 @@ from collision.classify import classify
 from vpframe.analysis import clash_status
 from vpframe.analysis.clash_status import ClashKey
 from vpframe.analysis.fits import BAD_KINDS, Key, Row, fits_of
+from vpframe.analysis.gaps import gaps_of
 from vpframe.analysis.pairs import by_parts, count_words, meeting_box, place_words, worst_first
 from vpframe.analysis.static import world_of
 from vpframe.app.outputs import STATUS, claimed
@@ -82,11 +85,13 @@ def clash(
 
     Returns
     -------
-    {"pairs": [{"kind", "parts": [a, b], "surfaces": [i, j], "faces": [words, words], "distance", "depth", "point",
-    "reason"}]}, lengths in metres, in the order of parts and surfaces; `surfaces` and `faces` are empty for parts as a
-    whole (containment, coincidence); `point` (3,), world, is the deepest or nearest point. `kind` is one of `KINDS`;
-    "thread" is the overlap of a screw with its nut or tapped hole, "press fit" that of a shaft larger than its bore by
-    no more than `Tolerance.press_fit` allows: neither is a clash.
+    {"pairs": [{"kind", "parts": [a, b], "surfaces": [i, j], "faces": [words, words], "distance", "depth", "interval",
+    "point", "reason"}]}, lengths in metres, in the order of parts and surfaces; `surfaces` and `faces` are empty for
+    parts as a whole (containment, coincidence); `point` (3,), world, is the deepest or nearest point. `kind` is one of
+    `KINDS`; "thread" is the overlap of a screw with its nut or tapped hole, "press fit" that of a shaft larger than its
+    bore by no more than `Tolerance.press_fit` allows: neither is a clash. `interval` is [low, high]: bounds of the
+    signed gap of the two true surfaces, negative for depths; `distance` is the lower bound, or 0, and never more than
+    the true one.
     """
     world = world_of(scene, tolerance)
     t = world.tolerance
@@ -100,22 +105,29 @@ def clash(
     )  # fmt: skip
     allowed = {frozenset(pair) for pair in meant}
     rows: dict[Key, Row] = {}
+    exact: set[Key] = set()
     deepest = {(*p.objects, *(p.surfaces or ())): p.witness for p in found}
     shapes = [part.shape for part in scene.parts]
     for p in found:
         kind: str = p.kind
+        key: Key = (*p.objects, *(p.surfaces or ()))
         if kind == "contact" and is_exact_overlap(p, shapes, world, sags):
             kind = "authorised" if frozenset(p.objects) in allowed else "clash"
-        rows[(*p.objects, *(p.surfaces or ()))] = (kind, p.distance, p.depth, p.reason)
+            exact.add(key)
+        rows[key] = (kind, p.distance, p.depth, p.reason)
     for overlap in facing_overlaps(scene, world, sags):
         kind = "authorised" if frozenset(overlap.key[:2]) in allowed else "clash"
         rows[overlap.key] = (kind, 0.0, overlap.depth, overlap.why)
+        exact.add(overlap.key)
     fits, threads = fits_of(scene, world, sags, lambda done: progress(TRIANGLES + (1.0 - TRIANGLES) * done, "fits"))
+    wanted = max(t.linear, clearance)
+    near = {key for key, row in rows.items() if row[1] <= wanted}
     for fit in fits:
-        for key in fit.mated | (fit.beside & rows.keys()):
+        for key in fit.mated | (fit.beside & (near if fit.fit.gap <= wanted else rows.keys())):
             rows.pop(key, None)
             kind, gap = fit.fit.kind, fit.fit.gap
-            if gap > max(t.linear, clearance):
+            exact.add(key)
+            if gap > wanted:
                 continue
             if kind == "clash" and frozenset(key[:2]) in allowed:
                 kind = "authorised"
@@ -123,6 +135,13 @@ def clash(
             whole = rows.get(key[:2])
             if kind == "press fit" and whole is not None and whole[2] <= -gap + t.linear + _sag(sags, key):
                 del rows[key[:2]]  # the material that the two have in common is that of the press fit
+    judged = (p for p in found if p.surfaces is not None and (*p.objects, *p.surfaces) in rows.keys() - exact)
+    gaps = gaps_of(scene, judged, sags, wanted)
+    for key, between in gaps.items():
+        row = between.row(t.linear, clearance, frozenset(key[:2]) in allowed, rows.pop(key)[3])
+        if row is not None:
+            rows[key] = row
+            deepest[key] = between.point
     for thread in threads:  # after the fits, because crests in roots are fits too
         a, b = thread.parts
         slack = t.linear + _sag(sags, (a, b))
@@ -140,6 +159,7 @@ def clash(
                 "faces": [face_words(scene.parts[i], s) for i, s in zip(key[:2], key[2:], strict=False)],
                 "distance": distance,
                 "depth": depth,
+                "interval": gaps[key].interval if key in gaps else [distance - depth] * 2,
                 "point": (deepest[key] if key in deepest else _middle(scene, key)).tolist(),
                 "reason": reason,
             }
@@ -254,11 +274,21 @@ def _where(pair: dict[str, Any]) -> str:
 
 
 def _size(pair: dict[str, Any]) -> str:
-    if pair["kind"] == "contact" and pair["depth"] >= SHOWN:
-        return f"touching, their facets overlap by {pair['depth'] * 1e3:.3f} mm, within their deflection"
-    if pair["depth"] >= SHOWN:
-        return f"{pair['depth'] * 1e3:.3f} mm deep"
-    return f"{pair['distance'] * 1e3:.3f} mm apart" if pair["distance"] >= SHOWN else "touching"
+    low, high = pair.get("interval") or [pair["distance"] - pair["depth"]] * 2
+    if high - low <= 2.0 * SHOWN:
+        low = high = pair["distance"] - pair["depth"]
+    if low <= -SHOWN and high >= SHOWN:
+        return f"touching within their deflection, from {-low * 1e3:.3f} mm deep to {high * 1e3:.3f} mm apart"
+    if low <= -SHOWN:
+        return f"{_range(-high, -low)} mm deep"
+    return f"{_range(low, high)} mm apart" if high >= SHOWN else "touching"
+
+
+def _range(low: float, high: float) -> str:
+    """Format a length in mm: "0.020", or its bounds: "0.020..0.075"; the lower one rounded down, the upper one up."""
+    if high == low:
+        return f"{low * 1e3:.3f}"
+    return f"{max(0.0, math.floor(low * 1e6 + 1e-6) / 1e3):.3f}..{math.ceil(high * 1e6 - 1e-6) / 1e3:.3f}"
 
 
 def _middle(scene: Scene, key: Key) -> NDArray[np.float64]:

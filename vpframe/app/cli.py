@@ -274,7 +274,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-SUITES = ("collision", "constraints", "load", "physics", "planning", "service", "session", "study")
+SUITES = ("collision", "constraints", "load", "physics", "planning", "service", "session", "study", "truth")
 
 
 def _length(text: str) -> float:

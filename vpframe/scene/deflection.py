@@ -13,6 +13,8 @@ from vpframe.scene.scene import Shape
 _TINY = np.finfo(np.float64).tiny
 _FLAT = 1e-9
 """deflection below which an edge is straight, m"""
+_BETWEEN = 1.06
+"""1: a triangle on a sphere deviates at most by this part more than at its centroid and at the middles of its edges"""
 _BORDERS: WeakKeyDictionary[Shape, dict[int, NDArray[np.float64]]] = WeakKeyDictionary()
 
 
@@ -64,7 +66,7 @@ def _sags(shape: Shape) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray
         else:
             sag[own] = np.abs(surface.geometry.distance(middles[own].reshape(-1, 3))).reshape(-1, 3)
             centroids = np.abs(surface.geometry.distance(corners[own].mean(axis=1)))
-            inner[surface.index] = centroids.max(initial=surface.residual)
+            inner[surface.index] = max(surface.residual, _BETWEEN * centroids.max(initial=0.0))
     shared = np.zeros(edge.max(initial=-1) + 1)
     np.maximum.at(shared, edge, sag)
     return edge, shared, inner
