@@ -116,7 +116,7 @@ class Sweeps:
         """holds the precision of depths: a slop, and `Tolerance.depth` of themselves"""
         self._boxes: dict[tuple[int, int], tuple[Sequence[pin.SE3], Array, Array]] = {}
         self._start: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
-        self._overlapping: dict[tuple[int, int], frozenset[tuple[int, int]]] = {}
+        self._overlapping: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
         self._begins: dict[tuple[Any, ...], bool] = {}
         self._extents: dict[tuple[int, bytes], tuple[float, float]] = {}
         self._turns: dict[int, tuple[Sequence[pin.SE3], Any, dict[int, Array]]] = {}
@@ -185,8 +185,8 @@ class Sweeps:
 
         Of objects that overlap as drawn it is enough that the overlap shrinks, seen from either of them.
         """
-        overlapping = self.overlapping(i, j) if graze else ()
-        if not overlapping or overlapping <= _products(left_out):
+        overlapping = self.overlapping(i, j) if graze else {}
+        if not overlapping or overlapping.keys() <= products(left_out):
             key = i, j, left_out
             whole = _Swept(i, j, self._world(*key), self._depths_of, lambda: self.depths(i, j), key)
             return self._swept(whole, start, end, graze)
@@ -253,14 +253,30 @@ class Sweeps:
 
     # -- overlaps as drawn
 
-    def overlapping(self, i: int, j: int) -> frozenset[tuple[int, int]]:
-        """Surfaces of i and of j that reach deeper into each other than the tolerance where the objects stand. Kept."""
+    def overlapping(self, i: int, j: int) -> dict[tuple[int, int], float]:
+        """m by surface of i and of j that reach deeper into each other than the tolerance where the objects stand: the
+        depth of their triangles (`triangle_depths`). Kept."""
         if (i, j) not in self._overlapping:
             world = self._world(i, j, ())
             world.set_pose(0, self.poses[i])
-            deep = (pair for pair, depth in triangle_depths(world).items() if depth > self.tolerance.linear)
-            self._overlapping[i, j] = frozenset(deep)
+            found = triangle_depths(world).items()
+            self._overlapping[i, j] = {pair: depth for pair, depth in found if depth > self.tolerance.linear}
+            self._overlapping[j, i] = {(b, a): depth for (a, b), depth in self._overlapping[i, j].items()}
         return self._overlapping[i, j]
+
+    def shared(self, i: int, j: int) -> Pairing:
+        """The surfaces of i that overlap j or lie inside it where the objects stand, and those of j that do so with i;
+        none where nothing overlaps by more than the tolerance."""
+        pairs = self.overlapping(i, j)
+        if not pairs:
+            return (), ()
+        pose, least = self.poses[j].actInv(self.poses[i]), self.tolerance.linear
+        mine = buried(self.meshes[i], self.meshes[j], pose, least)
+        theirs = buried(self.meshes[j], self.meshes[i], pose.inverse(), least)
+        return (
+            tuple(sorted({a for a, _ in pairs}.union(mine.tolist()))),
+            tuple(sorted({b for _, b in pairs}.union(theirs.tolist()))),
+        )
 
     def _shrinks(
         self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...]
@@ -482,7 +498,7 @@ class Sweeps:
         return self._worlds[key]
 
 
-def _products(pairings: Iterable[Pairing]) -> set[tuple[int, int]]:
+def products(pairings: Iterable[Pairing]) -> set[tuple[int, int]]:
     """All pairs of surfaces of pairings."""
     return {(a, b) for mine, theirs in pairings for a in mine for b in theirs}
 

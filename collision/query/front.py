@@ -63,7 +63,7 @@ def triangle_depths(objects: Objects) -> dict[tuple[int, int], float]:
 
 
 def buried(
-    part: SurfaceMesh, solid: SurfaceMesh, pose: Any, depth: float, excused: Iterable[tuple[Any, Any]]
+    part: SurfaceMesh, solid: SurfaceMesh, pose: Any, depth: float, excused: Iterable[tuple[Any, Any]] = ()
 ) -> NDArray[np.int32]:
     """Return the surfaces of `part` that reach deeper than `depth` m into a solid.
 

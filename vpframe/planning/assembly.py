@@ -3,11 +3,15 @@
 All motions start where the parts stand. What a motion may do to each pair of parts:
 
 - surfaces that are apart stay apart, by `Tolerance.linear` at least;
-- surfaces that touch or overlap get no deeper than where the parts stand, but for rounding (`TOLERANCE`);
+- surfaces that touch get no deeper than where the parts stand, but for rounding (`TOLERANCE`);
+- an overlap as drawn, deeper than 1 µm, only shrinks, seen from one of the two parts (`Sweeps`);
 - the surfaces of a fit or thread are excused while the motion keeps the two on their common axis (or centre), as those
-  of a mate in a session are: their facets cross although the true surfaces fit;
+  of a mate in a session are: their facets cross although the true surfaces fit. Surfaces that overlap as drawn by more
+  than facets and fit explain are not;
 - a drawn thread lets nothing pass but its own screw, until its two cylinders share no length;
-- a pair of parts that the user authorised never stops anything.
+- the overlap of a pair of parts that the user authorised is meant: cylinders pressed into each other are a fit, however
+  great their interference; all else holds of this pair, too;
+- a pair of parts that the user ignores never stops anything.
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CollisionManager, Tolerance
-from collision.query.blocking import Pairing, Stop, Sweeps
+from collision.query.blocking import Pairing, Stop, Sweeps, products
 from constraints import Candidate
 from constraints.freedom.escape import Patch, contact_patch
 from constraints.geometry.sleeve import sleeve
@@ -174,7 +178,8 @@ class Assembly:
 
     Parameters
     ----------
-    authorised: pairs of part names that may overlap as they like.
+    authorised: pairs of part names whose overlap as drawn is meant.
+    ignored: pairs of part names that may pass through each other.
     threads: m a turn by part name: its snug fits are threads, drawn without them.
     tolerance: of planned motions.
     """
@@ -186,12 +191,14 @@ class Assembly:
         threads: Mapping[str, float] | None = None,
         tolerance: Tolerance = TOLERANCE,
         progress: Progress = _silent,
+        ignored: Iterable[tuple[str, str]] = (),
     ) -> None:
         self.scene, self.tolerance = scene, tolerance
         self.names = scene.names
         self.poses = tuple(pin.SE3(part.pose) for part in scene.parts)
         self.meshes = tuple(part.mesh for part in scene.parts)
         self.authorised = frozenset(frozenset((scene.index(a), scene.index(b))) for a, b in authorised)
+        self.ignored = frozenset(frozenset((scene.index(a), scene.index(b))) for a, b in ignored)
         self._threads = {scene.index(name): pitch for name, pitch in (threads or {}).items()}
         for name, pitch in (threads or {}).items():
             if not (np.isfinite(pitch) and pitch != 0.0):
@@ -258,8 +265,8 @@ class Assembly:
 
     @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
-        """What overlaps where the parts stand and is not authorised, the deepest first."""
-        pairs = [tuple(self.names[i] for i in sorted(pair)) for pair in self.authorised]
+        """What overlaps where the parts stand and is neither authorised nor ignored, the deepest first."""
+        pairs = [tuple(self.names[i] for i in sorted(pair)) for pair in self.authorised | self.ignored]
         rows = clash(self.scene, authorised=pairs, progress=self._progress)["pairs"]  # type: ignore[arg-type]
         found = [
             Overlap(tuple(row["parts"]), tuple(row["surfaces"]), row["depth"])
@@ -297,7 +304,8 @@ class Assembly:
         thread = kind == "screw" or stated is not None
         if not thread:  # what fits loosely needs no excuse; what is pressed in is an overlap
             gap = (fit or 0.0) - candidate.residual
-            if not -t.linear <= gap <= sags[a] + sags[b] + t.linear:
+            meant = frozenset((a, b)) in self.authorised
+            if not (-np.inf if meant else -t.linear) <= gap <= sags[a] + sags[b] + t.linear:
                 return None
         apart = np.inf, np.inf
         if isinstance(first, Cylinder):
@@ -311,6 +319,13 @@ class Assembly:
         found = sleeve(candidate, features, (self.meshes[a], self.meshes[b]), t.fit)
         if found is not None:
             excused.append(found)
+        if not thread:
+            most = sags[a] + sags[b] + t.linear + max(0.0, -(fit or 0.0))
+            deep = {pair for pair, depth in self.sweeps.overlapping(a, b).items() if depth > most}
+            if deep & products(excused):
+                excused = [
+                    ((s,), tuple(u for u in theirs if (s, u) not in deep)) for own, theirs in excused for s in own
+                ]
         return Mate(
             (a, b), "screw" if thread else kind, np.asarray(origin), np.asarray(axis), pitch if thread else None,
             thread and fit is not None, apart, tuple(excused),
@@ -359,7 +374,7 @@ class Assembly:
         for row in self.world.contacts(within=2.0 * sag + 2.0 * self.tolerance.linear):
             a, b = int(row["object_a"]), int(row["object_b"])
             fa, fb = place[a].get(int(row["surface_a"])), place[b].get(int(row["surface_b"]))
-            if fa is not None and fb is not None and frozenset((a, b)) not in self.authorised:
+            if fa is not None and fb is not None and frozenset((a, b)) not in self.ignored:
                 out.setdefault((a, b), set()).add((fa, fb))
         return out
 
@@ -385,14 +400,14 @@ class Assembly:
 
     def stop(self, i: int, j: int, knots: Knots) -> Stop | None:
         """Where part j, standing, stops part i on its way; None if it goes to the end. Kept."""
-        if frozenset((i, j)) in self.authorised:
+        if frozenset((i, j)) in self.ignored:
             return None
         key = i, j, *(k.homogeneous.tobytes() for k in knots)
         return self._asked(key, lambda: self.sweeps.stop(i, j, knots))
 
     def straight(self, i: int, j: int, direction: Array) -> Stop | None:
         """Where part j stops part i on its straight way along a unit direction until they are apart. Kept."""
-        if frozenset((i, j)) in self.authorised:
+        if frozenset((i, j)) in self.ignored:
             return None
         key = i, j, direction.tobytes()
         back = j, i, (0.0 - direction).tobytes()
@@ -416,7 +431,7 @@ class Assembly:
         best: GroupStop | None = None
         for i in group:
             for j in others:
-                if frozenset((i, j)) in self.authorised:
+                if frozenset((i, j)) in self.ignored:
                     continue
                 found = self.sweeps.stop(i, j, (start, end))
                 if found is not None and (best is None or found.t < best.t):

@@ -33,6 +33,7 @@ def removal(
     motion: Motion = "free",
     clearance: float = 0.0,
     authorise: Iterable[tuple[str, str]] = (),
+    ignore: Iterable[tuple[str, str]] = (),
     threads: Mapping[str, float] | None = None,
 ) -> Removal:
     """Take one part (or several that move as one) out from among all others, which stay where they are.
@@ -43,7 +44,8 @@ def removal(
     seed: of the sampling.
     motion: "straight" ways alone; "mates": along threads and pushed along what is touched, too; "free": six freedoms.
     clearance: m that surfaces keep all the way, but for those that are nearer where the parts stand.
-    authorise: pairs of part names that may overlap.
+    authorise: pairs of part names whose overlap as drawn is meant; it is never deepened.
+    ignore: pairs of part names that may pass through each other, such as a cable and its clamp; ways that do name them.
     threads: m a turn by part, negative for left-hand ones: its snug fits are threads, drawn without them.
 
     Raises
@@ -55,7 +57,7 @@ def removal(
     group = tuple(sorted(scene.index(name) for name in names))
     if len(set(group)) != len(names) or not names:
         raise VpframeError(f"the parts to take out are {list(names)}; name each once")
-    assembly = Assembly(scene, authorise, threads)
+    assembly = Assembly(scene, authorise, threads, ignored=ignore)
     others = [j for j in range(len(assembly)) if j not in group]
     return find(assembly, group, others, Budget(budget), motion, clearance, seed)
 
@@ -141,6 +143,7 @@ def disassembly(
     base: Iterable[str] = (),
     carry: Iterable[Sequence[str]] = (),
     authorise: Iterable[tuple[str, str]] = (),
+    ignore: Iterable[tuple[str, str]] = (),
     threads: Mapping[str, float] | None = None,
     clearance: float = 0.0,
     motion: Motion = "free",
@@ -157,7 +160,7 @@ def disassembly(
     ----------
     base: parts that stay; by default those that are fixed, else the largest.
     carry: groups of parts that come out as one.
-    authorise, threads, clearance, motion, budget, seed: as of `removal`.
+    authorise, ignore, threads, clearance, motion, budget, seed: as of `removal`.
     jobs: processes; the plan is the same whatever their number.
     known: parts and ways from an earlier plan; they are swept anew before they are used.
     progress: hears the fraction done and what has been found so far.
@@ -170,7 +173,7 @@ def disassembly(
     UnknownPartError, VpframeError: no such part, a part in two groups, a target that is a base, a bad number or name.
     """
     _check(motion, clearance)
-    assembly = Assembly(scene, authorise, threads, progress=progress)
+    assembly = Assembly(scene, authorise, threads, progress=progress, ignored=ignore)
     plan = _Plan(assembly, target, base, carry, clearance, motion, Budget(budget), seed, progress, found)
     plan.workers = Workers(plan.ways, jobs)
     try:
