@@ -60,6 +60,22 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Front:
+    """The front of one of two objects on a leg."""
+
+    side: int
+    """0: of the moving object, 1: of the standing one, as seen from the moving one"""
+    part: SurfaceMesh
+    solid: SurfaceMesh
+    """the whole other object"""
+    triangles: NDArray[np.int64]
+    surfaces: NDArray[np.int32]
+    """of the whole object, by those of `part`"""
+    excused: tuple[Pairing, ...]
+    """surfaces of `part`, surfaces of `solid` that are left out"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Swept:
     """What of two objects is swept against each other, and how deep it is as drawn."""
 
@@ -73,18 +89,17 @@ class _Swept:
     """the same where the objects stand"""
     key: Any = None
     """of whole objects, for what is kept"""
-    front: tuple[int, NDArray[np.int64], NDArray[np.int32]] | None = None
-    """of a front: which object it is of; its triangles and surfaces as those of the whole mesh"""
+    front: _Front | None = None
+    """in the place of its object"""
 
     def told(self, rows: NDArray[Any]) -> NDArray[Any]:
         """Rows of the world as rows of the whole objects i and j."""
         out = rows.copy()
         out["object_a"], out["object_b"] = self.i, self.j
         if self.front is not None:
-            side, triangles, surfaces = self.front
-            which = "ab"[side]
-            out[f"triangle_{which}"] = triangles[out[f"triangle_{which}"]]
-            out[f"surface_{which}"] = surfaces[out[f"surface_{which}"]]
+            which = "ab"[self.front.side]
+            out[f"triangle_{which}"] = self.front.triangles[out[f"triangle_{which}"]]
+            out[f"surface_{which}"] = self.front.surfaces[out[f"surface_{which}"]]
         return out
 
 
@@ -116,7 +131,8 @@ class Sweeps:
         """holds the precision of depths: a slop, and `Tolerance.depth` of themselves"""
         self._boxes: dict[tuple[int, int], tuple[Sequence[pin.SE3], Array, Array]] = {}
         self._start: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
-        self._overlapping: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
+        self._depths_met: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
+        self._overlaps: dict[tuple[Any, ...], Pairing] = {}
         self._begins: dict[tuple[Any, ...], bool] = {}
         self._extents: dict[tuple[int, bytes], tuple[float, float]] = {}
         self._turns: dict[int, tuple[Sequence[pin.SE3], Any, dict[int, Array]]] = {}
@@ -126,7 +142,7 @@ class Sweeps:
         """The same objects where they stand, under another tolerance; what hangs on none is shared."""
         out = copy(self)
         out.tolerance, out.count = tolerance, 0
-        out._worlds, out._boxes, out._start, out._overlapping, out._begins = {}, {}, {}, {}, {}
+        out._worlds, out._boxes, out._start, out._depths_met, out._overlaps, out._begins = {}, {}, {}, {}, {}, {}
         return out
 
     def extent(self, i: int, direction: Array) -> tuple[float, float]:
@@ -173,23 +189,36 @@ class Sweeps:
                 return Stop(leg, 0.0, _none())
             if not near or not self.boxes_meet(i, j, start, end):
                 continue
-            found = self._leg(i, j, start, end, (*left_out, *besides), graze)
+            found = self._leg(i, j, start, end, tuple(left_out), besides, graze)
             if found is not None:
                 return Stop(leg, *found)
         return None
 
     def _leg(
-        self, i: int, j: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...], graze: bool
+        self,
+        i: int,
+        j: int,
+        start: pin.SE3,
+        end: pin.SE3,
+        fits: tuple[Pairing, ...],
+        besides: tuple[Pairing, ...],
+        graze: bool,
     ) -> tuple[float, NDArray[Any]] | None:
         """Where and by what i is stopped on one leg, None if it is not.
 
         Of objects that overlap as drawn it is enough that the overlap shrinks, seen from either of them.
         """
-        overlapping = self.overlapping(i, j) if graze else {}
-        if not overlapping or overlapping.keys() <= products(left_out):
+        left_out = *fits, *besides
+        if not (graze and any(self.overlap(i, j, fits))):
             key = i, j, left_out
             whole = _Swept(i, j, self._world(*key), self._depths_of, lambda: self.depths(i, j), key)
-            return self._swept(whole, start, end, graze)
+            found = self._swept(whole, start, end, graze)
+            if fits and graze:  # two faces that touch pass each other unseen if what is beside them is left out
+                at = _reached(start, end, found)
+                fronts = (self._front(i, j, side, start, end, fits) for side in (0, 1))
+                if any(front is not None and self._is_inside(i, j, front, at) for front in fronts):
+                    return self._at_once(i, j, start, left_out)
+            return found
         seen_from_j = self._shrinks(i, j, 0, start, end, left_out)
         if seen_from_j is None:
             return None
@@ -253,30 +282,33 @@ class Sweeps:
 
     # -- overlaps as drawn
 
-    def overlapping(self, i: int, j: int) -> dict[tuple[int, int], float]:
-        """m by surface of i and of j that reach deeper into each other than the tolerance where the objects stand: the
-        depth of their triangles (`triangle_depths`). Kept."""
-        if (i, j) not in self._overlapping:
+    def overlap(self, i: int, j: int, left_out: tuple[Pairing, ...] = ()) -> Pairing:
+        """The surfaces of i that reach into j, deeper than the tolerance, where the objects stand, and those of j that
+        reach into i; of those that are left out, nothing counts behind each other. None where the objects do not
+        overlap. Kept.
+
+        An object all of which is inside the other, meeting none of its surfaces, does not overlap it: it is held.
+        """
+        key = i, j, left_out
+        if key not in self._overlaps:
+            met = self._met(i, j)
+            deep = {pair for pair, depth in met.items() if depth > self.tolerance.linear} - products(left_out)
+            mine, theirs = {a for a, _ in deep}, {b for _, b in deep}
+            if met:
+                pose, least = self.poses[j].actInv(self.poses[i]), self.tolerance.linear
+                back = tuple((b, a) for a, b in left_out)
+                mine.update(buried(self.meshes[i], self.meshes[j], pose, least, left_out).tolist())
+                theirs.update(buried(self.meshes[j], self.meshes[i], pose.inverse(), least, back).tolist())
+            self._overlaps[key] = tuple(sorted(mine)), tuple(sorted(theirs))
+        return self._overlaps[key]
+
+    def _met(self, i: int, j: int) -> dict[tuple[int, int], float]:
+        """`triangle_depths` where the objects stand. Kept."""
+        if (i, j) not in self._depths_met:
             world = self._world(i, j, ())
             world.set_pose(0, self.poses[i])
-            found = triangle_depths(world).items()
-            self._overlapping[i, j] = {pair: depth for pair, depth in found if depth > self.tolerance.linear}
-            self._overlapping[j, i] = {(b, a): depth for (a, b), depth in self._overlapping[i, j].items()}
-        return self._overlapping[i, j]
-
-    def shared(self, i: int, j: int) -> Pairing:
-        """The surfaces of i that overlap j or lie inside it where the objects stand, and those of j that do so with i;
-        none where nothing overlaps by more than the tolerance."""
-        pairs = self.overlapping(i, j)
-        if not pairs:
-            return (), ()
-        pose, least = self.poses[j].actInv(self.poses[i]), self.tolerance.linear
-        mine = buried(self.meshes[i], self.meshes[j], pose, least)
-        theirs = buried(self.meshes[j], self.meshes[i], pose.inverse(), least)
-        return (
-            tuple(sorted({a for a, _ in pairs}.union(mine.tolist()))),
-            tuple(sorted({b for _, b in pairs}.union(theirs.tolist()))),
-        )
+            self._depths_met[i, j] = triangle_depths(world)
+        return self._depths_met[i, j]
 
     def _shrinks(
         self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...]
@@ -286,35 +318,58 @@ class Sweeps:
 
         Swept is the front of the one that moves, against all of the other. It must not begin inside the other.
         """
+        front = self._front(i, j, side, start, end, left_out)
+        if front is None:
+            return None
+        if self._is_inside(i, j, front, start):
+            return self._at_once(i, j, start, left_out)
+        world = CollisionManager(self.tolerance)
+        for mesh, k in zip((front.part, front.solid)[:: -1 if side else 1], (i, j), strict=True):
+            world.add(mesh, self.poses[k])
+        for mine, theirs in front.excused:
+            world.ignore_surfaces(side, mine, 1 - side, theirs)
+        drawn = {pair: d for pair, d in triangle_depths(world).items() if d <= self.tolerance.linear}
+        swept = _Swept(i, j, world, triangle_depths, lambda: drawn, None, front)
+        found = self._swept(swept, start, end, True)
+        if front.excused and self._is_inside(i, j, front, _reached(start, end, found)):
+            return self._at_once(i, j, start, left_out)
+        return found
+
+    def _front(
+        self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...]
+    ) -> _Front | None:
+        """The front of i (side 0), or of j (side 1) as seen from i, on a leg; None without one."""
         import pinocchio as pin
 
-        least, way = self.tolerance.linear, pin.log6(start.actInv(end))
-        pose = self.poses[j].actInv(start * self.poses[i])
+        way = pin.log6(start.actInv(end))
         if side == 0:
             mesh, solid, twist, pairings = self.meshes[i], self.meshes[j], self.poses[i].actInv(way), left_out
         else:
             mesh, solid, twist = self.meshes[j], self.meshes[i], -self.poses[j].actInv(start.act(way))
-            pose, pairings = pose.inverse(), tuple((theirs, mine) for mine, theirs in left_out)
-        triangles = front_of(mesh, twist.linear, twist.angular, STILL * least)
+            pairings = tuple((theirs, mine) for mine, theirs in left_out)
+        triangles = front_of(mesh, twist.linear, twist.angular, STILL * self.tolerance.linear)
         if not len(triangles):
             return None
         part, surfaces = part_of(mesh, triangles)
         place = {s: k for k, s in enumerate(surfaces.tolist())}
-        excused = [([place[s] for s in mine if s in place], theirs) for mine, theirs in pairings]
-        if len(buried(part, solid, pose, least, excused)):
-            whole = self._world(i, j, left_out)
-            whole.set_pose(0, start * self.poses[i])
-            rows = whole.contacts(least)
+        excused = [(tuple(place[s] for s in mine if s in place), theirs) for mine, theirs in pairings]
+        return _Front(side, part, solid, triangles, surfaces, tuple(pair for pair in excused if pair[0]))
+
+    def _is_inside(self, i: int, j: int, front: _Front, at: pin.SE3) -> bool:
+        """Whether some of a front is deeper inside the other object than the tolerance, i displaced."""
+        pose = self.poses[j].actInv(at * self.poses[i])
+        pose = pose.inverse() if front.side else pose
+        return bool(len(buried(front.part, front.solid, pose, self.tolerance.linear, front.excused)))
+
+    def _at_once(self, i: int, j: int, start: pin.SE3, left_out: tuple[Pairing, ...]) -> tuple[float, NDArray[Any]]:
+        """A stop where a leg begins, by what touches or overlaps there; by what is left out if nothing else does."""
+        for world in (self._world(i, j, left_out), self._world(i, j, ())):
+            world.set_pose(0, start * self.poses[i])
+            rows = world.contacts(self.tolerance.linear)
             rows["object_a"], rows["object_b"] = i, j
-            return 0.0, rows
-        world = CollisionManager(self.tolerance)
-        for mesh, k in zip((part, solid) if side == 0 else (solid, part), (i, j), strict=True):
-            world.add(mesh, self.poses[k])
-        for mine, theirs in excused:
-            world.ignore_surfaces(side, mine, 1 - side, theirs)
-        drawn = {pair: depth for pair, depth in triangle_depths(world).items() if depth <= least}
-        swept = _Swept(i, j, world, triangle_depths, lambda: drawn, None, (side, triangles, surfaces))
-        return self._swept(swept, start, end, True)
+            if len(rows):
+                break
+        return 0.0, rows
 
     def _speed(self, i: int, start: pin.SE3, end: pin.SE3) -> float:
         """m: no point of i goes farther on a leg."""
@@ -496,6 +551,13 @@ class Sweeps:
                 world.ignore_surfaces(0, mine, 1, theirs)
             self._worlds[key] = world
         return self._worlds[key]
+
+
+def _reached(start: pin.SE3, end: pin.SE3, found: tuple[float, NDArray[Any]] | None) -> pin.SE3:
+    """The displacement that a leg comes to."""
+    import pinocchio as pin
+
+    return end if found is None else start * pin.exp6(pin.log6(start.actInv(end)) * found[0])
 
 
 def products(pairings: Iterable[Pairing]) -> set[tuple[int, int]]:

@@ -99,9 +99,9 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
         scene = load(arguments.file)
         with Progress("taking apart") as progress:
             found = plan.disassembly(
-                scene, arguments.part, base=arguments.base, carry=carry, authorise=authorised, ignore=ignored, threads=threads,
-                clearance=arguments.clearance, motion=arguments.motion, budget=arguments.budget, seed=arguments.seed,
-                jobs=arguments.jobs, known=known, progress=progress,
+                scene, arguments.part, base=arguments.base, carry=carry, authorise=authorised, ignore=ignored,
+                threads=threads, clearance=arguments.clearance, motion=arguments.motion, budget=arguments.budget,
+                seed=arguments.seed, jobs=arguments.jobs, known=known, progress=progress,
                 found=lambda parts, text: progress(None, f"{listed(parts)}: {text}"),
             )  # fmt: skip
         names = document.track_files(found)

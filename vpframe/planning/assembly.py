@@ -6,8 +6,7 @@ All motions start where the parts stand. What a motion may do to each pair of pa
 - surfaces that touch get no deeper than where the parts stand, but for rounding (`TOLERANCE`);
 - an overlap as drawn, deeper than 1 µm, only shrinks, seen from one of the two parts (`Sweeps`);
 - the surfaces of a fit or thread are excused while the motion keeps the two on their common axis (or centre), as those
-  of a mate in a session are: their facets cross although the true surfaces fit. Surfaces that overlap as drawn by more
-  than facets and fit explain are not;
+  of a mate in a session are: their facets cross although the true surfaces fit;
 - a drawn thread lets nothing pass but its own screw, until its two cylinders share no length;
 - the overlap of a pair of parts that the user authorised is meant: cylinders pressed into each other are a fit, however
   great their interference; all else holds of this pair, too;
@@ -26,7 +25,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CollisionManager, Tolerance
-from collision.query.blocking import Pairing, Stop, Sweeps, products
+from collision.query.blocking import Pairing, Stop, Sweeps
 from constraints import Candidate
 from constraints.freedom.escape import Patch, contact_patch
 from constraints.geometry.sleeve import sleeve
@@ -197,8 +196,7 @@ class Assembly:
         self.names = scene.names
         self.poses = tuple(pin.SE3(part.pose) for part in scene.parts)
         self.meshes = tuple(part.mesh for part in scene.parts)
-        self.authorised = frozenset(frozenset((scene.index(a), scene.index(b))) for a, b in authorised)
-        self.ignored = frozenset(frozenset((scene.index(a), scene.index(b))) for a, b in ignored)
+        self.authorised, self.ignored = _pairs(scene, authorised), _pairs(scene, ignored)
         self._threads = {scene.index(name): pitch for name, pitch in (threads or {}).items()}
         for name, pitch in (threads or {}).items():
             if not (np.isfinite(pitch) and pitch != 0.0):
@@ -266,14 +264,19 @@ class Assembly:
     @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
         """What overlaps where the parts stand and is neither authorised nor ignored, the deepest first."""
-        pairs = [tuple(self.names[i] for i in sorted(pair)) for pair in self.authorised | self.ignored]
-        rows = clash(self.scene, authorised=pairs, progress=self._progress)["pairs"]  # type: ignore[arg-type]
+        rows = clash(self.scene, authorised=self.meant, progress=self._progress)["pairs"]
         found = [
             Overlap(tuple(row["parts"]), tuple(row["surfaces"]), row["depth"])
             for row in rows
             if row["kind"] in BAD_KINDS and is_open(row)
         ]
         return tuple(sorted(found, key=lambda o: (-o.depth, o.parts, o.surfaces)))
+
+    @property
+    def meant(self) -> tuple[tuple[str, str], ...]:
+        """Names of the pairs of parts that are authorised or ignored, in the order of the scene."""
+        pairs = sorted(tuple(sorted(pair)) for pair in self.authorised | self.ignored)
+        return tuple((self.names[a], self.names[b]) for a, b in pairs)
 
     # -- mates
 
@@ -319,13 +322,6 @@ class Assembly:
         found = sleeve(candidate, features, (self.meshes[a], self.meshes[b]), t.fit)
         if found is not None:
             excused.append(found)
-        if not thread:
-            most = sags[a] + sags[b] + t.linear + max(0.0, -(fit or 0.0))
-            deep = {pair for pair, depth in self.sweeps.overlapping(a, b).items() if depth > most}
-            if deep & products(excused):
-                excused = [
-                    ((s,), tuple(u for u in theirs if (s, u) not in deep)) for own, theirs in excused for s in own
-                ]
         return Mate(
             (a, b), "screw" if thread else kind, np.asarray(origin), np.asarray(axis), pitch if thread else None,
             thread and fit is not None, apart, tuple(excused),
@@ -456,6 +452,15 @@ class Assembly:
     def with_tolerance(self, linear: float, slop: float) -> Sweeps:
         """Sweeps that stop at another distance (m), to within `slop` of it: to find the least clearance of a way."""
         return self.sweeps.with_tolerance(replace(self.tolerance, linear=linear, slop=slop))
+
+
+def _pairs(scene: Scene, names: Iterable[tuple[str, str]]) -> frozenset[frozenset[int]]:
+    out = set()
+    for a, b in names:
+        if a == b:
+            raise VpframeError(f"{a}:{b}: a part is on both sides; name two different ones")
+        out.add(frozenset((scene.index(a), scene.index(b))))
+    return frozenset(out)
 
 
 def translation(vector: Array) -> pin.SE3:

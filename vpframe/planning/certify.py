@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 import pinocchio as pin
 
-from collision.query.blocking import Pairing, products
+from collision.query.blocking import Pairing
+from constraints.recognition.mated import adjacent_surfaces
 from vpframe.planning.assembly import Array, Assembly, Knots
 
 SAMPLES: Final = 32
@@ -54,8 +55,8 @@ def least_clearance(
     assembly: Assembly, group: Sequence[int], others: Iterable[int], knots: Knots, ignore: float = 0.0
 ) -> Clearance:
     """The least distance of surfaces along a way; left out are those of fits and threads that a leg of it keeps, those
-    that touch or are within `ignore` m of each other where it begins, and those that share an overlap there. Pairs of
-    parts that are ignored, and near the way, are named.
+    that touch or are within `ignore` m of each other where it begins, and those of an overlap there, with what is
+    beside them. Pairs of parts that are ignored, and near the way, are named.
 
     Distances at some poses bound it from above; a sweep that stops at a distance, and is not stopped, from below.
     The sweeps' bound is returned. It counts nothing beyond the group's own size.
@@ -79,8 +80,9 @@ def least_clearance(
             together: tuple[Pairing, ...] = tuple(((int(r["surface_a"]),), (int(r["surface_b"]),)) for r in rows)
             kept = (pairing for a, b in pairwise(knots) for pairing in assembly.left_out(i, j, a, b) or ())
             together += tuple(dict.fromkeys(kept))
-            if not assembly.sweeps.overlapping(i, j).keys() <= products(together[len(rows) :]):
-                together += (assembly.sweeps.shared(i, j),)
+            mine, theirs = assembly.sweeps.overlap(i, j, tuple(assembly.left_out(i, j, knots[0], knots[1]) or ()))
+            mine += adjacent_surfaces(assembly.meshes[i], mine)
+            together += ((mine, theirs + adjacent_surfaces(assembly.meshes[j], theirs)),)
             found = _measured(assembly, i, j, knots, together, nearest)
             nearest = min(nearest, found.distance)
             measured.append((found, i, j, together))

@@ -212,7 +212,7 @@ def known_ways(text: str, path: str) -> list[tuple[tuple[str, ...], Way]]:
 
 def script(plan: Disassembly, model: str, folder: str, files: Mapping[str, str]) -> str:
     """A task script that takes the model apart as planned: to be read, changed and run."""
-    lines = []
+    lines = [f"    session.authorise({_quoted(a)}, {_quoted(b)})" for a, b in plan.meant]
     for n, step in enumerate(plan.steps, 1):
         first, carried = step.parts[0], step.parts[1:]
         carry = f", carry={_list(carried)}" if carried else ""

@@ -120,6 +120,8 @@ class Disassembly:
     budget: Budget = field(repr=False)
     questions: int = 0
     interrupted: bool = False
+    meant: tuple[tuple[str, str], ...] = ()
+    """pairs of parts that are authorised or ignored: a session that does the plan lets them overlap"""
 
     @property
     def precedence(self) -> dict[str, tuple[str, ...]]:
@@ -444,4 +446,5 @@ class _Plan:
             None if self.target is None else names[self.target], self.bound, proven,
             {names[i]: results[i] for i in sorted(results)},
             self.assembly.overlaps, self._mates(), self.budget, self.assembly.sweeps.count, self.interrupted,
+            self.assembly.meant,
         )  # fmt: skip
