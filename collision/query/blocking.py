@@ -213,11 +213,8 @@ class Sweeps:
             key = i, j, left_out
             whole = _Swept(i, j, self._world(*key), self._depths_of, lambda: self.depths(i, j), key)
             found = self._swept(whole, start, end, graze)
-            if fits and graze:  # two faces that touch pass each other unseen if what is beside them is left out
-                at = _reached(start, end, found)
-                fronts = (self._front(i, j, side, start, end, fits) for side in (0, 1))
-                if any(front is not None and self._is_inside(i, j, front, at) for front in fronts):
-                    return self._at_once(i, j, start, left_out)
+            if fits and graze and self._pass_unseen(i, j, start, end, found, left_out):
+                return self._at_once(i, j, start, left_out)
             return found
         seen_from_j = self._shrinks(i, j, 0, start, end, left_out)
         if seen_from_j is None:
@@ -310,6 +307,22 @@ class Sweeps:
             self._depths_met[i, j] = triangle_depths(world)
         return self._depths_met[i, j]
 
+    def _pass_unseen(
+        self, i: int, j: int, start: pin.SE3, end: pin.SE3, found: tuple[float, NDArray[Any]] | None,
+        left_out: tuple[Pairing, ...],
+    ) -> bool:  # fmt: skip
+        """Whether faces that touch where a leg begins are inside the other object where it comes to: no distance tells
+        that two of them have passed each other, and the surfaces beside them, which meet, may be left out."""
+        world = self._world(i, j, left_out)
+        world.set_pose(0, start * self.poses[i])
+        rows = world.contacts(self.tolerance.linear)
+        at = _reached(start, end, found)
+        for side, name in enumerate(("surface_a", "surface_b")) if len(rows) else ():
+            front = self._front(i, j, side, start, end, left_out, rows[name])
+            if front is not None and self._is_inside(i, j, front, at):
+                return True
+        return False
+
     def _shrinks(
         self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...]
     ) -> tuple[float, NDArray[Any]] | None:
@@ -336,9 +349,10 @@ class Sweeps:
         return found
 
     def _front(
-        self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...]
-    ) -> _Front | None:
-        """The front of i (side 0), or of j (side 1) as seen from i, on a leg; None without one."""
+        self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...],
+        surfaces: NDArray[np.integer] | None = None,
+    ) -> _Front | None:  # fmt: skip
+        """The front of i (side 0), or of j (side 1) as seen from i, on a leg, of some surfaces; None without one."""
         import pinocchio as pin
 
         way = pin.log6(start.actInv(end))
@@ -347,13 +361,14 @@ class Sweeps:
         else:
             mesh, solid, twist = self.meshes[j], self.meshes[i], -self.poses[j].actInv(start.act(way))
             pairings = tuple((theirs, mine) for mine, theirs in left_out)
-        triangles = front_of(mesh, twist.linear, twist.angular, STILL * self.tolerance.linear)
+        among = None if surfaces is None else np.flatnonzero(np.isin(mesh.surface_of_triangle, surfaces))
+        triangles = front_of(mesh, twist.linear, twist.angular, STILL * self.tolerance.linear, among)
         if not len(triangles):
             return None
-        part, surfaces = part_of(mesh, triangles)
-        place = {s: k for k, s in enumerate(surfaces.tolist())}
+        part, of = part_of(mesh, triangles)
+        place = {s: k for k, s in enumerate(of.tolist())}
         excused = [(tuple(place[s] for s in mine if s in place), theirs) for mine, theirs in pairings]
-        return _Front(side, part, solid, triangles, surfaces, tuple(pair for pair in excused if pair[0]))
+        return _Front(side, part, solid, triangles, of, tuple(pair for pair in excused if pair[0]))
 
     def _is_inside(self, i: int, j: int, front: _Front, at: pin.SE3) -> bool:
         """Whether some of a front is deeper inside the other object than the tolerance, i displaced."""

@@ -27,20 +27,24 @@ PLACES = np.array([[1, 1, 1], [8, 1, 1], [1, 8, 1], [1, 1, 8]]) / np.array([[3.0
 """barycentric, of the points at which a triangle is looked for inside a solid"""
 
 
-def front_of(mesh: SurfaceMesh, linear: Array, angular: Array, least: float) -> NDArray[np.int64]:
+def front_of(
+    mesh: SurfaceMesh, linear: Array, angular: Array, least: float, among: NDArray[np.int64] | None = None
+) -> NDArray[np.int64]:
     """Return the triangles of which a point goes farther than `least` m along their outward normal in unit time.
 
     linear, angular: (3,) velocity of the point at the origin, m, and angular velocity, rad, in the mesh's frame. Of a
-    mesh that is not closed, and so has no outside, all triangles are front.
+    mesh that is not closed, and so has no outside, all triangles are front. among: triangles that are looked at; None:
+    all.
     """
+    among = np.arange(mesh.n_triangles) if among is None else among
     if not is_closed(mesh):
-        return np.arange(mesh.n_triangles)
-    corners = mesh.vertices[mesh.triangles]
+        return among
+    corners = mesh.vertices[mesh.triangles[among]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal /= np.where(length > 0.0, length, 1.0)
     velocity = linear + np.cross(angular, corners)
-    return np.flatnonzero(np.einsum("tcd,td->tc", velocity, normal).max(axis=1) > least)
+    return among[np.einsum("tcd,td->tc", velocity, normal).max(axis=1) > least]
 
 
 def part_of(mesh: SurfaceMesh, triangles: NDArray[np.integer]) -> tuple[SurfaceMesh, NDArray[np.int32]]:
