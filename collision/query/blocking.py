@@ -195,15 +195,9 @@ class Sweeps:
         return None
 
     def _leg(
-        self,
-        i: int,
-        j: int,
-        start: pin.SE3,
-        end: pin.SE3,
-        fits: tuple[Pairing, ...],
-        besides: tuple[Pairing, ...],
+        self, i: int, j: int, start: pin.SE3, end: pin.SE3, fits: tuple[Pairing, ...], besides: tuple[Pairing, ...],
         graze: bool,
-    ) -> tuple[float, NDArray[Any]] | None:
+    ) -> tuple[float, NDArray[Any]] | None:  # fmt: skip
         """Where and by what i is stopped on one leg, None if it is not.
 
         Of objects that overlap as drawn it is enough that the overlap shrinks, seen from either of them.
