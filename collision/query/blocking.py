@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from collision.manager import CollisionManager
 from collision.mesh import SurfaceMesh
 from collision.query import revolution
+from collision.query.front import buried, front_of, part_of, triangle_depths
 from collision.tolerance import Tolerance
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ PRESSED_BY_GRAZING = 2.0
 """1: of the slop: by how much a graze may have pressed them"""
 GRAZES = 64
 """contacts that a leg may graze before it counts as stopped"""
+STILL = 1e-3
+"""1: of the tolerance: a triangle that goes no farther along its normal on a leg does not count as front"""
 SIDES = 8
 """directions across a straight way along which shadows are compared"""
 
@@ -54,6 +57,50 @@ class Stop:
     """in [0, 1): how far along that leg; until then nothing has come nearer than it may"""
     contacts: NDArray[Any]
     """CONTACT_DTYPE rows of the surface pairs that stop it, `object_a` the moving object; none where an excuse does"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Front:
+    """The front of one of two objects on a leg."""
+
+    side: int
+    """0: of the moving object, 1: of the standing one, as seen from the moving one"""
+    part: SurfaceMesh
+    solid: SurfaceMesh
+    """the whole other object"""
+    triangles: NDArray[np.int64]
+    surfaces: NDArray[np.int32]
+    """of the whole object, by those of `part`"""
+    excused: tuple[Pairing, ...]
+    """surfaces of `part`, surfaces of `solid` that are left out"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Swept:
+    """What of two objects is swept against each other, and how deep it is as drawn."""
+
+    i: int
+    j: int
+    world: CollisionManager
+    """the moving object as object 0, the standing one as object 1"""
+    depths_of: Callable[[CollisionManager], dict[tuple[int, int], float]]
+    """m by pair of surfaces of that world that meet"""
+    drawn: Callable[[], dict[tuple[int, int], float]]
+    """the same where the objects stand"""
+    key: Any = None
+    """of whole objects, for what is kept"""
+    front: _Front | None = None
+    """in the place of its object"""
+
+    def told(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Rows of the world as rows of the whole objects i and j."""
+        out = rows.copy()
+        out["object_a"], out["object_b"] = self.i, self.j
+        if self.front is not None:
+            which = "ab"[self.front.side]
+            out[f"triangle_{which}"] = self.front.triangles[out[f"triangle_{which}"]]
+            out[f"surface_{which}"] = self.front.surfaces[out[f"surface_{which}"]]
+        return out
 
 
 class Sweeps:
@@ -84,6 +131,8 @@ class Sweeps:
         """holds the precision of depths: a slop, and `Tolerance.depth` of themselves"""
         self._boxes: dict[tuple[int, int], tuple[Sequence[pin.SE3], Array, Array]] = {}
         self._start: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
+        self._depths_met: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
+        self._overlaps: dict[tuple[Any, ...], Pairing] = {}
         self._begins: dict[tuple[Any, ...], bool] = {}
         self._extents: dict[tuple[int, bytes], tuple[float, float]] = {}
         self._turns: dict[int, tuple[Sequence[pin.SE3], Any, dict[int, Array]]] = {}
@@ -93,7 +142,7 @@ class Sweeps:
         """The same objects where they stand, under another tolerance; what hangs on none is shared."""
         out = copy(self)
         out.tolerance, out.count = tolerance, 0
-        out._worlds, out._boxes, out._start, out._begins = {}, {}, {}, {}
+        out._worlds, out._boxes, out._start, out._depths_met, out._overlaps, out._begins = {}, {}, {}, {}, {}, {}
         return out
 
     def extent(self, i: int, direction: Array) -> tuple[float, float]:
@@ -140,15 +189,35 @@ class Sweeps:
                 return Stop(leg, 0.0, _none())
             if not near or not self.boxes_meet(i, j, start, end):
                 continue
-            found = self._leg(i, j, start, end, (*left_out, *besides), graze)
+            found = self._leg(i, j, start, end, tuple(left_out), besides, graze)
             if found is not None:
                 return Stop(leg, *found)
         return None
 
     def _leg(
-        self, i: int, j: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...], graze: bool
-    ) -> tuple[float, NDArray[Any]] | None:
+        self, i: int, j: int, start: pin.SE3, end: pin.SE3, fits: tuple[Pairing, ...], besides: tuple[Pairing, ...],
+        graze: bool,
+    ) -> tuple[float, NDArray[Any]] | None:  # fmt: skip
         """Where and by what i is stopped on one leg, None if it is not.
+
+        Of objects that overlap as drawn it is enough that the overlap shrinks, seen from either of them.
+        """
+        left_out = *fits, *besides
+        if not (graze and any(self.overlap(i, j, fits))):
+            key = i, j, left_out
+            whole = _Swept(i, j, self._world(*key), self._depths_of, lambda: self.depths(i, j), key)
+            found = self._swept(whole, start, end, graze)
+            if fits and graze and self._pass_unseen(i, j, start, end, found, left_out):
+                return self._at_once(i, j, start, left_out)
+            return found
+        seen_from_j = self._shrinks(i, j, 0, start, end, left_out)
+        if seen_from_j is None:
+            return None
+        seen_from_i = self._shrinks(i, j, 1, start, end, left_out)
+        return None if seen_from_i is None else max(seen_from_j, seen_from_i, key=lambda found: found[0])
+
+    def _swept(self, swept: _Swept, start: pin.SE3, end: pin.SE3, graze: bool) -> tuple[float, NDArray[Any]] | None:
+        """Where and by what the moving object is stopped on one leg, None if it is not.
 
         A sweep stops where surfaces come into contact, and so where edges that lie in one plane slide past each other.
         Twice the tolerance farther they have parted again; there a group that may graze goes on, if nothing is deeper
@@ -156,19 +225,20 @@ class Sweeps:
         """
         import pinocchio as pin
 
-        world = self._world(i, j, left_out)
+        world, home = swept.world, self.poses[swept.i]
         way = pin.log6(start.actInv(end))
-        first = not graze or start.isIdentity(0.0)  # nothing is pressed yet, or what is apart alone counts
-        if not first and not self._may_begin(i, j, left_out, start):
-            return 0.0, self._told(i, j, world.contacts(self.tolerance.linear))
-        speed = self._speed(i, start, end)
+        # nothing is pressed yet, or what is apart alone counts
+        first = not graze or (start.isIdentity(0.0) and swept.front is None)
+        if not first and not self._may_begin(swept, start):
+            return 0.0, swept.told(world.contacts(self.tolerance.linear))
+        speed = self._speed(swept.i, start, end)
         step = 2.0 * self.tolerance.linear / speed if speed > 0.0 else 1.0
         at, passed = 0.0, False
         for _ in range(GRAZES):
             begin = start * pin.exp6(way * at)
-            world.set_pose(0, begin * self.poses[i])
+            world.set_pose(0, begin * home)
             self.count += 1
-            found = world.time_of_impact({0: end * self.poses[i]})
+            found = world.time_of_impact({0: end * home})
             passed = not found.hit
             if passed:
                 break
@@ -177,34 +247,138 @@ class Sweeps:
             if not graze:
                 break
             if at < 1.0 and self._meets_squarely(
-                i, j, start * pin.exp6(way * t), np.asarray(way) * step, found.contacts
+                swept, start * pin.exp6(way * t), np.asarray(way) * step, found.contacts
             ):
                 break
             there = end if at == 1.0 else start * pin.exp6(way * at)
-            if not self._no_deeper(i, j, world, there, PRESSED_BY_GRAZING):
+            if not self._no_deeper(swept, there, PRESSED_BY_GRAZING):
                 break
             passed = at == 1.0
             if passed:
                 break
         # where the next leg could not begin the group does not go
-        if first or self._may_begin(i, j, left_out, end if passed else start * pin.exp6(way * t)):
-            return None if passed else (t, self._told(i, j, found.contacts))
-        return 0.0, self._told(i, j, world.contacts(self.tolerance.linear))
+        if first or self._may_begin(swept, end if passed else start * pin.exp6(way * t)):
+            return None if passed else (t, swept.told(found.contacts))
+        return 0.0, swept.told(world.contacts(self.tolerance.linear))
 
-    def _may_begin(self, i: int, j: int, left_out: tuple[Pairing, ...], at: pin.SE3) -> bool:
+    def _may_begin(self, swept: _Swept, at: pin.SE3) -> bool:
         """Whether a leg may begin at a displacement: nothing is pressed farther there than `PRESSED` allows. Kept."""
-        key = i, j, left_out, at.homogeneous.tobytes()
-        if key not in self._begins:
-            world = self._world(i, j, left_out)
-            self._begins[key] = self._no_deeper(i, j, world, at, PRESSED - PRESSED_ON_A_LEG)
+        key = swept.key, at.homogeneous.tobytes()
+        if swept.key is None or key not in self._begins:
+            found = self._no_deeper(swept, at, PRESSED - PRESSED_ON_A_LEG)
+            if swept.key is None:
+                return found
+            self._begins[key] = found
         return self._begins[key]
 
-    @staticmethod
-    def _told(i: int, j: int, rows: NDArray[Any]) -> NDArray[Any]:
-        """Rows of the pair's world as rows of objects i and j."""
-        out = rows.copy()
-        out["object_a"], out["object_b"] = i, j
-        return out
+    # -- overlaps as drawn
+
+    def overlap(self, i: int, j: int, left_out: tuple[Pairing, ...] = ()) -> Pairing:
+        """The surfaces of i that reach into j, deeper than the tolerance, where the objects stand, and those of j that
+        reach into i; of those that are left out, nothing counts behind each other. None where the objects do not
+        overlap. Kept.
+
+        An object all of which is inside the other, meeting none of its surfaces, does not overlap it: it is held.
+        """
+        key = i, j, left_out
+        if key not in self._overlaps:
+            met = self._met(i, j)
+            deep = {pair for pair, depth in met.items() if depth > self.tolerance.linear} - products(left_out)
+            mine, theirs = {a for a, _ in deep}, {b for _, b in deep}
+            if met:
+                pose, least = self.poses[j].actInv(self.poses[i]), self.tolerance.linear
+                back = tuple((b, a) for a, b in left_out)
+                mine.update(buried(self.meshes[i], self.meshes[j], pose, least, left_out).tolist())
+                theirs.update(buried(self.meshes[j], self.meshes[i], pose.inverse(), least, back).tolist())
+            self._overlaps[key] = tuple(sorted(mine)), tuple(sorted(theirs))
+        return self._overlaps[key]
+
+    def _met(self, i: int, j: int) -> dict[tuple[int, int], float]:
+        """`triangle_depths` where the objects stand. Kept."""
+        if (i, j) not in self._depths_met:
+            world = self._world(i, j, ())
+            world.set_pose(0, self.poses[i])
+            self._depths_met[i, j] = triangle_depths(world)
+        return self._depths_met[i, j]
+
+    def _pass_unseen(
+        self, i: int, j: int, start: pin.SE3, end: pin.SE3, found: tuple[float, NDArray[Any]] | None,
+        left_out: tuple[Pairing, ...],
+    ) -> bool:  # fmt: skip
+        """Whether faces that touch where a leg begins are inside the other object where it comes to: no distance tells
+        that two of them have passed each other, and the surfaces beside them, which meet, may be left out."""
+        world = self._world(i, j, left_out)
+        world.set_pose(0, start * self.poses[i])
+        rows = world.contacts(self.tolerance.linear)
+        at = _reached(start, end, found)
+        for side, name in enumerate(("surface_a", "surface_b")) if len(rows) else ():
+            front = self._front(i, j, side, start, end, left_out, rows[name])
+            if front is not None and self._is_inside(i, j, front, at):
+                return True
+        return False
+
+    def _shrinks(
+        self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...]
+    ) -> tuple[float, NDArray[Any]] | None:
+        """Where on a leg the overlap of i and j begins to grow, seen from j (side 0) or from i (side 1), and by which
+        contacts; None if it never does.
+
+        Swept is the front of the one that moves, against all of the other. It must not begin inside the other.
+        """
+        front = self._front(i, j, side, start, end, left_out)
+        if front is None:
+            return None
+        if self._is_inside(i, j, front, start):
+            return self._at_once(i, j, start, left_out)
+        world = CollisionManager(self.tolerance)
+        for mesh, k in zip((front.part, front.solid)[:: -1 if side else 1], (i, j), strict=True):
+            world.add(mesh, self.poses[k])
+        for mine, theirs in front.excused:
+            world.ignore_surfaces(side, mine, 1 - side, theirs)
+        drawn = {pair: d for pair, d in triangle_depths(world).items() if d <= self.tolerance.linear}
+        swept = _Swept(i, j, world, triangle_depths, lambda: drawn, None, front)
+        found = self._swept(swept, start, end, True)
+        if front.excused and self._is_inside(i, j, front, _reached(start, end, found)):
+            return self._at_once(i, j, start, left_out)
+        return found
+
+    def _front(
+        self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...],
+        surfaces: NDArray[np.integer] | None = None,
+    ) -> _Front | None:  # fmt: skip
+        """The front of i (side 0), or of j (side 1) as seen from i, on a leg, of some surfaces; None without one."""
+        import pinocchio as pin
+
+        way = pin.log6(start.actInv(end))
+        if side == 0:
+            mesh, solid, twist, pairings = self.meshes[i], self.meshes[j], self.poses[i].actInv(way), left_out
+        else:
+            mesh, solid, twist = self.meshes[j], self.meshes[i], -self.poses[j].actInv(start.act(way))
+            pairings = tuple((theirs, mine) for mine, theirs in left_out)
+        among = None if surfaces is None else np.flatnonzero(np.isin(mesh.surface_of_triangle, surfaces))
+        triangles = front_of(mesh, twist.linear, twist.angular, STILL * self.tolerance.linear, among)
+        if not len(triangles):
+            return None
+        part, of = part_of(mesh, triangles)
+        place = {s: k for k, s in enumerate(of.tolist())}
+        excused = [(tuple(place[s] for s in mine if s in place), theirs) for mine, theirs in pairings]
+        return _Front(side, part, solid, triangles, of, tuple(pair for pair in excused if pair[0]))
+
+    def _is_inside(self, i: int, j: int, front: _Front, at: pin.SE3) -> bool:
+        """Whether some of a front is deeper inside the other object than the tolerance, i displaced."""
+        pose = self.poses[j].actInv(at * self.poses[i])
+        pose = pose.inverse() if front.side else pose
+        return bool(len(buried(front.part, front.solid, pose, self.tolerance.linear, front.excused)))
+
+    def _at_once(self, i: int, j: int, start: pin.SE3, left_out: tuple[Pairing, ...]) -> tuple[float, NDArray[Any]]:
+        """A stop where a leg begins, by what touches or overlaps there; by what is left out if nothing else does."""
+        for world in (self._world(i, j, left_out), self._world(i, j, ())):
+            world.set_pose(0, start * self.poses[i])
+            rows = world.contacts(self.tolerance.linear)
+            rows["object_a"], rows["object_b"] = i, j
+            if len(rows):
+                break
+        return 0.0, rows
 
     def _speed(self, i: int, start: pin.SE3, end: pin.SE3) -> float:
         """m: no point of i goes farther on a leg."""
@@ -213,16 +387,16 @@ class Sweeps:
         way = np.asarray(pin.log6(start.actInv(end)))
         return float(np.linalg.norm(way[:3] + _box_corners(self._box(i)) @ pin.skew(way[3:]).T, axis=1).max())
 
-    def _meets_squarely(self, i: int, j: int, at: pin.SE3, way: Array, rows: NDArray[Any]) -> bool:
+    def _meets_squarely(self, swept: _Swept, at: pin.SE3, way: Array, rows: NDArray[Any]) -> bool:
         """Whether facets that lie over each other run into each other on the next piece `way` (6,) of a leg: then the
         group is stopped, and nothing needs to be measured."""
         slack = self.tolerance.slop * self.tolerance.linear
-        pose = at * self.poses[i]
-        mine, theirs = self.meshes[i], self.meshes[j]
+        pose, standing = at * self.poses[swept.i], self.poses[swept.j]
+        mine, theirs = swept.world.mesh(0), swept.world.mesh(1)
         for row in rows[:4]:
             a = mine.vertices[mine.triangles[row["triangle_a"]]] @ pose.rotation.T + pose.translation
             b = theirs.vertices[theirs.triangles[row["triangle_b"]]]
-            b = b @ self.poses[j].rotation.T + self.poses[j].translation
+            b = b @ standing.rotation.T + standing.translation
             d = float(row["distance"])
             n = _cross(a[1] - a[0], a[2] - a[0]) if d <= slack else row["point_b"] - row["point_a"]
             length = float(np.linalg.norm(n))
@@ -243,15 +417,15 @@ class Sweeps:
                 return True
         return False
 
-    def _no_deeper(self, i: int, j: int, world: CollisionManager, at: pin.SE3, slops: float) -> bool:
+    def _no_deeper(self, swept: _Swept, at: pin.SE3, slops: float) -> bool:
         """Whether no surfaces of i, displaced, and j reach deeper into each other than where they stand, by more than
         so many slops."""
-        known = self.depths(i, j)  # before the pose is set: it may be the same world
-        world.set_pose(0, at * self.poses[i])
+        known, world = swept.drawn(), swept.world  # before the pose is set: it may be the same world
+        world.set_pose(0, at * self.poses[swept.i])
         if not len(world.colliding_surfaces()):
             return True
         slack = slops * self.tolerance.slop * self.tolerance.linear
-        return all(depth <= known.get(pair, 0.0) + slack for pair, depth in self._depths_of(world).items())
+        return all(depth <= known.get(pair, 0.0) + slack for pair, depth in swept.depths_of(world).items())
 
     def depths(self, i: int, j: int) -> dict[tuple[int, int], float]:
         """m by surface of i and of j: how deep they reach into each other where the objects stand."""
@@ -302,7 +476,9 @@ class Sweeps:
         """
         world = self._world(i, j, (*(self.excuse(i, j, start, end) or ()), *besides))
         world.set_pose(0, start * self.poses[i])
-        return self._told(i, j, world.contacts(within))
+        rows = world.contacts(within)
+        rows["object_a"], rows["object_b"] = i, j
+        return rows
 
     def straight(self, i: int, j: int, direction: Array, margin: float) -> Stop | None:
         """Where j stops i on its straight way along a unit direction until a plane across it parts them by `margin`."""
@@ -384,6 +560,18 @@ class Sweeps:
                 world.ignore_surfaces(0, mine, 1, theirs)
             self._worlds[key] = world
         return self._worlds[key]
+
+
+def _reached(start: pin.SE3, end: pin.SE3, found: tuple[float, NDArray[Any]] | None) -> pin.SE3:
+    """The displacement that a leg comes to."""
+    import pinocchio as pin
+
+    return end if found is None else start * pin.exp6(pin.log6(start.actInv(end)) * found[0])
+
+
+def products(pairings: Iterable[Pairing]) -> set[tuple[int, int]]:
+    """All pairs of surfaces of pairings."""
+    return {(a, b) for mine, theirs in pairings for a in mine for b in theirs}
 
 
 def _none() -> NDArray[Any]:

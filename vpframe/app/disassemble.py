@@ -37,7 +37,12 @@ def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
         "--base", metavar="P", action="append", default=[], help="a part that stays (default: the largest)"
     )
     sub.add_argument("--carry", metavar="A,B", action="append", default=[], help="parts that come out as one")
-    sub.add_argument("--authorise", metavar="A:B", action="append", default=[], help="parts that may overlap")
+    sub.add_argument(
+        "--authorise", metavar="A:B", action="append", default=[], help="parts whose overlap as drawn is meant"
+    )
+    sub.add_argument(
+        "--ignore", metavar="A:B", action="append", default=[], help="parts that may pass through each other (a cable)"
+    )
     sub.add_argument(
         "--thread", metavar="A=PITCH", action="append", default=[],
         help="a part whose snug fits are threads drawn without them, and metres a turn with a unit: nut=1.25mm",
@@ -79,7 +84,7 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
     from vpframe.planning.assembly import LINEAR
     from vpframe.scene.subassembly import listed
 
-    authorised = authorised_pairs(arguments.authorise)
+    authorised, ignored = authorised_pairs(arguments.authorise), authorised_pairs(arguments.ignore)
     threads = dict(_thread(text) for text in arguments.thread)
     carry = [_names(text) for text in arguments.carry]
     if arguments.resume and not (arguments.tracks or arguments.report):
@@ -94,9 +99,9 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
         scene = load(arguments.file)
         with Progress("taking apart") as progress:
             found = plan.disassembly(
-                scene, arguments.part, base=arguments.base, carry=carry, authorise=authorised, threads=threads,
-                clearance=arguments.clearance, motion=arguments.motion, budget=arguments.budget, seed=arguments.seed,
-                jobs=arguments.jobs, known=known, progress=progress,
+                scene, arguments.part, base=arguments.base, carry=carry, authorise=authorised, ignore=ignored,
+                threads=threads, clearance=arguments.clearance, motion=arguments.motion, budget=arguments.budget,
+                seed=arguments.seed, jobs=arguments.jobs, known=known, progress=progress,
                 found=lambda parts, text: progress(None, f"{listed(parts)}: {text}"),
             )  # fmt: skip
         names = document.track_files(found)

@@ -3,13 +3,16 @@
 All motions start where the parts stand. What a motion may do to each pair of parts:
 
 - surfaces that are apart stay apart, by `Tolerance.linear` at least;
-- surfaces that touch or overlap get no deeper than where the parts stand, but for rounding (`TOLERANCE`);
+- surfaces that touch get no deeper than where the parts stand, but for rounding (`TOLERANCE`);
+- an overlap as drawn, deeper than 1 µm, only shrinks, seen from one of the two parts (`Sweeps`);
 - the surfaces of a fit or thread are excused while the motion keeps the two on their common axis (or centre), as those
   of a mate in a session are: their facets cross although the true surfaces fit;
 - a press fit is excused like any other fit: along its axis it keeps the overlap it is drawn with;
 - a drawn thread lets nothing pass but its own screw, until its two cylinders share no length;
-- a shaft that clashes with its bore, being larger than a press fit allows, or off its axis, does not move in it;
-- a pair of parts that the user authorised never stops anything.
+- a shaft that clashes with its bore, being larger than a press fit allows, or off its axis, does not move in it, unless
+  the user authorised the overlap of the pair: then it is a fit, however great its interference; all else holds of this
+  pair, too;
+- a pair of parts that the user ignores never stops anything.
 """
 
 from __future__ import annotations
@@ -31,6 +34,7 @@ from constraints.geometry.sleeve import sleeve
 from constraints.geometry.surfaces import Cylinder, Sphere
 from constraints.geometry.views import Extent
 from constraints.recognition.mated import adjacent_surfaces
+from constraints.recognition.misfits import Misfit
 from vpframe.analysis.clash import clash, is_open
 from vpframe.analysis.fits import BAD_KINDS, PressFit, fit_of, misfits_of, press_fits
 from vpframe.analysis.static import candidates, threaded_features, world_of
@@ -194,7 +198,8 @@ class Assembly:
 
     Parameters
     ----------
-    authorised: pairs of part names that may overlap as they like.
+    authorised: pairs of part names whose overlap as drawn is meant.
+    ignored: pairs of part names that may pass through each other.
     threads: m a turn by part name: its snug fits are threads, drawn without them.
     tolerance: of planned motions.
     """
@@ -206,12 +211,13 @@ class Assembly:
         threads: Mapping[str, float] | None = None,
         tolerance: Tolerance = TOLERANCE,
         progress: Progress = _silent,
+        ignored: Iterable[tuple[str, str]] = (),
     ) -> None:
         self.scene, self.tolerance = scene, tolerance
         self.names = scene.names
         self.poses = tuple(pin.SE3(part.pose) for part in scene.parts)
         self.meshes = tuple(part.mesh for part in scene.parts)
-        self.authorised = frozenset(frozenset((scene.index(a), scene.index(b))) for a, b in authorised)
+        self.authorised, self.ignored = _pairs(scene, authorised), _pairs(scene, ignored)
         self._threads = {scene.index(name): pitch for name, pitch in (threads or {}).items()}
         for name, pitch in (threads or {}).items():
             if not (np.isfinite(pitch) and pitch != 0.0):
@@ -278,15 +284,20 @@ class Assembly:
 
     @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
-        """What overlaps where the parts stand and is not authorised, the deepest first."""
-        pairs = [tuple(self.names[i] for i in sorted(pair)) for pair in self.authorised]
-        rows = clash(self.scene, authorised=pairs, progress=self._progress)["pairs"]  # type: ignore[arg-type]
+        """What overlaps where the parts stand and is neither authorised nor ignored, the deepest first."""
+        rows = clash(self.scene, authorised=self.meant, progress=self._progress)["pairs"]
         found = [
             Overlap(tuple(row["parts"]), tuple(row["surfaces"]), row["depth"])
             for row in rows
             if row["kind"] in BAD_KINDS and is_open(row)
         ]
         return tuple(sorted(found, key=lambda o: (-o.depth, o.parts, o.surfaces)))
+
+    @property
+    def meant(self) -> tuple[tuple[str, str], ...]:
+        """Names of the pairs of parts that are authorised or ignored, in the order of the scene."""
+        pairs = sorted(tuple(sorted(pair)) for pair in self.authorised | self.ignored)
+        return tuple((self.names[a], self.names[b]) for a, b in pairs)
 
     # -- mates
 
@@ -300,6 +311,11 @@ class Assembly:
             mate = self._mate(candidate, features, sags)
             if mate is not None:
                 out.setdefault(mate.parts, []).append(mate)
+        for found in self._misfits:
+            a, fa, b, fb = found.pair
+            if frozenset((a, b)) in self.authorised:
+                ends = ((a, features[a][fa]), (b, features[b][fb]))
+                out.setdefault((a, b), []).append(self._authorised_fit(found, ends))
         return {pair: tuple(mates) for pair, mates in sorted(out.items())}
 
     @property
@@ -322,19 +338,15 @@ class Assembly:
         pitch = candidate.pitch if stated is None else stated
         thread = kind == "screw" or stated is not None
         found = fit_of(candidate, t)
-        # what fits loosely needs no excuse; what overlaps and is no press fit has none
-        excusable = found is not None and found.kind != "clash" and found.gap <= sags[a] + sags[b] + t.linear
+        # what fits loosely needs no excuse; what overlaps and is neither a press fit nor authorised has none
+        meant = found is not None and (found.kind != "clash" or frozenset((a, b)) in self.authorised)
+        excusable = meant and found is not None and found.gap <= sags[a] + sags[b] + t.linear
         if not (thread or excusable):
             return None
         apart = np.inf, np.inf
         if isinstance(first, Cylinder):
-            spans = [Extent.of(features[i][f]).spans for i, f in ((a, fa), (b, fb))]
-            low_a, high_a = self._heights(a, first, spans[0], origin, axis)
-            low_b, high_b = self._heights(b, second, spans[1], origin, axis)
-            apart = max(high_b - low_a, 0.0), max(high_a - low_b, 0.0)
-        surfaces = candidate.surfaces
-        beside = tuple(adjacent_surfaces(self.meshes[i], s) for i, s in zip((a, b), surfaces, strict=True))
-        excused: list[Pairing] = [(surfaces[0], surfaces[1] + beside[1]), (beside[0], surfaces[1])]
+            apart = self._until_apart(((a, features[a][fa]), (b, features[b][fb])), origin, axis)
+        excused = self._with_faces_beside((a, b), candidate.surfaces)
         inside = sleeve(candidate, features, (self.meshes[a], self.meshes[b]), t.fit)
         if inside is not None:
             excused.append(inside)
@@ -342,6 +354,25 @@ class Assembly:
             (a, b), "screw" if thread else kind, np.asarray(origin), np.asarray(axis), pitch if thread else None,
             thread and candidate.match.fit is not None, apart, tuple(excused), 0.0 if thread else candidate.match.press,
         )  # fmt: skip
+
+    def _authorised_fit(self, found: Misfit, ends: tuple[tuple[int, Any], tuple[int, Any]]) -> Mate:
+        """A shaft in a bore that is too small for it, whose overlap is authorised: along the axis it is excused."""
+        (a, one), (b, other) = ends
+        excused = self._with_faces_beside((a, b), (one.surfaces, other.surfaces))
+        return Mate((a, b), "concentric", *found.line, None, False, self._until_apart(ends, *found.line), tuple(excused))
+
+    def _with_faces_beside(self, parts: tuple[int, int], surfaces: Sequence[tuple[int, ...]]) -> list[Pairing]:
+        """The surfaces of a fit with each other, and with those beside the other's."""
+        mine, theirs = (adjacent_surfaces(self.meshes[i], s) for i, s in zip(parts, surfaces, strict=True))
+        return [(surfaces[0], surfaces[1] + theirs), (mine, surfaces[1])]
+
+    def _until_apart(
+        self, ends: tuple[tuple[int, Any], tuple[int, Any]], origin: Array, axis: Array
+    ) -> tuple[float, float]:
+        """m: how far the first part goes along a world line, and against it, until two cylinders share no length."""
+        heights = [self._heights(i, f.geometry, Extent.of(f).spans, origin, axis) for i, f in ends]
+        (low_a, high_a), (low_b, high_b) = heights
+        return max(high_b - low_a, 0.0), max(high_a - low_b, 0.0)
 
     def _heights(self, i: int, cylinder: Any, spans: Array, origin: Array, axis: Array) -> tuple[float, float]:
         """Least and greatest height (m) of a cylinder of part i along a world line, from its spans along its own."""
@@ -382,11 +413,16 @@ class Assembly:
         return () if frozenset((i, j)) in self.authorised else self._jams.get((min(i, j), max(i, j)), ())
 
     @cached_property
-    def _jams(self) -> dict[tuple[int, int], tuple[Jam, ...]]:
+    def _misfits(self) -> tuple[Misfit, ...]:
+        """The shafts in bores that clash where the parts stand."""
         sags = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
         contacts = self.world.contacts(within=self.world.tolerance.linear + 2.0 * max(sags, default=0.0))
+        return misfits_of(self.scene, self.world, contacts, sags)
+
+    @cached_property
+    def _jams(self) -> dict[tuple[int, int], tuple[Jam, ...]]:
         out: dict[tuple[int, int], list[Jam]] = {}
-        for found in misfits_of(self.scene, self.world, contacts, sags):
+        for found in self._misfits:
             out.setdefault((found.pair[0], found.pair[2]), []).append(Jam(*found.line, found.length))
         return {pair: tuple(jams) for pair, jams in out.items()}
 
@@ -402,7 +438,7 @@ class Assembly:
         for row in self.world.contacts(within=2.0 * sag + 2.0 * self.tolerance.linear):
             a, b = int(row["object_a"]), int(row["object_b"])
             fa, fb = place[a].get(int(row["surface_a"])), place[b].get(int(row["surface_b"]))
-            if fa is not None and fb is not None and frozenset((a, b)) not in self.authorised:
+            if fa is not None and fb is not None and frozenset((a, b)) not in self.ignored:
                 out.setdefault((a, b), set()).add((fa, fb))
         return out
 
@@ -428,14 +464,14 @@ class Assembly:
 
     def stop(self, i: int, j: int, knots: Knots) -> Stop | None:
         """Where part j, standing, stops part i on its way; None if it goes to the end. Kept."""
-        if frozenset((i, j)) in self.authorised:
+        if frozenset((i, j)) in self.ignored:
             return None
         key = i, j, *(k.homogeneous.tobytes() for k in knots)
         return self._asked(key, lambda: self.sweeps.stop(i, j, knots))
 
     def straight(self, i: int, j: int, direction: Array) -> Stop | None:
         """Where part j stops part i on its straight way along a unit direction until they are apart. Kept."""
-        if frozenset((i, j)) in self.authorised:
+        if frozenset((i, j)) in self.ignored:
             return None
         key = i, j, direction.tobytes()
         back = j, i, (0.0 - direction).tobytes()
@@ -459,7 +495,7 @@ class Assembly:
         best: GroupStop | None = None
         for i in group:
             for j in others:
-                if frozenset((i, j)) in self.authorised:
+                if frozenset((i, j)) in self.ignored:
                     continue
                 found = self.sweeps.stop(i, j, (start, end))
                 if found is not None and (best is None or found.t < best.t):
@@ -484,6 +520,15 @@ class Assembly:
     def with_tolerance(self, linear: float, slop: float) -> Sweeps:
         """Sweeps that stop at another distance (m), to within `slop` of it: to find the least clearance of a way."""
         return self.sweeps.with_tolerance(replace(self.tolerance, linear=linear, slop=slop))
+
+
+def _pairs(scene: Scene, names: Iterable[tuple[str, str]]) -> frozenset[frozenset[int]]:
+    out = set()
+    for a, b in names:
+        if a == b:
+            raise VpframeError(f"{a}:{b}: a part is on both sides; name two different ones")
+        out.add(frozenset((scene.index(a), scene.index(b))))
+    return frozenset(out)
 
 
 def translation(vector: Array) -> pin.SE3:

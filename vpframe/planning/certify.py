@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from collision.query.blocking import Pairing
+from constraints.recognition.mated import adjacent_surfaces
 from vpframe.planning.assembly import Array, Assembly, Knots
 
 SAMPLES: Final = 32
@@ -40,6 +41,8 @@ class Clearance:
     surfaces: tuple[int, int] | None = None
     at: Array | None = None
     """(3,) world, m"""
+    ignored: tuple[tuple[int, int], ...] = ()
+    """parts that move and parts that they may pass through, near the way: not among those measured"""
 
 
 def free(assembly: Assembly, group: Sequence[int], others: Iterable[int], knots: Knots) -> bool:
@@ -51,8 +54,9 @@ def free(assembly: Assembly, group: Sequence[int], others: Iterable[int], knots:
 def least_clearance(
     assembly: Assembly, group: Sequence[int], others: Iterable[int], knots: Knots, ignore: float = 0.0
 ) -> Clearance:
-    """The least distance of surfaces along a way; left out are those of fits and threads that a leg of it keeps, and
-    those that touch or are within `ignore` m of each other where it begins.
+    """The least distance of surfaces along a way; left out are those of fits and threads that a leg of it keeps, those
+    that touch or are within `ignore` m of each other where it begins, and those of an overlap there, with what is
+    beside them. Pairs of parts that are ignored, and near the way, are named.
 
     Distances at some poses bound it from above; a sweep that stops at a distance, and is not stopped, from below.
     The sweeps' bound is returned. It counts nothing beyond the group's own size.
@@ -60,11 +64,15 @@ def least_clearance(
     limit = max(assembly.size(i) for i in group)
     wide = assembly.with_tolerance(limit, 1.0)
     boxes = {i: wide.way_box(i, knots) for i in group}
-    measured = []
+    measured, ignored = [], []
     nearest = limit
     for j in others:
         for i in group:
-            if frozenset((i, j)) in assembly.authorised or not assembly.sweeps.box_meets(j, *boxes[i]):
+            if frozenset((i, j)) in assembly.ignored:
+                if any(assembly.sweeps.boxes_meet(i, j, a, b) for a, b in pairwise(knots)):
+                    ignored.append((i, j))
+                continue
+            if not assembly.sweeps.box_meets(j, *boxes[i]):
                 continue
             if not any(wide.boxes_meet(i, j, a, b) for a, b in pairwise(knots)):
                 continue
@@ -72,13 +80,16 @@ def least_clearance(
             together: tuple[Pairing, ...] = tuple(((int(r["surface_a"]),), (int(r["surface_b"]),)) for r in rows)
             kept = (pairing for a, b in pairwise(knots) for pairing in assembly.left_out(i, j, a, b) or ())
             together += tuple(dict.fromkeys(kept))
+            mine, theirs = assembly.sweeps.overlap(i, j, tuple(assembly.left_out(i, j, knots[0], knots[1]) or ()))
+            mine += adjacent_surfaces(assembly.meshes[i], mine)
+            together += ((mine, theirs + adjacent_surfaces(assembly.meshes[j], theirs)),)
             found = _measured(assembly, i, j, knots, together, nearest)
             nearest = min(nearest, found.distance)
             measured.append((found, i, j, together))
     best = Clearance(np.inf)
     for found, i, j, together in sorted(measured, key=lambda m: m[0].distance):
         best = _proven(assembly, i, j, knots, together, found, min(limit, best.distance), best)
-    return best
+    return replace(best, ignored=tuple(ignored))
 
 
 def _measured(

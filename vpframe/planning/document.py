@@ -66,6 +66,7 @@ def _step(step: PlannedStep, names: Sequence[str], files: Mapping[str, str]) -> 
         "track": {name: files[name] for name in step.parts if name in files},
         "length": step.length,
         "least_clearance": _clearance(step.clearance, names),
+        "ignores": [[names[a], names[b]] for a, b in step.clearance.ignored],
         "knots": [[float(x) for x in (*k.translation, *pin.Quaternion(k.rotation).coeffs())] for k in way.knots],
     }
 
@@ -124,6 +125,7 @@ def table(plan: Disassembly) -> str:
     for n, step in enumerate(plan.steps, 1):
         d = step.clearance.distance
         near = "" if not math.isfinite(d) else f", {d * 1e3:.3g} mm clear"
+        near += ignores(step.clearance, plan.names)
         lines.append(f"  {n:3}  {listed(step.parts)}: {step.way.text}, {step.length * 1e3:.4g} mm{near}")
     alike: dict[tuple[str, str], list[str]] = {}
     for name, stuck in plan.stuck.items():
@@ -135,13 +137,21 @@ def table(plan: Disassembly) -> str:
     lines += [f"  {fit}" for fit in plan.press_fits]
     for (a, b), depths in overlaps_by_parts(plan).items():
         faces = "" if len(depths) == 1 else f" at most, {len(depths)} pairs of surfaces"
-        meant = f"; if that is meant: --authorise {quote(f'{a}:{b}')}" if {a, b} & plan.stuck.keys() else ""
+        pair = quote(f"{a}:{b}")
+        meant = f"; if that is meant: --authorise {pair}; if they may pass through each other: --ignore {pair}"
+        meant = meant if {a, b} & plan.stuck.keys() else ""
         lines.append(f"  overlap from the start, never deepened: {a} – {b}, {depths[0] * 1e3:.3f} mm{faces}{meant}")
     if plan.interrupted:
         lines.append("  interrupted; these are the steps found until then")
     elif plan.remaining and plan.budget.by_clock:
         lines.append("  the time was used up; a larger --budget may find more")
     return "\n".join(map(plain, lines))
+
+
+def ignores(clearance: Clearance, names: Sequence[str]) -> str:
+    """Which parts a way may pass through, in words that follow it; empty where it passes none that is ignored."""
+    pairs = ", ".join(f"{names[a]}–{names[b]}" for a, b in clearance.ignored)
+    return f", ignores {pairs}" if pairs else ""
 
 
 WORDS = {
@@ -205,11 +215,11 @@ def known_ways(text: str, path: str) -> list[tuple[tuple[str, ...], Way]]:
 
 def script(plan: Disassembly, model: str, folder: str, files: Mapping[str, str]) -> str:
     """A task script that takes the model apart as planned: to be read, changed and run."""
-    lines = []
+    lines = [f"    session.authorise({_quoted(a)}, {_quoted(b)})" for a, b in plan.meant]
     for n, step in enumerate(plan.steps, 1):
         first, carried = step.parts[0], step.parts[1:]
         carry = f", carry={_list(carried)}" if carried else ""
-        lines.append(f"    # {n}: {plain(step.way.text)}")
+        lines.append(f"    # {n}: {plain(step.way.text + ignores(step.clearance, plan.names))}")
         lines.append(f"    hand.grab({_quoted(first)}{carry})")
         if step.motion == "straight":
             far = float(np.linalg.norm(step.way.knots[-1].translation))

@@ -91,7 +91,7 @@ def _inside(assembly: Assembly, shell: SurfaceMesh, i: int, j: int) -> bool:
 def caged_by(assembly: Assembly, group: Sequence[int], others: Iterable[int]) -> tuple[int, ...] | None:
     """Parts between which a ball inside the group finds no way out, in the order of the scene; None without a proof.
 
-    Parts that motions may pass through do not count: those that are authorised, fitted to the group, or overlap it.
+    Parts that motions may pass through do not count: those that are ignored, fitted to the group, or overlap it.
     """
     from scipy.spatial import cKDTree
 
@@ -141,9 +141,9 @@ def caged_by(assembly: Assembly, group: Sequence[int], others: Iterable[int]) ->
 
 
 def _may_pass(assembly: Assembly, i: int, j: int) -> bool:
-    """Whether a motion of part i may go through part j: authorised, excused as fits are, or overlapping already, by
+    """Whether a motion of part i may go through part j: ignored, excused as fits are, or overlapping already, by
     more than a touch."""
-    if frozenset((i, j)) in assembly.authorised or assembly.mates_of(i, j):
+    if frozenset((i, j)) in assembly.ignored or assembly.mates_of(i, j):
         return True
     return max(assembly.sweeps.depths(i, j).values(), default=0.0) > assembly.tolerance.linear
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 import vpframe.report
 from vpframe.planning.certify import Track
-from vpframe.planning.document import WORDS, overlaps_by_parts
+from vpframe.planning.document import WORDS, ignores, overlaps_by_parts
 from vpframe.planning.plan import Disassembly, PlannedStep
 from vpframe.scene.scene import Scene
 from vpframe.scene.subassembly import listed
@@ -35,7 +35,7 @@ def html(
     pictures = []
     for n, step in enumerate(plan.steps[:PICTURES]):
         progress(n / max(1, len(plan.steps)), "pictures")
-        caption = f"{n + 1}: {listed(step.parts)}, {step.way.text}"
+        caption = f"{n + 1}: {listed(step.parts)}, {step.way.text}{ignores(step.clearance, plan.names)}"
         pictures.append(_figure(_step_picture(scene, step, gone(plan, n)), caption))
     sections = [
         _head(plan, title),

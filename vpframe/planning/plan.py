@@ -34,6 +34,7 @@ def removal(
     motion: Motion = "free",
     clearance: float = 0.0,
     authorise: Iterable[tuple[str, str]] = (),
+    ignore: Iterable[tuple[str, str]] = (),
     threads: Mapping[str, float] | None = None,
 ) -> Removal:
     """Take one part (or several that move as one) out from among all others, which stay where they are.
@@ -44,7 +45,8 @@ def removal(
     seed: of the sampling.
     motion: "straight" ways alone; "mates": along threads and pushed along what is touched, too; "free": six freedoms.
     clearance: m that surfaces keep all the way, but for those that are nearer where the parts stand.
-    authorise: pairs of part names that may overlap.
+    authorise: pairs of part names whose overlap as drawn is meant; it is never deepened.
+    ignore: pairs of part names that may pass through each other, such as a cable and its clamp; ways that do name them.
     threads: m a turn by part, negative for left-hand ones: its snug fits are threads, drawn without them.
 
     Raises
@@ -56,7 +58,7 @@ def removal(
     group = tuple(sorted(scene.index(name) for name in names))
     if len(set(group)) != len(names) or not names:
         raise VpframeError(f"the parts to take out are {list(names)}; name each once")
-    assembly = Assembly(scene, authorise, threads)
+    assembly = Assembly(scene, authorise, threads, ignored=ignore)
     others = [j for j in range(len(assembly)) if j not in group]
     return find(assembly, group, others, Budget(budget), motion, clearance, seed)
 
@@ -121,6 +123,8 @@ class Disassembly:
     interrupted: bool = False
     press_fits: tuple[PressFit, ...] = ()
     """as the parts stand: ways keep them to their axes; their force is not checked"""
+    meant: tuple[tuple[str, str], ...] = ()
+    """pairs of parts that are authorised or ignored: a session that does the plan lets them overlap"""
 
     @property
     def precedence(self) -> dict[str, tuple[str, ...]]:
@@ -144,6 +148,7 @@ def disassembly(
     base: Iterable[str] = (),
     carry: Iterable[Sequence[str]] = (),
     authorise: Iterable[tuple[str, str]] = (),
+    ignore: Iterable[tuple[str, str]] = (),
     threads: Mapping[str, float] | None = None,
     clearance: float = 0.0,
     motion: Motion = "free",
@@ -160,7 +165,7 @@ def disassembly(
     ----------
     base: parts that stay; by default those that are fixed, else the largest.
     carry: groups of parts that come out as one.
-    authorise, threads, clearance, motion, budget, seed: as of `removal`.
+    authorise, ignore, threads, clearance, motion, budget, seed: as of `removal`.
     jobs: processes; the plan is the same whatever their number.
     known: parts and ways from an earlier plan; they are swept anew before they are used.
     progress: hears the fraction done and what has been found so far.
@@ -173,7 +178,7 @@ def disassembly(
     UnknownPartError, VpframeError: no such part, a part in two groups, a target that is a base, a bad number or name.
     """
     _check(motion, clearance)
-    assembly = Assembly(scene, authorise, threads, progress=progress)
+    assembly = Assembly(scene, authorise, threads, progress=progress, ignored=ignore)
     plan = _Plan(assembly, target, base, carry, clearance, motion, Budget(budget), seed, progress, found)
     plan.workers = Workers(plan.ways, jobs)
     try:
@@ -445,4 +450,5 @@ class _Plan:
             {names[i]: results[i] for i in sorted(results)},
             self.assembly.overlaps, self._mates(), self.budget, self.assembly.sweeps.count, self.interrupted,
             self.assembly.press_fits,
+            self.assembly.meant,
         )  # fmt: skip

@@ -20,6 +20,8 @@ def perform(session: Session, plan: Disassembly) -> None:
     ------
     TaskError: the hand was stopped.
     """
+    for a, b in plan.meant:
+        session.authorise(a, b)
     hand = session.hand()
     names = session.scene.names
     for step in plan.steps:

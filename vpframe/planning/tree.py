@@ -558,7 +558,7 @@ class _Search:
     def __init__(self, pushes: Pushes, cone: EscapeCone, seed: int) -> None:
         assembly, group = pushes.assembly, pushes.group
         self.pushes = pushes
-        standing = [j for j in pushes.others if any(frozenset((i, j)) not in assembly.authorised for i in group)]
+        standing = [j for j in pushes.others if any(frozenset((i, j)) not in assembly.ignored for i in group)]
         shift = translation(0.0 - pushes.center)
         self.standing, self.first_standing = _joined(assembly, standing, shift)
         self.moving, self.first_moving = _joined(assembly, group, shift)
@@ -603,7 +603,7 @@ class _Search:
         mask = np.ones((ka, kb), np.uint8)
         for i, own in zip(self.pushes.group, self.first_moving, strict=True):
             for j, at in zip(standing, self.first_standing, strict=True):
-                if frozenset((i, j)) in assembly.authorised:
+                if frozenset((i, j)) in assembly.ignored:
                     mask[at : at + assembly.meshes[j].n_surfaces, own : own + assembly.meshes[i].n_surfaces] = 0
                 for mine, theirs in assembly.excused(i, j):
                     mask[np.ix_([at + s for s in theirs], [own + s for s in mine])] = 0

@@ -37,14 +37,14 @@ def test_the_document(model, capsys):
 
 
 def test_what_overlaps_is_a_line_a_pair_of_parts(tmp_path, capsys):
-    pressed = pin.SE3(np.eye(3), np.array([0.015, 0.0, 0.0]))  # 5 mm of it in the other, with all its sides
-    path = write_step(
-        tmp_path / "pressed.step", {"a": box(0.02, 0.02, 0.02), "a key": (box(0.02, 0.01, 0.01), pressed)}
-    )
+    room = box(0.02, 0.02, 0.02) - box(0.01, 0.01, 0.01).translated(0.005, 0.005, 0.005)
+    pressed = pin.SE3(np.eye(3), np.array([0.0049, 0.006, 0.006]))  # both its ends in the walls around it
+    path = write_step(tmp_path / "pressed.step", {"a": room, "a key": (box(0.0102, 0.008, 0.008), pressed)})
     main(["disassemble", str(path), "--base", "a", "--motion", "straight", "--budget", "20s"])
     (line,) = (line for line in capsys.readouterr().out.splitlines() if "overlap" in line)
     assert line.startswith("  overlap from the start, never deepened: a – a key, ")
-    assert line.endswith("pairs of surfaces; if that is meant: --authorise 'a:a key'")
+    assert "; if that is meant: --authorise 'a:a key'; " in line
+    assert line.endswith("if they may pass through each other: --ignore 'a:a key'")
 
 
 def test_a_model_of_one_part_is_not_taken_apart(tmp_path, capsys):
@@ -94,6 +94,8 @@ def test_one_part_the_fewest_removals_and_a_no(model, capsys):
         (["--part", "base", "--base", "base"], "name another base"),
         (["--budget", "soon"], "60s or 5min"),
         (["--authorise", "nut"], "as A:B"),
+        (["--ignore", "nut:nutt"], "did you mean 'nut'"),
+        (["--ignore", "nut:nut"], "name two different ones"),
         (["--carry", "nut"], "two parts or more"),
         (["--carry", "nut,bolt", "--carry", "bolt,plate"], "in two groups"),
         (["--clearance", "0.1"], "unit"),

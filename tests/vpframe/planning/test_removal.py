@@ -237,7 +237,9 @@ def test_what_several_parts_enclose_together_is_enclosed_by_them():
     assert vp.planning.removal(caged(0.008, 0.01), "ball", budget=LONG).verdict == "enclosed"
     assert vp.planning.removal(caged(0.022, 0.01), "ball", budget=LONG).verdict == "removable"
     authorised = vp.planning.removal(caged(0.0, 0.01), "ball", budget=LONG, authorise=[("ball", "lid")])
-    assert authorised.verdict == "removable"
+    assert authorised.verdict == "enclosed", "no overlap is drawn"
+    ignored = vp.planning.removal(caged(0.0, 0.01), "ball", budget=LONG, ignore=[("ball", "lid")])
+    assert ignored.verdict == "removable" and ignored.clearance.ignored
 
 
 @pytest.mark.slow

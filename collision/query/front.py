@@ -1,0 +1,92 @@
+"""The front of a mesh on a screw: the triangles that move outwards, through which alone it comes into fresh material.
+
+Of two solids of which the first moves, their common part can gain material of the second only through the boundary of
+the first that moves along its outward normal n. On a screw the velocity V of a point is constant in the frame of its
+body, and V·n is linear over a triangle; so the front, where V·n > 0, is the same all along the screw. As long as no
+part of the front is inside the second solid, what the two have in common only shrinks, seen from the second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collision.bvh.build import bounds_of, bvh_of
+from collision.mesh import SurfaceMesh
+from collision.objects import Objects
+from collision.poses import pack_rigid
+from collision.query.intersection import intersecting
+from collision.query.signed_distance import signed_distances, signed_distances_of
+from collision.solid import is_closed
+
+Array = NDArray[np.float64]
+PLACES = np.array([[1, 1, 1], [8, 1, 1], [1, 8, 1], [1, 1, 8]]) / np.array([[3.0], [10.0], [10.0], [10.0]])
+"""barycentric, of the points at which a triangle is looked for inside a solid"""
+
+
+def front_of(
+    mesh: SurfaceMesh, linear: Array, angular: Array, least: float, among: NDArray[np.int64] | None = None
+) -> NDArray[np.int64]:
+    """Return the triangles of which a point goes farther than `least` m along their outward normal in unit time.
+
+    linear, angular: (3,) velocity of the point at the origin, m, and angular velocity, rad, in the mesh's frame. Of a
+    mesh that is not closed, and so has no outside, all triangles are front. among: triangles that are looked at; None:
+    all.
+    """
+    among = np.arange(mesh.n_triangles) if among is None else among
+    if not is_closed(mesh):
+        return among
+    corners = mesh.vertices[mesh.triangles[among]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal /= np.where(length > 0.0, length, 1.0)
+    velocity = linear + np.cross(angular, corners)
+    return among[np.einsum("tcd,td->tc", velocity, normal).max(axis=1) > least]
+
+
+def part_of(mesh: SurfaceMesh, triangles: NDArray[np.integer]) -> tuple[SurfaceMesh, NDArray[np.int32]]:
+    """Return the mesh of some triangles, and (k,) the surface of the whole mesh that each of its surfaces is of."""
+    surfaces, of = np.unique(mesh.surface_of_triangle[triangles], return_inverse=True)
+    return SurfaceMesh(mesh.vertices, mesh.triangles[triangles], of.reshape(-1), mesh.name), surfaces
+
+
+def triangle_depths(objects: Objects) -> dict[tuple[int, int], float]:
+    """m by surface of object 0 and of object 1 that meet: the longest of the shortest translations that part two of
+    their triangles, which is never more than the depth of the solids there. Ignored pairs are left out."""
+    a, b, pose = objects.mesh(0), objects.mesh(1), objects.relative_pose(0, 1)
+    pairs, enabled = intersecting(a, b, pose, objects.checked.rigid)[0], objects.enabled_surfaces(0, 1)
+    if enabled is not None:
+        pairs = pairs[enabled[pairs[:, 0], pairs[:, 1]] != 0]
+    if not len(pairs):
+        return {}
+    depths = -signed_distances_of(bvh_of(a), bvh_of(b), pack_rigid(pose), pairs, 0.0)
+    return dict(zip(map(tuple, pairs.tolist()), depths.tolist(), strict=True))
+
+
+def buried(
+    part: SurfaceMesh, solid: SurfaceMesh, pose: Any, depth: float, excused: Iterable[tuple[Any, Any]] = ()
+) -> NDArray[np.int32]:
+    """Return the surfaces of `part` that reach deeper than `depth` m into a solid.
+
+    pose: `pinocchio.SE3` of the part in the solid's frame. excused: (surfaces of the part, surfaces of the solid): a
+    point of the former may lie behind the latter, if these are nearest to it.
+    """
+    corners = part.vertices[part.triangles] @ pose.rotation.T + pose.translation
+    points = np.einsum("pc,tcd->tpd", PLACES, corners).reshape(-1, 3)
+    surface = np.repeat(part.surface_of_triangle, len(PLACES))
+    box = bounds_of(solid)
+    near = ((points > box[:3]) & (points < box[3:6])).all(axis=1)
+    points, surface = points[near], surface[near]
+    if not len(points):
+        return surface
+    depths = -signed_distances(solid, points)
+    deep = depths > depth
+    for mine, theirs in excused:
+        of = deep & np.isin(surface, mine)
+        if of.any():
+            behind, _ = part_of(solid, np.flatnonzero(np.isin(solid.surface_of_triangle, theirs)))
+            deep[of] = np.abs(signed_distances(behind, points[of])) > depths[of] * (1.0 + 1e-9)
+    return np.unique(surface[deep])
