@@ -32,7 +32,7 @@ def test_the_document(model, capsys):
     assert set(nut["least_clearance"]) == {"distance", "surfaces", "at"}
     assert document["precedence"]["plate"] == ["bolt"]
     assert document["levels"] == [["nut"], ["bolt"], ["plate"]]
-    assert document["minimal"] == {"proven": False, "bound": None}
+    assert document["minimal"] == {"proven": False, "bound": None, "over": ""}
     assert document["tolerance"] == 1e-6 and document["interrupted"] is False
 
 
@@ -64,7 +64,8 @@ def test_parts_that_stay_for_one_reason_are_one_line_with_few_names(tmp_path, ca
     assert main(["disassemble", str(path), "--motion", "straight", "--budget", "60s"]) == 1
     out = capsys.readouterr().out
     (line,) = (line for line in out.splitlines() if "(proof)" in line)
-    assert line.startswith("  ball 0, ball 1, ball 2, ball 3, ball 4, ball 5 and 3 more are enclosed (proof)")
+    assert line.startswith("  ball 0, ball 1, ball 2, ball 3, ball 4, ball 5 and 3 more are enclosed while case stays (proof)")
+    assert out.startswith("enclosed: ball 0, ")
 
 
 def test_a_group_of_many_parts_is_named_by_few_of_them(tmp_path, capsys):
@@ -82,7 +83,7 @@ def test_one_part_the_fewest_removals_and_a_no(model, capsys):
     assert main(["disassemble", str(model), "--part", "nut", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert [step["parts"] for step in document["steps"]] == [["nut"]]
-    assert document["minimal"] == {"proven": True, "bound": 1}
+    assert document["minimal"] == {"proven": True, "bound": 1, "over": "all plans: nothing has to go before it"}
     assert main(["disassemble", str(model), "--part", "bolt", "--motion", "straight"]) == 1
     assert "in the way: nut" in capsys.readouterr().out
 
