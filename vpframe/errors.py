@@ -17,19 +17,18 @@ class VpframeError(ValueError):
 def near_names(name: str, known: Iterable[str], most: int = 3) -> list[str]:
     """Return the known names that `name` may be a slip of, the nearest first; none that only shares stray letters.
 
-    A name is near if it, or a level of its path ("seal" in "cover/seal_1"), is spelt alike or contains the other,
+    A name is near if it, or the end of its path ("seal_1" of "cover/seal_1"), is spelt alike or contains the other,
     capitals aside.
     """
     import difflib
 
     def alike(one: str, other: str) -> float:
         short, long = sorted((one, other), key=len)
-        if len(short) >= CONTAINED and short in long:
-            return 1.0
-        return difflib.SequenceMatcher(None, one, other).ratio()
+        least = ALIKE if len(short) >= CONTAINED and short in long else 0.0
+        return max(difflib.SequenceMatcher(None, one, other).ratio(), least)
 
     meant = str(name).lower()
-    scores = {own: max(alike(meant, word) for word in {own.lower(), *own.lower().split("/")}) for own in known}
+    scores = {own: max(alike(meant, word) for word in (own.lower(), own.lower().rsplit("/", 1)[-1])) for own in known}
     return sorted((own for own in scores if scores[own] >= ALIKE), key=lambda own: (-scores[own], own))[:most]
 
 

@@ -468,6 +468,10 @@ class Assembly:
                     best = GroupStop(found.t, i, j, found)
         return best
 
+    def pressed(self, i: int, j: int) -> bool:
+        """Whether two parts overlap where they stand by more than a touch."""
+        return max(self.sweeps.depths(i, j).values(), default=0.0) > self.tolerance.linear
+
     def size(self, i: int) -> float:
         """m: half the diagonal of a part's box."""
         return half_size(self.meshes[i])

@@ -158,7 +158,7 @@ def headline(plan: Disassembly) -> str:
     count = f"{len(plan.steps)} step{'s' * (len(plan.steps) != 1)}"
     if plan.verdict != "removable":
         words = "not found to come out" if plan.verdict == "not found" else plan.verdict
-        return f"{words}: {listed(plan.remaining)}"
+        return f"{words}: {plan.target or listed(plan.remaining)}"
     if not plan.steps:
         return f"nothing to take apart: {listed(plan.base)} is the whole model"
     if plan.proven and len(plan.steps) == 1:
@@ -189,7 +189,7 @@ def reason(found: Removal) -> str:
     if found.holders:
         return f"{PROVEN[found.verdict]} while {listed(found.holders)} {_stay(found.holders)} (proof)"
     by = f", in the way: {listed(found.blockers)}" if found.blockers else ""
-    ended = f", its budget of {found.ended} used up" if found.ended else ""
+    ended = f"; the budget of {found.ended} was used up" if found.ended else ""
     return f"not found to come out{by}{ended}"
 
 

@@ -241,7 +241,7 @@ class _Plan:
         self.results: dict[Unit, Removal] = {}
         """what searches found of units that did not come out"""
         self.bound: int | None = None
-        self.scope = NOTHING_BEFORE
+        self.scope = ""
         self.resumed = False
         self.interrupted = False
 
@@ -275,6 +275,8 @@ class _Plan:
             self.interrupted = True
         if self.target is not None and self.target in self.out:
             self.steps = order.needed(self.steps, self.target)
+            if len(self.steps) == 1:
+                self.bound, self.scope = 1, NOTHING_BEFORE
         return self._told()
 
     # -- the target, by the least number of removals
@@ -286,7 +288,6 @@ class _Plan:
         alone = self.ways.free(self.units[of_part[self.target]], everything)
         if alone is not None:  # nothing has to go before it, so there is nothing to weigh
             self._take(alone, set(everything), everything)
-            self.bound = 1
             return True
         moving = [unit for unit in self.units if not self.base & set(unit)]
         known: list[tuple[Known, ...]] = []
@@ -318,13 +319,11 @@ class _Plan:
         for k in chosen:
             self._take(k, standing, everything)
             standing -= set(k.unit)
-        self.bound = found.bound
-        if found.bound > 1:
-            every = [k for mine in known for k in mine]
-            self.scope = _scope(
-                groups=any(len(unit) > 1 for unit in self.units), carried=any(k.carried for k in every),
-                threads=any(k.way.motion == "screw" for k in every), resumed=self.resumed,
-            )  # fmt: skip
+        every = [k for mine in known for k in mine]
+        self.bound, self.scope = found.bound, _scope(
+            groups=any(len(unit) > 1 for unit in self.units), carried=any(k.carried for k in every),
+            threads=any(k.way.motion == "screw" for k in every), resumed=self.resumed,
+        )  # fmt: skip
         return True
 
     # -- everything, or until the target is out
@@ -499,9 +498,7 @@ class _Plan:
 
     def _told(self) -> Disassembly:
         names = self.assembly.names
-        others = set(range(len(names))) - set(self.wanted)
-        largest = sorted(others, key=lambda i: (self.assembly.size(i), i))[-1:]
-        supports = Supports(self.assembly, self.base or largest)
+        supports = Supports(self.assembly, self.base or self.wanted)
         present, steps = set(range(len(names))), []
         for step, level in zip(self.steps, order.levels(self.steps), strict=True):
             dropped: frozenset[int] = frozenset()

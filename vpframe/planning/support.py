@@ -17,9 +17,9 @@ SETTLES: Final = 0.1
 
 
 class Supports:
-    """Which part holds which: a fit or thread holds both its parts, and a part holds what rests on it.
+    """Which part holds which: fits, threads and what is pressed together hold both parts; a part holds what rests on it.
 
-    A part is held if a chain of these leads to the base. Nothing is said of tilting.
+    A part is held if a chain of these leads to the base. Tilting is not checked.
     """
 
     def __init__(self, assembly: Assembly, base: Iterable[int]) -> None:
@@ -45,7 +45,8 @@ class Supports:
     def holds(self, i: int, j: int) -> bool:
         """Whether part j holds part i."""
         if (i, j) not in self._holds:
-            self._holds[i, j] = bool(self.assembly.mates_of(i, j)) or self._rests(i, j)
+            fitted = bool(self.assembly.mates_of(i, j))
+            self._holds[i, j] = fitted or self._rests(i, j) or self.assembly.pressed(i, j)
         return self._holds[i, j]
 
     def _rests(self, i: int, j: int) -> bool:
