@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-ALIKE = 0.6
+ALIKE = 0.65
 """1: share of letters in common, in their order, of two names that are spelt alike"""
 CONTAINED = 3
 """letters of a name that is looked for inside others"""
@@ -24,6 +24,8 @@ def near_names(name: str, known: Iterable[str], most: int = 3) -> list[str]:
 
     def alike(one: str, other: str) -> float:
         short, long = sorted((one, other), key=len)
+        if not short:
+            return 0.0
         least = ALIKE if len(short) >= CONTAINED and short in long else 0.0
         return max(difflib.SequenceMatcher(None, one, other).ratio(), least)
 

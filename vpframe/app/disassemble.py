@@ -14,7 +14,7 @@ from typing import Any
 
 from vpframe import files
 from vpframe.app.outputs import PAGE, RECORDING, REPORT, SCRIPT, Kind, Output, OutputFolder
-from vpframe.app.progress import Progress, say
+from vpframe.app.progress import Progress, say, warn
 from vpframe.errors import VpframeError
 from vpframe.scene.units import length, seconds
 
@@ -139,7 +139,10 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
 
 @contextlib.contextmanager
 def _sigterm_interrupts() -> Iterator[list[int]]:
-    """Interrupt the block by SIGTERM as by Ctrl-C; yield a list that is not empty once that happened."""
+    """Interrupt the block by SIGTERM as by Ctrl-C; yield a list that is not empty once that happened.
+
+    Raises SystemExit with 143 where the block has no answer to it.
+    """
     from vpframe.session.interrupts import at_once
 
     came: list[int] = []
@@ -154,6 +157,11 @@ def _sigterm_interrupts() -> Iterator[list[int]]:
     before = signal.signal(signal.SIGTERM, interrupt)
     try:
         yield came
+    except KeyboardInterrupt:
+        if not came:
+            raise
+        warn("vpframe: terminated")
+        raise SystemExit(TERMINATED) from None
     finally:
         signal.signal(signal.SIGTERM, before)
 

@@ -205,3 +205,35 @@ def test_an_overlap_is_told_never_deepened_and_authorised_on_request():
     assert plan.overlaps[0].depth == pytest.approx(5e-5, rel=0.01)
     meant = vp.planning.disassembly(press, "wedge", budget=LONG, motion="straight", authorise=[("block", "wedge")])
     assert meant and meant.overlaps == ()
+
+
+def tree_of_names():
+    """A bolted plate whose parts have paths in a product tree."""
+    solids = cases.bolted_plate_solids()
+    names = {"base": "frame/base", "plate": "cover/plate", "bolt": "fasteners/m8/bolt", "nut": "fasteners/m8/nut"}
+    return scene_of({names[name]: solid for name, solid in solids.items()})
+
+
+def test_names_are_those_that_a_session_takes():
+    scene = tree_of_names()
+    plan = vp.planning.disassembly(scene, "plate", base=["base", "m8/nut"], budget=LONG)
+    assert plan.target == "cover/plate" and plan.base == ("fasteners/m8/nut", "frame/base")[::-1]
+    assert order(plan) == [("fasteners/m8/bolt",), ("cover/plate",)]
+    assert vp.planning.removal(scene, "nut", budget=LONG).parts == ("fasteners/m8/nut",)
+    authorised = vp.planning.removal(scene, "bolt", budget=LONG, motion="straight", authorise=[("bolt", "nut")])
+    assert authorised and not vp.planning.removal(scene, "bolt", budget=LONG, motion="straight")
+    carried = vp.planning.disassembly(scene, carry=[("bolt", "plate")], budget=LONG)
+    assert order(carried) == [("fasteners/m8/nut",), ("cover/plate", "fasteners/m8/bolt")]
+    with pytest.raises(vp.UnknownPartError, match="did you mean 'fasteners/m8/nut'"):
+        vp.planning.disassembly(scene, "nutt")
+
+
+def test_a_subassembly_is_taken_out_as_one():
+    solids = {"tray": box(0.06, 0.06, 0.01), "unit/foot": (box(0.02, 0.02, 0.01), cases.at(0.01, 0.01, 0.01)),
+              "unit/head": (box(0.01, 0.01, 0.01), cases.at(0.01, 0.01, 0.02)),
+              "on top/cap": (box(0.005, 0.005, 0.005), cases.at(0.01, 0.01, 0.03))}  # fmt: skip
+    plan = vp.planning.disassembly(scene_of(solids), "unit", budget=LONG, motion="straight")
+    assert plan.target == "unit" and order(plan) == [("unit/foot", "unit/head")] and plan.proven
+    assert plan.steps[0].unsupported == ("on top/cap",)
+    with pytest.raises(vp.VpframeError, match="in two groups"):
+        vp.planning.disassembly(scene_of(solids), "unit", carry=[("foot", "cap")], budget=LONG)
