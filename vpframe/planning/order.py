@@ -87,14 +87,21 @@ class Ways:
         """The same of several units, each once."""
         return ways.distinct(d for unit in units for d in self.straight_directions(unit))
 
-    def of(self, unit: Unit, units: Iterable[Unit]) -> tuple[Known, ...]:
-        """All ways of a unit, either part of a thread turned, with what blocks each, and what it may carry."""
+    def of(self, unit: Unit, units: Iterable[Unit], larger: bool = False) -> tuple[Known, ...]:
+        """The ways of a unit, with what blocks each, and which of `units` it may carry.
+
+        larger: those by which it turns as the larger part of a thread; else all others.
+        """
         smaller = self._screwed_on(unit, units)
-        found = (self._with_blockers(unit, way) for way in self._candidates(unit))
+        found = (self._with_blockers(unit, way) for way in self._candidates(unit) if way.larger == larger)
         return tuple(
             replace(known, carried=self._carried(known, smaller)) if known.way.motion == "straight" else known
             for known in found
         )
+
+    def turns_as_larger(self, unit: Unit) -> bool:
+        """Whether there are ways by which a unit turns as the larger part of a thread."""
+        return any(way.larger for way in self._candidates(unit))
 
     def _screwed_on(self, unit: Unit, units: Iterable[Unit]) -> list[Unit]:
         """Units smaller than a unit that share a thread with it."""

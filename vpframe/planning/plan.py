@@ -19,7 +19,7 @@ from vpframe.planning.target import SECONDS as LEAST_SECONDS
 from vpframe.planning.target import Option, least
 from vpframe.planning.verdict import MOTIONS, Motion, Removal, Verdict, find
 from vpframe.planning.ways import Way
-from vpframe.planning.workers import Workers
+from vpframe.planning.workers import Task, Workers
 from vpframe.scene.scene import Scene
 from vpframe.scene.subassembly import name_of, parts_named
 
@@ -290,25 +290,37 @@ class _Plan:
             self._take(alone, set(everything), everything)
             return True
         moving = [unit for unit in self.units if not self.base & set(unit)]
-        known: list[tuple[Known, ...]] = []
-        self.workers.ask([("every", unit, (moving,)) for unit in moving], self.budget)
-        for u, unit in enumerate(self.units):
-            self.progress(u / len(self.units), f"ways of {self.assembly.names[unit[0]]}")
-            known.append(self.ways.of(unit, moving) if unit in moving else ())
+        known: dict[int, list[Known]] = {}
+        turned: set[int] = set()
+        """units of which the ways are known by which they turn as the larger part of a thread"""
 
         def units(parts: Iterable[int]) -> frozenset[int]:
             return frozenset(of_part[j] for j in parts)
 
-        options = [
-            [
-                Option(units(k.blockers), {of_part[v[0]]: units(by) for v, by in k.carried.items()}, k.way.larger)
-                for k in mine
-            ]
-            for mine in known
-        ]
-        found = least(options, of_part[self.target], min(LEAST_SECONDS, max(self.budget.left, 1.0)))
-        if found is None:
-            return False
+        def option(k: Known) -> Option:
+            return Option(units(k.blockers), {of_part[v[0]]: units(by) for v, by in k.carried.items()}, k.way.larger)
+
+        def options(u: int) -> list[Option]:
+            """Ways that were not asked about yet stand for free ones, so that no plan has fewer removals."""
+            if u not in known:
+                return [Option(frozenset())] if self.units[u] in moving else []
+            unasked = u not in turned and self.ways.turns_as_larger(self.units[u])
+            return [*map(option, known[u]), *([Option(frozenset(), last=True)] if unasked else [])]
+
+        while True:  # until all that a least plan goes along is known
+            given = [options(u) for u in range(len(self.units))]
+            found = least(given, of_part[self.target], min(LEAST_SECONDS, max(self.budget.left, 1.0)))
+            if found is None:
+                return False
+            ask = {r.unit: r.unit in known for r in found.chosen if r.option >= len(known.get(r.unit, ()))}
+            if not ask:
+                break
+            tasks: list[Task] = [("every", self.units[u], (moving, larger)) for u, larger in ask.items()]
+            self.workers.ask(tasks, self.budget)
+            for u, larger in ask.items():
+                self.progress(len(known) / len(self.units), f"ways of {self.assembly.names[self.units[u][0]]}")
+                known[u] = [*known.get(u, ()), *self.ways.of(self.units[u], moving, larger)]
+                turned |= {u} if larger else set()
         chosen = [self.ways.together(known[r.unit][r.option], [self.units[v] for v in r.carried]) for r in found.chosen]
         standing = set(everything)
         for k in chosen:
@@ -319,10 +331,10 @@ class _Plan:
         for k in chosen:
             self._take(k, standing, everything)
             standing -= set(k.unit)
-        every = [k for mine in known for k in mine]
+        threads = any(mate.pitch is not None for mates in self.assembly.mates.values() for mate in mates)
         self.bound, self.scope = found.bound, _scope(
-            groups=any(len(unit) > 1 for unit in self.units), carried=any(k.carried for k in every),
-            threads=any(k.way.motion == "screw" for k in every), resumed=self.resumed,
+            groups=any(len(unit) > 1 for unit in self.units), carried=threads,
+            threads=threads and self.motion != "straight", resumed=self.resumed,
         )  # fmt: skip
         return True
 

@@ -17,7 +17,7 @@ SETTLES: Final = 0.1
 
 
 class Supports:
-    """Which part holds which: fits, threads and what is pressed together hold both parts; a part holds what rests on it.
+    """Which part holds which: fits, threads and overlaps hold both parts, and a part holds what rests on it.
 
     A part is held if a chain of these leads to the base. Tilting is not checked.
     """

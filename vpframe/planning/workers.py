@@ -135,9 +135,9 @@ class Asker:
         """What `Ways.free` asks."""
         self.ways.free(unit, present)
 
-    def every(self, unit: Unit, units: Any) -> None:
+    def every(self, unit: Unit, units: Any, larger: bool) -> None:
         """What `Ways.of` asks."""
-        self.ways.of(unit, units)
+        self.ways.of(unit, units, larger)
 
     def blocked(self, unit: Unit, others: Any, directions: Any) -> None:
         """What the blocking graphs of directions ask."""
