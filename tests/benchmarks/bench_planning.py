@@ -30,7 +30,7 @@ from vpframe.app.bench import chosen
 from vpframe.app.progress import report
 from vpframe.planning.assembly import Assembly, Budget
 from vpframe.planning.pushes import Pushes
-from vpframe.planning.target import least
+from vpframe.planning.target import Option, least
 from vpframe.planning.verdict import Removal
 from vpframe.scene import modelling as m
 
@@ -470,7 +470,7 @@ def _least(rows: list[dict[str, Any]], count: int) -> None:
             for u in range(n)
         ]
         began = time.perf_counter()
-        found = least(blockers, 0)
+        found = least([[Option(by) for by in own] for own in blockers], 0)
         seconds.append(time.perf_counter() - began)
         wrong += (None if found is None else len(found.chosen)) != _enumerated(blockers)
     rows.append(_row("least sets", "vpframe", float(np.median(seconds)), float(wrong), "wrong", count))

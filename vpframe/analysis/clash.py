@@ -2,9 +2,9 @@
 
 Planes, cylinders, cones, spheres and tori are judged by the gap of the surfaces themselves, within their trimmed faces
 (see `vpframe.analysis.gaps`); other faces by their triangles, less the deflections of both. Fits of round surfaces
-(shaft and bore) are judged by radii and axes; facing planes by their exact distance. Threads and press fits are kinds of
-their own: drawn as cylinders or out of phase, a screw and its nut overlap by design, and so does a pin that is pressed
-into its bore.
+(shaft and bore) are judged by radii and axes; facing planes by their exact distance. Threads and press fits are kinds
+of their own: drawn as cylinders or out of phase, a screw and its nut overlap by design, and so does a pin that is
+pressed into its bore.
 """
 
 from __future__ import annotations

@@ -6,18 +6,20 @@ import argparse
 import contextlib
 import json
 import os
-from collections.abc import Sequence
+import signal
+import threading
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from vpframe import files
 from vpframe.app.outputs import PAGE, RECORDING, REPORT, SCRIPT, Kind, Output, OutputFolder
-from vpframe.app.progress import Progress, say
+from vpframe.app.progress import Progress, say, warn
 from vpframe.errors import VpframeError
 from vpframe.scene.units import length, seconds
 
 PLAN = "plan.json"
-INTERRUPTED = 130
+INTERRUPTED, TERMINATED = 130, 143
 HEADER = b"t,x,y,z,qx,qy,qz,qw\n0.0,"
 
 
@@ -32,7 +34,7 @@ TRACK = Kind("a track", _is_track)
 def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
     """Add the options of the command; `metres` parses a length with unit."""
     sub.add_argument("file", metavar="FILE")
-    sub.add_argument("--part", metavar="X", help="take out this part only: the least that has to go before it")
+    sub.add_argument("--part", metavar="X", help="take out this part or subassembly only: the fewest removals")
     sub.add_argument(
         "--base", metavar="P", action="append", default=[], help="a part that stays (default: the largest)"
     )
@@ -52,7 +54,10 @@ def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
         "--motion", choices=("straight", "mates", "free"), default="free",
         help="straight ways alone; threads and pushes, too; six freedoms, too (default)",
     )  # fmt: skip
-    sub.add_argument("--budget", metavar="TIME", type=_seconds, default=60.0, help="of searching, such as 60s or 5min")
+    sub.add_argument(
+        "--budget", metavar="TIME", type=_seconds, default=60.0,
+        help="60s, 5min: 500 questions a second, and at most as much processor time after the analysis",
+    )  # fmt: skip
     sub.add_argument("--seed", metavar="N", type=int, default=0, help="of the sampling")
     sub.add_argument("--jobs", metavar="N", type=int, default=1, help="processes; the plan is the same for any number")
     sub.add_argument("--tracks", metavar="DIR", help=f"write each part's way as CSV, and {PLAN}")
@@ -77,6 +82,8 @@ def _seconds(text: str) -> float:
 def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
     """Plan, write the requested outputs and print the result; return 0 if all requested parts can be removed, else 1.
 
+    Ctrl-C and SIGTERM end the search; what was found until then is written and printed, and 130 or 143 is returned.
+
     load: reads the model. emit: receives the JSON document.
     """
     from vpframe.analysis.clash import authorised_pairs
@@ -97,7 +104,7 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
         task = _claim(claims, arguments.task, SCRIPT, arguments.force, inputs)
         known = _known(document, tracks, report) if arguments.resume else ()
         scene = load(arguments.file)
-        with Progress("taking apart") as progress:
+        with _sigterm_interrupts() as terminated, Progress("taking apart") as progress:
             found = plan.disassembly(
                 scene, arguments.part, base=arguments.base, carry=carry, authorise=authorised, ignore=ignored,
                 threads=threads, clearance=arguments.clearance, motion=arguments.motion, budget=arguments.budget,
@@ -131,8 +138,37 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
         if viewer is not None and arguments.wait and not found.interrupted:
             viewer.stay()
     if found.interrupted:
-        return INTERRUPTED
+        return TERMINATED if terminated else INTERRUPTED
     return 0 if found else 1
+
+
+@contextlib.contextmanager
+def _sigterm_interrupts() -> Iterator[list[int]]:
+    """Interrupt the block by SIGTERM as by Ctrl-C; yield a list that is not empty once that happened.
+
+    Raises SystemExit with 143 where the block has no answer to it.
+    """
+    from vpframe.session.interrupts import at_once
+
+    came: list[int] = []
+    if threading.current_thread() is not threading.main_thread():  # signals are handled in the main thread only
+        yield came
+        return
+
+    def interrupt(number: int, frame: Any) -> None:
+        came.append(number)
+        at_once(number, frame)
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield came
+    except KeyboardInterrupt:
+        if not came:
+            raise
+        warn("vpframe: terminated")
+        raise SystemExit(TERMINATED) from None
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -105,13 +105,6 @@ def _inner(vertices: Array, triangles: NDArray[np.int32]) -> Array:
     return middle
 
 
-def signed_volume(vertices: Array, triangles: NDArray[np.int32]) -> float:
-    """Volume inside a closed mesh, m³; negative if it is wound inside out."""
-    middle = vertices[triangles[0, 0]]
-    a, b, c = (vertices[triangles[:, k]] - middle for k in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
-
-
 def mass_properties(vertices: Array, triangles: NDArray[np.int32]) -> tuple[float, Array, Array]:
     """Volume (m³), centre (3,) and inertia (3, 3) about it at density 1, of vertices (n, 3) and triangles (m, 3).
 

@@ -17,6 +17,7 @@ All motions start where the parts stand. What a motion may do to each pair of pa
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -27,6 +28,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CollisionManager, Tolerance
+from collision.numeric.kernel import compilation
 from collision.query.blocking import Pairing, Stop, Sweeps
 from constraints import Candidate
 from constraints.freedom.escape import Patch, contact_patch
@@ -63,45 +65,84 @@ ON_AXIS: Final = 1e-6
 CLEAR: Final = 3e-3
 """m: by how much parts that come out end clear of the others: beyond it a session's mates let go, too"""
 QUESTIONS: Final = 500
-"""a second of budget: sweeps and intersection tests. A machine that is slower ends by the clock"""
+"""a second of budget: sweeps and intersection tests. A machine that is slower ends by its processor time"""
 
 
 class BudgetError(VpframeError):
     """The questions or the time of a plan are used up."""
 
 
+class _Working:
+    """Processor time of this process, s, without what it compiles."""
+
+    def __init__(self) -> None:
+        self._compiled = self._began = 0.0
+        compilation.listeners.append(self._compiling)
+
+    def _compiling(self, begins: bool) -> None:
+        now = time.process_time()
+        if begins:
+            self._began = now
+        else:
+            self._compiled += now - self._began
+
+    def __call__(self) -> float:
+        return time.process_time() - self._compiled
+
+
+working: Final = _Working()
+
+
 class Budget:
-    """What a plan may ask: `seconds` times QUESTIONS questions, and as many seconds by the clock."""
+    """What a plan may ask: `seconds` times QUESTIONS questions, and as many seconds of processor time."""
 
-    def __init__(self, seconds: float, clock: Callable[[], float] | None = None) -> None:
-        import time
-
+    def __init__(self, seconds: float, clock: Callable[[], float] = working) -> None:
         if not 0.0 < seconds < np.inf:
             raise VpframeError(f"the budget is {seconds!r}; give a positive number of seconds")
         self.seconds, self.questions, self.asked = seconds, int(np.ceil(seconds * QUESTIONS)), 0
-        self._clock = clock or time.monotonic
-        self._end = self._clock() + seconds
+        self._clock, self._late = clock, False
         self.by_clock = False
-        """whether the clock ended it: another run may then come farther"""
+        """whether the processor time ended it, or a share of it: another run may then come farther"""
+        self.begin()
+
+    def begin(self) -> None:
+        """Count processor time from now on."""
+        self._end = self._clock() + self.seconds
 
     def ask(self, questions: int = 1) -> None:
         """Count questions that are about to be asked; BudgetError when there are none left."""
         self.asked += questions
         if self._clock() > self._end:
-            self.by_clock = True
-        if self.by_clock or self.asked > self.questions:
-            raise BudgetError("the budget is used up")
+            self._late = self.by_clock = True
+        if self.ended:
+            raise BudgetError(f"the budget of {self.ended} is used up")
+
+    def take(self, seconds: float) -> None:
+        """Count processor time that another process has spent."""
+        self._end -= seconds
+
+    @property
+    def ended(self) -> str:
+        """What ended it, with its amount; empty while it lasts."""
+        if self._late:
+            return f"{self.seconds:.4g} s of processor time"
+        return f"{self.questions} questions" if self.asked > self.questions else ""
 
     @property
     def left(self) -> float:
-        """s by the clock until it ends."""
+        """s of processor time until it ends."""
         return max(0.0, self._end - self._clock())
 
     def share(self, part: float) -> Budget:
-        """A budget of a part of what is left, for one question among several; `take` its questions back."""
+        """A budget of a part of what is left, for one question among several; `give_back` it."""
         out = Budget(max(part * self.left, 1e-3), self._clock)
         out.questions = int(np.ceil(part * max(self.questions - self.asked, 0)))
         return out
+
+    def give_back(self, share: Budget) -> None:
+        """Count what was asked of a share."""
+        self.asked += share.asked
+        self.by_clock |= share.by_clock
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,8 +296,8 @@ class Assembly:
         self._forget()
 
     def prepare(self) -> None:
-        """Compute what all questions need, before worker processes do so each."""
-        _ = self.mates, self._jams, self._touching
+        """Compute what all answers need, before a budget begins and before worker processes do so each."""
+        _ = self.mates, self._jams, self._touching, self.overlaps
 
     def answer(self, stops: Mapping[Key, Answer], patches: Mapping[tuple[int, int], tuple[Patch, ...]]) -> None:
         """Keep answers that are given ahead: a question counts when it is asked."""
@@ -359,7 +400,9 @@ class Assembly:
         """A shaft in a bore that is too small for it, whose overlap is authorised: along the axis it is excused."""
         (a, one), (b, other) = ends
         excused = self._with_faces_beside((a, b), (one.surfaces, other.surfaces))
-        return Mate((a, b), "concentric", *found.line, None, False, self._until_apart(ends, *found.line), tuple(excused))
+        return Mate(
+            (a, b), "concentric", *found.line, None, False, self._until_apart(ends, *found.line), tuple(excused)
+        )
 
     def _with_faces_beside(self, parts: tuple[int, int], surfaces: Sequence[tuple[int, ...]]) -> list[Pairing]:
         """The surfaces of a fit with each other, and with those beside the other's."""
@@ -479,6 +522,10 @@ class Assembly:
             return None
         return self._asked(key, lambda: self.sweeps.straight(i, j, direction, CLEAR))
 
+    def known_stop(self, i: int, j: int, direction: Array) -> Stop | None:
+        """The answer of `straight`, where it was asked; else None."""
+        return self._stops.get((i, j, direction.tobytes()))
+
     def _asked(self, key: Key, ask: Callable[[], Stop | None]) -> Stop | None:
         if key not in self._stops:
             if key in self._ahead:
@@ -501,6 +548,10 @@ class Assembly:
                 if found is not None and (best is None or found.t < best.t):
                     best = GroupStop(found.t, i, j, found)
         return best
+
+    def pressed(self, i: int, j: int) -> bool:
+        """Whether two parts overlap where they stand by more than a touch."""
+        return max(self.sweeps.depths(i, j).values(), default=0.0) > self.tolerance.linear
 
     def size(self, i: int) -> float:
         """m: half the diagonal of a part's box."""

@@ -17,7 +17,7 @@ from vpframe.errors import VpframeError
 from vpframe.planning.certify import Clearance
 from vpframe.planning.plan import Disassembly, PlannedStep
 from vpframe.planning.verdict import JAMMED, Removal, Tried
-from vpframe.planning.ways import Way
+from vpframe.planning.ways import Leg, Way
 from vpframe.scene.subassembly import listed
 from vpframe.text import plain
 
@@ -36,9 +36,10 @@ def document(plan: Disassembly, seed: int, tolerance: float, tracks: Mapping[str
         "steps": [_step(step, plan.names, files) for step in plan.steps],
         "precedence": {name: list(after) for name, after in plan.precedence.items()},
         "levels": [list(level) for level in plan.levels],
-        "minimal": {"proven": plan.proven, "bound": plan.bound},
+        "minimal": {"proven": plan.proven, "bound": plan.bound, "over": plan.scope},
         "remaining": list(plan.remaining),
         "tried": [row for name, stuck in plan.stuck.items() for row in _tried(name, stuck.tried)],
+        "stuck": {name: _stuck(stuck) for name, stuck in plan.stuck.items()},
         "proofs": {name: found for name, stuck in plan.stuck.items() if (found := _proof(stuck)) is not None},
         "press_fits": [fit.document() for fit in plan.press_fits],
         "overlaps": [{"parts": list(o.parts), "surfaces": list(o.surfaces), "depth": o.depth} for o in plan.overlaps],
@@ -46,6 +47,7 @@ def document(plan: Disassembly, seed: int, tolerance: float, tracks: Mapping[str
             "seconds": plan.budget.seconds,
             "questions": plan.budget.questions,
             "asked": plan.budget.asked,
+            "ended_by": plan.budget.ended,
             "ended_by_clock": plan.budget.by_clock,
         },
         "seed": seed,
@@ -60,14 +62,35 @@ def _step(step: PlannedStep, names: Sequence[str], files: Mapping[str, str]) -> 
         "parts": list(step.parts),
         "motion": way.motion,
         "direction": [float(x) for x in way.direction],
-        "turns": way.turns,
+        "turns": way.turned,
+        "legs": [_leg(leg) for leg in way.legs],
         "level": step.level,
         "after": list(step.after),
         "track": {name: files[name] for name in step.parts if name in files},
         "length": step.length,
         "least_clearance": _clearance(step.clearance, names),
         "ignores": [[names[a], names[b]] for a, b in step.clearance.ignored],
+        "unsupported": list(step.unsupported),
         "knots": [[float(x) for x in (*k.translation, *pin.Quaternion(k.rotation).coeffs())] for k in way.knots],
+    }
+
+
+def _leg(leg: Leg) -> dict[str, Any]:
+    """A leg: it turns by `angle` rad about a line while it goes `shift` m, world."""
+    return {
+        "angle": leg.angle,
+        "axis": [float(x) for x in leg.axis],
+        "point": [float(x) for x in leg.point],
+        "shift": [float(x) for x in leg.shift],
+    }
+
+
+def _stuck(found: Removal) -> dict[str, Any]:
+    return {
+        "verdict": found.verdict,
+        "while": list(found.holders),
+        "in_the_way": list(found.blockers),
+        "ended_by": found.ended,
     }
 
 
@@ -98,7 +121,7 @@ def _tried(name: str, tried: Iterable[Tried]) -> list[dict[str, Any]]:
 
 def _proof(found: Removal) -> dict[str, Any] | None:
     if found.verdict == "enclosed":
-        return {"verdict": "enclosed", "by": list(found.blockers)}
+        return {"verdict": "enclosed", "by": list(found.holders)}
     if found.proof is None:
         return None
     return {
@@ -113,28 +136,14 @@ def _proof(found: Removal) -> dict[str, Any] | None:
 
 def table(plan: Disassembly) -> str:
     """The plan for a person: a line a step, then what did not come out and why."""
-    what = plan.target or "everything but " + listed(plan.base)
-    lines = []
-    if plan.verdict == "removable" and not plan.steps:
-        lines.append(f"nothing to take apart: {listed(plan.base)} is the whole model")
-    elif plan.verdict == "removable":
-        least = f", the fewest over the ways found ({plan.bound} at least)" if plan.proven else ""
-        lines.append(f"{what} comes out in {len(plan.steps)} step{'s' * (len(plan.steps) != 1)}{least}")
-    else:
-        lines.append(f"{plan.verdict}: {listed(plan.remaining)}")
+    lines = [headline(plan)]
     for n, step in enumerate(plan.steps, 1):
         d = step.clearance.distance
         near = "" if not math.isfinite(d) else f", {d * 1e3:.3g} mm clear"
         near += ignores(step.clearance, plan.names)
-        lines.append(f"  {n:3}  {listed(step.parts)}: {step.way.text}, {step.length * 1e3:.4g} mm{near}")
-    alike: dict[tuple[str, str], list[str]] = {}
-    for name, stuck in plan.stuck.items():
-        jam = "".join(f"; {t.why}" for t in stuck.tried if t.way == JAMMED)
-        by = f" (in the way: {listed(stuck.blockers)}{jam})" if stuck.blockers else ""
-        alike.setdefault((WORDS[stuck.verdict], by), []).append(name)
-    for (words, by), names in alike.items():
-        lines.append(f"  {listed(names)} {'is' if len(names) == 1 else 'are'} {words}{by}")
-    lines += [f"  {fit}" for fit in plan.press_fits]
+        far = f", {step.length * 1e3:.4g} mm" if step.motion in ("straight", "screw") else ""
+        lines.append(f"  {n:3}  {listed(step.parts)}: {step.way.text}{far}{near}")
+    lines += [f"  {words}" for words in (*unsupported(plan), *stays(plan), *plan.press_fits)]
     for (a, b), depths in overlaps_by_parts(plan).items():
         faces = "" if len(depths) == 1 else f" at most, {len(depths)} pairs of surfaces"
         pair = quote(f"{a}:{b}")
@@ -143,8 +152,8 @@ def table(plan: Disassembly) -> str:
         lines.append(f"  overlap from the start, never deepened: {a} – {b}, {depths[0] * 1e3:.3f} mm{faces}{meant}")
     if plan.interrupted:
         lines.append("  interrupted; these are the steps found until then")
-    elif plan.remaining and plan.budget.by_clock:
-        lines.append("  the time was used up; a larger --budget may find more")
+    elif plan.remaining and plan.budget.ended:
+        lines.append(f"  the budget of {plan.budget.ended} was used up; a larger --budget may find more")
     return "\n".join(map(plain, lines))
 
 
@@ -154,12 +163,53 @@ def ignores(clearance: Clearance, names: Sequence[str]) -> str:
     return f", ignores {pairs}" if pairs else ""
 
 
-WORDS = {
-    "locked": "locked: contacts leave it no motion (proof)",
-    "enclosed": "enclosed (proof)",
-    "not found": "not found to come out within the budget",
-    "removable": "removable",
-}
+def headline(plan: Disassembly) -> str:
+    """What comes out and in how many steps, or what does not."""
+    what = plan.target or "everything but " + listed(plan.base)
+    count = f"{len(plan.steps)} step{'s' * (len(plan.steps) != 1)}"
+    if plan.verdict != "removable":
+        words = "not found to come out" if plan.verdict == "not found" else plan.verdict
+        return f"{words}: {plan.target or listed(plan.remaining)}"
+    if not plan.steps:
+        return f"nothing to take apart: {listed(plan.base)} is the whole model"
+    if plan.proven and len(plan.steps) == 1:
+        return f"{what} comes out in {count}: nothing has to go before it"
+    return f"{what} comes out in {count}{f', the fewest of {plan.scope}' if plan.proven else ''}"
+
+
+def unsupported(plan: Disassembly) -> list[str]:
+    """Of steps after which nothing holds some parts any more, a line each."""
+    return [
+        f"{listed(step.unsupported)} {_stay(step.unsupported)} without support once {listed(step.parts)} "
+        f"{'is' if len(step.parts) == 1 else 'are'} out"
+        for step in plan.steps
+        if step.unsupported
+    ]
+
+
+def stays(plan: Disassembly) -> list[str]:
+    """Why parts stay in, a line for those of one reason."""
+    alike: dict[str, list[str]] = {}
+    for name, stuck in plan.stuck.items():
+        alike.setdefault(reason(stuck), []).append(name)
+    return [f"{listed(names)} {'is' if len(names) == 1 else 'are'} {words}" for words, names in alike.items()]
+
+
+def reason(found: Removal) -> str:
+    """Why a part stays in: the proof and the state that it was made for, or what ended the search."""
+    if found.holders:
+        return f"{PROVEN[found.verdict]} while {listed(found.holders)} {_stay(found.holders)} (proof)"
+    by = f", in the way: {listed(found.blockers)}" if found.blockers else ""
+    by += "".join(f"; {t.why}" for t in found.tried if t.way == JAMMED)
+    ended = f"; the budget of {found.ended} was used up" if found.ended else ""
+    return f"not found to come out{by}{ended}"
+
+
+def _stay(names: Sequence[str]) -> str:
+    return "stays" if len(names) == 1 else "stay"
+
+
+PROVEN = {"locked": "locked: contacts leave it no motion", "enclosed": "enclosed"}
 
 
 def overlaps_by_parts(plan: Disassembly) -> dict[tuple[str, str], list[float]]:
@@ -206,7 +256,8 @@ def known_ways(text: str, path: str) -> list[tuple[tuple[str, ...], Way]]:
             motion = step["motion"]
             if motion not in ("straight", "screw", "slide", "free"):
                 raise ValueError("a motion")
-            way = Way(motion, direction, (pin.SE3.Identity(), *knots[1:]), float(step["turns"]))
+            turns = float(step["turns"]) if motion == "screw" else 0.0
+            way = Way(motion, direction, (pin.SE3.Identity(), *knots[1:]), turns)
             out.append((tuple(str(name) for name in step["parts"]), way))
         return out
     except (KeyError, TypeError, ValueError) as error:

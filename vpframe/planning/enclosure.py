@@ -143,9 +143,7 @@ def caged_by(assembly: Assembly, group: Sequence[int], others: Iterable[int]) ->
 def _may_pass(assembly: Assembly, i: int, j: int) -> bool:
     """Whether a motion of part i may go through part j: ignored, excused as fits are, or overlapping already, by
     more than a touch."""
-    if frozenset((i, j)) in assembly.ignored or assembly.mates_of(i, j):
-        return True
-    return max(assembly.sweeps.depths(i, j).values(), default=0.0) > assembly.tolerance.linear
+    return bool(frozenset((i, j)) in assembly.ignored or assembly.mates_of(i, j)) or assembly.pressed(i, j)
 
 
 def _ball(assembly: Assembly, i: int) -> tuple[Array, float]:

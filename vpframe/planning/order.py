@@ -7,8 +7,8 @@ may come out as one (Wilson & Latombe, "Geometric reasoning about mechanical ass
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence, Set
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -34,6 +34,8 @@ class Known:
     blockers: frozenset[int]
     length: float
     """m, of its straight part"""
+    carried: Mapping[Unit, frozenset[int]] = field(default_factory=dict)
+    """units screwed onto it, of those in its way, that may go with it; and what stands in the way of each"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,8 @@ class Step:
     clearance: Clearance
     after: frozenset[int]
     """parts that have to be gone before"""
+    scope: frozenset[int]
+    """parts that there were: of a group that is taken apart by itself, its parts"""
 
 
 class Ways:
@@ -53,10 +57,10 @@ class Ways:
     def __init__(self, assembly: Assembly, budget: Budget, motion: str, clearance: float) -> None:
         self.assembly, self.budget, self.motion, self.clearance = assembly, budget, motion, clearance
         self.larger = False
-        """whether ways count by which the larger part of a thread turns, not the smaller"""
+        """whether `free` counts ways by which the larger part of a thread turns, not the smaller"""
         self._ways: dict[Unit, list[Way]] = {}
         self._known: dict[tuple[Unit, int], Known] = {}
-        self._wide: dict[tuple[int, frozenset[int]], Clearance] = {}
+        self._wide: dict[tuple[Unit, tuple[bytes, ...], frozenset[int]], Clearance] = {}
 
     def _others(self, unit: Unit) -> list[int]:
         return [j for j in range(len(self.assembly)) if j not in unit]
@@ -73,7 +77,7 @@ class Ways:
             if self.motion != "straight":
                 found += ways.screws(self.assembly, unit, others)
             self._ways[unit] = sorted(found, key=_simplest)
-        return [way for way in self._ways[unit] if self.larger or not way.larger]
+        return self._ways[unit]
 
     def straight_directions(self, unit: Unit) -> list[Array]:
         """(3,) unit vectors, along which straight ways of a unit are looked for."""
@@ -83,9 +87,49 @@ class Ways:
         """The same of several units, each once."""
         return ways.distinct(d for unit in units for d in self.straight_directions(unit))
 
-    def of(self, unit: Unit) -> tuple[Known, ...]:
-        """All ways of a unit, with what blocks each."""
-        return tuple(self._with_blockers(unit, way) for way in self._candidates(unit))
+    def of(self, unit: Unit, units: Iterable[Unit], larger: bool = False) -> tuple[Known, ...]:
+        """The ways of a unit, with what blocks each, and which of `units` it may carry.
+
+        larger: those by which it turns as the larger part of a thread; else all others.
+        """
+        smaller = self._screwed_on(unit, units)
+        found = (self._with_blockers(unit, way) for way in self._candidates(unit) if way.larger == larger)
+        return tuple(
+            replace(known, carried=self._carried(known, smaller)) if known.way.motion == "straight" else known
+            for known in found
+        )
+
+    def turns_as_larger(self, unit: Unit) -> bool:
+        """Whether there are ways by which a unit turns as the larger part of a thread."""
+        return any(way.larger for way in self._candidates(unit))
+
+    def _screwed_on(self, unit: Unit, units: Iterable[Unit]) -> list[Unit]:
+        """Units smaller than a unit that share a thread with it."""
+        size = sum(map(self.assembly.size, unit))
+        return [
+            other
+            for other in units
+            if other != unit
+            and sum(map(self.assembly.size, other)) < size
+            and any(mate.kind == "screw" for mate in ways.mates_between(self.assembly, unit, other))
+        ]
+
+    def _carried(self, known: Known, smaller: Iterable[Unit]) -> dict[Unit, frozenset[int]]:
+        direction = known.way.direction
+        return {
+            other: frozenset(j for j in self._others(other) if self.blocked(other, j, direction))
+            for other in smaller
+            if set(other) & known.blockers
+        }
+
+    def together(self, known: Known, carried: Sequence[Unit]) -> Known:
+        """A straight way of a unit gone with units that it carries."""
+        if not carried:
+            return known
+        unit = tuple(sorted({*known.unit, *(i for other in carried for i in other)}))
+        way = ways.straight(self.assembly, unit, self._others(unit), known.way.direction)
+        blockers = known.blockers.union(*(known.carried[other] for other in carried)) - set(unit)
+        return Known(unit, way, blockers, _length(way))
 
     def _with_blockers(self, unit: Unit, way: Way) -> Known:
         key = unit, id(way)
@@ -115,6 +159,15 @@ class Ways:
         self._ways[unit].append(way)
         return self._with_blockers(unit, way)
 
+    def in_the_way(self, unit: Unit, present: Set[int]) -> frozenset[int]:
+        """Parts still there in the straight way that fewest are known to be in; nothing is swept."""
+        standing = sorted(set(present) - set(unit))
+        known = [
+            frozenset(j for j in standing if any(self.assembly.known_stop(i, j, direction) for i in unit))
+            for direction in self.straight_directions(unit)
+        ]
+        return min(filter(None, known), key=lambda by: (len(by), sorted(by)), default=frozenset())
+
     def free(self, unit: Unit, present: Set[int]) -> Known | None:
         """The simplest, then shortest, way of a unit that no part still there blocks, and that is wide enough.
 
@@ -122,6 +175,8 @@ class Ways:
         """
         standing = sorted(set(present) - set(unit))
         for way in self._candidates(unit):
+            if way.larger and not self.larger:
+                continue
             if any(self._stands_in(unit, way, j) for j in standing):
                 continue
             known = self._with_blockers(unit, way)
@@ -131,7 +186,7 @@ class Ways:
 
     def clearance_of(self, known: Known, standing: Set[int]) -> Clearance:
         """The least clearance of a way among parts that do not block it."""
-        key = id(known), frozenset(standing)
+        key = _key(known, standing)
         if key not in self._wide:
             self._wide[key] = certify.least_clearance(
                 self.assembly, known.unit, sorted(standing), known.way.knots, self.clearance
@@ -140,12 +195,17 @@ class Ways:
 
     def keep_clearance(self, known: Known, standing: Set[int], found: Clearance) -> None:
         """Keep a clearance that a worker measured."""
-        self._wide[id(known), frozenset(standing)] = found
+        self._wide[_key(known, standing)] = found
 
     def step(self, known: Known, present: Set[int], scope: Set[int]) -> Step:
         """The step that takes a unit out along a way while some parts of a scope are still there."""
         standing = frozenset(present) - set(known.unit)
-        return Step(known.unit, known.way, self.clearance_of(known, standing), known.blockers & frozenset(scope))
+        after = known.blockers & frozenset(scope)
+        return Step(known.unit, known.way, self.clearance_of(known, standing), after, frozenset(scope))
+
+
+def _key(known: Known, standing: Set[int]) -> tuple[Unit, tuple[bytes, ...], frozenset[int]]:
+    return known.unit, tuple(k.homogeneous.tobytes() for k in known.way.knots), frozenset(standing)
 
 
 def _simplest(way: Way) -> tuple[int, float]:

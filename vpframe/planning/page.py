@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ import pinocchio as pin
 
 import vpframe.report
 from vpframe.planning.certify import Track
-from vpframe.planning.document import WORDS, ignores, overlaps_by_parts
+from vpframe.planning.document import headline, ignores, overlaps_by_parts, reason, unsupported
 from vpframe.planning.plan import Disassembly, PlannedStep
 from vpframe.scene.scene import Scene
 from vpframe.scene.subassembly import listed
@@ -44,6 +44,7 @@ def html(
         _section("Steps", f"<div class='pictures'>{''.join(pictures)}</div>"),
         _section("What has to go before what", _precedence(plan)),
         _section("What may go side by side", _gantt(plan)),
+        _section("What stays without support", _list(unsupported(plan))),
         _section("What stays in", _stuck(plan)),
         _section("Press fits", "".join(f"<p>{escape(str(fit))}</p>" for fit in plan.press_fits)),
         _section("Overlaps from the start, never deepened", _overlaps(plan)),
@@ -102,13 +103,12 @@ def _camera(scene: Scene, poses: Mapping[str, pin.SE3]) -> Camera:
 
 def _head(plan: Disassembly, title: str) -> str:
     good = plan.verdict == "removable"
-    what = plan.target or "Everything"
-    words = f"{what} comes out." if good else f"{listed(plan.remaining)}: {plan.verdict}."
+    words = headline(plan)
     facts = [
         ("steps", str(len(plan.steps))),
         ("levels", str(len(plan.levels))),
         ("stays", listed(plan.base)),
-        ("fewest", "proven over the ways found" if plan.proven else "not proven" if plan.target else "not asked"),
+        ("fewest", f"of {plan.scope}" if plan.proven else "not proven" if plan.target else "only with --part"),
     ]
     cells = "".join(f'<div class="fact"><span class="dim">{k}</span><b>{escape(v)}</b></div>' for k, v in facts)
     return (
@@ -190,13 +190,12 @@ def _gantt(plan: Disassembly) -> str:
 
 
 def _stuck(plan: Disassembly) -> str:
-    rows = []
-    for name in plan.remaining:
-        stuck = plan.stuck.get(name)
-        word = WORDS[stuck.verdict] if stuck is not None else "not looked at within the budget"
-        by = ", ".join(stuck.blockers) if stuck is not None else ""
-        rows.append(f"<tr><td>{escape(name)}</td><td>{escape(word)}</td><td>{escape(by)}</td></tr>")
-    return f"<table><tr><th>part</th><th>verdict</th><th>in the way</th></tr>{''.join(rows)}</table>" if rows else ""
+    rows = [f"<tr><td>{escape(name)}</td><td>{escape(reason(plan.stuck[name]))}</td></tr>" for name in plan.remaining]
+    return f"<table><tr><th>part</th><th>why</th></tr>{''.join(rows)}</table>" if rows else ""
+
+
+def _list(lines: Sequence[str]) -> str:
+    return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>" if lines else ""
 
 
 def _overlaps(plan: Disassembly) -> str:

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from vpframe.analysis.fits import PressFit
 from vpframe.analysis.static import base_parts
 from vpframe.errors import VpframeError
 from vpframe.planning import order, ways
-from vpframe.planning import target as least_set
 from vpframe.planning.assembly import Assembly, Budget, BudgetError, Overlap, Progress
 from vpframe.planning.certify import Clearance, Track, track
 from vpframe.planning.order import Known, Step, Unit, Ways
+from vpframe.planning.support import Supports
+from vpframe.planning.target import SECONDS as LEAST_SECONDS
+from vpframe.planning.target import Option, least
 from vpframe.planning.verdict import MOTIONS, Motion, Removal, Verdict, find
 from vpframe.planning.ways import Way
-from vpframe.planning.workers import Workers
+from vpframe.planning.workers import Task, Workers
 from vpframe.scene.scene import Scene
+from vpframe.scene.subassembly import name_of, parts_named
 
 SECONDS = 60.0
-"""s: the budget of a disassembly where none is given"""
+"""s of processor time: the budget of a disassembly where none is given"""
+NOTHING_BEFORE = "all plans: nothing has to go before it"
 LEAST_SHARE, MOST_SHARE = 0.1, 0.9
 """of the budget that is left: what the search for one part's way may take, where many or few are left"""
 
@@ -41,7 +47,8 @@ def removal(
 
     Parameters
     ----------
-    budget: s; questions are counted, so that the same call gives the same answer (`Removal.questions`).
+    budget: s, 500 questions each, so that the same call gives the same answer (`Removal.questions`); as many seconds of
+        processor time end it, too, counted after the assembly was analysed.
     seed: of the sampling.
     motion: "straight" ways alone; "mates": along threads and pushed along what is touched, too; "free": six freedoms.
     clearance: m that surfaces keep all the way, but for those that are nearer where the parts stand.
@@ -55,12 +62,26 @@ def removal(
     """
     _check(motion, clearance)
     names = (part,) if isinstance(part, str) else tuple(part)
-    group = tuple(sorted(scene.index(name) for name in names))
-    if len(set(group)) != len(names) or not names:
+    group = tuple(sorted(_named(scene, names)))
+    if len(set(group)) != len(group) or not names:
         raise VpframeError(f"the parts to take out are {list(names)}; name each once")
-    assembly = Assembly(scene, authorise, threads, ignored=ignore)
+    assembly = Assembly(scene, _pairs(scene, authorise), _pitches(scene, threads), ignored=_pairs(scene, ignore))
     others = [j for j in range(len(assembly)) if j not in group]
+    assembly.prepare()
     return find(assembly, group, others, Budget(budget), motion, clearance, seed)
+
+
+def _named(scene: Scene, names: Iterable[str]) -> tuple[int, ...]:
+    """Places of the parts of each name, as a session takes them: a part, a subassembly, or the end of its path."""
+    return tuple(scene.index(part) for name in names for part in parts_named(scene.names, name))
+
+
+def _pairs(scene: Scene, pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    return [(a, b) for x, y in pairs for a in parts_named(scene.names, x) for b in parts_named(scene.names, y)]
+
+
+def _pitches(scene: Scene, threads: Mapping[str, float] | None) -> dict[str, float]:
+    return {part: pitch for name, pitch in (threads or {}).items() for part in parts_named(scene.names, name)}
 
 
 def _check(motion: str, clearance: float) -> None:
@@ -83,6 +104,8 @@ class PlannedStep:
     """parts that have to be gone before"""
     level: int
     """steps of one level may go side by side"""
+    unsupported: tuple[str, ...] = ()
+    """parts that stay, and that nothing holds any more once this step is done (`vpframe.planning.support`)"""
 
     @property
     def motion(self) -> str:
@@ -102,7 +125,8 @@ class Disassembly:
     names: tuple[str, ...]
     """of all parts of the scene"""
     verdict: Verdict
-    """"removable" if all that was asked for comes out; else what is known of the first part that does not"""
+    """"removable" if all that was asked for comes out; "locked" or "enclosed" if all that does not is proven to stay as
+    long as the base does; else "not found"; `stuck` says what is known of each part"""
     steps: tuple[PlannedStep, ...]
     base: tuple[str, ...]
     """parts that stay"""
@@ -110,11 +134,11 @@ class Disassembly:
     """parts that were asked for and did not come out"""
     target: str | None
     bound: int | None
-    """with a target: no plan over the ways found has fewer steps; None where that is not known"""
-    proven: bool
-    """whether the steps are as few as `bound`"""
+    """with a target: no plan of `scope` has fewer steps; None where that is not known"""
+    scope: str
+    """the plans over which the steps are proven to be the fewest; empty where they are not"""
     stuck: dict[str, Removal]
-    """what searches found of parts that did not come out, among what was left then"""
+    """what is known of parts that did not come out, among what was left then"""
     overlaps: tuple[Overlap, ...]
     mates: tuple[tuple[str, str, str], ...]
     """part, part, kind: the fits and threads that ways keep to; a session that does the plan accepts these"""
@@ -125,6 +149,11 @@ class Disassembly:
     """as the parts stand: ways keep them to their axes; their force is not checked"""
     meant: tuple[tuple[str, str], ...] = ()
     """pairs of parts that are authorised or ignored: a session that does the plan lets them overlap"""
+
+    @property
+    def proven(self) -> bool:
+        """Whether no plan of `scope` has fewer steps."""
+        return bool(self.scope)
 
     @property
     def precedence(self) -> dict[str, tuple[str, ...]]:
@@ -171,6 +200,7 @@ def disassembly(
     progress: hears the fraction done and what has been found so far.
     found: hears the parts of each step as it is found, and the way in words.
 
+    Names are those of a session: of a part, of a subassembly, or the end of its path ("seal" of "cover/seal").
     Ctrl-C ends the search; the steps found until then are kept, and `interrupted` is set.
 
     Raises
@@ -178,7 +208,8 @@ def disassembly(
     UnknownPartError, VpframeError: no such part, a part in two groups, a target that is a base, a bad number or name.
     """
     _check(motion, clearance)
-    assembly = Assembly(scene, authorise, threads, progress=progress, ignored=ignore)
+    pairs, pitches = _pairs(scene, authorise), _pitches(scene, threads)
+    assembly = Assembly(scene, pairs, pitches, progress=progress, ignored=_pairs(scene, ignore))
     plan = _Plan(assembly, target, base, carry, clearance, motion, Budget(budget), seed, progress, found)
     plan.workers = Workers(plan.ways, jobs)
     try:
@@ -200,11 +231,13 @@ class _Plan:
         scene = assembly.scene
         self.assembly, self.clearance, self.motion, self.seed = assembly, clearance, motion, seed
         self.budget, self.progress, self.found = budget, progress, found
-        self.target = None if target is None else scene.index(target)
-        given = tuple(scene.index(name) for name in base)
-        self.base = set(given or (i for i in base_parts(scene) if given or i != self.target))
+        self.wanted = () if target is None else _named(scene, [target])
+        """the parts of the target"""
+        self.target = self.wanted[0] if self.wanted else None
+        given = _named(scene, base)
+        self.base = set(given or (i for i in base_parts(scene) if i not in self.wanted))
         self.units = self._units(carry)
-        if self.target is not None and self.target in self.base:
+        if self.base & set(self.wanted):
             raise VpframeError(f"{target} is to come out and to stay; name another base with --base")
         for unit in self.units:
             if len(unit) > 1 and self.base & set(unit):
@@ -217,11 +250,14 @@ class _Plan:
         self.results: dict[Unit, Removal] = {}
         """what searches found of units that did not come out"""
         self.bound: int | None = None
+        self.scope = ""
+        self.resumed = False
         self.interrupted = False
 
     def _units(self, carry: Iterable[Sequence[str]]) -> list[Unit]:
-        index = self.assembly.scene.index
-        groups = [tuple(sorted(index(name) for name in group)) for group in carry]
+        groups = [tuple(sorted(_named(self.assembly.scene, group))) for group in carry]
+        if len(self.wanted) > 1 and not any(set(self.wanted) <= set(group) for group in groups):
+            groups.append(tuple(sorted(self.wanted)))
         taken = [i for group in groups for i in group]
         if len(set(taken)) != len(taken):
             twice = next(i for i in taken if taken.count(i) > 1)
@@ -232,12 +268,15 @@ class _Plan:
     def run(self, known: Iterable[tuple[Sequence[str], Way]] = ()) -> Disassembly:
         """Plan; `known` ways are among those that are tried."""
         everything = set(range(len(self.assembly)))
+        self.assembly.prepare()
+        self.budget.begin()
         try:
             for names, way in known:
                 unit = tuple(sorted(self.assembly.scene.index(name) for name in names))
                 if unit in self.units and way.motion not in ("straight", "screw"):  # those are found anew at once
-                    self.ways.add(unit, way)
-            if self.target is None or not self._least_ways(everything):
+                    self.ways.add(unit, self._about(unit, way))
+                    self.resumed = True
+            if self.target is None or not self._least(everything):
                 self._peel(set(everything), self.base, everything)
         except BudgetError:
             pass
@@ -245,17 +284,11 @@ class _Plan:
             self.interrupted = True
         if self.target is not None and self.target in self.out:
             self.steps = order.needed(self.steps, self.target)
+            if len(self.steps) == 1:
+                self.bound, self.scope = 1, NOTHING_BEFORE
         return self._told()
 
     # -- the target, by the least number of removals
-
-    def _least_ways(self, everything: set[int]) -> bool:
-        """`_least`, the larger part of a thread turned only where it takes the smaller part's ways no farther."""
-        for self.ways.larger in (False, True):
-            if self._least(everything):
-                return True
-        self.ways.larger = False
-        return False
 
     def _least(self, everything: set[int]) -> bool:
         """Take the target out by the fewest removals over straight ways and threads; False if they do not do it."""
@@ -264,18 +297,40 @@ class _Plan:
         alone = self.ways.free(self.units[of_part[self.target]], everything)
         if alone is not None:  # nothing has to go before it, so there is nothing to weigh
             self._take(alone, set(everything), everything)
-            self.bound = 1
             return True
-        known: list[list[Known]] = []
-        self.workers.ask([("every", unit, ()) for unit in self.units if not self.base & set(unit)], self.budget.left)
-        for u, unit in enumerate(self.units):
-            self.progress(u / len(self.units), f"ways of {self.assembly.names[unit[0]]}")
-            known.append([] if self.base & set(unit) else list(self.ways.of(unit)))
-        blockers = [[frozenset(of_part[j] for j in k.blockers) for k in mine] for mine in known]
-        found = least_set.least(blockers, of_part[self.target])
-        if found is None:
-            return False
-        chosen = [known[u][k] for u, k in found.chosen]
+        moving = [unit for unit in self.units if not self.base & set(unit)]
+        known: dict[int, list[Known]] = {}
+        turned: set[int] = set()
+        """units of which the ways are known by which they turn as the larger part of a thread"""
+
+        def units(parts: Iterable[int]) -> frozenset[int]:
+            return frozenset(of_part[j] for j in parts)
+
+        def option(k: Known) -> Option:
+            return Option(units(k.blockers), {of_part[v[0]]: units(by) for v, by in k.carried.items()}, k.way.larger)
+
+        def options(u: int) -> list[Option]:
+            """Ways that were not asked about yet stand for free ones, so that no plan has fewer removals."""
+            if u not in known:
+                return [Option(frozenset())] if self.units[u] in moving else []
+            unasked = u not in turned and self.ways.turns_as_larger(self.units[u])
+            return [*map(option, known[u]), *([Option(frozenset(), last=True)] if unasked else [])]
+
+        while True:  # until all that a least plan goes along is known
+            given = [options(u) for u in range(len(self.units))]
+            found = least(given, of_part[self.target], min(LEAST_SECONDS, max(self.budget.left, 1.0)))
+            if found is None:
+                return False
+            ask = {r.unit: r.unit in known for r in found.chosen if r.option >= len(known.get(r.unit, ()))}
+            if not ask:
+                break
+            tasks: list[Task] = [("every", self.units[u], (moving, larger)) for u, larger in ask.items()]
+            self.workers.ask(tasks, self.budget)
+            for u, larger in ask.items():
+                self.progress(len(known) / len(self.units), f"ways of {self.assembly.names[self.units[u][0]]}")
+                known[u] = [*known.get(u, ()), *self.ways.of(self.units[u], moving, larger)]
+                turned |= {u} if larger else set()
+        chosen = [self.ways.together(known[r.unit][r.option], [self.units[v] for v in r.carried]) for r in found.chosen]
         standing = set(everything)
         for k in chosen:
             standing -= set(k.unit)
@@ -285,7 +340,11 @@ class _Plan:
         for k in chosen:
             self._take(k, standing, everything)
             standing -= set(k.unit)
-        self.bound = found.bound
+        threads = any(mate.pitch is not None for mates in self.assembly.mates.values() for mate in mates)
+        self.bound, self.scope = found.bound, _scope(
+            groups=any(len(unit) > 1 for unit in self.units), carried=threads,
+            threads=threads and self.motion != "straight", resumed=self.resumed,
+        )  # fmt: skip
         return True
 
     # -- everything, or until the target is out
@@ -317,7 +376,7 @@ class _Plan:
             left = self._left(present, base)
             free: list[Known] = []
             try:
-                self.workers.ask([("free", unit, (frozenset(present),)) for unit in left], self.budget.left)
+                self.workers.ask([("free", unit, (frozenset(present),)) for unit in left], self.budget)
                 for n, unit in enumerate(left):
                     done = len(self.out) / max(1, len(self.assembly))
                     self.progress(done, f"{len(self.steps)} steps found; part {n + 1} of {len(left)}")
@@ -345,7 +404,7 @@ class _Plan:
             ("clearance", known.unit, (standing, known.way.knots))
             for known, standing in zip(leaving, rest, strict=True)
         ]
-        for k, found in self.workers.ask(tasks).items():
+        for k, found in self.workers.ask(tasks, self.budget).items():
             self.ways.keep_clearance(leaving[k], rest[k], found)
 
     def _side_by_side(self, free: Sequence[Known]) -> list[Known]:
@@ -362,6 +421,8 @@ class _Plan:
     def _take(self, known: Known, standing: set[int], scope: set[int]) -> None:
         self.steps.append(self.ways.step(known, standing, scope))
         self.out |= set(known.unit)
+        gone = {self.assembly.names[i] for i in known.unit}  # what was found in another state holds no longer
+        self.results = {u: r for u, r in self.results.items() if not gone & {*r.holders, *r.blockers}}
         self.found(tuple(self.assembly.names[i] for i in known.unit), known.way.text)
 
     def _group(self, present: set[int], base: set[int], scope: set[int], inside: list[_Scope]) -> bool:
@@ -369,7 +430,7 @@ class _Plan:
         left = [unit for unit in self.units if set(unit) <= present]
         directions = self.ways.directions_of(left)
         tasks = [("blocked", unit, ([u for u in left if u != unit], directions)) for unit in left]
-        self.workers.ask(tasks, self.budget.left)
+        self.workers.ask(tasks, self.budget)
         found = order.groups(self.ways, left, base)
         if not found:
             return False
@@ -400,8 +461,7 @@ class _Plan:
                     self.assembly, unit, sorted(present - set(unit)), share, self.motion, self.clearance, self.seed
                 )
             finally:
-                self.budget.asked += share.asked
-                self.budget.by_clock |= share.by_clock
+                self.budget.give_back(share)
             self.results[unit] = got
             known = None if got.way is None else self.ways.add(unit, got.way)  # swept once more, against all parts
             if known is not None and not known.blockers & (present - set(unit)):
@@ -427,28 +487,70 @@ class _Plan:
         found = {(names[a], names[b], m.kind) for (a, b), mates in self.assembly.mates.items() for m in mates}
         return tuple(sorted(found))
 
+    def _about(self, unit: Unit, way: Way) -> Way:
+        """A way from an earlier plan, its legs told as those of this unit."""
+        corners = np.concatenate([self.assembly.sweeps.corners(i) for i in unit])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return replace(way, middle=0.5 * (low + high), radius=0.5 * float(np.linalg.norm(high - low)))
+
+    def _stuck(self, present: set[int], units: Iterable[Unit]) -> dict[str, Removal]:
+        """What is known of each part that did not come out, among those that are left."""
+        names, out = self.assembly.names, dict[str, Removal]()
+        for unit in units:
+            found = self.results.get(unit)
+            if found is None:
+                by = tuple(names[j] for j in sorted(self.ways.in_the_way(unit, present)))
+                found = Removal(tuple(names[i] for i in unit), "not found", blockers=by, ended=self.budget.ended)
+            out |= {names[i]: found for i in unit}
+        return out
+
+    def _verdict(self, stuck: Mapping[str, Removal], wanted: Iterable[str]) -> Verdict:
+        """The verdict of all proofs, where they are about parts that stay for certain: the base, and what is locked by
+        such parts; else "not found"."""
+        stay = {self.assembly.names[i] for i in self.base}
+
+        def certain(found: Removal) -> bool:
+            return bool(found.holders) and set(found.holders) <= stay
+
+        while new := {n for n, found in stuck.items() if found.verdict == "locked" and certain(found)} - stay:
+            stay |= new
+        verdicts = {stuck[n].verdict if certain(stuck[n]) else "not found" for n in wanted}
+        return verdicts.pop() if len(verdicts) == 1 else "not found"
+
     def _told(self) -> Disassembly:
         names = self.assembly.names
-        steps = tuple(
-            PlannedStep(
-                tuple(names[i] for i in step.unit), step.way,
-                {names[i]: track(self.assembly.poses[i], step.way.knots) for i in step.unit}, step.clearance,
-                tuple(names[j] for j in sorted(step.after)), level,
-            )
-            for step, level in zip(self.steps, order.levels(self.steps), strict=True)
-        )  # fmt: skip
-        wanted = {self.target} if self.target is not None else set(range(len(names))) - self.base
+        supports = Supports(self.assembly, self.base or self.wanted)
+        present, steps = set(range(len(names))), []
+        for step, level in zip(self.steps, order.levels(self.steps), strict=True):
+            dropped: frozenset[int] = frozenset()
+            if set(step.unit) <= present:  # not inside a group that is out
+                dropped = supports.lost(present, step.unit)
+                present -= set(step.unit)
+            steps.append(
+                PlannedStep(
+                    tuple(names[i] for i in step.unit), step.way,
+                    {names[i]: track(self.assembly.poses[i], step.way.knots) for i in step.unit}, step.clearance,
+                    tuple(names[j] for j in sorted(step.after)), level, tuple(names[j] for j in sorted(dropped)),
+                )
+            )  # fmt: skip
+        wanted = set(self.wanted) or set(range(len(names))) - self.base
         remaining = sorted(wanted - self.out)
-        results = {i: got for unit, got in self.results.items() for i in unit if i in remaining}
-        verdict: Verdict = "removable"
-        if remaining:
-            verdict = results[remaining[0]].verdict if remaining[0] in results else "not found"
+        units = [unit for unit in self.units if set(unit) & set(remaining)]
+        stuck = self._stuck(present, units)
         proven = self.bound is not None and len(steps) <= self.bound and not remaining
         return Disassembly(
-            names, verdict, steps, tuple(names[i] for i in sorted(self.base)), tuple(names[i] for i in remaining),
-            None if self.target is None else names[self.target], self.bound, proven,
-            {names[i]: results[i] for i in sorted(results)},
-            self.assembly.overlaps, self._mates(), self.budget, self.assembly.sweeps.count, self.interrupted,
-            self.assembly.press_fits,
-            self.assembly.meant,
+            names, self._verdict(stuck, [names[i] for i in remaining]) if remaining else "removable", tuple(steps),
+            tuple(names[i] for i in sorted(self.base)), tuple(names[i] for i in remaining),
+            name_of(names, [names[i] for i in self.wanted]) if self.wanted else None,
+            self.bound, self.scope if proven else "", stuck, self.assembly.overlaps, self._mates(), self.budget,
+            self.assembly.sweeps.count, self.interrupted,
+            self.assembly.press_fits, self.assembly.meant,
         )  # fmt: skip
+
+
+def _scope(groups: bool, carried: bool, threads: bool, resumed: bool) -> str:
+    """What a least number of removals was proven over, in words."""
+    what = f"single parts{' and the groups carried' if groups else ''}"
+    what += ", alone or with what is screwed onto them," if carried else ""
+    along = f"straight ways{' and threads' if threads else ''}{', and ways of the earlier plan,' if resumed else ''}"
+    return f"{what} along the {along} found"

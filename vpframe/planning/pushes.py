@@ -26,6 +26,8 @@ class Found:
     """parts that stopped it where it came farthest"""
     reached: float
     """m: how far the group's middle came, at most"""
+    ended: str = ""
+    """the budget that ended the search (`Budget.ended`)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +99,7 @@ class Pushes:
 
     def cut_short(self, motion: str, direction: Array, knots: list[pin.SE3]) -> Way:
         """The way through the knots, without those that a straight leg passes by."""
-        return Way(motion, direction, tuple(self._shortened(knots)))
+        return Way(motion, direction, tuple(self._shortened(knots)), middle=self.center, radius=self.length)
 
     def _shortened(self, knots: list[pin.SE3]) -> list[pin.SE3]:
         """The knots without those that a direct leg, certified like the others, passes by."""
@@ -128,7 +130,7 @@ class Pushes:
         shift = np.linalg.norm(b.act(self.center) - a.act(self.center))
         return float(shift + self.length * np.linalg.norm(pin.log3(a.rotation.T @ b.rotation)))
 
-    def found(self, way: Way | None) -> Found:
+    def found(self, way: Way | None, ended: str = "") -> Found:
         """The outcome: of parts that stopped pushes, those that did most often first, three at most."""
         worst = sorted(self._blockers, key=lambda j: (-self._blockers[j], j))[:3]
-        return Found(way, tuple(sorted(worst)), self.reached)
+        return Found(way, tuple(sorted(worst)), self.reached, ended)

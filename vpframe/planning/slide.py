@@ -40,9 +40,9 @@ def search(assembly: Assembly, group: Sequence[int], others: Sequence[int], cone
     try:
         return _breadth_first(pushes, cone)
     except BudgetError:
-        return pushes.found(None)
+        return pushes.found(None, mine.ended)
     finally:
-        budget.asked += mine.asked
+        budget.give_back(mine)
 
 
 def _breadth_first(pushes: Pushes, cone: EscapeCone) -> Found:

@@ -551,7 +551,7 @@ def search(
     try:
         return _Search(pushes, cone, seed).run()
     except BudgetError:
-        return pushes.found(None)
+        return pushes.found(None, budget.ended)
 
 
 class _Search:

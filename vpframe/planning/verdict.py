@@ -19,6 +19,7 @@ from vpframe.analysis.fits import PressFit
 from vpframe.planning import certify, enclosure, slide, tree, ways
 from vpframe.planning.assembly import CLEAR, Array, Assembly, Budget, BudgetError, Overlap
 from vpframe.planning.certify import Clearance, Track
+from vpframe.planning.pushes import Found
 from vpframe.planning.ways import Way
 from vpframe.scene.subassembly import listed
 
@@ -74,6 +75,10 @@ class Removal:
     clearance: Clearance | None = None
     blockers: tuple[str, ...] = ()
     """parts in the way of the straight way that fewest are in, where none leads out; what a part is enclosed by"""
+    holders: tuple[str, ...] = ()
+    """parts that the proof of "locked" or "enclosed" is about: it holds while these stay where they are"""
+    ended: str = ""
+    """the budget that was used up (`Budget.ended`), where nothing was found within it"""
     tried: tuple[Tried, ...] = ()
     proof: LockProof | None = None
     overlaps: tuple[Overlap, ...] = ()
@@ -124,6 +129,7 @@ class _Search:
         self.assembly, self.group, self.others = assembly, group, others
         self.budget, self.clearance, self.seed = budget, clearance, seed
         self.tried: list[Tried] = []
+        self.ended = ""
         self.names = tuple(assembly.names[i] for i in group)
 
     def run(self, motion: Motion) -> Removal:
@@ -142,17 +148,18 @@ class _Search:
                 return way
             proof = self.locked(cone, told)
             if proof is not None:
-                return self._no("locked", proof=proof)
+                return self._no("locked", [self.assembly.scene.index(s[2]) for s in proof.surfaces], proof)
             by = enclosure.enclosed_by(self.assembly, self.group, self.others)
             if by is not None:
-                return self._no("enclosed", blockers=(self.assembly.names[by],))
+                return self._no("enclosed", (by,))
             held = enclosure.caged_by(self.assembly, self.group, self.others)
             if held is not None:
-                return self._no("enclosed", blockers=tuple(self.assembly.names[j] for j in held))
+                return self._no("enclosed", held)
             if motion != "straight":
                 return self.searched(cone, motion) or self._no("not found")
         except BudgetError:
-            self.tried.append(Tried("budget", (), (), 0.0, "the budget was used up"))
+            self.ended = self.budget.ended
+            self.tried.append(Tried("budget", (), (), 0.0, f"the budget of {self.ended} was used up"))
         return self._no("not found")
 
     def straight(self, cone: EscapeCone) -> Removal | None:
@@ -243,13 +250,16 @@ class _Search:
             overlaps=self._between(self.assembly.overlaps), press_fits=self._between(self.assembly.press_fits),
         )  # fmt: skip
 
-    def _no(self, verdict: Verdict, blockers: tuple[str, ...] = (), proof: LockProof | None = None) -> Removal:
-        if not blockers:
-            stopped = [t.stopped_by for t in self.tried if t.stopped_by]
-            blockers = min(stopped, key=lambda by: (len(by), by)) if stopped else ()
+    def _no(self, verdict: Verdict, holders: Iterable[int] = (), proof: LockProof | None = None) -> Removal:
+        held = tuple(self.assembly.names[j] for j in sorted(set(holders)))
+        stopped = [t.stopped_by for t in self.tried if t.stopped_by]
+        blockers = min(stopped, key=lambda by: (len(by), by), default=())
+        if verdict == "enclosed":
+            blockers = held
         return Removal(
-            self.names, verdict, blockers=blockers, tried=tuple(self.tried), proof=proof,
-            overlaps=self._between(self.assembly.overlaps), press_fits=self._between(self.assembly.press_fits),
+            self.names, verdict, blockers=blockers, holders=held, ended="" if held else self.ended,
+            tried=tuple(self.tried), proof=proof, overlaps=self._between(self.assembly.overlaps),
+            press_fits=self._between(self.assembly.press_fits),
         )  # fmt: skip
 
     def _between(self, found: Iterable[Joint]) -> tuple[Joint, ...]:
@@ -269,14 +279,17 @@ class _Search:
     def searched(self, cone: EscapeCone, motion: Motion) -> Removal | None:
         """Pushed, then sampled."""
         found = slide.search(self.assembly, self.group, self.others, cone, self.budget)
-        self.tried.append(Tried("slide", tuple(self.assembly.names[j] for j in found.stopped_by), (), found.reached))
-        way = found.way
-        if way is None and motion == "free":
-            sampled = tree.search(self.assembly, self.group, self.others, cone, self.budget, self.seed)
-            by = tuple(self.assembly.names[j] for j in sampled.stopped_by)
-            self.tried.append(Tried("free", by, (), sampled.reached))
-            way = sampled.way
-        return None if way is None else self._wide_enough(way)
+        self._note_search("slide", found)
+        if found.way is None and motion == "free":
+            found = tree.search(self.assembly, self.group, self.others, cone, self.budget, self.seed)
+            self._note_search("free", found)
+        return None if found.way is None else self._wide_enough(found.way)
+
+    def _note_search(self, way: str, found: Found) -> None:
+        self.ended = found.ended
+        why = f"the budget of {found.ended} was used up" if found.ended else ""
+        by = tuple(self.assembly.names[j] for j in found.stopped_by)
+        self.tried.append(Tried(way, by, (), found.reached, why))
 
 
 def center_of(assembly: Assembly, group: Sequence[int]) -> Array:

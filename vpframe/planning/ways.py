@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -20,6 +21,69 @@ MOST_OWN: Final = 5
 """directions of a group's own surfaces along which a straight way is tried, either way"""
 SAME: Final = 1e-9
 """1: two directions that differ by less are one"""
+NO_TURN: Final = 1e-6
+"""rad: a leg that turns by less is a slide"""
+LEAST_SLIDE, LEAST_ANGLE = 1e-5, np.radians(0.1)
+"""m and rad: legs of less are not told to a person"""
+SAME_AXIS, ON_LINE = 1e-5, 1e-6
+"""1 and m: two legs about lines, or along directions, that differ by less are one"""
+MOST_LEGS: Final = 6
+"""legs of a way that are told to a person"""
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A stretch of a way: a turn about a line, an advance along it or a slide, or both at once."""
+
+    angle: float
+    """rad, >= 0"""
+    axis: Array
+    """(3,) unit, world: of the turn; zeros without one"""
+    point: Array
+    """(3,) world, m: on the axis; where the line is far from the group, its middle"""
+    shift: Array
+    """(3,) world, m: the advance along the axis, or how far the group's middle slides"""
+
+    @property
+    def length(self) -> float:
+        """m"""
+        return float(np.linalg.norm(self.shift))
+
+    @property
+    def matters(self) -> bool:
+        """Whether a person has to know of it."""
+        return self.length >= LEAST_SLIDE or self.angle >= LEAST_ANGLE
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        slides, turns = self.length >= LEAST_SLIDE, self.angle >= LEAST_ANGLE
+        slide = f"slide {self.length * 1e3:.3g} mm along {_words(self.shift / max(self.length, 1e-300))}"
+        angle = f"{np.degrees(self.angle):.3g}° about {_words(self.axis)}"
+        if slides:
+            return f"{slide}, turning {angle}" if turns else slide
+        return f"turn {angle}"
+
+    def joined(self, other: Leg) -> Leg | None:
+        """Both legs as one, None where the other leg does not continue this one."""
+        same = self._same_screw(other) if self.angle else not other.angle and self._same_slide(other)
+        if not same:
+            return None
+        return Leg(self.angle + other.angle, self.axis, self.point, self.shift + other.shift)
+
+    def _same_slide(self, other: Leg) -> bool:
+        across = np.linalg.norm(np.cross(self.shift, other.shift))
+        return bool(across <= SAME_AXIS * self.length * other.length and self.shift @ other.shift >= 0.0)
+
+    def _same_screw(self, other: Leg) -> bool:
+        shift = self.shift + other.shift
+        lead = (other.shift @ self.axis) * self.angle - (self.shift @ self.axis) * other.angle
+        return bool(
+            np.abs(self.axis - other.axis).max() < SAME_AXIS
+            and np.linalg.norm(np.cross(other.point - self.point, self.axis)) <= ON_LINE
+            and np.linalg.norm(np.cross(shift, self.axis)) <= ON_LINE
+            and abs(lead) <= ON_LINE * max(self.angle, other.angle)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +99,58 @@ class Way:
     """of a screw, until it is out of its thread; negative for a left-hand thread"""
     larger: bool = False
     """whether it is the larger part of a thread that turns"""
+    middle: Array = field(default_factory=lambda: np.zeros(3))
+    """(3,) world, m: of the group where it stands, for `legs`"""
+    radius: float = np.inf
+    """m: half the diagonal of the group's box: a turn about a line farther from its middle is told as a slide"""
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """Its legs in their order; those that continue each other as one."""
+        out: list[Leg] = []
+        for start, end in pairwise(self.knots):
+            leg = _leg(start, end, self.middle, self.radius)
+            both = out[-1].joined(leg) if out else None
+            out[-1:] = [both] if both is not None else [*out[-1:], leg]
+        return tuple(out)
+
+    @property
+    def turned(self) -> float:
+        """Turns in all: of a screw `turns`, else the sum over its legs."""
+        return self.turns if self.motion == "screw" else sum(leg.angle for leg in self.legs) / (2.0 * np.pi)
 
     @property
     def text(self) -> str:
         """In words."""
-        x, y, z = (round(float(c), 4) + 0.0 for c in self.direction)
-        along = f"along ({x:g}, {y:g}, {z:g})"
-        return f"unscrewed {abs(self.turns):.4g} turns, {along}" if self.motion == "screw" else f"{self.motion} {along}"
+        along = f"along {_words(self.direction)}"
+        if self.motion == "screw":
+            return f"unscrewed {abs(self.turns):.4g} turns, {along}"
+        if self.motion == "straight":
+            return f"straight {along}"
+        legs = [leg.text for leg in self.legs if leg.matters]
+        more = len(legs) - MOST_LEGS
+        # the last leg is the way out
+        shown = legs if more <= 0 else [*legs[: MOST_LEGS - 1], f"{more} more legs", legs[-1]]
+        return ", then ".join(shown) or f"{self.motion} {along}"
+
+
+def _words(vector: Array) -> str:
+    x, y, z = (round(float(c), 4) + 0.0 for c in vector)
+    return f"({x:g}, {y:g}, {z:g})"
+
+
+def _leg(start: pin.SE3, end: pin.SE3, middle: Array, radius: float) -> Leg:
+    turn = pin.log3(end.rotation @ start.rotation.T)
+    angle, here = float(np.linalg.norm(turn)), start.act(middle)
+    slide = end.act(middle) - here
+    if angle < NO_TURN:
+        return Leg(0.0, np.zeros(3), here, slide)
+    axis = turn / angle
+    twist = pin.log6(end * start.inverse())
+    point = np.cross(axis, twist.linear) / angle
+    if np.linalg.norm(np.cross(here - point, axis)) > radius:
+        return Leg(angle, axis, here, slide)
+    return Leg(angle, axis, point, float(twist.linear @ axis) * axis)
 
 
 def unit(vector: Array) -> Array:

@@ -9,19 +9,18 @@ from __future__ import annotations
 
 import os
 import pickle
-import select
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from vpframe.errors import VpframeError
 from vpframe.planning import certify
-from vpframe.planning.assembly import Assembly, Budget
+from vpframe.planning.assembly import Assembly, Budget, BudgetError, working
 from vpframe.planning.certify import Clearance
 from vpframe.planning.order import Unit, Ways
+from vpframe.processes import with_parent
 
 Task = tuple[str, Unit, tuple[Any, ...]]
 """method of `Asker`, the unit it is about, further arguments"""
@@ -39,7 +38,7 @@ class Workers:
         path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
         self._processes = [
             subprocess.Popen(
-                [sys.executable, "-P", "-m", __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                with_parent(__name__), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": path}, start_new_session=True,
             )
             for _ in range(jobs if jobs > 1 else 0)
@@ -50,21 +49,20 @@ class Workers:
         while self._processes:
             self._end(self._processes[0])
 
-    def ask(self, tasks: Sequence[Task], seconds: float | None = None) -> dict[int, Clearance]:
+    def ask(self, tasks: Sequence[Task], budget: Budget) -> dict[int, Clearance]:
         """Let the workers do tasks, each unit's by the same one; answers are kept by the assembly.
 
-        Returns the clearances by the place of their task. A worker that dies, or takes longer than `seconds`, is ended,
-        and the plan asks for itself.
+        Returns the clearances by the place of their task. The workers end within what is left of the budget and take
+        their processor time from it. If one dies, the plan asks for itself.
         """
         try:
-            return self._ask(tasks, seconds) if self._processes and tasks else {}
+            return self._ask(tasks, budget) if self._processes and tasks else {}
         except BaseException:
             self.close()  # an answer may still be under way
             raise
 
-    def _ask(self, tasks: Sequence[Task], seconds: float | None) -> dict[int, Clearance]:
+    def _ask(self, tasks: Sequence[Task], budget: Budget) -> dict[int, Clearance]:
         assembly, out = self._ways.assembly, dict[int, Clearance]()
-        end = None if seconds is None else time.monotonic() + seconds
         if not self._told:
             self._told = True
             assembly.prepare()
@@ -74,17 +72,16 @@ class Workers:
         for k, (_, unit, _) in enumerate(tasks):
             shares.setdefault(unit[0] % max(1, len(self._processes)), []).append(k)
         busy = [(self._processes[w], share) for w, share in sorted(shares.items()) if w < len(self._processes)]
-        sent = [(p, s) for p, s in busy if self._send(p, (self._ways.larger, [tasks[k] for k in s]))]
+        each = budget.left / max(1, len(busy))
+        sent = [(p, s) for p, s in busy if self._send(p, (self._ways.larger, each, [tasks[k] for k in s]))]
         for process, share in sent:
             assert process.stdout is not None
             try:
-                left = None if end is None else max(0.0, end - time.monotonic())
-                if not select.select([process.stdout], [], [], left)[0]:
-                    raise EOFError
-                ahead, patches, clearances = pickle.load(process.stdout)
+                ahead, patches, clearances, seconds = pickle.load(process.stdout)
             except _BROKEN:
                 self._end(process)
                 continue
+            budget.take(seconds)
             assembly.answer(ahead, patches)
             out |= {share[k]: clearance for k, clearance in clearances.items()}
         return out
@@ -116,25 +113,31 @@ class Asker:
 
     def __init__(self, assembly: Assembly, motion: str, clearance: float) -> None:
         self.assembly = assembly
-        self.ways, self.ignored = Ways(assembly, Budget(1e9), motion, 0.0), clearance
+        self.ways, self.ignored = Ways(assembly, Budget(1e-3), motion, 0.0), clearance
 
-    def do(self, larger: bool, tasks: Sequence[Task]) -> tuple[Any, Any, dict[int, Clearance]]:
-        """Do tasks: (answers, patches, clearances by place) that are new."""
-        self.ways.larger = larger
-        clearances = {}
-        for k, (method, unit, arguments) in enumerate(tasks):
-            found = getattr(self, method)(unit, *arguments)
-            if found is not None:
-                clearances[k] = found
-        return *self.assembly.new_answers(), clearances
+    def do(self, larger: bool, seconds: float, tasks: Sequence[Task]) -> tuple[Any, Any, dict[int, Clearance], float]:
+        """Do tasks for so many seconds of processor time; return new answers, new patches, clearances by the place of
+        the task, and the seconds taken."""
+        began, clearances = working(), {}
+        self.ways.larger, self.ways.budget = larger, Budget(max(seconds, 1e-3))
+        self.ways.budget.questions = sys.maxsize
+        try:
+            for k, (method, unit, arguments) in enumerate(tasks):
+                self.ways.budget.ask(0)
+                found = getattr(self, method)(unit, *arguments)
+                if found is not None:
+                    clearances[k] = found
+        except BudgetError:
+            pass  # the plan's own budget ends it soon
+        return *self.assembly.new_answers(), clearances, working() - began
 
     def free(self, unit: Unit, present: Any) -> None:
         """What `Ways.free` asks."""
         self.ways.free(unit, present)
 
-    def every(self, unit: Unit) -> None:
+    def every(self, unit: Unit, units: Any, larger: bool) -> None:
         """What `Ways.of` asks."""
-        self.ways.of(unit)
+        self.ways.of(unit, units, larger)
 
     def blocked(self, unit: Unit, others: Any, directions: Any) -> None:
         """What the blocking graphs of directions ask."""

@@ -9,7 +9,6 @@ a crash, or on SIGUSR1 the present one. The script itself has an empty standard 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import faulthandler
 import json
 import os
@@ -28,6 +27,7 @@ import numpy as np
 from collision.numeric.kernel import compilation
 from vpframe.app.script_errors import in_one_line, place
 from vpframe.errors import VpframeError
+from vpframe.processes import end_with
 from vpframe.session.session import Session
 from vpframe.studies.child import IDLE
 from vpframe.studies.distributions import Value, is_number
@@ -36,7 +36,6 @@ from vpframe.studies.variants import Variant, bound
 
 Outcome = dict[str, Any]
 """status ("ok", "no", "error"), reason, clearance (m), measures, time (s of the task), steps, seconds, memory (B)"""
-_PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
 class Runner:
@@ -119,7 +118,7 @@ def main(script: Path, parent: int) -> None:
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)
-    _end_with(parent)
+    end_with(parent)
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR1, all_threads=False)
 
@@ -138,14 +137,6 @@ def main(script: Path, parent: int) -> None:
         outcome = runner.run(Variant(**json.loads(line)))
         sys.stdout.flush()
         send(done=outcome)
-
-
-def _end_with(parent: int) -> None:
-    """End this process as soon as its parent ends, even during a C call that holds the interpreter."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,11 @@
 """`vpframe disassemble`: its document, its files, its exit codes, and a script that does the plan."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import cases
@@ -12,7 +17,8 @@ import vpframe as vp
 from vpframe.app import task_runner
 from vpframe.app.cli import main
 from vpframe.hands.paths import read_track
-from vpframe.scene.modelling import box, write_step
+from vpframe.planning import tree
+from vpframe.scene.modelling import box, torus, write_step
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +38,7 @@ def test_the_document(model, capsys):
     assert set(nut["least_clearance"]) == {"distance", "surfaces", "at"}
     assert document["precedence"]["plate"] == ["bolt"]
     assert document["levels"] == [["nut"], ["bolt"], ["plate"]]
-    assert document["minimal"] == {"proven": False, "bound": None}
+    assert document["minimal"] == {"proven": False, "bound": None, "over": ""}
     assert document["tolerance"] == 1e-6 and document["interrupted"] is False
 
 
@@ -64,7 +70,8 @@ def test_parts_that_stay_for_one_reason_are_one_line_with_few_names(tmp_path, ca
     assert main(["disassemble", str(path), "--motion", "straight", "--budget", "60s"]) == 1
     out = capsys.readouterr().out
     (line,) = (line for line in out.splitlines() if "(proof)" in line)
-    assert line.startswith("  ball 0, ball 1, ball 2, ball 3, ball 4, ball 5 and 3 more are enclosed (proof)")
+    assert line == "  " + ", ".join(f"ball {k}" for k in range(6)) + " and 3 more are enclosed while case stays (proof)"
+    assert out.startswith("enclosed: ball 0, ")
 
 
 def test_a_group_of_many_parts_is_named_by_few_of_them(tmp_path, capsys):
@@ -82,7 +89,7 @@ def test_one_part_the_fewest_removals_and_a_no(model, capsys):
     assert main(["disassemble", str(model), "--part", "nut", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert [step["parts"] for step in document["steps"]] == [["nut"]]
-    assert document["minimal"] == {"proven": True, "bound": 1}
+    assert document["minimal"] == {"proven": True, "bound": 1, "over": "all plans: nothing has to go before it"}
     assert main(["disassemble", str(model), "--part", "bolt", "--motion", "straight"]) == 1
     assert "in the way: nut" in capsys.readouterr().out
 
@@ -174,3 +181,84 @@ def test_the_live_page_plays_the_plan(model, monkeypatch, capsys):
     heights = [float(frame.poses["nut"].translation[2]) for frame in shown.frames]
     assert heights[0] > -0.007 and heights[-1] < -0.016 and len(heights) > 10
     assert "nut comes out" in capsys.readouterr().out
+
+
+def rings(tmp_path):
+    """Two links of a chain, which never come apart, and cubes that do."""
+    turned = pin.SE3(pin.exp3(np.array([0.5 * np.pi, 0.0, 0.0])), np.array([0.02, 0.0, 0.0]))
+    cubes = {f"cube {k}": (box(0.01, 0.01, 0.01), cases.at(0.02 * k, 0.1)) for k in range(3)}
+    return write_step(
+        tmp_path / "rings.step", {"one": torus(0.02, 0.003), "two": (torus(0.02, 0.003), turned), **cubes}
+    )
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_signal_ends_the_search_and_what_was_found_is_written(tmp_path, capsys, monkeypatch, number, code):
+    search = tree._Search.run
+
+    def signalled(self):
+        os.kill(os.getpid(), number)
+        return search(self)
+
+    monkeypatch.setattr(tree._Search, "run", signalled)
+    before = signal.getsignal(signal.SIGTERM)
+    given = [
+        "disassemble",
+        str(rings(tmp_path)),
+        "--base",
+        "one",
+        "--tracks",
+        str(tmp_path / "tracks"),
+        "--budget",
+        "1h",
+    ]
+    assert main(given) == code
+    assert signal.getsignal(signal.SIGTERM) == before
+    out = capsys.readouterr().out
+    assert "interrupted; these are the steps found until then" in out and "cube 2: straight" in out
+    plan = json.loads((tmp_path / "tracks" / "plan.json").read_text())
+    assert plan["interrupted"] and [step["parts"] for step in plan["steps"]] == [[f"cube {k}"] for k in range(3)]
+    assert (tmp_path / "tracks" / "cube_1.csv").exists()
+
+
+def children(pid):
+    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def command_of(pid):
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return b""
+
+
+def is_gone(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"  # where no init reaps it
+    except OSError:
+        return True
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -9), (signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_workers_end_with_the_command(tmp_path, number, code):
+    given = ["disassemble", str(rings(tmp_path)), "--jobs", "2", "--base", "one", "--budget", "1h", "--json"]
+    parent = subprocess.Popen(
+        [sys.executable, "-m", "vpframe", *given], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    try:
+        end, workers = time.monotonic() + 300.0, []
+        while len(workers) < 2 and time.monotonic() < end:
+            workers = [pid for pid in children(parent.pid) if b"vpframe.planning.workers" in command_of(pid)]
+            time.sleep(0.05)
+        assert len(workers) == 2
+        parent.send_signal(number)
+        parent.communicate(timeout=300.0)
+        assert parent.returncode == code
+        while not all(map(is_gone, workers)) and time.monotonic() < end:
+            time.sleep(0.02)
+        assert all(map(is_gone, workers))
+    finally:
+        parent.kill()
+        parent.wait()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import vpframe as vp
 from vpframe.planning.page import gone
 from vpframe.planning.plan import _Plan
-from vpframe.planning.target import least
+from vpframe.planning.target import Option, least
 from vpframe.scene.modelling import box
 from vpframe.scene.modelling import scene as scene_of
 
@@ -42,11 +42,16 @@ def test_latch_then_lid_then_content_and_no_fewer():
     assert order(lid) == [("latch",), ("lid",)] and lid.proven
 
 
-@pytest.mark.slow
-def test_of_a_thread_the_smaller_part_is_turned_and_the_larger_only_where_it_has_to_be():
+def test_of_a_thread_the_smaller_part_is_turned_and_the_larger_only_where_it_saves_a_removal():
     scene = cases.bolted_plate()
+    whole = vp.planning.disassembly(scene, budget=LONG)
+    assert order(whole) == [("nut",), ("bolt",), ("plate",)]
     plan = vp.planning.disassembly(scene, "plate", budget=LONG)
-    assert order(plan) == [("nut",), ("bolt",), ("plate",)] and plan.proven
+    assert order(plan) == [("bolt",), ("plate",)] and plan.proven and plan.bound == 2
+    assert plan.steps[0].motion == "screw" and plan.steps[0].unsupported == ("nut",)
+    assert (
+        plan.scope == "single parts, alone or with what is screwed onto them, along the straight ways and threads found"
+    )
     kept = vp.planning.disassembly(scene, "plate", base=["base", "nut"], budget=LONG)
     assert order(kept) == [("bolt",), ("plate",)] and kept.steps[0].motion == "screw"
 
@@ -104,17 +109,18 @@ def test_six_piece_burrs_come_apart_as_a_lattice_search_says(seed):
         assert not any(cases.lattice_blocked(cells[a], cells[b], d) for a in step.parts for b in there)
 
 
-def test_as1_rod_after_one_nut(real_models):
+def test_as1_rod_leaves_its_nuts_in_the_air(real_models):
     scene = vp.load(real_models / "step" / "as1-oc-214.stp")
     rod, nuts = "rod-assembly_1/rod_1", ["rod-assembly_1/nut_1", "rod-assembly_1/nut_2"]
     alone = vp.planning.disassembly(scene, rod, budget=LONG, motion="mates")
     assert order(alone) == [(rod,)] and alone.proven  # it is drawn without a thread, and slides out of both nuts
+    assert alone.steps[0].unsupported == tuple(nuts)
     threads = dict.fromkeys(nuts, 1.5e-3)
-    for held, loose in (nuts, nuts[::-1]):  # one nut stays on the rod
+    for held, loose in (nuts, nuts[::-1]):  # one nut stays on the rod, and the rod turns out of the other
         plan = vp.planning.disassembly(scene, rod, carry=[(rod, held)], threads=threads, budget=LONG, motion="mates")
-        assert plan and plan.proven and plan.bound == 2
-        assert order(plan)[0] == (loose,) and set(order(plan)[1]) == {rod, held}
-        assert plan.steps[0].motion == "screw"
+        assert plan and plan.proven and plan.bound == 1
+        assert set(order(plan)[0]) == {rod, held} and plan.steps[0].motion == "screw"
+        assert plan.steps[0].unsupported == (loose,)
     assert vp.planning.disassembly(scene, budget=LONG)
 
 
@@ -146,16 +152,17 @@ def test_least_sets_are_those_of_enumeration(seed, n):
         ways = random.integers(0, 4)
         blockers.append([frozenset(v for v in others if random.random() < 0.3) for _ in range(ways)])
     target = int(random.integers(n))
-    found, size = least(blockers, target), enumerated(blockers, target)
+    found = least([[Option(by) for by in own] for own in blockers], target)
+    size = enumerated(blockers, target)
     if size is None:
         assert found is None
         return
     assert len(found.chosen) == size and found.bound == size and found.proven
     gone = set()
-    for u, k in found.chosen:
-        assert blockers[u][k] <= gone
-        gone.add(u)
-    assert found.chosen[-1][0] == target
+    for removed in found.chosen:
+        assert blockers[removed.unit][removed.option] <= gone
+        gone.add(removed.unit)
+    assert found.chosen[-1].unit == target
 
 
 def test_steps_found_before_ctrl_c_are_kept():
@@ -198,3 +205,35 @@ def test_an_overlap_is_told_never_deepened_and_authorised_on_request():
     assert plan.overlaps[0].depth == pytest.approx(5e-5, rel=0.01)
     meant = vp.planning.disassembly(press, "wedge", budget=LONG, motion="straight", authorise=[("block", "wedge")])
     assert meant and meant.overlaps == ()
+
+
+def tree_of_names():
+    """A bolted plate whose parts have paths in a product tree."""
+    solids = cases.bolted_plate_solids()
+    names = {"base": "frame/base", "plate": "cover/plate", "bolt": "fasteners/m8/bolt", "nut": "fasteners/m8/nut"}
+    return scene_of({names[name]: solid for name, solid in solids.items()})
+
+
+def test_names_are_those_that_a_session_takes():
+    scene = tree_of_names()
+    plan = vp.planning.disassembly(scene, "plate", base=["base", "m8/nut"], budget=LONG)
+    assert plan.target == "cover/plate" and plan.base == ("fasteners/m8/nut", "frame/base")[::-1]
+    assert order(plan) == [("fasteners/m8/bolt",), ("cover/plate",)]
+    assert vp.planning.removal(scene, "nut", budget=LONG).parts == ("fasteners/m8/nut",)
+    authorised = vp.planning.removal(scene, "bolt", budget=LONG, motion="straight", authorise=[("bolt", "nut")])
+    assert authorised and not vp.planning.removal(scene, "bolt", budget=LONG, motion="straight")
+    carried = vp.planning.disassembly(scene, carry=[("bolt", "plate")], budget=LONG)
+    assert order(carried) == [("fasteners/m8/nut",), ("cover/plate", "fasteners/m8/bolt")]
+    with pytest.raises(vp.UnknownPartError, match="did you mean 'fasteners/m8/nut'"):
+        vp.planning.disassembly(scene, "nutt")
+
+
+def test_a_subassembly_is_taken_out_as_one():
+    solids = {"tray": box(0.06, 0.06, 0.01), "unit/foot": (box(0.02, 0.02, 0.01), cases.at(0.01, 0.01, 0.01)),
+              "unit/head": (box(0.01, 0.01, 0.01), cases.at(0.01, 0.01, 0.02)),
+              "on top/cap": (box(0.005, 0.005, 0.005), cases.at(0.01, 0.01, 0.03))}  # fmt: skip
+    plan = vp.planning.disassembly(scene_of(solids), "unit", budget=LONG, motion="straight")
+    assert plan.target == "unit" and order(plan) == [("unit/foot", "unit/head")] and plan.proven
+    assert plan.steps[0].unsupported == ("on top/cap",)
+    with pytest.raises(vp.VpframeError, match="in two groups"):
+        vp.planning.disassembly(scene_of(solids), "unit", carry=[("foot", "cap")], budget=LONG)
