@@ -107,7 +107,7 @@ def bolted(count):
     return scene_of({"base": base, "plate": (plate, cases.at(z=0.01)), **parts})
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, pytest.param(11, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [1, 2, 3, *(pytest.param(k, marks=pytest.mark.slow) for k in (11, 24))])
 def test_bolts_are_turned_out_of_their_nuts_where_that_saves_removals(count):
     plan = vp.planning.disassembly(bolted(count), "plate", base=["base"], budget=LONG)
     assert [step.parts for step in plan.steps[-1:]] == [("plate",)]
