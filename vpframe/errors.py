@@ -2,7 +2,31 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable
+
+SHARED = 2
+"""letters in a row that a proposed word has in common with the one that was written"""
+LIKE = 0.5
+"""least ratio of common letters of a proposed word"""
+
+
+def near(word: str, known: Iterable[str], most: int = 3) -> list[str]:
+    """Return the known words that `word` may be meant for, best first; all share `SHARED` letters in a row with it.
+
+    Letters are compared without case, and of a path ("unit/nut_3") also its last name.
+    """
+    asked, found = word.casefold(), []
+    for name in known:
+        best = 0.0
+        for part in {name.casefold(), name.casefold().rpartition("/")[2]}:
+            match = difflib.SequenceMatcher(None, part, asked, autojunk=False)
+            run = match.find_longest_match().size
+            if run >= min(SHARED, len(asked), len(part)):
+                best = max(best, match.ratio())
+        if best >= LIKE:
+            found.append((-best, name))
+    return [name for _, name in sorted(found)[:most]]
 
 
 class VpframeError(ValueError):
@@ -21,12 +45,10 @@ class UnknownPartError(VpframeError, KeyError):
     """The scene has no part of a name. `name` is that name, `known` are the existing names."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
-        import difflib
-
         self.name = name
         self.known = tuple(known)
-        near = difflib.get_close_matches(str(name), self.known, n=3, cutoff=0.4)
-        hint = f"did you mean {' or '.join(map(repr, near))}?" if near else f"there are: {', '.join(self.known[:12])}"
+        like = near(str(name), self.known)
+        hint = f"did you mean {' or '.join(map(repr, like))}?" if like else f"there are: {', '.join(self.known[:12])}"
         super().__init__(f"no part {name!r} in the scene; {hint}")
 
     def __str__(self) -> str:  # KeyError would print the repr

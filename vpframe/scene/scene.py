@@ -18,6 +18,7 @@ from constraints.geometry.surfaces import Geometry
 from vpframe.errors import UnknownPartError, VpframeError
 from vpframe.scene.joints import Statement
 from vpframe.scene.motion import Motion
+from vpframe.scene.poses import rigid
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +158,7 @@ def _set_pose(part: Part, pose: pin.SE3) -> None:
             f"{part.name} is in a session, which alone moves its parts: use hand.move_to(pose), or set part.pose "
             "before the session is opened or after it is closed"
         )
-    part._pose = pose
+    part._pose = rigid(pose, f"{part.name}: pose")
 
 
 Part.pose = property(_pose_of, _set_pose, doc="World pose of the part.")  # type: ignore[assignment]

@@ -17,7 +17,7 @@ from physics import Behaviour, Body, BodyError, Material, Snapshot, SpringHand, 
 from physics.forces.behaviours import Touch
 from physics.model.bodies import ABSENT, FREE, KINEMATIC, STATIC, Bodies, followed
 from vpframe.codec import conforms
-from vpframe.hands.arguments import RIGID, rigid
+from vpframe.scene.poses import RIGID, rigid
 from vpframe.scene.scene import Part, Scene
 
 Array = NDArray[np.float64]
@@ -169,16 +169,16 @@ class Dynamics:
                 return type(value) is tuple and len(value) == len(like) and all(map(fits, value, like))
             return isinstance(value, type(like))
 
+        ids = list(own["members"])
         require(data.keys() == own.keys() and data["near"].keys() == own["near"].keys(), "the state")
         for name, like in own.items():
             if name in ("grips", "members", "joints", "mechanisms", "moving", "near"):
                 continue
             require(fits(data[name], like), name)
             require(not isinstance(like, np.ndarray) or data[name].shape == like.shape, name)
-            require(name not in Bodies.CONSTANTS or np.allclose(data[name], like, rtol=1e-9, atol=0.0), name)
+            require(name not in Bodies.CONSTANTS or np.allclose(data[name][ids], like[ids], rtol=1e-9, atol=0.0), name)
         require(followed(data["velocity"], own["radius"]), "velocity")
-        require(bool((np.abs((data["attitude"] ** 2).sum(axis=1) - 1.0) < RIGID)[own["kind"] != ABSENT].all()), "attitude")
-        ids = list(own["members"])
+        require(bool((np.abs((data["attitude"] ** 2).sum(axis=1) - 1.0) < RIGID)[ids].all()), "attitude")
         rotation, origin = data["rotation"][ids], data["origin"][ids]
         placed = np.concatenate([rotation.reshape(-1, 9), origin], axis=1)
         require(bool((np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)) < RIGID).all()), "rotation")
