@@ -494,7 +494,6 @@ class World:
         if not (np.isfinite(dt) and dt > 0.0):
             raise WorldError(f"dt is {dt!r} s; give a positive number")
         dt = self._forces.dt = float(dt)
-        b = self._bodies
         begin = self.mark()
         try:
             self._step(dt)

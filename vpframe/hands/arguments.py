@@ -16,6 +16,8 @@ FAR = 20.0
 """1: maximum length of a motion or thread pitch, as a multiple of the size of the scene"""
 MOST_TURNS = 10
 """maximum number of turns, unless the angle is a multiple of an eighth of a turn"""
+COUNTED = 1e6
+"""rad: angle from which on every number is near a multiple of an eighth of a turn"""
 
 
 def number(value: Any, what: str, least: float = -math.inf, above: float = -math.inf) -> float:
@@ -58,7 +60,7 @@ def radians(angle: float, what: str) -> float:
     TaskError: names `what`, with the hint that angles are radians.
     """
     x, eighth = abs(angle), 0.25 * math.pi
-    told = math.isclose(x / eighth, round(x / eighth), rel_tol=1e-9)
+    told = x < COUNTED and math.isclose(x / eighth, round(x / eighth), rel_tol=1e-9)
     if x > 2.0 * math.pi and not told and ((2.0 * x).is_integer() or x > MOST_TURNS * 2.0 * math.pi):
         raise TaskError(
             f"{what}={angle:g}: {x:g} rad is {x / (2.0 * math.pi):.3g} turns; angles are radians, write "

@@ -510,7 +510,8 @@ class State:
             if decision.stated is not None:
                 self._require_candidate(decision.stated)
         held = [name for _, held, _, _, carried, _, _ in data["hands"].values() for name in (held, *carried) if name]
-        _require(all(clock >= 0.0 for _, _, _, _, _, _, clock in data["hands"].values()), "the time of a hand")
+        clocks = [values[6] for values in data["hands"].values()]
+        _require(min(clocks, default=0.0) >= 0.0, "the time of a hand")
         _require(all(name in self.number for name in held), "what a hand holds")
         _require((data["dynamics"] is None) == (self.dynamics is None), "which parts have behaviours")
 
@@ -581,7 +582,7 @@ def _require_numbers(value: Any, what: str) -> None:
     """Raise ValueError for a number anywhere in a saved value that no session has: not finite, or beyond `GREATEST`."""
     if isinstance(value, float | np.floating):
         unlimited = what.endswith(("break_force", "break_distance")) and value == np.inf
-        holds = unlimited or abs(value) <= GREATEST
+        holds = unlimited or abs(float(value)) <= GREATEST
     elif isinstance(value, np.ndarray):
         for name in value.dtype.names or ():
             _require_numbers(value[name], f"{what}, {name}")

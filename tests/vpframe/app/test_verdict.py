@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 
@@ -298,11 +299,8 @@ def test_a_step_that_fails_decides_nothing_unless_a_later_one_is_completed(tmp_p
 
 
 def test_a_verb_that_fails_before_the_first_step_decides_nothing(tmp_path: Path) -> None:
-    with Session(scene()) as session:
-        try:
-            session.hand().release()
-        except TaskError:
-            pass
+    with Session(scene()) as session, contextlib.suppress(TaskError):
+        session.hand().release()
     assert verdict(session, tmp_path)[:2] == ("not decided", False)
     with Session(scene()) as session:  # nothing was to be done
         session.expect_free("peg")

@@ -150,7 +150,7 @@ def test_a_saved_state_with_a_number_that_no_session_has_is_refused(bad: float) 
                 if isinstance(value, np.ndarray):
                     wrong = value.copy()
                     wrong.flat[at] = bad
-                with pytest.raises(StateError, match="damaged: .+"):
+                with pytest.raises(StateError, match=r"damaged: .+"):
                     session.state.restore(CODEC.encode(put(data, path, wrong)))
                 assert session.state.save() == good
                 tried += 1
@@ -183,7 +183,7 @@ def test_a_saved_state_that_contradicts_itself_or_the_session_is_refused(path: t
         value: Any = data
         for key in path:
             value = value[key]
-        with pytest.raises(StateError, match="damaged: .+") as refused:
+        with pytest.raises(StateError, match=r"damaged: .+") as refused:
             session.state.restore(CODEC.encode(put(data, path, change(value))))
         assert "\n" not in str(refused.value)
         assert session.state.save() == good
