@@ -9,10 +9,12 @@ SHARED = 2
 """letters in a row that a proposed word has in common with the one that was written"""
 LIKE = 0.5
 """least ratio of common letters of a proposed word"""
+ALIKE = 0.7
+"""ratio from which on they need not stand in a row: "gaer" for "gear\""""
 
 
 def near(word: str, known: Iterable[str], most: int = 3) -> list[str]:
-    """Return the known words that `word` may be meant for, best first; all share `SHARED` letters in a row with it.
+    """Return the known words that `word` may be meant for, best first: those that share letters in a row or most letters.
 
     Letters are compared without case, and of a path ("unit/nut_3") also its last name.
     """
@@ -21,9 +23,9 @@ def near(word: str, known: Iterable[str], most: int = 3) -> list[str]:
         best = 0.0
         for part in {name.casefold(), name.casefold().rpartition("/")[2]}:
             match = difflib.SequenceMatcher(None, part, asked, autojunk=False)
-            run = match.find_longest_match().size
-            if run >= min(SHARED, len(asked), len(part)):
-                best = max(best, match.ratio())
+            ratio = match.ratio()
+            if ratio >= ALIKE or match.find_longest_match().size >= SHARED:
+                best = max(best, ratio)
         if best >= LIKE:
             found.append((-best, name))
     return [name for _, name in sorted(found)[:most]]
