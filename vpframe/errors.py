@@ -14,7 +14,7 @@ ALIKE = 0.7
 
 
 def near(word: str, known: Iterable[str], most: int = 3) -> list[str]:
-    """Return the known words that `word` may be meant for, best first: those that share letters in a row or most letters.
+    """Return the known words that `word` may be meant for, best first; they share some letters.
 
     Letters are compared without case, and of a path ("unit/nut_3") also its last name.
     """
