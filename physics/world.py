@@ -487,50 +487,79 @@ class World:
     def step(self, dt: float) -> None:
         """Advance the world by `dt` seconds (> 0).
 
-        Raises BehaviourError if a behaviour raises or returns no wrench or pose, WorldError if motion is not finite.
-        The world is unchanged then, and also when the step is interrupted.
+        Raises BehaviourError if a behaviour raises or returns no wrench or pose, WorldError if a motion cannot be
+        followed: not finite, faster than light, or in too many sub-steps. The world is unchanged then, and also when
+        the step is interrupted.
         """
         if not (np.isfinite(dt) and dt > 0.0):
             raise WorldError(f"dt is {dt!r} s; give a positive number")
         dt = self._forces.dt = float(dt)
-        b = self._bodies
         begin = self.mark()
         try:
-            targets, changed = self._kinematic_bodies.targets(self.time + dt)
-            ids = self._free_awake()
-            if targets or changed or len(ids) or self._grips:
-                self._motion = None
-            self._neighbours.stale |= changed
-            carried = self._kinematic_bodies.begin(targets, dt)
-            if len(ids) or carried or self._grips:
-                if self._neighbours.placed:
-                    self._depenetrate(ids)
-                kept = self._update_neighbours(ids, carried, dt)
-                links = self._links()
-                while len(woken := wake_neighbours(b, ids, links)) > len(ids):  # pairs among sleepers were not listed
-                    ids = woken
-                    self._neighbours.stale = True
-                    kept = self._update_neighbours(ids, carried, dt)
-                    links = self._links()
-                label, count = self._islands(ids, links)
-                kept = kept and tuple(ids) == self._moving
-                self._moving = tuple(ids)
-                self._contact_set.residual = 0.0
-                moved = np.union1d(ids, np.array(carried, np.int64))
-                contacts = self._advance(ids, label, count, kept, dt)
-                self._check(moved)
-                self._kinematic_bodies.end(targets, contacts, self.time, dt)
-                self.residual = self._contact_set.residual
-                self._forces.contacts = contacts
-                may = np.array([i not in self._grips and self._may_sleep[i] for i in ids.tolist()], bool)
-                if put_to_sleep(b, ids, label, links, may, self.tolerance, dt):
-                    self._neighbours.stale = True  # the list is of those that are awake
-                self.collision.set_poses(moved, b.homogeneous(moved))
-            self.time += dt
-            self._forces.last_step = dt
+            self._step(dt)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            self.rollback(begin)
+            raise self._not_followed(dt, error) from None
         except BaseException:
             self.rollback(begin)
             raise
+
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # what overflows is an error of `_check`
+    def _step(self, dt: float) -> None:
+        b = self._bodies
+        targets, changed = self._kinematic_bodies.targets(self.time + dt)
+        ids = self._free_awake()
+        if targets or changed or len(ids) or self._grips:
+            self._motion = None
+        self._neighbours.stale |= changed
+        carried = self._kinematic_bodies.begin(targets, dt)
+        if len(ids) or carried or self._grips:
+            if self._neighbours.placed:
+                self._depenetrate(ids)
+            kept = self._update_neighbours(ids, carried, dt)
+            links = self._links()
+            while len(woken := wake_neighbours(b, ids, links)) > len(ids):  # pairs among sleepers were not listed
+                ids = woken
+                self._neighbours.stale = True
+                kept = self._update_neighbours(ids, carried, dt)
+                links = self._links()
+            label, count = self._islands(ids, links)
+            kept = kept and tuple(ids) == self._moving
+            self._moving = tuple(ids)
+            self._contact_set.residual = 0.0
+            moved = np.union1d(ids, np.array(carried, np.int64))
+            contacts = self._advance(ids, label, count, kept, dt)
+            self._check(moved)
+            self._kinematic_bodies.end(targets, contacts, self.time, dt)
+            self.residual = self._contact_set.residual
+            self._forces.contacts = contacts
+            may = np.array([i not in self._grips and self._may_sleep[i] for i in ids.tolist()], bool)
+            if put_to_sleep(b, ids, label, links, may, self.tolerance, dt):
+                self._neighbours.stale = True  # the list is of those that are awake
+            self.collision.set_poses(moved, b.homogeneous(moved))
+        self.time += dt
+        self._forces.last_step = dt
+
+    @np.errstate(over="ignore")
+    def _not_followed(self, dt: float, error: Exception) -> WorldError:
+        """The error of a step of dt seconds that failed, after it was undone; names the body that forces or its speed
+        would move farthest."""
+        b, ids = self._bodies, self._free_awake()
+        if len(ids) == 0:
+            return WorldError(f"the step of {dt:.3g} s cannot be computed: {error}")
+        wrench = self._forces.wrenches(ids, self.time)
+        force, torque = (np.hypot.reduce(wrench[:, k : k + 3], axis=1) for k in (0, 3))
+        speed, spin = (np.hypot.reduce(b.velocity[ids, k : k + 3], axis=1) for k in (0, 3))
+        least = np.array([np.linalg.eigvalsh(b.inertia[i])[0] for i in ids])
+        k = int(np.argmax(speed + b.radius[ids] * spin + dt * (force / b.mass[ids] + b.radius[ids] * torque / least)))
+        i = int(ids[k])
+        why = "the equations have no solution" if isinstance(error, np.linalg.LinAlgError) else error
+        return WorldError(
+            f"{self._checked.called(i)}: its motion cannot be followed in a step of {dt:.3g} s: {why} "
+            f"({speed[k]:.3g} m/s, {spin[k]:.3g} rad/s, {force[k]:.3g} N, {torque[k]:.3g} N·m); "
+            "give less force, gravity or speed, or a shorter step",
+            i,
+        )
 
     def _free_awake(self) -> Ints:
         b = self._bodies
@@ -541,7 +570,8 @@ class World:
         lost = ~(np.isfinite(b.center[moved]).all(axis=1) & np.isfinite(b.velocity[moved]).all(axis=1))
         if lost.any():
             i = int(moved[np.argmax(lost)])
-            raise WorldError(f"{self._checked.called(i)}: its motion is not finite; a force or a speed is too great", i)
+            text = f"{self._checked.called(i)}: its motion is not finite; give less force, gravity or speed"
+            raise WorldError(text, i)
 
     def _depenetrate(self, free: Ints) -> None:
         """Move awake bodies out of overlaps that are too deep for contact search."""

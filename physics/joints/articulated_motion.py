@@ -26,6 +26,8 @@ TURN = 0.15
 """rad: steps in which a joint would turn by more are split"""
 STILL = 1e-13
 """1: a thread that turns slower than this times the fastest joint is at rest"""
+STEPS = 20_000
+"""sub-steps of a step, of at most `TURN`"""
 EVENTS = 40
 """bound of changes between sticking and sliding in one step"""
 
@@ -80,7 +82,10 @@ class ArticulatedMotion:
         mechanism, bodies = self.mechanism, self.bodies
         start = Saved(bodies, mechanism.ids)
         q, v = mechanism.read(bodies)
-        steps = max(1, int(np.ceil(dt * float(np.abs(v).max(initial=0.0)) / TURN)))
+        turns = dt * float(np.abs(v).max(initial=0.0)) / TURN
+        if not turns <= STEPS:  # also NaN
+            raise ArithmeticError(f"its joints need more than {STEPS} sub-steps")
+        steps = max(1, int(np.ceil(turns)))
         began, k, events = q, 0, 0
         t, end = 0.0, dt / steps
         while k < steps:

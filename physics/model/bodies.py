@@ -14,6 +14,8 @@ from physics.model.rotations import exponential, matrix, multiply
 Array = NDArray[np.float64]
 
 ABSENT, STATIC, KINEMATIC, FREE = range(4)
+LIGHT = 299_792_458.0
+"""m/s: the speed of light, which no point of a body reaches"""
 
 
 class Bodies:
@@ -206,6 +208,11 @@ class Saved:
             bodies.center[i] = self.center[k] + time * v[:3]
             bodies.attitude[i] = multiply(exponential(*(time * v[3:])), self.attitude[k])
         place(ids, bodies.center, bodies.attitude, bodies.offset, bodies.rotation, bodies.origin)
+
+
+def followed(v: Array, radius: Array) -> bool:
+    """Whether all points of bodies with velocities (n, 6) and radii (n,) are slower than light; False for NaN."""
+    return bool((point_speeds(v, radius) < LIGHT).all())
 
 
 def point_speeds(v: Array, radius: Array) -> Array:

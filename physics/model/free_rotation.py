@@ -21,6 +21,8 @@ from collision.numeric.kernel import inner_kernel
 from collision.numeric.vectors import cross
 from physics.model.rotations import exponential, matrix, multiply
 
+MOST_TURN = 1e3
+"""rad: the greatest turn in one call of `fly`"""
 METHODS = {"gauss6": 0, "rkmk4": 1, "euler": 2}
 """integrator names; the first is the default"""
 
@@ -121,7 +123,8 @@ def fly(q, momentum, inverse, h, method):
     """Free rotation over `h` seconds, in place, of the attitude `q` (4,).
 
     `momentum` (3,) in world axes stays what it is; `inverse` (3, 3) is the inverse inertia in body axes. A step over
-    which the body would turn by more than 1/40 rad is split, so that any spin is followed.
+    which the body would turn by more than 1/40 rad is split, so that spins are followed; one of more than `MOST_TURN`
+    makes the attitude NaN.
     """
     rotation = np.empty((3, 3))
     matrix(q, rotation)
@@ -129,6 +132,9 @@ def fly(q, momentum, inverse, h, method):
     w = _times(inverse, pi)
     angle = h * np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     if angle == 0.0:
+        return
+    if not angle <= MOST_TURN:  # also NaN
+        q[0] = q[1] = q[2] = q[3] = np.nan
         return
     if method == 2:
         w = _times(rotation, w)

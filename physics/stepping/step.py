@@ -28,7 +28,7 @@ from physics.contact.surface_pairs import closing_speed, separation
 from physics.joints.articulated_body import ArticulatedBody
 from physics.joints.articulated_motion import ArticulatedMotion
 from physics.joints.rows import assemble
-from physics.model.bodies import Bodies, Saved, coast, drift, point_speeds
+from physics.model.bodies import Bodies, Saved, coast, drift, followed, point_speeds
 from physics.model.free_rotation import METHODS
 from physics.solver.batch import Batch, SweptBounds, same_objects, split
 from physics.solver.newton import MANY
@@ -49,6 +49,10 @@ PASSES = 12
 """position corrections after a step in one piece"""
 TRIALS = 24
 """iterations of the search for a time of impact; the last one counts, however deep"""
+SUBSTEPS = 4_000
+"""the most sub-steps of a step"""
+EARLY = 100
+"""sub-steps after which a step ends that, at this rate, would take ten times `SUBSTEPS`"""
 STRAY = 0.025
 """1: fraction of the thinnest wall by which forces may divert a body within a sub-step"""
 MOVING = 1e-6
@@ -62,7 +66,11 @@ ROUGH_WAY = 1e-3
 
 
 class Stepper:
-    """Moves islands. Holds workspace of the current step; state is in `bodies` and the contacts."""
+    """Moves islands. Holds workspace of the current step; state is in `bodies` and the contacts.
+
+    Raises ArithmeticError (also numpy's LinAlgError, of articulated bodies) where a motion cannot be followed: faster
+    than light, not finite, or in too many sub-steps. The state is undefined then.
+    """
 
     def __init__(self, bodies: Bodies, tolerance: Tolerance, integrator: str) -> None:
         self.bodies = bodies
@@ -86,6 +94,12 @@ class Stepper:
             b.origin, wrench, dt, self.method,
         )  # fmt: skip
         b.steady[ids] = False
+        self._check(ids)
+
+    def _check(self, ids: Ints) -> None:
+        """Raise ArithmeticError if a body has got faster than light, or its motion is not finite."""
+        if not followed(self.bodies.velocity[ids], self.bodies.radius[ids]):
+            raise ArithmeticError("it gets faster than light or turns too fast")
 
     # --- one step ---------------------------------------------------------------------------------------------------
 
@@ -148,6 +162,7 @@ class Stepper:
             )
             now, _ = self.contact_set.without_false_penetrations(now, self.contact_set.touched(mine, now))
         t = np.zeros(batch.count)
+        count = 0
         while (active := dt - t > 1e-12 * dt).any():
             part = batch.part(active)
             own = now if part is batch else rows(now, part.of_rows(now.ints) >= 0)
@@ -158,6 +173,9 @@ class Stepper:
             taken, after = self._take(part, own, rest, time, t[active], h, wrench)
             t[active] += taken
             self._left[part.ids] += taken[part.island] * self._off[part.ids]
+            count += 1
+            if count >= SUBSTEPS or (count == EARLY and t.min() * 10 * SUBSTEPS < dt * EARLY):
+                raise ArithmeticError(f"it needs more than {SUBSTEPS} sub-steps")
             now = after if part is batch else merged(batch, [rows(now, ~active[batch.of_rows(now.ints)]), after])
         return now
 
@@ -237,6 +255,7 @@ class Stepper:
         if not ArticulatedMotion(mechanism, b, time, wrench, batch.constant, self.contact_set.pair_values).advance(h):
             start.restore(b)
             return None
+        self._check(batch.ids)
         after = self.contact_set.find(batch, way)
         after, _ = self.contact_set.without_false_penetrations(after, np.zeros(len(after.ints), bool), start)
         half = np.array([0.5 * h])
@@ -361,6 +380,7 @@ class Stepper:
             ids, b.center, b.attitude, b.velocity, b.momentum, b.inertia, b.inverse, b.offset, b.rotation, b.origin,
             each, self.method,
         )  # fmt: skip
+        self._check(ids)
         if len(batch.moved):
             rest.carry(b, batch.moved, time[batch.moved_island])
 

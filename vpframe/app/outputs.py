@@ -128,7 +128,7 @@ class Output:
 
     Parameters
     ----------
-    path: the file. A missing file is created empty, and removed again if nothing was written.
+    path: the file. A missing file is created empty, with its folders; what is empty at the end is removed again.
     kind: kind of the output.
     force: replace any existing file.
     inputs: files that the run reads; they are never replaced.
@@ -150,9 +150,13 @@ class Output:
         self.inputs = tuple(inputs)
         self._fd = -1
         self._made = False
+        self._folders: list[Path] = []
         _spare(self.path, self.inputs)
         may_write(self.path, kind, force)  # before opening it for writing
         try:
+            missing = [folder for folder in self.path.parents if not folder.exists()]
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._folders = missing
             self._lock()
             self.ours = os.fstat(self._fd).st_size > 0 and kind.recognise(self.path)
             """whether it has content from an earlier run"""
@@ -205,14 +209,17 @@ class Output:
 
     def close(self) -> None:
         """Release the claim."""
-        if self._fd < 0:
-            return
-        with contextlib.suppress(OSError):
-            here = os.fstat(self._fd)
-            if self._made and here.st_size == 0 and os.path.samestat(here, os.stat(self.path)):
-                os.unlink(self.path)
-        _close(self._fd)
-        self._fd = -1
+        if self._fd >= 0:
+            with contextlib.suppress(OSError):
+                here = os.fstat(self._fd)
+                if self._made and here.st_size == 0 and os.path.samestat(here, os.stat(self.path)):
+                    os.unlink(self.path)
+            _close(self._fd)
+            self._fd = -1
+        with contextlib.suppress(OSError):  # not empty
+            while self._folders:
+                self._folders.pop(0).rmdir()
+        self._folders = []
 
     def __enter__(self) -> Output:
         return self

@@ -5,7 +5,8 @@ A task script is a Python file that defines:
 - the parts: `FILE = "model.step"` (beside the script), or `def scene() -> vpframe.Scene`;
 - `def task(session)`: the task, with verbs of hands and expectations.
 
-Optional `OPTIONS = {...}` are passed to `vpframe.Session` (`rule`, `dt`, `tolerance`, …). With the ending
+Optional `OPTIONS = {...}` are passed to `vpframe.Session` (`rule`, `dt`, `tolerance`, …); the clearance of moving parts
+is measured unless they say `"clearance": False`. With the ending
 
     if __name__ == "__main__":
         vp.main(__file__)
@@ -116,7 +117,8 @@ def run_task(
         began = time.perf_counter()
         viewer = _viewer(wait) if view else None
         with _located(script):
-            session = Session(scene, viewer=viewer, record=recording, **{"name": script.stem, **options})
+            given = {"name": script.stem, "clearance": True, **options}
+            session = Session(scene, viewer=viewer, record=recording, **given)
         for note in session.scene.all_notes():
             say(f"note: {note}")
         session.on_event(_print_event)

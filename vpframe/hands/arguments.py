@@ -10,11 +10,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from vpframe.errors import TaskError
+from vpframe.scene import poses
 
 FAR = 20.0
 """1: maximum length of a motion or thread pitch, as a multiple of the size of the scene"""
-RIGID = 1e-6
-"""1: maximum entry of |RᵀR - I| of a rotation from a script or file"""
+MOST_TURNS = 10
+"""maximum number of turns, unless the angle is a multiple of an eighth of a turn"""
+COUNTED = 1e6
+"""rad: angle from which on every number is near a multiple of an eighth of a turn"""
 
 
 def number(value: Any, what: str, least: float = -math.inf, above: float = -math.inf) -> float:
@@ -48,6 +51,24 @@ def metres(length: float, what: str, of: str, size: float, most: float) -> None:
         )
 
 
+def radians(angle: float, what: str) -> float:
+    """Return an angle (rad), unless it must be meant in degrees: more than a turn, and a whole or half number or more
+    than `MOST_TURNS`. A multiple of an eighth of a turn is always allowed.
+
+    Raises
+    ------
+    TaskError: names `what`, with the hint that angles are radians.
+    """
+    x, eighth = abs(angle), 0.25 * math.pi
+    told = x < COUNTED and math.isclose(x / eighth, round(x / eighth), rel_tol=1e-9)
+    if x > 2.0 * math.pi and not told and ((2.0 * x).is_integer() or x > MOST_TURNS * 2.0 * math.pi):
+        raise TaskError(
+            f"{what}={angle:g}: {x:g} rad is {x / (2.0 * math.pi):.3g} turns; angles are radians, write "
+            f"math.radians({angle:g}) for {angle:g}°, or 2 * math.pi * n for n whole turns"
+        )
+    return angle
+
+
 def vector(value: ArrayLike, what: str) -> NDArray[np.float64]:
     """Return three finite numbers as (3,). Raises TaskError that names `what`."""
     try:
@@ -63,15 +84,7 @@ def rigid(pose: Any, what: str) -> pin.SE3:
     """Return the pose if it is finite and a rigid motion. Raises TaskError that names `what`."""
     if not isinstance(pose, pin.SE3):
         raise TaskError(f"{what} is {type(pose).__name__}; give a pinocchio.SE3")
-    (a, b, c), (d, e, f), (g, h, i) = pose.rotation.tolist()
-    if not all(map(math.isfinite, (a, b, c, d, e, f, g, h, i, *pose.translation.tolist()))):
-        raise TaskError(f"{what} must be finite; the pose given holds NaN or infinity")
-    mirrored = a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0.0
-    length = max(abs(a * a + d * d + g * g - 1.0), abs(b * b + e * e + h * h - 1.0), abs(c * c + f * f + i * i - 1.0))
-    skew = max(abs(a * b + d * e + g * h), abs(a * c + d * f + g * i), abs(b * c + e * f + h * i))
-    if mirrored or max(length, skew) > RIGID:
-        raise TaskError(f"{what} is no rigid motion: its rotation is stretched or mirrored; normalise it")
-    return pose
+    return poses.rigid(pose, what, TaskError)
 
 
 def pose_from(row: ArrayLike) -> pin.SE3:

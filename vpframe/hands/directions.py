@@ -17,6 +17,7 @@ from constraints.geometry.words import millimetres
 from vpframe.errors import TaskError
 from vpframe.hands.arguments import vector
 from vpframe.hands.gripper import Gripper
+from vpframe.scene.boxes import box_of
 from vpframe.scene.scene import Part
 from vpframe.session.events import ConstraintView
 
@@ -28,6 +29,8 @@ _DIRECTIONS = {
 }  # fmt: skip
 _AXIAL = ("concentric", "screw", "conical fit", "toroidal fit", "spherical fit")
 """constraint kinds that define "axis", in order of preference"""
+OPPOSITE = -0.5
+"""cosine of two directions up to which they are opposite"""
 
 
 def direction(hand: Gripper, along: str | ArrayLike, outward: bool) -> Vector:
@@ -50,8 +53,8 @@ def direction(hand: Gripper, along: str | ArrayLike, outward: bool) -> Vector:
 
 
 def _out_sign(hand: Gripper, part: Part, partner: str, axis: Vector) -> float:
-    """Return +1 if the part leaves along +axis: away from its against contacts, else from the partner's middle."""
-    for c in sorted(resting(hand), key=lambda c: partner not in c.parts):
+    """Return +1 if the part leaves along +axis: away from what it rests on, else from the partner's middle."""
+    for c in resting(hand, partner):
         if abs(c.direction @ axis) > 0.9:
             return 1.0 if leaving(hand, c) @ axis > 0.0 else -1.0
     other = hand.session.scene[partner]
@@ -63,9 +66,20 @@ def grip(hand: Gripper) -> tuple[str, ...]:
     return (hand.held, *hand.carried) if hand.held else ()
 
 
-def resting(hand: Gripper) -> list[ConstraintView]:
-    """Return the against constraints of the parts in the hand with other parts."""
-    return [c for c in hand.session.constraints_of(*grip(hand)) if c.kind == "against"]
+def resting(hand: Gripper, partner: str = "") -> list[ConstraintView]:
+    """Return the against constraints of the parts in the hand, those with what the parts rest on first.
+
+    Parts rest on a fixed part rather than on a loose one, and on a larger part rather than on a smaller one (by the
+    volume of the bounding box): a cover on its housing, not on the heads of its screws. partner: the first of equals.
+    """
+    scene, mine = hand.session.scene, grip(hand)
+
+    def rank(c: ConstraintView) -> tuple[bool, float, bool]:
+        other = scene[c.parts[1] if c.parts[0] in mine else c.parts[0]]
+        low, high = box_of(other.mesh)
+        return not other.fixed, -float((high - low).prod()), other.name != partner
+
+    return sorted((c for c in hand.session.constraints_of(*mine) if c.kind == "against"), key=rank)
 
 
 def leaving(hand: Gripper, against: ConstraintView) -> Vector:
@@ -75,12 +89,13 @@ def leaving(hand: Gripper, against: ConstraintView) -> Vector:
 
 
 def way_out(hand: Gripper, along: str | ArrayLike | None) -> Vector:
-    """Return the direction (3,), unit, world, of `along`; default: outward axis, else off against contacts, else up."""
+    """Return the direction (3,), unit, world, of `along`; default: outward axis, else off what it rests on, else up."""
     if along is not None:
         return direction(hand, along, outward=True)
     if any(c.kind in _AXIAL for c in hand.session.constraints_of(*grip(hand))):
         return direction(hand, "axis", outward=True)
-    away = sum((leaving(hand, c) for c in resting(hand)), np.zeros(3))
+    ways = [leaving(hand, c) for c in resting(hand)]
+    away = sum((way for way in ways if way @ ways[0] > OPPOSITE), np.zeros(3))
     length = float(np.linalg.norm(away))
     return away / length if length > 0.1 else np.array([0.0, 0.0, 1.0])
 

@@ -16,7 +16,7 @@ from vpframe.hands.assist import Assist
 from vpframe.hands.reach import surface_distances
 from vpframe.hands.segment import MotionSegment, Outcome
 from vpframe.hands.workplace import Workplace
-from vpframe.scene.names import face_words, obstacles_words
+from vpframe.scene.names import face_words, holders, mates_words, obstacles_words
 from vpframe.scene.subassembly import listed, name_of
 
 if TYPE_CHECKING:
@@ -204,25 +204,27 @@ class Gripper:
             return self.stopped_by
         assert self.held is not None
         mine = (self.held, *self.carried)
-        holding = self.session.constraints_of(*mine)
-        if met := self._pressed_on(holding, mine):
-            return obstacles_words(met)
-        mates = [f"{c.kind} ({_other(c.parts, mine)})" for c in holding]
-        return f"held by its constraints: {listed(list(dict.fromkeys(mates)))}" if mates else ""
+        on_it = self.session.constraints_of(*mine)
+        if met := self._pressed_on(on_it, mine):
+            names = [part.name for part, _ in met]
+            pairs = [c.parts for c in (*on_it, *self.session.constraints_of(*names))]
+            holding = holders(names, mine, pairs)
+            return obstacles_words(met, holding)
+        return mates_words((c.kind, _other(c.parts, mine)) for c in on_it)
 
-    def _pressed_on(self, holding: Sequence[ConstraintView], mine: Sequence[str]) -> list[tuple[Part, str]]:
+    def _pressed_on(self, on_it: Sequence[ConstraintView], mine: Sequence[str]) -> list[tuple[Part, str]]:
         """The parts that the way to the target leads into across an `against`, and their faces."""
         if self.wanted is None:
             return []
         way = self.wanted.translation - self.subject.translation
         met: dict[str, tuple[Part, str]] = {}
-        for c in holding:
+        for c in on_it:
             own = 0 if c.parts[0] in mine else 1
             into = float(way @ c.direction) * (1 - 2 * own)
             if c.kind == "against" and into > FACING * float(np.linalg.norm(way)):
                 part = self.session.scene[c.parts[1 - own]]
                 met[part.name] = part, face_words(part, *c.surfaces[1 - own])
-        return list(met.values())[:MOST_BLOCKERS]
+        return list(met.values())
 
     def _finish(self, done: bool, reason: str) -> Outcome:
         self.segment, self.doing = None, ""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from vpframe.errors import TaskError
 from vpframe.hands import paths
 from vpframe.hands.access import refused, to_grab, to_turn
-from vpframe.hands.arguments import FAR, as_pose, metres, number, vector
+from vpframe.hands.arguments import FAR, as_pose, metres, number, radians, vector
 from vpframe.hands.conditions import Condition, as_condition, constraint, contact
 from vpframe.hands.directions import (
     best_fit,
@@ -221,7 +221,7 @@ def turn(
     required: bool,
 ) -> Verb:
     """Turn by an angle (rad) about an axis or line: `Hand.turn`."""
-    angle = number(angle, f"{who(hand)}.turn: angle")
+    angle = radians(number(angle, f"{who(hand)}.turn: angle"), f"{who(hand)}.turn: angle")
     origin, axis = line(hand, about)
     seconds = abs(angle) / hand.turn_speed if duration is None else duration
     path = paths.Turning(hand.subject, origin, axis, angle, _seconds(hand, seconds))

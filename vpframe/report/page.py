@@ -67,8 +67,10 @@ def _head(document: dict[str, Any]) -> str:
     facts = [
         ("duration", f"{document['duration']:.2f} s"),
         ("steps", f"{document['steps']}"),
-        ("clashes by the task", f"{sum(pair['origin'] == TASK for pair in clashing)}"),
-        ("clashes at the start", f"{sum(pair['origin'] == BEFORE for pair in clashing)}"),
+        *(
+            (f"clashes {when}", _number(document, clashing, of))
+            for when, of in (("by the task", TASK), ("at the start", BEFORE))
+        ),
         ("least clearance", "not measured" if least is None else _mm(least["least"])),
         ("constraints used", f"{sum(_was_active(c) for c in document['constraints'])}"),
     ]
@@ -80,6 +82,11 @@ def _head(document: dict[str, Any]) -> str:
         f"<a href='clashes.csv'>clashes.csv</a></div>"
         f"<div class='verdict{'' if good else ' no'}'>{escape(verdict)}</div><div class='facts'>{cells}</div>"
     )
+
+
+def _number(document: dict[str, Any], clashing: Sequence[dict[str, Any]], origin: str) -> str:
+    """Return the number of clashing pairs of one origin; without a step nothing was looked at."""
+    return f"{sum(pair['origin'] == origin for pair in clashing)}" if document["steps"] else "not looked at"
 
 
 def is_open(pair: dict[str, Any]) -> bool:
@@ -204,7 +211,7 @@ def _clashes(document: dict[str, Any], log: SessionLog, pictures: dict[Any, byte
     )
     content = f"<ul>{authorised}</ul>" if authorised else ""
     if not document["clashes"]:
-        return content + "<p>None.</p>"
+        return content + ("<p>None.</p>" if document["steps"] else "<p>Not looked at: no step was taken.</p>")
     content += "".join(
         _origin(title, [pair for pair in document["clashes"] if pair["origin"] == origin], pictures)
         for origin, title in TITLES.items()

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
+from typing import TypeVar
 
 from constraints.geometry.metric_threads import designation
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus
 from vpframe.scene.scene import Part
 from vpframe.scene.subassembly import listed
 
+Name = TypeVar("Name", str, int)
+"""name or number of a part"""
 CYLINDERS = {"convex": "shaft", "concave": "bore"}
 """names of cylinders by `Surface.orientation`"""
 NAMED = 6
-"""maximum number of face numbers that are listed"""
+"""maximum number of face numbers, and of obstacles, that are listed"""
 
 THREADED = ("screw", "bolt", "nut", "stud", "thread", "threaded", "tapped", "schraube", "mutter", "gewinde")
 """ends of words, without a plural's "s", that name threads"""
@@ -46,12 +49,58 @@ def face_words(part: Part, *surfaces: int) -> str:
     return " · ".join([f"face{'s' if len(surfaces) > 1 else ''} {numbers}", *([", ".join(words)] if words else [])])
 
 
-def obstacles_words(met: Sequence[tuple[Part, str]]) -> str:
-    """Say which parts stand in the way, each with a few words on where: "board stands in its way (face 3 · plane)"."""
-    remove = "" if all(part.fixed for part, _ in met) else f"; remove {'it' if len(met) == 1 else 'them'} first"
-    if len(met) == 1:
-        return f"{met[0][0].name} stands in its way ({met[0][1]}){remove}"
-    return f"{listed([f'{part.name} ({where})' for part, where in met])} stand in its way{remove}"
+def holders(met: Iterable[Name], group: Collection[Name], pairs: Iterable[tuple[Name, Name]]) -> frozenset[Name]:
+    """Return the parts of `met` that fasten a group: a mate joins them to a part behind the group.
+
+    group: the parts that move as one. met: parts ahead of it. pairs: parts that a mate joins, in either order. A part
+    is behind the group if a mate joins it to the group and it is not in `met`: the housing under a cover, to which the
+    screws through the cover are mated.
+    """
+    ahead = frozenset(met)
+    joined = [pair for a, b in pairs for pair in ((a, b), (b, a))]
+    behind = {b for a, b in joined if a in group} - ahead - set(group)
+    return frozenset(a for a, b in joined if a in ahead and b in behind)
+
+
+def obstacles_words(met: Sequence[tuple[Part, str]], holding: Collection[str] = ()) -> str:
+    """Say which parts stop a motion, each with a few words on where; those that hold the moving part come first.
+
+    "screw_1 (face 3 · plane) and screw_2 (face 3 · plane) hold it; remove them first". A fixed part is never to be
+    removed, nor is any other where a fixed one stands in the way as well.
+
+    holding: names of those parts of `met` that hold it (see `holders`).
+    """
+    hold = [(part, where) for part, where in met if part.name in holding and not part.fixed]
+    others = [pair for pair in met if pair not in hold]
+    clauses = [
+        f"{of[0][0].name} {verb}s {how} ({of[0][1]})"
+        if len(of) == 1
+        else f"{_joined([f'{part.name} ({where})' for part, where in of])} {verb} {how}"
+        for of, verb, how in ((hold, "hold", "it"), (others, "stand", "in its way"))
+        if of
+    ]
+    first = [part for part, _ in hold or others]
+    fixed = [part.name for part in first if part.fixed]  # of those that hold it none is
+    if fixed:
+        mend = f"{_joined(fixed)} {'is' if len(fixed) == 1 else 'are'} fixed"
+    elif hold and others:
+        mend = f"remove {_joined([part.name for part in first])} first"
+    else:
+        mend = f"remove {'it' if len(first) == 1 else 'them'} first"
+    return f"{', '.join(clauses)}; {mend}"
+
+
+def mates_words(mates: Iterable[tuple[str, str]]) -> str:
+    """Say which constraints hold a part, of (kind, other part): "held by its constraints: concentric (housing)"."""
+    named = dict.fromkeys(f"{kind} ({other})" for kind, other in mates)
+    return f"held by its constraints: {listed(list(named))}" if named else ""
+
+
+def _joined(words: Sequence[str]) -> str:
+    """Join words: "a", "a and b", "a, b and c", at most `NAMED` of them."""
+    if len(words) > NAMED:
+        return f"{', '.join(words[:NAMED])} and {len(words) - NAMED} more"
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 def geometry_words(geometry: Geometry, orientation: str = "") -> str:

@@ -21,6 +21,7 @@ from vpframe.errors import UnknownPartError, VpframeError
 from vpframe.scene.edges import Edge, edges_of
 from vpframe.scene.joints import Statement
 from vpframe.scene.motion import Motion
+from vpframe.scene.poses import rigid
 
 
 @dataclass(frozen=True)
@@ -182,7 +183,7 @@ def _set_pose(part: Part, pose: pin.SE3) -> None:
             f"{part.name} is in a session, which alone moves its parts: use hand.move_to(pose), or set part.pose "
             "before the session is opened or after it is closed"
         )
-    part._pose = pose
+    part._pose = rigid(pose, f"{part.name}: pose")
 
 
 Part.pose = property(_pose_of, _set_pose, doc="World pose of the part.")  # type: ignore[assignment]

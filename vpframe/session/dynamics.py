@@ -15,7 +15,9 @@ from constraints.geometry.surfaces import Freeform, Geometry
 from constraints.kinds import Constraint
 from physics import Behaviour, Body, BodyError, Material, Snapshot, SpringHand, World
 from physics.forces.behaviours import Touch
+from physics.model.bodies import ABSENT, FREE, KINEMATIC, STATIC, Bodies, followed
 from vpframe.codec import conforms
+from vpframe.scene.poses import RIGID, rigid
 from vpframe.scene.scene import Part, Scene
 
 Array = NDArray[np.float64]
@@ -146,7 +148,7 @@ class Dynamics:
         self._springs = set(state["springs"])
 
     def _require(self, data: Mapping[str, Any]) -> None:
-        """Raise ValueError for arrays that kernels could not index safely."""
+        """Raise ValueError for arrays that kernels could not index safely, and for values that no body can have."""
         own = self.world.state().data
         n, surfaces = own["n"], np.array([part.mesh.n_surfaces for part in self.scene.parts])
 
@@ -167,12 +169,24 @@ class Dynamics:
                 return type(value) is tuple and len(value) == len(like) and all(map(fits, value, like))
             return isinstance(value, type(like))
 
+        ids = list(own["members"])
         require(data.keys() == own.keys() and data["near"].keys() == own["near"].keys(), "the state")
         for name, like in own.items():
             if name in ("grips", "members", "joints", "mechanisms", "moving", "near"):
                 continue
             require(fits(data[name], like), name)
             require(not isinstance(like, np.ndarray) or data[name].shape == like.shape, name)
+            require(name not in Bodies.CONSTANTS or np.allclose(data[name][ids], like[ids], rtol=1e-9, atol=0.0), name)
+        require(followed(data["velocity"], own["radius"]), "velocity")
+        require(bool((np.abs((data["attitude"] ** 2).sum(axis=1) - 1.0) < RIGID)[ids].all()), "attitude")
+        rotation, origin = data["rotation"][ids], data["origin"][ids]
+        placed = np.concatenate([rotation.reshape(-1, 9), origin], axis=1)
+        require(bool((np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)) < RIGID).all()), "rotation")
+        require(np.allclose(placed, data["poses"], rtol=RIGID, atol=RIGID), "poses")
+        middle = (rotation @ own["offset"][ids][:, :, None])[:, :, 0] + origin
+        require(np.allclose(middle, data["center"][ids], rtol=RIGID, atol=RIGID), "center")
+        require(data["time"] >= 0.0 and data["last_step"] >= 0.0 and bool((data["quiet"] >= 0.0).all()), "time")
+        require(bool(np.isin(data["kind"], (ABSENT, STATIC, KINEMATIC, FREE)).all()), "kind")
         near = data["near"]
         require(all(fits(near[name], like) for name, like in own["near"].items() if name != "listed"), "near")
         require(len(near["listed"]) == 2, "near")
@@ -195,6 +209,7 @@ class Dynamics:
         require(conforms(data["grips"], dict[int, tuple[SpringHand | None, Array, Array]]), "grips")
         for i, (_, target, wrench) in data["grips"].items():
             require(i in own["members"] and target.shape == (4, 4) and wrench.shape == (6,), "grips")
+            rigid(pin.SE3(target), "what a hand pulls to")
         require(conforms(data["mechanisms"], list[tuple[tuple[int, ...], list[int], dict[int, Array]]]), "mechanisms")
         for ids, places, poses in data["mechanisms"]:
             require({*ids, *poses} <= set(range(n)), "mechanisms")

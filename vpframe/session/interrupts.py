@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import Protocol
 
+SOON = 0.8
+"""time after a Ctrl-C in which the present step may end by itself, s"""
 AGAIN = 0.02
 """delay before a Ctrl-C that would be lost is sent again, s"""
 
@@ -70,20 +72,27 @@ class Interruptible(Protocol):
 
 @contextlib.contextmanager
 def between_steps(session: Interruptible) -> Iterator[None]:
-    """Let a first Ctrl-C end the run between two steps, or at once during compilation; a second one ends it at once."""
+    """Let a first Ctrl-C end the run between two steps, or at once during compilation and in a step that does not end
+    within `SOON`; a second one ends it at once."""
     if threading.current_thread() is not threading.main_thread():  # signals can be handled in the main thread only
         yield
         return
     before = signal.getsignal(signal.SIGINT)
+    late = threading.Timer(SOON, os.kill, (os.getpid(), signal.SIGINT))
+    late.daemon = True
 
     def stop(signum: int, frame: FrameType | None) -> None:
         session.interrupt()
         signal.signal(signal.SIGINT, at_once)
         if session.compiling:
             at_once(signum, frame)
+        late.start()
 
     signal.signal(signal.SIGINT, stop)
     try:
         yield
     finally:
+        late.cancel()
+        if late.ident is not None:
+            late.join()  # a signal that it sends is handled here, not after the block
         signal.signal(signal.SIGINT, before)

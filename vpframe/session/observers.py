@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time as clock
 from collections import deque
@@ -13,8 +14,10 @@ from vpframe.errors import OutputError, VpframeError
 from vpframe.scene.scene import Scene
 from vpframe.session.events import EVENT_KINDS, ConstraintView, Event, Frame, NewEvent, Observer
 from vpframe.session.state import Decision
+from vpframe.text import plain
 from vpframe.view.controls import Controls, Request
 
+LOGGER = logging.getLogger("vpframe")
 FITTING = {"accept": ("candidate", "refused"), "refuse": ("candidate",), "remove": ("active",)}
 """states of a constraint for which each request of a viewer is valid"""
 
@@ -22,7 +25,8 @@ FITTING = {"accept": ("candidate", "refused"), "refuse": ("candidate",), "remove
 class Observers:
     """Observers and listeners of one session, and the events passed to them.
 
-    An observer that raises is ended and removed with a note in the events; the session continues. Calls that an
+    An observer that raises is ended and removed, with a note in the events and the report and a warning in the log
+    "vpframe" (by default a line on standard error); the session continues. Calls that an
     interrupt left over are made by the next `tell`; none is made twice.
 
     Parameters
@@ -149,7 +153,9 @@ class Observers:
                     failures.append(second)
             self.lost += [failure for failure in failures if isinstance(failure, OutputError)][:1]
             name = type(observer).__name__
-            self.record(NewEvent("note", text=f"{name} stopped watching: {type(error).__name__}: {error}"))
+            text = f"{name} stopped watching: {type(error).__name__}: {error}"
+            LOGGER.warning(plain(text))  # a line on standard error, unless the program handles its log otherwise
+            self.record(NewEvent("note", text=text))
 
 
 def viewers(viewer: str | Observer | None) -> list[Observer]:

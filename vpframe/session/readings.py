@@ -20,6 +20,8 @@ from vpframe.session.events import ConstraintView, ContactPoint
 from vpframe.session.state import COLUMNS, State, rows_of
 from vpframe.session.views import Views, ViewsOfStep
 
+NOTHING = np.zeros((0, 3))
+
 
 class Readings:
     """Derived quantities of a state; reading changes nothing."""
@@ -27,6 +29,7 @@ class Readings:
     def __init__(self, state: State) -> None:
         self.state = state
         self._corners: dict[int, NDArray[np.float64]] = {}
+        self._placed: tuple[NDArray[np.float64], NDArray[np.float64], list[pin.SE3 | None]] = NOTHING, NOTHING, []
         self._forget()
         state.on_change(self._forget)
 
@@ -154,14 +157,15 @@ class Readings:
     def clearance(self, i: int, others: Sequence[int]) -> float:
         """Least distance (m) from an object to others; inf if there are none."""
         self.state.start()
-        low, high = self._box(i)
-        boxes = [(j, *self._box(j)) for j in others]
-        apart = [(float(np.linalg.norm(np.maximum(0.0, np.maximum(lo - high, low - hi)))), j) for j, lo, hi in boxes]
+        low, high = self._boxes()
+        ids = np.array(others, np.int64)
+        apart = np.maximum(0.0, np.maximum(low[ids] - high[i], low[i] - high[ids]))
+        bounds = np.sqrt((apart * apart).sum(axis=1))
         best = np.inf
-        for bound, j in sorted(apart):
-            if bound >= best:
+        for k in np.argsort(bounds, kind="stable").tolist():
+            if bounds[k] >= best:
                 break
-            best = min(best, float(self.state.collision.clearance(i, j)["distance"][0]))
+            best = min(best, float(self.state.collision.clearance(i, int(ids[k]))["distance"][0]))
         return best
 
     def misfits(self) -> NDArray[np.int32]:
@@ -206,13 +210,23 @@ class Readings:
                 found.append(ContactPoint(other, point, away, None))
         return tuple(found)
 
-    def _box(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """World bounding box of an object's rotated local box: never too small."""
-        if i not in self._corners:
-            self._corners[i] = corners(self.state.collision.mesh(i))
-        pose = self.state.poses[i]
-        placed = self._corners[i] @ pose.rotation.T + pose.translation
-        return placed.min(0), placed.max(0)
+    def _boxes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower and upper corners (n, 3), world, m, of boxes around the objects' rotated local boxes: never too small.
+
+        A box is kept until its object moves.
+        """
+        poses = self.state.poses
+        low, high, known = self._placed
+        if not known:
+            low, high, known = np.empty((len(poses), 3)), np.empty((len(poses), 3)), [None] * len(poses)
+            self._placed = low, high, known
+        for i, pose in enumerate(poses):
+            if known[i] is not pose:
+                if i not in self._corners:
+                    self._corners[i] = corners(self.state.collision.mesh(i))
+                placed = self._corners[i] @ pose.rotation.T + pose.translation
+                low[i], high[i], known[i] = placed.min(0), placed.max(0), pose
+        return low, high
 
     def least_clearance(self) -> float | None:
         """Least distance from held objects to all objects not constrained to them, m; None if there are none."""

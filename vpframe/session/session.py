@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -131,6 +132,8 @@ class Session:
         """reason why the result of the task is unknown; empty once the task has ended or failed"""
         self.complete = False
         """whether the task ran to its end"""
+        self._rule_failed = self._step_failed = self._verb_failed = ""  # reasons for `_not_shown`
+        self._lock = threading.RLock()
         self._concluded = False
         self._error_before = sys.exc_info()[1]  # an error handled by the caller, raised before this session was opened
         self._queues: dict[str, deque[Verb]] | None = None
@@ -193,27 +196,46 @@ class Session:
         Raises
         ------
         KeyboardInterrupt: `interrupt()` was called since the last step; the state is that of the last step.
+        VpframeError: the session is closed, or another thread uses it.
         """
         if self._closed:
             raise VpframeError("the session is closed; open a new one")
         if self._stop:
             raise KeyboardInterrupt
-        self.state.keep_parts()
-        with self._watch:
-            self._begin()
-            self._observers.tell()
-            self.state.start()
-            self._advance()
-            self._observers.tell()
+        with self._alone(), self._watch:
+            self.state.keep_parts()
+            count = self.step_count
+            try:
+                self._begin()
+                self._observers.tell()
+                self.state.start()
+                self._advance()
+                self._observers.tell()
+            except Exception as error:
+                self._step_failed = f"step {count + 1} failed: {in_one_line(error)}"
+                raise
+            self._step_failed = ""
         assert self._frame is not None
         return self._frame
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Keep other threads out inside the block; VpframeError if one is inside already."""
+        if not self._lock.acquire(blocking=False):
+            raise VpframeError(
+                "another thread uses this session; use it from one thread at a time, or open a session for each"
+            )
+        try:
+            yield
+        finally:
+            self._lock.release()
 
     def show(self) -> Frame:
         """Show the present state to the observers without a step: before the first step, or after `undo`."""
         if self._closed:
             raise VpframeError("the session is closed; open a new one")
-        self.state.keep_parts()
-        with self._watch:
+        with self._alone(), self._watch:
+            self.state.keep_parts()
             self._begin()
             self._observers.tell()
             self.state.start()
@@ -231,22 +253,24 @@ class Session:
         """
         if self._journal is not None:
             raise VpframeError("a session that keeps a checkpoint cannot go back; open it without one")
-        self._keep_parts()
-        self._begin()
-        self.state.start()
-        observers = [(observer, observer.mark()) for observer in self.observers if hasattr(observer, "mark")]
-        return SessionMark(self.state.mark(), self._trails.mark(), self._observers.mark(), observers)
+        with self._alone():
+            self._keep_parts()
+            self._begin()
+            self.state.start()
+            observers = [(observer, observer.mark()) for observer in self.observers if hasattr(observer, "mark")]
+            return SessionMark(self.state.mark(), self._trails.mark(), self._observers.mark(), observers)
 
     def undo(self, mark: SessionMark) -> None:
         """Restore the state at a mark, bit for bit; later events are dropped, observers see it with `show`.
 
         Viewers and the report forget what followed; recordings and listeners keep it.
         """
-        self.state.undo(mark.state)
-        self._trails.undo(mark.trails)
-        self._observers.undo(mark.heard)
-        for observer, there in mark.observers:
-            observer.undo(there)
+        with self._alone():
+            self.state.undo(mark.state)
+            self._trails.undo(mark.trails)
+            self._observers.undo(mark.heard)
+            for observer, there in mark.observers:
+                observer.undo(there)
 
     def _advance(self) -> None:
         """Compute and commit one step; on any error or interrupt restore the state before it, bit for bit."""
@@ -344,9 +368,18 @@ class Session:
         if self._queues is not None:
             self._queues.setdefault(hand.name, deque()).append(verb)
             return Outcome(True, "queued until the end of `together`", self.time)
-        self.state.hands.setdefault(hand.name, hand)
-        self._keep_parts()
-        return drive(self.state.hands, {hand.name: deque([verb])}, self.step)[hand.name]
+        return self._drive({hand.name: deque([verb])}, hand)[hand.name]
+
+    def _drive(self, queues: dict[str, deque[Verb]], *hands: Hand) -> dict[str, Outcome]:
+        with self._alone():
+            for hand in hands:
+                self.state.hands.setdefault(hand.name, hand)
+            self._keep_parts()
+            try:
+                return drive(self.state.hands, queues, self.step)
+            except Exception as error:
+                self._verb_failed = in_one_line(error)
+                raise
 
     @contextmanager
     def together(self) -> Iterator[None]:
@@ -359,7 +392,7 @@ class Session:
             queues = self._queues
         finally:
             self._queues = None
-        drive(self.state.hands, queues, self.step)
+        self._drive(queues)
 
     def _keep_parts(self) -> None:
         if not self._closed:
@@ -401,7 +434,11 @@ class Session:
         if self.state.started and self.state.held.isdisjoint(candidate.bodies):
             return None
         state = "candidate" if self.state.started and candidate.key not in self.state.standing else "standing"
-        verdict = self.rule(self._readings.view(-1, candidate, state))
+        try:
+            verdict = self.rule(self._readings.view(-1, candidate, state))
+        except Exception as error:
+            self._rule_failed = f"the rule failed in step {self.step_count + 1}: {in_one_line(error)}"
+            raise
         return None if verdict is None else verdict == "accept"
 
     # ---- hands
@@ -714,7 +751,7 @@ class Session:
 
         bodies = {name: body_of(self.scene[name], material, mass) for name in group}
         for name, body in bodies.items():
-            with in_part_names(self.scene):
+            with self._alone(), in_part_names(self.scene):
                 known = None if isinstance(material, int | float) else material
                 self.state.behave(self._numbers[name], body, behaviours, known)
             for note in body.notes:
@@ -722,8 +759,9 @@ class Session:
 
     def reset(self) -> None:
         """Return to the start of the session (see `State.reset`); events, recording and log are kept."""
-        self.state.reset()
-        self._impose()
+        with self._alone():
+            self.state.reset()
+            self._impose()
 
     # ---- expectations
 
@@ -779,11 +817,14 @@ class Session:
         """Record the end of the task, with the error that ended it, if any. `with` and `close()` call this.
 
         A `TaskError` fails the task. Any other error (of the `script`, or Ctrl-C) leaves the task undecided, as does a
-        session that was never concluded; its report does not state "can be done".
+        session that was never concluded; its report does not state "can be done". A script that handles an error does
+        not decide the task where a rule raised it, where no step was completed after the step that failed, or where a
+        verb failed and no step was completed at all.
         """
         if error is None and self._concluded:
             return
-        self._concluded, self.complete = True, error is None and not self._stop
+        unshown = self._not_shown()
+        self._concluded, self.complete = True, error is None and not self._stop and not unshown
         if isinstance(error, TaskError):
             self.undecided = ""
             self.fail(f"{place(error, script)}{error}")
@@ -793,9 +834,17 @@ class Session:
             whose = "" if isinstance(error, CheckpointError | OutputError) else "script error: "
             self.undecided = f"{whose}{place(error, script)}{in_one_line(error)}"
         else:
-            self.undecided = ""
-        if error is not None and self.undecided:
+            self.undecided = unshown
+        if self.undecided and (error is not None or unshown):
             self._last_note(f"not decided: {self.undecided}")
+
+    def _not_shown(self) -> str:
+        """Return why a task that ran to its end has shown nothing; empty if it has."""
+        if self._rule_failed or self._step_failed:
+            return self._rule_failed or f"{self._step_failed} (no step was completed after it)"
+        if self._verb_failed and self.step_count == 0:
+            return f"no step was completed: {self._verb_failed}"
+        return ""
 
     def _last_note(self, text: str) -> None:
         if not self._closed:
@@ -868,6 +917,9 @@ class Session:
             self._observers.end()
         else:
             self._observers.observers.clear()  # releases the output files they claimed
+        news = self._observers.news()
+        if news and self._frame is not None:  # of observers that could not end
+            self.log.frame(replace(self._frame, events=news))
         if self._journal is not None:
             self._journal.close()
         if self._observers.lost:

@@ -12,7 +12,7 @@ the next step, and the time. Three ways to restore it:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from operator import attrgetter
 from typing import Any, NamedTuple, get_type_hints
 
@@ -42,6 +42,10 @@ from vpframe.session.dynamics import Dynamics
 from vpframe.session.events import ConstraintView, NewEvent
 
 NO_PAIRS = np.zeros((0, 4), np.int32)
+FARTHEST = 1e12
+"""m: greatest coordinate of a part in a saved state"""
+GREATEST = 1e30
+"""greatest number in a saved state, SI units"""
 COLUMNS = ("object_a", "surface_a", "object_b", "surface_b")
 Judge = Callable[[Candidate], bool | None]
 """rule for a candidate: True accepts, False refuses, None leaves it on offer"""
@@ -509,6 +513,9 @@ class State:
             raise ValueError("it was saved by another version of vpframe")
         for name, hint in _DATA.items():
             _require(conforms(data[name], hint), name)
+        for name, value in data.items():
+            _require_numbers(value, name)
+        _require(data["step"] >= 0, "step")
         _require(len(data["poses"]) == len(self.names) and tuple(data["parts"]) == self.names, "list of parts")
         _require(len(data["drawn"]) == len(self.names), "list of parts")
         _require(data["rows"].dtype == CONTACT_DTYPE and data["rows"].ndim == 1, "rows")
@@ -521,10 +528,15 @@ class State:
         self._require_parts([*data["carried"], *(i for i, _ in data["carried"].values())])
         _require(all(i not in data["carried"] for i, _ in data["carried"].values()), "what is carried")
         self._require_parts([i for pair in data["authorised"] for i in pair])
+        _require(bool((data["rows"]["distance"] >= 0.0).all()), "rows")
+        _require(all(pitch != 0.0 for pitch in data["threads"].values()), "threads")
         for decision in data["decisions"]:
+            _require(decision.verb in ("accept", "refuse", "remove", "impose"), "a decision")
             if decision.stated is not None:
                 self._require_candidate(decision.stated)
         held = [name for _, held, _, _, carried, _, _ in data["hands"].values() for name in (held, *carried) if name]
+        clocks = [values[6] for values in data["hands"].values()]
+        _require(min(clocks, default=0.0) >= 0.0, "the time of a hand")
         _require(all(name in self.number for name in held), "what a hand holds")
         _require((data["dynamics"] is None) == (self.dynamics is None), "which parts have behaviours")
 
@@ -589,6 +601,33 @@ _MATES: dict[str, Any] = {
     "unproven": list[int],
 }
 """types of the data in a saved state"""
+
+
+def _require_numbers(value: Any, what: str) -> None:
+    """Raise ValueError for a number anywhere in a saved value that no session has: not finite, or beyond `GREATEST`."""
+    if isinstance(value, float | np.floating):
+        unlimited = what.endswith(("break_force", "break_distance")) and value == np.inf
+        holds = unlimited or abs(float(value)) <= GREATEST
+    elif isinstance(value, np.ndarray):
+        for name in value.dtype.names or ():
+            _require_numbers(value[name], f"{what}, {name}")
+        holds = value.dtype.kind != "f" or bool((np.abs(value) <= GREATEST).all())
+    elif isinstance(value, pin.SE3):
+        holds = bool((np.abs(value.translation) <= FARTHEST).all())
+    elif isinstance(value, Mapping):
+        holds = True
+        for key, item in value.items():
+            _require_numbers(item, f"{what}, {key}" if isinstance(key, str) else what)
+    elif isinstance(value, list | tuple | set | frozenset):
+        holds = True
+        for item in value:
+            _require_numbers(item, what)
+    else:
+        holds = True
+        for f in fields(value) if is_dataclass(value) else ():
+            _require_numbers(getattr(value, f.name), f"{what}, {f.name}")
+    if not holds:
+        raise ValueError(f"{what} holds a number that is not finite or too great")
 
 
 def _require(holds: bool, what: str) -> None:

@@ -9,7 +9,6 @@ A part's name alone suffices if all its round surfaces share one axis, or if the
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from math import isfinite
@@ -28,7 +27,7 @@ from constraints.kinds import Constraint, Line
 from constraints.kinds.stated import contradiction, parameter_names
 from constraints.kinds.stated import stated as stated_candidate
 from constraints.recognition.candidate import KINDS
-from vpframe.errors import TaskError
+from vpframe.errors import TaskError, near_names
 from vpframe.scene.boxes import half_size, middle
 from vpframe.scene.scene import Part, Scene
 from vpframe.session.events import ConstraintView
@@ -140,8 +139,8 @@ def statement(
     """
     name = str(kind).replace("_", "-").replace(" ", "-")
     if name not in STATED:
-        near = difflib.get_close_matches(name, STATED, n=2)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"there are: {', '.join(sorted(STATED))}"
+        like = near_names(name, STATED, 2)
+        hint = f"did you mean {' or '.join(like)}?" if like else f"there are: {', '.join(sorted(STATED))}"
         raise TaskError(f"constrain: there is no constraint {kind!r}; {hint}")
     parts = [_part(scene, name, place) for place in (a, b)]
     if parts[0] is parts[1]:

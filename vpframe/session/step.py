@@ -27,7 +27,7 @@ from vpframe.errors import TaskError
 from vpframe.hands.gripper import FACING, MOST_BLOCKERS
 from vpframe.hands.paths import between
 from vpframe.scene.boxes import corners
-from vpframe.scene.names import face_words, obstacles_words
+from vpframe.scene.names import face_words, holders, mates_words, obstacles_words
 from vpframe.scene.subassembly import name_of
 from vpframe.session.events import NewEvent
 from vpframe.session.readings import Readings, along
@@ -403,10 +403,11 @@ def _follow_hands(state: State, wanted: dict[int, pin.SE3], given: Inputs) -> li
         for name in sorted(target.part for target in targets):
             i = index(name)
             group = state.motion.groups.members.get(i, (i,))
-            by = _in_the_way(group, result.contacts, wanted[i].translation - state.poses[i].translation)
+            way = wanted[i].translation - state.poses[i].translation
+            by, holding = _in_the_way(state, group, result.contacts, way)
             if not by and len(targets) > 1:
                 continue  # the part of another hand was stopped
-            blocked[name] = _blockers(state, by) + _authorising(state, group, by)
+            blocked[name] = _blockers(state, group, by, holding) + _authorising(state, group, by)
             if name not in before:
                 others = [state.names[i] for i in by]
                 surfaces = (tuple(sorted(met)) for met in by.values())
@@ -417,16 +418,24 @@ def _follow_hands(state: State, wanted: dict[int, pin.SE3], given: Inputs) -> li
     return events
 
 
-def _blockers(state: State, by: Mapping[int, Mapping[int, NDArray[np.float64]]]) -> str:
+def _blockers(
+    state: State, group: Sequence[int], by: Mapping[int, Mapping[int, NDArray[np.float64]]], holding: Iterable[int]
+) -> str:
     """Describe the obstacles found by `_in_the_way`, each with its nearest face and the point of contact."""
     if not by:
-        return "its constraints to other parts prevent the motion"
+        mates = [(c.kind, other) for c in _mates(state) for other in {*c.bodies} - {*group} if {*c.bodies} & {*group}]
+        known = mates_words((kind, state.names[other]) for kind, other in mates)
+        return known or "its constraints to other parts prevent the motion"
     met = []
     for i, faces in by.items():
         surface, point = next(iter(faces.items()))
         at = ", ".join(f"{x + 0.0:.1f}" for x in np.round(1e3 * point, 1))
         met.append((state.scene.parts[i], f"{face_words(state.scene.parts[i], surface)}, at {at} mm"))
-    return obstacles_words(met)
+    return obstacles_words(met, {state.names[i] for i in holding})
+
+
+def _mates(state: State) -> list[Candidate]:
+    return [entry.candidate for entry in state.mates.accepted.values()]
 
 
 def _authorising(state: State, group: Sequence[int], by: Iterable[int]) -> str:
@@ -435,7 +444,7 @@ def _authorising(state: State, group: Sequence[int], by: Iterable[int]) -> str:
     The overlap of a screw with its thread is not said: it is turned out.
     """
     near = {(a, b) if a in group else (b, a) for a, _, b, _ in state.colliding.tolist()}
-    mates = (*state.mates.candidates.values(), *(entry.candidate for entry in state.mates.accepted.values()))
+    mates = (*state.mates.candidates.values(), *_mates(state))
     threads = {c.bodies for c in mates if c.kind == "screw"}
     text = ""
     for own, other in sorted(near):
@@ -450,12 +459,13 @@ def _authorising(state: State, group: Sequence[int], by: Iterable[int]) -> str:
 
 
 def _in_the_way(
-    group: Sequence[int], rows: NDArray[Any], way: NDArray[np.float64]
-) -> dict[int, dict[int, NDArray[np.float64]]]:
-    """Return the surfaces of other objects that a group meets on its motion `way` (3,), m, from contact rows, each with
-    the contact point (3,), world, m.
+    state: State, group: Sequence[int], rows: NDArray[Any], way: NDArray[np.float64]
+) -> tuple[dict[int, dict[int, NDArray[np.float64]]], frozenset[int]]:
+    """Return the surfaces of other objects that a group meets on its motion `way` (3,), m, from contact rows and across
+    `against` mates, each with a point of contact (3,), world, m; and which of the objects hold the group.
 
-    At most `MOST_BLOCKERS` objects, nearest first; obstacles beside the motion only if none lies ahead.
+    At most `MOST_BLOCKERS` objects: first those that hold the group (see `holders`), then nearest first; obstacles
+    beside the motion only if none lies ahead.
     """
     length = float(np.linalg.norm(way))
     met: list[tuple[bool, float, int, int, tuple[float, float, float]]] = []
@@ -467,12 +477,23 @@ def _in_the_way(
         to = sign * (row["point_b"] - row["point_a"])
         beside = float(to @ way) < FACING * length * float(np.linalg.norm(to))
         met.append((beside, float(row["distance"]), other, int(row["surface_" + end]), tuple(row["point_" + end])))
+    mates = _mates(state)
+    for c in mates:
+        a, b = c.bodies
+        if c.kind == "against" and (a in group) != (b in group):
+            own = 0 if a in group else 1
+            into = float(c.constraint.drawing(state.poses[a]).direction @ way) * (1 - 2 * own)
+            if into > FACING * length:
+                point = tuple(state.poses[a].act(c.match.local))
+                met.append((False, 0.0, c.bodies[1 - own], c.surfaces[1 - own][0], point))
     ahead = [entry for entry in met if not entry[0]] or met
+    names = {entry[2] for entry in ahead}
+    holding = holders(names, group, [c.bodies for c in mates])
     by: dict[int, dict[int, NDArray[np.float64]]] = {}
-    for _, _, other, surface, point in sorted(ahead):
+    for _, _, other, surface, point in sorted(ahead, key=lambda entry: (entry[2] not in holding, entry)):
         if other in by or len(by) < MOST_BLOCKERS:
             by.setdefault(other, {}).setdefault(surface, np.array(point))
-    return by
+    return by, holding.intersection(by)
 
 
 def _renew_moved(state: State, before: Sequence[pin.SE3], given: Inputs) -> None:

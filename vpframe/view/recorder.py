@@ -12,7 +12,6 @@ Timelines: `step` and `time` (s since the session began). Plots are in the units
 
 from __future__ import annotations
 
-import contextlib
 import os
 import queue
 import re
@@ -72,8 +71,6 @@ class RerunRecorder:
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
-        with contextlib.suppress(OSError):  # errors of the folder are reported for the file
-            self.path.parent.mkdir(parents=True, exist_ok=True)
         self._output = claimed(path, RECORDING)
         self._stream: rr.RecordingStream | None = None
         self._failure: Exception | None = None

@@ -14,7 +14,7 @@ from tests.vpframe.watching import fake_session, pressing_frames, pressing_scene
 from vpframe.analysis import clash_status, mates
 from vpframe.app import outputs
 from vpframe.app import task_runner as study
-from vpframe.app.outputs import Output, OutputFolder
+from vpframe.app.outputs import CHECKPOINT, PAGE, RECORDING, Kind, Output, OutputFolder
 from vpframe.errors import OutputError
 from vpframe.report import SessionLog, write
 from vpframe.scene import modelling
@@ -161,7 +161,7 @@ def test_a_device_is_written_to_as_it_is():
 
 def test_what_cannot_be_written_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
-    for path, words in ((tmp_path, "is a folder"), (tmp_path / "no" / "run.rrd", "cannot be written")):
+    for path, words in ((tmp_path, "is a folder"), (tmp_path / "file" / "run.rrd", "cannot be written")):
         with pytest.raises(OutputError, match=words) as raised:
             Output(path, outputs.RECORDING)
         assert str(path) in str(raised.value) and "\n" not in str(raised.value)
@@ -291,3 +291,25 @@ def test_a_script_that_runs_by_itself_has_force_too(desk, capsys, monkeypatch):
     with pytest.raises(SystemExit) as ended:
         study.main("task.py", ["--record", "notes.json", "--force"])
     assert ended.value.code == 0
+
+
+@pytest.mark.parametrize("kind", [RECORDING, CHECKPOINT, PAGE], ids=lambda kind: kind.name)
+def test_the_folders_of_an_output_are_made_and_those_that_stay_empty_removed(tmp_path: Path, kind: Kind) -> None:
+    (tmp_path / "there").mkdir()
+    path = tmp_path / "there" / "a" / "b" / "out"
+    with Output(path, kind):
+        assert path.exists()
+    assert [p.name for p in tmp_path.iterdir()] == ["there"] and not [*(tmp_path / "there").iterdir()]
+    with Output(path, kind) as output, output.open() as file:
+        file.write(b"x")
+    assert path.read_bytes() == b"x"
+
+
+def test_run_records_into_a_folder_that_is_not_there_yet(tmp_path: Path) -> None:
+    script = tmp_path / "task.py"
+    script.write_text("from tests.vpframe.bench_scene import scene\ndef task(session):\n    session.run(0.05)\n")
+    assert (
+        study.run_task(script, record=tmp_path / "runs" / "today" / "run.rrd", checkpoint=tmp_path / "c" / "run.vp")
+        == 0
+    )
+    assert (tmp_path / "runs" / "today" / "run.rrd").stat().st_size > 1000

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 
 import pytest
 
+from physics import Behaviour
 from tests.vpframe.bench_scene import scene
 from vpframe.app import task_runner as study
 from vpframe.errors import TaskError, VpframeError
@@ -210,3 +212,96 @@ def test_a_failed_expectation_stays_one_without_a_task_runner(tmp_path: Path) ->
     with Session(scene()) as session, pytest.raises(TaskError):
         session.expect_freedom("peg", 1)
     assert verdict(session, tmp_path)[:2] == ("cannot be done", False)
+
+
+# ---- errors that the script handles
+
+
+RULED = """
+from tests.vpframe.session.test_threads_of_use import seated as scene
+
+def rule(candidate):
+    {body}
+
+OPTIONS = {{"rule": rule}}
+
+def task(session):
+    hand = session.hand()
+    try:
+        hand.grab("peg")
+        hand.move_by((0.0, 0.0, 0.01))
+    except Exception:
+        pass
+{more}
+"""
+
+
+@pytest.mark.parametrize("more", ["", "    try:\n        session.run(0.1)\n    except ValueError:\n        pass"])
+def test_a_rule_that_always_raises_decides_nothing_whatever_the_script_swallows(tmp_path: Path, capsys, more) -> None:
+    path = tmp_path / "task.py"
+    path.write_text(RULED.format(body="raise ValueError('no idea')", more=more))
+    assert study.run_task(path, report=tmp_path / "report") == 1
+    assert "not decided: the rule failed in step 1: ValueError: no idea" in capsys.readouterr().err
+    document = report_of(tmp_path / "report")
+    assert (document["verdict"], document["can_be_done"], document["steps"]) == ("not decided", False, 0)
+    page = (tmp_path / "report" / "index.html").read_text()
+    assert "Not looked at: no step was taken." in page and "<b>not looked at</b>" in page
+
+
+def test_a_rule_that_raises_once_decides_nothing_though_later_steps_are_completed(tmp_path: Path) -> None:
+    seen: list[int] = []
+
+    def rule(candidate: object) -> str:
+        seen.append(1)
+        if len(seen) == 1:
+            raise KeyError("first")
+        return "accept"
+
+    with Session(scene(), rule=rule) as session:
+        hand = session.hand(at=(0.06, 0.0, 0.07))
+        hand.grab("peg")
+        for _ in range(2):
+            try:
+                hand.move_to([0.0, 0.0, 0.09])
+                hand.slide("down", until="blocked", required=False)
+            except KeyError:
+                pass
+    assert len(seen) > 1 and session.step_count > 0
+    word, can, reason = verdict(session, tmp_path)
+    assert (word, can) == ("not decided", False)
+    assert reason.startswith("the rule failed in step ") and "KeyError: 'first'" in reason
+
+
+class Pushes(Behaviour):
+    """Raises while `fails`."""
+
+    fails = True
+
+    def wrench(self, view: object) -> None:
+        if self.fails:
+            raise RuntimeError("no fuel")
+
+
+@pytest.mark.parametrize(("mends", "word"), [(False, "not decided"), (True, "can be done")])
+def test_a_step_that_fails_decides_nothing_unless_a_later_one_is_completed(tmp_path: Path, mends: bool, word) -> None:
+    push = Pushes()
+    with Session(scene()) as session:
+        session.run(0.05)
+        session.behave("cube", push)
+        for _ in range(2):
+            try:
+                session.step()
+            except ValueError:
+                push.fails = not mends
+    found = verdict(session, tmp_path)
+    assert found[0] == word
+    assert mends or ("no step was completed after it" in found[2] and "no fuel" in found[2])
+
+
+def test_a_verb_that_fails_before_the_first_step_decides_nothing(tmp_path: Path) -> None:
+    with Session(scene()) as session, contextlib.suppress(TaskError):
+        session.hand().release()
+    assert verdict(session, tmp_path)[:2] == ("not decided", False)
+    with Session(scene()) as session:  # nothing was to be done
+        session.expect_free("peg")
+    assert verdict(session, tmp_path) == ("can be done", True, "")

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.vpframe.bench_scene import scene
 from vpframe.errors import TaskError
+from vpframe.hands.arguments import radians
 from vpframe.scene import modelling
 from vpframe.scene.scene import Scene
 from vpframe.session import rules
@@ -78,3 +83,34 @@ def test_a_small_part_alone_may_go_a_metre() -> None:
     assert np.linalg.norm(session.scene["screw"].pose.translation) > 0.9
     with pytest.raises(TaskError, match="lengths are metres"):
         hand.move_by((0.0, 0.0, 2.0))
+
+
+@pytest.mark.parametrize("angle", [90, 45.0, -90.0, 180, 360, 22.5, 7, 10.0, 64.1, -1e6, 1e20])
+def test_an_angle_that_must_be_meant_in_degrees_is_refused_in_one_line(angle: float) -> None:
+    with pytest.raises(
+        TaskError, match=r"angle=.* turns; angles are radians, write math\.radians\(.*\) for .*°"
+    ) as told:
+        radians(float(angle), "hand.turn: angle")
+    assert "\n" not in str(told.value)
+
+
+@given(st.floats(-6.28, 6.28) | st.integers(-800, 800).map(lambda k: k * math.pi / 4.0))
+def test_an_angle_of_up_to_a_turn_and_eighths_of_turns_are_taken(angle: float) -> None:
+    assert radians(angle, "angle") == angle
+
+
+@pytest.mark.parametrize("turns", [1.2, 2.5, 7.3, 9.99, 40, 1000])
+def test_turns_that_a_script_computes_are_taken(turns: float) -> None:
+    assert radians(2.0 * math.pi * turns, "angle") == 2.0 * math.pi * turns
+
+
+def test_a_hand_that_is_told_to_turn_by_90_says_degrees_and_does_nothing() -> None:
+    session, hand = opened()
+    with session:
+        begun = session.step_count
+        with pytest.raises(
+            TaskError, match=r"hand\[cube\]\.turn: angle=90: 90 rad is 14\.3 turns; .*math\.radians\(90\)"
+        ):
+            hand.turn(90, about="z")
+        assert session.step_count == begun
+        assert hand.turn(math.radians(90), about="z", until="contact", required=False) is not None

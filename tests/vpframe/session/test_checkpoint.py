@@ -100,7 +100,7 @@ def test_another_run_or_another_file_is_refused(tmp_path) -> None:
     with pytest.raises(CheckpointError, match="not a vpframe checkpoint"):
         Journal(path, RUN, resume=True)
     with pytest.raises(CheckpointError, match="cannot be written"):
-        Journal(tmp_path / "nowhere" / "run.journal", RUN)
+        Journal(path / "run.journal", RUN)
 
 
 def test_without_resume_the_file_begins_anew(tmp_path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from physics import Elastic, Friction, Gravity, SpringHand
+from physics import Behaviour, Elastic, Friction, Gravity, SpringHand, WorldError
 from vpframe.scene import modelling
 from vpframe.scene.scene import Part, Scene
 from vpframe.session.rules import leave_all
@@ -82,3 +82,22 @@ def test_a_constraint_that_bears_so_much_is_broken_by_a_spring_that_pulls_harder
         removed = [e.text for e in session.events if e.kind == "removed"]
         assert removed == [] if holds else "more than 5 N" in removed[0]
         assert session.scene["box_0"].pose.translation[2] < 1e-3 if holds else session.touching("box_0") == {}
+
+
+class Pushed(Behaviour):
+    def wrench(self, view: object) -> list[float]:
+        return [0.0, 0.0, 1e20, 0.0, 0.0, 0.0]
+
+
+def test_a_wrench_beyond_all_measure_names_part_value_and_mend_and_changes_nothing() -> None:
+    with Session(over_a_floor(2)) as session:
+        session.behave("box_0", Pushed())
+        session.behave("box_1", Gravity())
+        before = [part.pose.homogeneous.tobytes() for part in session.scene.parts]
+        with pytest.raises(
+            WorldError, match=r"^box_0: its motion cannot be followed .*1e\+20 N.*; give less force"
+        ) as told:
+            session.step()
+        assert "\n" not in str(told.value)
+        assert session.step_count == 0
+        assert [part.pose.homogeneous.tobytes() for part in session.scene.parts] == before

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -95,3 +100,35 @@ def test_an_interrupt_while_observers_are_told_tells_nobody_twice() -> None:
         assert len(last.frames) == 2
         session.step()
     assert [f.step for f in first.frames] == [f.step for f in last.frames] == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("when", ["begin", "frame", "end"])
+def test_one_that_raises_is_told_of_once_on_standard_error_and_in_the_report(when: str, tmp_path, caplog) -> None:
+    class Breaks(vp.Frames):
+        pass
+
+    def breaks(self: object, *given: object) -> None:
+        raise RuntimeError("no\nscreen")
+
+    setattr(Breaks, when, breaks)
+    with vp.Session(scene(), observers=[Breaks()]) as session:
+        session.run(0.1)
+    told = [record.getMessage() for record in caplog.records if record.name == "vpframe"]
+    assert told == ["Breaks stopped watching: RuntimeError: no\\nscreen"]
+    events = json.loads((session.report(tmp_path) / "report.json").read_text())["events"]
+    assert len([e for e in events if "Breaks stopped watching" in e["text"]]) == 1
+    assert session.step_count == 6
+
+
+def test_without_handlers_of_its_own_a_program_prints_one_line(tmp_path) -> None:
+    script = tmp_path / "s.py"
+    script.write_text(
+        "import vpframe as vp\nfrom tests.vpframe.bench_scene import scene\n"
+        "class Bad(vp.Frames):\n    def frame(self, frame):\n        raise RuntimeError('no screen')\n"
+        "with vp.Session(scene(), observers=[Bad()]) as session:\n    session.run(0.1)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, env={**os.environ, "PYTHONPATH": "."}
+    )
+    lines = [line for line in done.stderr.splitlines() if "compiling" not in line]
+    assert (done.returncode, lines) == (0, ["Bad stopped watching: RuntimeError: no screen"])

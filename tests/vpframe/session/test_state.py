@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +18,7 @@ from vpframe.scene.scene import Part, Scene
 from vpframe.session import rules
 from vpframe.session.events import Frames
 from vpframe.session.session import Session
+from vpframe.session.state import CODEC, Decision, StateError
 
 
 def scene() -> Scene:
@@ -101,3 +104,87 @@ def test_how_deep_parts_were_drawn_into_each_other_is_saved() -> None:
         session.hand().slide("z", 0.03, speed=0.3)
     assert first.scene["key"].pose.translation[2] == pytest.approx(0.03, abs=1e-6)
     assert first.state.save() == second.state.save()
+
+
+# ---- states that no session has
+
+
+def placed() -> Session:
+    session = Session(scene(), gravity=(0.0, 0.0, -9.81))
+    for name in ("ball", "box"):
+        session.behave(name)
+    hand = session.hand(at=(0.13, 0.025, 0.1))
+    hand.grab("box")
+    hand.move_by((0.0, 0.0, 0.08))
+    session.run(0.1)
+    return session
+
+
+def numbers(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any, ...], Any]]:
+    """Every float and every array of floats of a saved value, with its path."""
+    if isinstance(value, float | np.floating) or (isinstance(value, np.ndarray) and value.dtype.kind == "f"):
+        if np.size(value):
+            yield path, value
+    elif isinstance(value, dict | list | tuple):
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from numbers(item, (*path, key))
+
+
+def put(value: Any, path: tuple[Any, ...], new: Any) -> Any:
+    if not path:
+        return new
+    if isinstance(value, dict):
+        return {key: put(item, path[1:], new) if key == path[0] else item for key, item in value.items()}
+    return type(value)(put(item, path[1:], new) if k == path[0] else item for k, item in enumerate(value))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
+def test_a_saved_state_with_a_number_that_no_session_has_is_refused(bad: float) -> None:
+    with placed() as session:
+        good = session.state.save()
+        data = CODEC.decode(good)
+        tried = 0
+        for path, value in numbers(data):
+            for at in {0, np.size(value) - 1}:
+                wrong: Any = bad
+                if isinstance(value, np.ndarray):
+                    wrong = value.copy()
+                    wrong.flat[at] = bad
+                with pytest.raises(StateError, match=r"damaged: .+"):
+                    session.state.restore(CODEC.encode(put(data, path, wrong)))
+                assert session.state.save() == good
+                tried += 1
+        assert tried > 30
+
+
+@pytest.mark.parametrize(
+    ("path", "change"),
+    [
+        (("dynamics", "world", "velocity"), lambda v: v + 1e9),  # faster than light
+        (("dynamics", "world", "mass"), lambda v: 2.0 * v),
+        (("dynamics", "world", "center"), lambda v: v + 0.01),  # not where its part is
+        (("dynamics", "world", "rotation"), lambda v: 1.1 * v),
+        (("dynamics", "world", "attitude"), lambda v: 0.5 * v),
+        (("dynamics", "world", "poses"), lambda v: v + 0.01),
+        (("dynamics", "world", "time"), lambda v: -v),
+        (("dynamics", "world", "quiet"), lambda v: v - 9.0),
+        (("dynamics", "world", "kind"), lambda v: v + 9),
+        (("step",), lambda v: -v),
+        (("threads",), lambda v: {1: 0.0}),
+        (("decisions",), lambda v: [Decision("undo", 0)]),
+        (("poses",), lambda v: [pin.SE3(v[0].rotation, v[0].translation + 1e13), *v[1:]]),
+        (("hands", "hand", 6), lambda v: -1.0),
+    ],
+)
+def test_a_saved_state_that_contradicts_itself_or_the_session_is_refused(path: tuple, change: Any) -> None:
+    with placed() as session:
+        good = session.state.save()
+        data = CODEC.decode(good)
+        value: Any = data
+        for key in path:
+            value = value[key]
+        with pytest.raises(StateError, match=r"damaged: .+") as refused:
+            session.state.restore(CODEC.encode(put(data, path, change(value))))
+        assert "\n" not in str(refused.value)
+        assert session.state.save() == good
+        session.run(0.05)

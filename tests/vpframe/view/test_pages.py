@@ -255,3 +255,15 @@ def test_names_are_text_on_every_page(browser, tmp_path, name):
             assert browser.errors == []
     finally:
         viewer.end()
+
+
+def test_a_page_that_has_not_looked_for_clashes_does_not_say_that_there_are_none(browser, tmp_path):
+    path = write_page(pressing_scene(), [], tmp_path / "scene.html")
+    browser.open(path.as_uri())
+    assert browser.run("document.querySelector('#clash-count').textContent") == "–"
+    assert browser.run("document.querySelector('#clash-note').textContent") == "not looked at"
+    frames = [(frame, frame.events) for frame in pressing_frames()]
+    browser.open(write_page(pressing_scene(), frames, tmp_path / "frames.html").as_uri())
+    assert browser.run("document.querySelector('#clash-count').textContent") in ("0", "1")
+    assert browser.run("document.querySelector('#clash-note').textContent") == ""
+    assert browser.errors == []

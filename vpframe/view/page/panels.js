@@ -45,8 +45,9 @@ function showFound(message) {
 }
 
 function showClashes() {
-  const pairs = clashPairs();
-  $("clash-count").textContent = pairs.length;
+  const looked = Boolean(world.last || (world.found && world.found.done)), pairs = clashPairs();
+  $("clash-count").textContent = looked ? pairs.length : "–";
+  if (looked && !world.found) $("clash-note").textContent = "";
   const signature = JSON.stringify(pairs);
   if ($("clashes").dataset.signature === signature) return;
   $("clashes").dataset.signature = signature;
