@@ -175,7 +175,7 @@ def contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, 
     return cb, cj, bias, friction
 
 
-class Unknowns(NamedTuple):
+class MovingBodies(NamedTuple):
     """The bodies whose velocities or displacements are solved for."""
 
     bodies: Bodies

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from collision import Tolerance
 from physics.contact import contact_problem, impact_energy, penetration_filter
-from physics.contact.contact_problem import NO_CONTACTS, Contacts, Targets, Unknowns
+from physics.contact.contact_problem import NO_CONTACTS, Contacts, MovingBodies, Targets
 from physics.contact.narrow_phase import find
 from physics.contact.surface_pairs import within
 from physics.joints.rows import assemble, joint_rows
@@ -340,10 +340,10 @@ class ContactSet:
         b = self.bodies
         place(batch.ids, b.center, b.attitude, b.offset, b.rotation, b.origin)
 
-    def _unknowns(self, batch: Batch) -> Unknowns:
+    def _unknowns(self, batch: Batch) -> MovingBodies:
         row = np.full(self.bodies.n, -1)
         row[batch.ids] = np.arange(len(batch.ids))
-        return Unknowns(self.bodies, batch.ids, row)
+        return MovingBodies(self.bodies, batch.ids, row)
 
     def sticks(self, batch: Batch, contacts: Contacts) -> NDArray[np.bool_]:
         """(count,) mask of islands in which joints or contacts bear load and no loaded one slides with friction."""

@@ -14,11 +14,11 @@ import numpy as np
 import pinocchio as pin
 
 from vpframe import files
-from vpframe.app.outputs import PARQUET, Output, table_of
 from vpframe.errors import VpframeError
+from vpframe.events import Event
+from vpframe.outputs import PARQUET, Output, table_of
 from vpframe.scene.motion import Motion
 from vpframe.scene.scene import Scene
-from vpframe.session.events import Event
 
 SUFFIXES = (".csv", ".parquet")
 EVENT_COLUMNS = ("step", "time", "kind", "parts", "surfaces", "text", "data")

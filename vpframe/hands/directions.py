@@ -14,10 +14,10 @@ from constraints.geometry.features import Feature
 from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.geometry.views import Limits
 from vpframe.errors import TaskError
+from vpframe.events import ConstraintView
 from vpframe.hands.arguments import vector
 from vpframe.hands.gripper import Gripper
 from vpframe.scene.scene import Part
-from vpframe.session.events import ConstraintView
 
 Vector = NDArray[np.float64]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -49,6 +50,13 @@ def _shape_names(raw: RawScene) -> list[str]:
     for part in raw.parts:
         first.setdefault(part.shape, part.name)
     return [first.get(i, f"shape {i}") for i in range(len(raw.shapes))]
+
+
+def tessellated(occ: Any, deflection: float, angular: float, name: str) -> Shape:
+    """Return the shape of an OpenCascade shape; `deflection` (m) and `angular` (rad) as in `vpframe.load`."""
+    from vpframe.importers import brep  # slow to import
+
+    return shape(brep.tessellate(occ, deflection, angular), name)
 
 
 def shape(raw: RawShape, name: str = "shape") -> Shape:

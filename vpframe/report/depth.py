@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from collision import CollisionManager, Tolerance
 from vpframe.analysis.clash_status import ClashKey
-from vpframe.app.progress import Progress
-from vpframe.report.log import SessionLog
+from vpframe.console import Progress
+from vpframe.events import Frame
 from vpframe.scene.deflection import deflections
 from vpframe.scene.scene import Scene, Shape
-from vpframe.session.events import Frame
+from vpframe.session.log import SessionLog
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,12 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from functools import partial
 from typing import Any
 
+from vpframe import services
 from vpframe.errors import OutputError, VpframeError
+from vpframe.events import EVENT_KINDS, ConstraintView, Event, Frame, NewEvent, Observer
 from vpframe.scene.scene import Scene
-from vpframe.session.events import EVENT_KINDS, ConstraintView, Event, Frame, NewEvent, Observer
+from vpframe.session.controls import Controls, Request
 from vpframe.session.state import Decision
-from vpframe.view.controls import Controls, Request
 
 FITTING = {"accept": ("candidate", "refused"), "refuse": ("candidate",), "remove": ("active",)}
 """states of a constraint for which each request of a viewer is valid"""
@@ -159,9 +160,7 @@ def viewers(viewer: str | Observer | None) -> list[Observer]:
     if isinstance(viewer, str):
         if viewer != "meshcat":
             raise VpframeError(f'viewer={viewer!r}; give None, "meshcat" or an observer')
-        from vpframe.view.meshcat_viewer import watched
-
-        return [watched()]
+        return [services.call("viewer")]
     return [viewer]
 
 
@@ -170,7 +169,5 @@ def recorders(record: str | os.PathLike[str] | Observer | None) -> list[Observer
     if record is None:
         return []
     if isinstance(record, str | os.PathLike):
-        from vpframe.view.recorder import RerunRecorder
-
-        return [RerunRecorder(record)]
+        return [services.call("recorder", record)]
     return [record]

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 import vpframe.report
-from vpframe.app.outputs import STUDY_FILES, VARIANT, OutputFolder
 from vpframe.files import replace
+from vpframe.outputs import STUDY_FILES, VARIANT, OutputFolder
 from vpframe.studies import charts, statistics
 from vpframe.studies.distributions import Distribution
 from vpframe.studies.results import ANSWER, Record
