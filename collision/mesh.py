@@ -66,6 +66,13 @@ class SurfaceMesh:
         """Number of triangles."""
         return len(self.triangles)
 
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """(2, 3) least and greatest coordinates of the triangles, m. Read only."""
+        from collision.bvh.build import bounds_of
+
+        return bounds_of(self)[:6].reshape(2, 3)
+
     def triangles_of(self, surface: int) -> NDArray[np.int32]:
         """Return (j,) indices of the triangles of one surface, ascending."""
         return self.order[self.surface_start[surface] : self.surface_start[surface + 1]]
