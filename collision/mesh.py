@@ -66,6 +66,15 @@ class SurfaceMesh:
         """Number of triangles."""
         return len(self.triangles)
 
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """(2, 3) least and greatest coordinates of the triangles, m. Read only."""
+        bounds: NDArray[np.float64] | None = self._cache.get("corners")
+        if bounds is None:
+            used = self.vertices[np.unique(self.triangles)]
+            bounds = self._cache["corners"] = np.array([used.min(axis=0), used.max(axis=0)])
+        return bounds
+
     def triangles_of(self, surface: int) -> NDArray[np.int32]:
         """Return (j,) indices of the triangles of one surface, ascending."""
         return self.order[self.surface_start[surface] : self.surface_start[surface + 1]]

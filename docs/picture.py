@@ -12,7 +12,7 @@ import numpy as np
 
 import vpframe as vp
 from vpframe.app import demo
-from vpframe.session.events import Frames
+from vpframe.events import Frames
 from vpframe.view import snapshot
 from vpframe.view.camera import look_at
 from vpframe.view.symbols import frame_symbols

@@ -23,8 +23,8 @@ import pinocchio as pin
 import vpframe as vp
 from collision import SurfaceMesh, colliding_surfaces
 from vpframe.app import cli
+from vpframe.events import Frames
 from vpframe.scene import modelling as m
-from vpframe.session.events import Frames
 from vpframe.view import snapshot
 from vpframe.view.camera import look_at
 from vpframe.view.symbols import frame_symbols

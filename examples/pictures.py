@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import physics
 import vpframe as vp
+from vpframe.events import Frame, Frames
 from vpframe.scene.scene import Part, Scene, Shape
-from vpframe.session.events import Frame, Frames
 from vpframe.studies.variants import bound, nominal
 from vpframe.view import snapshot
 from vpframe.view.camera import DIRECTION, Camera, look_at

@@ -652,7 +652,7 @@ class World:
             pairs = self._neighbours.of(plain)
             moved = self._kinematic(pairs[:, [0, 2]])
             gain = self._gain(plain, dt)
-            ended.append(stepper.advance_apart(plain, pairs, moved, before, kept, self.time, dt, wrenches, gain))
+            ended.append(stepper.advance_apart(plain, pairs, moved, before, kept, self.time, dt, (wrenches, gain)))
         for island in np.flatnonzero(own):
             members = ids[label == island]
             pairs = self._neighbours.of(members)

@@ -7,7 +7,10 @@ vpframe` and `vpframe --help` are fast.
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from typing import Any
+
+from vpframe import services
 
 __version__ = "0.1.0"
 
@@ -20,7 +23,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "vpframe.scene.motion": ("Motion",),
     "vpframe.scene.joints": ("Statement",),
     # in and out
-    "vpframe.importers.motion": ("read_motion",),
+    "vpframe.exporters.motion": ("read_motion",),
     "vpframe.exporters.export": ("export",),
     "vpframe.exporters.tables": ("write_table",),
     "vpframe.exporters.bcf": ("write_bcf",),
@@ -28,7 +31,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     # session
     "vpframe.session.session": ("Session",),
     "vpframe.session.state": ("State", "StateError"),
-    "vpframe.session.events": ("ConstraintView", "ContactPoint", "Event", "Frame", "Frames", "Observer"),
+    "vpframe.events": ("ConstraintView", "ContactPoint", "Event", "Frame", "Frames", "Observer"),
     "vpframe.session.rules": (
         "accept_all", "accept_between", "accept_kinds", "accept_standing", "ask", "first_of", "leave_all",
         "refuse_between", "refuse_kinds",
@@ -75,6 +78,25 @@ _LAZY = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {"planning": "vpframe.planning", "rules": "vpframe.session.rules"}
 
 __all__ = ["__version__", *_LAZY, *_MODULES]
+_SERVICES = {
+    "load": ("vpframe.importers", "load"),
+    "export": ("vpframe.exporters.export", "export"),
+    "tessellate": ("vpframe.importers.build", "tessellated"),
+    "page": ("vpframe.view.notebook", "shown"),
+    "viewer": ("vpframe.view.meshcat_viewer", "watched"),
+    "recorder": ("vpframe.view.recorder", "RerunRecorder"),
+    "report": ("vpframe.report", "write"),
+    "report_folder": ("vpframe.view.notebook", "ReportFolder"),
+    "removal": ("vpframe.planning.plan", "removal"),
+}
+"""functions that lower floors call (`vpframe.services`): module and name"""
+
+
+def _service(module: str, name: str) -> Callable[..., Any]:
+    return lambda *given, **options: getattr(importlib.import_module(module), name)(*given, **options)
+
+
+services.provide({name: _service(*place) for name, place in _SERVICES.items()})
 
 
 def __getattr__(name: str) -> Any:

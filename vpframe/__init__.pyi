@@ -88,7 +88,7 @@ from vpframe.hands.paths import write_track as write_track
 from vpframe.hands.segment import MotionSegment as MotionSegment
 from vpframe.hands.segment import Outcome as Outcome
 from vpframe.importers import load as load
-from vpframe.importers.motion import read_motion as read_motion
+from vpframe.exporters.motion import read_motion as read_motion
 from vpframe import planning as planning
 from vpframe.scene.boxes import bounds as bounds
 from vpframe.scene.boxes import half_size as half_size
@@ -101,12 +101,12 @@ from vpframe.scene.scene import Shape as Shape
 from vpframe.scene.scene import Size as Size
 from vpframe.scene.scene import Surface as Surface
 from vpframe.scene.units import length as length
-from vpframe.session.events import ConstraintView as ConstraintView
-from vpframe.session.events import ContactPoint as ContactPoint
-from vpframe.session.events import Event as Event
-from vpframe.session.events import Frame as Frame
-from vpframe.session.events import Frames as Frames
-from vpframe.session.events import Observer as Observer
+from vpframe.events import ConstraintView as ConstraintView
+from vpframe.events import ContactPoint as ContactPoint
+from vpframe.events import Event as Event
+from vpframe.events import Frame as Frame
+from vpframe.events import Frames as Frames
+from vpframe.events import Observer as Observer
 from vpframe.session import rules as rules
 from vpframe.session.rules import accept_all as accept_all
 from vpframe.session.rules import accept_between as accept_between

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import html
 import io
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from vpframe.scene.scene import Scene
-
-NUMBERED = re.compile(r"\b(?:objects?|bodies|body|part) (\d+)\b(?: and (\d+)\b)?")
-"""numbers of objects in messages of the packages below"""
-BELOW = ("collision", "constraints", "physics")
 _MARKUP = {ord(c): f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"}
 _FORMULA = re.compile(r"'*\s*[-=+@\uff0b\uff0d\uff1d\uff20]")
 """what spreadsheets take for a formula, and the same behind the quotes that mark text; also the full-width signs"""
@@ -77,29 +70,3 @@ def cell(value: Any) -> Any:
 def uncell(text: str) -> str:
     """Return the text that `cell` has written."""
     return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
-
-
-@contextlib.contextmanager
-def in_part_names(scene: Scene) -> Iterator[None]:
-    """Put part names in place of object numbers into errors of the packages below that are raised inside."""
-    try:
-        yield
-    except ValueError as error:  # the common base of the packages' errors
-        if type(error).__module__.partition(".")[0] in BELOW:
-            error.args = (with_part_names(str(error), scene),)
-        raise
-
-
-def with_part_names(text: str, scene: Scene) -> str:
-    """Replace object numbers in a message by part names: "bolt_2" for "object 3 (bolt)"."""
-    parts = scene.parts
-
-    def names(match: re.Match[str]) -> str:
-        places = [int(number) for number in match.groups() if number is not None]
-        return " and ".join(parts[k].name for k in places) if max(places) < len(parts) else match[0]
-
-    text = NUMBERED.sub(names, text)
-    for part in parts:
-        for called in (part.mesh.name, part.name):
-            text = text.replace(f"{part.name} ({called})", part.name)
-    return text

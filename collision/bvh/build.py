@@ -66,7 +66,7 @@ def bounds_of(mesh: SurfaceMesh) -> NDArray[np.float64]:
     bounds: NDArray[np.float64] | None = mesh._cache.get("bounds")
     if bounds is None:
         used = mesh.vertices[np.unique(mesh.triangles)]
-        low, high = used.min(axis=0), used.max(axis=0)
+        low, high = mesh.bounds
         radius = np.linalg.norm(used - (0.5 * low + 0.5 * high), axis=1).max()
         bounds = mesh._cache["bounds"] = np.array([*low, *high, radius])
     return bounds

@@ -284,7 +284,11 @@ def _longer(condition, time, before):
 
 
 def _apart_lane(moving):
+    @intrinsic
     def code(typingctx, nodes, at, others, lane, rates, aim, until, out):
+        """Place in `out[:8]` times for which the boxes of a node, at `nodes[at]`, and the box in a lane of another, at
+        `others[lane]`, surely stay `aim` (m) apart; 0 where they are no farther apart. Bit k is set unless that of the
+        k-th is at least `until`. rates: see `RATES`."""
         signature = types.int64(nodes, types.int64, others, types.int64, rates, *(types.float32,) * 2, out)
 
         def generate(context, builder, signature, args):
@@ -299,10 +303,7 @@ def _apart_lane(moving):
 
         return signature, generate
 
-    code.__doc__ = """Place in `out[:8]` times for which the boxes of a node, at `nodes[at]`, and the box in a lane of
-    another, at `others[lane]`, surely stay `aim` (m) apart; 0 where they are no farther apart. Bit k is set
-    unless that of the k-th is at least `until`. rates: see `RATES`."""
-    return intrinsic(code)
+    return code
 
 
 TERMS: Final = 10
@@ -652,7 +653,12 @@ def _between_edges(here, there):
 
 
 def _by_edges(directions):
+    @intrinsic
     def code(typingctx, packets, at, other, to, shift, off, limit, out):
+        """Raise the bounds in `out[:8]` (see `triangles_near`) by what edges tell; the same bits.
+
+        For triangles that are apart, along the way from the nearest edge to the nearest edge; for such as meet, along
+        the common normals of edges."""
         signature = types.int64(packets, types.int64, other, types.int64, shift, types.float32, types.float32, out)
 
         def generate(context, builder, signature, args):
@@ -667,11 +673,7 @@ def _by_edges(directions):
 
         return signature, generate
 
-    code.__doc__ = """Raise the bounds in `out[:8]` (see `triangles_near`) by what edges tell; the same bits.
-
-    For triangles that are apart, along the way from the nearest edge to the nearest edge; for such as meet, along the
-    common normals of edges."""
-    return intrinsic(code)
+    return code
 
 
 def _common_normals(here, there):

@@ -34,11 +34,11 @@ from collision.bvh.traverse import (
 )
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.point_triangle import solid_angle
 from collision.numeric.vectors import dot, norm, sub
 from collision.objects import Objects
 from collision.query.intersection import intersecting
 from collision.solid import Solid, solid_of
-from collision.triangle.point import solid_angle
 
 FAR: Final = ((2.0, 0.25), (4.0, 0.03), (np.inf, 0.0))
 """1: from how many radii on a cluster of triangles is seen as a dipole, and how far from 1/2 winding numbers are then

@@ -38,12 +38,12 @@ from collision.bvh.traverse import (
 )
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.point_triangle import closest_on_triangle
 from collision.numeric.simd import near_lane, point_lane, signed_lane
 from collision.numeric.vectors import dot, sub
 from collision.query.containment import query_about, winds
 from collision.query.distance import rounding_of
 from collision.triangle.motion import STILL, pair_step
-from collision.triangle.point import closest_on_triangle
 
 FAR: Final = 1e12
 """1: a packet is not looked at in float32 from a distance of this many of its sizes"""

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision.numeric.kernel import kernel
+from collision.numeric.point_triangle import closest_on_triangle
 from collision.numeric.vectors import dot, row, sub
-from collision.triangle.point import closest_on_triangle
 from constraints.geometry.surfaces import Geometry
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -161,19 +161,30 @@ class Met:
         return rows, normals, gaps
 
 
+class Surroundings(NamedTuple):
+    """What bodies move among."""
+
+    drawn: Drawn
+    collision: Swept
+    walls: Walls
+    mated: MatedSurfaces
+    tolerance: Tolerance
+    solving: Tolerance
+    """how exactly the constraints must hold"""
+
+
 class Step:
     """Brings held bodies towards the poses wanted of them, in passes of plan, project and sweep."""
 
     def __init__(
         self, unknowns: Unknowns, wanted: Mapping[int, pin.SE3], poses: Sequence[pin.SE3], known: Linear | None,
-        drawn: Drawn, collision: Swept, walls: Walls, mated: MatedSurfaces, tolerance: Tolerance, solving: Tolerance,
-        home: bool = False,
+        around: Surroundings, home: bool = False,
     ) -> None:  # fmt: skip
-        """known: what the step before ended with. solving: how exactly the constraints are to hold. home: whether all
-        bodies are wanted where they are drawn: the constraints hold there as they do in the drawing."""
+        """known: linearisation at the end of the step before. home: whether all bodies are wanted where they are drawn:
+        the constraints hold there as they do in the drawing."""
         self.unknowns, self.wanted, self.bodies = unknowns, dict(wanted), unknowns.bodies
-        self.drawn, self.collision, self.walls, self.mated = drawn, collision, walls, mated
-        self.tolerance, self.solving, self.home = tolerance, solving, home
+        self.drawn, self.collision, self.walls, self.mated, self.tolerance, self.solving = around
+        self.home = home
         self.poses: list[pin.SE3] = list(poses)
         self.acting: list[NDArray[Any]] = []
         self.way: list[dict[int, pin.SE3]] = []
@@ -181,7 +192,7 @@ class Step:
         self.met = Met()
         self.refused: dict[int, pin.SE3] = {}
         """where the last pass was planned to end, if it was stopped on its way"""
-        self.linear = Linear.at(unknowns, self.poses, known, tolerance.rigid)
+        self.linear = Linear.at(unknowns, self.poses, known, self.tolerance.rigid)
         self.left = self._left()
         self.error = self._error()
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from collision import CONTACT_DTYPE, Tolerance
 from constraints.errors import ConstraintsError
 from constraints.manager import ConstraintManager
-from constraints.motion.god_object import Linear, MotionResult, Step, Swept
+from constraints.motion.god_object import Linear, MotionResult, Step, Surroundings, Swept
 from constraints.motion.passage import Drawn
 from constraints.motion.unknowns import Unknowns
 from constraints.motion.walls import Walls
@@ -118,10 +118,8 @@ class Motion:
         if self._drawn is None:
             self.redraw(poses)
         assert self._drawn is not None
-        step = Step(
-            self._unknowns[1], wanted, poses, self._linear, self._drawn,
-            self.collision, self.walls, self.mated, self.tolerance, self.solving, self._home(wanted, poses),
-        )  # fmt: skip
+        around = Surroundings(self._drawn, self.collision, self.walls, self.mated, self.tolerance, self.solving)
+        step = Step(self._unknowns[1], wanted, poses, self._linear, around, self._home(wanted, poses))
         result = step.run()
         self._linear = step.linear
         return result

@@ -16,7 +16,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
-from collision.bvh.build import bounds_of
 from constraints.motion.walls import Near, Surfaces, Walls
 from constraints.recognition.mated import adjacent_surfaces
 
@@ -48,8 +47,8 @@ class Drawn:
 
     def corners(self, body: int) -> NDArray[np.float64]:
         """(8, 3) of a body's box, in its frame, m."""
-        box = bounds_of(self.collision.mesh(body))
-        return np.where(np.indices((2, 2, 2)).reshape(3, 8).T, box[3:6], box[:3])
+        low, high = self.collision.mesh(body).bounds
+        return np.where(np.indices((2, 2, 2)).reshape(3, 8).T, high, low)
 
     def allowed(self, pair: Surfaces) -> float:
         """m, at least 0: how deep a pair may reach into each other.

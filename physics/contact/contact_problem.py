@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from collision.numeric.kernel import inner_kernel, kernel
+from physics.model.bodies import FREE, Bodies
 from physics.model.rotations import across, turn
 from physics.solver import newton
 
@@ -174,26 +175,62 @@ def contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, 
     return cb, cj, bias, friction
 
 
-def solve_contacts(
-    ids, local, free, center, velocity, rotation, mass, inertia, inverse, is_free,
-    chosen, ints, reals, mu, target, least, impulse, held, tolerance,
-):  # fmt: skip
-    """Solve contacts `chosen` and joints from unconstrained velocities `free` (n, 6) of `ids`; writes `velocity`.
+class MovingBodies(NamedTuple):
+    """The bodies whose velocities or displacements are solved for."""
 
-    mu: (c,) friction. target: (c,) m/s, least normal speeds (0: the contact does not close). least: (c,) N·s, least
-    normal impulses. impulse: (len(chosen), 3) N·s, guess and answer. held: rows of joints. Returns the solver's
-    residual, m/s, and whether a joint with friction slides.
+    bodies: Bodies
+    ids: Ints
+    """(n,) free bodies"""
+    row: Ints
+    """row in `ids` by object id, -1 for others"""
+    held: Any = None
+    """rows of their joints (`physics.joints.rows`)"""
+
+    def masses(self):
+        """Masses, inverse masses, world inertias and their inverses, as `gather` returns them."""
+        b = self.bodies
+        return gather(self.ids, b.rotation, b.mass, b.inertia, b.inverse)
+
+    def rows_of(self, contacts, chosen, mu=None, target=None):
+        """Bodies, Jacobians, biases and friction of contacts, as `contact_rows` returns them; 0 where not given."""
+        b, none = self.bodies, np.zeros(len(contacts.ints))
+        return contact_rows(
+            chosen, contacts.ints, contacts.reals, none if mu is None else mu, none if target is None else target,
+            self.row, self.ids, b.center, b.velocity, b.kind == FREE,
+        )  # fmt: skip
+
+    def shift(self, move):
+        """Move the bodies by small displacements (n, 6)."""
+        shift(self.ids, self.bodies.center, self.bodies.attitude, move)
+
+
+class Targets(NamedTuple):
+    """What contacts must reach."""
+
+    speed: Array
+    """(c,) m/s: least normal speeds; 0: the contact does not close"""
+    impulse: Array | None = None
+    """(c,) N·s: least normal impulses; None: 0"""
+
+
+def solve_contacts(unknowns, contacts, chosen, targets, mu, impulse, free, tolerance):
+    """Solve contacts `chosen` and joints from unconstrained velocities `free` (n, 6); writes the bodies' velocities.
+
+    mu: (c,) friction. impulse: (len(chosen), 3) N·s, guess and answer. Returns the solver's residual, m/s, and whether
+    a joint with friction slides.
     """
-    m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
-    cb, cj, bias, friction = contact_rows(chosen, ints, reals, mu, target, local, ids, center, velocity, is_free)
+    velocity, ids, held = unknowns.bodies.velocity, unknowns.ids, unknowns.held
+    m, im, world, inverse_world = unknowns.masses()
+    cb, cj, bias, friction = unknowns.rows_of(contacts, chosen, mu, targets.speed)
     bodies = free, m, world, im, inverse_world
-    contacts = cb, cj, bias, friction, least[chosen]
+    least = np.zeros(len(chosen)) if targets.impulse is None else targets.impulse[chosen]
+    rows = cb, cj, bias, friction, least
     rested = len(held.dry_bodies) > 0 and _at_rest(held, velocity[ids], free)
-    v, pushes, residual = _solve_with_friction(bodies, contacts, impulse, held, tolerance)
+    v, pushes, residual = _solve_with_friction(bodies, rows, impulse, held, tolerance)
     if rested and not _at_rest(
         held, v, free
     ):  # where a dry joint can stick it does, though in a jam (Painlevé) it might as well slide
-        stuck, its_pushes, its_residual, holds = _solve_sticking(bodies, contacts, impulse, held, tolerance)
+        stuck, its_pushes, its_residual, holds = _solve_sticking(bodies, rows, impulse, held, tolerance)
         if holds:
             v, pushes, residual = stuck, its_pushes, its_residual
     velocity[ids], impulse[:] = v, pushes
@@ -267,29 +304,28 @@ def shift(ids, center, attitude, move):
         turn(attitude[i], move[k, 3], move[k, 4], move[k, 5])
 
 
-def correct(
-    ids, local, center, attitude, velocity, rotation, mass, inertia, inverse, is_free, chosen, others, ints, reals,
-    jb, jj, jresidual,
-):  # fmt: skip
-    """Move the bodies `ids` least (mass metric) to close the gaps of `chosen` and the joints' residuals.
+def correct(unknowns, contacts, chosen, others, joints):
+    """Move the bodies least (mass metric) to close the gaps of `chosen` and the joints' residuals.
 
-    Gaps of the rows `others` do not become negative, or more negative than they are.
+    Gaps of the rows `others` do not become negative, or more negative than they are. joints: bodies (j, 2), Jacobians
+    (j, 1, 12) and residuals (j, 1) of their rows.
     """
-    m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
-    none = np.zeros(len(ints))
-    cb, cj, _, _ = contact_rows(chosen, ints, reals, none, none, local, ids, center, velocity, is_free)
+    reals, n = contacts.reals, len(unknowns.ids)
+    m, im, world, inverse_world = unknowns.masses()
+    jb, jj, jresidual = joints
+    cb, cj, _, _ = unknowns.rows_of(contacts, chosen)
     blocks = np.concatenate([cb, jb])
     jacobian = np.ascontiguousarray(np.concatenate([cj[:, :1], jj]))
     bias = np.concatenate([reals[chosen, 6:], jresidual])
-    ob, oj, keep, smooth = contact_rows(others, ints, reals, none, none, local, ids, center, velocity, is_free)
+    ob, oj, keep, smooth = unknowns.rows_of(contacts, others)
     keep[:] = 0.0
     keep[:, 0] = np.maximum(reals[others, 6], 0.0)
     held = np.zeros(len(others), bool)
-    move = np.empty((len(ids), 6))
+    move = np.empty((n, 6))
     for _ in range(8):
         push = np.zeros((int(held.sum()), 3))
         newton.solve(
-            np.zeros((len(ids), 6)), move, m, world, im, inverse_world, ob[held], oj[held], keep[held], smooth[held],
+            np.zeros((n, 6)), move, m, world, im, inverse_world, ob[held], oj[held], keep[held], smooth[held],
             np.zeros(len(push), np.bool_), np.zeros(len(push)), push, blocks, jacobian, bias,
             np.zeros((len(blocks), 1)), 1e-13,
         )  # fmt: skip
@@ -299,30 +335,27 @@ def correct(
         if not pushed.any():
             break
         held |= pushed
-    shift(ids, center, attitude, move)
+    unknowns.shift(move)
 
 
 TOUCHING = 1e-12
 """m: violation that a correction may leave at other contacts"""
 
 
-def push_apart(
-    ids, local, center, attitude, velocity, rotation, mass, inertia, inverse, is_free, chosen, ints, reals, tolerance
-):
-    """Move the bodies `ids` least (mass metric) so that no gap of `chosen` is negative, to first order.
+def push_apart(unknowns, contacts, chosen, tolerance):
+    """Move the bodies least (mass metric) so that no gap of `chosen` is negative, to first order.
 
     tolerance: 1, allowed negative gap, relative to the largest gap of `chosen`.
     """
-    m, im, world, inverse_world = gather(ids, rotation, mass, inertia, inverse)
-    none = np.zeros(len(ints))
-    cb, cj, bias, friction = contact_rows(chosen, ints, reals, none, none, local, ids, center, velocity, is_free)
+    m, im, world, inverse_world = unknowns.masses()
+    cb, cj, bias, friction = unknowns.rows_of(contacts, chosen)
     bias[:] = 0.0  # things stand still
-    gaps = reals[chosen, 6]
+    gaps = contacts.reals[chosen, 6]
     bias[:, 0] = np.where(gaps < 0.0, WIDER * gaps, gaps)
-    move = np.empty((len(ids), 6))
+    move = np.empty((len(unknowns.ids), 6))
     newton.solve(
-        np.zeros((len(ids), 6)), move, m, world, im, inverse_world, cb, cj, bias, friction, np.zeros(len(cb), np.bool_),
+        np.zeros_like(move), move, m, world, im, inverse_world, cb, cj, bias, friction, np.zeros(len(cb), np.bool_),
         np.zeros(len(cb)), np.zeros((len(cb), 3)), np.zeros((0, 2), np.int64), np.zeros((0, 1, 12)), np.zeros((0, 1)),
         np.zeros((0, 1)), tolerance,
     )  # fmt: skip
-    shift(ids, center, attitude, move)
+    unknowns.shift(move)

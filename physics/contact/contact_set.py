@@ -13,17 +13,18 @@ the normal impulse of its compression, and more if the contact would close other
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from collision import Tolerance
 from physics.contact import contact_problem, impact_energy, penetration_filter
-from physics.contact.contact_problem import NO_CONTACTS, Contacts
+from physics.contact.contact_problem import NO_CONTACTS, Contacts, MovingBodies, Targets
 from physics.contact.narrow_phase import find
 from physics.contact.surface_pairs import within
 from physics.joints.rows import assemble, joint_rows
-from physics.model.bodies import FREE, Bodies, Saved, place
+from physics.model.bodies import Bodies, Saved, place
 from physics.model.shapes import Shapes
 from physics.solver.batch import Batch
 
@@ -206,17 +207,17 @@ class ContactSet:
 
         ahead: see `joints.rows.joint_rows`.
         """
-        target = np.zeros(len(contacts.ints))
-        self.solve(batch, contacts, active, self.free(batch, t, h, wrench), h, target, ahead=ahead)
+        targets = Targets(np.zeros(len(contacts.ints)))
+        self.solve(batch, contacts, active, self.free(batch, t, h, wrench), h, targets, ahead=ahead)
 
     def solve(
-        self, batch: Batch, contacts: Contacts, active: Ints, free: Array, h: Array, target: Array,
-        tolerance: float = EXACT, least: Array | None = None, ahead: float = 0.0,
+        self, batch: Batch, contacts: Contacts, active: Ints, free: Array, h: Array, targets: Targets,
+        tolerance: float = EXACT, ahead: float = 0.0,
     ) -> None:  # fmt: skip
         """Solve for velocities under contacts and joints, from unconstrained ones `free` (n, 6).
 
-        target: (c,) m/s, least normal speeds; least: (c,) N·s, least normal impulses. Contact forces (impulse over h)
-        are stored in `contacts`. Each contact patch starts with the rows that span it; rows that would sink in follow.
+        Contact forces (impulse over h) are stored in `contacts`. Each contact patch starts with the rows that span it;
+        rows that would sink in follow.
         """
         b = self.bodies
         if len(active) == 0 and not batch.joints:
@@ -224,24 +225,20 @@ class ContactSet:
             return
         mu, _ = self.pair_values(contacts.ints)
         each = h[batch.of_rows(contacts.ints)][:, None]
-        held = joint_rows(batch.joints, b, batch.ids, self.pair_values, ahead)
-        local = self._local(batch)
+        unknowns = self._unknowns(batch)._replace(held=joint_rows(batch.joints, b, batch.ids, self.pair_values, ahead))
         chosen = active[contact_problem.spanning(contacts.ints, contacts.reals, active)]
-        if least is None:
-            least = np.zeros(len(contacts.ints))
-        else:
-            chosen = np.union1d(chosen, active[least[active] > 0.0])
+        if targets.impulse is not None:
+            chosen = np.union1d(chosen, active[targets.impulse[active] > 0.0])
         for _ in range(8):
             impulse = contacts.force[chosen] * each[chosen]
             residual, self.slips = contact_problem.solve_contacts(
-                batch.ids, local, free, b.center, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
-                b.kind == FREE, chosen, contacts.ints, contacts.reals, mu, target, least, impulse, held, tolerance,
-            )  # fmt: skip
+                unknowns, contacts, chosen, targets, mu, impulse, free, tolerance
+            )
             contacts.force[active] = 0.0
             contacts.force[chosen] = impulse / each[chosen]
             if len(chosen) == len(active):
                 break
-            slowest = target[active] - 1e-10 * (1.0 + np.abs(target[active])) - 2.0 * residual
+            slowest = targets.speed[active] - 1e-10 * (1.0 + np.abs(targets.speed[active])) - 2.0 * residual
             sinking = self.speeds(active, contacts) < slowest
             sinking[np.searchsorted(active, chosen)] = False
             if not sinking.any():
@@ -277,7 +274,7 @@ class ContactSet:
 
     def _reflect(self, batch, contacts, active, free, h, target, tolerance) -> None:
         """`rebound` by Newton's law alone."""
-        self.solve(batch, contacts, active, free, h, target, tolerance)
+        self.solve(batch, contacts, active, free, h, Targets(target), tolerance)
         if target[active].any():
             self._limit(batch, contacts, active, free, h, tolerance)
 
@@ -288,24 +285,19 @@ class ContactSet:
         mine = active[stored[active]]
         back = np.zeros(len(target))
         back[mine] = target[mine] / -self.speeds(mine, contacts)
-        self.solve(batch, contacts, active, free, h, np.zeros(len(target)), tolerance)
+        self.solve(batch, contacts, active, free, h, Targets(np.zeros(len(target))), tolerance)
         velocity, force = b.velocity[batch.ids], contacts.force[active]
         each = h[batch.of_rows(contacts.ints[active])]
         least = np.zeros(len(target))
         least[active] = back[active] * force[:, 0] * each
         contacts.force[active] = back[active, None] * force
-        self.solve(batch, contacts, active, velocity, h, np.where(stored, 0.0, target), tolerance, least)
+        self.solve(batch, contacts, active, velocity, h, Targets(np.where(stored, 0.0, target), least), tolerance)
         contacts.force[active] += force
         self._limit(batch, contacts, active, free, h, tolerance, (velocity, force))
 
     def _rows(self, batch: Batch, contacts: Contacts, active: Ints):
         """Bodies (c, 2), Jacobians (c, 3, 12) and biases (c, 3) of the rows `active`."""
-        b = self.bodies
-        none = np.zeros(len(contacts.ints))
-        return contact_problem.contact_rows(
-            active, contacts.ints, contacts.reals, none, none, self._local(batch), batch.ids, b.center, b.velocity,
-            b.kind == FREE,
-        )[:3]  # fmt: skip
+        return self._unknowns(batch).rows_of(contacts, active)[:3]
 
     def _limit(self, batch, contacts, active, free, h, tolerance, without=None) -> None:
         """Scale restitution down in connected groups that gain energy; writes velocities and forces.
@@ -323,7 +315,7 @@ class ContactSet:
         if not wrong.any():
             return
         if without is None:
-            self.solve(batch, contacts, active, free, h, np.zeros(len(contacts.ints)), tolerance)
+            self.solve(batch, contacts, active, free, h, Targets(np.zeros(len(contacts.ints))), tolerance)
             without = b.velocity[batch.ids], contacts.force[active]
         least, least_force = without
         least_after = impact_energy.relative(cb, cj, bias, least)
@@ -334,28 +326,24 @@ class ContactSet:
         part = sigma[group, None]
         contacts.force[active] = np.where(part < 1.0, least_force + part * (force - least_force), force)
 
-    def correct(self, batch: Batch, contacts: Contacts, chosen: Ints, others: Ints, jb, jj, jr) -> None:
+    def correct(self, batch: Batch, contacts: Contacts, chosen: Ints, others: Ints, joints: tuple[Any, ...]) -> None:
         """Move bodies as little as closes the gaps of rows `chosen` and the joints' residuals; `others` stay open."""
-        b = self.bodies
-        contact_problem.correct(
-            batch.ids, self._local(batch), b.center, b.attitude, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
-            b.kind == FREE, chosen, others, contacts.ints, contacts.reals, jb, jj, jr,
-        )  # fmt: skip
-        place(batch.ids, b.center, b.attitude, b.offset, b.rotation, b.origin)
+        contact_problem.correct(self._unknowns(batch), contacts, chosen, others, joints)
+        self._place(batch)
 
     def push_apart(self, batch: Batch, contacts: Contacts, chosen: Ints, tolerance: float) -> None:
         """Move bodies as little as lifts all gaps of rows `chosen` to 0, within `tolerance` of the deepest."""
+        contact_problem.push_apart(self._unknowns(batch), contacts, chosen, tolerance)
+        self._place(batch)
+
+    def _place(self, batch: Batch) -> None:
         b = self.bodies
-        contact_problem.push_apart(
-            batch.ids, self._local(batch), b.center, b.attitude, b.velocity, b.rotation, b.mass, b.inertia, b.inverse,
-            b.kind == FREE, chosen, contacts.ints, contacts.reals, tolerance,
-        )  # fmt: skip
         place(batch.ids, b.center, b.attitude, b.offset, b.rotation, b.origin)
 
-    def _local(self, batch: Batch) -> Ints:
-        local = np.full(self.bodies.n, -1)
-        local[batch.ids] = np.arange(len(batch.ids))
-        return local
+    def _unknowns(self, batch: Batch) -> MovingBodies:
+        row = np.full(self.bodies.n, -1)
+        row[batch.ids] = np.arange(len(batch.ids))
+        return MovingBodies(self.bodies, batch.ids, row)
 
     def sticks(self, batch: Batch, contacts: Contacts) -> NDArray[np.bool_]:
         """(count,) mask of islands in which joints or contacts bear load and no loaded one slides with friction."""
@@ -395,7 +383,8 @@ class ContactSet:
             part = batch.part(struck)
             self.rebound(part, contacts, hit, b.velocity[part.ids].copy(), one, target)
         contacts.force[:] = 0.0
-        self.solve(batch, contacts, touching, b.velocity[batch.ids].copy(), one, np.zeros(len(contacts.ints)))
+        targets = Targets(np.zeros(len(contacts.ints)))
+        self.solve(batch, contacts, touching, b.velocity[batch.ids].copy(), one, targets)
         contacts.force[:] = kept
 
 

@@ -12,9 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.point_triangle import closest_on_triangle
 from collision.numeric.vectors import cross, sub
 from collision.numeric.vectors import row as point
-from collision.triangle.point import closest_on_triangle
 from physics.contact.contact_features import (
     FACE,
     FRONT,

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.point_triangle import closest_on_triangle
 from collision.numeric.vectors import dot, row, sub
-from collision.triangle.point import closest_on_triangle
 from physics.contact.contact_features import (
     BODY_A,
     BODY_B,

@@ -232,7 +232,8 @@ def _edges(vertices, triangles, normals, surface_of, kinds, analytic):
         wings[:, side] = w / np.maximum(np.linalg.norm(w, axis=1), 1e-300)[:, None]
     bend = np.einsum("ij,ij->i", wings[:, 0], normals[owner[two]])
     surfaces = np.stack([surface_of[owner[one]], surface_of[owner[two]]], axis=1)
-    rims = _rims(vertices, edges, surfaces, normals, owner, one, two, kinds, analytic)
+    sides = np.stack([normals[owner[one]], normals[owner[two]]], axis=1)
+    rims = _rims(vertices, edges, surfaces, sides, kinds, analytic)
     convex = (bend < -1e-6) & (size > 0)
     senses = np.zeros(len(edges), np.int64)
     for side in (0, 1):
@@ -272,17 +273,20 @@ def _bends(vertices: Array, edges: Ints, surfaces: Ints) -> Array:
     return out
 
 
-def _rims(vertices, edges, surfaces, normals, owner, one, two, kinds, analytic):
-    """Circles where a convex cylinder ends in a plane face square to its axis; listed for both surfaces (c, 9)."""
+def _rims(vertices, edges, surfaces, normals, kinds, analytic):
+    """Circles where a convex cylinder ends in a plane face square to its axis; listed for both surfaces (c, 9).
+
+    normals: (e, 2, 3) of the triangles on both sides of each edge.
+    """
     rims: list[list[float]] = []
     for s in np.flatnonzero((kinds == CYLINDER) & (analytic[:, 7] > 0)):
         origin, axis, radius = analytic[s, :3], analytic[s, 3:6], analytic[s, 6]
         mine = np.flatnonzero((surfaces[:, 0] == s) ^ (surfaces[:, 1] == s))
         other = np.where(surfaces[mine, 0] == s, surfaces[mine, 1], surfaces[mine, 0])
-        far = np.where(surfaces[mine, 0] == s, owner[two[mine]], owner[one[mine]])
+        far = np.where((surfaces[mine, 0] == s)[:, None], normals[mine, 1], normals[mine, 0])
         for o in np.unique(other):
             rows = mine[other == o]
-            square = np.abs(np.abs(normals[far[other == o]] @ axis) - 1.0) < 1e-9
+            square = np.abs(np.abs(far[other == o] @ axis) - 1.0) < 1e-9
             heights = (vertices[edges[rows].reshape(-1)] - origin) @ axis
             whole = np.isclose(
                 np.linalg.norm(vertices[edges[rows, 1]] - vertices[edges[rows, 0]], axis=1).sum(),

@@ -17,12 +17,14 @@ time stepping): everything moves as far as gaps allow, then all touching contact
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from collision import Tolerance
 from collision.numeric.kernel import kernel
-from physics.contact.contact_problem import NO_CONTACTS, Contacts, match
+from physics.contact.contact_problem import NO_CONTACTS, Contacts, Targets, match
 from physics.contact.contact_set import ContactSet, Wrench, merged, rows
 from physics.contact.surface_pairs import closing_speed, separation
 from physics.joints.articulated_body import ArticulatedBody
@@ -65,6 +67,29 @@ ROUGH_WAY = 1e-3
 """1: the same for displacements of large islands, and for depenetration"""
 
 
+class Flight(NamedTuple):
+    """A flight of islands between contacts, from its start to its end."""
+
+    batch: Batch
+    now: Contacts
+    """at its start"""
+    after: Contacts
+    """at its end"""
+    fresh: Mask
+    """(c,) contacts at its end that are new"""
+    start: Saved
+    """the bodies at its start"""
+    rest: Saved
+    """the kinematic bodies at the start of the step"""
+    time: float
+    """s: of the step's start"""
+    t: Array
+    """(count,) s: start of the flight within the step"""
+    h: Array
+    """(count,) s: its length"""
+    wrench: Wrench
+
+
 class Stepper:
     """Moves islands. Holds workspace of the current step; state is in `bodies` and the contacts.
 
@@ -104,13 +129,14 @@ class Stepper:
     # --- one step ---------------------------------------------------------------------------------------------------
 
     def advance_apart(
-        self, ids: Ints, pairs: Ints, moved: Ints, before: Contacts, kept: bool, time: float, dt: float, wrench: Wrench,
-        gain: Array,
+        self, ids: Ints, pairs: Ints, moved: Ints, before: Contacts, kept: bool, time: float, dt: float,
+        forces: tuple[Wrench, Array],
     ) -> Contacts:  # fmt: skip
         """`advance` bodies that have no joints and constant forces, in the islands that they form in this step.
 
-        gain: (n,) m, the most that forces alone move the bodies `ids` off their free flight.
+        forces: the wrench, and (n,) m, the most that it alone moves the bodies `ids` off their free flight.
         """
+        wrench, gain = forces
         b = self.bodies
         spread = np.zeros(b.n)
         spread[ids] = gain + self.tolerance.linear
@@ -219,7 +245,7 @@ class Stepper:
             after, fresh = self._fly(batch, now, rest, time, t, h, wrench)
         hit = self._least(batch, after, fresh) < -self._rounding(batch)
         if not hit.any():
-            return h, self._arrive(batch, now, after, fresh, start, rest, time, t, h, wrench)
+            return h, self._arrive(Flight(batch, now, after, fresh, start, rest, time, t, h, wrench))
         spent = hit & (self._impacts[batch.ids[batch.start]] >= _impact_budget(batch, self.near))
         self._in_one_piece[batch.ids[batch.start[spent]]] = True
         ended = []
@@ -236,13 +262,12 @@ class Stepper:
                 continue
             mine = slice(None) if part is batch else part.of_rows(after.ints) >= 0
             own_after, own_fresh = rows(after, mine), fresh[mine]
-            begin = start.of(of)
+            flight = Flight(part, own, own_after, own_fresh, start.of(of), rest, time, t[chosen], h[chosen], wrench)
             if how == "impact":
                 self._impacts[part.ids[part.start]] += 1
-                h[chosen], own_after, own_fresh = self._first_impact(
-                    part, own, own_after, own_fresh, begin, rest, time, t[chosen], h[chosen], wrench
-                )
-            ended.append(self._arrive(part, own, own_after, own_fresh, begin, rest, time, t[chosen], h[chosen], wrench))
+                h[chosen], own_after, own_fresh = self._first_impact(flight)
+                flight = flight._replace(h=h[chosen], after=own_after, fresh=own_fresh)
+            ended.append(self._arrive(flight))
         return h, merged(batch, ended)
 
     def _smooth(
@@ -344,7 +369,9 @@ class Stepper:
                 break
             to_find = batch.part(open_)
             own = open_[batch.of_rows(after.ints)]
-            self.contact_set.correct(to_find, after, np.flatnonzero(off & own), np.flatnonzero(~off & own), jb, jj, jr)
+            self.contact_set.correct(
+                to_find, after, np.flatnonzero(off & own), np.flatnonzero(~off & own), (jb, jj, jr)
+            )
             if to_find is batch:
                 after, touched, off = self._matched(batch, now, begin, way)
             else:
@@ -384,14 +411,12 @@ class Stepper:
         if len(batch.moved):
             rest.carry(b, batch.moved, time[batch.moved_island])
 
-    def _first_impact(
-        self, batch: Batch, now: Contacts, after: Contacts, fresh: Mask, start: Saved, rest: Saved, time: float,
-        t: Array, h: Array, wrench: Wrench,
-    ):  # fmt: skip
-        """Times (count,) of first impact of islands that have flown over h and penetrate, and the contacts then.
+    def _first_impact(self, flight: Flight) -> tuple[Array, Contacts, Mask]:
+        """Times (count,) of first impact of islands that penetrate at the end of a flight, and the contacts then.
 
         Newton's method from above on the gap of the deepest contact, safeguarded by false position and bisection.
         """
+        batch, now, after, fresh, start, rest, time, t, h, wrench = flight
         low, high = np.zeros(batch.count), h.copy()
         low_gap = np.full(batch.count, np.inf)
         gap = self._least(batch, after, fresh)
@@ -448,8 +473,9 @@ class Stepper:
 
     # --- arrival ----------------------------------------------------------------------------------------------------
 
-    def _arrive(self, batch, now, after, fresh, start, rest, time, t, h, wrench) -> Contacts:
-        """End a flight of h seconds: second half kick, and impacts; returns the contacts."""
+    def _arrive(self, flight: Flight) -> Contacts:
+        """End a flight: second half kick, and impacts; returns the contacts."""
+        batch, now, after, fresh, start, rest, time, t, h, wrench = flight
         b = self.bodies
         mirrored = batch.all(b.steady[batch.ids])
         self._land(batch, after, fresh, time + float(t[0]), 0.5 * h, wrench)
@@ -465,7 +491,7 @@ class Stepper:
         if part.joints:  # the added impulse acts along the joints as they stand at the start (as in RATTLE)
             added = rate - self._first_rate[part.ids]
             velocity = b.velocity[part.ids]
-            self.contact_set.solve(part, NO_CONTACTS, np.zeros(0, np.int64), added, h, np.zeros(0))
+            self.contact_set.solve(part, NO_CONTACTS, np.zeros(0, np.int64), added, h, Targets(np.zeros(0)))
             rate -= b.velocity[part.ids]
             b.velocity[part.ids] = velocity
         b.rate[part.ids] = rate
@@ -518,7 +544,8 @@ class Stepper:
         )  # deeper penetration is corrected afterwards, without speed
         near = np.flatnonzero(target > came - 0.5 * way[batch.of_rows(now.ints)] / each)
         left = contact_set.residual  # of velocities: errors of displacements are corrected after the motion
-        contact_set.solve(batch, now, near, free, h, target, ROUGH_WAY if _large_islands(batch).any() else COARSE)
+        tolerance = ROUGH_WAY if _large_islands(batch).any() else COARSE
+        contact_set.solve(batch, now, near, free, h, Targets(target), tolerance)
         contact_set.residual = left
         reached = now.force[:, 0] > 0.0
         self._drift(batch, rest, t + h, h)
@@ -578,7 +605,7 @@ class Stepper:
             if not sunk.all():
                 rest = ~sunk[own]
                 few = part.part(~sunk)
-                contact_set.correct(few, after, np.flatnonzero(off & rest), np.flatnonzero(~off & rest), jb, jj, jr)
+                contact_set.correct(few, after, np.flatnonzero(off & rest), np.flatnonzero(~off & rest), (jb, jj, jr))
         return merged(batch, [*done, after])
 
 

@@ -25,8 +25,8 @@ import numpy as np
 import psutil  # a dependency of distributed
 
 from vpframe.app import demo
-from vpframe.app.outputs import STUDY_FILES, OutputFolder
 from vpframe.app.progress import report
+from vpframe.outputs import STUDY_FILES, OutputFolder
 from vpframe.studies.child import Done, Work, in_turn
 from vpframe.studies.cluster import connected, on_client
 from vpframe.studies.job import Job, Machines, read_job

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from vpframe.session.events import Frame
+from vpframe.events import Frame
 from vpframe.session.session import Session
 
 

@@ -24,8 +24,8 @@ from vpframe import report
 from vpframe.analysis import clash, mates
 from vpframe.app import scaffold as first_task
 from vpframe.app.progress import WIPE, Progress, say, warn
+from vpframe.exporters.motion import read_motion
 from vpframe.exporters.tables import write_table
-from vpframe.importers.motion import read_motion
 from vpframe.report import SessionLog
 from vpframe.scene import modelling
 from vpframe.scene.scene import Part, Scene

@@ -12,8 +12,8 @@ import pinocchio as pin
 from collision import SurfaceMesh
 from constraints.geometry.features import Feature
 from constraints.geometry.surfaces import Cylinder, Geometry, Plane
+from vpframe.events import ConstraintView, Event, Frame
 from vpframe.scene.scene import Part, Scene, Shape, Surface
-from vpframe.session.events import ConstraintView, Event, Frame
 
 
 def shape(vertices, triangles, surface_of_triangle, geometries: list[Geometry], name: str = "mesh") -> Shape:

@@ -29,8 +29,8 @@ from vpframe.analysis.fits import BAD_KINDS, Key, Row, fits_of
 from vpframe.analysis.gaps import gaps_of
 from vpframe.analysis.pairs import by_parts, count_words, meeting_box, place_words, worst_first
 from vpframe.analysis.static import world_of
-from vpframe.app.outputs import STATUS, claimed
 from vpframe.errors import VpframeError
+from vpframe.outputs import STATUS, claimed
 from vpframe.scene.deflection import deflections
 from vpframe.scene.names import face_words
 from vpframe.scene.planes import facing_overlaps, is_exact_overlap

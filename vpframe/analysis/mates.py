@@ -28,11 +28,11 @@ from constraints.mechanism.urdf import to_urdf
 from constraints.recognition.iso286 import FitClassError, fit_class
 from constraints.solve.system import components
 from vpframe import files
+from vpframe.analysis.statements import statement, words
 from vpframe.analysis.static import base_parts, candidates, world_of
-from vpframe.app.outputs import GENERATOR, MESH, MJCF, URDF, Output, OutputFolder, claimed
+from vpframe.outputs import GENERATOR, MESH, MJCF, URDF, Output, OutputFolder, claimed
 from vpframe.scene.scene import Part, Scene, Size
 from vpframe.scene.stl import write_stl
-from vpframe.session.statements import statement, words
 from vpframe.text import plain
 
 Progress = Callable[[float, str], None]

@@ -8,6 +8,7 @@ consists of the voxels' outer faces.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,11 +17,25 @@ from numpy.typing import NDArray
 
 from collision import CollisionManager, SurfaceMesh
 from collision.numeric.kernel import kernel
-from vpframe.report.swept import SweptVolume
 from vpframe.scene.scene import Part
 
 VOXELS = 96
 """default number of voxels along the longest side of the volume"""
+
+
+@dataclass(frozen=True, eq=False)
+class SweptVolume:
+    """The volume that a part swept, world frame."""
+
+    part: str
+    vertices: NDArray[np.float64]
+    """(n, 3) m"""
+    triangles: NDArray[np.int32]
+    """(m, 3)"""
+    error: float
+    """maximum distance of the mesh from the true volume, m"""
+    clashes: tuple[str, ...] = ()
+    """parts that the volume collides with"""
 
 
 def swept_volume(

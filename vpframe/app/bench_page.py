@@ -20,7 +20,7 @@ from typing import Any
 
 from vpframe import __version__
 from vpframe.app.bench import finite
-from vpframe.app.progress import duration
+from vpframe.console import duration
 from vpframe.text import escape, plain_lines
 
 PEERS = (

@@ -14,10 +14,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
-from vpframe import __version__
+from vpframe import __version__, console
 from vpframe.app import disassemble
-from vpframe.app.outputs import BCF, PAGE, SCRIPT, STATUS, URDF, Kind, Output
-from vpframe.app.progress import say, warn
+from vpframe.app.progress import Terminal, say, warn
+from vpframe.outputs import BCF, PAGE, SCRIPT, STATUS, URDF, Kind, Output
 from vpframe.scene.units import NAMES, length, seconds
 from vpframe.session.interrupts import handled
 from vpframe.text import plain
@@ -35,7 +35,7 @@ _KERNELS = {
     "export": "mates",
     "view": "session",
 }
-"""use in `vpframe.app.warm_up` of each command"""
+"""use in `vpframe.warm_up` of each command"""
 
 
 class UsageError(Exception):
@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             words[:2] = [ACCEPT]
         arguments = _parser().parse_args(words)
         command: Callable[[argparse.Namespace], int] = arguments.command
-        with handled():
+        with handled(), console.installed(Terminal()):
             code = _helped(command, arguments)
         sys.stdout.flush()
         return code
@@ -95,7 +95,7 @@ def _helped(command: Callable[[argparse.Namespace], int], arguments: argparse.Na
     """Run the command while other processes compile the kernels that it needs."""
     if arguments.kernels is None:
         return command(arguments)
-    from vpframe.app import warm_up
+    from vpframe import warm_up
 
     warm_up.start(arguments.kernels)
     code = command(arguments)
@@ -485,7 +485,7 @@ def _mates(arguments: argparse.Namespace) -> int:
 def _export(arguments: argparse.Namespace) -> int:
     from vpframe.analysis import clash
     from vpframe.exporters.export import export, kind_of
-    from vpframe.importers.motion import read_motion
+    from vpframe.exporters.motion import read_motion
 
     source, time = _poses(arguments.poses)
     with _document(arguments.json) as emit:
@@ -598,9 +598,9 @@ def _study(arguments: argparse.Namespace) -> int:
 
 def _bench(arguments: argparse.Namespace) -> int:
     from vpframe.app import bench, bench_page
-    from vpframe.app.outputs import PAGE
     from vpframe.app.progress import Progress
     from vpframe.errors import VpframeError
+    from vpframe.outputs import PAGE
 
     if arguments.all and arguments.suite:
         raise UsageError(f"--all is every suite; leave out {arguments.suite}")

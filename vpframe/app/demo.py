@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from vpframe.app import outputs
-from vpframe.app.outputs import Output, OutputFolder
+from vpframe import outputs
 from vpframe.app.progress import say, warn
-from vpframe.app.script_errors import ON_REQUEST
 from vpframe.errors import TaskError
+from vpframe.outputs import Output, OutputFolder
+from vpframe.scripts import ON_REQUEST
 
 if TYPE_CHECKING:
+    from vpframe.events import Frame
     from vpframe.scene.scene import Scene
-    from vpframe.session.events import Frame
     from vpframe.session.session import Session
     from vpframe.view.meshcat_viewer import MeshcatViewer
 

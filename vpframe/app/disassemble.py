@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from vpframe import files
-from vpframe.app.outputs import PAGE, RECORDING, REPORT, SCRIPT, Kind, Output, OutputFolder
 from vpframe.app.progress import Progress, say, warn
 from vpframe.errors import VpframeError
+from vpframe.outputs import PAGE, RECORDING, REPORT, SCRIPT, Kind, Output, OutputFolder
 from vpframe.scene.units import length, seconds
 
 PLAN = "plan.json"
@@ -120,10 +120,12 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
             _write_tracks(tracks, found, names)
             files.replace(tracks.file(PLAN), text)
         if report is not None:
-            from vpframe.planning import page
+            from vpframe.report import plan_page
 
             with Progress("drawing") as progress:
-                files.replace(report.file("index.html"), page.html(found, scene, Path(arguments.file).name, progress))
+                files.replace(
+                    report.file("index.html"), plan_page.html(found, scene, Path(arguments.file).name, progress)
+                )
             files.replace(report.file(PLAN), text)
         if task is not None:
             _write_task(task, tracks, found, names, arguments.file, arguments.force)

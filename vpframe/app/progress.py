@@ -19,10 +19,11 @@ import sys
 import threading
 import time
 import unicodedata
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sized
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
+from vpframe import console
+from vpframe.console import Remaining, bar, duration
 from vpframe.text import plain, plain_lines
 
 if TYPE_CHECKING:
@@ -35,16 +36,6 @@ DELAY = 2.0
 INTERVAL = 0.1
 """time between two updates, s"""
 WIPE = "\r\x1b[K"
-WINDOW = 10.0
-"""work time over which the rate is averaged, and without news after which no estimate is shown, s"""
-FEW = 4
-"""number of updates before the first estimate, and over which the rate is averaged if they are rarer"""
-LEAST = 2.0
-"""work time before the first estimate, s"""
-STEADY = 2.0
-"""ratio of the rates of the newer and the older half of the updates up to which there is an estimate"""
-CLIMB = 1.25
-"""growth of the estimate at which it is dropped until there is a new rate"""
 
 
 class _Screen:
@@ -164,21 +155,29 @@ def warn(text: str) -> None:
         print((WIPE if sys.stderr.isatty() else "") + plain_lines(text), file=sys.stderr, flush=True)
 
 
-def question(text: str) -> str:
-    """Print a question on standard error, escaped by `plain`, and return the typed line, empty at the end of input.
+class Terminal(console.Console):
+    """The console of the command line: progress and status lines, and nothing drawn while a person answers."""
 
-    No progress line is drawn until the answer is there.
-    """
-    answer = ""
-    with _screen.waiting():
-        sys.stderr.write(plain(text) + " ")
-        sys.stderr.flush()
-        try:
-            answer = sys.stdin.readline()
-        finally:
-            if not (answer.endswith("\n") and sys.stdin.isatty()):  # the terminal has shown no line break
-                sys.stderr.write("\n")
-    return answer.strip()
+    def progress(self, title: str) -> Progress:
+        """Return a progress line."""
+        return Progress(title)
+
+    def watch(self, text: Callable[[], str]) -> Watch:
+        """Return a status line that is shown as long as the whole work takes."""
+        return Watch(text, always=True)
+
+    def say(self, text: str) -> None:
+        """Print lines on standard output after erasing the progress line."""
+        say(text)
+
+    def warn(self, text: str) -> None:
+        """Print lines on standard error after erasing the progress line."""
+        warn(text)
+
+    def ask(self, text: str) -> str:
+        """Ask a question; no progress line is drawn until the answer is there."""
+        with _screen.waiting():
+            return super().ask(text)
 
 
 def report(fraction: float | None, text: str = "") -> None:
@@ -231,53 +230,6 @@ class _Line:
 
     def wipe(self) -> None:
         _screen.wipe(self.stream)
-
-
-class Remaining:
-    """Estimate of the remaining time from the recent rate, None while that is unknown: after fewer than `FEW` updates
-    or `LEAST` seconds, while the rate changes by more than `STEADY`, and without news. It never grows: it is dropped
-    instead, and each time it takes twice as long until there is another."""
-
-    def __init__(self, fraction: float = 0.0) -> None:
-        self._samples = deque([(0.0, fraction)])
-        """(work time (s), fraction), oldest first: updates in the window, and one before it"""
-        self._claim: float | None = None
-        """the last estimate, s"""
-        self._least = LEAST
-
-    def seconds(self, worked: float, fraction: float) -> float | None:
-        """Return the remaining time (s) after `worked` seconds at `fraction`; None if unknown."""
-        if fraction < self._samples[-1][1]:  # a new task has begun
-            self._begin(worked, fraction, LEAST)
-        elif fraction > self._samples[-1][1]:
-            self._samples.append((worked, fraction))
-        samples = self._samples
-        while len(samples) > FEW + 1 and samples[1][0] <= worked - WINDOW:
-            samples.popleft()
-        updates = len(samples) - 1
-        (since, before), (last, _) = samples[0], samples[-1]
-        if updates < FEW or worked - since < self._least or fraction >= 1.0:
-            return None
-        between = (last - since) / updates
-        if worked - last > max(WINDOW, 2.0 * between):  # no progress
-            return None
-        until = max(last, worked - between)  # the next update is not late before
-        halfway, half = samples[(updates + 1) // 2]
-        older, newer = (half - before) * (until - halfway), (fraction - half) * (halfway - since)  # rates times both
-        if not older <= STEADY * newer <= STEADY * STEADY * older:
-            return None
-        left = max((1.0 - fraction) * (until - since) / (fraction - before) - (worked - until), 0.0)
-        if self._claim is not None:
-            if left > CLIMB * self._claim + 1.0:
-                self._begin(worked, fraction, min(2.0 * self._least, WINDOW))
-                return None
-            left = min(left, self._claim)
-        self._claim = left
-        return left
-
-    def _begin(self, worked: float, fraction: float, least: float) -> None:
-        self._samples = deque([(worked, fraction)])
-        self._claim, self._least = None, least
 
 
 class Progress:
@@ -403,11 +355,6 @@ class Watch:
         if not self._always and _screen.has(self._line.stream):
             self._line.wipe()
 
-    @property
-    def compiling(self) -> bool:
-        """Whether a kernel is being compiled in this process."""
-        return self._line.compiling
-
     def close(self) -> None:
         """Stop watching and erase the line."""
         self._closed.set()
@@ -435,15 +382,6 @@ class Watch:
                 if _shown(self._line.stream) is not None:
                     continue
                 self._line.draw(text)
-
-
-def bar(fraction: float | None, elapsed: float, left: float | None = None) -> str:
-    """Return `[######..................]  25 %  15 s left`; the elapsed time if the fraction is unknown."""
-    if fraction is None:
-        return duration(elapsed)
-    filled = round(24 * fraction)
-    words = "" if left is None else f"  {duration(left)} left"
-    return f"[{'#' * filled}{'.' * (24 - filled)}] {100 * fraction:3.0f} %{words}"
 
 
 TAIL = 24
@@ -488,13 +426,3 @@ def width(stream: TextIO) -> int:
     except (OSError, ValueError):
         columns = 0
     return columns or shutil.get_terminal_size().columns
-
-
-def duration(seconds: float) -> str:
-    """Format seconds: `12 s`, `3 min 05 s`, `1 h 20 min`."""
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60:02d} s"
-    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"

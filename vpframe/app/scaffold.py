@@ -20,11 +20,11 @@ import pinocchio as pin
 
 from vpframe import files, planning
 from vpframe.app.outline import outline
-from vpframe.app.outputs import SCRIPT, claimed
 from vpframe.app.progress import Progress
 from vpframe.errors import TaskError, VpframeError
 from vpframe.hands.directions import spans
 from vpframe.hands.hand import Hand
+from vpframe.outputs import SCRIPT, claimed
 from vpframe.scene.scene import Part, Scene
 from vpframe.scene.subassembly import listed, parts_named
 from vpframe.session.session import Session

@@ -19,21 +19,20 @@ from __future__ import annotations
 import argparse
 import contextlib
 import hashlib
-import importlib.util
 import os
 import sys
 import time
-import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from vpframe import console
 from vpframe.analysis import clash_status
-from vpframe.app.outputs import CHECKPOINT, RECORDING, REPORT_FILES, SCRIPT, Output, OutputFolder
-from vpframe.app.progress import say, warn
-from vpframe.app.script_errors import ON_REQUEST, in_one_line, is_ours, place, raised_inside, script_traceback
+from vpframe.app.progress import Terminal, say, warn
 from vpframe.errors import CheckpointError, OutputError, TaskError, VpframeError
+from vpframe.outputs import CHECKPOINT, RECORDING, REPORT_FILES, SCRIPT, Output, OutputFolder
+from vpframe.scripts import ON_REQUEST, imported, located, print_traceback
 from vpframe.session.interrupts import between_steps, handled
 from vpframe.text import plain
 
@@ -43,8 +42,6 @@ if TYPE_CHECKING:
     from vpframe.view.meshcat_viewer import MeshcatViewer
 
 OK, FAILED, BAD, INTERRUPTED = 0, 1, 2, 130
-TRACEBACK = "VPFRAME_TRACEBACK"
-"""environment variable that enables full tracebacks"""
 
 _SHOWN = (
     "grabbed",
@@ -104,7 +101,7 @@ def run_task(
             from vpframe.studies.variants import bound, nominal, variables_of
 
             module = bound(module, script, nominal(variables_of(module, script)))
-        with _located(script):
+        with located(script):
             scene = _scene(module, script)
         for output in (recording, saved, folder):
             if output is not None and scene.source:
@@ -116,7 +113,7 @@ def run_task(
             options.setdefault("access", True)
         began = time.perf_counter()
         viewer = _viewer(wait) if view else None
-        with _located(script):
+        with located(script):
             given = {"name": script.stem, "clearance": True, **options}
             session = Session(scene, viewer=viewer, record=recording, **given)
         for note in session.scene.all_notes():
@@ -171,7 +168,7 @@ def _perform(module: ModuleType, session: Session, script: Path) -> tuple[int, s
         if isinstance(error, CheckpointError | OutputError):
             raise
         if not isinstance(error, TaskError | KeyboardInterrupt):
-            _show(error)
+            print_traceback(error)
     if session.failure:
         warn(f"failed: {session.failure}")
         return FAILED, "failed"
@@ -182,16 +179,6 @@ def _perform(module: ModuleType, session: Session, script: Path) -> tuple[int, s
         warn(f"not decided: {session.undecided}")
         return FAILED, "not decided"
     return OK, "done"
-
-
-def _show(error: BaseException) -> None:
-    """Print the traceback of a script's fault; our frames only if `TRACEBACK` is set."""
-    if os.environ.get(TRACEBACK):
-        warn("".join(traceback.format_exception(error)).rstrip())
-    elif not is_ours(error):
-        warn(script_traceback(error))
-        if raised_inside(error):
-            warn(f"(raised inside vpframe; set {TRACEBACK}=1 to see where)")
 
 
 def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
@@ -209,7 +196,7 @@ def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
     parser.add_argument("--force", action="store_true", help="also replace files that vpframe did not write")
     given = parser.parse_args(argv)
     try:
-        with handled():
+        with handled(), console.installed(Terminal()):
             code = run_task(script, **vars(given))
     except KeyboardInterrupt:
         warn("interrupted")
@@ -252,29 +239,6 @@ def loaded(path: str | Path) -> Scene:
         return load(path, progress=progress)
 
 
-@contextlib.contextmanager
-def imported(script: Path) -> Iterator[ModuleType]:
-    """Yield the module of a task script; inside, it is in `sys.modules` and `import` searches the script's folder."""
-    name = f"vpframe_task_{script.stem}"
-    spec = importlib.util.spec_from_file_location(name, script)
-    if spec is None or spec.loader is None:
-        raise VpframeError(f"{script}: not a Python file; a task script ends in .py")
-    module = importlib.util.module_from_spec(spec)
-    folder = str(script.resolve().parent)
-    sys.path.insert(0, folder)
-    sys.modules[name] = module
-    try:
-        with _located(script):
-            spec.loader.exec_module(module)
-        if not callable(getattr(module, "task", None)):
-            raise VpframeError(f"{script}: defines no task; write `def task(session): …`")
-        yield module
-    finally:
-        sys.modules.pop(name, None)
-        with contextlib.suppress(ValueError):  # removed by the script
-            sys.path.remove(folder)
-
-
 def _scene(module: ModuleType, script: Path) -> Any:
     make: Callable[[], Any] | None = getattr(module, "scene", None)
     file = getattr(module, "FILE", None)
@@ -283,19 +247,6 @@ def _scene(module: ModuleType, script: Path) -> Any:
     if isinstance(file, str | Path):
         return loaded(script.parent / file)
     raise VpframeError(f"{script}: defines no model; write FILE = 'model.step' or `def scene(): …`")
-
-
-@contextlib.contextmanager
-def _located(script: Path) -> Iterator[None]:
-    """Convert errors of a script that is being read to VpframeError with its line."""
-    try:
-        yield
-    except SyntaxError as error:
-        raise VpframeError(f"{error.filename or script}:{error.lineno}: {error.msg}") from error
-    except (Exception, SystemExit) as error:
-        if not os.environ.get(TRACEBACK):  # otherwise the caller shows the full traceback
-            _show(error)
-        raise VpframeError(f"{place(error, script)}{in_one_line(error)}") from error
 
 
 def _print_event(event: Any) -> None:

@@ -22,7 +22,6 @@ import pinocchio as pin
 from vpframe import files
 from vpframe.analysis.clash import clash, document
 from vpframe.analysis.fits import BAD_KINDS
-from vpframe.app.outputs import Output
 from vpframe.app.progress import warn
 from vpframe.app.written_task import Statement, task_source
 from vpframe.errors import TaskError, VpframeError
@@ -30,12 +29,13 @@ from vpframe.hands.assist import Assist
 from vpframe.hands.dragging import along_freedom
 from vpframe.hands.hand import Hand
 from vpframe.hands.paths import apart, between
+from vpframe.outputs import Output
 from vpframe.scene.scene import Scene
+from vpframe.session.requests import ABOUT_CONSTRAINTS, Request
 from vpframe.session.rules import accept_standing
 from vpframe.session.session import Session, SessionMark
 from vpframe.text import plain
 from vpframe.view.meshcat_viewer import MeshcatViewer
-from vpframe.view.requests import ABOUT_CONSTRAINTS, Request
 
 WAITING = 200
 """maximum number of waiting requests; further ones are dropped"""

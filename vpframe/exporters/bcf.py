@@ -23,11 +23,11 @@ from vpframe import files
 from vpframe.analysis.clash import KINDS, is_open
 from vpframe.analysis.fits import BAD_KINDS
 from vpframe.analysis.pairs import by_parts
-from vpframe.app.outputs import BCF, GENERATOR, claimed
+from vpframe.events import Frame, Poses
+from vpframe.outputs import BCF, GENERATOR, claimed
 from vpframe.report.pictures import PAIR_SIZE, pair_camera, pair_picture
 from vpframe.scene.boxes import placed_corners
 from vpframe.scene.scene import Scene
-from vpframe.session.events import Frame, Poses
 from vpframe.text import plain
 from vpframe.view.camera import Camera, look_at
 from vpframe.view.snapshot import png, render

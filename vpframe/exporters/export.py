@@ -9,10 +9,10 @@ from pathlib import Path
 import pinocchio as pin
 
 from collision import Tolerance
-from vpframe.app import outputs
-from vpframe.app.outputs import Kind, Output, claimed
+from vpframe import outputs
 from vpframe.errors import VpframeError
 from vpframe.exporters.losses import losses
+from vpframe.outputs import Kind, Output, claimed
 from vpframe.scene.motion import Motion
 from vpframe.scene.scene import Scene
 

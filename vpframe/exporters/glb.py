@@ -17,8 +17,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from vpframe import files
-from vpframe.app.outputs import GENERATOR
 from vpframe.exporters.losses import losses
+from vpframe.outputs import GENERATOR
 from vpframe.scene.motion import Motion
 from vpframe.scene.scene import Part, Scene
 from vpframe.view.display import display_mesh

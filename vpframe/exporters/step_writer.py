@@ -22,10 +22,10 @@ from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
-from vpframe.app.outputs import GENERATOR
 from vpframe.codec import Codec
 from vpframe.importers.brep import MM, brep_shape
 from vpframe.importers.raw import Color, UnreadableError
+from vpframe.outputs import GENERATOR
 
 GRAMS = 1e-3
 """g/cm³ for 1 kg/m³: the unit of XCAF's materials"""

@@ -13,11 +13,11 @@ import numpy as np
 import pinocchio as pin
 
 from vpframe import files
-from vpframe.app.outputs import PARQUET, Output, table_of
 from vpframe.errors import VpframeError
+from vpframe.events import Event
+from vpframe.outputs import PARQUET, Output, table_of
 from vpframe.scene.motion import Motion
 from vpframe.scene.scene import Scene
-from vpframe.session.events import Event
 from vpframe.text import csv_text
 
 SUFFIXES = (".csv", ".parquet")

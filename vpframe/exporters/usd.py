@@ -11,9 +11,9 @@ import numpy as np
 import pinocchio as pin
 
 from vpframe import files
-from vpframe.app.outputs import GENERATOR
 from vpframe.errors import VpframeError
 from vpframe.exporters.losses import losses
+from vpframe.outputs import GENERATOR
 from vpframe.scene.motion import Motion
 from vpframe.scene.scene import Scene
 

@@ -15,11 +15,11 @@ from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.geometry.views import Limits
 from constraints.geometry.words import millimetres
 from vpframe.errors import TaskError
+from vpframe.events import ConstraintView
 from vpframe.hands.arguments import vector
 from vpframe.hands.gripper import Gripper
 from vpframe.scene.boxes import box_of
 from vpframe.scene.scene import Part
-from vpframe.session.events import ConstraintView
 
 Vector = NDArray[np.float64]
 

@@ -21,8 +21,8 @@ from vpframe.scene.subassembly import listed, name_of
 
 if TYPE_CHECKING:
     from physics import SpringHand
+    from vpframe.events import ConstraintView
     from vpframe.scene.scene import Part
-    from vpframe.session.events import ConstraintView
 
 MOST_BLOCKERS = 3
 """maximum number of parts named as obstacles"""

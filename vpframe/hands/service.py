@@ -8,13 +8,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from vpframe import services
 from vpframe.errors import TaskError
 from vpframe.hands import paths, verbs
 from vpframe.hands.access import MOST_NAMED
 from vpframe.hands.directions import grip, spans, way_out
 from vpframe.hands.gripper import Gripper
 from vpframe.hands.segment import Outcome
-from vpframe.planning.plan import removal
 from vpframe.scene.scene import Part
 from vpframe.scene.subassembly import listed
 
@@ -170,7 +170,9 @@ def _take_out(hand: Gripper, name: str, along: str | ArrayLike | None, pitch: fl
 def _planned(hand: Gripper, name: str, straight: TaskError) -> verbs.Generating[Leg]:
     """Remove a part along a planned path, whose end is straight; TaskError, after the error `straight`, if none."""
     assert hand.held is not None
-    found = removal(hand.session.scene, hand.session.group(name), budget=SEARCH, threads=hand.session.threads)
+    found = services.call(
+        "removal", hand.session.scene, hand.session.group(name), budget=SEARCH, threads=hand.session.threads
+    )
     if not found:
         by = f" by {listed(found.blockers[:MOST_NAMED])}" if found.blockers else ""
         how = f"none was found in {SEARCH:g} s" if found.verdict == "not found" else f"it is {found.verdict}{by}"

@@ -10,8 +10,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
+from vpframe.events import ConstraintView, ContactPoint, Event
 from vpframe.scene.scene import Scene
-from vpframe.session.events import ConstraintView, ContactPoint, Event
 
 
 class Holder(Protocol):

@@ -69,6 +69,13 @@ def _shape_names(raw: RawScene) -> list[str]:
     return [first.get(i, f"shape {i}") for i in range(len(raw.shapes))]
 
 
+def tessellated(occ: Any, deflection: float, angular: float, name: str) -> Shape:
+    """Return the shape of an OpenCascade shape; `deflection` (m) and `angular` (rad) as in `vpframe.load`."""
+    from vpframe.importers import brep  # slow to import
+
+    return shape(brep.tessellate(occ, deflection, angular), name)
+
+
 def shape(raw: RawShape, name: str = "shape", fit: Callable[[], object] | None = None) -> Shape:
     """Return the shape of raw arrays, without triangles of zero area; `fit` gives types to its faces (`fit_faces`)."""
     raw = settled(raw)

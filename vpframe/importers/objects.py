@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from vpframe import importers
+from vpframe import services
 from vpframe.errors import LoadError
 from vpframe.importers import build, wrapped
 from vpframe.importers.checks import FORMATS, content_of, far_check
@@ -82,7 +82,8 @@ def _of_bytes(
         path = Path(folder, f"model{suffix}")
         path.write_bytes(data)
         try:
-            scene = importers.load(path, deflection, angular, unit, timeout, progress, bodies=bodies)
+            options = {"progress": progress, "bodies": bodies}
+            scene: Scene = services.call("load", path, deflection, angular, unit, timeout, **options)
         except LoadError as error:
             raise LoadError(str(error).replace(str(path), "bytes"), "bytes") from None
     scene.source = None

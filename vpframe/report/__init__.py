@@ -5,8 +5,8 @@
 `vpframe.analysis.clash_status`): a clash that is marked as accepted stays accepted.
 """
 
-from vpframe.report.log import Clash, SessionLog, Stage
-from vpframe.report.swept import SweptVolume
+from vpframe.analysis.swept import SweptVolume
 from vpframe.report.writer import write
+from vpframe.session.log import Clash, SessionLog, Stage
 
 __all__ = ["Clash", "SessionLog", "Stage", "SweptVolume", "write"]

@@ -13,11 +13,11 @@ from collision import CollisionManager, Tolerance
 from vpframe.analysis.clash import KINDS, between
 from vpframe.analysis.clash_status import ClashKey
 from vpframe.analysis.fits import BAD_KINDS
-from vpframe.app.progress import Progress
-from vpframe.report.log import SessionLog
+from vpframe.console import Progress
+from vpframe.events import Frame
 from vpframe.scene.deflection import deflections
 from vpframe.scene.scene import Part, Scene, Shape
-from vpframe.session.events import Frame
+from vpframe.session.log import SessionLog
 
 
 @dataclass(frozen=True, eq=False)

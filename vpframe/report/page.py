@@ -9,11 +9,11 @@ from typing import Any
 
 from vpframe.analysis.fits import BAD_KINDS
 from vpframe.analysis.pairs import count_words, place_words
+from vpframe.events import Event
 from vpframe.report import plots
-from vpframe.report.log import SessionLog
 from vpframe.report.standing import BEFORE, EARLIER, TASK
 from vpframe.scene.names import face_name
-from vpframe.session.events import Event
+from vpframe.session.log import SessionLog
 from vpframe.text import escape, filled
 from vpframe.view import palette
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vpframe.analysis.pairs import meeting_box
+from vpframe.events import Frame
 from vpframe.scene.scene import Part, Scene
-from vpframe.session.events import Frame
 from vpframe.view.camera import DIRECTION, Camera, look_at
 from vpframe.view.display import display_mesh
 from vpframe.view.snapshot import render

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from collision import colliding_surfaces
 from vpframe.analysis.clash_status import ClashKey
 from vpframe.report.depth import Depth
-from vpframe.report.log import SessionLog
+from vpframe.session.log import SessionLog
 
 BEFORE, TASK, EARLIER = "as it stands", "task", "earlier run"
 ORIGINS = (TASK, BEFORE, EARLIER)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision import CollisionManager
-from vpframe.report.log import SessionLog
+from vpframe.session.log import SessionLog
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,24 +12,24 @@ from typing import Any
 import numpy as np
 
 from collision import Tolerance
-from vpframe import __version__, files
+from vpframe import __version__, console, files
 from vpframe.analysis import clash_status
 from vpframe.analysis.clash import KINDS
 from vpframe.analysis.clash_status import ClashKey, ClashRecord
 from vpframe.analysis.fits import BAD_KINDS
 from vpframe.analysis.pairs import by_parts
-from vpframe.app.outputs import GENERATOR, MESH, REPORT_FILES, claimed_folder
-from vpframe.app.progress import Progress
+from vpframe.analysis.swept import SweptVolume
+from vpframe.console import Progress
+from vpframe.events import Frame
+from vpframe.outputs import GENERATOR, MESH, REPORT_FILES, claimed_folder
 from vpframe.report import page
 from vpframe.report.depth import Depth, depths
-from vpframe.report.log import SessionLog
 from vpframe.report.pictures import pair_picture, scene_picture
 from vpframe.report.standing import EARLIER, ORIGINS, TASK, origins
-from vpframe.report.swept import SweptVolume
 from vpframe.report.where import Gap, least_gap
 from vpframe.scene.names import face_words
 from vpframe.scene.stl import write_stl
-from vpframe.session.events import Frame
+from vpframe.session.log import SessionLog
 from vpframe.text import csv_text
 from vpframe.view.camera import frame_scene
 from vpframe.view.meshcat_viewer import write_page
@@ -81,11 +81,11 @@ def write(
         meshes = [(volume, file(_stl_name(volume), MESH)) for volume in swept]
         known = clash_status.read_authorised(status)
         records = clash_status.updated(clash_status.read(status), log.clashes, complete)
-        with Progress("measuring clashes and clearance") as progress:
+        with console.progress("measuring clashes and clearance") as progress:
             found = depths(log, progress, tolerance)
             gap = least_gap(log)
         document = _document(log, records, found, gap, failure, undecided, task, authorised, swept)
-        with Progress("drawing the report") as progress:
+        with console.progress("drawing the report") as progress:
             pictures = _pictures(log, document["clashes"], gap, progress)
         for volume, path in meshes:
             write_stl(path, volume.vertices, volume.triangles, MILLIMETRES, "vpframe swept volume, millimetres")

@@ -9,7 +9,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh
-from collision.bvh.build import bounds_of
 from vpframe.scene.scene import Part, Scene
 
 Array = NDArray[np.float64]
@@ -17,8 +16,8 @@ Array = NDArray[np.float64]
 
 def box_of(mesh: SurfaceMesh) -> tuple[Array, Array]:
     """Lower and upper corner (3,) of the bounding box of a mesh's triangles, m."""
-    box = bounds_of(mesh)
-    return box[:3].copy(), box[3:6].copy()
+    low, high = mesh.bounds
+    return low.copy(), high.copy()
 
 
 def corners(mesh: SurfaceMesh) -> Array:

@@ -47,8 +47,9 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
-from vpframe.app.outputs import GENERATOR
+from vpframe import services
 from vpframe.errors import VpframeError
+from vpframe.outputs import GENERATOR
 from vpframe.scene.units import METRES
 
 if TYPE_CHECKING:
@@ -232,9 +233,8 @@ def hexagon(across_flats: float, height: float) -> Solid:
 
 def shape(solid: Solid, deflection: float = 1e-4, angular: float = 0.35, name: str = "shape") -> Shape:
     """Tessellate a solid to a `Shape`; `deflection` (m) and `angular` (rad) as in `vpframe.load`."""
-    from vpframe.importers import brep, build  # slow: what only writes a file does without
-
-    return build.shape(brep.tessellate(solid.occ, deflection, angular), name)
+    made: Shape = services.call("tessellate", solid.occ, deflection, angular, name)
+    return made
 
 
 Placed = Solid | tuple[Any, ...]

@@ -1,15 +1,16 @@
-"""Names of faces in tables, messages and reports."""
+"""Names of parts and faces in tables, messages and reports."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TypeVar
 
 from constraints.geometry.metric_threads import designation
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus
-from vpframe.scene.scene import Part
+from vpframe.scene.scene import Part, Scene
 from vpframe.scene.subassembly import listed
 
 Name = TypeVar("Name", str, int)
@@ -18,6 +19,9 @@ CYLINDERS = {"convex": "shaft", "concave": "bore"}
 """names of cylinders by `Surface.orientation`"""
 NAMED = 6
 """maximum number of face numbers, and of obstacles, that are listed"""
+NUMBERED = re.compile(r"\b(?:objects?|bodies|body|part) (\d+)\b(?: and (\d+)\b)?")
+"""numbers of objects in messages of the packages below"""
+BELOW = ("collision", "constraints", "physics")
 
 THREADED = ("screw", "bolt", "nut", "stud", "thread", "threaded", "tapped", "schraube", "mutter", "gewinde")
 """ends of words, without a plural's "s", that name threads"""
@@ -137,3 +141,29 @@ def _diameter(radius: float) -> str:
 def _round(value: float) -> str:
     """Format a number with three decimals, or three significant digits if small, without trailing zeros."""
     return f"{round(value, 3):.12g}" if value >= 0.1 else f"{value:.3g}"
+
+
+@contextlib.contextmanager
+def in_part_names(scene: Scene) -> Iterator[None]:
+    """Put part names in place of object numbers into errors of the packages below that are raised inside."""
+    try:
+        yield
+    except ValueError as error:  # the common base of the packages' errors
+        if type(error).__module__.partition(".")[0] in BELOW:
+            error.args = (with_part_names(str(error), scene),)
+        raise
+
+
+def with_part_names(text: str, scene: Scene) -> str:
+    """Replace object numbers in a message by part names: "bolt_2" for "object 3 (bolt)"."""
+    parts = scene.parts
+
+    def names(match: re.Match[str]) -> str:
+        places = [int(number) for number in match.groups() if number is not None]
+        return " and ".join(parts[k].name for k in places) if max(places) < len(parts) else match[0]
+
+    text = NUMBERED.sub(names, text)
+    for part in parts:
+        for called in (part.mesh.name, part.name):
+            text = text.replace(f"{part.name} ({called})", part.name)
+    return text

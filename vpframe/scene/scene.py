@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from collision import SurfaceMesh
 from constraints.geometry.features import Feature, group_features
 from constraints.geometry.surfaces import Geometry
+from vpframe import services
 from vpframe.errors import UnknownPartError, VpframeError
 from vpframe.scene.edges import Edge, edges_of
 from vpframe.scene.joints import Statement
@@ -232,7 +232,7 @@ class Scene(Mapping[str, Part]):
             self._check_new([source.name])
             self._parts[source.name] = source
             return source
-        loaded: Scene = importlib.import_module("vpframe.importers").load(source, **options)
+        loaded: Scene = services.call("load", source, **options)
         names = {own: own if name is None else name if len(loaded) == 1 else f"{name}/{own}" for own in loaded}
         self._check_new(names.values())
         for part in loaded.parts:
@@ -310,7 +310,7 @@ class Scene(Mapping[str, Part]):
 
         Returns notes on data that the format cannot contain. See `vpframe.exporters.export.export`.
         """
-        return tuple(importlib.import_module("vpframe.exporters.export").export(self, path, motion, time))
+        return tuple(services.call("export", self, path, motion, time))
 
     def copy(self) -> Scene:
         """Return a scene with the same shapes and copies of the parts at their present poses."""
@@ -331,7 +331,7 @@ class Scene(Mapping[str, Part]):
 
     def _repr_html_(self) -> str:
         """Return the HTML with which a notebook shows the scene."""
-        page: str = importlib.import_module("vpframe.view.notebook").shown(self)
+        page: str = services.call("page", self)
         return page
 
     def __repr__(self) -> str:

@@ -24,9 +24,9 @@ from typing import Any
 
 import numpy as np
 
-from vpframe.app.outputs import CHECKPOINT, append, claimed
 from vpframe.codec import WRONG, CodecError
 from vpframe.errors import CheckpointError, OutputError
+from vpframe.outputs import CHECKPOINT, append, claimed
 from vpframe.scene.scene import Scene
 from vpframe.session.readings import Readings
 from vpframe.session.state import CODEC, Changes, Decision, State, StateError

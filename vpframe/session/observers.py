@@ -10,12 +10,13 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from functools import partial
 from typing import Any
 
+from vpframe import services
 from vpframe.errors import OutputError, VpframeError
+from vpframe.events import EVENT_KINDS, ConstraintView, Event, Frame, NewEvent, Observer
 from vpframe.scene.scene import Scene
-from vpframe.session.events import EVENT_KINDS, ConstraintView, Event, Frame, NewEvent, Observer
+from vpframe.session.controls import Controls, Request
 from vpframe.session.state import Decision
 from vpframe.text import plain
-from vpframe.view.controls import Controls, Request
 
 LOGGER = logging.getLogger("vpframe")
 FITTING = {"accept": ("candidate", "refused"), "refuse": ("candidate",), "remove": ("active",)}
@@ -165,9 +166,7 @@ def viewers(viewer: str | Observer | None) -> list[Observer]:
     if isinstance(viewer, str):
         if viewer != "meshcat":
             raise VpframeError(f'viewer={viewer!r}; give None, "meshcat" or an observer')
-        from vpframe.view.meshcat_viewer import watched
-
-        return [watched()]
+        return [services.call("viewer")]
     return [viewer]
 
 
@@ -176,7 +175,5 @@ def recorders(record: str | os.PathLike[str] | Observer | None) -> list[Observer
     if record is None:
         return []
     if isinstance(record, str | os.PathLike):
-        from vpframe.view.recorder import RerunRecorder
-
-        return [RerunRecorder(record)]
+        return [services.call("recorder", record)]
     return [record]

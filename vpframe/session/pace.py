@@ -6,7 +6,7 @@ import time as clock
 from collections.abc import Iterable
 
 from collision.numeric.kernel import compilation
-from vpframe.app.progress import Remaining, bar, duration
+from vpframe.console import Remaining, bar, duration
 from vpframe.hands.gripper import Gripper
 
 

@@ -15,8 +15,8 @@ from constraints.kinds.stated import taken_along
 from constraints.manager import InForce
 from constraints.recognition.candidate import Candidate
 from constraints.solve.groups import ALONE, Groups
+from vpframe.events import ConstraintView, ContactPoint
 from vpframe.scene.boxes import corners
-from vpframe.session.events import ConstraintView, ContactPoint
 from vpframe.session.state import COLUMNS, State, rows_of
 from vpframe.session.views import Views, ViewsOfStep
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-from vpframe.app.progress import question
-from vpframe.session.events import ConstraintView
+from vpframe import console
+from vpframe.events import ConstraintView
 
 Verdict = Literal["accept", "refuse"] | None
 Rule = Callable[[ConstraintView], Verdict]
@@ -67,5 +67,5 @@ def first_of(*rules: Rule) -> Rule:
 def ask(candidate: ConstraintView) -> Verdict:
     """Ask the person at the terminal; end of input or an empty line leaves the candidate on offer."""
     a, b = candidate.parts
-    answer = question(f"{candidate.kind} between {a} and {b} ({candidate.why}): accept? [y/n]").lower()
+    answer = console.ask(f"{candidate.kind} between {a} and {b} ({candidate.why}): accept? [y/n]").lower()
     return "accept" if answer.startswith("y") else "refuse" if answer.startswith("n") else None

@@ -21,10 +21,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from collision import Tolerance
+from collision.numeric.kernel import compilation
 from constraints.recognition.candidate import Candidate
-from vpframe.app.progress import Watch
-from vpframe.app.script_errors import ON_REQUEST, in_one_line, place
+from vpframe import console, services
 from vpframe.errors import CheckpointError, OutputError, TaskError, VpframeError
+from vpframe.events import ConstraintView, ContactPoint, Event, Frame, Observer, Poses
 from vpframe.hands.access import Reach, reach_of
 from vpframe.hands.arguments import FAR, as_pose, metres, vector
 from vpframe.hands.conditions import Condition
@@ -32,15 +33,15 @@ from vpframe.hands.driver import drive
 from vpframe.hands.gripper import Gripper
 from vpframe.hands.hand import Hand
 from vpframe.hands.segment import Outcome
-from vpframe.report.log import SessionLog
 from vpframe.scene.boxes import above, bounds, half_size
-from vpframe.scene.names import face_words
+from vpframe.scene.names import face_words, in_part_names
 from vpframe.scene.scene import Part, Scene
 from vpframe.scene.subassembly import listed, parts_named
+from vpframe.scripts import ON_REQUEST, in_one_line, place
 from vpframe.session import expectations
 from vpframe.session.checkpoint import Journal, advance_or_replay, journal_of
-from vpframe.session.events import ConstraintView, ContactPoint, Event, Frame, Observer, Poses
 from vpframe.session.interrupts import deferred
+from vpframe.session.log import SessionLog
 from vpframe.session.observers import Observers, recorders, viewers
 from vpframe.session.pace import Pace, catching_up, under_way
 from vpframe.session.readings import Readings
@@ -49,12 +50,11 @@ from vpframe.session.state import Changes, Decision, Mark, State
 from vpframe.session.statements import ContradictionError, Place, limits, stated
 from vpframe.session.step import DecisionError, HandTarget, Inputs, standing
 from vpframe.session.trails import Trails
-from vpframe.text import in_part_names
 
 if TYPE_CHECKING:
     from physics import Behaviour, Material
+    from vpframe.analysis.swept import SweptVolume
     from vpframe.hands.verbs import Verb
-    from vpframe.report.swept import SweptVolume
 
 
 class SessionMark(NamedTuple):
@@ -137,7 +137,7 @@ class Session:
         self._concluded = False
         self._error_before = sys.exc_info()[1]  # an error handled by the caller, raised before this session was opened
         self._queues: dict[str, deque[Verb]] | None = None
-        self._watch = Watch(self._standing, always=True)
+        self._watch = console.watch(self._standing)
         self._frame: Frame | None = None
         self._changes: Changes | None = None
         self._sizes: dict[str, float] = {}
@@ -361,7 +361,7 @@ class Session:
     @property
     def compiling(self) -> bool:
         """Whether kernels are being compiled in the present step."""
-        return self._watch.compiling
+        return compilation.active
 
     def perform(self, hand: Hand, verb: Verb) -> Outcome:
         """Run a verb to its end and return its outcome; inside `together`, only queue it."""
@@ -873,11 +873,9 @@ class Session:
 
         Raises OutputError if a file to be replaced was not written by an earlier report.
         """
-        from vpframe.report import write
-        from vpframe.view.notebook import ReportFolder
-
         swept = [self.swept(part) for part in self._swept]
-        folder = write(
+        folder = services.call(
+            "report",
             directory,
             self.log,
             failure=self.failure,
@@ -888,13 +886,13 @@ class Session:
             swept=swept,
             tolerance=self.tolerance,
         )
-        return ReportFolder(folder)
+        shown: Path = services.call("report_folder", folder)
+        return shown
 
     def _repr_html_(self) -> str:
         """Return the HTML with which a notebook plays back the session so far."""
-        from vpframe.view.notebook import shown
-
-        return shown(self.scene, self.log.history, self.log.start)
+        page: str = services.call("page", self.scene, self.log.history, self.log.start)
+        return page
 
     def close(self) -> None:
         """End viewer, recording and task; further calls do nothing.

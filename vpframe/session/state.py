@@ -34,12 +34,12 @@ from physics import Behaviour, Body, Material, SpringHand
 from vpframe.analysis.static import named_threads, threaded_features
 from vpframe.codec import WRONG, Codec, CodecError, Packing, conforms
 from vpframe.errors import VpframeError
+from vpframe.events import ConstraintView, NewEvent
 from vpframe.hands.arguments import rigid
 from vpframe.hands.gripper import Gripper
 from vpframe.scene.deflection import deflections
 from vpframe.scene.scene import Scene
 from vpframe.session.dynamics import Dynamics
-from vpframe.session.events import ConstraintView, NewEvent
 
 NO_PAIRS = np.zeros((0, 4), np.int32)
 FARTHEST = 1e12

@@ -24,12 +24,12 @@ from constraints.recognition.attention import rows_about
 from constraints.recognition.candidate import Candidate
 from physics import SpringHand
 from vpframe.errors import TaskError
+from vpframe.events import NewEvent
 from vpframe.hands.gripper import FACING, MOST_BLOCKERS
 from vpframe.hands.paths import between
 from vpframe.scene.boxes import corners
 from vpframe.scene.names import face_words, holders, mates_words, obstacles_words
 from vpframe.scene.subassembly import name_of
-from vpframe.session.events import NewEvent
 from vpframe.session.readings import Readings, along
 from vpframe.session.state import COLUMNS, Changes, Decision, State
 from vpframe.session.trails import bends

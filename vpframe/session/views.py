@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from constraints.manager import InForce
 from constraints.solve.together import Together
-from vpframe.session.events import ConstraintView
+from vpframe.events import ConstraintView
 
 
 class Selection(NamedTuple):

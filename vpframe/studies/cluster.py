@@ -35,7 +35,7 @@ from distributed import (
 from distributed.comm import connect
 
 from vpframe import __version__
-from vpframe.app.progress import say
+from vpframe.console import say
 from vpframe.errors import VpframeError
 from vpframe.studies.child import Children, Done, Work, ctrl_c_blocked, unanswered
 from vpframe.studies.job import Job, Machines

@@ -13,9 +13,8 @@ from pathlib import Path
 from types import ModuleType
 
 from vpframe import __version__
-from vpframe.app.script_errors import PACKAGES
-from vpframe.app.task_runner import imported
 from vpframe.errors import VpframeError
+from vpframe.scripts import PACKAGES, imported
 from vpframe.studies.distributions import Distribution
 from vpframe.studies.variants import Variant, bound, nominal, variables_of
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
-from vpframe.app.task_runner import imported
 from vpframe.errors import VpframeError
+from vpframe.scripts import imported
 from vpframe.studies.distributions import Value
 from vpframe.studies.variants import Variant, bound, variables_of
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 import vpframe.report
-from vpframe.app.outputs import STUDY_FILES, VARIANT, OutputFolder
 from vpframe.files import replace
+from vpframe.outputs import STUDY_FILES, VARIANT, OutputFolder
 from vpframe.scene.units import Scale, name_and_unit, quantity_text, scale_of
 from vpframe.studies import charts, statistics
 from vpframe.studies.distributions import Distribution

@@ -10,8 +10,8 @@ from io import FileIO
 from types import TracebackType
 from typing import Any
 
-from vpframe.app.outputs import OutputFolder, append
 from vpframe.errors import OutputError, VpframeError
+from vpframe.outputs import OutputFolder, append
 from vpframe.studies.distributions import is_number
 from vpframe.studies.variants import Variant
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from vpframe.app import warm_up
-from vpframe.app.outputs import STUDY_FILES, OutputFolder
-from vpframe.app.progress import FEW, WINDOW, Progress, warn
+from vpframe import console, warm_up
+from vpframe.console import FEW, WINDOW, warn
 from vpframe.errors import VpframeError
+from vpframe.outputs import STUDY_FILES, OutputFolder
 from vpframe.studies import report, variants
 from vpframe.studies.child import Done, Work, in_turn
 from vpframe.studies.job import Job, Machines, read_job
@@ -107,7 +107,7 @@ def _interrupted(job: Job, by_key: dict[str, Variant], results: Results, machine
     rate = _Rate(len(by_key), len(finished), sum(one["status"] != "ok" for _, one in finished))
     try:
         with (
-            Progress(f"study {job.script.stem}") as progress,
+            console.progress(f"study {job.script.stem}") as progress,
             contextlib.closing(_done(job, work, machines)) as done,  # type: ignore[type-var]
         ):
             if machines.cluster is None:

@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 
 from collision.numeric.kernel import compilation
-from vpframe.app.script_errors import in_one_line, place
 from vpframe.errors import VpframeError
 from vpframe.processes import end_with
+from vpframe.scripts import in_one_line, place
 from vpframe.session.session import Session
 from vpframe.studies.child import IDLE
 from vpframe.studies.distributions import Value, is_number

@@ -10,8 +10,8 @@ import pinocchio as pin
 import rerun as rr
 from numpy.typing import NDArray
 
+from vpframe.events import Event
 from vpframe.scene.scene import Part
-from vpframe.session.events import Event
 from vpframe.view import palette
 from vpframe.view.display import display_mesh
 from vpframe.view.symbols import Symbol

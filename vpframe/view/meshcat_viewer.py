@@ -16,17 +16,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import pinocchio as pin
 
 from vpframe import files
-from vpframe.app.outputs import PAGE, may_write
-from vpframe.app.progress import warn
+from vpframe.console import warn
 from vpframe.errors import VpframeError
+from vpframe.events import Event, Frame
+from vpframe.outputs import PAGE, may_write
 from vpframe.scene.scene import Scene
-from vpframe.session.events import Event, Frame
+from vpframe.session.controls import Controls
+from vpframe.session.history import History
+from vpframe.session.requests import ABOUT_CONSTRAINTS, OF_THE_RUN, Request
 from vpframe.view.camera import first_view, frame_scene
-from vpframe.view.controls import Controls
-from vpframe.view.history import History
 from vpframe.view.page import html
 from vpframe.view.page_protocol import Encoder, Message, event_message
-from vpframe.view.requests import ABOUT_CONSTRAINTS, OF_THE_RUN, Request
 from vpframe.view.screen import has_screen
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pinocchio as pin
 
+from vpframe.events import Event, Frame
 from vpframe.scene.scene import Scene
-from vpframe.session.events import Event, Frame
 from vpframe.view.meshcat_viewer import page_of
 
 HEIGHT = 560

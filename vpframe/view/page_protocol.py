@@ -11,9 +11,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus
+from vpframe.events import ConstraintView, Event, Frame, moved
 from vpframe.scene.names import face_words
 from vpframe.scene.scene import Part, Scene, Shape
-from vpframe.session.events import ConstraintView, Event, Frame, moved
 from vpframe.text import plain
 from vpframe.view import palette
 from vpframe.view.camera import Camera, frame_scene

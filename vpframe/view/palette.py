@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import colorsys
 
+from vpframe.events import Event
 from vpframe.scene.scene import Part, Scene
-from vpframe.session.events import Event
 
 Color = tuple[float, float, float]
 

@@ -28,16 +28,17 @@ import pinocchio as pin
 import rerun as rr
 from numpy.typing import NDArray
 
-from vpframe.app.outputs import RECORDING, append, claimed
 from vpframe.errors import OutputError
-from vpframe.session.events import ConstraintView, Event, Frame, moved
+from vpframe.events import ConstraintView, Event, Frame, moved
+from vpframe.outputs import RECORDING, append, claimed
+from vpframe.session.log import DRAWN
 from vpframe.view import palette
 from vpframe.view.blueprint import blueprint
 from vpframe.view.camera import first_view, frame_scene
 from vpframe.view.columns import COLUMNS, entity, geometry, rgba, rgbas, surface_path
 from vpframe.view.crowd import SEPARATE, crowds
 from vpframe.view.replay import HEADER, messages_end
-from vpframe.view.symbols import DRAWN, frame_symbols, hand_symbols
+from vpframe.view.symbols import frame_symbols, hand_symbols
 
 if TYPE_CHECKING:
     from vpframe.scene.scene import Scene

@@ -34,7 +34,7 @@ import tornado.web
 import tornado.websocket
 
 from vpframe.errors import VpframeError
-from vpframe.view.requests import Request
+from vpframe.session.requests import Request
 
 PATIENCE = 10.0
 LONGEST_MESSAGE = 1 << 12

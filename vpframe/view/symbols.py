@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from constraints.geometry.surfaces import perpendicular
-from vpframe.session.events import ConstraintView, Frame
+from vpframe.events import ConstraintView, Frame
 from vpframe.view import palette
 
 Points = NDArray[np.float64]
@@ -26,8 +26,6 @@ TURNING = ("concentric", "conical", "toroidal", "screw", "gear", "belt")
 """constraint kinds about an axis"""
 FLAT = ("against", "coplanar")
 """constraint kinds whose direction is a plane's normal"""
-DRAWN = 400
-"""maximum number of constraints that are all drawn; of more, recordings and reports omit those that never change"""
 WIDTH = {"active": 3.0, "candidate": 2.0, "refused": 1.0}
 """line width of a constraint by its state, pixels"""
 

@@ -11,11 +11,11 @@ from collision import SurfaceMesh
 from collision.bvh.build import bvh_of
 from collision.bvh.packets import near_triangles
 from collision.bvh.traverse import fresh_packets, start, workspace_for
+from collision.numeric.point_triangle import closest_on_triangle
 from collision.numeric.simd import RATES, TERMS, apart_lane_a, apart_lane_b, perhaps_nearing
 from collision.query.signed_distance import triangle_bounds
 from collision.query.time_of_impact import Sweep, _set_rates, _set_terms
 from collision.triangle.distance import closest_features
-from collision.triangle.point import closest_on_triangle
 from tests.collision.brute_force import signed_distances
 
 

@@ -25,8 +25,8 @@ from vpframe.analysis.clash_status import (
 )
 from vpframe.app import task_runner as study
 from vpframe.app.cli import main
-from vpframe.app.outputs import STATUS
 from vpframe.errors import VpframeError
+from vpframe.outputs import STATUS
 from vpframe.scene import modelling
 
 A, B, C = ClashKey("bolt", "plate", 1, 2), ClashKey("bolt", "plate", 3, 2), ClashKey("nut", "plate", 0, 0)
@@ -158,7 +158,7 @@ TASK = """
 import numpy as np, pinocchio as pin
 from vpframe.scene import modelling
 from vpframe.app import task_runner as study
-from vpframe.app.outputs import STATUS
+from vpframe.outputs import STATUS
 from vpframe.app.cli import main
 from vpframe.scene.scene import Part, Scene
 

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from tests.vpframe.watching import fake_session, pressing_frames, pressing_scene
+from vpframe import outputs
 from vpframe.analysis import clash_status, mates
-from vpframe.app import outputs
 from vpframe.app import task_runner as study
-from vpframe.app.outputs import CHECKPOINT, PAGE, RECORDING, Kind, Output, OutputFolder
 from vpframe.errors import OutputError
+from vpframe.outputs import CHECKPOINT, PAGE, RECORDING, Kind, Output, OutputFolder
 from vpframe.report import SessionLog, write
 from vpframe.scene import modelling
 from vpframe.session.checkpoint import Journal
@@ -171,7 +171,7 @@ def test_what_cannot_be_written_is_one_line(tmp_path):
 
 HOLD = """
 import sys, time
-from vpframe.app.outputs import RECORDING, REPORT_FILES, Output, OutputFolder
+from vpframe.outputs import RECORDING, REPORT_FILES, Output, OutputFolder
 held = Output(sys.argv[1], RECORDING), OutputFolder(sys.argv[2], REPORT_FILES)
 print("held", flush=True)
 time.sleep(60)

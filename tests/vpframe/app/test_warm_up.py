@@ -12,13 +12,13 @@ import pytest
 
 from collision.numeric import kernel_cache
 from collision.numeric.kernel import compilation
-from vpframe.app import warm_up
+from vpframe import warm_up
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = """
 import gc, sys
 from collision.numeric.kernel import _Kernel
-from vpframe.app.warm_up import USES
+from vpframe.warm_up import USES
 for share in USES[sys.argv[1]]:
     for example in share:
         example()
@@ -57,7 +57,7 @@ KERNELS = {
 
 def share(use: str, number: int, cache: Path) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "vpframe.app.warm_up", use, str(number)],
+        [sys.executable, "-P", "-m", "vpframe.warm_up", use, str(number)],
         env=os.environ | {"PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(cache)},
         stdin=subprocess.PIPE,
     )

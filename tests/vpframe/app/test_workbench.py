@@ -19,12 +19,12 @@ import tornado.websocket
 
 import vpframe as vp
 from tests.vpframe.bench_model import write_bench
-from vpframe.app.outputs import SCRIPT, Output
 from vpframe.app.task_runner import run_task
 from vpframe.app.workbench import Workbench
 from vpframe.hands.dragging import along_freedom
+from vpframe.outputs import SCRIPT, Output
+from vpframe.session.requests import Request
 from vpframe.session.session import Session
-from vpframe.view.requests import Request
 
 
 @pytest.fixture(scope="module")

@@ -172,7 +172,7 @@ def test_the_recording_shows_a_hand_that_does_it(model, tmp_path):
 
 @pytest.mark.slow
 def test_the_live_page_plays_the_plan(model, monkeypatch, capsys):
-    from vpframe.session.events import Frames
+    from vpframe.events import Frames
     from vpframe.view import meshcat_viewer
 
     shown = Frames()

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vpframe as vp
-from vpframe.planning.page import gone
 from vpframe.planning.plan import _Plan
 from vpframe.planning.target import Option, least
+from vpframe.report.plan_page import gone
 from vpframe.scene.modelling import box
 from vpframe.scene.modelling import scene as scene_of
 

@@ -14,11 +14,11 @@ from tests.vpframe.watching import box, fake_session, place, pressing_frames, pr
 from vpframe import __version__
 from vpframe.analysis.clash_status import ClashKey
 from vpframe.errors import VpframeError
+from vpframe.events import ConstraintView, Event, Frame
 from vpframe.report import SessionLog, SweptVolume, plots, write
 from vpframe.report.page import STANDING
 from vpframe.report.where import least_gap
 from vpframe.scene.scene import Part, Scene, Shape
-from vpframe.session.events import ConstraintView, Event, Frame
 
 
 def log_of(frames, scene=None):
@@ -507,7 +507,7 @@ def test_of_many_constraints_pictures_leave_out_the_uninvolved_and_the_page_says
     ]
     few = write(tmp_path / "few", log_of(frames, scene))
     assert "leave out" not in (few / "index.html").read_text()
-    monkeypatch.setattr("vpframe.report.log.DRAWN", 5)
+    monkeypatch.setattr("vpframe.session.log.DRAWN", 5)
     assert log_of(frames, scene).uninvolved() == frozenset(range(7))
     many = write(tmp_path / "many", log_of(frames, scene))
     assert "leave out 7, of parts that no hand held" in (many / "index.html").read_text()

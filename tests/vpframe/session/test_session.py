@@ -9,11 +9,11 @@ import pytest
 from tests.vpframe.bench_scene import SEAT, at, scene
 from tests.vpframe.killed_runs import by_value, kill
 from vpframe.errors import TaskError, UnknownPartError, VpframeError
+from vpframe.events import Frames
 from vpframe.hands import constraint, freedom
 from vpframe.scene import modelling
 from vpframe.scene.scene import Part, Scene
 from vpframe.session import rules
-from vpframe.session.events import Frames
 from vpframe.session.session import Session
 
 

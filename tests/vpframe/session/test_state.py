@@ -13,10 +13,10 @@ import pytest
 from physics import Elastic, Friction, Gravity
 from tests.vpframe.killed_runs import by_value, kill
 from tests.vpframe.session.test_there_and_back import tight_fit
+from vpframe.events import Frames
 from vpframe.scene import modelling
 from vpframe.scene.scene import Part, Scene
 from vpframe.session import rules
-from vpframe.session.events import Frames
 from vpframe.session.session import Session
 from vpframe.session.state import CODEC, Decision, StateError
 

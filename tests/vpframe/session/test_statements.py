@@ -16,9 +16,9 @@ from constraints.kinds import Line, Point
 from tests.vpframe.bench_scene import at
 from tests.vpframe.killed_runs import by_value, kill
 from vpframe.errors import TaskError, UnknownPartError
+from vpframe.events import Frames
 from vpframe.scene import modelling as m
 from vpframe.scene.scene import Part, Scene
-from vpframe.session.events import Frames
 from vpframe.session.rules import accept_kinds
 from vpframe.session.session import Session
 from vpframe.session.statements import ContradictionError

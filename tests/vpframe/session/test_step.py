@@ -19,15 +19,15 @@ from physics import Behaviour, Elastic, Friction, Gravity, SpringHand
 from tests.vpframe.bench_scene import SEAT, at, scene
 from tests.vpframe.session.test_there_and_back import tight_fit
 from vpframe.errors import TaskError, VpframeError
+from vpframe.events import ConstraintView, Frame, Frames
 from vpframe.hands.paths import Straight
 from vpframe.hands.segment import MotionSegment
 from vpframe.scene import modelling
 from vpframe.scene.scene import Part, Scene
 from vpframe.session import checkpoint, rules, step
-from vpframe.session.events import ConstraintView, Frame, Frames
+from vpframe.session.controls import Controls, Request
 from vpframe.session.session import Session
 from vpframe.session.state import StateError
-from vpframe.view.controls import Controls, Request
 
 OURS = tuple(str(Path(__file__).parents[3] / package) for package in ("collision", "constraints", "physics", "vpframe"))
 

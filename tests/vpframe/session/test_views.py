@@ -6,8 +6,8 @@ import pickle
 from collections.abc import Sequence
 
 from tests.benchmarks.bench_session import board
+from vpframe.events import ConstraintView, Frame, Frames
 from vpframe.session import rules
-from vpframe.session.events import ConstraintView, Frame, Frames
 from vpframe.session.session import Session
 
 Shown = list[tuple[int, str, bytes, bytes, float]]

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from vpframe.app.outputs import STUDY_FILES, OutputFolder
 from vpframe.errors import OutputError, VpframeError
+from vpframe.outputs import STUDY_FILES, OutputFolder
 from vpframe.studies.child import unanswered
 from vpframe.studies.results import Record, Results, answer, record
 from vpframe.studies.variants import Variant

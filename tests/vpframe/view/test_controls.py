@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from tests.vpframe.bench_scene import SEAT, scene
+from vpframe.events import Frames
 from vpframe.hands.conditions import candidate
-from vpframe.session.events import Frames
+from vpframe.session.controls import Controls, Request
 from vpframe.session.rules import leave_all
 from vpframe.session.session import Session
-from vpframe.view.controls import Controls, Request
 
 
 class Watcher(Frames):

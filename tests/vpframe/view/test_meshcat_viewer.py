@@ -23,7 +23,7 @@ import tornado.websocket
 
 from tests.vpframe.watching import fake_session, pressing_frames, pressing_scene
 from vpframe.errors import VpframeError
-from vpframe.view.controls import Controls, Request
+from vpframe.session.controls import Controls, Request
 from vpframe.view.display import display_mesh
 from vpframe.view.meshcat_viewer import MeshcatViewer, write_page
 from vpframe.view.page_protocol import Encoder
@@ -539,7 +539,7 @@ def test_the_static_page_survives_names_that_look_like_markup(tmp_path):
 
 
 def test_a_long_run_is_thinned_evenly_and_keeps_its_end_and_its_events():
-    from vpframe.view.history import History
+    from vpframe.session.history import History
 
     history = History(limit=100)
     frames = pressing_frames(1000)
@@ -556,7 +556,7 @@ def test_a_long_run_is_thinned_evenly_and_keeps_its_end_and_its_events():
 
 
 def test_a_step_that_is_shown_again_is_one_frame_with_the_events_of_both():
-    from vpframe.view.history import History
+    from vpframe.session.history import History
 
     history = History()
     frames = pressing_frames(40)

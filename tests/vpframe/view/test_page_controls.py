@@ -10,8 +10,8 @@ import pytest
 
 from tests.vpframe.bench_scene import SEAT, scene
 from tests.vpframe.browser import PROGRAM, Browser
+from vpframe.events import Frame
 from vpframe.hands.conditions import candidate
-from vpframe.session.events import Frame
 from vpframe.session.rules import leave_all
 from vpframe.session.session import Session
 from vpframe.view.meshcat_viewer import MeshcatViewer

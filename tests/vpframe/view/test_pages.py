@@ -11,9 +11,9 @@ import pytest
 from tests.vpframe.browser import PROGRAM, Browser
 from tests.vpframe.watching import fake_session, hostile_frames, hostile_scene, pressing_frames, pressing_scene
 from vpframe.report import SessionLog, write
+from vpframe.session.controls import Request
 from vpframe.text import plain
 from vpframe.view import palette
-from vpframe.view.controls import Request
 from vpframe.view.meshcat_viewer import MeshcatViewer, write_page
 
 pytestmark = [

@@ -14,8 +14,8 @@ import pytest
 
 from tests.vpframe.watching import box, fake_session, pressing_frames, pressing_scene
 from vpframe.errors import LoadError, VpframeError
+from vpframe.events import ConstraintView
 from vpframe.scene.scene import Part, Scene
-from vpframe.session.events import ConstraintView
 from vpframe.view import palette, replay
 from vpframe.view.display import display_mesh
 from vpframe.view.recorder import RerunRecorder

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vpframe.view.requests import ACTIONS, FARTHEST, Request
+from vpframe.session.requests import ACTIONS, FARTHEST, Request
 
 GOOD = {
     "accept": {"id": 3},

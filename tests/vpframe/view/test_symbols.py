@@ -3,7 +3,7 @@ import pinocchio as pin
 import pytest
 
 from tests.vpframe.watching import pressing_frames
-from vpframe.session.events import ConstraintView
+from vpframe.events import ConstraintView
 from vpframe.view import palette
 from vpframe.view.symbols import constraint_symbol, frame_at, frame_symbols, freedom_symbol, hand_symbols
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from collision.triangle.point import closest_on_triangle
+from collision.numeric.point_triangle import closest_on_triangle
 
 
 @njit

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from vpframe.analysis.clash_status import ClashKey
 from vpframe.analysis.fits import PressFit, press_fits
-from vpframe.report.series import Series
+from vpframe.events import Event, Frame
 from vpframe.scene.scene import Scene
-from vpframe.session.events import Event, Frame
-from vpframe.view.history import History
-from vpframe.view.symbols import DRAWN
+from vpframe.session.history import History
+from vpframe.session.series import Series
 
+DRAWN = 400
+"""maximum number of constraints that are all drawn; of more, recordings and reports omit those that never change"""
 PICTURED = ("grabbed", "released", "accepted", "refused", "removed", "blocked", "landed")
 """kinds of events that get a picture"""
 STILL = 1e-9

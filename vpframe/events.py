@@ -151,8 +151,8 @@ class Observer(Protocol):
     """Viewer, recorder or report: reads frames, changes nothing.
 
     An observer that raises is ended and removed with a note in the events; the session continues. An observer with an
-    attribute `controls` (`vpframe.view.controls.Controls`) may request pause, step, accept, refuse and remove. One with
-    `mark` and `undo` forgets what a session takes back; others keep it.
+    attribute `controls` (`vpframe.session.controls.Controls`) may request pause, step, accept, refuse and remove. One
+    with `mark` and `undo` forgets what a session takes back; others keep it.
     """
 
     def begin(self, scene: Scene) -> None:

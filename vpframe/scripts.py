@@ -1,17 +1,27 @@
-"""Errors that end a script: script line, one-line message, and a traceback without frames of this program."""
+"""Task scripts as modules, and errors that end a script: its line, one-line message, and a traceback without frames of
+this program."""
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import os
+import sys
 import sysconfig
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from types import ModuleType
 
+from vpframe import console
+from vpframe.errors import VpframeError
+
+TRACEBACK = "VPFRAME_TRACEBACK"
+"""environment variable that enables full tracebacks"""
 ON_REQUEST = "interrupted"
 """reason why a task that the user ended is undecided"""
 PACKAGES = ("collision", "constraints", "physics", "vpframe")
-_ROOT = Path(__file__).resolve().parents[2]
+_ROOT = Path(__file__).resolve().parents[1]
 _OURS = tuple(str(_ROOT / package) + os.sep for package in PACKAGES)
 _STANDARD = sysconfig.get_path("stdlib") + os.sep
 
@@ -55,6 +65,52 @@ def raised_inside(error: BaseException) -> bool:
     """Whether an error was raised by this program or a library that it called, not by the script."""
     frames = traceback.extract_tb(error.__traceback__)
     return bool(frames) and frames[-1] not in _without_ours(frames)
+
+
+@contextlib.contextmanager
+def imported(script: Path) -> Iterator[ModuleType]:
+    """Yield the module of a task script; inside, it is in `sys.modules` and `import` searches the script's folder."""
+    name = f"vpframe_task_{script.stem}"
+    spec = importlib.util.spec_from_file_location(name, script)
+    if spec is None or spec.loader is None:
+        raise VpframeError(f"{script}: not a Python file; a task script ends in .py")
+    module = importlib.util.module_from_spec(spec)
+    folder = str(script.resolve().parent)
+    sys.path.insert(0, folder)
+    sys.modules[name] = module
+    try:
+        with located(script):
+            spec.loader.exec_module(module)
+        if not callable(getattr(module, "task", None)):
+            raise VpframeError(f"{script}: defines no task; write `def task(session): …`")
+        yield module
+    finally:
+        sys.modules.pop(name, None)
+        with contextlib.suppress(ValueError):  # removed by the script
+            sys.path.remove(folder)
+
+
+@contextlib.contextmanager
+def located(script: Path) -> Iterator[None]:
+    """Convert errors of a script that is being read to VpframeError with its line."""
+    try:
+        yield
+    except SyntaxError as error:
+        raise VpframeError(f"{error.filename or script}:{error.lineno}: {error.msg}") from error
+    except (Exception, SystemExit) as error:
+        if not os.environ.get(TRACEBACK):  # otherwise the caller shows the full traceback
+            print_traceback(error)
+        raise VpframeError(f"{place(error, script)}{in_one_line(error)}") from error
+
+
+def print_traceback(error: BaseException) -> None:
+    """Print the traceback of a script's fault; our frames only if `TRACEBACK` is set."""
+    if os.environ.get(TRACEBACK):
+        console.warn("".join(traceback.format_exception(error)).rstrip())
+    elif not is_ours(error):
+        console.warn(script_traceback(error))
+        if raised_inside(error):
+            console.warn(f"(raised inside vpframe; set {TRACEBACK}=1 to see where)")
 
 
 def _strip(report: traceback.TracebackException) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from vpframe.view.requests import Request
+from vpframe.session.requests import Request
 
 
 class Controls:

@@ -6,7 +6,7 @@ import bisect
 from collections.abc import Iterator
 from operator import itemgetter
 
-from vpframe.session.events import Event, Frame
+from vpframe.events import Event, Frame
 
 
 class History:

@@ -29,7 +29,7 @@ def start(use: str) -> None:
     folder = kernel_cache.folder("vpframe")
     if folder is None or kernel_cache.config.DISABLE_JIT or (os.cpu_count() or 1) < 2:
         return
-    root = str(Path(__file__).resolve().parents[2])
+    root = str(Path(__file__).resolve().parents[1])
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))}
     for share in range(len(USES[use])):
         if not _done(folder, use, share).exists():
