@@ -41,7 +41,8 @@ def load(
     shape. Each B-rep face is a surface; faces without a type in the file are recognised or fitted within
     `Tolerance.fit`. Density is read in the first unit of g/mm³, g/cm³ and kg/m³ that makes it plausible (20 to 23,000
     kg/m³), because files often state a wrong unit. OBJ objects, groups and materials that share borders become surfaces
-    of one part, closed ones become parts; all other meshes are segmented into surfaces. GLB keeps its axes (y is up).
+    of one part, closed ones become parts; all other meshes are segmented into surfaces when these are first needed. GLB
+    keeps its axes (y is up).
 
     Results are cached in the user's cache folder (`VPFRAME_CACHE` sets another, empty for none) by file content.
 
@@ -57,8 +58,10 @@ def load(
     unit: "m", "cm", "mm", "um", "in" or "ft" for STL, OBJ and PLY, which state none. By default a model whose largest
         extent is above 2 is read in millimetres, any other in metres; `Scene.notes` says which. A trimesh mesh has its
         own `units` as default.
-    timeout: limit of processor time of a CAD file, s; default one minute for each megabyte, at least one, and more for
-        each shape and face. The memory limit is 1.75 GB plus 200 bytes for each byte of the file.
+    timeout: limit of processor time for reading, s; default for a CAD file one minute for each megabyte, at least one,
+        and more for each shape and face, for a mesh 30 s and more by its size and triangles. The limit of resident
+        memory is 1.75 GB plus 200 bytes for each byte of a CAD file, 1.5 GB plus 20 bytes for each byte and 1 kB for
+        each triangle of a mesh.
     progress: receives the fraction done and the present task.
     format: of bytes, "step", "obj", …; by default recognised from the content (not possible for OBJ).
     bodies: "split" makes each solid of a CAD file a part, "whole" each product.

@@ -117,10 +117,14 @@ def test_meshes_are_cached_too(tmp_path, place, form, monkeypatch):
     shape = m.shape(m.box(0.06, 0.04, 0.02) - m.cylinder(0.005, 0.02).translated(0.015, 0.02))
     trimesh.Trimesh(shape.mesh.vertices, shape.mesh.triangles, process=False).export(tmp_path / f"a.{form}")
     first = vp.load(tmp_path / f"a.{form}")
-    monkeypatch.setattr(trimesh, "load_scene", None)
+
+    def refused(*given: object) -> None:
+        raise vp.LoadError("a process is started", "")
+
+    monkeypatch.setattr(guarded, "run", refused)
     assert same(vp.load(tmp_path / f"a.{form}"), first)
     if form == "stl":
-        with pytest.raises(vp.LoadError, match="parsed"):
+        with pytest.raises(vp.LoadError, match="a process is started"):
             vp.load(tmp_path / "a.stl", unit="mm")
 
 
