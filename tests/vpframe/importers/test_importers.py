@@ -259,7 +259,8 @@ def test_faces_are_triangulated_where_the_kernel_does_not(name, splines, monkeyp
     solid = untyped(WORKPIECES[name]) if splines else WORKPIECES[name]
     real = brep._triangles
     whole, volume = m.shape(solid), 1e-9 * exact_volume(WORKPIECES[name].occ)
-    for every in (1, 2):
+    wrong = splines and name == "cap"  # its curves are a period off, and the kernel's own triangles then are wrong
+    for every in (1,) if wrong else (1, 2):
         count = iter(range(10000))
         monkeypatch.setattr(
             brep, "_triangles", lambda face, n=count, e=every: brep.NOTHING if next(n) % e == 0 else real(face)
@@ -270,8 +271,7 @@ def test_faces_are_triangulated_where_the_kernel_does_not(name, splines, monkeyp
         assert any("repaired" in note for note in patched.notes) or all("lost" not in n for n in patched.notes)
         area = float(np.linalg.norm(triangle_area_vectors(whole.mesh.vertices, whole.mesh.triangles), axis=1).sum())
         meshed = signed_volume(patched.mesh.vertices, patched.mesh.triangles)
-        if every == 1 or not (splines and name == "cap"):  # which the kernel itself converts and meshes wrongly
-            assert abs(meshed - volume) <= 2e-4 * area
+        assert abs(meshed - volume) <= 2e-4 * area
         for surface in patched.surfaces:
             if not isinstance(surface.geometry, Freeform):
                 corners = patched.mesh.triangles[patched.mesh.triangles_of(surface.index)]
@@ -533,3 +533,20 @@ class TestRealModels:
         assert scene.notes == ()
         assert all(p.shape.closed for p in scene.parts)
         assert all(f.residual <= 1e-5 for p in scene.parts for f in p.features)
+
+
+def test_notes_of_one_kind_are_one_line_and_the_summary_counts(tmp_path):
+    """Open shells of different sizes."""
+    parts = {"plate": m.box(0.1, 0.1, 0.01)}
+    for i in range(4):
+        box, shell = m.box(0.01, 0.01, 0.01 + 0.001 * i), TopoDS_Shell()
+        BRep_Builder().MakeShell(shell)
+        faces = TopExp_Explorer(box.occ, TopAbs_ShapeEnum.TopAbs_FACE)
+        for _ in range(5):
+            TopoDS_Builder().Add(shell, faces.Current())
+            faces.Next()
+        parts[f"open_{i}"] = m.Solid(shell)
+    scene = vp.load(m.write_step(tmp_path / "a.step", parts))
+    (note,) = scene.all_notes()
+    assert note.startswith("4 parts of 4 shapes (open_0, open_1, open_2, …): open: at 4 edges")
+    assert scene.summary() == "5 parts of 5 shapes, 26 faces, 52 triangles; 0 shapes repaired, 4 open"
