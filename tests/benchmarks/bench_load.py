@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import os
 import platform
-import resource
 import subprocess
 import sys
 import tempfile
@@ -97,17 +96,16 @@ def cases(counts: Sequence[int]) -> dict[str, Callable[[Path], Path]]:
 
 def measure(script: str, file: Path, cache: str) -> tuple[dict[str, Any], float, int]:
     """Run a script on a file; return what it prints, the processor time, s, and its largest process, bytes."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", script, str(file), str(DEFLECTION), str(ANGULAR)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "VPFRAME_CACHE": cache},
-    )  # fmt: skip
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    out, wrong = process.communicate()
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if process.returncode:
-        raise RuntimeError(f"{file.name}: {wrong.strip().splitlines()[-1]}")
-    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return json.loads(out), spent, 1024 * after.ru_maxrss
+    command = [sys.executable, "-c", script, str(file), str(DEFLECTION), str(ANGULAR)]
+    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as wrong:
+        process = subprocess.Popen(command, stdout=out, stderr=wrong, env={**os.environ, "VPFRAME_CACHE": cache})
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        out.seek(0)
+        wrong.seek(0)
+        if process.returncode:
+            raise RuntimeError(f"{file.name}: {wrong.read().strip().splitlines()[-1]}")
+        return json.loads(out.read()), usage.ru_utime + usage.ru_stime, 1024 * usage.ru_maxrss
 
 
 def run(quick: bool = False, only: Sequence[str] = (), instances: int | None = None) -> dict[str, Any]:

@@ -29,7 +29,7 @@ VARIABLE = "VPFRAME_CACHE"
 LARGEST = 1 << 30
 """maximum total size, bytes"""
 _CODE = ("vpframe/codec.py", "vpframe/importers/**/*.py", "constraints/**/*.py", "collision/tolerance.py")
-_PACKAGES = ("cadquery-ocp-novtk", "trimesh", "numpy")
+_PACKAGES = ("cadquery-ocp-novtk", "manifold3d", "trimesh", "numpy")
 
 
 def folder() -> Path | None:

@@ -94,8 +94,13 @@ def signed_volume(vertices: Array, triangles: NDArray[np.int32]) -> float:
     """
     if not len(triangles):
         return 0.0
-    a, b, c = (vertices[triangles[:, k]] - _inner(vertices, triangles) for k in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+    a, b, c = (vertices[triangles[:, k]] - vertices[triangles[0, 0]] for k in range(3))
+    vectors = np.cross(b - a, c - a)
+    volume = float(np.einsum("ij,ij->", a, vectors)) / 6.0
+    open_area = vectors.sum(axis=0)  # zero for a closed mesh, whose volume depends on no origin
+    if np.abs(open_area).max() > 1e-9 * np.abs(vectors).sum():
+        volume -= float((_inner(vertices, triangles) - vertices[triangles[0, 0]]) @ open_area) / 6.0
+    return volume
 
 
 def _inner(vertices: Array, triangles: NDArray[np.int32]) -> Array:

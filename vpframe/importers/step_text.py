@@ -191,11 +191,8 @@ def _products(statements: dict[int, bytes], text: StepText) -> None:
         if len(references[n]) == 2 and (definition := shapes.get(references[n][0])) in definitions:
             representation = references[n][1]
             own[definition] = _count_faces([representation, *equal.get(representation, [])], kinds, references)
-    uses = [
-        (n, references[n][0], references[n][1])
-        for n in of(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE")
-        if len(references[n]) >= 2
-    ]
+    named = ((n, references[n]) for n in of(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE"))
+    uses = [(n, ends[0], ends[1]) for n, ends in named if len(ends) >= 2]
     children, circular = _tree(uses)
     text.circular = {n: definitions.get(parent, f"#{parent}") for n, parent in circular.items()}
     used = {child for below in children.values() for child in below}

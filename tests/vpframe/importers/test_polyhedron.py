@@ -7,13 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vpframe.importers.polyhedron import mass_properties, open_edges, without_flat
+from vpframe.importers.polyhedron import mass_properties, open_edges, signed_volume, without_flat
 from vpframe.scene import modelling as m
-
-
-def area(points: np.ndarray, triangles) -> float:
-    a, b, c = (points[np.array(triangles)[:, k]] for k in range(3))
-    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
 @settings(deadline=None, max_examples=60)
@@ -55,3 +50,5 @@ def test_a_flat_hole_does_not_change_the_volume():
         holed = shape.mesh.triangles[shape.mesh.surface_of_triangle != surface]
         for one, other in zip(mass_properties(shape.mesh.vertices, holed)[:2], whole[:2], strict=True):
             assert one == pytest.approx(other, rel=1e-9)
+        for triangles, sign in ((shape.mesh.triangles, 1), (holed, 1), (holed[:, [0, 2, 1]], -1)):
+            assert signed_volume(shape.mesh.vertices, triangles) == pytest.approx(sign * whole[0], rel=1e-9)
