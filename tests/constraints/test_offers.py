@@ -116,7 +116,7 @@ def test_a_thread_drawn_plain_is_offered_where_it_turns_or_rests(turns, comes) -
         for k in range(3)
     ]
     mate = [("recognised", "screw")]
-    moving, stopped = offered(plain_thread(), *ways, kinds=["screw", "concentric"])
+    moving, stopped = offered(plain_thread(), *ways, kinds=["screw", "concentric"], named={1: ["screw"]})
     assert (moving, stopped) == (([], mate) if comes is False else (mate, []))
 
 

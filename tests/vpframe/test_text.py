@@ -28,11 +28,12 @@ from vpframe.exporters.motion import read_motion
 from vpframe.exporters.tables import write_table
 from vpframe.report import SessionLog
 from vpframe.scene import modelling
+from vpframe.scene.names import with_part_names
 from vpframe.scene.scene import Part, Scene
 from vpframe.session.session import Session
 from vpframe.studies import report as study_report
 from vpframe.studies.distributions import Uniform
-from vpframe.text import csv_text, escape, plain, plain_lines, uncell, with_part_names
+from vpframe.text import csv_text, escape, plain, plain_lines, uncell
 from vpframe.view import replay
 from vpframe.view.recorder import RerunRecorder
 

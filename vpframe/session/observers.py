@@ -155,7 +155,8 @@ class Observers:
             self.lost += [failure for failure in failures if isinstance(failure, OutputError)][:1]
             name = type(observer).__name__
             text = f"{name} stopped watching: {type(error).__name__}: {error}"
-            LOGGER.warning(plain(text))  # a line on standard error, unless the program handles its log otherwise
+            if not any(isinstance(failure, OutputError) for failure in failures):  # these are raised at the end
+                LOGGER.warning(plain(text))  # a line on standard error, unless the program handles its log otherwise
             self.record(NewEvent("note", text=text))
 
 

@@ -220,8 +220,8 @@ def test_names_are_those_that_a_session_takes():
     assert plan.target == "cover/plate" and plan.base == ("fasteners/m8/nut", "frame/base")[::-1]
     assert order(plan) == [("fasteners/m8/bolt",), ("cover/plate",)]
     assert vp.planning.removal(scene, "nut", budget=LONG).parts == ("fasteners/m8/nut",)
-    authorised = vp.planning.removal(scene, "bolt", budget=LONG, motion="straight", authorise=[("bolt", "nut")])
-    assert authorised and not vp.planning.removal(scene, "bolt", budget=LONG, motion="straight")
+    ignoring = vp.planning.removal(scene, "bolt", budget=LONG, motion="straight", ignore=[("bolt", "nut")])
+    assert ignoring and not vp.planning.removal(scene, "bolt", budget=LONG, motion="straight")
     carried = vp.planning.disassembly(scene, carry=[("bolt", "plate")], budget=LONG)
     assert order(carried) == [("fasteners/m8/nut",), ("cover/plate", "fasteners/m8/bolt")]
     with pytest.raises(vp.UnknownPartError, match="did you mean 'fasteners/m8/nut'"):

@@ -18,8 +18,7 @@ from tests.vpframe.bench_scene import scene
 from vpframe.errors import OutputError
 from vpframe.hands.paths import Straight
 from vpframe.hands.segment import MotionSegment
-from vpframe.report import series
-from vpframe.session import rules, trails
+from vpframe.session import rules, series, trails
 from vpframe.session.series import Series
 from vpframe.session.session import Session
 from vpframe.session.trails import Trails, bends
