@@ -108,7 +108,13 @@ class Thread:
             for key in (self.mated | self.faces) & rows.keys()
             if rows[key][2] <= self.pitch + slack and (key in self.mated or rows[key][0] in BAD_KINDS)
         }
-        if self.depth == 0.0:
+        if self.depth == 0.0:  # crests reach no deeper into the ends of the other thread than into the thread
+            most = max((depth for _, _, depth, _ in own.values()), default=0.0) + slack
+            ours, theirs = ({key[k] for key in self.faces} for k in (2, 3))
+            for key, (kind, distance, depth, _) in rows.items():
+                one_sided = key[:2] == self.parts and len(key) == 4 and (key[2] in ours or key[3] in theirs)
+                if one_sided and kind in BAD_KINDS and depth <= most:
+                    own[key] = ("thread", distance, depth, self.why)
             return own
         for key, (kind, distance, depth, _) in rows.items():
             clashes = key[:2] == self.parts and kind in BAD_KINDS and depth <= self.depth + slack
