@@ -32,7 +32,7 @@ from collision.numeric.kernel import compilation
 from collision.query.blocking import Pairing, Stop, Sweeps
 from constraints import Candidate
 from constraints.freedom.escape import Patch, contact_patch
-from constraints.geometry.sleeve import sleeve
+from constraints.geometry.sleeve import sleeve, sleeve_of
 from constraints.geometry.surfaces import Cylinder, Sphere
 from constraints.geometry.views import Extent
 from constraints.recognition.mated import adjacent_surfaces
@@ -400,9 +400,10 @@ class Assembly:
         """A shaft in a bore that is too small for it, whose overlap is authorised: along the axis it is excused."""
         (a, one), (b, other) = ends
         excused = self._with_faces_beside((a, b), (one.surfaces, other.surfaces))
-        return Mate(
-            (a, b), "concentric", *found.line, None, False, self._until_apart(ends, *found.line), tuple(excused)
-        )
+        inside = sleeve_of(one, other, (self.meshes[a], self.meshes[b]), self.world.tolerance.fit)
+        excused += [] if inside is None else [inside]
+        apart = self._until_apart(ends, *found.line)
+        return Mate((a, b), "concentric", *found.line, None, False, apart, tuple(excused))
 
     def _with_faces_beside(self, parts: tuple[int, int], surfaces: Sequence[tuple[int, ...]]) -> list[Pairing]:
         """The surfaces of a fit with each other, and with those beside the other's."""
