@@ -162,7 +162,7 @@ def _reachable(options: Sequence[Sequence[Option]]) -> frozenset[int]:
     while True:
         new = set[int]()
         for u in range(len(options)):
-            for option in options[u] if u not in gone else ():
+            for option in options[u]:  # also of a unit that is gone: it may carry others by another way
                 along = _carriable(u, option, gone)
                 if option.blockers <= gone | along:
                     new |= {u} | along
