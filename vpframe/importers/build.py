@@ -121,8 +121,16 @@ class _BareShape(Shape):
         closed = not len(open_edges(raw.triangles))
         measured = {"volume": raw.volume, "center": raw.center, "inertia": raw.inertia, "closed": closed}
         kept = {"notes": tuple(raw.notes), "brep": raw.brep, "_raw": raw, "_name": name}
-        made.__dict__.update(measured | kept | {"_find": lambda: made._segmented.surfaces})
+        made.__setstate__(measured | kept)
         return made
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name not in ("_find", "_segmented")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if "surfaces" not in state:
+            self.__dict__["_find"] = lambda: self._segmented.surfaces
 
     @cached_property
     def _segmented(self) -> Shape:
