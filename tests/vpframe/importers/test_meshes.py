@@ -584,8 +584,9 @@ def test_a_binary_stl_is_read_without_trimesh(tmp_path):
     theirs = trimesh.load_mesh(tmp_path / "a.stl", process=False)
     code = (
         "import sys; from pathlib import Path; from vpframe.importers import mesh_files as f; "
-        "from vpframe.importers.raw import RawScene; p, = f._load(Path(sys.argv[1]), 'stl', RawScene()); assert 'trimesh' not in sys.modules; "
-        "print(p.vertices[p.triangles].tolist())"
+        "from vpframe.importers.raw import RawScene; "
+        "(piece,) = f._load(Path(sys.argv[1]), 'stl', RawScene()); assert 'trimesh' not in sys.modules; "
+        "print(piece.vertices[piece.triangles].tolist())"
     )
     done = subprocess.run([sys.executable, "-c", code, tmp_path / "a.stl"], capture_output=True, text=True, check=True)
     assert np.array_equal(json.loads(done.stdout), theirs.vertices[theirs.faces])
