@@ -20,8 +20,6 @@ FORMATS = {
 """format by suffix"""
 LARGEST = 1_000_000_000
 """maximum size of a file, bytes"""
-STL_HEADER = 80
-"""length of the text at the start of a binary STL file, bytes"""
 FARTHEST = 1e6
 """maximum distance from the origin, m: beyond it rounding errors reach a micrometre"""
 

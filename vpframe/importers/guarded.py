@@ -132,6 +132,10 @@ def run(
                 outcome.hear(json.loads(line), progress, ready)
                 if outcome.limits != limits:
                     _allow(process.pid, outcome.limits)
+            if hasattr(os, "waitid"):  # /proc reports the process until it is reaped: the last sample takes all of it
+                os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+                over.set()
+                watch.join()
             process.wait()
             outcome.code = process.returncode
         finally:
@@ -140,6 +144,7 @@ def run(
             process.communicate()
         words.seek(0)
         outcome.words = words.read()
+    outcome.done &= not outcome.late
     outcome.memory |= "bad_alloc" in outcome.words
     outcome.memory |= outcome.code < 0 and not outcome.late and outcome.peak > CROWDED * outcome.limits.memory
     return outcome
@@ -183,16 +188,21 @@ class _Usage(NamedTuple):
 
 
 def _watch(process: subprocess.Popen[str], outcome: Outcome, over: threading.Event) -> None:
-    """Kill a process at the limits of `outcome`, in which the peak of its memory is kept."""
+    """Kill a process at the limits of `outcome`, in which the peak of its memory is kept.
+
+    The last sample is taken when it is `over`: on a busy machine a process can end before any other.
+    """
     began = last = time.monotonic()
     before = slept = 0.0
-    while not over.is_set():
+    ended = False
+    while not ended:
+        ended = over.is_set()
         now = time.monotonic()
         usage = _usage(process.pid)
         if usage is None:
             used = (now - began) / _BUSY
         else:
-            if usage.sleeps and usage.seconds <= before:
+            if usage.sleeps and usage.seconds <= before and not ended:
                 slept += min(now - last, 5.0 * SAMPLING)  # longer: this process was suspended
             before, used = max(before, usage.seconds), usage.seconds + slept
             outcome.peak = max(outcome.peak, usage.memory)

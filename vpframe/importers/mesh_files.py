@@ -1,6 +1,7 @@
-"""STL, OBJ, PLY and GLB through trimesh: welded, closed pieces apart, in metres.
+"""STL, OBJ, PLY and GLB: welded, closed pieces apart, in metres.
 
-The reading process runs this on files, so it imports numpy, scipy and trimesh only; surfaces are found by `meshes`.
+The reading process runs this on files, so it imports numpy and scipy only, and trimesh and manifold3d where needed:
+binary STL is read directly, other files through trimesh. Surfaces are found by `meshes`.
 """
 
 from __future__ import annotations
@@ -13,25 +14,33 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from vpframe.importers import archive
-from vpframe.importers.checks import STL_HEADER, beside, is_binary_stl, too_far
+from vpframe.importers.checks import beside, is_binary_stl, too_far
 from vpframe.importers.names import numbered
 from vpframe.importers.polyhedron import open_edges, signed_volume, triangle_area_vectors, without_flat
 from vpframe.importers.raw import Array, Color, RawFace, RawPart, RawScene, RawShape, UnreadableError
 from vpframe.scene.units import METRES
 
+if TYPE_CHECKING:
+    import trimesh
+
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else messages about damaged files go to stderr
 
 _OBJECT = re.compile(rb"^[ \t]*o(?=[ \t\r\n])([^\r\n]*)", re.MULTILINE)
+_POLYGON = re.compile(rb"^f((?:[ \t]+[^\s\\]+){4,})[ \t]*\r?$", re.MULTILINE)
+_VERTEX = re.compile(rb"^v[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.MULTILINE)
+_FLAT = 1e-9
+"""least area of a triangle of a fan, relative to those of the fan, at which it counts as turned over"""
+_CROSSED = 1e-6
+"""relative difference of a polygon's area from that of its triangles above which it crosses itself"""
 _MARK = "\x1f"
 _MARKED = re.compile(f"{_MARK}\\d+")
 """makes the names of an OBJ file's objects unique while it is parsed"""
@@ -132,6 +141,10 @@ def made(stem: str, raw: RawScene, pieces: list[Piece], scale: float) -> RawScen
 def _load(path: Path, form: str, raw: RawScene) -> list[Piece]:
     options: dict[str, Any] = {"split_objects": True, "split_groups": True} if form == "obj" else {}
     data = path.read_bytes()
+    if form == "stl" and is_binary_stl(data):
+        return [_binary_stl(data, path.stem)]
+    import trimesh
+
     nodes: set[str] = set()
     expected = 0
     if form == "glb":
@@ -143,11 +156,9 @@ def _load(path: Path, form: str, raw: RawScene) -> list[Piece]:
         nodes = {str(node.get("name")) for node in _listed(header, "nodes")}
     try:
         text = _utf8(data, form)
-        file = io.BytesIO(_objects_apart(text) if form == "obj" else text)
+        file = io.BytesIO(_objects_apart(_polygons_cut(text, raw.notes)) if form == "obj" else text)
         with np.errstate(all="ignore"):  # values that are not finite are found later
-            scene = trimesh.load_scene(
-                file, file_type=form, resolver=_FolderResolver(str(path)), process=False, **options
-            )
+            scene = trimesh.load_scene(file, file_type=form, resolver=_resolver(path), process=False, **options)
     except MemoryError:
         raise
     except Exception as error:  # the loaders' errors have no common base
@@ -161,6 +172,8 @@ def _load(path: Path, form: str, raw: RawScene) -> list[Piece]:
 
 def pieces_of(form: str, scene: trimesh.Scene, nodes: set[str]) -> list[Piece]:
     """Return the meshes of a scene, each with its pose; `nodes`: names of the file's nodes."""
+    import trimesh
+
     pieces: list[Piece] = []
     places = {name: i for i, name in enumerate(scene.geometry)}
     placed = [(places[scene.graph[node][1]], _node_name(str(node), nodes), node) for node in scene.graph.nodes_geometry]
@@ -184,15 +197,84 @@ def pieces_of(form: str, scene: trimesh.Scene, nodes: set[str]) -> list[Piece]:
     return pieces
 
 
-class _FolderResolver(trimesh.resolvers.FilePathResolver):
-    """Reads material files as UTF-8: regular files beside the mesh file; no images, of which nothing is used."""
+def _resolver(path: Path) -> trimesh.resolvers.Resolver:
+    """Return a reader of material files as UTF-8: regular files beside the mesh file; no images: nothing uses them."""
+    from trimesh.resolvers import FilePathResolver
 
-    def get(self, name: str) -> bytes:
-        """Return the content of a material file; OSError for others."""
-        file = beside(Path(self.parent), name)
-        if file is None or file.suffix.lower() != ".mtl":
-            raise OSError(f"{name}: no material file")
-        return _utf8(file.read_bytes(), "obj")
+    class FolderResolver(FilePathResolver):
+        def get(self, name: str) -> bytes:
+            """Return the content of a material file; OSError for others."""
+            file = beside(path.parent, name)
+            if file is None or file.suffix.lower() != ".mtl":
+                raise OSError(f"{name}: no material file")
+            return _utf8(file.read_bytes(), "obj")
+
+    return FolderResolver(str(path))
+
+
+def _binary_stl(data: bytes, name: str) -> Piece:
+    """Return the triangles of a binary STL file: 12 numbers of 4 bytes and 2 bytes each, after the header."""
+    rows = np.frombuffer(data, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")]), -1, 84)
+    if not len(rows):
+        raise UnreadableError("holds no triangles; export it again, as a surface mesh")
+    vertices = rows["corners"].reshape(-1, 3).astype(np.float64)
+    faces = np.arange(len(vertices)).reshape(-1, 3)
+    _check(name, vertices, faces, np.eye(4))
+    return Piece(name, vertices, faces, None, np.eye(3), np.zeros(3), 0)
+
+
+def _polygons_cut(data: bytes, notes: list[str]) -> bytes:
+    """Return an OBJ file without the polygons that a fan of triangles from their first corner does not fill.
+
+    trimesh reads every polygon as such a fan. The others are triangulated (manifold3d).
+    """
+    found = list(_POLYGON.finditer(data))
+    try:
+        points = np.array(_VERTEX.findall(data) if found else [], np.float64).reshape(-1, 3)
+        faces = [[int(corner.split(b"/")[0]) for corner in face[1].split()] for face in found]
+    except ValueError:
+        return data  # trimesh refuses it
+    sizes = np.array([len(face) for face in faces])
+    cut: dict[int, bytes] = {}
+    crossed = 0
+    for n in np.unique(sizes).tolist():
+        which = np.flatnonzero(sizes == n)
+        corners = np.array([faces[i] for i in which])
+        corners = np.where(corners > 0, corners - 1, corners + len(points))
+        valid = ((corners >= 0) & (corners < len(points))).all(axis=1)
+        which, corners = which[valid], corners[valid]
+        rays = points[corners] - points[corners[:, :1]]
+        vectors = 0.5 * np.cross(rays[:, 1:-1], rays[:, 2:])
+        whole = vectors.sum(axis=1)
+        size = np.linalg.norm(whole, axis=1)
+        normals = whole / np.where(size > 0.0, size, 1.0)[:, None]
+        along = np.einsum("ijk,ik->ij", vectors, normals)
+        for i in np.flatnonzero((along < -_FLAT * np.abs(along).sum(axis=1)[:, None]).any(axis=1)).tolist():
+            triangles, good = _triangulated(rays[i], normals[i], float(size[i]))
+            crossed += not good
+            names = found[which[i]][1].split()
+            cut[int(which[i])] = b"\n".join(b"f " + b" ".join(names[k] for k in t) for t in triangles)
+    if crossed:
+        notes.append(f"{crossed} polygons cross themselves: what their triangles cover is a guess")
+    pieces, end = [], 0
+    for i in sorted(cut):
+        pieces += [data[end : found[i].start()], cut[i]]
+        end = found[i].end()
+    return b"".join([*pieces, data[end:]])
+
+
+def _triangulated(points: Array, normal: Array, area: float) -> tuple[list[list[int]], bool]:
+    """Return triangles of a polygon (n, 3) with a unit normal, and whether they have its area."""
+    import manifold3d
+
+    x = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    x /= np.linalg.norm(x)
+    flat = points @ np.column_stack([x, np.cross(normal, x)])
+    triangles = np.asarray(manifold3d.triangulate([flat]), np.int64).reshape(-1, 3)
+    a, b, c = (flat[triangles[:, k]] for k in range(3))
+    u, v = b - a, c - a
+    covered = 0.5 * float(np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]).sum())
+    return triangles.tolist(), abs(covered - area) <= _CROSSED * area
 
 
 def _objects_apart(data: bytes) -> bytes:
@@ -253,8 +335,6 @@ def _utf8(data: bytes, form: str) -> bytes:
     """Return the file with its text in UTF-8, converted from Latin-1 if necessary: names may have umlauts."""
     if form == "glb":
         return data  # UTF-8 by definition
-    if form == "stl" and is_binary_stl(data):
-        return b" " * STL_HEADER + data[STL_HEADER:]  # the header is not needed
     end = len(data) if form != "ply" else data.find(b"end_header")
     try:
         data[:end].decode("utf-8")
@@ -328,7 +408,7 @@ def _color(mesh: trimesh.Trimesh, form: str) -> Color | None:
     if value is None or len(value) < 3:
         return None
     r, g, b, a = (float(c) / 255.0 for c in (*value[:3], value[3] if len(value) > 3 else 255))
-    linear = form == "glb" or isinstance(material, trimesh.visual.material.PBRMaterial)
+    linear = form == "glb" or hasattr(material, "baseColorFactor")  # trimesh's PBRMaterial
     return (_srgb(r), _srgb(g), _srgb(b), a) if linear else (r, g, b, a)
 
 

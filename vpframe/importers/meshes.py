@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float, str], None]
 
-PACKAGES = ("numpy", "scipy", "trimesh")
+PACKAGES = ("manifold3d", "numpy", "scipy", "trimesh")
 """needed in the reading process"""
 SECONDS, SECONDS_OF_SIZE = 30.0, 6e-6
 """limit of processor time for reading, s, and for each byte: trimesh takes below 1e-6"""
@@ -117,7 +117,7 @@ def _read(tasks: list[dict[str, Any]], timeout: float | None, progress: Progress
             guarded.run({**request, "out": folder}, folder, outcome, progress)
             for i, task in enumerate(left):
                 path, made, refused = task["path"], Path(folder, f"{i}.archive"), Path(folder, f"{i}.error")
-                if made.exists():
+                if made.exists() and (timeout is None or not outcome.late):
                     found.append(archive.read(made))
                     continue
                 how = outcome.error or f"{outcome.how_it_ended()} while {outcome.text}"

@@ -87,6 +87,10 @@ class _Segmentation:
         self.seeds = self._order[self._starts[:-1]]
         """(facets,) first triangle of each"""
         self._facet_areas = np.bincount(self.facet, self.areas)
+        key = np.unique(np.repeat(self.facet, 3) * len(vertices) + triangles.reshape(-1))
+        self._corners = key // len(vertices), key % len(vertices)
+        """facet and vertex of each pair, by facet"""
+        self._flat_planes = self._fitted_planes()
         self.around, self.rounds = self._smooth_neighbours()
         self._samples = self._sampled()
         self._marks = np.full((2, max(len(self.seeds), len(vertices))), -1, np.int64)
@@ -120,7 +124,6 @@ class _Segmentation:
         if not isinstance(geometry, Freeform):
             residual = float(np.abs(geometry.distance(self._points(triangles))).max())
         self.segments.append(Segment(triangles, geometry, residual))
-        self._forget(triangles)
 
     def _flat_facets(self) -> Index:
         """Return the facet of each triangle: groups of connected coplanar triangles."""
@@ -156,8 +159,7 @@ class _Segmentation:
     def _sampled(self) -> tuple[Index, Index, Array, Array]:
         """Return up to `_SAMPLES` vertices of each facet with their ends, its middle and its area vector."""
         count = len(self.seeds)
-        key = np.unique(np.repeat(self.facet, 3) * len(self.vertices) + self.triangles.reshape(-1))
-        owner, corners = key // len(self.vertices), key % len(self.vertices)
+        owner, corners = self._corners
         numbers = np.bincount(owner, minlength=count)
         rank = np.arange(len(owner)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
         share = np.minimum(numbers, _SAMPLES)[owner]
@@ -172,6 +174,7 @@ class _Segmentation:
         candidates: list[tuple[int, int, Geometry, int]] = []
         covered = np.zeros(len(self.triangles), bool)
         free = self.label[self.seeds] < 0
+        self._forget(np.unique(self.facet[self.label >= 0]))
         order = [f for f in np.argsort(-self._facet_areas, kind="stable").tolist() if free[f]]
         together, next_ = _FEWEST, 0
         while next_ < len(order):
@@ -256,10 +259,9 @@ class _Segmentation:
         return [self._known[f] for f in seeds]
 
     def _forget(self, taken: Index) -> None:
-        """Forget fits at facets whose patches may hold a facet of `taken` triangles."""
-        facets = np.unique(self.facet[taken])
-        near = np.unique(np.concatenate([facets, self._beside(facets)]))
-        for f in (*near.tolist(), *self._beside(near).tolist()):
+        """Forget fits whose patches may hold one of the `taken` facets: those at up to two facets' distance."""
+        near = np.unique(np.concatenate([taken, self._beside(taken)]))
+        for f in (*near.tolist(), *np.unique(self._beside(near)).tolist()):
             self._known.pop(f, None)
 
     def _best_at(self, f: int, fits: list[tuple[str, Geometry]], strong: bool) -> tuple[int, Geometry, Index] | None:
@@ -303,7 +305,7 @@ class _Segmentation:
                 near = self.around[self.rounds[f] : self.rounds[f + 1]]
                 flat = not (self.label[self.seeds[near]] < 0).any() and (len(members) > 1 or not len(near))
             if flat:
-                self._take(members, self._plane(members))
+                self._take_flat(f)
 
     def _is_wide(self, members: Index) -> bool:
         """Whether the vertices lie on more than two parallel lines; a strip of a curved surface has two.
@@ -313,7 +315,7 @@ class _Segmentation:
         points = self._points(members)
         if len(points) < 6:
             return False
-        normal = self._plane(members).normal
+        normal = self._flat_planes[1][self.facet[members[0]]]
         a = points[np.linalg.norm(points - points.mean(axis=0), axis=1).argmax()]
         b = points[np.linalg.norm(points - a, axis=1).argmax()]
         c = points[np.abs((points - a) @ np.cross(normal, b - a)).argmax()]
@@ -324,12 +326,28 @@ class _Segmentation:
         off = np.minimum(heights - low, high - heights).max(axis=0)
         return bool(off.min() > self.tolerance)
 
-    def _plane(self, members: Index) -> Plane:
-        """Return the plane of least squared distances through the vertices, with the triangles' outward normal."""
-        points = self._points(members)
-        middle = points.mean(axis=0)
-        normal = np.linalg.eigh((points - middle).T @ (points - middle))[1][:, 0]
-        return Plane(middle, normal if normal @ self.vectors[members].sum(axis=0) >= 0.0 else -normal)
+    def _fitted_planes(self) -> tuple[Array, Array, Array]:
+        """Return the plane of least squared distances through the vertices of each facet, and its residual, m.
+
+        Points (n, 3) and normals (n, 3), which point out of the triangles; residuals (n,).
+        """
+        owner, corners = self._corners
+        first = np.flatnonzero(np.r_[True, owner[1:] != owner[:-1]])
+        points = self.vertices[corners]
+        middles = np.add.reduceat(points, first) / np.bincount(owner)[:, None]
+        away = points - middles[owner]
+        normals = np.linalg.eigh(np.add.reduceat(away[:, :, None] * away[:, None, :], first))[1][:, :, 0]
+        outward = np.column_stack([np.bincount(self.facet, self.vectors[:, d]) for d in range(3)])
+        normals[np.einsum("ij,ij->i", normals, outward) < 0.0] *= -1.0
+        off = np.abs(np.einsum("ij,ij->i", away, normals[owner]))
+        return middles, normals, np.maximum.reduceat(off, first)
+
+    def _take_flat(self, f: int) -> None:
+        """Take the triangles of a facet as a plane."""
+        members = self._members(f)
+        middles, normals, residuals = self._flat_planes
+        self.label[members] = len(self.segments)
+        self.segments.append(Segment(members, Plane(middles[f], normals[f]), float(residuals[f])))
 
     def _rest(self) -> None:
         """Join remaining triangles across smooth edges to freeform surfaces, or a few flat facets to planes."""
@@ -345,9 +363,8 @@ class _Segmentation:
             if len(facets) >= 4 or bent.any():
                 self._take(members, Freeform())
                 continue
-            for f in facets:
-                flat = members[self.facet[members] == f]
-                self._take(flat, self._plane(flat))
+            for f in facets.tolist():
+                self._take_flat(f)
 
     def _smooth_edges(self, apart: Index | None = None) -> tuple[Index, Index, Array]:
         """Return pairs of triangles that meet at a blunt angle (in both orders) and their edge lengths, m.

@@ -9,7 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
+import trimesh
 
+import vpframe as vp
 from vpframe.importers import guarded
 from vpframe.importers.guarded import Limits, Outcome
 
@@ -45,6 +47,27 @@ def test_a_process_ends_at_its_limit_of_processor_time(tmp_path, monkeypatch, bo
     outcome = ended(tmp_path, monkeypatch, body, Limits(0.5, 1e9))
     assert outcome.late and not outcome.done and not outcome.memory
     assert outcome.how_it_ended() == "no answer within 0.5 s of processor time"
+
+
+@pytest.mark.parametrize(
+    "body", [SPIN, "if os.fork() == 0:\n    exec({!r})\n    os._exit(0)\nos.wait()"], ids=["own", "child"]
+)
+def test_a_process_that_ends_between_two_samples_is_held_to_its_limit(tmp_path, monkeypatch, body):
+    monkeypatch.setattr(guarded, "SAMPLING", 60.0)
+    work = SPIN.format(0.3) if body is SPIN else body.format(SPIN.format(0.3))
+    outcome = ended(tmp_path, monkeypatch, work, Limits(0.1, 1e9))
+    assert outcome.late and not outcome.done
+    (tmp_path / "more").mkdir()
+    assert ended(tmp_path / "more", monkeypatch, work, Limits(20.0, 1e9)).done
+
+
+def test_a_mesh_that_is_read_between_two_samples_is_late(tmp_path, monkeypatch):
+    monkeypatch.setattr(guarded, "SAMPLING", 60.0)
+    monkeypatch.setenv("VPFRAME_CACHE", str(tmp_path / "cache"))
+    trimesh.creation.box((0.01, 0.02, 0.03)).export(tmp_path / "a.stl")
+    with pytest.raises(vp.LoadError, match=r"no answer within 0\.\d+ s of processor time"):
+        vp.load(tmp_path / "a.stl", timeout=1e-3)
+    assert len(vp.load(tmp_path / "a.stl", timeout=20.0)) == 1
 
 
 def test_a_process_among_busy_ones_has_its_whole_processor_time(tmp_path, monkeypatch):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 import struct
+import subprocess
 import sys
 import tracemalloc
 from collections import Counter
@@ -526,6 +527,69 @@ def test_a_mesh_is_segmented_when_its_surfaces_are_needed_and_once(tmp_path, mon
     assert len(calls) == 1
     assert len(copied.surfaces) == 6 and len(vp.load(tmp_path / f"a.{form}")["a"].surfaces) == 6
     assert len(calls) == 1, "kept beside the model"
+
+
+def outline(name: str, n: int) -> np.ndarray:
+    """A polygon (n, 2) with reflex corners, m, counter-clockwise."""
+    a = 2.0 * np.pi * np.arange(n) / n
+    if name == "star":
+        return (0.05 - 0.02 * (np.arange(n) % 2))[:, None] * np.column_stack([np.cos(a), np.sin(a)])
+    if name == "comb":
+        x = np.arange(n // 2) * 1e-3
+        top = np.column_stack([x, 0.01 + 0.01 * (np.arange(n // 2) % 2)])
+        return np.vstack([np.column_stack([x, 0.0 * x]), top[::-1]])
+    spiral = np.linspace(0.0, 3.0 * np.pi, n // 2)
+    way = np.column_stack([np.cos(spiral), np.sin(spiral)])
+    return np.vstack([way * (0.02 + 0.004 * spiral)[:, None], (way * (0.012 + 0.004 * spiral)[:, None])[::-1]])
+
+
+@pytest.mark.parametrize("n", [10, 200])
+@pytest.mark.parametrize("name", ["star", "comb", "spiral"])
+@pytest.mark.parametrize("reference", ["{}", "{}//1", "-{}"])
+def test_polygons_of_an_obj_file_that_are_not_convex_are_triangulated(tmp_path, name, n, reference):
+    """Ends of a prism with reflex corners: every triangle has the polygon's sense, and their areas are its area."""
+    flat = outline(name, n)
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    vertices = np.vstack([np.column_stack([flat, 0.0 * flat[:, 0] + z]) for z in (0.0, 0.01)]) @ turn.T
+    i = np.arange(n)
+    faces = [i[::-1], i + n, *np.column_stack([i, np.roll(i, -1), np.roll(i, -1) + n, i + n])]
+    lines = [f"v {x:.12f} {y:.12f} {z:.12f}\n" for x, y, z in vertices]
+    number = (lambda k: 2 * n - k) if reference.startswith("-") else (lambda k: k + 1)
+    lines += ["vn 0 0 1\n", *("f " + " ".join(reference.format(number(int(k))) for k in face) + "\n" for face in faces)]
+    (tmp_path / "a.obj").write_text("".join(lines))
+    (part,) = vp.load(tmp_path / "a.obj", unit="m").parts
+    x, y = flat.T
+    area = 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    assert part.shape.closed and part.shape.volume == pytest.approx(0.01 * area, rel=1e-6)
+    corners = part.mesh.vertices[part.mesh.triangles]
+    vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ turn
+    ends = np.abs(vectors[:, 2]) > 0.9 * np.linalg.norm(vectors, axis=1)
+    assert np.abs(vectors[ends, 2]).sum() == pytest.approx(2.0 * area, rel=1e-6)
+    assert not [note for note in part.shape.notes if "cross" in note]
+
+
+def test_a_polygon_of_an_obj_file_that_crosses_itself_is_noted(tmp_path):
+    corners = [(0, 0), (4, 0), (4, 4), (1, 4), (1, -2), (0, -2)]
+    lines = [f"v {x}e-2 {y}e-2 0\n" for x, y in corners]
+    (tmp_path / "a.obj").write_text("".join([*lines, "f 1 2 3 4 5 6\n"]))
+    scene = vp.load(tmp_path / "a.obj", unit="m")
+    assert any("1 polygons cross themselves" in note for note in scene.all_notes())
+
+
+def test_a_binary_stl_is_read_without_trimesh(tmp_path):
+    """The same part as trimesh reads."""
+    mesh = soup(m.shape(plate()))
+    mesh.export(tmp_path / "a.stl")
+    theirs = trimesh.load_mesh(tmp_path / "a.stl", process=False)
+    code = (
+        "import sys; from pathlib import Path; from vpframe.importers import mesh_files as f; "
+        "from vpframe.importers.raw import RawScene; "
+        "(piece,) = f._load(Path(sys.argv[1]), 'stl', RawScene()); assert 'trimesh' not in sys.modules; "
+        "print(piece.vertices[piece.triangles].tolist())"
+    )
+    done = subprocess.run([sys.executable, "-c", code, tmp_path / "a.stl"], capture_output=True, text=True, check=True)
+    assert np.array_equal(json.loads(done.stdout), theirs.vertices[theirs.faces])
 
 
 @pytest.mark.parametrize("repeat", [1, 3000])
