@@ -1,283 +1,379 @@
-"""`Mates`: the fits and threads between the parts of a scene as they stand, and what of them a motion keeps.
+"""Mates of an assembly at its present poses: `vpframe mates FILE`.
 
-Which overlaps are meant is decided here, for plans and sessions alike: the surfaces of a fit or thread are left out of
-the sweeps while a motion keeps the two parts on their common axis; a shaft that clashes with its bore is such a fit if
-the overlap of its pair is authorised, and else lets the two not move against each other.
+Every pair of features in contact that fits within `Tolerance.linear` counts as a constraint. Parts joined by
+constraints form a group; its base is its fixed parts, else its part of largest volume. Each part is given its joint to
+every neighbour (their common constraints), its freedom alone (all other parts fixed, as in `Session.freedom`) and its
+freedom with the parts it carries (only the base fixed).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import os
+import re
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from collision import CollisionManager, Tolerance
-from collision.query.blocking import Pairing
-from constraints import Candidate
-from constraints.geometry.sleeve import sleeve
-from constraints.geometry.surfaces import Cylinder, Sphere
-from constraints.geometry.views import Extent
-from constraints.recognition.mated import adjacent_surfaces
-from constraints.recognition.misfits import Misfit
-from vpframe.analysis.fits import PressFit, fit_of, misfits_of, press_fits
-from vpframe.analysis.static import candidates, threaded_features, world_of
-from vpframe.errors import VpframeError
-from vpframe.scene.deflection import deflections
-from vpframe.scene.scene import Scene
+from collision import Tolerance
+from constraints import Candidate, Constraint, Freedom
+from constraints.freedom.graph import AssemblyGraph
+from constraints.freedom.mobility import mobility
+from constraints.kinds.stated import stated
+from constraints.mechanism.mjcf import TINY, to_mjcf
+from constraints.mechanism.model import Mechanism, mechanism
+from constraints.mechanism.urdf import to_urdf
+from constraints.recognition.iso286 import FitClassError, fit_class
+from constraints.solve.system import components
+from vpframe import files
+from vpframe.analysis.statements import statement, words
+from vpframe.analysis.static import base_parts, candidates, world_of
+from vpframe.outputs import GENERATOR, MESH, MJCF, URDF, Output, OutputFolder, claimed
+from vpframe.scene.scene import Part, Scene, Size
+from vpframe.scene.stl import write_stl
+from vpframe.text import plain
 
-Array = NDArray[np.float64]
-Progress = Callable[[float | None, str], None]
-"""hears the fraction done and what has been found so far"""
+Progress = Callable[[float, str], None]
+"""receives the fraction done and the present task"""
 
-LINEAR: Final = 1e-6
-"""m: how near planned motions let surfaces come that are apart, and how near surfaces count as touching"""
-ON_AXIS: Final = 1e-6
-"""m: how far an axis may leave its own line before its fit is excused no longer"""
-
-
-@dataclass(frozen=True, eq=False)
-class Mate:
-    """A fit or thread between two parts as they stand: the motions of a against b that keep it, and its surfaces."""
-
-    parts: tuple[int, int]
-    kind: str
-    """"concentric", "screw" or "spherical\""""
-    origin: Array
-    """(3,) world, m: a point of the axis, or the centre"""
-    axis: Array
-    """(3,) unit, world"""
-    pitch: float | None
-    """m a turn, of a thread"""
-    drawn: bool
-    """whether it is a thread that is drawn as two cylinders"""
-    apart: tuple[float, float]
-    """m: how far a goes along the axis, and against it, until the two surfaces share no length"""
-    excused: tuple[Pairing, ...]
-    """surfaces of a, surfaces of b"""
-    press: float = 0.0
-    """m, radial: interference of a press fit; 0 for any other mate"""
-
-    def keeps(self, start: pin.SE3, end: pin.SE3) -> bool:
-        """Whether the motion of a against b from one displacement to another, along a screw, keeps the mate."""
-        return all(self._holds(d) for d in (start, end)) and (self.pitch is None or self._engages(start, end))
-
-    def _holds(self, d: pin.SE3) -> bool:
-        shift = d.act(self.origin) - self.origin
-        if self.kind == "spherical":
-            return bool(np.linalg.norm(shift) <= ON_AXIS)
-        arm = max(1.0, float(np.linalg.norm(d.translation)))
-        aside = shift - (shift @ self.axis) * self.axis
-        tilt = np.linalg.norm(d.rotation @ self.axis - self.axis)
-        return bool(np.linalg.norm(aside) <= ON_AXIS and tilt * arm <= ON_AXIS)
-
-    def _engages(self, start: pin.SE3, end: pin.SE3) -> bool:
-        assert self.pitch is not None
-        advance = (end.act(self.origin) - start.act(self.origin)) @ self.axis
-        turn = pin.log3(end.rotation @ start.rotation.T) @ self.axis
-        return bool(abs(advance - self.pitch * turn / (2.0 * np.pi)) <= ON_AXIS)
-
-    def engaged(self, d: pin.SE3) -> bool:
-        """Whether the two share some length at a displacement of a against b."""
-        along = float((d.act(self.origin) - self.origin) @ self.axis)
-        return -self.apart[1] + ON_AXIS < along < self.apart[0] - ON_AXIS
+LARGEST_MESH = 200_000
+"""maximum number of triangles of an STL file in MuJoCo"""
+WATER = 1000.0
+"""density of parts without one in the file, kg/m³"""
+SHOWN = 5
+"""most parts that a note names"""
 
 
-@dataclass(frozen=True, eq=False)
-class Jam:
-    """A shaft and a bore that clash."""
+@dataclass(frozen=True)
+class Group:
+    """Parts joined by constraints, by index."""
 
-    origin: Array
-    """(3,) world, m: middle of the length they share"""
-    axis: Array
-    """(3,) unit, world"""
-    length: float
-    """m"""
-
-    def engaged(self, d: pin.SE3) -> bool:
-        """Whether the two share some length at a displacement of the first against the second."""
-        return abs(float((d.act(self.origin) - self.origin) @ self.axis)) < self.length - ON_AXIS
+    parts: tuple[int, ...]
+    base: tuple[int, ...]
+    """parts taken as fixed; none for a single part"""
+    why: str
+    """reason for the choice of the base"""
 
 
-def silent(fraction: float | None, text: str) -> None:
-    pass
-
-
-class Mates:
-    """The fits and threads of a scene as it stands, and the pairs of parts whose overlap is meant.
-
-    Parameters
-    ----------
-    authorised: pairs of part names whose overlap as drawn is meant.
-    threads: m a turn by part name: its snug fits are threads, drawn without them.
-    recognition: tolerance by which fits are recognised; its reach does not count.
-    """
-
-    def __init__(
-        self,
-        scene: Scene,
-        authorised: Iterable[tuple[str, str]] = (),
-        threads: Mapping[str, float] | None = None,
-        recognition: Tolerance | None = None,
-        progress: Progress = silent,
-    ) -> None:
-        self.scene, self.recognition = scene, recognition
-        self.names = scene.names
-        self.poses = tuple(pin.SE3(part.pose) for part in scene.parts)
-        self.meshes = tuple(part.mesh for part in scene.parts)
-        self.authorised = pairs_of(scene, authorised)
-        self._threads = {scene.index(name): pitch for name, pitch in (threads or {}).items()}
-        for name, pitch in (threads or {}).items():
-            if not (np.isfinite(pitch) and pitch != 0.0):
-                raise VpframeError(f"the thread of {name} has a pitch of {pitch!r}; give metres a turn, not zero")
-        self._progress = progress
-
-    @cached_property
-    def world(self) -> CollisionManager:
-        """The parts where they stand, under the tolerance of recognition."""
-        return world_of(self.scene, self.recognition)
-
-    @cached_property
-    def candidates(self) -> tuple[Candidate, ...]:
-        """What the features of parts that touch are to each other, best first."""
-        return candidates(self.scene, self.world, lambda done: self._progress(done, "mates"), implied=True)
-
-    @cached_property
-    def mates(self) -> dict[tuple[int, int], tuple[Mate, ...]]:
-        """Fits and threads by pair of parts (a, b), a < b."""
-        features, _ = threaded_features(self.scene)
-        sags = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
-        out: dict[tuple[int, int], list[Mate]] = {}
-        for candidate in self.candidates:
-            mate = self._mate(candidate, features, sags)
-            if mate is not None:
-                out.setdefault(mate.parts, []).append(mate)
-        for found in self._misfits:
-            a, fa, b, fb = found.pair
-            if frozenset((a, b)) in self.authorised:
-                ends = ((a, features[a][fa]), (b, features[b][fb]))
-                out.setdefault((a, b), []).append(self._authorised_fit(found, ends))
-        return {pair: tuple(mates) for pair, mates in sorted(out.items())}
-
-    @property
-    def press_fits(self) -> tuple[PressFit, ...]:
-        """The press fits among the mates, the tightest of each pair of parts."""
-        mates = (mate for mates in self.mates.values() for mate in mates)
-        return press_fits(((self.names[m.parts[0]], self.names[m.parts[1]]), m.press) for m in mates)
-
-    def _mate(self, candidate: Candidate, features: Sequence[Any], sags: Sequence[float]) -> Mate | None:
-        a, fa, b, fb, kind = candidate.key
-        first, second = features[a][fa].geometry, features[b][fb].geometry
-        t = self.world.tolerance
-        if kind == "spherical" and isinstance(first, Sphere):
-            origin, axis = self.poses[a].act(first.center), np.zeros(3)
-        elif kind in ("concentric", "screw") and isinstance(first, Cylinder) and isinstance(second, Cylinder):
-            origin, axis = self.poses[a].act(first.origin), self.poses[a].rotation @ first.axis
+def groups(scene: Scene, constraints: Iterable[Constraint]) -> tuple[Group, ...]:
+    """Return the groups of a scene, in the order of parts; a part without constraints is a group of its own."""
+    out = []
+    for parts in components(range(len(scene)), [c.bodies for c in constraints]):
+        fixed = tuple(i for i in parts if scene.parts[i].fixed)
+        if fixed:
+            out.append(Group(parts, fixed, "fixed"))
+        elif len(parts) > 1:
+            largest = max(parts, key=lambda i: (scene.parts[i].shape.volume, -i))
+            out.append(Group(parts, (largest,), "the largest of them by volume"))
         else:
-            return None
-        stated = self._threads.get(a, self._threads.get(b)) if kind == "concentric" else None
-        pitch = candidate.pitch if stated is None else stated
-        thread = kind == "screw" or stated is not None
-        found = fit_of(candidate, t)
-        # what fits loosely needs no excuse; what overlaps and is neither a press fit nor authorised has none
-        meant = found is not None and (found.kind != "clash" or frozenset((a, b)) in self.authorised)
-        excusable = meant and found is not None and found.gap <= sags[a] + sags[b] + t.linear
-        if not (thread or excusable):
-            return None
-        apart = np.inf, np.inf
-        if isinstance(first, Cylinder):
-            apart = self._until_apart(((a, features[a][fa]), (b, features[b][fb])), origin, axis)
-        excused = self._with_faces_beside((a, b), candidate.surfaces)
-        inside = sleeve(candidate, features, (self.meshes[a], self.meshes[b]), t.fit)
-        if inside is not None:
-            excused.append(inside)
-        return Mate(
-            (a, b), "screw" if thread else kind, np.asarray(origin), np.asarray(axis), pitch if thread else None,
-            thread and candidate.match.fit is not None, apart, tuple(excused), 0.0 if thread else candidate.match.press,
-        )  # fmt: skip
+            out.append(Group(parts, (), "joined to nothing"))
+    return tuple(out)
 
-    def _authorised_fit(self, found: Misfit, ends: tuple[tuple[int, Any], tuple[int, Any]]) -> Mate:
-        """A shaft in a bore that is too small for it, whose overlap is authorised: along the axis it is excused."""
-        (a, one), (b, other) = ends
-        excused = self._with_faces_beside((a, b), (one.surfaces, other.surfaces))
-        return Mate(
-            (a, b), "concentric", *found.line, None, False, self._until_apart(ends, *found.line), tuple(excused)
+
+def find(
+    scene: Scene, tolerance: Tolerance | None = None, progress: Progress = lambda fraction, text: None
+) -> tuple[Candidate, ...]:
+    """Return the constraints of a scene at its present poses, sorted by kind, then by parts."""
+    progress(0.0, "trees")
+    world = world_of(scene, tolerance)
+    progress(0.05, "contacts")
+    found = candidates(scene, world, lambda done: progress(0.3 + 0.7 * done, "pairs of features"))
+    return tuple(sorted((*found, *imposed(scene, world.tolerance)), key=lambda c: (c.kind, c.key)))
+
+
+def imposed(scene: Scene, tolerance: Tolerance) -> list[Candidate]:
+    """Return the constraints that the model states (`Scene.statements`) at the present poses."""
+    features, poses = [part.features for part in scene.parts], [part.pose for part in scene.parts]
+    out = []
+    for number, s in enumerate(scene.statements):
+        constraint = statement(scene, features, poses, s.kind, s.a, s.b, s.parameters, tolerance)
+        out.append(stated(constraint, poses, features, number, words(constraint).replace("script", "model", 1)))
+    return out
+
+
+def mates(
+    scene: Scene, tolerance: Tolerance | None = None, progress: Progress = lambda fraction, text: None
+) -> dict[str, Any]:
+    """Return all constraints of a scene at its present poses, and each part's joints and freedom; lengths in metres.
+
+    Returns
+    -------
+    {"parts": [{"name", "joint", "freedom", "alone": {"joint", "freedom"}, "base": […], "neighbours": [{"part", "joint",
+    "freedom"}]}], "groups": [{"parts": […], "base": […], "why"}], "constraints": [{"kind", "parts": [a, b], "surfaces":
+    [[…], […]], "residual"}], "sizes": as `sizes` returns them, if there are any}.
+
+    "joint" and "freedom" are those of a part with the parts it carries, against the base of its group; "fixed" and 0
+    for a base. "surfaces" are the faces near each other; constraints may also have "fit" (m, radial clearance, negative
+    for interference), and have "why" in words.
+    """
+    found = find(scene, tolerance, lambda fraction, text: progress(0.6 * fraction, text))
+    constraints = [c.constraint for c in found]
+    poses = [part.pose for part in scene.parts]
+    names = scene.names
+    joined = groups(scene, constraints)
+    base = {i: group.base for group in joined for i in group.parts}
+    held = {i for group in joined for i in group.base}
+    carrying = mobility(constraints, poses, held, tolerance).parts
+    on: dict[int, dict[int, list[Constraint]]] = {i: {} for i in range(len(scene))}
+    for c in constraints:
+        a, b = c.bodies
+        on[a].setdefault(b, []).append(c)
+        on[b].setdefault(a, []).append(c)
+    parts = []
+    for i, name in enumerate(names):
+        progress(0.6 + 0.4 * i / len(names), "freedom of the parts")
+        own = [c for cs in on[i].values() for c in cs]
+        here = {k: poses[k] for k in (i, *on[i])}
+        alone = mobility(own, here, on[i], tolerance).parts[i]
+        neighbours = {k: mobility(cs, {i: poses[i], k: poses[k]}, (k,), tolerance).parts[i] for k, cs in on[i].items()}
+        parts.append(
+            {
+                "name": name,
+                **({"joint": "fixed", "freedom": 0} if i in held else _joint(carrying[i])),
+                "alone": {"joint": "rigid", "freedom": 0} if scene.parts[i].fixed else _joint(alone),
+                "base": [names[k] for k in base[i]],
+                "neighbours": [{"part": names[k], **_joint(neighbours[k])} for k in sorted(neighbours)],
+            }
         )
-
-    def _with_faces_beside(self, parts: tuple[int, int], surfaces: Sequence[tuple[int, ...]]) -> list[Pairing]:
-        """The surfaces of a fit with each other, and with those beside the other's."""
-        mine, theirs = (adjacent_surfaces(self.meshes[i], s) for i, s in zip(parts, surfaces, strict=True))
-        return [(surfaces[0], surfaces[1] + theirs), (mine, surfaces[1])]
-
-    def _until_apart(
-        self, ends: tuple[tuple[int, Any], tuple[int, Any]], origin: Array, axis: Array
-    ) -> tuple[float, float]:
-        """m: how far the first part goes along a world line, and against it, until two cylinders share no length."""
-        heights = [self._heights(i, f.geometry, Extent.of(f).spans, origin, axis) for i, f in ends]
-        (low_a, high_a), (low_b, high_b) = heights
-        return max(high_b - low_a, 0.0), max(high_a - low_b, 0.0)
-
-    def _heights(self, i: int, cylinder: Any, spans: Array, origin: Array, axis: Array) -> tuple[float, float]:
-        """Least and greatest height (m) of a cylinder of part i along a world line, from its spans along its own."""
-        own = self.poses[i].rotation @ cylinder.axis
-        base = (self.poses[i].act(cylinder.origin) - origin) @ axis
-        ends = base + (own @ axis) * np.array([spans[0, 0], spans[-1, 1]])
-        return float(ends.min()), float(ends.max())
-
-    def mates_of(self, i: int, j: int) -> tuple[Mate, ...]:
-        """Fits and threads of two parts."""
-        return self.mates.get((min(i, j), max(i, j)), ())
-
-    def excused(self, i: int, j: int) -> tuple[Pairing, ...]:
-        """Surfaces of i, surfaces of j that some motions leave out."""
-        pairs = [(m.parts[0] == i, pairing) for m in self.mates_of(i, j) for pairing in m.excused]
-        return tuple(pairing if first else (pairing[1], pairing[0]) for first, pairing in pairs)
-
-    def left_out(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> Iterable[Pairing] | None:
-        """The surfaces of fits and threads that a leg of part i keeps with part j; None: a drawn thread lets none pass,
-        or a shaft and a bore that clash.
-
-        `Sweeps` asks it of each leg.
-        """
-        out: list[Pairing] = []
-        for mate in self.mates_of(i, j):
-            first = mate.parts[0] == i
-            one, other = (start, end) if first else (start.inverse(), end.inverse())
-            if mate.keeps(one, other):
-                out += mate.excused if first else [(b, a) for a, b in mate.excused]
-            elif mate.drawn and mate.engaged(one) and mate.axis @ mate.axis > 0.0:
-                return None
-        if i > j:
-            start = start.inverse()
-        return None if any(jam.engaged(start) for jam in self.jams(i, j)) else out
-
-    def jams(self, i: int, j: int) -> tuple[Jam, ...]:
-        """The shafts and bores of two parts that clash where the parts stand; none if the pair is authorised."""
-        return () if frozenset((i, j)) in self.authorised else self._jams.get((min(i, j), max(i, j)), ())
-
-    @cached_property
-    def _misfits(self) -> tuple[Misfit, ...]:
-        """The shafts in bores that clash where the parts stand."""
-        sags = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
-        contacts = self.world.contacts(within=self.world.tolerance.linear + 2.0 * max(sags, default=0.0))
-        return misfits_of(self.scene, self.world, contacts, sags)
-
-    @cached_property
-    def _jams(self) -> dict[tuple[int, int], tuple[Jam, ...]]:
-        out: dict[tuple[int, int], list[Jam]] = {}
-        for found in self._misfits:
-            out.setdefault((found.pair[0], found.pair[2]), []).append(Jam(*found.line, found.length))
-        return {pair: tuple(jams) for pair, jams in out.items()}
+    toleranced = sizes(scene, found)
+    return {
+        "parts": parts,
+        "groups": [
+            {"parts": [names[k] for k in g.parts], "base": [names[k] for k in g.base], "why": g.why} for g in joined
+        ],
+        "constraints": [_row(c, names) for c in found],
+        **({"sizes": toleranced} if toleranced else {}),
+    }
 
 
-def pairs_of(scene: Scene, names: Iterable[tuple[str, str]]) -> frozenset[frozenset[int]]:
-    out = set()
-    for a, b in names:
-        if a == b:
-            raise VpframeError(f"{a}:{b}: a part is on both sides; name two different ones")
-        out.add(frozenset((scene.index(a), scene.index(b))))
-    return frozenset(out)
+def sizes(scene: Scene, found: Iterable[Candidate]) -> list[dict[str, Any]]:
+    """Compare toleranced sizes (PMI) with the fits found: each such face needs a fit, of the stated classes.
+
+    found: of the scene, from `find`.
+
+    Returns
+    -------
+    For each toleranced face {"part", "surface", "size": "Ø8 H7", "measured" (m, diameter), "mates": [{"part", "fit"}],
+    "holds", "why"}. A face holds if it is modelled at nominal size or within its deviations, and if each concentric
+    mate has the clearance that the two classes allow or is modelled at nominal size too (ISO 286-1). A face without a
+    mate does not hold.
+    """
+    slack = Tolerance().linear
+    out = []
+    for i, part in enumerate(scene.parts):
+        for surface in part.surfaces:
+            size, radius = surface.size, getattr(surface.geometry, "radius", None)
+            if size is None or radius is None:
+                continue
+            off = 2.0 * radius - size.nominal
+            lower, upper = size.lower or 0.0, size.upper or 0.0
+            drawn = abs(off) <= slack or lower - slack <= off <= upper + slack
+            wrong = [] if drawn else [f"drawn Ø{2e3 * radius:.6g}"]
+            fitted = []
+            for c in found:
+                side = c.bodies.index(i) if c.kind == "concentric" and i in c.bodies else None
+                if side is None or surface.index not in {near[side] for near in c.near}:
+                    continue
+                other = scene.parts[c.bodies[1 - side]]
+                fitted.append({"part": other.name, "fit": c.match.fit})
+                mated = (other.surfaces[int(near[1 - side])].size for near in c.near)
+                wrong += _misfit(size, next(filter(None, mated), None), c.match.fit, slack)
+            if not fitted:
+                wrong.append("nothing is fitted to it")
+            out.append(
+                {
+                    "part": part.name, "surface": surface.index, "size": str(size), "measured": 2.0 * radius,
+                    "mates": fitted, "holds": not wrong, "why": "; ".join(wrong),
+                }
+            )  # fmt: skip
+    return out
+
+
+def _misfit(size: Size, mate: Size | None, fit: float | None, slack: float) -> list[str]:
+    """Describe a radial clearance `fit` (m) outside the limits of two toleranced faces; empty if it is inside."""
+    if mate is None or fit is None or not (size.fit and mate.fit):
+        return []
+    hole, shaft = (size, mate) if size.fit[0].isupper() else (mate, size)
+    name = f"{hole.fit}/{shaft.fit}"
+    try:
+        allowed = fit_class(name, size.nominal)
+    except FitClassError as error:
+        return [str(error)]
+    if allowed.allows(2.0 * fit, slack):
+        return []
+    return [
+        f"clearance {2e3 * fit:.4f} mm on the diameter, {name} allows {allowed.least * 1e3:g} … {allowed.most * 1e3:g}"
+    ]
+
+
+def _joint(freedom: Freedom) -> dict[str, Any]:
+    return {"joint": freedom.joint, "freedom": freedom.freedom}
+
+
+def _row(candidate: Candidate, names: Sequence[str]) -> dict[str, Any]:
+    a, b = candidate.bodies
+    row: dict[str, Any] = {
+        "kind": candidate.kind,
+        "parts": [names[a], names[b]],
+        "surfaces": [sorted({near[side] for near in candidate.near}) for side in (0, 1)],
+        "residual": candidate.residual,
+    }
+    if candidate.match.fit is not None:
+        row["fit"] = candidate.match.fit
+    row["why"] = candidate.why
+    return row
+
+
+def table(document: dict[str, Any]) -> str:
+    """Format the result of `mates`."""
+    width = max((len(p["name"]) for p in document["parts"]), default=4)
+    parts = {p["name"]: p for p in document["parts"]}
+    lines = []
+    for group in (g for g in document["groups"] if len(g["parts"]) > 1):
+        base = ", ".join(group["base"])
+        lines += [
+            f"{len(group['parts'])} parts on {base} ({group['why']})",
+            f"  {'part':{width}}  {'others held':14}  {'only the base held':18}  to its neighbours",
+        ]
+        for p in (parts[name] for name in group["parts"]):
+            near = ", ".join(f"{_named(n)} {n['part']}" for n in p["neighbours"])
+            lines.append(f"  {p['name']:{width}}  {_named(p['alone']):14}  {_named(p):18}  {near}")
+        lines.append("")
+    single = [g["parts"][0] for g in document["groups"] if len(g["parts"]) == 1]
+    if single:
+        lines += [f"joined to nothing: {', '.join(single)}", ""]
+    kinds = sorted({c["kind"] for c in document["constraints"]})
+    counts = ", ".join(f"{sum(c['kind'] == k for c in document['constraints'])} {k}" for k in kinds)
+    lines += [counts or "no constraints"]
+    lines += [f"  {c['kind']:10}  {c['parts'][0]} – {c['parts'][1]}: {c['why']}" for c in document["constraints"]]
+    if "sizes" in document:
+        lines += ["", "toleranced sizes"]
+    for size in document.get("sizes", ()):
+        mated = ", ".join(mate["part"] for mate in size["mates"])
+        verdict = f"fits {mated}" if size["holds"] else f"NOT AS SPECIFIED: {size['why']}"
+        lines.append(f"  {size['part']} · face {size['surface']} · {size['size']}: {verdict}")
+    return "\n".join(map(plain, lines))
+
+
+def _named(joint: dict[str, Any]) -> str:
+    """Format a joint, with its freedom if the name does not imply it."""
+    name, freedom = joint["joint"], joint["freedom"]
+    return str(name) if name in ("fixed", "rigid", f"{freedom}-dof") else f"{name} {freedom}"
+
+
+def graph(scene: Scene, tolerance: Tolerance | None = None) -> AssemblyGraph:
+    """Return the assembly relationship graph of a scene, with its parts' names."""
+    return _graph(scene, scene.names, tolerance)
+
+
+def _graph(scene: Scene, names: Sequence[str], tolerance: Tolerance | None) -> AssemblyGraph:
+    constraints = [c.constraint for c in find(scene, tolerance)]
+    return AssemblyGraph.of(constraints, [p.pose for p in scene.parts], base_parts(scene), names, tolerance)
+
+
+def write_urdf(scene: Scene, path: str | os.PathLike[str], tolerance: Tolerance | None = None) -> tuple[str, ...]:
+    """Write the mechanism of a scene as URDF, with a folder of meshes beside it, one STL for each shape.
+
+    path: the file, or its `Output`. Masses follow the parts' densities, default `WATER`, which a comment
+        names. Returns notes on contacts that are no joint, and on assumed masses.
+
+    Raises
+    ------
+    OutputError: `path` or the folder of meshes holds files that vpframe did not write.
+    """
+    with claimed(path, URDF) as output:
+        path = output.path
+        made = _mechanism(scene, tolerance)
+        inertias, meshes = _inertias(scene), _write_meshes(scene, output)
+        declaration, _, robot = to_urdf(made, path.stem, inertias, meshes, _colors(scene)).partition("\n")
+        assumed = _assumed(scene)
+        comments = "".join(f"<!-- {_commented(text)} -->\n" for text in (GENERATOR, *assumed))
+        files.replace(path, f"{declaration}\n{comments}{robot}")
+    return (*made.notes, *assumed)
+
+
+def write_mjcf(scene: Scene, path: str | os.PathLike[str], tolerance: Tolerance | None = None) -> tuple[str, ...]:
+    """Write the mechanism of a scene as MJCF, with meshes and masses as `write_urdf` does.
+
+    Returns notes on contacts that are no joint, and on approximations for MuJoCo.
+
+    Raises
+    ------
+    OutputError: `path` or the folder of meshes holds files that vpframe did not write.
+    """
+    with claimed(path, MJCF) as output:
+        path = output.path
+        made = _mechanism(scene, tolerance)
+        inertias, meshes = _inertias(scene), _write_meshes(scene, output)
+        notes = [*made.notes]
+        for i, part in enumerate(scene.parts):
+            if part.mesh.n_triangles > LARGEST_MESH:
+                del meshes[i]
+                notes.append(
+                    f"{part.name}: its {part.mesh.n_triangles} triangles are more than MuJoCo reads; no geometry"
+                )
+        for group in made.links[1:]:
+            notes += [f"{scene.names[i]}: no mass is known; {TINY:g} kg is written" for i in group if i not in inertias]
+        notes += [f"loop at {made.link_name(loop.child)}: closed by an equality, which is soft" for loop in made.loops]
+        screws = [j.name for j in (*made.joints, *made.loops) if any(a.kind == "screw" for a in j.axes)]
+        notes += [f"screw {name}: a hinge and a slide that an equality ties, which is soft" for name in screws]
+        text = to_mjcf(made, path.stem, inertias, meshes, _colors(scene))
+        assumed = _assumed(scene)
+        comments = "".join(f"<!-- {_commented(text)} -->\n" for text in (GENERATOR, *assumed))
+        files.replace(path, f"{comments}{text}")
+    return (*notes, *assumed)
+
+
+def _mechanism(scene: Scene, tolerance: Tolerance | None) -> Mechanism:
+    return mechanism(_graph(scene, [plain(name) for name in scene.names], tolerance))  # XML has no control codes
+
+
+def _write_meshes(scene: Scene, output: Output) -> dict[int, str]:
+    """Write one STL for each shape into a folder beside `output`; return each part's file, relative to `output`."""
+    folder = output.path.with_name(f"{output.path.stem}_meshes")
+    names: dict[int, str] = {}
+    shapes = {}
+    meshes = {}
+    for i, part in enumerate(scene.parts):
+        key = id(part.shape)
+        if key not in names:
+            names[key] = f"{len(names)}_{re.sub(r'[^A-Za-z0-9_-]+', '_', part.name)}.stl"
+            shapes[names[key]] = part.shape
+        meshes[i] = f"{folder.name}/{names[key]}"
+    with OutputFolder(folder, dict.fromkeys(shapes, MESH), output.force, output.inputs) as beside:
+        for name, shape in shapes.items():
+            write_stl(beside.file(name), shape.mesh.vertices, shape.mesh.triangles)
+    return meshes
+
+
+def _colors(scene: Scene) -> dict[int, tuple[float, float, float, float]]:
+    return {i: part.color for i, part in enumerate(scene.parts)}
+
+
+def _assumed(scene: Scene) -> list[str]:
+    """Name the parts whose masses are assumed, in one line; none if the model gives all."""
+    names = [part.name for part in scene.parts if part.inertia is None and part.density is None]
+    if not names:
+        return []
+    which = ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+    return [f"assumed masses: the model gives no density for {which}; {WATER:g} kg/m³ is taken"]
+
+
+def _commented(text: str) -> str:
+    """Return text that may stand in an XML comment."""
+    return plain(text).replace("--", "- -")
+
+
+def _inertias(scene: Scene) -> dict[int, pin.Inertia]:
+    known = (i for i, part in enumerate(scene.parts) if part.inertia is not None or part.shape.volume > 0.0)
+    return {i: _inertia(scene.parts[i]) for i in known}
+
+
+def _inertia(part: Part) -> pin.Inertia:
+    if part.inertia is not None:
+        return part.inertia
+    density = WATER if part.density is None else part.density
+    shape = part.shape
+    return pin.Inertia(density * shape.volume, np.asarray(shape.center), density * np.asarray(shape.inertia))

@@ -185,7 +185,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("names", metavar="A:B", nargs="+", help="two parts, or with a surface of each: A:3:B:12")
     sub.add_argument("--remark", metavar="TEXT", default="", help="why they are accepted")
     sub.add_argument(
-        "--authorise", action="store_true", help="the parts are meant to overlap: from now on they do not block either"
+        "--authorise", action="store_true", help="the overlap as drawn is meant: it does not block along its fit's axis"
     )
 
     sub = add("mates", _mates, "every constraint of an assembly as it stands, each part's joint and freedom")

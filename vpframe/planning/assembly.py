@@ -33,7 +33,7 @@ from collision.query.blocking import Stop, Sweeps
 from constraints.freedom.escape import Patch, contact_patch
 from vpframe.analysis.clash import clash, is_open
 from vpframe.analysis.fits import BAD_KINDS
-from vpframe.analysis.mates import LINEAR, Mates, Progress, pairs_of, silent
+from vpframe.analysis.mate_motions import LINEAR, Mates, Progress, pairs_of, silent
 from vpframe.errors import VpframeError
 from vpframe.scene.boxes import half_size
 from vpframe.scene.deflection import deflections

@@ -10,7 +10,7 @@ import numpy as np
 
 from collision import Tolerance
 from vpframe.analysis.fits import PressFit
-from vpframe.analysis.mates import Progress
+from vpframe.analysis.mate_motions import Progress
 from vpframe.analysis.static import base_parts
 from vpframe.errors import VpframeError
 from vpframe.planning import order, ways

@@ -59,10 +59,11 @@ def ignored_words(pairs: Iterable[tuple[str, str]], count: int) -> str:
 
     count: parts of the scene; a part that is paired with all others is named once.
     """
-    pairs = [tuple(pair) for pair in pairs]
+    pairs = list(pairs)
     times = Counter(name for pair in pairs for name in pair)
     whole = {name for name, n in times.items() if n == count - 1 and count > 2}
-    words = dict.fromkeys(", ".join(f"{name}–all" for name in (a, b) if name in whole) or f"{a}–{b}" for a, b in pairs)
+    words = dict.fromkeys(f"{name}–all" for name in times if name in whole)
+    words |= dict.fromkeys(f"{a}–{b}" for a, b in pairs if not {a, b} & whole)
     return f"ignores {', '.join(words)}" if words else ""
 
 

@@ -1,8 +1,8 @@
 """What motions may do to parts whose overlap is authorised: the overlap as drawn, along the fit's axis, and no deeper.
 
 Their collision is off in the session. Instead each leg of a motion is swept as a plan sweeps it
-(`vpframe.analysis.mates`, `collision.query.blocking`): the surfaces of a fit are left out while the two stay on its
-axis, any other overlap as drawn only shrinks.
+(`vpframe.analysis.mate_motions`, `collision.query.blocking`): the surfaces of a fit are left out while the two stay on
+its axis, any other overlap as drawn only shrinks.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from collision import Tolerance
 from collision.query.blocking import Sweeps
-from vpframe.analysis.mates import LINEAR, Mates
+from vpframe.analysis.mate_motions import LINEAR, Mates
 from vpframe.scene.scene import Scene
 
 STILL = 1e-12

@@ -726,14 +726,14 @@ class Session:
     def ignore(self, a: str, b: str | None = None) -> None:
         """Let two parts or subassemblies pass through each other (hose, cable), or one and all others, such as one that
         was taken away; verdict and report name them."""
-        own = self._indices(a)
-        others = [i for i in range(len(self.scene)) if i not in own] if b is None else None
-        for i, j in self._pairs(a, b, "ignore") if others is None else [(i, j) for i in own for j in others]:
+        for i, j in self._pairs(a, b, "ignore"):
             self.state.ignore(i, j)
 
-    def _pairs(self, a: str, b: str, verb: str) -> list[tuple[int, int]]:
-        """Indices of each part of a with each part of b; TaskError if a part is on both sides."""
-        pairs = [(i, j) for i in self._indices(a) for j in self._indices(b)]
+    def _pairs(self, a: str, b: str | None, verb: str) -> list[tuple[int, int]]:
+        """Indices of each part of a with each part of b, or with all others; TaskError if a part is on both sides."""
+        own = self._indices(a)
+        others = [j for j in range(len(self.scene)) if j not in own] if b is None else self._indices(b)
+        pairs = [(i, j) for i in own for j in others]
         if any(i == j for i, j in pairs):
             raise TaskError(f"{verb}({a!r}, {b!r}): a part is on both sides; name two different ones")
         return pairs
