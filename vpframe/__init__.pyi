@@ -61,8 +61,15 @@ from vpframe.errors import OutputError as OutputError
 from vpframe.errors import TaskError as TaskError
 from vpframe.errors import UnknownPartError as UnknownPartError
 from vpframe.errors import VpframeError as VpframeError
+from vpframe.events import ConstraintView as ConstraintView
+from vpframe.events import ContactPoint as ContactPoint
+from vpframe.events import Event as Event
+from vpframe.events import Frame as Frame
+from vpframe.events import Frames as Frames
+from vpframe.events import Observer as Observer
 from vpframe.exporters.bcf import write_bcf as write_bcf
 from vpframe.exporters.export import export as export
+from vpframe.exporters.motion import read_motion as read_motion
 from vpframe.exporters.tables import write_table as write_table
 from vpframe.hands.access import Reach as Reach
 from vpframe.hands.arguments import pose_from as pose_from
@@ -88,7 +95,6 @@ from vpframe.hands.paths import write_track as write_track
 from vpframe.hands.segment import MotionSegment as MotionSegment
 from vpframe.hands.segment import Outcome as Outcome
 from vpframe.importers import load as load
-from vpframe.exporters.motion import read_motion as read_motion
 from vpframe import planning as planning
 from vpframe.scene.boxes import bounds as bounds
 from vpframe.scene.boxes import half_size as half_size
@@ -101,12 +107,6 @@ from vpframe.scene.scene import Shape as Shape
 from vpframe.scene.scene import Size as Size
 from vpframe.scene.scene import Surface as Surface
 from vpframe.scene.units import length as length
-from vpframe.events import ConstraintView as ConstraintView
-from vpframe.events import ContactPoint as ContactPoint
-from vpframe.events import Event as Event
-from vpframe.events import Frame as Frame
-from vpframe.events import Frames as Frames
-from vpframe.events import Observer as Observer
 from vpframe.session import rules as rules
 from vpframe.session.rules import accept_all as accept_all
 from vpframe.session.rules import accept_between as accept_between

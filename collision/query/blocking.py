@@ -404,8 +404,9 @@ class Sweeps:
                 continue
             n = n / length
             speed = at.rotation @ (way[:3] + _cross(way[3:], at.actInv(np.array(row["point_a"])))) @ n
-            # where they touch, the normal of the moving facet tells the side, if both lie in one plane, back to back
-            flush = d > slack or (_cross(b[1] - b[0], b[2] - b[0]) @ n < 0.0 and np.abs((b - a[0]) @ n).max() <= slack)
+            # a facet that is met from behind, inside its object, is left; where they touch, they lie in one plane
+            facing = _cross(a[1] - a[0], a[2] - a[0]) @ n > 0.0 > _cross(b[1] - b[0], b[2] - b[0]) @ n
+            flush = facing and (d > slack or np.abs((b - a[0]) @ n).max() <= slack)
             if speed - d <= 2.0 * slack or not (flush and _lies_across(a, n) and _lies_across(b, n)):
                 continue
             u = _cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])

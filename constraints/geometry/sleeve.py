@@ -39,16 +39,9 @@ def sleeve(
         return faces_behind(meshes[0], first, slack), faces_behind(meshes[1], second, slack)
     if candidate.kind not in ("concentric", "screw"):
         return None
-    return sleeve_of(features[a][fa], features[b][fb], meshes, slack)
-
-
-def sleeve_of(
-    one: Feature, other: Feature, meshes: tuple[SurfaceMesh, SurfaceMesh], slack: float
-) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
-    """`sleeve` of two features, a shaft and a bore; None unless both are cylinders."""
-    first, second = one.geometry, other.geometry
     if not (isinstance(first, Cylinder) and isinstance(second, Cylinder)):
         return None
+    one, other = features[a][fa], features[b][fb]
     if one.sense > 0:
         return faces_within(meshes[0], _crest(first, one), slack), faces_without(meshes[1], second, other.surfaces)
     return faces_without(meshes[0], first, one.surfaces), faces_within(meshes[1], _crest(second, other), slack)

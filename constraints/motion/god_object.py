@@ -9,7 +9,7 @@ surfaces: the part slides.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
@@ -42,6 +42,15 @@ FINE = 1e-2
 FOLLOW = 1e-6
 """Weight of moving the other bodies as if they were of one piece with the held one, against 1 of obeying the hand."""
 NAMES = ("object_a", "surface_a", "object_b", "surface_b")
+
+
+Barrier = Callable[[Sequence[pin.SE3], Mapping[int, pin.SE3]], tuple[float, NDArray[Any]] | None]
+"""(poses of all bodies, targets to which some go along one screw each) -> how far they get, in [0, 1), and the contact
+rows of what stops them; None where nothing does"""
+
+
+def open_way(poses: Sequence[pin.SE3], target: Mapping[int, pin.SE3]) -> None:
+    """The barrier that stops nothing."""
 
 
 class Swept(Sweeping, Protocol):
@@ -171,6 +180,7 @@ class Surroundings(NamedTuple):
     tolerance: Tolerance
     solving: Tolerance
     """how exactly the constraints must hold"""
+    barrier: Barrier
 
 
 class Step:
@@ -183,7 +193,7 @@ class Step:
         """known: linearisation at the end of the step before. home: whether all bodies are wanted where they are drawn:
         the constraints hold there as they do in the drawing."""
         self.unknowns, self.wanted, self.bodies = unknowns, dict(wanted), unknowns.bodies
-        self.drawn, self.collision, self.walls, self.mated, self.tolerance, self.solving = around
+        self.drawn, self.collision, self.walls, self.mated, self.tolerance, self.solving, self.barrier = around
         self.home = home
         self.poses: list[pin.SE3] = list(poses)
         self.acting: list[NDArray[Any]] = []
@@ -233,7 +243,7 @@ class Step:
             lifted = proposal.lifts
             target = self._followed(self.wanted) if proposal.whole else self._moved(proposal.x)
             self.refused = {}
-            if not proposal.covered or len(proposal.rows):
+            if not proposal.covered or len(proposal.rows) or self.barrier(self.poses, target):
                 planned = target
                 target, hit = self._sweep(planned, proposal.rows)
                 if hit is not None:
@@ -281,6 +291,7 @@ class Step:
         self._put(here, at)
         with self._flush_ignored():
             passed = nearer and passable(self.collision, self.walls, self.drawn, self.poses, target, self.tolerance)
+        passed = passed and self.barrier(self.poses, target) is None
         self._put(target if passed else here, None if passed else at)
         return passed
 
@@ -453,15 +464,16 @@ class Step:
     ) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
         hit = None
         for _ in range(3):
-            found = self.collision.time_of_impact(target)
-            if found.t >= 1.0:
+            found, stop = self.collision.time_of_impact(target), self.barrier(self.poses, target)
+            if stop is not None and stop[0] < found.t:
+                t, hit = stop
+            elif found.t < 1.0:
+                t, hit = found.t, found.contacts
+                self._remember(rows, hit, found.poses)
+            else:
                 return target, hit
-            hit = found.contacts
-            self._remember(rows, hit, found.poses)
             # stop short of what the linear rows did not foresee: with it among them the next pass goes on from afar
-            target = self._projected(
-                {b: pin.SE3.Interpolate(self.poses[b], target[b], SHORT * found.t) for b in self.bodies}
-            )
+            target = self._projected({b: pin.SE3.Interpolate(self.poses[b], target[b], SHORT * t) for b in self.bodies})
         return {b: self.poses[b] for b in target}, hit
 
     def _commit(self, target: dict[int, pin.SE3]) -> float:

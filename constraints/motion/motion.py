@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from collision import CONTACT_DTYPE, Tolerance
 from constraints.errors import ConstraintsError
 from constraints.manager import ConstraintManager
-from constraints.motion.god_object import Linear, MotionResult, Step, Surroundings, Swept
+from constraints.motion.god_object import Barrier, Linear, MotionResult, Step, Surroundings, Swept, open_way
 from constraints.motion.passage import Drawn
 from constraints.motion.unknowns import Unknowns
 from constraints.motion.walls import Walls
@@ -69,6 +69,8 @@ class Motion:
         self.jammed: Mapping[tuple[int, int], float] = {}
         """bodies of which a shaft and a bore clash as drawn, and how deep, m: where they are drawn they do not move
         against each other, unless collision leaves them out"""
+        self.barrier: Barrier = open_way
+        """what else stops motions, beside solids and constraints"""
         if drawn is not None:
             self.redraw(drawn)
         # a projection finer than this does not pay where measured features contradict one another by rounding
@@ -118,7 +120,9 @@ class Motion:
         if self._drawn is None:
             self.redraw(poses)
         assert self._drawn is not None
-        around = Surroundings(self._drawn, self.collision, self.walls, self.mated, self.tolerance, self.solving)
+        around = Surroundings(
+            self._drawn, self.collision, self.walls, self.mated, self.tolerance, self.solving, self.barrier
+        )
         step = Step(self._unknowns[1], wanted, poses, self._linear, around, self._home(wanted, poses))
         result = step.run()
         self._linear = step.linear

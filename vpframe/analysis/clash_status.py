@@ -138,7 +138,7 @@ def accept_named(
     ----------
     texts: in the format of `parse`; without surfaces, all clashes of the two parts.
     remark: reason, stored with the mark.
-    authorise: let the parts overlap: in later runs they neither clash nor block each other.
+    authorise: the overlap as drawn is meant: in later runs it is no clash, and blocks only what would deepen it.
 
     Raises
     ------

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
 from vpframe import __version__, console
-from vpframe.app import disassemble
+from vpframe.app import disassemble, press_fit
 from vpframe.app.progress import Terminal, say, warn
 from vpframe.outputs import BCF, PAGE, SCRIPT, STATUS, URDF, Kind, Output
 from vpframe.scene.units import NAMES, length, seconds
@@ -170,10 +170,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("files", metavar="FILE", nargs="+", help="models; several are put into one scene as they stand")
     sub.add_argument("--clearance", metavar="LENGTH", type=_length, default=0.0, help="also list pairs nearer than it")
     sub.add_argument("--authorise", metavar="A:B", action="append", default=[], help="a pair of parts meant to clash")
-    sub.add_argument(
-        "--press-fit", metavar="CLASS",
-        help="ISO 286 class of the tightest shaft that may be pressed into a hole H, such as u8 (default: s7)",
-    )  # fmt: skip
+    press_fit.add_argument(sub)
     sub.add_argument("--status", metavar="FILE", help="keep what is new, accepted and resolved in this file, over runs")
     sub.add_argument("--bcf", metavar="OUT", help="write the clashes as BCF 3.0: a topic a pair, with view and picture")
     sub.add_argument("--table", metavar="OUT", help="write all pairs of surfaces as CSV or Parquet")
@@ -188,7 +185,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("names", metavar="A:B", nargs="+", help="two parts, or with a surface of each: A:3:B:12")
     sub.add_argument("--remark", metavar="TEXT", default="", help="why they are accepted")
     sub.add_argument(
-        "--authorise", action="store_true", help="the parts are meant to overlap: from now on they do not block either"
+        "--authorise", action="store_true", help="the overlap as drawn is meant: it does not block along its fit's axis"
     )
 
     sub = add("mates", _mates, "every constraint of an assembly as it stands, each part's joint and freedom")
@@ -399,15 +396,10 @@ def _new(arguments: argparse.Namespace) -> int:
 
 
 def _clash(arguments: argparse.Namespace) -> int:
-    from collision import Tolerance
-    from constraints.recognition.iso286 import greatest_interference
     from vpframe.analysis import clash
     from vpframe.app.progress import Progress
 
-    tolerance = None
-    if arguments.press_fit is not None:
-        greatest_interference(arguments.press_fit, 0.01)  # a class that is not known is refused before models are read
-        tolerance = Tolerance(press_fit=arguments.press_fit)
+    tolerance = press_fit.tolerance(arguments.press_fit)
     with (
         _document(arguments.json) as emit,
         _claimed(arguments, "status", STATUS, arguments.files) as status,

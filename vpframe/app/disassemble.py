@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from vpframe import files
+from vpframe.app import press_fit
 from vpframe.app.progress import Progress, say, warn
 from vpframe.errors import VpframeError
 from vpframe.outputs import PAGE, RECORDING, REPORT, SCRIPT, Kind, Output, OutputFolder
@@ -49,6 +50,7 @@ def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
         "--thread", metavar="A=PITCH", action="append", default=[],
         help="a part whose snug fits are threads drawn without them, and metres a turn with a unit: nut=1.25mm",
     )  # fmt: skip
+    press_fit.add_argument(sub)
     sub.add_argument("--clearance", metavar="LENGTH", type=metres, default=0.0, help="kept all the way")
     sub.add_argument(
         "--motion", choices=("straight", "mates", "free"), default="free",
@@ -92,6 +94,7 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
     from vpframe.scene.subassembly import listed
 
     authorised, ignored = authorised_pairs(arguments.authorise), authorised_pairs(arguments.ignore)
+    tolerance = press_fit.tolerance(arguments.press_fit)
     threads = dict(_thread(text) for text in arguments.thread)
     carry = [_names(text) for text in arguments.carry]
     if arguments.resume and not (arguments.tracks or arguments.report):
@@ -108,7 +111,7 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
             found = plan.disassembly(
                 scene, arguments.part, base=arguments.base, carry=carry, authorise=authorised, ignore=ignored,
                 threads=threads, clearance=arguments.clearance, motion=arguments.motion, budget=arguments.budget,
-                seed=arguments.seed, jobs=arguments.jobs, known=known, progress=progress,
+                seed=arguments.seed, jobs=arguments.jobs, tolerance=tolerance, known=known, progress=progress,
                 found=lambda parts, text: progress(None, f"{listed(parts)}: {text}"),
             )  # fmt: skip
         names = document.track_files(found)
@@ -252,7 +255,8 @@ def _perform(scene: Any, found: Any, record: Output | None, viewer: Any) -> None
     before = {name: pin.SE3(part.pose) for name, part in scene.items()}
     try:
         words = "recording" if viewer is None else "a hand does it"
-        with Progress(words), Session(scene, viewer=viewer, record=record, rule=rule_of(found)) as session:
+        kept = {"rule": rule_of(found), "tolerance": found.tolerance}
+        with Progress(words), Session(scene, viewer=viewer, record=record, **kept) as session:
             perform(session, found)
             session.conclude()
     finally:

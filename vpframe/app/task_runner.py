@@ -32,6 +32,7 @@ from vpframe.analysis import clash_status
 from vpframe.app.progress import Terminal, say, warn
 from vpframe.errors import CheckpointError, OutputError, TaskError, VpframeError
 from vpframe.outputs import CHECKPOINT, RECORDING, REPORT_FILES, SCRIPT, Output, OutputFolder
+from vpframe.scene.names import ignored_words
 from vpframe.scripts import ON_REQUEST, imported, located, print_traceback
 from vpframe.session.interrupts import between_steps, handled
 from vpframe.text import plain
@@ -134,6 +135,8 @@ def run_task(
     spent = time.perf_counter() - began
     for fit in session.log.press_fits:
         say(str(fit))
+    ignored = ignored_words(session.ignored, len(session.scene))
+    word += f", {ignored}" if ignored else ""
     say(f"{word}: {session.time:.2f} s of the task in {session.step_count} steps, {spent:.1f} s to compute")
     for what, where in (("recording", record), ("report", report), ("checkpoint", checkpoint)):
         if where is not None:

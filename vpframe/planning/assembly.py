@@ -27,19 +27,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import CollisionManager, Tolerance
+from collision import Tolerance
 from collision.numeric.kernel import compilation
-from collision.query.blocking import Pairing, Stop, Sweeps
-from constraints import Candidate
+from collision.query.blocking import Stop, Sweeps
 from constraints.freedom.escape import Patch, contact_patch
-from constraints.geometry.sleeve import sleeve, sleeve_of
-from constraints.geometry.surfaces import Cylinder, Sphere
-from constraints.geometry.views import Extent
-from constraints.recognition.mated import adjacent_surfaces
-from constraints.recognition.misfits import Misfit
 from vpframe.analysis.clash import clash, is_open
-from vpframe.analysis.fits import BAD_KINDS, PressFit, fit_of, misfits_of, press_fits
-from vpframe.analysis.static import candidates, threaded_features, world_of
+from vpframe.analysis.fits import BAD_KINDS
+from vpframe.analysis.mate_motions import LINEAR, Mates, Progress, pairs_of, silent
 from vpframe.errors import VpframeError
 from vpframe.scene.boxes import half_size
 from vpframe.scene.deflection import deflections
@@ -52,16 +46,9 @@ Key = tuple[Any, ...]
 """a question: the parts that move and stand, the way"""
 Answer = tuple[Stop | None, int]
 """and the sweeps that it took"""
-Progress = Callable[[float | None, str], None]
-"""hears the fraction done and what has been found so far"""
-
-LINEAR: Final = 1e-6
-"""m: how near planned motions let surfaces come that are apart, and how near surfaces count as touching"""
 TOLERANCE: Final = Tolerance(linear=LINEAR, slop=1e-6)
 """of planned motions: a leg presses surfaces by 1.5 pm at most, all legs of a way by 10 pm (`Sweeps`), where CAD
 kernels place points to within 100 pm (1e-7 mm)"""
-ON_AXIS: Final = 1e-6
-"""m: how far an axis may leave its own line before its fit is excused no longer"""
 CLEAR: Final = 3e-3
 """m: by how much parts that come out end clear of the others: beyond it a session's mates let go, too"""
 QUESTIONS: Final = 500
@@ -145,69 +132,6 @@ class Budget:
         self.by_clock |= share.by_clock
 
 
-@dataclass(frozen=True, eq=False)
-class Mate:
-    """A fit or thread between two parts as they stand: the motions of a against b that keep it, and its surfaces."""
-
-    parts: tuple[int, int]
-    kind: str
-    """"concentric", "screw" or "spherical\""""
-    origin: Array
-    """(3,) world, m: a point of the axis, or the centre"""
-    axis: Array
-    """(3,) unit, world"""
-    pitch: float | None
-    """m a turn, of a thread"""
-    drawn: bool
-    """whether it is a thread that is drawn as two cylinders"""
-    apart: tuple[float, float]
-    """m: how far a goes along the axis, and against it, until the two surfaces share no length"""
-    excused: tuple[Pairing, ...]
-    """surfaces of a, surfaces of b"""
-    press: float = 0.0
-    """m, radial: interference of a press fit; 0 for any other mate"""
-
-    def keeps(self, start: pin.SE3, end: pin.SE3) -> bool:
-        """Whether the motion of a against b from one displacement to another, along a screw, keeps the mate."""
-        return all(self._holds(d) for d in (start, end)) and (self.pitch is None or self._engages(start, end))
-
-    def _holds(self, d: pin.SE3) -> bool:
-        shift = d.act(self.origin) - self.origin
-        if self.kind == "spherical":
-            return bool(np.linalg.norm(shift) <= ON_AXIS)
-        arm = max(1.0, float(np.linalg.norm(d.translation)))
-        aside = shift - (shift @ self.axis) * self.axis
-        tilt = np.linalg.norm(d.rotation @ self.axis - self.axis)
-        return bool(np.linalg.norm(aside) <= ON_AXIS and tilt * arm <= ON_AXIS)
-
-    def _engages(self, start: pin.SE3, end: pin.SE3) -> bool:
-        assert self.pitch is not None
-        advance = (end.act(self.origin) - start.act(self.origin)) @ self.axis
-        turn = pin.log3(end.rotation @ start.rotation.T) @ self.axis
-        return bool(abs(advance - self.pitch * turn / (2.0 * np.pi)) <= ON_AXIS)
-
-    def engaged(self, d: pin.SE3) -> bool:
-        """Whether the two share some length at a displacement of a against b."""
-        along = float((d.act(self.origin) - self.origin) @ self.axis)
-        return -self.apart[1] + ON_AXIS < along < self.apart[0] - ON_AXIS
-
-
-@dataclass(frozen=True, eq=False)
-class Jam:
-    """A shaft and a bore that clash."""
-
-    origin: Array
-    """(3,) world, m: middle of the length they share"""
-    axis: Array
-    """(3,) unit, world"""
-    length: float
-    """m"""
-
-    def engaged(self, d: pin.SE3) -> bool:
-        """Whether the two share some length at a displacement of the first against the second."""
-        return abs(float((d.act(self.origin) - self.origin) @ self.axis)) < self.length - ON_AXIS
-
-
 @dataclass(frozen=True)
 class Overlap:
     """Surfaces that reach into each other where the parts stand, beyond what fits and facets explain."""
@@ -230,19 +154,15 @@ class GroupStop:
     stop: Stop
 
 
-def _silent(fraction: float | None, text: str) -> None:
-    pass
-
-
-class Assembly:
-    """A scene as it stands.
+class Assembly(Mates):
+    """A scene as planning sees it.
 
     Parameters
     ----------
     authorised: pairs of part names whose overlap as drawn is meant.
     ignored: pairs of part names that may pass through each other.
     threads: m a turn by part name: its snug fits are threads, drawn without them.
-    tolerance: of planned motions.
+    tolerance: of planned motions. recognition: by which fits are recognised and clashes judged.
     """
 
     def __init__(
@@ -251,19 +171,12 @@ class Assembly:
         authorised: Iterable[tuple[str, str]] = (),
         threads: Mapping[str, float] | None = None,
         tolerance: Tolerance = TOLERANCE,
-        progress: Progress = _silent,
+        progress: Progress = silent,
         ignored: Iterable[tuple[str, str]] = (),
+        recognition: Tolerance | None = None,
     ) -> None:
-        self.scene, self.tolerance = scene, tolerance
-        self.names = scene.names
-        self.poses = tuple(pin.SE3(part.pose) for part in scene.parts)
-        self.meshes = tuple(part.mesh for part in scene.parts)
-        self.authorised, self.ignored = _pairs(scene, authorised), _pairs(scene, ignored)
-        self._threads = {scene.index(name): pitch for name, pitch in (threads or {}).items()}
-        for name, pitch in (threads or {}).items():
-            if not (np.isfinite(pitch) and pitch != 0.0):
-                raise VpframeError(f"the thread of {name} has a pitch of {pitch!r}; give metres a turn, not zero")
-        self._progress = progress
+        super().__init__(scene, authorised, threads, recognition, progress)
+        self.tolerance, self.ignored = tolerance, pairs_of(scene, ignored)
         self._forget()
 
     def _forget(self) -> None:
@@ -292,7 +205,7 @@ class Assembly:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._progress = _silent
+        self._progress = silent
         self._forget()
 
     def prepare(self) -> None:
@@ -314,19 +227,10 @@ class Assembly:
         return len(self.names)
 
     @cached_property
-    def world(self) -> CollisionManager:
-        """The parts where they stand, under the tolerance of recognition."""
-        return world_of(self.scene)
-
-    @cached_property
-    def candidates(self) -> tuple[Candidate, ...]:
-        """What the features of parts that touch are to each other, best first."""
-        return candidates(self.scene, self.world, lambda done: self._progress(done, "mates"), implied=True)
-
-    @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
         """What overlaps where the parts stand and is neither authorised nor ignored, the deepest first."""
-        rows = clash(self.scene, authorised=self.meant, progress=self._progress)["pairs"]
+        meant = [*self.authorised_pairs, *self.ignored_pairs]
+        rows = clash(self.scene, tolerance=self.recognition, authorised=meant, progress=self._progress)["pairs"]
         found = [
             Overlap(tuple(row["parts"]), tuple(row["surfaces"]), row["depth"])
             for row in rows
@@ -335,140 +239,17 @@ class Assembly:
         return tuple(sorted(found, key=lambda o: (-o.depth, o.parts, o.surfaces)))
 
     @property
-    def meant(self) -> tuple[tuple[str, str], ...]:
-        """Names of the pairs of parts that are authorised or ignored, in the order of the scene."""
-        pairs = sorted(tuple(sorted(pair)) for pair in self.authorised | self.ignored)
-        return tuple((self.names[a], self.names[b]) for a, b in pairs)
-
-    # -- mates
-
-    @cached_property
-    def mates(self) -> dict[tuple[int, int], tuple[Mate, ...]]:
-        """Fits and threads by pair of parts (a, b), a < b."""
-        features, _ = threaded_features(self.scene)
-        sags = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
-        out: dict[tuple[int, int], list[Mate]] = {}
-        for candidate in self.candidates:
-            mate = self._mate(candidate, features, sags)
-            if mate is not None:
-                out.setdefault(mate.parts, []).append(mate)
-        for found in self._misfits:
-            a, fa, b, fb = found.pair
-            if frozenset((a, b)) in self.authorised:
-                ends = ((a, features[a][fa]), (b, features[b][fb]))
-                out.setdefault((a, b), []).append(self._authorised_fit(found, ends))
-        return {pair: tuple(mates) for pair, mates in sorted(out.items())}
+    def authorised_pairs(self) -> tuple[tuple[str, str], ...]:
+        """Names of the pairs of parts whose overlap as drawn is meant, in the order of the scene."""
+        return self._named(self.authorised)
 
     @property
-    def press_fits(self) -> tuple[PressFit, ...]:
-        """The press fits among the mates, the tightest of each pair of parts."""
-        mates = (mate for mates in self.mates.values() for mate in mates)
-        return press_fits(((self.names[m.parts[0]], self.names[m.parts[1]]), m.press) for m in mates)
+    def ignored_pairs(self) -> tuple[tuple[str, str], ...]:
+        """Names of the pairs of parts that may pass through each other, in the order of the scene."""
+        return self._named(self.ignored)
 
-    def _mate(self, candidate: Candidate, features: Sequence[Any], sags: Sequence[float]) -> Mate | None:
-        a, fa, b, fb, kind = candidate.key
-        first, second = features[a][fa].geometry, features[b][fb].geometry
-        t = self.world.tolerance
-        if kind == "spherical" and isinstance(first, Sphere):
-            origin, axis = self.poses[a].act(first.center), np.zeros(3)
-        elif kind in ("concentric", "screw") and isinstance(first, Cylinder) and isinstance(second, Cylinder):
-            origin, axis = self.poses[a].act(first.origin), self.poses[a].rotation @ first.axis
-        else:
-            return None
-        stated = self._threads.get(a, self._threads.get(b)) if kind == "concentric" else None
-        pitch = candidate.pitch if stated is None else stated
-        thread = kind == "screw" or stated is not None
-        found = fit_of(candidate, t)
-        # what fits loosely needs no excuse; what overlaps and is neither a press fit nor authorised has none
-        meant = found is not None and (found.kind != "clash" or frozenset((a, b)) in self.authorised)
-        excusable = meant and found is not None and found.gap <= sags[a] + sags[b] + t.linear
-        if not (thread or excusable):
-            return None
-        apart = np.inf, np.inf
-        if isinstance(first, Cylinder):
-            apart = self._until_apart(((a, features[a][fa]), (b, features[b][fb])), origin, axis)
-        excused = self._with_faces_beside((a, b), candidate.surfaces)
-        inside = sleeve(candidate, features, (self.meshes[a], self.meshes[b]), t.fit)
-        if inside is not None:
-            excused.append(inside)
-        return Mate(
-            (a, b), "screw" if thread else kind, np.asarray(origin), np.asarray(axis), pitch if thread else None,
-            thread and candidate.match.fit is not None, apart, tuple(excused), 0.0 if thread else candidate.match.press,
-        )  # fmt: skip
-
-    def _authorised_fit(self, found: Misfit, ends: tuple[tuple[int, Any], tuple[int, Any]]) -> Mate:
-        """A shaft in a bore that is too small for it, whose overlap is authorised: along the axis it is excused."""
-        (a, one), (b, other) = ends
-        excused = self._with_faces_beside((a, b), (one.surfaces, other.surfaces))
-        inside = sleeve_of(one, other, (self.meshes[a], self.meshes[b]), self.world.tolerance.fit)
-        excused += [] if inside is None else [inside]
-        apart = self._until_apart(ends, *found.line)
-        return Mate((a, b), "concentric", *found.line, None, False, apart, tuple(excused))
-
-    def _with_faces_beside(self, parts: tuple[int, int], surfaces: Sequence[tuple[int, ...]]) -> list[Pairing]:
-        """The surfaces of a fit with each other, and with those beside the other's."""
-        mine, theirs = (adjacent_surfaces(self.meshes[i], s) for i, s in zip(parts, surfaces, strict=True))
-        return [(surfaces[0], surfaces[1] + theirs), (mine, surfaces[1])]
-
-    def _until_apart(
-        self, ends: tuple[tuple[int, Any], tuple[int, Any]], origin: Array, axis: Array
-    ) -> tuple[float, float]:
-        """m: how far the first part goes along a world line, and against it, until two cylinders share no length."""
-        heights = [self._heights(i, f.geometry, Extent.of(f).spans, origin, axis) for i, f in ends]
-        (low_a, high_a), (low_b, high_b) = heights
-        return max(high_b - low_a, 0.0), max(high_a - low_b, 0.0)
-
-    def _heights(self, i: int, cylinder: Any, spans: Array, origin: Array, axis: Array) -> tuple[float, float]:
-        """Least and greatest height (m) of a cylinder of part i along a world line, from its spans along its own."""
-        own = self.poses[i].rotation @ cylinder.axis
-        base = (self.poses[i].act(cylinder.origin) - origin) @ axis
-        ends = base + (own @ axis) * np.array([spans[0, 0], spans[-1, 1]])
-        return float(ends.min()), float(ends.max())
-
-    def mates_of(self, i: int, j: int) -> tuple[Mate, ...]:
-        """Fits and threads of two parts."""
-        return self.mates.get((min(i, j), max(i, j)), ())
-
-    def excused(self, i: int, j: int) -> tuple[Pairing, ...]:
-        """Surfaces of i, surfaces of j that some motions leave out."""
-        pairs = [(m.parts[0] == i, pairing) for m in self.mates_of(i, j) for pairing in m.excused]
-        return tuple(pairing if first else (pairing[1], pairing[0]) for first, pairing in pairs)
-
-    def left_out(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> Iterable[Pairing] | None:
-        """The surfaces of fits and threads that a leg of part i keeps with part j; None: a drawn thread lets none pass,
-        or a shaft and a bore that clash.
-
-        `Sweeps` asks it of each leg.
-        """
-        out: list[Pairing] = []
-        for mate in self.mates_of(i, j):
-            first = mate.parts[0] == i
-            one, other = (start, end) if first else (start.inverse(), end.inverse())
-            if mate.keeps(one, other):
-                out += mate.excused if first else [(b, a) for a, b in mate.excused]
-            elif mate.drawn and mate.engaged(one) and mate.axis @ mate.axis > 0.0:
-                return None
-        if i > j:
-            start = start.inverse()
-        return None if any(jam.engaged(start) for jam in self.jams(i, j)) else out
-
-    def jams(self, i: int, j: int) -> tuple[Jam, ...]:
-        """The shafts and bores of two parts that clash where the parts stand; none if the pair is authorised."""
-        return () if frozenset((i, j)) in self.authorised else self._jams.get((min(i, j), max(i, j)), ())
-
-    @cached_property
-    def _misfits(self) -> tuple[Misfit, ...]:
-        """The shafts in bores that clash where the parts stand."""
-        sags = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
-        contacts = self.world.contacts(within=self.world.tolerance.linear + 2.0 * max(sags, default=0.0))
-        return misfits_of(self.scene, self.world, contacts, sags)
-
-    @cached_property
-    def _jams(self) -> dict[tuple[int, int], tuple[Jam, ...]]:
-        out: dict[tuple[int, int], list[Jam]] = {}
-        for found in self._misfits:
-            out.setdefault((found.pair[0], found.pair[2]), []).append(Jam(*found.line, found.length))
-        return {pair: tuple(jams) for pair, jams in out.items()}
+    def _named(self, pairs: Iterable[frozenset[int]]) -> tuple[tuple[str, str], ...]:
+        return tuple((self.names[a], self.names[b]) for a, b in sorted(tuple(sorted(pair)) for pair in pairs))
 
     # -- contacts
 
@@ -572,15 +353,6 @@ class Assembly:
     def with_tolerance(self, linear: float, slop: float) -> Sweeps:
         """Sweeps that stop at another distance (m), to within `slop` of it: to find the least clearance of a way."""
         return self.sweeps.with_tolerance(replace(self.tolerance, linear=linear, slop=slop))
-
-
-def _pairs(scene: Scene, names: Iterable[tuple[str, str]]) -> frozenset[frozenset[int]]:
-    out = set()
-    for a, b in names:
-        if a == b:
-            raise VpframeError(f"{a}:{b}: a part is on both sides; name two different ones")
-        out.add(frozenset((scene.index(a), scene.index(b))))
-    return frozenset(out)
 
 
 def translation(vector: Array) -> pin.SE3:

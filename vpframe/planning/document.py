@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from collision import Tolerance
 from vpframe import __version__
 from vpframe.errors import VpframeError
 from vpframe.planning.certify import Clearance
@@ -266,7 +268,8 @@ def known_ways(text: str, path: str) -> list[tuple[tuple[str, ...], Way]]:
 
 def script(plan: Disassembly, model: str, folder: str, files: Mapping[str, str]) -> str:
     """A task script that takes the model apart as planned: to be read, changed and run."""
-    lines = [f"    session.authorise({_quoted(a)}, {_quoted(b)})" for a, b in plan.meant]
+    lines = [f"    session.authorise({_quoted(a)}, {_quoted(b)})" for a, b in plan.authorised]
+    lines += [f"    session.ignore({_quoted(a)}, {_quoted(b)})" for a, b in plan.ignored]
     for n, step in enumerate(plan.steps, 1):
         first, carried = step.parts[0], step.parts[1:]
         carry = f", carry={_list(carried)}" if carried else ""
@@ -278,15 +281,25 @@ def script(plan: Disassembly, model: str, folder: str, files: Mapping[str, str])
             lines.append(f"    hand.slide(({d}), distance={far!r})")
         else:
             lines.append(f"    hand.follow(TRACKS / {_quoted(files[first])})")
-        lines += ["    hand.release()", f"    put_aside(session, {_list(step.parts)})", ""]
+        lines.append("    hand.release()")
+        if n < len(plan.steps):  # what has come out stands in nobody's way any more
+            lines += [f"    session.ignore({_quoted(part)})" for part in step.parts]
+        lines.append("")
     mates = "".join(f"    ({', '.join(map(_quoted, mate))}),\n" for mate in plan.mates)
     return _TEMPLATE.format(
         mates=mates,
+        tolerance="" if plan.tolerance is None else f', "tolerance": vp.Tolerance({_changed(plan.tolerance)})',
         model=_quoted(Path(model).name)[1:-1],
         file=_quoted(model),
         folder=_quoted(folder),
         steps="\n".join(lines),
     )
+
+
+def _changed(tolerance: Tolerance) -> str:
+    """The fields of a tolerance that are not the default, as arguments."""
+    given = ((f.name, getattr(tolerance, f.name), f.default) for f in fields(tolerance))
+    return ", ".join(f"{name}={value!r}" for name, value, default in given if value != default)
 
 
 def _list(names: Iterable[str]) -> str:
@@ -307,15 +320,7 @@ FILE = {file}
 TRACKS = Path(__file__).parent / {folder}
 MATES = [  # what the ways keep to; parts that only lie against others leave them
 {mates}]
-OPTIONS = {{"rule": vp.first_of(*(vp.accept_between(a, b, kind) for a, b, kind in MATES))}}
-
-
-def put_aside(session, parts):
-    """What has come out stands in nobody's way any more."""
-    for part in parts:
-        for other in session.scene:
-            if other not in parts:
-                session.authorise(part, other)
+OPTIONS = {{"rule": vp.first_of(*(vp.accept_between(a, b, kind) for a, b, kind in MATES)){tolerance}}}
 
 
 def task(session):

@@ -8,11 +8,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from collision import Tolerance
 from vpframe.analysis.fits import PressFit
+from vpframe.analysis.mate_motions import Progress
 from vpframe.analysis.static import base_parts
 from vpframe.errors import VpframeError
 from vpframe.planning import order, ways
-from vpframe.planning.assembly import Assembly, Budget, BudgetError, Overlap, Progress
+from vpframe.planning.assembly import Assembly, Budget, BudgetError, Overlap
 from vpframe.planning.certify import Clearance, Track, track
 from vpframe.planning.order import Known, Step, Unit, Ways
 from vpframe.planning.support import Supports
@@ -42,6 +44,7 @@ def removal(
     authorise: Iterable[tuple[str, str]] = (),
     ignore: Iterable[tuple[str, str]] = (),
     threads: Mapping[str, float] | None = None,
+    tolerance: Tolerance | None = None,
 ) -> Removal:
     """Take one part (or several that move as one) out from among all others, which stay where they are.
 
@@ -55,6 +58,7 @@ def removal(
     authorise: pairs of part names whose overlap as drawn is meant; it is never deepened.
     ignore: pairs of part names that may pass through each other, such as a cable and its clamp; ways that do name them.
     threads: m a turn by part, negative for left-hand ones: its snug fits are threads, drawn without them.
+    tolerance: of recognition, as a session's: `press_fit` says how tight a press fit may be before it is a clash.
 
     Raises
     ------
@@ -65,7 +69,9 @@ def removal(
     group = tuple(sorted(_named(scene, names)))
     if len(set(group)) != len(group) or not names:
         raise VpframeError(f"the parts to take out are {list(names)}; name each once")
-    assembly = Assembly(scene, _pairs(scene, authorise), _pitches(scene, threads), ignored=_pairs(scene, ignore))
+    assembly = Assembly(
+        scene, _pairs(scene, authorise), _pitches(scene, threads), ignored=_pairs(scene, ignore), recognition=tolerance
+    )
     others = [j for j in range(len(assembly)) if j not in group]
     assembly.prepare()
     return find(assembly, group, others, Budget(budget), motion, clearance, seed)
@@ -147,8 +153,12 @@ class Disassembly:
     interrupted: bool = False
     press_fits: tuple[PressFit, ...] = ()
     """as the parts stand: ways keep them to their axes; their force is not checked"""
-    meant: tuple[tuple[str, str], ...] = ()
-    """pairs of parts that are authorised or ignored: a session that does the plan lets them overlap"""
+    authorised: tuple[tuple[str, str], ...] = ()
+    """pairs of parts whose overlap as drawn is meant"""
+    ignored: tuple[tuple[str, str], ...] = ()
+    """pairs of parts that may pass through each other"""
+    tolerance: Tolerance | None = None
+    """of recognition, if it was given: a session that does the plan has the same"""
 
     @property
     def proven(self) -> bool:
@@ -184,6 +194,7 @@ def disassembly(
     budget: float = SECONDS,
     seed: int = 0,
     jobs: int = 1,
+    tolerance: Tolerance | None = None,
     known: Iterable[tuple[Sequence[str], Way]] = (),
     progress: Progress = lambda fraction, text: None,
     found: Callable[[Sequence[str], str], None] = lambda parts, text: None,
@@ -194,7 +205,7 @@ def disassembly(
     ----------
     base: parts that stay; by default those that are fixed, else the largest.
     carry: groups of parts that come out as one.
-    authorise, ignore, threads, clearance, motion, budget, seed: as of `removal`.
+    authorise, ignore, threads, clearance, motion, budget, seed, tolerance: as of `removal`.
     jobs: processes; the plan is the same whatever their number.
     known: parts and ways from an earlier plan; they are swept anew before they are used.
     progress: hears the fraction done and what has been found so far.
@@ -209,7 +220,7 @@ def disassembly(
     """
     _check(motion, clearance)
     pairs, pitches = _pairs(scene, authorise), _pitches(scene, threads)
-    assembly = Assembly(scene, pairs, pitches, progress=progress, ignored=_pairs(scene, ignore))
+    assembly = Assembly(scene, pairs, pitches, progress=progress, ignored=_pairs(scene, ignore), recognition=tolerance)
     plan = _Plan(assembly, target, base, carry, clearance, motion, Budget(budget), seed, progress, found)
     plan.workers = Workers(plan.ways, jobs)
     try:
@@ -544,7 +555,8 @@ class _Plan:
             name_of(names, [names[i] for i in self.wanted]) if self.wanted else None,
             self.bound, self.scope if proven else "", stuck, self.assembly.overlaps, self._mates(), self.budget,
             self.assembly.sweeps.count, self.interrupted,
-            self.assembly.press_fits, self.assembly.meant,
+            self.assembly.press_fits, self.assembly.authorised_pairs, self.assembly.ignored_pairs,
+            self.assembly.recognition,
         )  # fmt: skip
 
 

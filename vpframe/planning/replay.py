@@ -20,17 +20,17 @@ def perform(session: Session, plan: Disassembly) -> None:
     ------
     TaskError: the hand was stopped.
     """
-    for a, b in plan.meant:
+    for a, b in plan.authorised:
         session.authorise(a, b)
+    for a, b in plan.ignored:
+        session.ignore(a, b)
     hand = session.hand()
-    names = session.scene.names
     for step in plan.steps:
         first, carried = step.parts[0], step.parts[1:]
         track = step.tracks[first]
         hand.grab(first, carry=carried)
         hand.follow(HandTrack(track.times, track.poses))
         hand.release()
-        for part in step.parts:
-            for other in names:
-                if other not in step.parts:
-                    session.authorise(part, other)
+        if step is not plan.steps[-1]:
+            for part in step.parts:
+                session.ignore(part)

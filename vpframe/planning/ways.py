@@ -11,7 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from constraints.freedom.escape import EscapeCone
-from vpframe.planning.assembly import CLEAR, Array, Assembly, Knots, Mate, translation, turned
+from vpframe.analysis.mate_motions import Mate
+from vpframe.planning.assembly import CLEAR, Array, Assembly, Knots, translation, turned
 
 MOST_TURN: Final = 0.5 * np.pi
 """rad: how far one leg of a screw motion turns"""

@@ -12,7 +12,7 @@ from vpframe.analysis.pairs import count_words, place_words
 from vpframe.events import Event
 from vpframe.report import plots
 from vpframe.report.standing import BEFORE, EARLIER, TASK
-from vpframe.scene.names import face_name
+from vpframe.scene.names import face_name, ignored_words
 from vpframe.session.log import SessionLog
 from vpframe.text import escape, filled
 from vpframe.view import palette
@@ -60,7 +60,9 @@ def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) 
 
 def _head(document: dict[str, Any]) -> str:
     good = document["can_be_done"]
-    verdict = _VERDICTS[document["verdict"]] + (f": {document['reason']}" if document["reason"] else ".")
+    ignored = ignored_words(document["ignored"], document["parts"])
+    verdict = _VERDICTS[document["verdict"]] + (f", {ignored}" if ignored else "")
+    verdict += f": {document['reason']}" if document["reason"] else "."
     verdict += "".join(f" {fit['text']}." for fit in document["press_fits"])
     clashing = [pair for pair in document["clashes"] if is_open(pair)]
     least = document["clearance"]
@@ -206,8 +208,11 @@ def _clearance(document: dict[str, Any], log: SessionLog, pictures: dict[Any, by
 
 def _clashes(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) -> str:
     authorised = "".join(
-        f"<li>{escape(a)} – {escape(b)}: may overlap, as the script or a person says</li>"
+        f"<li>{escape(a)} – {escape(b)}: authorised: the overlap as drawn is meant</li>"
         for a, b in document["authorised"]
+    )
+    authorised += "".join(
+        f"<li>{escape(a)} – {escape(b)}: ignored, may pass through each other</li>" for a, b in document["ignored"]
     )
     content = f"<ul>{authorised}</ul>" if authorised else ""
     if not document["clashes"]:

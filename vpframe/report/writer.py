@@ -55,6 +55,7 @@ def write(
     complete: bool = True,
     task: str = "",
     authorised: Sequence[tuple[str, str]] = (),
+    ignored: Sequence[tuple[str, str]] = (),
     swept: Sequence[SweptVolume] = (),
     tolerance: Tolerance | None = None,
 ) -> Path:
@@ -66,7 +67,8 @@ def write(
     undecided: why the result is unknown; with neither, the task can be done.
     complete: whether the task ran to its end; only then the status of known clashes changes.
     task: name on the page; default: name of the model.
-    authorised: pairs of part names that may overlap (press fits), for a list.
+    authorised: pairs of part names whose overlap as drawn is meant (press fits), for a list.
+    ignored: pairs of part names that may pass through each other: the verdict names them.
     swept: swept volumes, written as STL.
     tolerance: of the session, by which clashes are judged.
 
@@ -84,7 +86,7 @@ def write(
         with console.progress("measuring clashes and clearance") as progress:
             found = depths(log, progress, tolerance)
             gap = least_gap(log)
-        document = _document(log, records, found, gap, failure, undecided, task, authorised, swept)
+        document = _document(log, records, found, gap, failure, undecided, task, authorised, ignored, swept)
         with console.progress("drawing the report") as progress:
             pictures = _pictures(log, document["clashes"], gap, progress)
         for volume, path in meshes:
@@ -108,6 +110,7 @@ def _document(
     undecided: str,
     task: str,
     authorised: Sequence[tuple[str, str]],
+    ignored: Sequence[tuple[str, str]],
     swept: Sequence[SweptVolume],
 ) -> dict[str, Any]:
     least = log.least
@@ -139,6 +142,7 @@ def _document(
         ],
         "clashes": _by_origin(clashes),
         "authorised": [list(pair) for pair in authorised],
+        "ignored": [list(pair) for pair in ignored],
         "press_fits": [fit.document() for fit in log.press_fits],
         "clearance": None
         if least is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TypeVar
 
@@ -51,6 +52,19 @@ def face_words(part: Part, *surfaces: int) -> str:
     words = dict.fromkeys(geometry_words(face.geometry, face.orientation) for face in known)
     numbers = ", ".join(map(str, surfaces[:NAMED])) + (f" … ({len(surfaces)})" if len(surfaces) > NAMED else "")
     return " · ".join([f"face{'s' if len(surfaces) > 1 else ''} {numbers}", *([", ".join(words)] if words else [])])
+
+
+def ignored_words(pairs: Iterable[tuple[str, str]], count: int) -> str:
+    """Name the pairs of parts that may pass through each other: "ignores hose–bracket, nut–all"; empty without pairs.
+
+    count: parts of the scene; a part that is paired with all others is named once.
+    """
+    pairs = list(pairs)
+    times = Counter(name for pair in pairs for name in pair)
+    whole = {name for name, n in times.items() if n == count - 1 and count > 2}
+    words = dict.fromkeys(f"{name}–all" for name in times if name in whole)
+    words |= dict.fromkeys(f"{a}–{b}" for a, b in pairs if not {a, b} & whole)
+    return f"ignores {', '.join(words)}" if words else ""
 
 
 def holders(met: Iterable[Name], group: Collection[Name], pairs: Iterable[tuple[Name, Name]]) -> frozenset[Name]:

@@ -715,17 +715,39 @@ class Session:
         return {self.scene.names[i]: pitch for i, pitch in self.state.threads.items()}
 
     def authorise(self, a: str, b: str) -> None:
-        """Let two parts or subassemblies overlap (press fit, seal): they neither clash nor block each other."""
-        pairs = [(i, j) for i in self._indices(a) for j in self._indices(b)]
-        if any(i == j for i, j in pairs):
-            raise TaskError(f"authorise({a!r}, {b!r}): a part is on both sides; name two different ones")
-        for i, j in pairs:
+        """State that the overlap of two parts or subassemblies as drawn is meant (press fit, seal): it is no clash.
+
+        Hands move the two along the axis of their fit, with the overlap that is drawn and no deeper, or out of any
+        other overlap; a motion that would deepen it is blocked.
+        """
+        for i, j in self._pairs(a, b, "authorise"):
             self.state.authorise(i, j)
+
+    def ignore(self, a: str, b: str | None = None) -> None:
+        """Let two parts or subassemblies pass through each other (hose, cable), or one and all others, such as one that
+        was taken away; verdict and report name them."""
+        for i, j in self._pairs(a, b, "ignore"):
+            self.state.ignore(i, j)
+
+    def _pairs(self, a: str, b: str | None, verb: str) -> list[tuple[int, int]]:
+        """Indices of each part of a with each part of b, or with all others; TaskError if a part is on both sides."""
+        own = self._indices(a)
+        others = [j for j in range(len(self.scene)) if j not in own] if b is None else self._indices(b)
+        pairs = [(i, j) for i in own for j in others]
+        if any(i == j for i, j in pairs):
+            raise TaskError(f"{verb}({a!r}, {b!r}): a part is on both sides; name two different ones")
+        return pairs
 
     @property
     def authorised(self) -> list[tuple[str, str]]:
-        """Pairs of parts that may overlap, by name."""
+        """Pairs of parts whose overlap as drawn is meant, by name."""
         return [(self.scene.names[a], self.scene.names[b]) for a, b in self.state.authorised]
+
+    @property
+    def ignored(self) -> list[tuple[str, str]]:
+        """Pairs of parts that may pass through each other, by name: those of `ignore`, and authorised ones that forces
+        move."""
+        return [(self.scene.names[a], self.scene.names[b]) for a, b in self.state.passing]
 
     def behave(
         self,
@@ -787,7 +809,7 @@ class Session:
         self.expect(*expectations.free(self, part, (carried,) if isinstance(carried, str) else carried))
 
     def expect_no_clash(self) -> None:
-        """Expect that no surfaces intersect, except mated surfaces and authorised pairs."""
+        """Expect that no surfaces intersect, except those of mates, authorised and ignored pairs."""
         self.expect(*expectations.no_clash(self))
 
     def expect_at(self, part: str, pose: pin.SE3 | ArrayLike, within: float = 1e-3, angle: float = 0.02) -> None:
@@ -857,12 +879,12 @@ class Session:
     def swept(self, part: str, resolution: float | None = None) -> SweptVolume:
         """Return the volume that a part has swept so far and the parts it collides with (see `vpframe.analysis.swept`).
 
-        Parts that a constraint ever joined to it and parts authorised to overlap it are not checked.
+        Parts that a constraint ever joined to it, that are authorised to overlap it or ignored are not checked.
         """
         from vpframe.analysis.swept import swept_volume
 
         self.state.start()
-        pairs = [pair for pair in (*self.state.joined, *self.authorised) if part in pair]
+        pairs = [pair for pair in (*self.state.joined, *self.authorised, *self.ignored) if part in pair]
         allowed = {part, *(name for pair in pairs for name in pair)}
         rest = [p for p in self.scene.parts if p.name not in allowed]
         return swept_volume(self.scene[part], [pose for _, pose in self.trail(part)], rest, resolution)
@@ -883,6 +905,7 @@ class Session:
             complete=self.complete,
             task=self.name,
             authorised=self.authorised,
+            ignored=self.ignored,
             swept=swept,
             tolerance=self.tolerance,
         )

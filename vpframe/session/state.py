@@ -39,6 +39,7 @@ from vpframe.hands.arguments import rigid
 from vpframe.hands.gripper import Gripper
 from vpframe.scene.deflection import deflections
 from vpframe.scene.scene import Scene
+from vpframe.session.authorised import AuthorisedPairs
 from vpframe.session.dynamics import Dynamics
 
 NO_PAIRS = np.zeros((0, 4), np.int32)
@@ -149,8 +150,8 @@ class State:
     """
 
     _OWN = (
-        "step", "decisions", "authorised", "threads", "held", "moved", "blocked", "rows", "colliding", "joined",
-        "targets", "last", "untold", "remated", "decided", "renewed", "gripped",
+        "step", "decisions", "authorised", "ignored", "threads", "held", "moved", "blocked", "rows", "colliding",
+        "joined", "targets", "last", "untold", "remated", "decided", "renewed", "gripped",
     )  # fmt: skip
     _HAND = ("pose", "held", "grip", "surfaces", "carried", "stopped_by", "doing", "segment", "clock", "wanted")
     _values = staticmethod(attrgetter(*_HAND))
@@ -172,7 +173,10 @@ class State:
         self.threads: Mapping[int, float] = {}
         """pitch declared by the script, m a turn, negative for left-hand threads, by object"""
         self.authorised: tuple[tuple[int, int], ...] = ()
-        """pairs of objects that may overlap"""
+        """pairs of objects, a < b, whose overlap as drawn is meant; it is never deepened"""
+        self.ignored: tuple[tuple[int, int], ...] = ()
+        """pairs of objects, a < b, that may pass through each other"""
+        self._authorised: AuthorisedPairs | None = None
         self.decisions: tuple[Decision, ...] = ()
         """the script's decisions for the next step"""
         self.boxes: dict[int, tuple[Groups, NDArray[np.float64]]] = {}
@@ -231,7 +235,7 @@ class State:
         for i, part in enumerate(scene.parts):
             self.collision.add(part.mesh, part.pose, movable=not part.fixed)
             part.enter(self, i)
-        for a, b in self.authorised:
+        for a, b in (*self.authorised, *self.ignored):
             self.collision.ignore(a, b)
         features, threads = threaded_features(scene)
         fixed = [i for i, part in enumerate(scene.parts) if part.fixed]
@@ -239,6 +243,7 @@ class State:
             features, self.tolerance, threads=threads, named=named_threads(scene), rules=[self._judge], fixed=fixed
         )
         self.motion = Motion(self.collision, self.mates, self.tolerance, drawn=self.poses)
+        self.motion.barrier = self._authorised_stop
         near = self._recognise_as_it_stands()
         found = self.misfits(near)
         self.motion.jammed = {(m.pair[0], m.pair[2]): -m.fit.gap for m in found}
@@ -286,10 +291,37 @@ class State:
         return self.names[a], self.names[b]
 
     def authorise(self, a: int, b: int) -> None:
-        """Exclude a pair of objects from collision."""
+        """Let a pair of objects overlap as drawn: it is no clash, and motions never deepen it."""
+        self.authorised = self._without_collision(self.authorised, a, b)
+
+    def ignore(self, a: int, b: int) -> None:
+        """Let a pair of objects pass through each other."""
+        self.ignored = self._without_collision(self.ignored, a, b)
+
+    def _without_collision(self, pairs: tuple[tuple[int, int], ...], a: int, b: int) -> tuple[tuple[int, int], ...]:
         if self.started:
             self.collision.ignore(a, b)
-        self.authorised = (*self.authorised, (a, b))
+        return tuple(dict.fromkeys((*pairs, (min(a, b), max(a, b)))))
+
+    @property
+    def passing(self) -> tuple[tuple[int, int], ...]:
+        """The pairs of objects that may pass through each other: those ignored, and authorised ones that forces move,
+        which know of no overlap as drawn."""
+        forced = () if self.dynamics is None else self.dynamics.bodies
+        return tuple(dict.fromkeys((*self.ignored, *(p for p in self.authorised if p[0] in forced or p[1] in forced))))
+
+    def _authorised_stop(
+        self, poses: Sequence[pin.SE3], target: Mapping[int, pin.SE3]
+    ) -> tuple[float, NDArray[Any]] | None:
+        """Where and by what the overlap of an authorised pair stops a motion, see `AuthorisedPairs.stop`."""
+        pairs = [pair for pair in self.authorised if pair not in self.ignored]
+        if not pairs:
+            return None
+        known = self._authorised
+        if known is None or known.drawn is not self.motion.drawn or known.threads != self.threads:
+            known = AuthorisedPairs(self.scene, self.motion.drawn, self.tolerance, self.threads)
+            self._authorised = known
+        return known.stop(pairs, poses, target)
 
     def behave(
         self, i: int, body: Body, behaviours: Sequence[Behaviour], material: Material | str | None = None
@@ -371,17 +403,17 @@ class State:
     def reset(self) -> None:
         """Return to the start of the session: initial poses and constraints, all at rest, no hands.
 
-        Masses, behaviours, threads and authorised pairs are kept.
+        Masses, behaviours, threads, authorised and ignored pairs are kept.
         """
         self.start()
-        authorised, threads = self.authorised, self.threads
+        authorised, ignored, threads = self.authorised, self.ignored, self.threads
         for hand in self.hands.values():
             hand.held, hand.surfaces, hand.carried, hand.stopped_by = None, (), (), ""
         self.undo(self._first)
         self.threads = threads
-        self.authorised = ()
-        for a, b in authorised:
-            self.authorise(a, b)
+        self.authorised, self.ignored = authorised, ignored
+        for a, b in (*authorised, *ignored):
+            self.collision.ignore(a, b)
         if self.dynamics is not None:
             self.dynamics.reset(self.in_force())
 
@@ -420,6 +452,7 @@ class State:
             "decided": self.decided,
             "decisions": list(self.decisions),
             "authorised": list(self.authorised),
+            "ignored": list(self.ignored),
             "threads": dict(self.threads),
             "hands": {
                 name: (h.pose, h.held, h.grip, h.surfaces, h.carried, h.stopped_by, float(h.clock))
@@ -462,9 +495,9 @@ class State:
             self.dynamics.restore(data["dynamics"], self.in_force())
             self.collision.set_poses(range(len(poses)), poses)  # dynamics stores poses of carried parts with rounding
         self.motion.sync()
-        for a, b in self.authorised:
+        for a, b in (*self.authorised, *self.ignored):
             self.collision.enable(a, b)
-        for a, b in data["authorised"]:
+        for a, b in (*data["authorised"], *data["ignored"]):
             self.collision.ignore(a, b)
         self.motion.regroup(Groups(dict(data["carried"])))
         self.motion.redraw(data["drawn"])
@@ -473,7 +506,8 @@ class State:
         self.joined, self.targets, self.untold = frozenset(data["joined"]), data["last_wanted"], tuple(data["untold"])
         self.last, self.renewed, self.gripped = data["last"], np.full(len(self.names), -1, np.int64), None
         self.remated, self.decided = frozenset(data["remated"]), data["decided"]
-        self.decisions, self.authorised = tuple(data["decisions"]), tuple(data["authorised"])
+        self.decisions = tuple(data["decisions"])
+        self.authorised, self.ignored = tuple(data["authorised"]), tuple(data["ignored"])
         self.threads = data["threads"]
         for name in [name for name in self.hands if name not in data["hands"]]:
             hand = self.hands.pop(name)
@@ -527,7 +561,7 @@ class State:
             self._require_parts(data[name])
         self._require_parts([*data["carried"], *(i for i, _ in data["carried"].values())])
         _require(all(i not in data["carried"] for i, _ in data["carried"].values()), "what is carried")
-        self._require_parts([i for pair in data["authorised"] for i in pair])
+        self._require_parts([i for name in ("authorised", "ignored") for pair in data[name] for i in pair])
         _require(bool((data["rows"]["distance"] >= 0.0).all()), "rows")
         _require(all(pitch != 0.0 for pitch in data["threads"].values()), "threads")
         for decision in data["decisions"]:
@@ -586,6 +620,7 @@ _DATA: dict[str, Any] = {
     "decided": bool,
     "decisions": list[Decision],
     "authorised": list[tuple[int, int]],
+    "ignored": list[tuple[int, int]],
     "threads": dict[int, float],
     "hands": dict[str, _HAND],
     "dynamics": dict[str, Any] | None,

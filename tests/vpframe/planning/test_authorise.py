@@ -107,3 +107,16 @@ def test_a_pair_that_is_authorised_is_among_what_the_clearance_is_of():
     assert found.verdict == "removable" and found.clearance.ignored == ()
     assert found.clearance.parts == (1, 0)
     assert found.clearance.distance == pytest.approx(0.002, rel=0.01)
+
+
+@pytest.mark.parametrize("interference", [5e-5, 1e-4, 2e-4])
+def test_an_authorised_seal_passes_the_end_of_its_shaft_whichever_of_the_two_moves(interference):
+    """Their ends lie over each other as they part, seen from behind: inside the other, not in front of it."""
+    seal = cylinder(0.007, 0.005) - cylinder(0.004 - interference, 0.005)
+    scene = scene_of({"shaft": cylinder(0.004, 0.03), "seal": (seal, cases.at(z=0.012))})
+    assembly, home = Assembly(scene, [("shaft", "seal")]), translation(np.zeros(3))
+    for start in (0.0, 0.017):
+        away = translation([0.0, 0.0, start]), translation([0.0, 0.0, 0.03])
+        assert assembly.first_stop([1], [0], *away) is None
+        assert assembly.first_stop([0], [1], *(d.inverse() for d in away)) is None
+    assert assembly.first_stop([0], [1], home, translation([1e-4, 0.0, 0.0])) is not None
