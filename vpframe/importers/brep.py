@@ -251,7 +251,7 @@ def _triangles(face: TopoDS_Face) -> tuple[Array, Any]:
     mesh = BRep_Tool.Triangulation_s(face, location)
     if mesh is None or mesh.NbTriangles() == 0:
         return np.empty((0, 3)), np.empty((0, 3), np.int64)
-    points = np.array([(p.X(), p.Y(), p.Z()) for p in map(mesh.Node, range(1, mesh.NbNodes() + 1))])
+    points = np.array([mesh.Node(i).Coord() for i in range(1, mesh.NbNodes() + 1)])
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64) - 1
     transformation = location.Transformation()
     if not location.IsIdentity():
@@ -316,12 +316,12 @@ def _samples(face: TopoDS_Face, surface: BRepAdaptor_Surface) -> Array:
     mesh = BRep_Tool.Triangulation_s(face, TopLoc_Location())
     if mesh is None or not mesh.HasUVNodes():
         return np.empty((0, 3))
-    uv = np.array([(p.X(), p.Y()) for p in map(mesh.UVNode, range(1, mesh.NbNodes() + 1))])
+    uv = np.array([mesh.UVNode(i).Coord() for i in range(1, mesh.NbNodes() + 1)])
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)]) - 1
     if len(corners) > 400:
         corners = corners[:: len(corners) // 200]
     middles = uv[corners].mean(axis=1)
-    return np.array([(p.X(), p.Y(), p.Z()) for p in (surface.Value(u, v) for u, v in middles)]) * MM
+    return np.array([surface.Value(u, v).Coord() for u, v in middles]) * MM
 
 
 def _outwards(
