@@ -128,6 +128,22 @@ def _read(request: dict[str, Any], channel: TextIO) -> None:
         crew.run(costs)
         return crew.lost
 
+    if request["format"] == "measure":
+        from vpframe.importers.archive import read
+        from vpframe.importers.brep import measure
+
+        shapes = read(request["path"]).shapes
+
+        def measured(number: int, first: bool, tell: object) -> RawShape:
+            """Measure a shape; after a crash, in the second attempt, give it up."""
+            if first:
+                measure(shapes[number])
+            else:
+                shapes[number].faces = []
+            return shapes[number]
+
+        hire(measured, [len(each.faces) for each in shapes], ["measuring"] * len(shapes))
+        return
     options = request["deflection"], request["angular"], request["bodies"], progress, hire
     if request["format"] == "mjcf":
         from vpframe.importers.mjcf import read_model

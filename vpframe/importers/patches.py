@@ -30,7 +30,7 @@ MOST_SPLITS = 4000
 """points added inside one face: a limit of work that does not depend on the machine"""
 TURN = 1.5
 """largest angle between the normals at the ends of an inner edge, in units of the angular deflection"""
-LEAST = 1e-3
+LEAST = 1e-2
 """deviation below which a turn of the normal is ignored, in units of the deflection"""
 
 
