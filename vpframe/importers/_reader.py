@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import importlib.util
 import json
 import os
@@ -32,6 +33,7 @@ def main() -> None:
     """Process the request in the arguments (JSON); report on the original standard output."""
     request = json.loads(sys.argv[1])
     _end_with_parent()
+    gc.disable()
     _limit_memory(request["memory"])
     channel = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

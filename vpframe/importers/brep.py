@@ -389,7 +389,7 @@ def measure(raw: RawShape) -> None:
         return
     solids = _solids(brep_shape(raw.brep))
     properties = GProp_GProps()
-    BRepGProp.VolumeProperties_s(compound_of(solids) if len(solids) > 1 else solids[0], properties)
+    BRepGProp.VolumeProperties_s(compound_of(solids) if len(solids) != 1 else solids[0], properties)
     volume, (low, high) = properties.Mass() * MM**3, raw.bounds
     if not low <= volume <= high:  # it may be nan
         wrong, right = (f"{each * 1e9:.6g} mm³" for each in (volume, 0.5 * (low + high)))

@@ -96,7 +96,7 @@ def shape(
     def mass() -> Mass:
         if raw.volume is None:
             (measured or partial(measure, [raw]))()
-            made.__dict__["notes"] = tuple(raw.notes)
+        made.__dict__["notes"] = tuple(raw.notes)
         assert raw.volume is not None
         return raw.volume, raw.center, raw.inertia
 

@@ -277,7 +277,7 @@ def measure(shapes: Sequence[RawShape]) -> None:
         request = {"format": "measure", "path": source, "out": folder, "folders": folders}
         done: list[int] = []
         begun = guarded.Outcome(_limits(sum(len(each.brep) for each in shapes), None))
-        guarded.run(request, folder, begun, ready=done.append)
+        guarded.run(request, folder, begun, None, done.append)
         for number in done:
             found, own = archive.read(os.path.join(folder, f"{number}.archive")).shapes[0], shapes[number]
             own.volume, own.center, own.inertia = found.volume, found.center, found.inertia
