@@ -1,8 +1,9 @@
 """The load suite: processor time of `vpframe.load` against that of OpenCascade's own read and mesh of the same file.
 
 Both run in processes of their own, whose start and imports count, at the same deflection and angle; ours without a
-cache, then with one. Cases are the STEP files below the folder VPFRAME_DATA (`--only` takes some), and assemblies that
-are generated: `--number instances=N` takes one of N instances. `error` is the number of open shapes.
+cache, then with one. Cases are the STEP files below the folder of `--corpus` alone; by default those below the folder
+VPFRAME_DATA, and assemblies that are generated (`--number instances=N` takes one of N instances). `--only` takes some.
+`error` is the number of open shapes, `memory` the peak of the largest of our processes.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import pinocchio as pin
 
 from vpframe.app.bench import chosen
 from vpframe.app.progress import report
+from vpframe.errors import VpframeError
 from vpframe.scene import modelling as m
 
 GENERATED = (100, 500, 2000)
@@ -58,11 +60,15 @@ for i in range(1, labels.Length() + 1):
 print(json.dumps({"solids": solids, "alone": time.process_time() - began}))
 """
 OURS = """
-import json, sys
+import json, resource, sys
+with open("/proc/self/clear_refs", "w") as peak:
+    peak.write("5")  # forgets the peak that Linux hands down from the parent
 import vpframe as vp
 scene = vp.load(sys.argv[1], deflection=float(sys.argv[2]), angular=float(sys.argv[3]))
 shapes = {id(part.shape): part.shape for part in scene.parts}.values()
 print(json.dumps({"parts": len(scene), "open": sum(not shape.closed for shape in shapes),
+    "memory": 1024 * max(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss,
+        *(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM"))),
     "faces": sum(shape.mesh.n_surfaces for shape in shapes), "lost": sum("lost" in n for n in scene.all_notes())}))
 """
 
@@ -81,21 +87,23 @@ def assembly(count: int, folder: Path) -> Path:
     return m.write_step(folder / f"assembly_{count}.step", parts)
 
 
-def cases(counts: Sequence[int]) -> dict[str, Callable[[Path], Path]]:
+def cases(counts: Sequence[int], corpus: Path | None = None) -> dict[str, Callable[[Path], Path]]:
     """Return a function that gives the file of each case in a temporary folder."""
     found: dict[str, Callable[[Path], Path]] = {}
-    root = os.environ.get("VPFRAME_DATA")
+    root = corpus or os.environ.get("VPFRAME_DATA")
     files = sorted(Path(root).rglob("*")) if root else []
     for file in files:
         if file.suffix.lower() in (".step", ".stp"):
             found[str(file.relative_to(root or ""))] = lambda folder, file=file: file  # type: ignore[misc]
-    for count in counts:
+    if corpus is not None and not found:
+        raise VpframeError(f"--corpus {corpus}: holds no STEP file")
+    for count in () if corpus is not None else counts:
         found[f"generated, {count} instances"] = lambda folder, count=count: assembly(count, folder)  # type: ignore[misc]
     return found
 
 
-def measure(script: str, file: Path, cache: str) -> tuple[dict[str, Any], float, int]:
-    """Run a script on a file; return what it prints, the processor time, s, and its largest process, bytes."""
+def measure(script: str, file: Path, cache: str) -> tuple[dict[str, Any], float]:
+    """Run a script on a file; return what it prints, and the processor time, s."""
     command = [sys.executable, "-c", script, str(file), str(DEFLECTION), str(ANGULAR)]
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as wrong:
         process = subprocess.Popen(command, stdout=out, stderr=wrong, env={**os.environ, "VPFRAME_CACHE": cache})
@@ -105,25 +113,27 @@ def measure(script: str, file: Path, cache: str) -> tuple[dict[str, Any], float,
         wrong.seek(0)
         if process.returncode:
             raise RuntimeError(f"{file.name}: {wrong.read().strip().splitlines()[-1]}")
-        return json.loads(out.read()), usage.ru_utime + usage.ru_stime, 1024 * usage.ru_maxrss
+        return json.loads(out.read()), usage.ru_utime + usage.ru_stime
 
 
-def run(quick: bool = False, only: Sequence[str] = (), instances: int | None = None) -> dict[str, Any]:
+def run(
+    quick: bool = False, only: Sequence[str] = (), instances: int | None = None, corpus: Path | None = None
+) -> dict[str, Any]:
     """A row a file and method; the ratios of processor time."""
     rows, ratios = [], {}
     counts = (instances,) if instances else GENERATED[: 1 if quick else None]
     with tempfile.TemporaryDirectory(prefix="vpframe-bench-") as folder:
-        for name, make in chosen(cases(counts), only).items():
+        for name, make in chosen(cases(counts, corpus), only).items():
             report(None, name)
             file, cache = make(Path(folder)), os.path.join(folder, "cache")
-            found, kernel, _ = measure(KERNEL, file, "")
-            loaded, first, memory = measure(OURS, file, cache)
-            _, second, _ = measure(OURS, file, cache)
+            found, kernel = measure(KERNEL, file, "")
+            loaded, first = measure(OURS, file, cache)
+            _, second = measure(OURS, file, cache)
             size = file.stat().st_size / 1e6
             each = {"case": name, "unit": "open shapes", "size": size, **found, **loaded}
             for method, seconds in (("OpenCascade", kernel), ("first load", first), ("second load", second)):
                 error = loaded["open"] if method != "OpenCascade" else None
-                rows.append({**each, "method": method, "seconds": seconds, "error": error, "n": 1, "memory": memory})
+                rows.append({**each, "method": method, "seconds": seconds, "error": error, "n": 1})
             ratios[f"{name}: first load x OpenCascade"] = first / kernel
     return {"suite": "load", "machine": platform.platform(), "rows": rows, "ratios": ratios}
 

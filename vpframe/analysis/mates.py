@@ -65,7 +65,7 @@ def groups(scene: Scene, constraints: Iterable[Constraint]) -> tuple[Group, ...]
         if fixed:
             out.append(Group(parts, fixed, "fixed"))
         elif len(parts) > 1:
-            largest = max(parts, key=lambda i: (scene.parts[i].shape.volume, -i))
+            largest = max(parts, key=lambda i: (scene.parts[i].shape.enclosed, -i))
             out.append(Group(parts, (largest,), "the largest of them by volume"))
         else:
             out.append(Group(parts, (), "joined to nothing"))

@@ -79,4 +79,4 @@ def base_parts(scene: Scene) -> tuple[int, ...]:
     fixed = tuple(i for i, part in enumerate(scene.parts) if part.fixed)
     if fixed or not scene.parts:
         return fixed
-    return (max(range(len(scene)), key=lambda i: (scene.parts[i].shape.volume, -i)),)
+    return (max(range(len(scene)), key=lambda i: (scene.parts[i].shape.enclosed, -i)),)

@@ -42,15 +42,26 @@ def chosen(cases: Mapping[str, T], only: Sequence[str]) -> dict[str, T]:
     return {name: case for name, case in cases.items() if not only or any(text in name for text in only)}
 
 
-def options(suite: str, module: ModuleType, only: Sequence[str], numbers: Sequence[str]) -> dict[str, Any]:
-    """Return the arguments of a suite's `run` for `--only TEXT` and `--number WHAT=N`; VpframeError if unsupported."""
+def options(
+    suite: str, module: ModuleType, only: Sequence[str], numbers: Sequence[str], corpus: str | None = None
+) -> dict[str, Any]:
+    """Return the arguments of a suite's `run` for `--only TEXT`, `--number WHAT=N` and `--corpus DIR`.
+
+    Raises VpframeError for what the suite does not support, and for a folder that does not exist.
+    """
     known = [name for name in inspect.signature(module.run).parameters if name != "quick"]
     out: dict[str, Any] = {}
     if only:
         if "only" not in known:
             raise VpframeError(f"--only {only[0]}: suite {suite} is run as a whole; leave it out")
         out["only"] = tuple(only)
-    counted = [name for name in known if name != "only"]
+    if corpus is not None:
+        if "corpus" not in known:
+            raise VpframeError(f"--corpus {corpus}: suite {suite} reads no files; leave it out")
+        if not Path(corpus).is_dir():
+            raise VpframeError(f"--corpus {corpus}: there is no such folder")
+        out["corpus"] = Path(corpus)
+    counted = [name for name in known if name not in ("only", "corpus")]
     for text in numbers:
         what, _, count = text.partition("=")
         if what not in counted:

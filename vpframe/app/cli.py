@@ -262,6 +262,7 @@ def _parser() -> argparse.ArgumentParser:
         "--only", metavar="TEXT", action="append", default=[],
         help="cases whose names contain it (load, planning, service); may be given again",
     )  # fmt: skip
+    sub.add_argument("--corpus", metavar="DIR", help="files of a folder instead of the suite's own (load: STEP files)")
     sub.add_argument(
         "--number", metavar="WHAT=N", action="append", default=[],
         help="so many of what a suite counts (load: instances; planning: orientations, segments, sets; study: "
@@ -596,14 +597,14 @@ def _bench(arguments: argparse.Namespace) -> int:
 
     if arguments.all and arguments.suite:
         raise UsageError(f"--all is every suite; leave out {arguments.suite}")
-    if (arguments.only or arguments.number) and not arguments.suite:
-        raise UsageError("--only and --number choose within one suite; name it")
+    if (arguments.only or arguments.number or arguments.corpus) and not arguments.suite:
+        raise UsageError("--only, --number and --corpus choose within one suite; name it")
     with _document(arguments.json) as emit, _claimed(arguments, "html", PAGE, []) as page:
         results: dict[str, bench_page.Result] = {}
         for suite in [arguments.suite] if arguments.suite else SUITES:
             try:
                 module = bench.suite(suite)
-                options = bench.options(suite, module, arguments.only, arguments.number)
+                options = bench.options(suite, module, arguments.only, arguments.number, arguments.corpus)
                 began = time.monotonic()
                 with Progress(f"benchmark {suite}"):
                     found = module.run(quick=arguments.quick, **options)

@@ -121,7 +121,7 @@ def _named(scene: Scene, name: str) -> Part:
 
 def _found(scene: Scene, progress: Progress, wanted: Sequence[Part], budget: float) -> tuple[Part, Way, str]:
     """Return a part and a way to remove it, with the reason why that fails, empty if it succeeds."""
-    parts = sorted((p for p in wanted if not p.fixed), key=lambda p: (p.shape.volume or np.inf, p.name))
+    parts = sorted((p for p in wanted if not p.fixed), key=lambda p: (p.shape.enclosed or np.inf, p.name))
     if not parts:
         raise VpframeError("all parts are fixed: there is none to take in hand")
     first: tuple[Part, Way, str] | None = None

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import importlib.util
 import json
 import os
@@ -32,6 +33,7 @@ def main() -> None:
     """Process the request in the arguments (JSON); report on the original standard output."""
     request = json.loads(sys.argv[1])
     _end_with_parent()
+    gc.disable()
     _limit_memory(request["memory"])
     channel = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
@@ -128,6 +130,22 @@ def _read(request: dict[str, Any], channel: TextIO) -> None:
         crew.run(costs)
         return crew.lost
 
+    if request["format"] == "measure":
+        from vpframe.importers.archive import read
+        from vpframe.importers.brep import measure
+
+        shapes = read(request["path"]).shapes
+
+        def measured(number: int, first: bool, tell: object) -> RawShape:
+            """Measure a shape; after a crash, in the second attempt, give it up."""
+            if first:
+                measure(shapes[number])
+            else:
+                shapes[number].faces = []
+            return shapes[number]
+
+        hire(measured, [len(each.faces) for each in shapes], ["measuring"] * len(shapes))
+        return
     options = request["deflection"], request["angular"], request["bodies"], progress, hire
     if request["format"] == "mjcf":
         from vpframe.importers.mjcf import read_model

@@ -51,6 +51,7 @@ def write(raw: RawScene, path: str | Path) -> None:
             "settled": shape.settled,
             "brep": np.frombuffer(shape.brep, np.uint8),
             "segmented": shape.segmented,
+            "bounds": shape.bounds,
         }
         for shape in raw.shapes
     ]
@@ -113,7 +114,7 @@ def _shape(content: Any) -> RawShape:
         )
     ]
     content["brep"] = content["brep"].tobytes()
-    whole = ("volume", "center", "inertia", "notes", "settled", "brep", "segmented")
+    whole = ("volume", "center", "inertia", "notes", "settled", "brep", "segmented", "bounds")
     arrays = (content["vertices"], content["triangles"], content["face_of_triangle"])
     return RawShape(*arrays, faces, *(content[name] for name in whole))
 

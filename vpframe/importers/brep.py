@@ -73,7 +73,7 @@ def tessellate(
     tell: Callable[[float], None] = lambda fraction: None,
     mesher: bool = True,
 ) -> RawShape:
-    """Mesh `shape` (a solid, shell or face) and read its faces and mass properties.
+    """Mesh `shape` (a solid, shell or face) and read its faces; `measure` computes its mass properties.
 
     deflection: maximum distance between a triangle and its surface, m. angular: maximum angle between neighbouring
     segments of a curve, rad. Faces that the kernel leaves without triangles are triangulated between the polygons of
@@ -113,7 +113,7 @@ def tessellate(
     numbers = [number for number, (_, corners) in pieces.items() if len(corners)]
     shape, inside = _outwards(shape, faces, numbers, raw)
     raw.brep = brep_bytes(shape)
-    _measure(shape, raw, raw.triangles[inside], deflection)
+    _bounds(shape, raw, raw.triangles[inside], deflection)
     return raw
 
 
@@ -251,7 +251,7 @@ def _triangles(face: TopoDS_Face) -> tuple[Array, Any]:
     mesh = BRep_Tool.Triangulation_s(face, location)
     if mesh is None or mesh.NbTriangles() == 0:
         return np.empty((0, 3)), np.empty((0, 3), np.int64)
-    points = np.array([(p.X(), p.Y(), p.Z()) for p in map(mesh.Node, range(1, mesh.NbNodes() + 1))])
+    points = np.array([mesh.Node(i).Coord() for i in range(1, mesh.NbNodes() + 1)])
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64) - 1
     transformation = location.Transformation()
     if not location.IsIdentity():
@@ -316,12 +316,12 @@ def _samples(face: TopoDS_Face, surface: BRepAdaptor_Surface) -> Array:
     mesh = BRep_Tool.Triangulation_s(face, TopLoc_Location())
     if mesh is None or not mesh.HasUVNodes():
         return np.empty((0, 3))
-    uv = np.array([(p.X(), p.Y()) for p in map(mesh.UVNode, range(1, mesh.NbNodes() + 1))])
+    uv = np.array([mesh.UVNode(i).Coord() for i in range(1, mesh.NbNodes() + 1)])
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)]) - 1
     if len(corners) > 400:
         corners = corners[:: len(corners) // 200]
     middles = uv[corners].mean(axis=1)
-    return np.array([(p.X(), p.Y(), p.Z()) for p in (surface.Value(u, v) for u, v in middles)]) * MM
+    return np.array([surface.Value(u, v).Coord() for u, v in middles]) * MM
 
 
 def _outwards(
@@ -367,21 +367,35 @@ def _solids(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
     return [solids.FindKey(i) for i in range(1, solids.Extent() + 1)]
 
 
-def _measure(shape: TopoDS_Shape, raw: RawShape, triangles: NDArray[np.int32], deflection: float) -> None:
-    """Compute volume, centre and inertia of the exact solids, which have `triangles`; not of open and damaged ones."""
-    solids = _solids(shape)
-    if not solids or len(open_edges(triangles)):
+def _bounds(shape: TopoDS_Shape, raw: RawShape, triangles: NDArray[np.int32], deflection: float) -> None:
+    """Set `bounds` of the volume of the solids in `shape`, which have `triangles`; none for open ones."""
+    if len(triangles) and not len(open_edges(triangles)):
+        meshed = signed_volume(raw.vertices, triangles)
+        area = float(np.linalg.norm(triangle_area_vectors(raw.vertices, triangles), axis=1).sum())
+        slack = 0.05 * meshed + area * deflection
+        raw.bounds = meshed - slack, meshed + slack
+
+
+def measured(shape: TopoDS_Shape, deflection: float, angular: float) -> RawShape:
+    """Mesh and measure a shape in this process."""
+    raw = tessellate(shape, deflection, angular)
+    measure(raw)
+    return raw
+
+
+def measure(raw: RawShape) -> None:
+    """Set volume, centre and inertia to those of the exact solids; a note, and None, where these are not plausible."""
+    if raw.bounds is None:
         return
+    solids = _solids(brep_shape(raw.brep))
     properties = GProp_GProps()
-    BRepGProp.VolumeProperties_s(compound_of(solids) if len(solids) > 1 else solids[0], properties)
-    volume, meshed = properties.Mass() * MM**3, signed_volume(raw.vertices, triangles)
-    area = float(np.linalg.norm(triangle_area_vectors(raw.vertices, triangles), axis=1).sum())
-    if not abs(volume - meshed) <= 0.05 * meshed + area * deflection:  # it may be nan
-        wrong, right = (f"{each * 1e9:.6g} mm³" for each in (volume, meshed))
+    BRepGProp.VolumeProperties_s(compound_of(solids) if len(solids) != 1 else solids[0], properties)
+    volume, (low, high) = properties.Mass() * MM**3, raw.bounds
+    if not low <= volume <= high:  # it may be nan
+        wrong, right = (f"{each * 1e9:.6g} mm³" for each in (volume, 0.5 * (low + high)))
         raw.notes.append(f"its exact volume, {wrong}, is not that of its triangles, {right}, which is taken")
-        return
-    if volume > 0.0:
+    elif volume > 0.0:
         inertia = properties.MatrixOfInertia()
         raw.volume = volume
-        raw.center = np.array(_xyz(properties.CentreOfMass())) * MM
+        raw.center = np.array(properties.CentreOfMass().Coord()) * MM
         raw.inertia = MM**5 * np.array([[inertia.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
@@ -16,9 +16,9 @@ from constraints.errors import GeometryError
 from constraints.geometry.surfaces import Cone, Cylinder, Freeform, Geometry, Plane, Sphere, Torus
 from constraints.recognition.fits import allowed, fit_surface
 from vpframe.importers import cache
-from vpframe.importers.polyhedron import mass_properties, open_edges, triangle_area_vectors, without_flat
+from vpframe.importers.polyhedron import mass_properties, open_edges, signed_volume, triangle_area_vectors, without_flat
 from vpframe.importers.raw import RawFace, RawPart, RawScene, RawShape
-from vpframe.scene.scene import Part, Scene, Shape, Size, Surface
+from vpframe.scene.scene import Mass, Part, Scene, Shape, Size, Surface
 
 Array = NDArray[np.float64]
 
@@ -39,11 +39,15 @@ def scene(
         if sum(fit_faces(s) for s in raw.shapes if s.segmented):
             keep(raw)
 
+    def measured() -> None:
+        measure(raw.shapes)
+        keep(raw)
+
     shapes, done, total = [], 0, max(sum(len(s.faces) for s in raw.shapes), 1)
     for s, name in zip(raw.shapes, _shape_names(raw), strict=True):
         if progress is not None:
             progress(done / total, f"surfaces of {name}")
-        shapes.append(shape(s, name, fit))
+        shapes.append(shape(s, name, fit, measured))
         done += len(s.faces)
     made = Scene((_part(p, shapes[p.shape]) for p in raw.parts), source=source, notes=raw.notes)
     if raw.links:
@@ -73,14 +77,33 @@ def tessellated(occ: Any, deflection: float, angular: float, name: str) -> Shape
     """Return the shape of an OpenCascade shape; `deflection` (m) and `angular` (rad) as in `vpframe.load`."""
     from vpframe.importers import brep  # slow to import
 
-    return shape(brep.tessellate(occ, deflection, angular), name)
+    return shape(brep.measured(occ, deflection, angular), name)
 
 
-def shape(raw: RawShape, name: str = "shape", fit: Callable[[], object] | None = None) -> Shape:
-    """Return the shape of raw arrays, without triangles of zero area; `fit` gives types to its faces (`fit_faces`)."""
+def shape(
+    raw: RawShape,
+    name: str = "shape",
+    fit: Callable[[], object] | None = None,
+    measured: Callable[[], object] | None = None,
+) -> Shape:
+    """Return the shape of raw arrays, without triangles of zero area.
+
+    fit: gives types to its faces when they are first needed (default `fit_faces`). measured: computes its mass
+    properties likewise (default `measure`).
+    """
     raw = settled(raw)
+
+    def mass() -> Mass:
+        if raw.volume is None:
+            (measured or partial(measure, [raw]))()
+        made.__dict__["notes"] = tuple(raw.notes)
+        assert raw.volume is not None
+        return raw.volume, raw.center, raw.inertia
+
+    enclosed = signed_volume(raw.vertices, raw.triangles)
     if not raw.segmented:
-        return _BareShape.of(raw, name)
+        made: Shape = _BareShape.of(raw, name, mass, enclosed)
+        return made
     mesh = SurfaceMesh(raw.vertices, raw.triangles, raw.face_of_triangle, name)
 
     def surfaces() -> tuple[Surface, ...]:
@@ -90,9 +113,22 @@ def shape(raw: RawShape, name: str = "shape", fit: Callable[[], object] | None =
         return tuple(_surface(i, face, mesh, vectors[own[i]], own[i]) for i, face in enumerate(raw.faces))
 
     closed = not len(open_edges(raw.triangles))
-    assert raw.volume is not None
-    measured = (raw.volume, raw.center, raw.inertia)
-    return Shape(mesh, surfaces, None, *measured, closed, tuple(raw.notes), raw.brep)
+    made = Shape(mesh, surfaces, None, mass, enclosed, closed, tuple(raw.notes), raw.brep)
+    return made
+
+
+def measure(shapes: Sequence[RawShape]) -> None:
+    """Compute the mass properties of shapes that have none: of their exact solids in the CAD kernel's process, where
+    they have such, else of their triangles.
+    """
+    waiting = [each for each in shapes if each.volume is None]
+    if exact := [each for each in waiting if each.bounds is not None]:
+        from vpframe.importers import cad
+
+        cad.measure(exact)
+    for each in waiting:
+        if each.volume is None:
+            each.volume, each.center, each.inertia = mass_properties(each.vertices, each.triangles)
 
 
 def fit_faces(raw: RawShape) -> bool:
@@ -115,11 +151,11 @@ class _BareShape(Shape):
     """Shape of a bare mesh. Its surfaces are found when `mesh`, `surfaces` or `features` is first needed."""
 
     @classmethod
-    def of(cls, raw: RawShape, name: str) -> _BareShape:
-        """Return the shape of a settled mesh that is not segmented."""
+    def of(cls, raw: RawShape, name: str, mass: Callable[[], Mass], enclosed: float) -> _BareShape:
+        """Return the shape of a settled mesh that is not segmented; `mass` computes its mass properties."""
         made = object.__new__(cls)
         closed = not len(open_edges(raw.triangles))
-        measured = {"volume": raw.volume, "center": raw.center, "inertia": raw.inertia, "closed": closed}
+        measured = {"_measure": mass, "enclosed": enclosed, "closed": closed}
         kept = {"notes": tuple(raw.notes), "brep": raw.brep, "_raw": raw, "_name": name}
         made.__setstate__(measured | kept)
         return made
@@ -159,7 +195,7 @@ def _surfaced(raw: RawShape) -> RawShape:
 
 @np.errstate(over="ignore", invalid="ignore")  # coordinates out of range are refused later, with one line
 def settled(raw: RawShape) -> RawShape:
-    """Drop faces without triangles and compute mass properties.
+    """Drop faces without triangles, and note open edges.
 
     A settled shape is returned as it is. A shape whose triangles all have zero area has no faces.
     """
@@ -176,13 +212,8 @@ def settled(raw: RawShape) -> RawShape:
             f"open: at {len(border)} edges, the first near ({x:.6g}, {y:.6g}, {z:.6g}) mm, a face is missing or wound "
             "the wrong way; its volume, and what is inside it, are estimates"
         )
-    volume, center, inertia = raw.volume, raw.center, raw.inertia
-    if volume is None:
-        volume, center, inertia = mass_properties(raw.vertices, triangles)
-    measured = (volume, center, inertia)
     faces = [raw.faces[k] for k in kept]
-    kept_as = {"settled": True, "brep": raw.brep, "segmented": raw.segmented}
-    return RawShape(raw.vertices, triangles, owners, faces, *measured, notes, **kept_as)  # type: ignore[arg-type]
+    return replace(raw, triangles=triangles, face_of_triangle=owners, faces=faces, notes=notes, settled=True)
 
 
 def _drop_flat(raw: RawShape, notes: list[str]) -> tuple[NDArray[np.int32], NDArray[np.int32], list[int]]:

@@ -261,3 +261,26 @@ def in_kernel(request: dict[str, Any], folder: str, limit: float, size: int) -> 
     whole = {**request, "folders": guarded.package_folders(Path(folder), PACKAGES)}
     outcome = guarded.run(whole, folder, guarded.Outcome(_limits(size, limit)))
     return "" if outcome.done else outcome.error or outcome.how_it_ended()
+
+
+def measure(shapes: Sequence[RawShape]) -> None:
+    """Set volume, centre and inertia of shapes to those of the exact solids in `brep`.
+
+    A shape without plausible ones, or on which the kernel fails, keeps None and has a note.
+    """
+    with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
+        source = os.path.join(folder, "breps.archive")
+        empty = np.empty((0, 3)), np.empty((0, 3), np.int32), np.empty(0, np.int32)
+        breps = [RawShape(*empty, each.faces, brep=each.brep, bounds=each.bounds) for each in shapes]
+        archive.write(RawScene(breps), source)
+        folders = guarded.package_folders(Path(folder), PACKAGES)
+        request = {"format": "measure", "path": source, "out": folder, "folders": folders}
+        done: list[int] = []
+        begun = guarded.Outcome(_limits(sum(len(each.brep) for each in shapes), None))
+        guarded.run(request, folder, begun, None, done.append)
+        for number in done:
+            found, own = archive.read(os.path.join(folder, f"{number}.archive")).shapes[0], shapes[number]
+            own.volume, own.center, own.inertia = found.volume, found.center, found.inertia
+            own.notes.extend(found.notes)
+        for number in set(range(len(shapes))).difference(done):
+            shapes[number].notes.append("its exact volume cannot be computed: that of its triangles is taken")

@@ -26,7 +26,9 @@ CROWDED = 0.4
 """fraction of the memory above which a crash counts as lack of memory, since growing arrays are copied to twice
 their size"""
 SAMPLING = 0.02
-"""s between two samples of the process's time and memory"""
+"""s between two samples of the time and memory of a process that uses more than half its memory"""
+SELDOM = 0.1
+"""s between two samples of other processes"""
 _THRIFTY = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "8"}
 """keeps idle threads on machines with many cores from taking memory"""
 _BUSY = 10.0
@@ -183,8 +185,6 @@ class _Usage(NamedTuple):
     """of processor time"""
     memory: int
     """resident bytes"""
-    sleeps: bool
-    """whether no thread is running or ready to run"""
 
 
 def _watch(process: subprocess.Popen[str], outcome: Outcome, over: threading.Event) -> None:
@@ -202,8 +202,8 @@ def _watch(process: subprocess.Popen[str], outcome: Outcome, over: threading.Eve
         if usage is None:
             used = (now - began) / _BUSY
         else:
-            if usage.sleeps and usage.seconds <= before and not ended:
-                slept += min(now - last, 5.0 * SAMPLING)  # longer: this process was suspended
+            if usage.seconds <= before and not ended and _sleeps(process.pid):
+                slept += min(now - last, SELDOM)  # longer: this process was suspended
             before, used = max(before, usage.seconds), usage.seconds + slept
             outcome.peak = max(outcome.peak, usage.memory)
             outcome.memory |= usage.memory > outcome.limits.memory
@@ -212,20 +212,28 @@ def _watch(process: subprocess.Popen[str], outcome: Outcome, over: threading.Eve
         if outcome.late or outcome.memory:
             process.kill()
             return
-        over.wait(SAMPLING)
+        over.wait(SAMPLING if usage is None or usage.memory > 0.5 * outcome.limits.memory else SELDOM)
 
 
 def _usage(pid: int) -> _Usage | None:
     """Return what a process and its descendants use; None where the system does not report it."""
-    seconds, memory, sleeps = 0.0, 0, True
+    seconds, memory = 0.0, 0
     for member in _family(pid):
         with contextlib.suppress(OSError, IndexError):  # it has ended
             fields = _stat(f"/proc/{member}/stat")
             seconds += sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")  # its own, and of ended children
             memory += int(fields[21]) * os.sysconf("SC_PAGE_SIZE")
-            tasks = os.listdir(f"/proc/{member}/task")
-            sleeps = sleeps and all(_stat(f"/proc/{member}/task/{task}/stat")[0] in "SZ" for task in tasks)
-    return _Usage(seconds, memory, sleeps) if os.path.exists("/proc/self/stat") else None
+    return _Usage(seconds, memory) if os.path.exists("/proc/self/stat") else None
+
+
+def _sleeps(pid: int) -> bool:
+    """Whether no thread of a process and its descendants is running or ready to run."""
+    for member in _family(pid):
+        with contextlib.suppress(OSError, IndexError):  # it has ended
+            for task in os.listdir(f"/proc/{member}/task"):
+                if _stat(f"/proc/{member}/task/{task}/stat")[0] not in "SZ":
+                    return False
+    return True
 
 
 def _stat(path: str) -> list[str]:

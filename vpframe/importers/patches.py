@@ -6,6 +6,7 @@ This replaces the kernel's mesher where that returns nothing or does not end. Le
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -29,7 +30,7 @@ MOST_SPLITS = 4000
 """points added inside one face: a limit of work that does not depend on the machine"""
 TURN = 1.5
 """largest angle between the normals at the ends of an inner edge, in units of the angular deflection"""
-LEAST = 1e-3
+LEAST = 1e-2
 """deviation below which a turn of the normal is ignored, in units of the deflection"""
 
 
@@ -75,7 +76,7 @@ def _loops(
         pieces = []
         while explorer.More():
             uv, points = _along(explorer.Current(), face, border, angular)
-            reached = np.array([(p.X(), p.Y(), p.Z()) for p in (surface.Value(u, v) for u, v in uv.tolist())])
+            reached = np.array([surface.Value(u, v).Coord() for u, v in uv.tolist()])
             if (np.linalg.norm(reached - points, axis=1) > deflection).any():
                 nearest = ShapeAnalysis_Surface(BRep_Tool.Surface_s(face))
                 found = [nearest.ValueOfUV(gp_Pnt(*point), deflection) for point in points.tolist()]
@@ -95,10 +96,10 @@ def _along(edge: TopoDS_Edge, face: TopoDS_Face, border: Border, angular: float)
         first, last = curve.FirstParameter(), curve.LastParameter()
         at = np.linspace(first, last, 2 + int(2.0 * np.pi / angular))
         pole = BRep_Tool.Pnt_s(TopExp.FirstVertex_s(edge))
-        points = np.repeat([[pole.X(), pole.Y(), pole.Z()]], len(at), axis=0)
+        points = np.repeat([pole.Coord()], len(at), axis=0)
     else:
         at, points = border(edge)
-    uv = np.array([(p.X(), p.Y()) for p in map(curve.Value, at.tolist())])
+    uv = np.array([curve.Value(t).Coord() for t in at.tolist()])
     return (uv[::-1], points[::-1]) if edge.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else (uv, points)
 
 
@@ -119,11 +120,12 @@ def _area(polygon: Array) -> float:
 
 def _distance(p: Any, a: Any, b: Any) -> float:
     """Distance of a point from a segment: parameters need not run evenly along it."""
-    along = [y - x for x, y in zip(a, b, strict=True)]
-    to = [y - x for x, y in zip(a, p, strict=True)]
-    square = sum(x * x for x in along)
-    t = min(max(sum(x * y for x, y in zip(along, to, strict=True)) / square, 0.0), 1.0) if square else 0.0
-    return sum((y - t * x) ** 2 for x, y in zip(along, to, strict=True)) ** 0.5
+    ax, ay, az = a
+    dx, dy, dz = b[0] - ax, b[1] - ay, b[2] - az
+    px, py, pz = p[0] - ax, p[1] - ay, p[2] - az
+    square = dx * dx + dy * dy + dz * dz
+    t = min(max((dx * px + dy * py + dz * pz) / square, 0.0), 1.0) if square else 0.0
+    return math.hypot(px - t * dx, py - t * dy, pz - t * dz)
 
 
 class _Refined:
@@ -136,6 +138,7 @@ class _Refined:
         self._scale = (float(scale[0]), float(scale[1]))
         self._uv: list[tuple[float, float]] = [(u, v) for uv, _ in loops for u, v in uv.tolist()]
         self._points: list[Any] = [p for _, points in loops for p in points.tolist()]
+        self._flat: list[tuple[float, float]] = [(u * self._scale[0], v * self._scale[1]) for u, v in self._uv]
         self._normals: dict[int, Any] = {}
         self._apex: dict[tuple[int, int], int] = {}
         """the third corner of the triangle on the left of each directed edge"""
@@ -171,9 +174,6 @@ class _Refined:
     def _drop(self, a: int, b: int, c: int) -> None:
         del self._apex[a, b], self._apex[b, c], self._apex[c, a]
 
-    def _flat(self, i: int) -> tuple[float, float]:
-        return self._uv[i][0] * self._scale[0], self._uv[i][1] * self._scale[1]
-
     def _flip(self, edges: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Flip edges until all are locally Delaunay; returns those that were looked at and remain."""
         seen: dict[tuple[int, int], None] = {}
@@ -197,7 +197,8 @@ class _Refined:
 
     def _is_better(self, a: int, b: int, c: int, d: int) -> bool:
         """Whether edge c-d is to replace edge a-b: the angles at c and d sum to more than a half turn."""
-        (ax, ay), (bx, by), (cx, cy), (dx, dy) = (self._flat(i) for i in (a, b, c, d))
+        flat = self._flat
+        (ax, ay), (bx, by), (cx, cy), (dx, dy) = flat[a], flat[b], flat[c], flat[d]
         left, right = (dx - ax) * (cy - ay) - (dy - ay) * (cx - ax), (bx - dx) * (cy - dy) - (by - dy) * (cx - dx)
         if left <= 0.0 or right <= 0.0:
             return False
@@ -211,7 +212,7 @@ class _Refined:
         (ua, va), (ub, vb) = self._uv[a], self._uv[b]
         u, v = 0.5 * (ua + ub), 0.5 * (va + vb)
         p = self._surface.Value(u, v)
-        return u, v, (p.X(), p.Y(), p.Z())
+        return u, v, p.Coord()
 
     def _excess(self, a: int, b: int, deflection: float, angular: float) -> float:
         """Deviation of an edge, or turn of the normal along it, in units of what is allowed."""
@@ -242,6 +243,7 @@ class _Refined:
         m = len(self._uv)
         u, v, point = self._middle(a, b)
         self._uv.append((u, v))
+        self._flat.append((u * self._scale[0], v * self._scale[1]))
         self._points.append(point)
         self._drop(a, b, c)
         self._drop(b, a, d)

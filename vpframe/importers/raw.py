@@ -53,7 +53,7 @@ class RawShape:
     face_of_triangle: NDArray[np.int32]
     faces: list[RawFace]
     volume: float | None = None
-    """m³; None: computed from the mesh"""
+    """m³; None while it is not measured, as centre and inertia (`build.measure`)"""
     center: Array = field(default_factory=lambda: np.zeros(3))
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
     notes: list[str] = field(default_factory=list)
@@ -63,6 +63,8 @@ class RawShape:
     """exact B-rep in OpenCascade's binary format, mm, without triangles; empty for a mesh"""
     segmented: bool = True
     """False for a bare mesh whose surfaces have not been found: it has one face"""
+    bounds: tuple[float, float] | None = None
+    """m³ between which the volume of the exact solids must lie; None where they have none (sheets, open solids)"""
 
 
 @dataclass

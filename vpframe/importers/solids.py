@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from vpframe.errors import LoadError
-from vpframe.importers.brep import tessellate
+from vpframe.importers.brep import measured
 from vpframe.importers.raw import Array, RawPart, RawScene, RawShape
 
 LIGHT = 1e-9
@@ -26,7 +26,7 @@ def box(sizes: Array, deflection: float, angular: float) -> RawShape:
 
     _checked("box", sizes)
     x, y, z = map(float, sizes)
-    return tessellate(m.box(x, y, z).translated(-x / 2, -y / 2, -z / 2).occ, deflection, angular)
+    return measured(m.box(x, y, z).translated(-x / 2, -y / 2, -z / 2).occ, deflection, angular)
 
 
 def cylinder(sizes: Array, deflection: float, angular: float) -> RawShape:
@@ -35,7 +35,7 @@ def cylinder(sizes: Array, deflection: float, angular: float) -> RawShape:
 
     _checked("cylinder", sizes)
     radius, length = map(float, sizes)
-    return tessellate(m.cylinder(radius, length).translated(0.0, 0.0, -length / 2).occ, deflection, angular)
+    return measured(m.cylinder(radius, length).translated(0.0, 0.0, -length / 2).occ, deflection, angular)
 
 
 def sphere(sizes: Array, deflection: float, angular: float) -> RawShape:
@@ -43,7 +43,7 @@ def sphere(sizes: Array, deflection: float, angular: float) -> RawShape:
     from vpframe.scene import modelling as m
 
     _checked("sphere", sizes)
-    return tessellate(m.sphere(float(sizes[0])).occ, deflection, angular)
+    return measured(m.sphere(float(sizes[0])).occ, deflection, angular)
 
 
 def capsule(sizes: Array, deflection: float, angular: float) -> RawShape:
@@ -56,7 +56,7 @@ def capsule(sizes: Array, deflection: float, angular: float) -> RawShape:
     ends = (m.sphere(radius).translated(0.0, 0.0, z) for z in (-length / 2, length / 2))
     for end in ends:
         middle = middle + end
-    return tessellate(middle.occ, deflection, angular)
+    return measured(middle.occ, deflection, angular)
 
 
 SOLIDS: dict[str, Callable[[Array, float, float], RawShape]] = {

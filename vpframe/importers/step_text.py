@@ -12,7 +12,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 _END = re.compile(rb";\s*+(?=#\d++\s*+=|ENDSEC|/\*|$)")  # not any semicolon, since strings may contain one
-_STATEMENT = re.compile(rb"(?:/\*.*?\*/\s*)*#(\d++)\s*+=\s*+(.*)", re.DOTALL)
+_STATEMENT = re.compile(rb"\s*+(?:/\*.*?\*/\s*)*#(\d++)\s*+=\s*+(.*)", re.DOTALL)
+_TEXT = re.compile(rb"\S")
 _WHOLE = re.compile(rb"#(\d++)\s*+=\s*+((?:[^;']|'(?:[^']|'')*+')*+);")
 _USE = re.compile(rb"#(\d+)\s*=\s*NEXT_ASSEMBLY_USAGE_OCCURRENCE\s*\([^;#]*#(\d+)\s*,\s*#(\d+)")
 _REFERENCE = re.compile(rb"#(\d+)")
@@ -75,6 +76,39 @@ class StepText:
         return notes
 
 
+@dataclass
+class _Statements:
+    """The statements that can be read of a file, by entity number."""
+
+    data: bytes
+    bodies: dict[int, bytes] = field(default_factory=dict)
+    """what follows the equals sign"""
+    bare: dict[int, bytes] = field(default_factory=dict)
+    """`bodies` without strings"""
+    references: dict[int, list[int]] = field(default_factory=dict)
+    kinds: dict[int, bytes] = field(default_factory=dict)
+    """keywords of simple statements"""
+    places: dict[int, int] = field(default_factory=dict)
+    """offset of each statement in `data`"""
+
+    def add(self, number: int, body: bytes, bare: bytes, place: int) -> None:
+        """Add a statement; it replaces one of the same number."""
+        self.bodies[number], self.bare[number], self.places[number] = body, bare, place
+        self.references[number] = list(map(int, _REFERENCE.findall(bare)))
+        self.kinds.pop(number, None)
+        if kind := _SIMPLE.match(body):
+            self.kinds[number] = kind[1]
+
+    def of(self, *kinds: bytes) -> list[int]:
+        """Return the numbers of the statements of some kinds."""
+        return [n for n, kind in self.kinds.items() if kind in kinds]
+
+    def line(self, place: int) -> int:
+        """Return the line of the first text from an offset on."""
+        text = _TEXT.search(self.data, place)
+        return self.data.count(b"\n", 0, text.start() if text else place) + 1
+
+
 def scan(data: bytes) -> StepText:
     """Analyse the text of a STEP file."""
     text = StepText()
@@ -84,52 +118,49 @@ def scan(data: bytes) -> StepText:
         return text
     start += len(b"DATA;")
     end = data.rfind(b"ENDSEC;")
-    end = len(data) if end < start else end
-    statements, lines = _statements(data, start, end, text)
+    statements = _statements(data, start, len(data) if end < start else end, text)
     _products(statements, text)
-    _length_units(statements, lines, text)
+    _length_units(statements, text)
     return text
 
 
-def _statements(data: bytes, start: int, end: int, text: StepText) -> tuple[dict[int, bytes], dict[int, int]]:
-    """Return the definition and the line of each entity number; unreadable statements are added to `text.damage`."""
-    statements: dict[int, bytes] = {}
-    lines: dict[int, int] = {}
+def _statements(data: bytes, start: int, end: int, text: StepText) -> _Statements:
+    """Return the statements of a DATA section; unreadable ones are added to `text.damage`."""
+    found = _Statements(data)
     damage: list[tuple[int, str]] = []
-    line, position = data.count(b"\n", 0, start) + 1, start
+    position = start
     for stop in [*_END.finditer(data, start, end), None]:
-        piece = data[position : stop.start() if stop else end]
-        begin = line + piece.count(b"\n", 0, len(piece) - len(piece.lstrip()))
-        line += data.count(b"\n", position, stop.end() if stop else end)
+        place, last = position, stop.start() if stop else end
         position = stop.end() if stop else end
-        match = _STATEMENT.fullmatch(piece.strip())
+        match = _STATEMENT.fullmatch(data, place, last)
         if match is None:
-            if piece.strip():
-                damage.append((begin, f"line {begin}: the statement cannot be read"))
+            if data[place:last].strip():
+                damage.append((found.line(place), "the statement cannot be read"))
             continue
-        number, body = int(match.group(1)), match.group(2).strip()
-        bare = _STRING.sub(b"", body)
+        number, body = int(match[1]), match[2].rstrip()
+        bare = _STRING.sub(b"", body) if b"'" in body else body
         if b"'" in bare or bare.count(b"(") != bare.count(b")") or not _BODY.fullmatch(bare):
-            damage.append((begin, f"line {begin}: statement #{number} cannot be read"))
-        elif number in statements:
-            damage.append((begin, f"line {begin}: #{number} is defined a second time"))
-        statements[number], lines[number] = body, begin
-    for number, body in statements.items():
-        missing = next((r for r in map(int, _REFERENCE.findall(_STRING.sub(b"", body))) if r not in statements), None)
-        if missing is not None:
-            damage.append((lines[number], f"line {lines[number]}: #{number} names #{missing}, which does not exist"))
-    text.damage = [message for _, message in sorted(damage)]
-    return statements, lines
+            damage.append((found.line(place), f"statement #{number} cannot be read"))
+        elif number in found.bodies:
+            damage.append((found.line(place), f"#{number} is defined a second time"))
+        found.add(number, body, bare, place)
+    known = set(found.bodies)
+    for number, references in found.references.items():
+        if not known.issuperset(references):
+            missing = next(r for r in references if r not in known)
+            damage.append((found.line(found.places[number]), f"#{number} names #{missing}, which does not exist"))
+    text.damage = [f"line {line}: {message}" for line, message in sorted(damage)]
+    return found
 
 
-def _length_units(statements: dict[int, bytes], lines: dict[int, int], text: StepText) -> None:
+def _length_units(statements: _Statements, text: StepText) -> None:
     """Check the unit of every shape: the kernel silently reads an unknown unit as metres or millimetres.
 
     It supports metres with an SI prefix, and units converted to these by a factor.
     """
 
     def bare(n: int) -> bytes:
-        return b"".join(_STRING.sub(b"", statements.get(n, b"")).split())
+        return b"".join(statements.bare.get(n, b"").split())
 
     def is_si(body: bytes) -> bool:
         return b"LENGTH_UNIT()" in body and _SI_LENGTH.search(body) is not None
@@ -143,42 +174,37 @@ def _length_units(statements: dict[int, bytes], lines: dict[int, int], text: Ste
         return b"LENGTH_UNIT()" in body and known
 
     contexts = {
-        int(references[-1])
-        for body in statements.values()
-        if (kind := _SIMPLE.match(body)) is not None
-        and kind[1].endswith(b"SHAPE_REPRESENTATION")
-        and kind[1] != b"CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"
-        and (references := _REFERENCE.findall(_STRING.sub(b"", body)))
+        statements.references[n][-1]
+        for n, kind in statements.kinds.items()
+        if kind.endswith(b"SHAPE_REPRESENTATION")
+        and kind != b"CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"
+        and statements.references[n]
     }
-    for context in sorted(contexts, key=lambda n: lines.get(n, 0)):
+    for context in sorted(contexts, key=lambda n: statements.places.get(n, 0)):
         assigned = _CONTEXT.search(bare(context))
         units = [int(n) for n in _REFERENCE.findall(assigned[1])] if assigned is not None else []
         units = [n for n in units if b"LENGTH_UNIT" in bare(n) or b"METRE" in bare(n)]
         unknown = next((n for n in units if not is_known(bare(n))), None)
         text.no_unit |= not units
         if unknown is not None and not text.unit_fault:
-            statement = " ".join(statements[unknown].decode("ascii", "replace").split())[:100]
+            statement = " ".join(statements.bodies[unknown].decode("ascii", "replace").split())[:100]
             statement = "".join(c if c.isprintable() else "?" for c in statement)
-            text.unit_fault = f"line {lines[unknown]}: #{unknown} is no length unit that is known: {statement}"
+            line = statements.line(statements.places[unknown])
+            text.unit_fault = f"line {line}: #{unknown} is no length unit that is known: {statement}"
 
 
-def _products(statements: dict[int, bytes], text: StepText) -> None:
-    kinds = {n: m.group(1) for n, body in statements.items() if (m := _SIMPLE.match(body)) is not None}
-    references = {n: [int(r) for r in _REFERENCE.findall(_STRING.sub(b"", body))] for n, body in statements.items()}
-
-    def of(*kind: bytes) -> list[int]:
-        return [n for n, k in kinds.items() if k in kind]
-
+def _products(statements: _Statements, text: StepText) -> None:
+    kinds, references, of = statements.kinds, statements.references, statements.of
     definitions = {}  # product definition -> name
     for n in of(b"PRODUCT_DEFINITION", b"PRODUCT_DEFINITION_WITH_ASSOCIATED_DOCUMENTS"):
         formation = references[n][0] if references[n] else -1
         product = next((r for r in references.get(formation, []) if kinds.get(r) == b"PRODUCT"), -1)
-        strings = _STRING.findall(statements.get(product, b""))
+        strings = _STRING.findall(statements.bodies.get(product, b""))
         if len(strings) >= 2:
             name = strings[1] if len(strings[1]) > 2 else strings[0]
             definitions[n] = _text(name)
     for n in of(b"DOCUMENT_FILE"):
-        text.external.extend(_text(s) for s in _STRING.findall(statements[n])[:1])
+        text.external.extend(_text(s) for s in _STRING.findall(statements.bodies[n])[:1])
     shapes = {n: references[n][0] for n in of(b"PRODUCT_DEFINITION_SHAPE") if references[n]}
     equal: dict[int, list[int]] = {}
     for n in of(b"SHAPE_REPRESENTATION_RELATIONSHIP"):

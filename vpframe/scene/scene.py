@@ -59,6 +59,10 @@ class Surface:
     """diameter from the file's PMI"""
 
 
+Mass = tuple[float, NDArray[np.float64], NDArray[np.float64]]
+"""volume, m³, centre (3,), m, and inertia (3, 3) about it at density 1 kg/m³, kg·m²"""
+
+
 @dataclass(frozen=True, eq=False)
 class Shape:
     """Data shared by instances, in the part's frame: mesh, surfaces, features, edges, mass properties at density 1."""
@@ -68,12 +72,10 @@ class Shape:
     """`surfaces`, or a function that finds them at their first use"""
     grouped: InitVar[tuple[Feature, ...] | None] = None
     """`features`; by default they are found at their first use"""
-    volume: float = 0.0
-    """m³; of the CAD solid, else of the closed mesh"""
-    center: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    """(3,) centre of volume, m"""
-    inertia: NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 3)))
-    """(3, 3) about `center` at density 1 kg/m³, kg·m²"""
+    measured: InitVar[Mass | Callable[[], Mass] | None] = None
+    """volume, centre and inertia, or a function that computes them at their first use"""
+    enclosed: float = 0.0
+    """m³ inside the triangles: `volume` less the facets' deflection, known at once"""
     closed: bool = True
     """whether the mesh bounds a volume (each edge is used equally in both directions)"""
     notes: tuple[str, ...] = ()
@@ -85,13 +87,36 @@ class Shape:
         self,
         given: tuple[Surface, ...] | Callable[[], tuple[Surface, ...]],
         grouped: tuple[Feature, ...] | None,
+        measured: Mass | Callable[[], Mass] | None,
     ) -> None:
         self.__dict__["_find" if callable(given) else "surfaces"] = given
+        self.__dict__["_measure" if callable(measured) else "_mass"] = measured or (0.0, np.zeros(3), np.zeros((3, 3)))
         if grouped is not None:
             self.__dict__["features"] = grouped
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"surfaces": self.surfaces, **{name: value for name, value in vars(self).items() if name != "_find"}}
+        known = {name: value for name, value in vars(self).items() if name not in ("_find", "_measure")}
+        return {"surfaces": self.surfaces, "_mass": self._mass, **known}
+
+    @property
+    def volume(self) -> float:
+        """m³; of the CAD solid, else of the closed mesh."""
+        return self._mass[0]
+
+    @property
+    def center(self) -> NDArray[np.float64]:
+        """(3,) centre of volume, m."""
+        return self._mass[1]
+
+    @property
+    def inertia(self) -> NDArray[np.float64]:
+        """(3, 3) about `center` at density 1 kg/m³, kg·m²."""
+        return self._mass[2]
+
+    @cached_property
+    def _mass(self) -> Mass:
+        measure: Callable[[], Mass] = self.__dict__["_measure"]
+        return measure()
 
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:

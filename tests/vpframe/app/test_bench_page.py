@@ -126,3 +126,18 @@ def test_a_text_that_no_case_has_is_named() -> None:
     assert bench.chosen(cases, []) == cases
     with pytest.raises(VpframeError, match="--only pin: no case is called so; there are pairs: peg, pairs: clip"):
         bench.chosen(cases, ["pin"])
+
+
+def test_a_corpus_is_a_folder_and_only_suites_that_read_files_take_one(tmp_path: Path) -> None:
+    load, planning = bench.suite("load"), bench.suite("planning")
+    assert bench.options("load", load, (), (), str(tmp_path)) == {"corpus": tmp_path}
+    with pytest.raises(VpframeError, match="reads no files"):
+        bench.options("planning", planning, (), (), str(tmp_path))
+    with pytest.raises(VpframeError, match="no such folder"):
+        bench.options("load", load, (), (), str(tmp_path / "none"))
+    with pytest.raises(VpframeError, match="holds no STEP file"):
+        load.cases((100,), tmp_path)
+    for name in ("a.step", "deep/b.STP", "c.stl"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert list(load.cases((100,), tmp_path)) == ["a.step", "deep/b.STP"]

@@ -1,12 +1,18 @@
 """The command line through its real entry point: what it says when it is used wrongly."""
 
 import math
+import os
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
 from vpframe.app import cli
+from vpframe.importers import guarded
+from vpframe.scene import modelling as m
 
 
 def test_help_needs_none_of_the_heavy_imports():
@@ -100,3 +106,35 @@ def test_a_missing_library_of_the_system_is_one_line_without_the_packages_that_n
         path = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); "
         done = subprocess.run([sys.executable, "-c", path + script], cwd=tmp_path, capture_output=True, text=True)
         assert (done.returncode, done.stdout, done.stderr) == (2, "", line)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are found in /proc")
+def test_an_interrupt_ends_a_load_with_its_reading_processes(tmp_path: Path) -> None:
+    solid = m.box(0.02, 0.02, 0.02).filleted(0.002) - m.cylinder(0.003, 0.05).translated(0.01, 0.01)
+    path = m.write_step(tmp_path / "large.step", {f"part_{i}": solid.translated(i, 0.0, 0.0) for i in range(60)})
+    command = [sys.executable, "-m", "vpframe", "clash", str(path)]
+    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(command, env={**os.environ, "VPFRAME_CACHE": ""}, start_new_session=True, **silent)
+    readers: set[int] = set()
+    while not readers and process.poll() is None:  # until the file is being read
+        readers = set(guarded._family(process.pid)) - {process.pid}
+        time.sleep(0.01)
+    time.sleep(0.5)
+    readers |= set(guarded._family(process.pid)) - {process.pid}
+    process.send_signal(signal.SIGINT)
+    _, words = process.communicate(timeout=60)
+    assert process.returncode == 130, words
+    assert "Traceback" not in words
+    assert readers
+    for _ in range(500):  # the system ends the forked ones after their parent
+        if not any(map(_is_running, readers)):
+            return
+        time.sleep(0.01)
+    raise AssertionError("a reading process is left")
+
+
+def _is_running(pid: int) -> bool:
+    try:
+        return guarded._stat(f"/proc/{pid}/stat")[0] not in "ZX"
+    except OSError:
+        return False

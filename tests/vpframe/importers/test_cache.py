@@ -28,12 +28,13 @@ def place(tmp_path, monkeypatch) -> Path:
 
 @pytest.fixture
 def runs(monkeypatch) -> list[str]:
-    """The files that the kernel was started for."""
+    """The files that the kernel was started to read."""
     started: list[str] = []
     run = guarded.run
 
     def counted(request, *more):
-        started.append(Path(request["path"]).name)
+        if request["format"] != "measure":
+            started.append(Path(request["path"]).name)
         return run(request, *more)
 
     monkeypatch.setattr(guarded, "run", counted)
@@ -84,6 +85,47 @@ def test_what_was_cached_is_what_is_read_without_a_cache(tmp_path, place, monkey
     cached = vp.load(path)
     monkeypatch.setenv(cache.VARIABLE, "")
     assert same(vp.load(path), cached)
+
+
+def test_mass_properties_are_measured_once_when_first_needed(tmp_path, place, monkeypatch):
+    requests: list[str] = []
+    run = guarded.run
+    monkeypatch.setattr(
+        guarded, "run", lambda request, *more: requests.append(request["format"]) or run(request, *more)
+    )
+    solids = {
+        "ball": (m.sphere(0.01), 4e-6 / 3 * np.pi),
+        "rod": (m.cylinder(0.005, 0.03), 0.75e-6 * np.pi),
+        "tube": (m.cylinder(0.01, 0.02) - m.cylinder(0.005, 0.02), 1.5e-6 * np.pi),
+        "box": (m.box(0.01, 0.02, 0.03), 6e-6),
+    }
+    path = m.write_step(tmp_path / "a.step", {name: solid for name, (solid, _) in solids.items()})
+    scene = vp.load(path)
+    assert requests == ["step"]
+    for name, (_, volume) in solids.items():
+        shape = scene[name].shape
+        assert shape.volume == pytest.approx(volume, rel=1e-9)
+        assert shape.enclosed == pytest.approx(volume, rel=0.05)
+    assert scene["box"].shape.center == pytest.approx([0.005, 0.01, 0.015])
+    assert np.diag(scene["box"].shape.inertia) == pytest.approx(6e-6 / 12 * np.array([13e-4, 10e-4, 5e-4]))
+    assert requests == ["step", "measure"]
+    again = vp.load(path)
+    assert [again[name].shape.volume for name in solids] == [scene[name].shape.volume for name in solids]
+    assert requests == ["step", "measure"]
+
+
+def test_a_solid_that_the_kernel_cannot_measure_has_the_volume_of_its_triangles(tmp_path, place):
+    path = m.write_step(tmp_path / "a.step", {"ball": m.sphere(0.01), "box": m.box(0.01, 0.01, 0.01)})
+    vp.load(path)
+    (entry,) = place.iterdir()
+    raw = archive.read(entry)
+    raw.shapes[0].brep = b"no B-rep"
+    archive.write(raw, entry)
+    scene = vp.load(path)
+    ball, box = scene["ball"].shape, scene["box"].shape
+    assert box.volume == pytest.approx(1e-6, rel=1e-9)
+    assert ball.volume == pytest.approx(ball.enclosed, rel=1e-9)
+    assert any("cannot be computed" in note for note in ball.notes)
 
 
 @pytest.mark.slow
