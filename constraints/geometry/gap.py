@@ -23,11 +23,11 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from collision.triangle.point import closest_on_triangle
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh
 from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.point_triangle import closest_on_triangle
 from collision.numeric.vectors import along, cross, dot, norm, row, sub
 from constraints.geometry.surfaces import Cone, Cylinder, Freeform, Geometry, Plane, Sphere, Torus
 
