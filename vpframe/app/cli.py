@@ -174,6 +174,10 @@ def _parser() -> argparse.ArgumentParser:
         "--press-fit", metavar="CLASS",
         help="ISO 286 class of the tightest shaft that may be pressed into a hole H, such as u8 (default: s7)",
     )  # fmt: skip
+    sub.add_argument(
+        "--tolerance", metavar="LENGTH", type=_positive_length,
+        help="surfaces nearer than it touch, and overlaps up to it are no clash (default: 10um)",
+    )  # fmt: skip
     sub.add_argument("--status", metavar="FILE", help="keep what is new, accepted and resolved in this file, over runs")
     sub.add_argument("--bcf", metavar="OUT", help="write the clashes as BCF 3.0: a topic a pair, with view and picture")
     sub.add_argument("--table", metavar="OUT", help="write all pairs of surfaces as CSV or Parquet")
@@ -282,6 +286,12 @@ def _length(text: str) -> float:
         return length(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _positive_length(text: str) -> float:
+    if not (metres := _length(text)) > 0.0:
+        raise argparse.ArgumentTypeError(f"length {text!r}: give more than 0")
+    return metres
 
 
 def _degrees(text: str) -> float:
@@ -404,10 +414,9 @@ def _clash(arguments: argparse.Namespace) -> int:
     from vpframe.analysis import clash
     from vpframe.app.progress import Progress
 
-    tolerance = None
-    if arguments.press_fit is not None:
-        greatest_interference(arguments.press_fit, 0.01)  # a class that is not known is refused before models are read
-        tolerance = Tolerance(press_fit=arguments.press_fit)
+    given: dict[str, Any] = {"press_fit": arguments.press_fit, "linear": arguments.tolerance}
+    tolerance = Tolerance(**{name: value for name, value in given.items() if value is not None})
+    greatest_interference(tolerance.press_fit, 0.01)  # a class that is not known is refused before models are read
     with (
         _document(arguments.json) as emit,
         _claimed(arguments, "status", STATUS, arguments.files) as status,
