@@ -73,7 +73,7 @@ def classify(
     authorised: pairs of objects (i, j), or of surfaces (i, surface of i, j, surface of j), whose clash is meant, such
         as a press fit: they are listed as "authorised".
     objects: only pairs with at least one of these; None for all.
-    tell: called with the fraction done, in [0, 1), before each pair of objects.
+    tell: called with the fraction done, in [0, 1), after each pair of objects that meet.
     names: the objects' names in reasons, by id; "object 0", … if they are not given.
 
     Returns
@@ -93,13 +93,14 @@ def classify(
     wanted = max(tolerance, clearance)
     most = {i: float(given.max(initial=0.0)) for i, given in slack.items()}
     neighbours = manager.object_pairs(objects, wanted + 2.0 * max(most.values(), default=0.0)).tolist()
-    for number, (i, j) in enumerate(neighbours):
-        tell(number / len(neighbours))
+    contacts = [manager.pair_contacts(i, j, wanted + most[i] + most[j]) for i, j in neighbours]
+    meeting = [pair for pair, rows in zip(neighbours, contacts, strict=True) if (rows["distance"] == 0.0).any()]
+    penetrations = iter(manager.penetrations(meeting, tell))
+    for (i, j), rows in zip(neighbours, contacts, strict=True):
         nearness = tolerance + slack[i][:, None] + slack[j][None, :]
-        rows = manager.pair_contacts(i, j, wanted + most[i] + most[j])
         depths = {}
         if (rows["distance"] == 0.0).any():
-            depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in manager.penetration(i, j)}
+            depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in next(penetrations)}
         pairs: list[PairClass] = []
         for row in rows:
             surfaces = int(row["surface_a"]), int(row["surface_b"])
@@ -193,7 +194,12 @@ def _as_a_whole(
         ]
     )
     there = (points - pose.translation) @ pose.rotation
-    depth = -np.maximum(signed_distances(mesh_i, points), signed_distances(mesh_j, there))
+    deep = _may_be_deeper(mesh_i, points, near) & _may_be_deeper(mesh_j, there, near)
+    points, there = points[deep], there[deep]
+    depth = -signed_distances(mesh_i, points)
+    deep = depth > near
+    points, there = points[deep], there[deep]
+    depth = np.minimum(depth[deep], -signed_distances(mesh_j, there))
     for k in np.argsort(-depth, kind="stable").tolist():
         if depth[k] <= near:
             return None
@@ -204,6 +210,19 @@ def _as_a_whole(
     reason = f"{called[i]} and {called[j]} have material in common though their surfaces only touch"
     kind: Kind = "authorised" if meant else "clash"
     return PairClass(kind, (i, j), None, 0.0, float(depth[k]), world.act(points[k]), reason)
+
+
+def _may_be_deeper(mesh: SurfaceMesh, points: NDArray[np.float64], near: float) -> NDArray[np.bool_]:
+    """Whether points (n, 3) may be deeper than `near` (m) behind a mesh: none of a closed mesh is nearer to a side of
+    its bounding box, for on the way to that side the mesh is left."""
+    from collision.solid import solid_of
+
+    if not solid_of(mesh).closed:
+        return np.ones(len(points), np.bool_)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    rounding = 1e-12 * max(float(np.abs(low).max()), float(np.abs(high).max()))
+    within = near - rounding
+    return np.asarray(((points >= low + within) & (points <= high - within)).all(axis=1))
 
 
 def _below_the_surface(mesh: SurfaceMesh, near: float) -> NDArray[np.float64]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -259,6 +261,29 @@ class CollisionManager(Objects):
         from collision.query.penetration import penetration
 
         return penetration(self, i, j)
+
+    def penetrations(
+        self, pairs: Iterable[Sequence[int]], tell: Callable[[float], None] = lambda fraction: None
+    ) -> list[NDArray[Any]]:
+        """Return the rows of `penetration` of each pair of objects, computed on all cores.
+
+        tell: called with the fraction done, in [0, 1), after each pair. An exception that it raises ends the work.
+        """
+        from collision.query.penetration import penetration
+        from collision.solid import solid_of
+
+        wanted = [(i, j) for i, j in pairs]
+        for k in sorted({k for pair in wanted for k in pair}):
+            solid_of(self.mesh(k))  # derived once, not by two threads
+        found: list[NDArray[Any]] = []
+        pool = ThreadPoolExecutor(os.cpu_count(), "penetration")
+        try:
+            for rows in pool.map(lambda pair: penetration(self, *pair), wanted):
+                tell(len(found) / len(wanted))
+                found.append(rows)
+        finally:
+            pool.shutdown(cancel_futures=True)
+        return found
 
     def signed_distances(
         self, i: int, j: int, surfaces: ArrayLike, within: float = 0.0, at: pin.SE3 | None = None

@@ -27,6 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -352,11 +353,11 @@ class Pairing(Generic[F, S]):
     def speaks_of(self, a: View, b: View) -> bool:
         """Whether two features, in this order, are of this row's types and senses."""
         first, second = a.feature, b.feature
-        return (
-            type(first.geometry) is self.first
-            and type(second.geometry) is self.second
-            and (first.sense, second.sense) in self.senses
-        )
+        return self.fits_types((type(first.geometry), first.sense), (type(second.geometry), second.sense))
+
+    def fits_types(self, a: tuple[type, int], b: tuple[type, int]) -> bool:
+        """Whether two features of these types and senses, in this order, are of this row."""
+        return a[0] is self.first and b[0] is self.second and (a[1], b[1]) in self.senses
 
 
 _SOLID = ((1, 1),)
@@ -398,6 +399,17 @@ def rows_for(kinds: Set[str]) -> tuple[Pairing[Any, Any], ...]:
 
 
 def matches(a: View, b: View, limits: Limits, rows: Sequence[Pairing[Any, Any]] = PAIRINGS) -> Match | None:
-    """The match of two features by the first row of the table that fits; None where no row does."""
-    found = (row.match(a, b, limits) for row in rows)
+    """The match of two features by the first row of the table that fits; None where no row does.
+
+    rows: the first rows of the table, see `rows_for`.
+    """
+    first, second = a.feature, b.feature
+    mine = _rows_of(len(rows), (type(first.geometry), first.sense), (type(second.geometry), second.sense))
+    found = (row.match(a, b, limits) for row in mine)
     return next((match for match in found if match is not None), None)
+
+
+@cache
+def _rows_of(n: int, a: tuple[type, int], b: tuple[type, int]) -> tuple[Pairing[Any, Any], ...]:
+    """Those of the first n rows of the table that are of two features' types and senses, in either order."""
+    return tuple(row for row in PAIRINGS[:n] if row.fits_types(a, b) or row.fits_types(b, a))

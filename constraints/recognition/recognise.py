@@ -61,6 +61,7 @@ class Recogniser:
         self._drawn: dict[Pair, DrawnThread | None] = {}
         self._of_surface = [{s: i for i, f in enumerate(fs) for s in f.surfaces} for fs in self.features]
         self._extents: dict[tuple[int, int], Extent] = {}
+        self._views: dict[tuple[int, int], tuple[bytes, View]] = {}
         self._shared: dict[int, Extent] = {}
         self._known: dict[tuple[Pair, Limits, int], tuple[tuple[bytes, bytes], Match | None]] = {}
         self.verdicts = Verdicts(self)
@@ -130,7 +131,10 @@ class Recogniser:
 
     def view(self, body: int, feature: int, pose: pin.SE3) -> View:
         """A feature where it is when its body is at `pose`."""
-        return View(self._extent(body, feature), pose)
+        at, known = _bytes(pose), self._views.get((body, feature))
+        if known is None or known[0] != at:  # a feature is compared with many others
+            known = self._views[body, feature] = at, View(self._extent(body, feature), pin.SE3(pose))
+        return known[1]
 
     def matches(
         self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits, rows: tuple[Pairing[Any, Any], ...] = PAIRINGS

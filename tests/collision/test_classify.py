@@ -7,7 +7,9 @@ import pinocchio as pin
 import pytest
 
 from collision import CollisionError, CollisionManager, SurfaceMesh
-from collision.classify import KINDS, PairClass, classify
+from collision.classify import KINDS, PairClass, _as_a_whole, _below_the_surface, classify
+from collision.query.containment import inside
+from collision.query.signed_distance import signed_distances
 from collision.solid import is_closed
 from tests.collision.brute_force import box, sphere, turned, with_slivers
 
@@ -192,3 +194,57 @@ def test_a_part_that_a_sheet_cuts_clashes() -> None:
 def test_bad_arguments_are_named(arguments: dict) -> None:
     with pytest.raises(CollisionError, match=next(iter(arguments))):
         classify(two(box(1, 1, 1), box(1, 1, 1), at(3.0)), **arguments)
+
+
+def slowly_as_a_whole(manager: CollisionManager, i: int, j: int, near: float) -> tuple[float, np.ndarray] | None:
+    """Deepest point of the material that two touching parts have in common, of all the points that are looked at."""
+    a, b, pose = manager.mesh(i), manager.mesh(j), manager.relative_pose(i, j)
+    below = _below_the_surface(b, near) @ pose.rotation.T + pose.translation
+    points = np.concatenate([_below_the_surface(a, near), below])
+    there = (points - pose.translation) @ pose.rotation
+    depth = -np.maximum(signed_distances(a, points), signed_distances(b, there))
+    for k in np.argsort(-depth, kind="stable"):
+        if depth[k] <= near:
+            return None
+        if inside(a, points[k])[0] and inside(b, there[k])[0]:
+            return float(depth[k]), manager.pose(i).act(points[k])
+    return None
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_common_material_is_that_of_all_points_below_the_surfaces(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    parts = [box(1, 1, 1), pipe(), sphere(0.5, 12), pipe(1.0, 0.5, 0.2), OPEN["a face lost"]]
+    a, b = (parts[k] for k in rng.integers(len(parts), size=2))
+    shift = rng.choice([0.0, 0.25, 1.0, 1.0 - 2e-5], size=3)
+    pose = pin.SE3(pin.exp3(rng.choice([0.0, 1.0]) * rng.normal(size=3)), shift)
+    world, near = two(a, b, pose), float(rng.choice([1e-5, 1e-2]))
+    row = _as_a_whole(world, 0, 1, True, near, False, {0: "a", 1: "b"})
+    wanted = slowly_as_a_whole(world, 0, 1, near)
+    assert (row is None) == (wanted is None)
+    if row is not None and wanted is not None:
+        assert row.depth == wanted[0]
+        np.testing.assert_array_equal(row.witness, wanted[1])
+
+
+def test_penetrations_of_many_pairs_are_those_of_each() -> None:
+    rng = np.random.default_rng(4)
+    world = CollisionManager()
+    for _ in range(12):
+        world.add(sphere(0.5, 10), pin.SE3(pin.exp3(rng.normal(size=3)), 0.6 * rng.normal(size=3)))
+    pairs = [(int(i), int(j)) for i, j in world.object_pairs()]
+    assert len(pairs) > 10
+    done: list[float] = []
+    for pair, rows in zip(pairs, world.penetrations(pairs, done.append), strict=True):
+        np.testing.assert_array_equal(rows, world.penetration(*pair))
+    assert done == [k / len(pairs) for k in range(len(pairs))]
+
+
+def test_what_a_callback_raises_ends_penetrations() -> None:
+    world = two(sphere(0.5, 10), sphere(0.5, 10), at(0.3))
+
+    def stop(fraction: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        world.penetrations([(0, 1)] * 3, stop)

@@ -203,6 +203,52 @@ def test_the_command_exits_with_0_for_a_press_fit(clearance, options, code, tmp_
     assert kinds == [["press fit"], ["clash"]][code]
 
 
+@pytest.mark.parametrize(("d", "angle"), [(0.02, 9e-4), (0.05, 7e-4), (0.1, 9.5e-4), (0.2, 5e-4)])
+def test_the_clearance_of_a_tilted_shaft_is_never_overstated(d, angle):
+    radius, length, fit = 0.5 * d, 0.01, 1.5e-4
+    plate = m.box(3 * d, 3 * d, length).translated(-1.5 * d, -1.5 * d, 0.0) - m.cylinder(radius + fit, length)
+    turn = pin.exp3(np.array([angle, 0.0, 0.0]))
+    pose = pin.SE3(turn, turn @ np.array([0.0, 0.0, -0.5 * length]) + np.array([0.0, 5e-6, -0.5e-2]))
+    drawn = m.scene({"plate": plate, "pin": (m.cylinder(radius, 3.0 * length), pose)})
+    distances = {row["distance"] for row in clash(drawn, clearance=1e-3)["pairs"] if "in Ø" in row["reason"]}
+    angles = np.linspace(-np.pi, np.pi, 3601)
+    ring = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.zeros_like(angles)], axis=1)
+    least = np.inf
+    for height in (0.0, length):  # the ends of the bore: the gap is least there
+        start = pose.act(np.zeros(3))
+        on_axis = ring @ turn.T + start
+        along = (height - on_axis[:, 2]) / turn[2, 2]
+        cut = on_axis + along[:, None] * turn[:, 2]
+        least = min(least, radius + fit - float(np.hypot(cut[:, 0], cut[:, 1]).max()))
+    (distance,) = distances
+    assert least - 1e-9 < distance <= least + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("gap", "tolerance", "kind"),
+    [(5e-6, None, "contact"), (5e-6, "1um", None), (-5e-6, None, "contact"), (-5e-6, "1um", "clash"),
+     (5e-7, "1um", "contact"), (2e-5, "0.05mm", "contact"), (-2e-5, "0.05mm", "contact"), (-2e-5, None, "clash")],
+)  # fmt: skip
+def test_the_tolerance_of_the_command_decides_what_touches(gap, tolerance, kind, tmp_path, capsys):
+    from vpframe.app.cli import main
+
+    file = str(tmp_path / "two.step")
+    block = m.box(0.01, 0.01, 0.01)
+    m.write_step(file, {"lower": block, "upper": (block, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.01 + gap])))})
+    options = () if tolerance is None else ("--tolerance", tolerance)
+    assert main(["clash", file, "--json", *options]) == (kind == "clash")
+    kinds = {pair["kind"] for pair in json.loads(capsys.readouterr().out)["pairs"]}
+    assert kinds == ({kind} if kind else set())
+
+
+@pytest.mark.parametrize("tolerance", ["0mm", "-1um", "3", "nan mm"])
+def test_a_tolerance_that_is_no_length_above_0_is_refused(tolerance, capsys):
+    from vpframe.app.cli import main
+
+    assert main(["clash", "two.step", f"--tolerance={tolerance}"]) == 2
+    assert "--tolerance" in capsys.readouterr().err
+
+
 def test_a_run_names_its_press_fits(tmp_path, capsys):
     from vpframe.app.cli import main
 

@@ -135,7 +135,8 @@ def clash(
             whole = rows.get(key[:2])
             if kind == "press fit" and whole is not None and whole[2] <= -gap + t.linear + _sag(sags, key):
                 del rows[key[:2]]  # the material that the two have in common is that of the press fit
-    judged = (p for p in found if p.surfaces is not None and (*p.objects, *p.surfaces) in rows.keys() - exact)
+    left = rows.keys() - exact
+    judged = (p for p in found if p.surfaces is not None and (*p.objects, *p.surfaces) in left)
     gaps = gaps_of(scene, judged, sags, wanted)
     for key, between in gaps.items():
         row = between.row(t.linear, clearance, frozenset(key[:2]) in allowed, rows.pop(key)[3])

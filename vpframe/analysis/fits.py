@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -141,8 +142,11 @@ def fit_of(candidate: Candidate, tolerance: Tolerance, offset: float | None = No
     radii = [g.radius for g in candidate.geometries if isinstance(g, Cylinder | Sphere)]
     if candidate.kind not in ROUND_FITS or fit is None or len(radii) != 2:
         return None
-    hollow = max(radii) if fit > 0.0 else min(radii)
-    return Limits.keep(tolerance).round_fit(hollow, fit, candidate.residual if offset is None else offset)
+    hollow, solid = (max(radii), min(radii)) if fit > 0.0 else (min(radii), max(radii))
+    tilt = candidate.match.angle if candidate.kind == "concentric" else 0.0
+    wider = solid * (1.0 / math.cos(tilt) - 1.0)  # a tilted shaft's cut across the bore is an ellipse
+    offset = (candidate.residual if offset is None else offset) + wider
+    return Limits.keep(tolerance).round_fit(hollow, fit, offset)
 
 
 def fits_of(

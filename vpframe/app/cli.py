@@ -12,6 +12,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, NoReturn
 
 from vpframe import __version__, console
@@ -171,6 +172,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--clearance", metavar="LENGTH", type=_length, default=0.0, help="also list pairs nearer than it")
     sub.add_argument("--authorise", metavar="A:B", action="append", default=[], help="a pair of parts meant to clash")
     press_fit.add_argument(sub)
+    sub.add_argument(
+        "--tolerance", metavar="LENGTH", type=_positive_length,
+        help="surfaces nearer than it touch, and overlaps up to it are no clash (default: 10um)",
+    )  # fmt: skip
     sub.add_argument("--status", metavar="FILE", help="keep what is new, accepted and resolved in this file, over runs")
     sub.add_argument("--bcf", metavar="OUT", help="write the clashes as BCF 3.0: a topic a pair, with view and picture")
     sub.add_argument("--table", metavar="OUT", help="write all pairs of surfaces as CSV or Parquet")
@@ -280,6 +285,12 @@ def _length(text: str) -> float:
         return length(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _positive_length(text: str) -> float:
+    if not (metres := _length(text)) > 0.0:
+        raise argparse.ArgumentTypeError(f"length {text!r}: give more than 0")
+    return metres
 
 
 def _degrees(text: str) -> float:
@@ -401,6 +412,8 @@ def _clash(arguments: argparse.Namespace) -> int:
     from vpframe.app.progress import Progress
 
     tolerance = press_fit.tolerance(arguments.press_fit)
+    if arguments.tolerance is not None:
+        tolerance = replace(tolerance, linear=arguments.tolerance)
     with (
         _document(arguments.json) as emit,
         _claimed(arguments, "status", STATUS, arguments.files) as status,
