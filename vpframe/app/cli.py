@@ -408,12 +408,13 @@ def _new(arguments: argparse.Namespace) -> int:
 
 
 def _clash(arguments: argparse.Namespace) -> int:
+    from collision import Tolerance
     from vpframe.analysis import clash
     from vpframe.app.progress import Progress
 
     tolerance = press_fit.tolerance(arguments.press_fit)
     if arguments.tolerance is not None:
-        tolerance = replace(tolerance, linear=arguments.tolerance)
+        tolerance = replace(tolerance or Tolerance(), linear=arguments.tolerance)
     with (
         _document(arguments.json) as emit,
         _claimed(arguments, "status", STATUS, arguments.files) as status,
