@@ -14,8 +14,8 @@ import numpy as np
 from collision import Tolerance
 from vpframe.errors import LoadError
 from vpframe.importers import archive, guarded
-from vpframe.importers.build import raw_numbers
 from vpframe.importers.checks import beside, checked_format, content
+from vpframe.importers.face_geometry import raw_numbers
 from vpframe.importers.raw import RawFace, RawScene, RawShape, UnreadableError
 from vpframe.importers.segmentation import segment
 
