@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 
 from collision import Tolerance
 from constraints.geometry.surfaces import Cylinder, Freeform, Geometry, Plane, Sphere, Torus
-from constraints.recognition.patches import NUMBERS, fit_packed, geometry_of, refined
+from constraints.recognition.patches import NUMBERS, fit_packed, fit_patches, geometry_of, refined
 from vpframe.importers.region_growing import flat_facets, neighbours, packed, patches_at, reach
 
 Array = NDArray[np.float64]
@@ -39,6 +39,14 @@ _ITERATIONS = 15
 _OUTDO = {"cylinder": 1.0, "cone": 1.5, "sphere": 1.5, "torus": 2.5}
 """factor by which a more complex surface must explain more facets than a simpler one: a sphere fits both circles of any
 frustum, a torus any two frustums in a row"""
+
+
+def _outdoes(kind: str, size: int, other: str, most: int) -> bool:
+    """Whether a surface of `size` facets is preferred to another of `most`: the simpler one, unless it explains less."""
+    order = list(_OUTDO)
+    if order.index(kind) < order.index(other):
+        return size * _OUTDO[other] >= most
+    return size > most * (1.0 if kind == other else _OUTDO[kind])
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,10 +280,23 @@ class _Segmentation:
             if len(grown) == 0 or not self._enough(geometry, grown, strong):
                 continue
             size = len(np.unique(self.facet[grown]))
-            if best is None or size > most * (1.0 if kind == best[1].kind else _OUTDO[kind]):
+            if best is None or _outdoes(kind, size, best[1].kind, most):
                 most = size
                 best = (self._score(geometry, grown), geometry, grown)
+        if best is not None and isinstance(best[1], Sphere):
+            cone = self._cone_of(best[2], seed)
+            if cone is not None and _outdoes("cone", len(np.unique(self.facet[cone[2]])), "sphere", most):
+                return cone
         return best
+
+    def _cone_of(self, zone: Index, seed: int) -> tuple[int, Geometry, Index] | None:
+        """The cone through the triangles of a zone of a sphere: few facets of a frustum with unequal rings tell none."""
+        patch = self._points(zone), self.vertices[self.triangles[zone]].mean(axis=1), self.vectors[zone]
+        (fit,) = fit_patches("cone", [patch], self.tolerance)
+        if fit is None:
+            return None
+        geometry, grown = self._settle(fit.geometry, seed)
+        return (self._score(geometry, grown), geometry, grown) if len(grown) else None
 
     def _settle(self, geometry: Geometry, seed: int) -> tuple[Geometry, Index]:
         """Alternate growth and fit while the segment grows."""
