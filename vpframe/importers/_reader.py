@@ -102,7 +102,7 @@ def _read(request: dict[str, Any], channel: TextIO) -> None:
         return
     _say(channel, fraction=0.0, text="starting the CAD kernel")
     if request["format"] == "write":
-        from vpframe.exporters.step_writer import write_step
+        from vpframe.importers.step_writer import write_step
 
         write_step(request["content"], request["out"])
         return

@@ -42,7 +42,7 @@ frustum, a torus any two frustums in a row"""
 
 
 def _outdoes(kind: str, size: int, other: str, most: int) -> bool:
-    """Whether a surface of `size` facets is preferred to another of `most`: the simpler one, unless it explains less."""
+    """Whether a surface of `size` facets is preferred to another of `most`: the simpler, unless it explains less."""
     order = list(_OUTDO)
     if order.index(kind) < order.index(other):
         return size * _OUTDO[other] >= most
@@ -290,7 +290,7 @@ class _Segmentation:
         return best
 
     def _cone_of(self, zone: Index, seed: int) -> tuple[int, Geometry, Index] | None:
-        """The cone through the triangles of a zone of a sphere: few facets of a frustum with unequal rings tell none."""
+        """The cone through the triangles of a zone of a sphere: few facets of a frustum with unequal rings fit none."""
         patch = self._points(zone), self.vertices[self.triangles[zone]].mean(axis=1), self.vectors[zone]
         (fit,) = fit_patches("cone", [patch], self.tolerance)
         if fit is None:

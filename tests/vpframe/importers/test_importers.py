@@ -500,7 +500,7 @@ def test_the_same_file_gives_the_same_bits(tmp_path):
 
 def test_the_reading_process_imports_no_solver():
     """Numba and Pinocchio take longer to import than most files take to read."""
-    code = "import sys, vpframe.importers.document, vpframe.exporters.step_writer as _\nprint(*sys.modules)"
+    code = "import sys, vpframe.importers.document, vpframe.importers.step_writer as _\nprint(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert "OCP" in done.stdout.split()
     assert not {"numba", "pinocchio", "coal", "scipy", "physics", "constraints"} & set(done.stdout.split())
