@@ -159,7 +159,8 @@ class _BareShape(Shape):
         return made
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name not in ("_find", "_segmented")}
+        derived = ("_find", "_measure", "_segmented")
+        return {"_mass": self._mass, **{name: value for name, value in vars(self).items() if name not in derived}}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

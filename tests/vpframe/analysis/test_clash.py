@@ -490,7 +490,8 @@ def freeform(scene):
             s if s.orientation == "flat" else Surface(s.index, s.name, Freeform(), "free", 0.0, s.area)
             for s in part.surfaces
         )
-        part.shape = Shape(part.shape.mesh, faces, (), volume=part.shape.volume, center=part.shape.center)
+        measured = part.shape.volume, part.shape.center, part.shape.inertia
+        part.shape = Shape(part.shape.mesh, faces, (), measured)
     return scene
 
 

@@ -190,8 +190,8 @@ def test_what_a_person_accepts_or_authorises_holds_for_the_next_run(tmp_path) ->
     assert main(["clash", "accept", str(report), "floor:cube", "--authorise"]) == 0
     last = run()
     assert {c["status"] for c in last["clashes"]} == {"resolved"}
-    assert last["authorised"] == [["cube", "floor"]]
-    assert run()["authorised"] == [["cube", "floor"]], "kept"
+    assert last["authorised"] == [["floor", "cube"]]
+    assert run()["authorised"] == [["floor", "cube"]], "kept"
 
 
 def test_a_run_that_was_cut_off_changes_no_status(tmp_path) -> None:

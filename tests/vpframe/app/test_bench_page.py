@@ -105,7 +105,7 @@ def test_cases_and_numbers_are_given_to_the_suite_that_takes_them(suites, capsys
         (["planning", "--number", "legs=7"], "--number legs=7: suite planning counts segments"),
         (["planning", "--number", "segments=few"], "--number segments=few: write segments=N"),
         (["physics", "--only", "peg"], "--only peg: suite physics is run as a whole"),
-        (["--only", "peg"], "--only and --number choose within one suite; name it"),
+        (["--only", "peg"], "--only, --number and --corpus choose within one suite; name it"),
     ):
         capsys.readouterr()
         assert cli.main(["bench", *wrong]) == 2

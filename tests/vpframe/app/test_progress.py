@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from collision.numeric.kernel import compilation
 from collision.numeric.kernel_cache import kept
 from tests.vpframe.terminal import Terminal as Screen
-from vpframe.app.progress import FEW, LEAST, WINDOW, Progress, Remaining, Watch, duration, fitted, report, say
+from vpframe.app.progress import Progress, Watch, fitted, report, say
+from vpframe.console import FEW, LEAST, WINDOW, Remaining, duration
 from vpframe.session import pace
 from vpframe.studies.run import _Rate
 

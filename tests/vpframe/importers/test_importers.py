@@ -282,6 +282,7 @@ def test_faces_are_triangulated_where_the_kernel_does_not(name, splines, monkeyp
 def test_a_shape_is_meshed_without_the_kernels_mesher():
     for solid in WORKPIECES.values():
         one = brep.tessellate(solid.occ, 1e-4, 0.35, mesher=False)
+        brep.measure(one)
         assert not len(open_edges(one.triangles))
         assert signed_volume(one.vertices, one.triangles) == pytest.approx(one.volume, rel=0.02)
         assert any("one by one" in note for note in one.notes)
@@ -325,7 +326,7 @@ def test_chamfered_filleted_and_countersunk_parts_have_no_open_face(angular):
         properties = GProp_GProps()
         BRepGProp.VolumeProperties_s(solid.occ, properties)
         placed = solid.rotated([1.0, 2.0, 3.0], 0.1 * seed).translated(0.1, -0.2, 0.3) if seed % 2 else solid
-        raw = brep.tessellate(placed.occ, 1e-4, angular)
+        raw = brep.measured(placed.occ, 1e-4, angular)
         assert not len(open_edges(raw.triangles)), seed
         assert not raw.notes, (seed, raw.notes)
         assert raw.volume == pytest.approx(1e-9 * properties.Mass(), rel=1e-6)

@@ -392,9 +392,11 @@ def test_the_depth_of_parts_that_stand_still_is_measured_once(monkeypatch):
         poses = {"a": scene["a"].pose, "b": place(z=height)}
         frames.append(Frame(step, step / 60, poses, rows[: 1 + (step > 1)], (), {}, {}, None, {}))
     asked = []
-    penetration = CollisionManager.penetration
+    penetrations = CollisionManager.penetrations
     monkeypatch.setattr(
-        CollisionManager, "penetration", lambda self, i, j: asked.append(self.pose(1)) or penetration(self, i, j)
+        CollisionManager,
+        "penetrations",
+        lambda self, *given, **more: asked.append(self.pose(1)) or penetrations(self, *given, **more),
     )
     found = depths(log_of(frames, scene))
     assert [pose.translation[2] for pose in asked] == [0.7, 0.72, 0.7]
