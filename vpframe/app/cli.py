@@ -410,6 +410,7 @@ def _new(arguments: argparse.Namespace) -> int:
 def _clash(arguments: argparse.Namespace) -> int:
     from collision import Tolerance
     from vpframe.analysis import clash
+    from vpframe.analysis.bodies import overlap_notes
     from vpframe.app.progress import Progress
 
     tolerance = press_fit.tolerance(arguments.press_fit)
@@ -426,6 +427,7 @@ def _clash(arguments: argparse.Namespace) -> int:
             found = clash.clash(scene, arguments.clearance, tolerance, authorised, progress)
         if status is not None:
             clash.with_status(found, status)
+        scene.notes = (*scene.notes, *overlap_notes(scene, tolerance))
         emit(clash.document(found, notes=list(scene.all_notes())))
         if not arguments.json:
             print(clash.table(found, arguments.surfaces, arguments.contacts))

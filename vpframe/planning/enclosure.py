@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh, colliding_surfaces
-from collision.mesh import welded
 from collision.query.containment import inside
 from collision.solid import is_closed
 from physics.model.body import polyhedron
+from vpframe.analysis.bodies import shells
 from vpframe.planning.assembly import Array, Assembly
 
 FINENESS: Final = 3.0
@@ -45,25 +45,6 @@ def enclosed_by(assembly: Assembly, group: Sequence[int], others: Iterable[int])
             if _holds(shell) and all(_inside(assembly, shell, i, j) for i in group):
                 return j
     return None
-
-
-def shells(mesh: SurfaceMesh) -> list[SurfaceMesh]:
-    """The pieces of a mesh that share no vertex position, each a mesh of one surface."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    positions, at = welded(mesh.vertices)
-    triangles = at[mesh.triangles]
-    n = len(positions)
-    rows = np.concatenate([triangles[:, 0], triangles[:, 1]])
-    columns = np.concatenate([triangles[:, 1], triangles[:, 2]])
-    count, label = connected_components(coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n)), directed=False)
-    of = label[triangles[:, 0]]
-    return [
-        SurfaceMesh(positions, triangles[of == k], np.zeros(int((of == k).sum()), np.int64))
-        for k in range(count)
-        if (of == k).any()
-    ]
 
 
 def _holds(shell: SurfaceMesh) -> bool:
