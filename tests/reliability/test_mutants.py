@@ -45,7 +45,7 @@ def test_a_volume_that_the_kernel_finds_infinite_is_that_of_the_triangles(
     path.write_bytes(data)
     scene = vp.load(path)
     assert 0.0 < scene["plate"].shape.volume < 1e-3
-    assert any("its volume is not that of its faces" in note for note in scene.all_notes())
+    assert any("its exact volume, -inf mm³, is not that of its triangles" in note for note in scene.all_notes())
 
 
 def test_the_end_of_a_forked_reader_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

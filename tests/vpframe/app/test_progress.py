@@ -205,7 +205,7 @@ def test_a_line_that_is_too_long_loses_its_bar_before_its_words() -> None:
 
 SPEAKING = """
 import sys, threading, time, warnings
-from vpframe.app.progress import Progress, Watch, question, say, warn
+from vpframe.app.progress import Progress, Terminal, Watch, say, warn
 
 def speak(who):
     for n in range(60):
@@ -229,7 +229,7 @@ with watch, Progress("loading Gehäuse 组件装配图纸.step", delay=0.0) as o
         time.sleep(0.4)
         print(", and the rest")
     time.sleep(0.3)
-    answer = question("accept \\x1b[2J?")
+    answer = Terminal().ask("accept \\x1b[2J?")
     time.sleep(0.3)
     warnings.warn_explicit("a warning", UserWarning, "task.py", 3)
 for n in range(40):
