@@ -104,7 +104,7 @@ class Jam:
 
 
 def silent(fraction: float | None, text: str) -> None:
-    pass
+    """Receive progress and do nothing."""
 
 
 class Mates:
@@ -275,6 +275,7 @@ class Mates:
 
 
 def pairs_of(scene: Scene, names: Iterable[tuple[str, str]]) -> frozenset[frozenset[int]]:
+    """Return pairs of parts, given by name, as pairs of their places; VpframeError if a part is on both sides."""
     out = set()
     for a, b in names:
         if a == b:

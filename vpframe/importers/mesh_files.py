@@ -418,6 +418,7 @@ def _srgb(linear: float) -> float:
 
 
 def scale_of(form: str, unit: str | None, pieces: list[Piece], raw: RawScene) -> float:
+    """Return metres a unit of length of a file: of its format, of `unit`, else guessed from the size, with a note."""
     if form == "glb":
         return 1.0  # metres by definition
     if unit is not None:
