@@ -5,10 +5,9 @@ Knows triangles, surfaces, poses and boxes; nothing of CAD, names, mass or viewe
 
 from __future__ import annotations
 
-import importlib
-import sys
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from collision.lazy import attributes
 
 if TYPE_CHECKING:
     from collision.classify import PairClass, classify
@@ -16,7 +15,11 @@ if TYPE_CHECKING:
     from collision.errors import CollisionError, MeshError, PoseError, UnknownObjectError
     from collision.manager import CollisionManager
     from collision.mesh import SurfaceMesh
+    from collision.mesh_pair import MeshPair, intersect_at, last_surfaces, prepare_pair
     from collision.methods import colliding_surfaces
+    from collision.objects import ObjectsState
+    from collision.query.blocking import Stop, SurfacePairs, Sweeps
+    from collision.query.containment import inside
     from collision.statistics import Statistics
     from collision.tolerance import Tolerance
 
@@ -26,64 +29,41 @@ __all__ = [
     "CollisionError",
     "CollisionManager",
     "MeshError",
+    "MeshPair",
+    "ObjectsState",
     "PairClass",
     "PoseError",
     "Statistics",
+    "Stop",
     "SurfaceMesh",
+    "SurfacePairs",
+    "Sweeps",
     "TimeOfImpact",
     "Tolerance",
     "UnknownObjectError",
     "classify",
     "colliding_surfaces",
+    "inside",
+    "intersect_at",
+    "last_surfaces",
+    "prepare_pair",
 ]
 
-_MODULE = {
-    name: module
-    for module, names in {
-        "collision.classify": (
-            "PairClass",
-            "classify",
-        ),
-        "collision.contact": (
-            "CONTACT_DTYPE",
-            "PENETRATION_DTYPE",
-            "TimeOfImpact",
-        ),
-        "collision.errors": (
-            "CollisionError",
-            "MeshError",
-            "PoseError",
-            "UnknownObjectError",
-        ),
-        "collision.manager": ("CollisionManager",),
-        "collision.mesh": ("SurfaceMesh",),
-        "collision.methods": ("colliding_surfaces",),
-        "collision.statistics": ("Statistics",),
-        "collision.tolerance": ("Tolerance",),
-    }.items()
-    for name in names
+_NAMES = {
+    "collision.classify": "PairClass classify",
+    "collision.contact": "CONTACT_DTYPE PENETRATION_DTYPE TimeOfImpact",
+    "collision.errors": "CollisionError MeshError PoseError UnknownObjectError",
+    "collision.manager": "CollisionManager",
+    "collision.mesh": "SurfaceMesh",
+    "collision.mesh_pair": "MeshPair intersect_at last_surfaces prepare_pair",
+    "collision.methods": "colliding_surfaces",
+    "collision.objects": "ObjectsState",
+    "collision.query.blocking": "Stop SurfacePairs Sweeps",
+    "collision.query.containment": "inside",
+    "collision.statistics": "Statistics",
+    "collision.tolerance": "Tolerance",
 }
+_MODULE = {name: module for module, names in _NAMES.items() for name in names.split()}
 """where each name is defined: imported at its first use, because kernels take long to import"""
 
-
-class _Package(ModuleType):
-    """A package some of whose names are those of its modules (`classify`), and do not mean these."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name not in _MODULE or not isinstance(value, ModuleType):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(_MODULE[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = attributes(__name__, _MODULE)

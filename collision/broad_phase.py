@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from collision.bvh.build import nodes_over, order_groups
 from collision.bvh.layout import LANES, NODE
-from collision.bvh.traverse import Door, inline_kernel
-from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.kernel import EntryPoint, inline_kernel, inner_kernel, kernel
 from collision.numeric.rigid_transforms import relative_poses, take_pose, take_poses
 from collision.numeric.simd import lowest, overlapping
 
@@ -34,7 +33,7 @@ FEW: Final = 4
 """if at most one object in so many has moved, only those are tested"""
 
 
-class Bodies(NamedTuple):
+class ObjectArrays(NamedTuple):
     """Arrays by object id, longer than there are objects."""
 
     pose: Any
@@ -66,9 +65,9 @@ class ObjectTree(NamedTuple):
     """(1,) float64, m: sum of the extents of the groups when the tree was built"""
 
 
-def bodies_for(n: int, before: Bodies | None = None) -> Bodies:
+def bodies_for(n: int, before: ObjectArrays | None = None) -> ObjectArrays:
     """Return arrays for n objects; the first rows are those of `before`."""
-    arrays = Bodies(
+    arrays = ObjectArrays(
         np.empty((n, 12)), np.empty((n, 7)), np.empty((n, 6)), np.empty(n), np.zeros(n, np.bool_),
         np.zeros(n, np.bool_), np.full(n, -1, np.int64),
     )  # fmt: skip
@@ -98,7 +97,7 @@ class BroadPhase:
         self._keys: NDArray[np.int64] | None = None
         """keys of the pairs within 0; None if they do not hold, except for objects that are stale"""
 
-    def reset(self, ids: NDArray[np.int64], bodies: Bodies) -> None:
+    def rebuild(self, ids: NDArray[np.int64], bodies: ObjectArrays) -> None:
         """Rebuild both trees with the objects of these ids, (n,)."""
         movable = bodies.movable[ids]
         self._movers, self._fixed = tree_of_objects(ids[movable]), tree_of_objects(ids[~movable])
@@ -106,14 +105,14 @@ class BroadPhase:
         bodies.stale[ids] = True
         self._keys = None
 
-    def set_groups(self, bodies: Bodies, groups: Iterable[Iterable[int]]) -> None:
+    def set_groups(self, bodies: ObjectArrays, groups: Iterable[Iterable[int]]) -> None:
         """Leave out the pairs within each of these groups of objects, and no others."""
         bodies.group[:] = -1
         for number, group in enumerate(groups):
             bodies.group[list(group)] = number
         self._keys = None
 
-    def place(self, bodies: Bodies, i: int, matrix: NDArray[np.float64], rigid: float) -> bool:
+    def place(self, bodies: ObjectArrays, i: int, matrix: NDArray[np.float64], rigid: float) -> bool:
         """Set the pose of object i to a (4, 4) matrix; return False, nothing changed, if it is no rigid motion."""
         return bool(_place.call(bodies, i, matrix, rigid))
 
@@ -128,7 +127,7 @@ class BroadPhase:
         _relative_poses.call(pose, pairs, out)
         return out
 
-    def follow(self, bodies: Bodies) -> None:
+    def follow(self, bodies: ObjectArrays) -> None:
         """Refit boxes and trees to the poses."""
         grown = _follow.call(bodies, self._movers, self._fixed, False)
         if grown:
@@ -139,7 +138,7 @@ class BroadPhase:
             _follow.call(bodies, self._movers, self._fixed, True)
 
     def near(
-        self, bodies: Bodies, n: int, within: float = 0.0, chosen: NDArray[np.bool_] | None = None
+        self, bodies: ObjectArrays, n: int, within: float = 0.0, chosen: NDArray[np.bool_] | None = None
     ) -> NDArray[np.int64]:
         """Return the keys, 2³²·i + j, of the pairs i < j of the first n objects that come within `within` (m), sorted.
 
@@ -155,7 +154,7 @@ class BroadPhase:
         self.follow(bodies)
         return self._find(bodies, within, chosen)
 
-    def _near_all(self, bodies: Bodies, n: int) -> NDArray[np.int64]:
+    def _near_all(self, bodies: ObjectArrays, n: int) -> NDArray[np.int64]:
         if self._keys is not None and n > 16:
             stale = bodies.stale[:n].copy()
             moved = np.count_nonzero(stale)
@@ -171,7 +170,7 @@ class BroadPhase:
         self._keys = self._find(bodies, 0.0, None)
         return self._keys
 
-    def _find(self, bodies: Bodies, within: float, chosen: NDArray[np.bool_] | None) -> NDArray[np.int64]:
+    def _find(self, bodies: ObjectArrays, within: float, chosen: NDArray[np.bool_] | None) -> NDArray[np.int64]:
         chosen = self._none if chosen is None else chosen
         while True:
             found = _near_pairs.call(bodies, self._movers, self._fixed, within, chosen, self._stack, self._found)
@@ -368,5 +367,5 @@ def near_pairs(bodies, movers, fixed, within, chosen, stack, keys):
     return n
 
 
-_follow, _near_pairs, _place = Door(follow), Door(near_pairs), Door(place)
-_take_poses, _relative_poses = Door(take_poses), Door(relative_poses)
+_follow, _near_pairs, _place = EntryPoint(follow), EntryPoint(near_pairs), EntryPoint(place)
+_take_poses, _relative_poses = EntryPoint(take_poses), EntryPoint(relative_poses)

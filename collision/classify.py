@@ -9,13 +9,14 @@ With the tolerance tol = `Tolerance.linear` + the deflections of the two tessell
 
 Two parts are in containment if one lies wholly inside the other. Two parts whose surfaces only touch, but which have
 material in common, clash as a whole: two identical parts in one place do. The winding number decides what lies inside a
-mesh that is not closed, such as a part that lost a face; the reason of such a row names the open mesh.
+mesh that is not closed, such as a part that lost a face; `open` of such a row has the open mesh.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Final, Literal
 
 import numpy as np
@@ -35,6 +36,16 @@ SAMPLES: Final = 512
 """Triangles a part below whose middles common material is looked for, the largest first."""
 
 
+class Reason(StrEnum):
+    """Why two objects as a whole are classified as they are."""
+
+    NONE = ""
+    INSIDE = "inside"
+    """one lies wholly inside the other"""
+    COMMON = "common material"
+    """their surfaces only touch, but they have material in common"""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PairClass:
     """The relation of two surfaces, or of two parts as a whole."""
@@ -50,8 +61,20 @@ class PairClass:
     """m, the penetration depth; 0 if they do not penetrate"""
     witness: NDArray[np.float64]
     """(3,) world frame: the deepest point, or the middle between the nearest points"""
-    reason: str = ""
-    """which part is inside which, and which of them is not closed; empty for other rows"""
+    reason: Reason = Reason.NONE
+    inner: int | None = None
+    """the object that lies inside the other"""
+    open: tuple[int, ...] = ()
+    """objects that are not closed, where the kind of a row of the two depends on what is inside"""
+
+    def words(self, names: Sequence[str] | None = None) -> str:
+        """Return the reason as a sentence; empty if there is none. names: of all objects, by id."""
+        first, second = (f"object {i}" if names is None else names[i] for i in self.objects)
+        if self.reason is Reason.INSIDE:
+            inner, outer = (first, second) if self.inner == self.objects[0] else (second, first)
+            return f"{inner} lies wholly inside {outer}"
+        common = f"{first} and {second} have material in common though their surfaces only touch"
+        return common if self.reason is Reason.COMMON else ""
 
 
 def classify(
@@ -61,7 +84,6 @@ def classify(
     authorised: Iterable[Sequence[int]] = (),
     objects: Iterable[int] | None = None,
     tell: Callable[[float], None] = lambda fraction: None,
-    names: Sequence[str] | None = None,
 ) -> list[PairClass]:
     """Return every pair of surfaces, and of parts, that clashes, touches or comes within the clearance.
 
@@ -74,7 +96,6 @@ def classify(
         as a press fit: they are listed as "authorised".
     objects: only pairs with at least one of these; None for all.
     tell: called with the fraction done, in [0, 1), after each pair of objects that meet.
-    names: the objects' names in reasons, by id; "object 0", … if they are not given.
 
     Returns
     -------
@@ -84,12 +105,13 @@ def classify(
     ------
     CollisionError: a clearance or deflection that is negative or not finite; an authorised pair that is neither.
     """
+    from collision.solid import solid_of
+
     if not 0.0 <= clearance < np.inf:
         raise CollisionError(f"clearance is {clearance!r}; give a finite length of at least 0 m")
     slack, tolerance = _deflections(manager, deflection), manager.tolerance.linear
     meant = _authorised(authorised)
     found: list[PairClass] = []
-    called = {i: names[i] if names is not None else f"object {i}" for i in manager.objects}
     wanted = max(tolerance, clearance)
     most = {i: float(given.max(initial=0.0)) for i, given in slack.items()}
     neighbours = manager.object_pairs(objects, wanted + 2.0 * max(most.values(), default=0.0)).tolist()
@@ -115,28 +137,14 @@ def classify(
             witness = deep["point"] if deep is not None else (row["point_a"] + row["point_b"]) / 2
             pairs.append(PairClass(kind, (i, j), surfaces, distance, depth, np.array(witness)))
         if not any(pair.kind in INSIDE for pair in pairs):
-            whole = _as_a_whole(manager, i, j, bool(depths), float(nearness.max()), (i, j) in meant, called)
+            whole = _as_a_whole(manager, i, j, bool(depths), float(nearness.max()), (i, j) in meant)
             if whole is not None:
                 pairs.insert(0, whole)
         if any(pair.kind in INSIDE for pair in pairs):
-            pairs = _with_open_ones_named(manager, pairs, called)
+            gaps = tuple(k for k in (i, j) if not solid_of(manager.mesh(k)).closed)
+            pairs = [replace(pair, open=gaps) if pair.kind in INSIDE else pair for pair in pairs]
         found += pairs
     return found
-
-
-def _with_open_ones_named(manager: CollisionManager, pairs: list[PairClass], called: dict[int, str]) -> list[PairClass]:
-    """Add to the reasons of pairs of two objects, where one is inside the other, which of them is not closed."""
-    from collision.solid import solid_of
-
-    gaps = [
-        f"{called[i]} is not closed: its winding number decides what is inside it"
-        for i in pairs[0].objects
-        if not solid_of(manager.mesh(i)).closed
-    ]
-    return [
-        replace(pair, reason="; ".join(filter(None, [pair.reason, *gaps]))) if pair.kind in INSIDE else pair
-        for pair in pairs
-    ]
 
 
 def _deflections(manager: CollisionManager, deflection: float | Sequence[ArrayLike]) -> dict[int, NDArray[np.float64]]:
@@ -163,7 +171,7 @@ def _authorised(pairs: Iterable[Sequence[int]]) -> set[tuple[int, ...]]:
 
 
 def _as_a_whole(
-    manager: CollisionManager, i: int, j: int, touching: bool, near: float, meant: bool, called: dict[int, str]
+    manager: CollisionManager, i: int, j: int, touching: bool, near: float, meant: bool
 ) -> PairClass | None:
     """Containment, or common material of parts whose surfaces only touch."""
     from collision.query.containment import inside
@@ -184,7 +192,7 @@ def _as_a_whole(
                 return PairClass(
                     "authorised" if meant else "containment",
                     (i, j), None, float(row["distance"]), float(depths[deepest]),
-                    manager.pose(outer).act(points[deepest]), f"{called[inner]} lies wholly inside {called[outer]}",
+                    manager.pose(outer).act(points[deepest]), Reason.INSIDE, inner,
                 )  # fmt: skip
         return None
     points = np.concatenate(
@@ -207,9 +215,8 @@ def _as_a_whole(
             break
     else:
         return None
-    reason = f"{called[i]} and {called[j]} have material in common though their surfaces only touch"
     kind: Kind = "authorised" if meant else "clash"
-    return PairClass(kind, (i, j), None, 0.0, float(depth[k]), world.act(points[k]), reason)
+    return PairClass(kind, (i, j), None, 0.0, float(depth[k]), world.act(points[k]), Reason.COMMON)
 
 
 def _may_be_deeper(mesh: SurfaceMesh, points: NDArray[np.float64], near: float) -> NDArray[np.bool_]:

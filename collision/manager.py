@@ -87,6 +87,13 @@ class CollisionManager(Objects):
         super()._forget(outdated)
         self._narrow.forget(outdated)
 
+    def forget_nearest(self) -> None:
+        """Make contacts and clearances depend on the poses and on the queries from now on alone, to the bit.
+
+        Otherwise, of triangles that are equally near to rounding, a query finds those next to its last answer.
+        """
+        self._narrow.forget_nearest()
+
     # --- which surfaces collide, and which are near ------------------------------------------------------------------
 
     def object_pairs(self, objects: Iterable[int] | None = None, within: float = 0.0) -> NDArray[np.int32]:
@@ -112,7 +119,7 @@ class CollisionManager(Objects):
             ids = list(objects)
             self._require(ids)
             chosen[ids] = True
-        self._reset_broad_phase()
+        self._rebuild_broad_phase()
         keys = self._broad.near(self._bodies, n, within, chosen)
         if self._ignored:
             keys = keys[[key not in self._ignored for key in keys.tolist()]]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from collision.bvh.build import build, bvh_of
 from collision.bvh.layout import LANES, Bvh
-from collision.bvh.traverse import Workspace, counts_of, large_enough
+from collision.bvh.traverse import QueryWorkspace, counts_of, large_enough
 from collision.contact import CONTACT_DTYPE
 from collision.query.distance import clearance_of, contacts_of, lanes_of, with_surfaces
 from collision.query.intersection import ALL_ENABLED, NO_TRIANGLES, intersect_of
@@ -37,7 +37,7 @@ class PairCache:
     """A pair of objects: its last answers, their versions, and which triangles intersected or were nearest."""
 
     __slots__ = (
-        "a", "b", "contacts", "enabled", "i", "j", "met", "near", "nearest", "rows", "version", "within",
+        "a", "age", "b", "contacts", "enabled", "i", "j", "met", "near", "nearest", "rows", "version", "within",
     )  # fmt: skip
 
     def __init__(self, i: int, j: int, a: Bvh, b: Bvh, enabled: NDArray[np.uint8] | None) -> None:
@@ -53,6 +53,8 @@ class PairCache:
         """the version, and the distance (m), of `contacts`"""
         self.version = -1
         """how often both had been moved when `rows` was made"""
+        self.age = -1
+        """how often `NarrowPhase.forget_nearest` had been called when `near`, `nearest` and `contacts` were made"""
 
     def table(self) -> NDArray[np.int64]:
         """Return a table for two triangles a pair of surfaces, empty if there are more than MOST_CACHED."""
@@ -66,8 +68,9 @@ class NarrowPhase:
     def __init__(self) -> None:
         self.pairs: dict[int, PairCache] = {}
         """by key, 2³²·i + j"""
-        self._workspaces: list[Workspace | None] = [None, None]
+        self._workspaces: list[QueryWorkspace | None] = [None, None]
         self._sizes = 1, 1
+        self._age = 0
         self._pace = [0.1 * WORTH_A_THREAD] * 2  # s a pair, of either query, when last measured
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -96,7 +99,7 @@ class NarrowPhase:
         self._add(keys, meshes, enabled)
         moved = []
         for key in keys:
-            pair = pairs[key]
+            pair = self._current(pairs[key])
             if pair.within[0] != version[pair.i] + version[pair.j] or pair.within[1] < within:
                 moved.append(pair)
         self._share(1, partial(self._contacts, within), moved, version, poses)
@@ -108,7 +111,7 @@ class NarrowPhase:
     ) -> NDArray[Any]:  # fmt: skip
         """Return one CONTACT_DTYPE row: the nearest triangles of a pair of objects, or of a surface of either."""
         self._add([key], meshes, enabled)
-        pair = self.pairs[key]
+        pair = self._current(self.pairs[key])
         last = pair.nearest.get(surfaces)
         if last is None:
             last = pair.nearest[surfaces] = lanes_of(pair.a, pair.b, *surfaces)
@@ -116,6 +119,16 @@ class NarrowPhase:
         rows = np.zeros(1, CONTACT_DTYPE)
         clearance_of(pair.a, pair.b, ws, poses, pair.i, pair.j, np.inf, last, rows)
         return with_surfaces(rows, meshes[pair.i], meshes[pair.j])
+
+    def forget_nearest(self) -> None:
+        """Forget contacts and nearest triangles: of equally near ones, a query finds those next to the last answer."""
+        self._age += 1
+
+    def _current(self, pair: PairCache) -> PairCache:
+        """Return a pair, with nothing in it that is to be forgotten."""
+        if pair.age != self._age:
+            pair.near, pair.nearest, pair.within, pair.age = NO_TRIANGLES, {}, (-1, -1.0), self._age
+        return pair
 
     def _add(self, keys: list[int], meshes: Sequence[Any], enabled: Enabled) -> None:
         new = [key for key in keys if key not in self.pairs]

@@ -18,13 +18,15 @@ if TYPE_CHECKING:
     import pinocchio as pin
 
 
-class Mark(NamedTuple):
-    """Poses and disabled pairs as `Objects.mark` found them."""
+class ObjectsState(NamedTuple):
+    """What moves and settings change, at one instant, see `Objects.snapshot`."""
 
     poses: NDArray[np.float64]
     """(n, 12) rotation by rows, translation in m"""
     versions: NDArray[np.int64]
     """(n,)"""
+    groups: NDArray[np.int64]
+    """(n,) number of the group that each object belongs to, -1 for none"""
     ignored: frozenset[int]
     ignored_surfaces: dict[tuple[int, int], frozenset[tuple[int, int]]]
 
@@ -53,10 +55,10 @@ class Objects:
         self._given: tuple[int, dict[int, pin.SE3]] = -1, {}  # version and copies of poses that `set_poses` took
         self._revision = 0  # how often anything was changed
         self._broad = BroadPhase()
-        self._changed = True  # whether objects were added or removed since the broad phase was last reset
+        self._changed = True  # whether objects were added or removed since the broad phase was last rebuilt
         self._ignored: frozenset[int] = frozenset()  # keys of pairs
         self._ignored_surfaces: dict[tuple[int, int], frozenset[tuple[int, int]]] = {}
-        self._marked = False  # whether a mark refers to the table above, so that it is copied before it changes
+        self._shared = False  # whether a snapshot has the table above, so that it is copied before it changes
         self._enabled: dict[tuple[int, int], NDArray[np.uint8]] = {}  # the same as tables, made when needed
 
     # --- objects -----------------------------------------------------------------------------------------------------
@@ -259,23 +261,26 @@ class Objects:
         """Return a copy of the poses by id, (n, 12): rotation by rows, translation in m."""
         return self._bodies.pose[: len(self._meshes)].copy()
 
-    def mark(self) -> Mark:
-        """Return what `undo` needs to take back later moves and changes of what is ignored.
+    @property
+    def snapshot(self) -> ObjectsState:
+        """Poses, groups and ignored pairs at this instant; assigning it takes back later changes of them.
 
-        Objects must not be added or removed between the two.
+        An object that moved in between gets a version that it never had. Objects must not be added or removed.
         """
-        self._marked = True
-        return Mark(self.packed_poses(), self.versions.copy(), self._ignored, self._ignored_surfaces)
+        self._shared = True
+        group = self._bodies.group[: len(self._meshes)].copy()
+        return ObjectsState(self.packed_poses(), self.versions.copy(), group, self._ignored, self._ignored_surfaces)
 
-    def undo(self, mark: Mark) -> None:
-        """Restore poses and ignored pairs of a mark; what moved since gets a version that it never had."""
-        pose = self._bodies.pose[: len(mark.poses)]
+    @snapshot.setter
+    def snapshot(self, there: ObjectsState) -> None:
+        pose = self._bodies.pose[: len(there.poses)]
         # an interrupt may come between a pose and its version
-        other = (pose.view(np.int64) != mark.poses.view(np.int64)).any(axis=1)
-        moved = np.flatnonzero(other | (self.versions != mark.versions))
-        pose[moved], self._bodies.stale[moved] = mark.poses[moved], True
+        other = (pose.view(np.int64) != there.poses.view(np.int64)).any(axis=1)
+        moved = np.flatnonzero(other | (self.versions != there.versions))
+        pose[moved], self._bodies.stale[moved] = there.poses[moved], True
         self._version[moved] = self._next_version()
-        self._ignored, self._ignored_surfaces, self._marked = mark.ignored, mark.ignored_surfaces, True
+        self._bodies.group[: len(there.groups)] = there.groups
+        self._ignored, self._ignored_surfaces, self._shared = there.ignored, there.ignored_surfaces, True
         self._enabled = {}
         self._changed = True
         self._forget(lambda i, j: True)
@@ -290,14 +295,14 @@ class Objects:
 
         They are inflated by more than all rounding.
         """
-        self._reset_broad_phase()
+        self._rebuild_broad_phase()
         self._broad.near(self._bodies, len(self._meshes), 0.0, None)
         return self._bodies.box[: len(self._meshes)]
 
-    def _reset_broad_phase(self) -> None:
+    def _rebuild_broad_phase(self) -> None:
         """Rebuild the trees of the broad phase if objects were added or removed."""
         if self._changed:
-            self._broad.reset(np.array(self.objects, np.int64), self._bodies)
+            self._broad.rebuild(np.array(self.objects, np.int64), self._bodies)
             self._changed = False
 
     # --- which pairs are enabled -------------------------------------------------------------------------------------
@@ -343,8 +348,8 @@ class Objects:
         self, i: int, j: int, surfaces: frozenset[tuple[int, int]], changed: frozenset[tuple[int, int]], enabled: int
     ) -> None:
         """Set which pairs of surfaces of i and j are left out; those that `changed` become `enabled` (0 or 1)."""
-        if self._marked:
-            self._ignored_surfaces, self._marked = dict(self._ignored_surfaces), False
+        if self._shared:
+            self._ignored_surfaces, self._shared = dict(self._ignored_surfaces), False
         pair = self._pair(i, j)
         self._ignored_surfaces[pair] = surfaces
         for key in (pair, pair[::-1]):

@@ -24,7 +24,7 @@ FOLD: Final = 0.2
 """1: a shorter pseudonormal, the sum of unit normals or a unit of angle, belongs to a fold of less than 12°"""
 
 
-class Solid(NamedTuple):
+class SolidMesh(NamedTuple):
     """Arrays derived from a mesh of m triangles as the boundary of a solid; read-only, triangles in leaf order."""
 
     bvh: Bvh
@@ -45,7 +45,7 @@ class Solid(NamedTuple):
     """bool: whether every directed edge has its opposite"""
 
 
-def solid_of(mesh: SurfaceMesh) -> Solid:
+def solid_of(mesh: SurfaceMesh) -> SolidMesh:
     """Return the solid that a mesh bounds, derived at the first call and kept on the mesh.
 
     Raises
@@ -53,7 +53,7 @@ def solid_of(mesh: SurfaceMesh) -> Solid:
     CollisionError: the mesh stands for a shape without triangles.
     MeshError: as `collision.bvh.build.bvh_of`.
     """
-    solid: Solid | None = mesh._cache.get("solid")
+    solid: SolidMesh | None = mesh._cache.get("solid")
     if solid is None:
         if isinstance(mesh, ShapeMesh):
             raise CollisionError(f"{mesh.name}: a shape without triangles bounds no mesh; give it as a SurfaceMesh")
@@ -61,7 +61,7 @@ def solid_of(mesh: SurfaceMesh) -> Solid:
     return solid
 
 
-def _derive(mesh: SurfaceMesh) -> Solid:
+def _derive(mesh: SurfaceMesh) -> SolidMesh:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -103,14 +103,14 @@ def _derive(mesh: SurfaceMesh) -> Solid:
     )
     for array in arrays:
         array.setflags(write=False)
-    return Solid(bvh, *arrays, closed)
+    return SolidMesh(bvh, *arrays, closed)
 
 
 def _sure(
     t: NDArray[np.int_], corners: NDArray[np.float64], edge: NDArray[np.int64], way: NDArray[np.int64],
     at_edge: NDArray[np.float64], at_vertex: NDArray[np.float64], angle: NDArray[np.float64],
 ) -> NDArray[np.bool_]:  # fmt: skip
-    """`Solid.sure`, of welded corners t (m, 3); `way`: the direction of each edge, 0 where it has no length."""
+    """`SolidMesh.sure`, of welded corners t (m, 3); `way`: the direction of each edge, 0 where it has no length."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -142,7 +142,7 @@ def _sure(
 
 
 def _clusters(bvh: Bvh, corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`Solid.cluster`, of corners (m, 3, 3) in leaf order."""
+    """`SolidMesh.cluster`, of corners (m, 3, 3) in leaf order."""
     vector = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(vector, axis=1)[:, None]
     sums = np.concatenate([np.zeros((1, 7)), np.cumsum(np.hstack([vector, area * corners.mean(axis=1), area]), axis=0)])

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from collision.lazy import attributes
 
 if TYPE_CHECKING:
     from constraints.errors import ConstraintsError, GeometryError
@@ -86,78 +85,22 @@ __all__ = [
 _MODULE = {
     name: module
     for module, names in {
-        "constraints.errors": (
-            "ConstraintsError",
-            "GeometryError",
-        ),
-        "constraints.freedom.mobility": (
-            "Freedom",
-            "Mobility",
-            "mobility",
-        ),
+        "constraints.errors": ("ConstraintsError", "GeometryError"),
+        "constraints.freedom.mobility": ("Freedom", "Mobility", "mobility"),
         "constraints.kinds": (
-            "Against",
-            "Angle",
-            "Belt",
-            "Circle",
-            "Concentric",
-            "Conical",
-            "Constraint",
-            "Contact",
-            "Coplanar",
-            "Distance",
-            "Fixed",
-            "Gear",
-            "Groove",
-            "Line",
-            "Offset",
-            "Parallel",
-            "Perpendicular",
-            "Point",
-            "RackAndPinion",
-            "Screw",
-            "Spherical",
-            "Tangent",
-            "Toroidal",
+            "Against", "Angle", "Belt", "Circle", "Concentric", "Conical", "Constraint", "Contact", "Coplanar",
+            "Distance", "Fixed", "Gear", "Groove", "Line", "Offset", "Parallel", "Perpendicular", "Point",
+            "RackAndPinion", "Screw", "Spherical", "Tangent", "Toroidal",
         ),
-        "constraints.manager": (
-            "Accepted",
-            "Change",
-            "ConstraintManager",
-            "UnknownConstraintError",
-        ),
+        "constraints.manager": ("Accepted", "Change", "ConstraintManager", "UnknownConstraintError"),
         "constraints.motion.god_object": ("MotionResult",),
         "constraints.motion.motion": ("Motion",),
         "constraints.recognition.candidate": ("Candidate",),
         "constraints.recognition.recognise": ("recognise",),
-        "constraints.solve.solver": (
-            "Solution",
-            "solve",
-        ),
+        "constraints.solve.solver": ("Solution", "solve"),
     }.items()
     for name in names
-}
+}  # fmt: skip
 """where each name is defined: imported at its first use, because kernels take long to import"""
 
-
-class _Package(ModuleType):
-    """A package some of whose names are those of its modules (`solve`), and do not mean these."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name not in _MODULE or not isinstance(value, ModuleType):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(_MODULE[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = attributes(__name__, _MODULE)

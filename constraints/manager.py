@@ -74,8 +74,27 @@ class Accepted:
 
 
 @dataclass(frozen=True, eq=False)
+class ConstraintsState:
+    """What decisions and updates change, at one instant, see `ConstraintManager.snapshot`."""
+
+    ids: dict[Key, int]
+    """of all pairs of features ever offered or stated"""
+    candidates: dict[int, Candidate]
+    accepted: dict[int, Accepted]
+    refused: dict[int, Candidate]
+    pulled: dict[int, Candidate]
+    """broken by a pull that has not relaxed yet"""
+    pending: tuple[Change, ...]
+    """changes that the next update reports"""
+    poses: tuple[pin.SE3, ...]
+    """of the last update; none before the first"""
+    unproven: tuple[int, ...]
+    """ids accepted since the last update"""
+
+
+@dataclass(frozen=True, eq=False)
 class InForce:
-    """The constraints in force at one moment, and what is asked of them again and again."""
+    """The constraints in force at one moment, and quantities derived from them at first use."""
 
     accepted: Mapping[int, Accepted]
     """by id, in the order of acceptance"""
@@ -162,11 +181,11 @@ class ConstraintManager:
     tolerance: `reach`, `release`, `break_distance`, `break_angular` are used here.
     threads: pitch (m a turn) of threaded features, by (body, feature).
     named: words of the bodies' names that speak of threads, see `Recogniser`.
-    rules: asked in order about each new candidate; the first that does not say None decides.
+    rules: called in order with each new candidate; the first that does not return None decides.
     fixed: ids of bodies that cannot move: two of them may make constraints contradict each other.
     kinds: what is offered; by default surfaces that coincide (`pairings.FITS`), no tangencies.
 
-    A pair of features keeps its id as long as the manager lives, through `state` and `restore` too.
+    A pair of features keeps its id as long as the manager lives, whatever `snapshot` it goes back to.
     """
 
     def __init__(
@@ -202,7 +221,7 @@ class ConstraintManager:
         self._pending: list[Change] = []
         self._poses: tuple[pin.SE3, ...] = ()
         self._unproven: list[int] = []  # accepted since the last update
-        self._given: set[str] = {"accepted"}  # dicts that others hold: they are copied before they are changed
+        self._shared: set[str] = {"accepted"}  # dicts that a snapshot has: they are copied before they are changed
         self._in_force = InForce(self.accepted)
         self._known_matched: tuple[Any, tuple[tuple[int, ...], tuple[Pair, ...], list[str | None]]] = None, ((), (), [])
         self._known_pulls: tuple[Any, tuple[tuple[int, ...], Pulls]] = None, ((), Pulls((), ()))
@@ -242,14 +261,14 @@ class ConstraintManager:
         """The constraints in force; the same object as long as they are the same."""
         if self._in_force.accepted is not self.accepted:
             self._in_force = InForce(self.accepted)
-            self._given.add("accepted")
+            self._shared.add("accepted")
         return self._in_force
 
     def _own(self, name: str) -> dict[Any, Any]:
         """One of the dicts, to be changed: a copy where the one there is was given away."""
-        if name in self._given:
+        if name in self._shared:
             setattr(self, name, dict(getattr(self, name)))
-            self._given.discard(name)
+            self._shared.discard(name)
         own: dict[Any, Any] = getattr(self, name)
         return own
 
@@ -547,7 +566,7 @@ class ConstraintManager:
             ends = [goals.get(i, pose) for i, pose in enumerate(at)] if goals else at
             for id, candidate in [(i, c) for i, c in self._pulled.items() if not within(c.bodies)]:
                 if goals and candidate.bodies in together and _opening(candidate, ends) > t.linear:
-                    continue  # a motion that parts the faces goes on
+                    continue  # a motion that separates the faces is allowed
                 if candidate.bodies not in together or recogniser.match(candidate.key, at, offer) is not None:
                     del self._own("_pulled")[id]
         asked = self.kinds | {"concentric"} if "screw" in self.kinds else self.kinds  # a screw is a fit with pitch
@@ -570,7 +589,7 @@ class ConstraintManager:
                 self._recognise(pair, match, faces[pair], poses, wanted)
 
     def _pairs(self, which: int, codes: NDArray[np.int64]) -> dict[Pair, None]:
-        """The pairs of features of contact rows by their codes, ascending; `which` question it is that comes again."""
+        """The pairs of features of contact rows by their codes, ascending; `which` names the cache entry."""
         known = self._known_pairs.get(which)
         if known is None or not np.array_equal(known[0], codes):
             pairs = map(self.recogniser.pair, np.unique(codes[codes >= 0]).tolist())
@@ -714,39 +733,37 @@ class ConstraintManager:
         free = [i for i in range(len(poses)) if i not in self.fixed]
         return solve(constraints, poses, free, replace(self.tolerance, solver=0.1 * limit)).residual <= limit
 
-    # -- checkpoint
+    # -- going back
 
-    def mark(self) -> tuple[Any, ...]:
-        """What decisions and updates change, to `undo` them."""
-        return self.tolerance, self.state()
+    @property
+    def snapshot(self) -> ConstraintsState:
+        """All that decisions and updates change, at this instant; assigning it takes back later changes.
 
-    def undo(self, mark: tuple[Any, ...]) -> None:
-        """Go back to a mark, whatever was interrupted since."""
-        self.tolerance, state = mark
-        self.restore(state)
+        Its dicts and lists must not be changed. Features, rules and settings are not in it.
+        """
+        self._shared |= {"_ids", "candidates", "accepted", "refused", "_pulled"}
+        return ConstraintsState(
+            self._ids,
+            self.candidates,
+            self.accepted,
+            self.refused,
+            self._pulled,
+            tuple(self._pending),
+            self._poses,
+            tuple(self._unproven),
+        )
 
-    def state(self) -> dict[str, Any]:
-        """Everything needed to go on later, as plain values not to be written to; features and rules are not in it."""
-        self._given |= {"_ids", "candidates", "accepted", "refused", "_pulled"}
-        return {
-            "ids": self._ids,
-            "candidates": self.candidates,
-            "accepted": self.accepted,
-            "refused": self.refused,
-            "pulled": self._pulled,
-            "pending": list(self._pending),
-            "poses": self._poses,
-            "unproven": list(self._unproven),
-        }
+    @snapshot.setter
+    def snapshot(self, there: ConstraintsState) -> None:
+        self._shared |= {"_ids", "candidates", "accepted", "refused", "_pulled"}
+        self._ids, self.candidates, self.accepted = there.ids, there.candidates, there.accepted
+        self.refused, self._pulled = there.refused, there.pulled
+        self._pending, self._unproven = list(there.pending), list(there.unproven)
+        self._poses = there.poses
+        self.drop_caches()
 
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to what `state` returned."""
-        self._given |= {"_ids", "candidates", "accepted", "refused", "_pulled"}
-        self._ids, self.candidates, self.accepted = state["ids"], state["candidates"], state["accepted"]
-        self.refused, self._pulled = state["refused"], state["pulled"]
-        self._pending = list(state["pending"])
-        self._poses = state["poses"]
-        self._unproven = list(state["unproven"])
+    def drop_caches(self) -> None:
+        """Forget what was computed from earlier poses; the next update gives the same changes without it."""
         self._attention.forget()
         self.recogniser.verdicts.forget()
 

@@ -40,8 +40,7 @@ def main() -> None:
             size=(300, 400),
             camera=look_at(points),
             symbols=frame_symbols(frame),
-            section=None if i == chosen[0] else ((0.0, 0.0, 0.0), (0.0, -1.0, 0.0)),
-            supersample=3,
+            look=snapshot.Look(section=None if i == chosen[0] else ((0.0, 0.0, 0.0), (0.0, -1.0, 0.0)), supersample=3),
         )
         strip.append(picture)
     snapshot.save_png(np.concatenate(strip, axis=1), Path(__file__).parent / "demo.png")

@@ -43,6 +43,7 @@ COLORS = [
     (0.2, 0.65, 0.65),
     (0.8, 0.35, 0.5),
 ]
+FINE = snapshot.Look(supersample=3)
 
 
 def blocks(page: str) -> dict[str, str]:
@@ -82,8 +83,9 @@ def moved(part: vp.Part, shift: tuple[float, float, float]) -> dict[str, pin.SE3
 def pump(scene: vp.Scene) -> None:
     """The pump, whole and cut open."""
     camera = look_at(corners((-0.03, -0.02, 0.0), (0.03, 0.02, 0.05)))
-    options = {"size": (380, 320), "camera": camera, "supersample": 3}
-    save("pump", snapshot.render(scene, **options), snapshot.render(scene, section=CUT, **options))
+    options = {"size": (380, 320), "camera": camera}
+    looks = FINE, snapshot.Look(section=CUT, supersample=3)
+    save("pump", *(snapshot.render(scene, look=look, **options) for look in looks))
 
 
 def service(scene: vp.Scene, script: str) -> None:
@@ -104,7 +106,12 @@ def service(scene: vp.Scene, script: str) -> None:
         frame = kept.frames[at + after]
         strip.append(
             snapshot.render(
-                scene, frame.poses, size=(300, 260), camera=camera, symbols=frame_symbols(frame), supersample=3
+                scene,
+                frame.poses,
+                size=(300, 260),
+                camera=camera,
+                symbols=frame_symbols(frame),
+                look=FINE,
             )
         )
         if len(strip) > 1:
@@ -125,7 +132,7 @@ def surfaces(scene: vp.Scene) -> None:
             pose = moved(part, shift)[name]
             parts.append(vp.Part(f"{name} {i}", vp.Shape(one, (), ()), pose, COLORS[i % len(COLORS)]))
     camera = look_at(corners((-0.03, -0.02, 0.0), (0.03, 0.02, 0.1)))
-    save("surfaces", snapshot.render(vp.Scene(parts), size=(420, 420), camera=camera, supersample=3))
+    save("surfaces", snapshot.render(vp.Scene(parts), size=(420, 420), camera=camera, look=FINE))
 
 
 def clash(scene: vp.Scene) -> None:
@@ -140,7 +147,7 @@ def clash(scene: vp.Scene) -> None:
             a, b = scene["housing"], scene["cover"]
             for i, k in colliding_surfaces(a.mesh, b.mesh, a.pose.actInv(poses["cover"])).tolist():
                 red += [("housing", i), ("cover", k)]
-        strip.append(snapshot.render(pair, poses, red, size=(300, 260), camera=camera, supersample=3))
+        strip.append(snapshot.render(pair, poses, red, size=(300, 260), camera=camera, look=FINE))
     save("clash", *strip)
 
 
@@ -159,7 +166,12 @@ def facets() -> None:
     ]
     camera = look_at(corners((-0.012, -0.012, 0.0), (0.012, 0.012, 0.02)), (0.0, -0.05, 1.0), up=(0.0, 1.0, 0.0))
     cut = ((0.0, 0.0, 0.01), (0.0, 0.0, 1.0))
-    save("facets", snapshot.render(vp.Scene(parts), size=(420, 420), camera=camera, section=cut, supersample=3))
+    save(
+        "facets",
+        snapshot.render(
+            vp.Scene(parts), size=(420, 420), camera=camera, look=snapshot.Look(section=cut, supersample=3)
+        ),
+    )
 
 
 def kinds() -> None:
@@ -186,7 +198,7 @@ def kinds() -> None:
             assert [constraint.kind for constraint in session.constraints] == [kind]
         frame = kept.frames[-1]
         poses = {**frame.poses, "part": pin.SE3(np.eye(3), np.array([0.0, 0.0, LIFT])) * frame.poses["part"]}
-        options = {"symbols": frame_symbols(frame), "size": (220, 240), "camera": camera, "supersample": 3}
+        options = {"symbols": frame_symbols(frame), "size": (220, 240), "camera": camera, "look": FINE}
         strip.append(snapshot.render(scene, poses, **options))
     save("kinds", *strip)
 
@@ -203,7 +215,7 @@ def assembly(model: Path) -> None:
         with contextlib.suppress(vp.TaskError):  # the rod is in the way
             hand.remove([f"{one}/bolt_1"])
     first, last = kept.frames[0], kept.frames[-1]
-    options = {"size": (400, 320), "supersample": 3}
+    options = {"size": (400, 320), "look": FINE}
     strip = [snapshot.render(scene, first.poses, **options)]
     strip += [snapshot.render(scene, f.poses, symbols=frame_symbols(f), **options) for f in (first, last)]
     save("as1", *strip)

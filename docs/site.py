@@ -74,7 +74,8 @@ def reference() -> str:
     lines = ["# Names of `vp`", "", "All that a task script needs: `import vpframe as vp`, then `vp.NAME`.", ""]
     for module, names in vpframe._NAMES.items():
         for name in sorted(names):
-            lines += [f"::: {module}.{name}", ""]
+            options = ["    options: {inherited_members: true}"] if name == "Hand" else []  # its verbs, by subject
+            lines += [f"::: {module}.{name}", *options, ""]
     for name, module in vpframe._MODULES.items():
         lines += [f"::: {module}", "    options:", f"      heading: vp.{name}", ""]
     return "\n".join(lines)

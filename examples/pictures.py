@@ -152,7 +152,8 @@ def draw(name: str, strip: Strip, folder: Path = FOLDER) -> Path:
     pictures: list[NDArray[np.uint8]] = []
     for poses, red, symbols in views:
         opacity = dict.fromkeys(strip.glass, 0.35)
-        picture = snapshot.render(scene, poses, red, size, camera, symbols, opacity, cut, supersample=3)
+        look = snapshot.Look(opacity, cut, supersample=3)
+        picture = snapshot.render(scene, poses, red, size, camera, symbols, look)
         if pictures:
             picture[:, :1] = 255  # a line between two frames
         pictures.append(picture)

@@ -23,7 +23,7 @@ from physics.forces.checked_behaviours import CheckedBehaviours
 from physics.forces.hands import Grip, SpringHand
 from physics.forces.wrenches import Forces, touches, wrenches_by_pair
 from physics.joints.articulated_body import ArticulatedBody
-from physics.joints.rows import Joint
+from physics.joints.rows import JointConstraint
 from physics.model.bodies import ABSENT, FREE, KINEMATIC, STATIC, Bodies, point_speeds
 from physics.model.body import Body
 from physics.model.free_rotation import METHODS
@@ -41,14 +41,7 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """State of a world at one instant, by value; opaque. After `World.restore` its future is the same, bit for bit."""
-
-    data: Mapping[str, Any]
-
-
-@dataclass(frozen=True, eq=False)
-class Mark:
-    """State of one world at one instant, for `World.rollback`; opaque. Not for files: see `Snapshot`."""
+    """State of one world at one instant, see `World.snapshot`; opaque. Not for files: see `World.save`."""
 
     time: float
     residual: float
@@ -120,11 +113,11 @@ class World:
         self._behaviours: dict[int, tuple[Behaviour, ...]] = {}
         self._may_sleep: dict[int, bool] = {}
         self._geometries: dict[int, Mapping[int, Geometry]] = {}
-        self._joints: list[Joint] = []
+        self._joints: list[JointConstraint] = []
         self._grips: dict[int, Grip] = {}
         self._mechanisms: dict[tuple, tuple[dict[int, pin.SE3], ArticulatedBody | None]] = {}
         self._moving: tuple[int, ...] = ()
-        self._model: _Saved | None = None  # copies of the last `mark`, None after a change
+        self._model: _Saved | None = None  # copies of the last `snapshot`, None after a change
         self._motion: tuple[_Saved, Array] | None = None
         self._checked = CheckedBehaviours(collision, self._body, self.tolerance)
         self._forces = Forces(self._bodies, self._body, self._grips, self._checked)
@@ -243,7 +236,7 @@ class World:
         self._neighbours.solid.pop(i, None)
         self._neighbours.stale = True
 
-    def set_joints(self, joints: Iterable[Joint]) -> None:
+    def set_joints(self, joints: Iterable[JointConstraint]) -> None:
         """Replace all joints by these accepted constraints; wakes bodies of new and removed ones."""
         new = list(joints)
         self._model = self._motion = None
@@ -344,8 +337,9 @@ class World:
         """
         return wrenches_by_pair(self._forces.contacts)
 
-    def state(self) -> Snapshot:
-        """All state of the world, by value; without state that a user's behaviours keep."""
+    def save(self) -> dict[str, Any]:
+        """Return all that the future depends on, by value, as plain data and arrays; without state that a user's
+        behaviours keep."""
         b = self._bodies
         place = {id(joint): k for k, joint in enumerate(self._joints)}
         data = {name: getattr(b, name)[: b.n] for name in Bodies.ARRAYS}
@@ -360,19 +354,21 @@ class World:
                 for (ids, joints), (poses, _) in self._mechanisms.items()
             ],
         )  # fmt: skip
-        return Snapshot(copy.deepcopy(data))
+        saved: dict[str, Any] = copy.deepcopy(data)
+        return saved
 
-    def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot of this world, or of one with the same objects and the same joints in the same order.
+    def load(self, saved: Mapping[str, Any]) -> None:
+        """Go on from the data that `save` returned, of this world, or of one with the same objects and the same joints
+        in the same order; the future is the same, bit for bit.
 
-        Raises WorldError: the snapshot has other objects or joints.
+        Raises WorldError: the data is of other objects or joints.
         """
-        data = copy.deepcopy(dict(snapshot.data))
+        data = copy.deepcopy(dict(saved))
         self._take_in()
         if data["members"] != tuple(sorted(self._behaviours)) or data["n"] != self._bodies.n:
-            raise WorldError("the snapshot is of other objects; add what it had, remove what it had not")
+            raise WorldError("the saved state is of other objects; add what it had, remove what it had not")
         if data["joints"] != [joint.bodies for joint in self._joints]:
-            raise WorldError("the snapshot is of other joints; call set_joints with those it had")
+            raise WorldError("the saved state is of other joints; call set_joints with those it had")
         self._model = self._motion = None
         b = self._bodies
         for name in Bodies.ARRAYS:
@@ -395,26 +391,26 @@ class World:
             )
         self.collision.set_poses(sorted(self._behaviours), unpack_all(data["poses"]))
 
-    def mark(self) -> Mark:
-        """The state at this instant, for `rollback`. Copies only what has changed since the last mark.
+    @property
+    def snapshot(self) -> Snapshot:
+        """The state at this instant, which may be assigned again and again: it takes back all changes since, to the
+        bit, with the poses that this world set in the collision manager.
 
-        Does not cover state that a user's behaviours keep, nor poses that others set in the collision manager.
+        Copies only what has changed since the last snapshot. Not covered are state that a user's behaviours keep, poses
+        that others set in the collision manager, and objects added to the manager or removed from it.
         """
         if self._model is None:
             self._model = self._save(_MODEL)
         if self._motion is None:
             self._motion = self._save(_MOTION), self.collision.packed_poses()
-        return Mark(self.time, self.residual, self._forces.last_step, self._model, self._motion)
+        return Snapshot(self.time, self.residual, self._forces.last_step, self._model, self._motion)
 
-    def rollback(self, mark: Mark) -> None:
-        """Undo all changes of this world since `mark`, to the bit, with the poses it set in the collision manager.
-
-        Objects added to or removed from the manager since are left to the caller. A mark can be used more than once.
-        """
+    @snapshot.setter
+    def snapshot(self, there: Snapshot) -> None:
         b = self._bodies
-        self.time, self.residual, self._forces.last_step = mark.time, mark.residual, mark.last_step
-        if mark.motion is not self._motion:
-            saved, poses = mark.motion
+        self.time, self.residual, self._forces.last_step = there.time, there.residual, there.last_step
+        if there.motion is not self._motion:
+            saved, poses = there.motion
             was = saved["_bodies"]
             n = min(b.n, len(was["kind"]), len(poses))
             moved = was["kind"][:n] == ABSENT
@@ -424,9 +420,9 @@ class World:
             self._load(saved)
             if len(ids):
                 self.collision.set_poses(ids, unpack_all(poses[ids]))
-        if mark.model is not self._model:
-            self._load(mark.model)
-        self._model, self._motion = mark.model, mark.motion
+        if there.model is not self._model:
+            self._load(there.model)
+        self._model, self._motion = there.model, there.motion
 
     def _save(self, attributes: Mapping[str, tuple[str, ...]]) -> _Saved:
         holders = {holder: getattr(self, holder) if holder else self for holder in attributes}
@@ -494,14 +490,14 @@ class World:
         if not (np.isfinite(dt) and dt > 0.0):
             raise WorldError(f"dt is {dt!r} s; give a positive number")
         dt = self._forces.dt = float(dt)
-        begin = self.mark()
+        before = self.snapshot
         try:
             self._step(dt)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
-            self.rollback(begin)
+            self.snapshot = before
             raise self._not_followed(dt, error) from None
         except BaseException:
-            self.rollback(begin)
+            self.snapshot = before
             raise
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # what overflows is an error of `_check`
@@ -671,7 +667,7 @@ class World:
         unique = np.unique(np.asarray(ids, np.int64))
         return unique[(self._bodies.kind[unique] == KINEMATIC) & self._bodies.velocity[unique].any(axis=1)]
 
-    def _mechanism(self, ids: NDArray[np.int64], joints: Sequence[Joint]) -> ArticulatedBody | None:
+    def _mechanism(self, ids: NDArray[np.int64], joints: Sequence[JointConstraint]) -> ArticulatedBody | None:
         """Articulated body of an island, built once for the same bodies and joints; None if it has none."""
         key = (tuple(ids.tolist()), tuple(map(id, joints)))
         if key not in self._mechanisms:

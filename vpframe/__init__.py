@@ -6,10 +6,7 @@ vpframe` and `vpframe --help` are fast.
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable
-from typing import Any
-
+from collision.lazy import attributes
 from vpframe import services
 
 __version__ = "0.1.0"
@@ -39,7 +36,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "collision": ("Tolerance",),
     # hands
     "vpframe.hands.hand": ("Hand",),
-    "vpframe.hands.segment": ("MotionSegment", "Outcome"),
+    "vpframe.hands.segment": ("Condition", "MotionSegment", "Outcome"),
     "vpframe.hands.access": ("Reach",),
     "vpframe.hands.assist": ("Assist",),
     "vpframe.hands.arguments": ("pose_from",),
@@ -47,7 +44,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
         "Path", "Resting", "Reversed", "Spline", "Straight", "Track", "Turning", "read_track", "write_track",
     ),
     "vpframe.hands.conditions": (
-        "Condition", "blocked", "candidate", "clearance", "constraint", "contact", "free", "freedom",
+        "blocked", "candidate", "clearance", "constraint", "contact", "free", "freedom",
     ),
     # constraint kinds
     "constraints.kinds": (
@@ -90,25 +87,7 @@ _SERVICES = {
     "removal": ("vpframe.planning.plan", "removal"),
 }
 """functions that lower floors call (`vpframe.services`): module and name"""
+services.provide(_SERVICES)
 
-
-def _service(module: str, name: str) -> Callable[..., Any]:
-    return lambda *given, **options: getattr(importlib.import_module(module), name)(*given, **options)
-
-
-services.provide({name: _service(*place) for name, place in _SERVICES.items()})
-
-
-def __getattr__(name: str) -> Any:
-    if name in _MODULES:
-        value: Any = importlib.import_module(_MODULES[name])
-    elif name in _LAZY:
-        value = getattr(importlib.import_module(_LAZY[name]), name)
-    else:
-        raise AttributeError(f"module 'vpframe' has no attribute {name!r}")
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+_MODULE = {**_LAZY, **{name: f"{module}:" for name, module in _MODULES.items()}}
+__getattr__, __dir__ = attributes(__name__, _MODULE)

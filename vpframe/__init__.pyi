@@ -74,7 +74,6 @@ from vpframe.exporters.tables import write_table as write_table
 from vpframe.hands.access import Reach as Reach
 from vpframe.hands.arguments import pose_from as pose_from
 from vpframe.hands.assist import Assist as Assist
-from vpframe.hands.conditions import Condition as Condition
 from vpframe.hands.conditions import blocked as blocked
 from vpframe.hands.conditions import candidate as candidate
 from vpframe.hands.conditions import clearance as clearance
@@ -92,6 +91,7 @@ from vpframe.hands.paths import Track as Track
 from vpframe.hands.paths import Turning as Turning
 from vpframe.hands.paths import read_track as read_track
 from vpframe.hands.paths import write_track as write_track
+from vpframe.hands.segment import Condition as Condition
 from vpframe.hands.segment import MotionSegment as MotionSegment
 from vpframe.hands.segment import Outcome as Outcome
 from vpframe.importers import load as load

@@ -14,7 +14,6 @@ its own types (a list is a list); other values are objects of one entry: {"tuple
 
 from __future__ import annotations
 
-import base64
 import hashlib
 import json
 import math
@@ -113,7 +112,7 @@ class _Encoder:
         if kind in (set, frozenset):
             return {kind.__name__: [self._of(x) for x in sorted(value)]}
         if kind is bytes:
-            return {"bytes": base64.b64encode(value).decode()}
+            return {"bytes": self._array(np.frombuffer(value, np.uint8))}
         if isinstance(value, np.generic):
             return {"number": self._array(np.asarray(value))}
         if id(value) in self._seen:
@@ -182,7 +181,7 @@ class _Decoder:
         if tag == "frozenset":
             return frozenset(self._of(x) for x in content)
         if tag == "bytes":
-            return base64.b64decode(content, validate=True)
+            return self._array(content).tobytes()
         if tag == "float":
             return {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}[content]
         if tag == "number":
@@ -237,9 +236,9 @@ def _hints(kind: type) -> dict[str, Any]:
 
 def conforms(value: Any, hint: Any) -> bool:
     """Whether a value has a declared type: a class, a union, `tuple[…]`, `list[…]`, `dict[…]`, an array type."""
-    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if hint is Any:
+    if hint is Any or type(value) is hint:
         return True
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if hint is None or hint is types.NoneType:
         return value is None
     if origin in (typing.Union, types.UnionType):
@@ -267,6 +266,7 @@ def conforms(value: Any, hint: Any) -> bool:
     return isinstance(value, origin or hint)
 
 
+@cache
 def _spec(dtype: np.dtype[Any]) -> Any:
     """JSON description of an array's dtype."""
     spec: Any = dtype.str if dtype.names is None else [list(field) for field in dtype.descr]

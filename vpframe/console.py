@@ -14,7 +14,6 @@ import sys
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
-from typing import Protocol
 
 from vpframe.text import plain, plain_lines
 
@@ -33,12 +32,17 @@ CLIMB = 1.25
 """growth of the estimate at which it is dropped until there is a new rate"""
 
 
-class StatusLine(Protocol):
-    """A status line for many short tasks, such as the steps of a session: a context manager around each of them."""
+class StatusLine:
+    """A status line for many short tasks, such as the steps of a session: a context manager around each of them.
 
-    def __enter__(self) -> StatusLine: ...
+    This one draws nothing.
+    """
 
-    def __exit__(self, *exc: object) -> None: ...
+    def __enter__(self) -> StatusLine:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        pass
 
     def close(self) -> None:
         """End the status line."""
@@ -53,7 +57,7 @@ class Console:
 
     def watch(self, text: Callable[[], str]) -> StatusLine:
         """Return the status line of many short tasks; `text()` returns the status of the whole work."""
-        return _Unwatched()
+        return StatusLine()
 
     def say(self, text: str) -> None:
         """Print lines on standard output, escaped by `plain`."""
@@ -75,17 +79,6 @@ class Console:
             if not (answer.endswith("\n") and sys.stdin.isatty()):  # the terminal has shown no line break
                 sys.stderr.write("\n")
         return answer.strip()
-
-
-class _Unwatched:
-    def __enter__(self) -> _Unwatched:
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
 
 
 def _silent(fraction: float | None, text: str = "") -> None:

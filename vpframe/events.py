@@ -152,7 +152,8 @@ class Observer(Protocol):
 
     An observer that raises is ended and removed with a note in the events; the session continues. An observer with an
     attribute `controls` (`vpframe.session.controls.Controls`) may request pause, step, accept, refuse and remove. One
-    with `mark` and `undo` forgets what a session takes back; others keep it.
+    with a method `rewind(last, events)` forgets what a session takes back: the frames after `last` (all if it is None)
+    and the events after the first `events`; others keep them.
     """
 
     def begin(self, scene: Scene) -> None:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
+from typing import Self
 
 from vpframe.errors import OutputError
 from vpframe.text import csv_text
@@ -123,7 +124,56 @@ def may_write(path: str | os.PathLike[str], kind: Kind, force: bool = False) -> 
     raise OutputError(f"{path}: {what}; give another name, or replace it with --force", str(path))
 
 
-class Output:
+class _Claim:
+    """A run's claim on a path, until `close`. Can be used as the path.
+
+    path: the file or folder. inputs: files that the run reads.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], force: bool, inputs: Iterable[str | os.PathLike[str]]) -> None:
+        self.path = Path(path)
+        self.force = force
+        self.inputs = tuple(inputs)
+        self._fd = -1
+        self._made = False
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+    def _files(self) -> Iterable[Path]:
+        """Return the files that the run writes."""
+        return (self.path,)
+
+    def spare(self, *inputs: str | os.PathLike[str]) -> None:
+        """Raise OutputError if a file that the run writes is one of its inputs."""
+        self.inputs += inputs
+        for file in self._files():
+            _spare(file, inputs)
+
+    def close(self) -> None:
+        """Release the claim."""
+        if self._fd >= 0:
+            if fcntl is not None:
+                with contextlib.suppress(OSError):
+                    fcntl.flock(self._fd, fcntl.LOCK_UN)  # a forked child may still have it open
+            os.close(self._fd)
+            self._fd = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        if hasattr(self, "_fd"):
+            self.close()
+
+
+class Output(_Claim):
     """A run's claim on an output file. Can be used as a path.
 
     Parameters
@@ -145,11 +195,7 @@ class Output:
         force: bool = False,
         inputs: Iterable[str | os.PathLike[str]] = (),
     ) -> None:
-        self.path = Path(path)
-        self.force = force
-        self.inputs = tuple(inputs)
-        self._fd = -1
-        self._made = False
+        super().__init__(path, force, inputs)
         self._folders: list[Path] = []
         _spare(self.path, self.inputs)
         may_write(self.path, kind, force)  # before opening it for writing
@@ -166,17 +212,6 @@ class Output:
             if isinstance(error, OSError):
                 raise _unwritable(self.path, error) from None
             raise
-
-    def __fspath__(self) -> str:
-        return str(self.path)
-
-    def __str__(self) -> str:
-        return str(self.path)
-
-    def spare(self, *inputs: str | os.PathLike[str]) -> None:
-        """Raise OutputError if the file is one of the run's inputs."""
-        self.inputs += inputs
-        _spare(self.path, inputs)
 
     def _lock(self) -> None:
         """Open and lock the file; repeat if another run removed it in between."""
@@ -214,25 +249,14 @@ class Output:
                 here = os.fstat(self._fd)
                 if self._made and here.st_size == 0 and os.path.samestat(here, os.stat(self.path)):
                     os.unlink(self.path)
-            _close(self._fd)
-            self._fd = -1
+        super().close()
         with contextlib.suppress(OSError):  # not empty
             while self._folders:
                 self._folders.pop(0).rmdir()
         self._folders = []
 
-    def __enter__(self) -> Output:
-        return self
 
-    def __exit__(self, *exc: object) -> None:
-        self.close()
-
-    def __del__(self) -> None:
-        if hasattr(self, "_fd"):
-            self.close()
-
-
-class OutputFolder:
+class OutputFolder(_Claim):
     """A run's claim on an output folder. Can be used as a path.
 
     A missing folder is created, and removed again if it stays empty.
@@ -255,11 +279,8 @@ class OutputFolder:
         force: bool = False,
         inputs: Iterable[str | os.PathLike[str]] = (),
     ) -> None:
-        self.path = Path(path)
-        self._files = files
-        self._force = force
-        self._inputs = tuple(inputs)
-        self._fd = -1
+        super().__init__(path, force, inputs)
+        self._kinds = files
         self._made = not self.path.exists()
         try:
             self.path.mkdir(parents=True, exist_ok=True)
@@ -274,17 +295,8 @@ class OutputFolder:
             self.close()
             raise
 
-    def __fspath__(self) -> str:
-        return str(self.path)
-
-    def __str__(self) -> str:
-        return str(self.path)
-
-    def spare(self, *inputs: str | os.PathLike[str]) -> None:
-        """Raise OutputError if one of the files is an input of the run."""
-        self._inputs += inputs
-        for name in self._files:
-            _spare(self.path / name, inputs)
+    def _files(self) -> Iterable[Path]:
+        return (self.path / name for name in self._kinds)
 
     def file(self, name: str, kind: Kind | None = None) -> Path:
         """Return the path of a file that may be written; `kind`: if it is not in `files`.
@@ -292,8 +304,8 @@ class OutputFolder:
         Raises OutputError as `may_write` does.
         """
         path = self.path / name
-        _spare(path, self._inputs)
-        return may_write(path, kind or self._files[name], self._force)
+        _spare(path, self.inputs)
+        return may_write(path, kind or self._kinds[name], self.force)
 
     def close(self) -> None:
         """Release the claim."""
@@ -301,19 +313,23 @@ class OutputFolder:
             with contextlib.suppress(OSError):  # not empty
                 self.path.rmdir()
         self._made = False
-        if self._fd >= 0:
-            _close(self._fd)
-            self._fd = -1
+        super().close()
 
-    def __enter__(self) -> OutputFolder:
-        return self
 
-    def __exit__(self, *exc: object) -> None:
-        self.close()
+class Claims(contextlib.ExitStack):
+    """The outputs that a run was given, released together. force, inputs: as in `Output`, for each of them."""
 
-    def __del__(self) -> None:
-        if hasattr(self, "_fd"):
-            self.close()
+    def __init__(self, force: bool, *inputs: str | os.PathLike[str]) -> None:
+        super().__init__()
+        self._given = force, inputs
+
+    def file(self, path: str | os.PathLike[str] | None, kind: Kind) -> Output | None:
+        """Claim a file; None without a path."""
+        return None if path is None else self.enter_context(Output(path, kind, *self._given))
+
+    def folder(self, path: str | os.PathLike[str] | None, files: Mapping[str, Kind]) -> OutputFolder | None:
+        """Claim a folder; None without a path."""
+        return None if path is None else self.enter_context(OutputFolder(path, files, *self._given))
 
 
 def append(file: FileIO, data: bytes | memoryview) -> None:
@@ -357,13 +373,6 @@ def _lock(fd: int, path: Path) -> None:
     except OSError as error:
         if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EBADF, errno.EINVAL):
             raise
-
-
-def _close(fd: int) -> None:
-    if fcntl is not None:
-        with contextlib.suppress(OSError):
-            fcntl.flock(fd, fcntl.LOCK_UN)  # a forked child may still have it open
-    os.close(fd)
 
 
 def _unwritable(path: str | os.PathLike[str], error: OSError) -> OutputError:

@@ -5,17 +5,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import importlib
+from collections.abc import Mapping
 from typing import Any
 
-_provided: dict[str, Callable[..., Any]] = {}
+_provided: dict[str, tuple[str, str]] = {}
 
 
-def provide(services: Mapping[str, Callable[..., Any]]) -> None:
-    """Make services available under their names."""
+def provide(services: Mapping[str, tuple[str, str]]) -> None:
+    """Make services available under their names; each is a function, by module and name."""
     _provided.update(services)
 
 
 def call(name: str, /, *given: Any, **options: Any) -> Any:
     """Call a service by its name."""
-    return _provided[name](*given, **options)
+    module, function = _provided[name]
+    return getattr(importlib.import_module(module), function)(*given, **options)

@@ -11,10 +11,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from vpframe.processes import environment, with_parent
 
 if TYPE_CHECKING:
     from collision import CollisionManager, SurfaceMesh
@@ -29,14 +30,10 @@ def start(use: str) -> None:
     folder = kernel_cache.folder("vpframe")
     if folder is None or kernel_cache.config.DISABLE_JIT or (os.cpu_count() or 1) < 2:
         return
-    root = str(Path(__file__).resolve().parents[1])
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))}
     for share in range(len(USES[use])):
         if not _done(folder, use, share).exists():
-            command = [sys.executable, "-P", "-m", __name__, use, str(share)]
-            quiet = subprocess.DEVNULL
-            helper = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, env=environment)
-            _helpers.append(helper)  # its standard input closes when this process ends
+            command, quiet = with_parent(__name__, use, str(share)), subprocess.DEVNULL
+            _helpers.append(subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, env=environment()))
 
 
 def wait() -> None:
@@ -60,7 +57,6 @@ def main(use: str, share: int) -> None:
     """Run one share of a use and mark it as done."""
     from collision.numeric import kernel_cache
 
-    threading.Thread(target=_end_with_parent, daemon=True).start()
     for example in USES[use][share]:
         example()
     folder = kernel_cache.folder("vpframe")
@@ -70,11 +66,6 @@ def main(use: str, share: int) -> None:
 
 def _done(folder: Path, use: str, share: int) -> Path:
     return folder / f"{use}-{share}.done"
-
-
-def _end_with_parent() -> None:
-    os.read(sys.stdin.fileno(), 1)  # returns at the end of the first process, which never writes
-    os._exit(0)
 
 
 def _box(size: float) -> SurfaceMesh:
@@ -133,14 +124,17 @@ def _surfaces() -> None:
     colliding_surfaces(_box(0.010), _box(0.004), np.eye(4))
 
 
-def _depths() -> None:
+def _grips() -> None:
     import numpy as np
+    import pinocchio as pin
 
-    from collision.query.penetration import deepest_points
+    from vpframe.hands.reach import surface_distances
 
-    world = _boxes(-0.001)
-    meshes = world.mesh(0), world.mesh(1)
-    deepest_points(world, meshes, world.relative_pose(0, 1), np.array([[1, 0]], np.int32))
+    surface_distances(_box(0.010), pin.SE3.Identity(), np.zeros(3))
+
+
+def _depths() -> None:
+    _boxes(-0.001).penetration(0, 1)
 
 
 def _classes() -> None:
@@ -222,7 +216,7 @@ def _ways() -> None:
 
 
 USES: dict[str, tuple[tuple[Callable[[], None], ...], ...]] = {
-    "session": ((_contacts, _collisions, _motions), (_solutions, _programs, _overlaps, _pictures)),
+    "session": ((_contacts, _collisions, _motions), (_grips, _solutions, _programs, _overlaps, _pictures)),
     "disassemble": ((_contacts, _collisions, _motions), (_solutions, _programs, _overlaps, _depths, _ways)),
     "clash": ((_contacts, _surfaces, _overlaps), (_depths, _classes)),
     "mates": ((_contacts,), (_overlaps, _solutions)),

@@ -13,11 +13,11 @@ from collision.bvh.traverse import (
     box_at,
     corner_of,
     fresh_packets,
-    inline_kernel,
     moved_corner,
     packet_errors,
     reached,
 )
+from collision.numeric.kernel import inline_kernel
 from collision.numeric.simd import edges_cross, edges_near, lowest, triangles_near
 
 

@@ -1,7 +1,7 @@
 """Walks of one hierarchy: a point or a triangle stands in the place of the second, as a box in lane 0 of `ws.moved`.
 
-Such tasks take (a, a) for the two hierarchies and `ALONE` for the lane of b. They implement `is_bottom` by
-`below_packets_alone` and `children_of_b` by `no_children`.
+Such tasks take (a, a) for the two hierarchies and `ALONE` for the lane of b. They have `children_of_a`, and neither
+`children` nor `children_of_b`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ from typing import Final
 import numpy as np
 
 from collision.bvh.layout import LANES
-from collision.bvh.traverse import inline_kernel
-from collision.numeric.kernel import inner_kernel
+from collision.numeric.kernel import inline_kernel, inner_kernel
 
 ALONE: Final = 0xFFFFFFFF
 """the lane of the one box"""
@@ -21,11 +20,6 @@ ALONE: Final = 0xFFFFFFFF
 def below_packets_alone(task, bvh, lane):
     """`is_bottom` of tasks about one hierarchy."""
     return lane == ALONE or bvh.child[lane] < 0
-
-
-def no_children(task, a, b, ws, lane_a, node):
-    """`children_of_b` of tasks about one hierarchy: never called, for the one box is at the bottom."""
-    return 0
 
 
 @inner_kernel

@@ -1,19 +1,20 @@
 """The traversal of two hierarchies, written once: a query is a task that is given to it.
 
-A task is a NamedTuple of what a query knows: limits, and arrays for what it finds. It implements five operations,
-chosen by its type when the kernel that uses it is compiled (numba's `overload`):
+A task is a NamedTuple of what a query knows: limits, and arrays for what it finds. Its operations are methods of its
+class, resolved when the kernel that uses it is compiled (numba's `overload`):
 
-- `is_bottom(task, bvh, lane)`: whether a box is not opened further (`below_packets` serves most tasks);
-- `children_of_a(task, a, b, ws, node, lane_b)` and `children_of_b(task, a, b, ws, lane_a, node)`: the node bound. Bit k
-  of the result is set if the pair of the k-th child and the other box may hold what is looked for; `ws.bounds[k]` may
-  be given how near, best or soon that can be at least;
-- `visit(task, a, b, ws, lane_a, lane_b)`: the leaf visit, for two boxes that are both at the bottom. True ends the
+- `is_bottom(self, bvh, lane)`: whether a box is not opened further; by default, whether a packet is below it;
+- `children(self, ws, boxes, at, others, at_other)`: the node bound. Bit k of the result is set if the k-th of eight
+  boxes and the other box may hold what is looked for; `ws.bounds[k]` may be given a lower bound of how near, deep or
+  soon. Where the two hierarchies differ: `children_of_a(self, a, b, ws, node, lane_b)`, `children_of_b(self, a, b, ws,
+  lane_a, node)`;
+- `visit(self, a, b, ws, lane_a, lane_b)`: the leaf visit, for two boxes that are both at the bottom. True ends the
   walk;
-- `is_open(task, ws, bound)`: whether a pair of that bound still matters when its turn comes.
+- `is_open(self, ws, bound)`: whether a pair of that bound still matters when it is taken from the stack.
 
 `walk` goes depth first, `walk_nearest` the same with the child of least bound first. Nodes of b are moved into a's
-frame, once a question and only where the walk comes by; their boxes are inflated by more than all rounding, that of
-float32 here and that of the float64 vertices which decide in the end. So a bound never lies, whatever it is made of.
+frame, once a query and only when they are visited; their boxes are inflated by more than all rounding, of float32 here
+and of the float64 vertices that decide in the end. So every bound is conservative.
 """
 
 # mypy: disable-error-code="call-arg, var-annotated"
@@ -22,23 +23,19 @@ float32 here and that of the float64 vertices which decide in the end. So a boun
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
-from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numba import types
 from numba.extending import overload
 
 from collision.bvh.layout import LANES, NODE, PREPARED, Bvh
-from collision.numeric.kernel import inner_kernel
+from collision.bvh.single import below_packets_alone
+from collision.numeric.kernel import inline_kernel, inner_kernel
 from collision.numeric.predicates import FALLBACKS, WORKSPACE
+from collision.numeric.rigid_transforms import transform
 from collision.numeric.simd import MOTION, lowest, move_boxes, near_lane, prepare_triangles, reaching, turn_triangles
 
 INLINE: Final[Any] = {"nogil": True, "_nrt": False, "error_model": "numpy", "forceinline": True}
-inline_kernel = partial(inner_kernel, forceinline=True)
-"""declares a kernel that takes hierarchies and workspaces: passing one costs as many numbers as it has arrays, times
-seven, so it becomes part of its caller"""
 STACK: Final = 64 * 24
 """pairs of boxes on the stack: up to eight at each step down either tree"""
 
@@ -53,7 +50,7 @@ class Pose(NamedTuple):
     """(23,) float32: the same for `numeric.simd.move_boxes`"""
 
 
-class Workspace(NamedTuple):
+class QueryWorkspace(NamedTuple):
     """What a thread's queries work in; never part of an answer. One a thread, see `workspace`."""
 
     pose: Pose
@@ -74,9 +71,9 @@ class Workspace(NamedTuple):
     keys: Any
     """float32: bounds of the pairs on the stack"""
     bounds: Any
-    """(74,) float32: bounds of the children of a node, of 64 pairs of triangles, and the limits of a `Distance`"""
+    """(74,) float32: bounds of the children of a node, of 64 pairs of triangles, and `NearestTriangles.limit`"""
     floats: Any
-    """(11,) float64: what a `Distance` finds"""
+    """(11,) float64: what a `NearestTriangles` finds"""
     pairs: Any
     """int64: pairs of surfaces, surface of a · surfaces of b + surface of b"""
     rows: Any
@@ -92,10 +89,10 @@ OBJECT_PAIRS, SURFACE_BOXES, TRIANGLE_BOXES, TRIANGLES, QUESTION, FOUND, MET = r
 found"""
 
 
-def new_workspace(nodes: int, packets: int, pairs: int, before: Workspace | None = None) -> Workspace:
+def new_workspace(nodes: int, packets: int, pairs: int, before: QueryWorkspace | None = None) -> QueryWorkspace:
     """A workspace for so many nodes and packets a mesh and so many pairs of surfaces; counts go on from `before`."""
     counts, exact = (np.zeros(7, np.int64), np.zeros(WORKSPACE)) if before is None else (before.counts, before.exact)
-    return Workspace(
+    return QueryWorkspace(
         Pose(np.empty(15), np.empty(MOTION, np.float32)),
         moved=np.empty(NODE * nodes, np.float32),
         turned=np.empty(PREPARED * packets, np.float32),
@@ -114,7 +111,7 @@ def new_workspace(nodes: int, packets: int, pairs: int, before: Workspace | None
     )
 
 
-def large_enough(ws: Workspace | None, nodes: int = 1, packets: int = 1, pairs: int = 64) -> Workspace:
+def large_enough(ws: QueryWorkspace | None, nodes: int = 1, packets: int = 1, pairs: int = 64) -> QueryWorkspace:
     """The given workspace, or a larger one in its place where it is too small."""
     if ws is None:
         return new_workspace(nodes, packets, pairs)
@@ -125,46 +122,26 @@ def large_enough(ws: Workspace | None, nodes: int = 1, packets: int = 1, pairs: 
 
 
 class _Local(threading.local):
-    workspace: Workspace | None = None
+    workspace: QueryWorkspace | None = None
 
 
 _local = _Local()
 
 
-def workspace(nodes: int = 1, packets: int = 1, pairs: int = 64) -> Workspace:
+def workspace(nodes: int = 1, packets: int = 1, pairs: int = 64) -> QueryWorkspace:
     """This thread's workspace, large enough."""
     ws = _local.workspace = large_enough(_local.workspace, nodes, packets, pairs)
     return ws
 
 
-def workspace_for(a: Bvh, b: Bvh) -> Workspace:
+def workspace_for(a: Bvh, b: Bvh) -> QueryWorkspace:
     """This thread's workspace, large enough for two hierarchies."""
     return workspace(max(len(a.child), len(b.child)) // LANES, max(len(a.first), len(b.first)) - 1)
 
 
-def counts_of(ws: Workspace) -> tuple[int, ...]:
+def counts_of(ws: QueryWorkspace) -> tuple[int, ...]:
     """The five counts of `Statistics`, of all questions of a thread so far."""
     return (*ws.counts[:4].tolist(), int(ws.exact[FALLBACKS]))
-
-
-class Door:
-    """A kernel of one signature as Python calls it: `door.call(*arguments)`.
-
-    numba's dispatcher takes 2.4 µs a call to look at the types of two hierarchies and a workspace; the compiled
-    function itself takes 0.2 µs to read them. So arguments must always have the same types and layouts.
-    """
-
-    __slots__ = ("_kernel", "call")
-
-    def __init__(self, kernel: Any) -> None:
-        self._kernel = kernel
-        self.call: Callable[..., Any] = self._first
-
-    def _first(self, *arguments: Any) -> Any:
-        result = self._kernel(*arguments)
-        (compiled,) = self._kernel.overloads.values()
-        self.call = compiled.entry_point
-        return result
 
 
 # --- the operations of a task ----------------------------------------------------------------------------------------
@@ -174,12 +151,16 @@ def is_bottom(task, bvh, lane):
     """Whether the box in a lane is not opened."""
 
 
+def children(task, ws, boxes, at, others, at_other):
+    """Bits: which of the eight boxes at `at` may matter with the box at `at_other`, in a's frame."""
+
+
 def children_of_a(task, a, b, ws, node, lane_b):
-    """Bits: which boxes of a node of a matter with a box of b."""
+    """Bits: which boxes of a node of a may matter with a box of b."""
 
 
 def children_of_b(task, a, b, ws, lane_a, node):
-    """Bits: which boxes of a node of b, which is moved, matter with a box of a."""
+    """Bits: which boxes of a node of b, which is moved, may matter with a box of a."""
 
 
 def visit(task, a, b, ws, lane_a, lane_b):
@@ -190,18 +171,44 @@ def is_open(task, ws, bound):
     """Whether a pair of that bound still matters."""
 
 
-def implements(operation: Any, *tasks: type) -> Callable[[Any], Any]:
-    """Make the decorated function the operation of tasks of these types."""
+def below_packets(task, bvh, lane):
+    """Whether a box has packets of triangles below it."""
+    return bvh.child[lane] < 0
 
-    def register(function: Any) -> Any:
-        def choose(task, *rest):
-            known = isinstance(task, types.BaseNamedTuple) and getattr(task, "instance_class", None) in tasks
-            return function if known else None
 
-        overload(operation, jit_options=INLINE, strict=False)(choose)
-        return function
+def pairs_with_a(task, a, b, ws, node, lane_b):
+    """`children_of_a` by `children`."""
+    return children(task, ws, a.boxes, NODE * node, ws.moved, box_at(lane_b))
 
-    return register
+
+def pairs_with_b(task, a, b, ws, lane_a, node):
+    """`children_of_b` by `children`."""
+    return children(task, ws, ws.moved, NODE * node, a.boxes, box_at(lane_a))
+
+
+def no_children(task, a, b, ws, lane_a, node):
+    """`children_of_b` of a task about one hierarchy: never called, for the one box is at the bottom."""
+    return 0
+
+
+_OF_TWO = {"is_bottom": below_packets, "children_of_a": pairs_with_a, "children_of_b": pairs_with_b}
+_OF_ONE = {"is_bottom": below_packets_alone, "children_of_b": no_children}
+"""operations that a class of tasks need not have; of one hierarchy are those without `children` and `children_of_b`"""
+
+
+def _operation(stub: Any) -> None:
+    """Compile calls of an operation as calls of the method of that name of the task's class."""
+
+    def choose(task, *rest):
+        known = getattr(task, "instance_class", None)
+        of_two = hasattr(known, "children") or hasattr(known, "children_of_b")
+        return getattr(known, stub.__name__, (_OF_TWO if of_two else _OF_ONE).get(stub.__name__))
+
+    overload(stub, jit_options=INLINE, strict=False)(choose)
+
+
+for _stub in (is_bottom, children, children_of_a, children_of_b, visit, is_open):
+    _operation(_stub)
 
 
 # --- the traversal ---------------------------------------------------------------------------------------------------
@@ -393,17 +400,7 @@ def corner_of(a, i):
 @inline_kernel
 def moved_corner(b, i, matrix):
     """The same of b in a's frame: the arithmetic by which all methods move vertices."""
-    x, y, z = corner_of(b, i)
-    return (
-        matrix[0] * x + matrix[1] * y + matrix[2] * z + matrix[9],
-        matrix[3] * x + matrix[4] * y + matrix[5] * z + matrix[10],
-        matrix[6] * x + matrix[7] * y + matrix[8] * z + matrix[11],
-    )
-
-
-def below_packets(task, bvh, lane):
-    """`is_bottom` of tasks whose leaf visit is one of two packets of triangles."""
-    return bvh.child[lane] < 0
+    return transform(matrix, corner_of(b, i))
 
 
 class Surfaces(NamedTuple):
@@ -412,35 +409,22 @@ class Surfaces(NamedTuple):
     limit: Any
     """float32, m²: the greatest squared distance of the boxes, at most 3e38"""
 
+    def is_bottom(self, bvh, lane):
+        """Boxes of surfaces are not opened."""
+        return bvh.surface[lane] >= 0
 
-@implements(is_bottom, Surfaces)
-def below_surfaces(task, bvh, lane):
-    """Boxes of surfaces are not opened."""
-    return bvh.surface[lane] >= 0
+    def children(self, ws, boxes, at, others, at_other):
+        """Bits: which boxes of a node come within the limit of a box of the other hierarchy."""
+        ws.counts[SURFACE_BOXES] += LANES
+        return near_lane(boxes, at, others, at_other, self.limit, ws.bounds)
 
-
-@implements(children_of_a, Surfaces)
-def near_children_of_a(task, a, b, ws, node, lane_b):
-    """Bits: which boxes of a node of a come within the limit of a box of b."""
-    ws.counts[SURFACE_BOXES] += LANES
-    return near_lane(a.boxes, NODE * node, ws.moved, box_at(lane_b), task.limit, ws.bounds)
-
-
-@implements(children_of_b, Surfaces)
-def near_children_of_b(task, a, b, ws, lane_a, node):
-    """Bits: which boxes of a node of b come within the limit of a box of a."""
-    ws.counts[SURFACE_BOXES] += LANES
-    return near_lane(ws.moved, NODE * node, a.boxes, box_at(lane_a), task.limit, ws.bounds)
-
-
-@implements(visit, Surfaces)
-def add_surface_pair(task, a, b, ws, lane_a, lane_b):
-    """Count a pair of surfaces, and add it unless `ws.pairs` is full."""
-    found = ws.counts[FOUND]
-    if found < len(ws.pairs):
-        ws.pairs[found] = np.int64(a.surface[lane_a]) * len(b.root) + b.surface[lane_b]
-    ws.counts[FOUND] = found + 1
-    return False
+    def visit(self, a, b, ws, lane_a, lane_b):
+        """Count a pair of surfaces, and add it unless `ws.pairs` is full."""
+        found = ws.counts[FOUND]
+        if found < len(ws.pairs):
+            ws.pairs[found] = np.int64(a.surface[lane_a]) * len(b.root) + b.surface[lane_b]
+        ws.counts[FOUND] = found + 1
+        return False
 
 
 @inline_kernel

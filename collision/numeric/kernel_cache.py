@@ -49,7 +49,7 @@ PATIENCE: Final = 120.0
 """s to wait for a kernel that another process compiles"""
 _ROOT: Final = Path(__file__).resolve().parents[2]
 _KERNEL_SOURCE: Final = re.compile(
-    rb"^(?:from|import) (?:numba|llvmlite)|numeric\.kernel import .*kernel|^@\w*kernel\b|^@implements\b", re.M
+    rb"^(?:from|import) (?:numba|llvmlite)|numeric\.kernel import .*kernel|^@\w*kernel\b", re.M
 )
 _CONSTANTS: Final = re.compile(rb"^from (\S+) import [^\n]*?(?:\([^)]*)?\b_?[A-Z][A-Z0-9_]+\b", re.M)
 

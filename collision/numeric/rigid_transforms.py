@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.kernel import inline_kernel, inner_kernel, kernel
 
 
 @inner_kernel
@@ -38,6 +38,33 @@ def take_poses(matrices, rigid, packed):
         if not take_pose(matrices[n], rigid, packed[n]):
             return n
     return -1
+
+
+@inline_kernel
+def rotate(pose, u):
+    """The vector u rotated by a pose (12,)."""
+    return (
+        pose[0] * u[0] + pose[1] * u[1] + pose[2] * u[2],
+        pose[3] * u[0] + pose[4] * u[1] + pose[5] * u[2],
+        pose[6] * u[0] + pose[7] * u[1] + pose[8] * u[2],
+    )
+
+
+@inline_kernel
+def unrotate(pose, u):
+    """The vector u rotated by the inverse of a pose (12,)."""
+    return (
+        pose[0] * u[0] + pose[3] * u[1] + pose[6] * u[2],
+        pose[1] * u[0] + pose[4] * u[1] + pose[7] * u[2],
+        pose[2] * u[0] + pose[5] * u[1] + pose[8] * u[2],
+    )
+
+
+@inline_kernel
+def transform(pose, p):
+    """The point p moved by a pose (12,)."""
+    x, y, z = rotate(pose, p)
+    return x + pose[9], y + pose[10], z + pose[11]
 
 
 @inner_kernel

@@ -1,4 +1,4 @@
-"""Which objects stand in each other's way along given motions: the blocking table of an assembly.
+"""Sweeps of pairs of objects along given motions: which object blocks which.
 
 A motion is a list of knots, world displacements of the moving object from where it stands, the first the identity; from
 one knot to the next it goes along one screw (the SE(3) geodesic, less than half a turn). Each pair of objects is swept
@@ -28,35 +28,35 @@ if TYPE_CHECKING:
     import pinocchio as pin
 
 Array = NDArray[np.float64]
-Pairing = tuple[tuple[int, ...], tuple[int, ...]]
-"""surfaces of the moving object and of the standing one: each of the first is left out with each of the second"""
-Excuse = Callable[[int, int, "pin.SE3", "pin.SE3"], Iterable[Pairing] | None]
-"""(moving, standing, displacement at the start of a leg, at its end) -> the surface pairs that this leg leaves out, or
-None where the pair stops the leg before it begins"""
+SurfacePairs = tuple[tuple[int, ...], tuple[int, ...]]
+"""surfaces of the moving object, surfaces of the static object: every pair of one of the first and one of the second"""
+Excuse = Callable[[int, int, "pin.SE3", "pin.SE3"], Iterable[SurfacePairs] | None]
+"""callback(moving, static, displacement at the start of a leg, at its end): the surface pairs excluded on this leg, or
+None if the pair blocks the leg at its start"""
 PRESSED = 10.0
-"""1: of the tolerance's slop: surfaces are pressed by no more beyond where the objects stand, on however many legs"""
+"""1: of the tolerance's slop: largest additional penetration on a path, for any number of legs"""
 PRESSED_ON_A_LEG = 1.5
-"""1: of the slop: by how much a sweep may press surfaces (see `collision.query.time_of_impact`)"""
+"""1: of the slop: largest penetration added by one sweep (see `collision.query.time_of_impact`)"""
 PRESSED_BY_GRAZING = 2.0
-"""1: of the slop: by how much a graze may have pressed them"""
+"""1: of the slop: largest penetration added at a graze"""
 GRAZES = 64
-"""contacts that a leg may graze before it counts as stopped"""
+"""contacts grazed on a leg before it counts as stopped"""
 STILL = 1e-3
-"""1: of the tolerance: a triangle that goes no farther along its normal on a leg does not count as front"""
+"""1: of the tolerance: triangles that move less along their normal on a leg are not part of the front"""
 SIDES = 8
-"""directions across a straight way along which shadows are compared"""
+"""directions perpendicular to a straight path along which shadows are compared"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stop:
-    """Where one object stops another on its way."""
+    """A stop of one object by another on its path."""
 
     leg: int
-    """between which knots: `leg` and `leg + 1`"""
+    """the leg between knots `leg` and `leg + 1`"""
     t: float
-    """in [0, 1): how far along that leg; until then nothing has come nearer than it may"""
+    """fraction of that leg, in [0, 1), up to which all distances stay admissible"""
     contacts: NDArray[Any]
-    """CONTACT_DTYPE rows of the surface pairs that stop it, `object_a` the moving object; none where an excuse does"""
+    """CONTACT_DTYPE rows of the blocking surface pairs, `object_a` moving; empty if `excuse` returned None"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,36 +64,36 @@ class _Front:
     """The front of one of two objects on a leg."""
 
     side: int
-    """0: of the moving object, 1: of the standing one, as seen from the moving one"""
+    """0: front of the moving object; 1: of the static object in the moving object's frame"""
     part: SurfaceMesh
     solid: SurfaceMesh
     """the whole other object"""
     triangles: NDArray[np.int64]
     surfaces: NDArray[np.int32]
     """of the whole object, by those of `part`"""
-    excused: tuple[Pairing, ...]
+    excused: tuple[SurfacePairs, ...]
     """surfaces of `part`, surfaces of `solid` that are left out"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Swept:
-    """What of two objects is swept against each other, and how deep it is as drawn."""
+    """The two meshes of one sweep, and their penetration depths at the initial poses."""
 
     i: int
     j: int
     world: CollisionManager
-    """the moving object as object 0, the standing one as object 1"""
+    """object 0 moves, object 1 is static"""
     depths_of: Callable[[CollisionManager], dict[tuple[int, int], float]]
-    """m by pair of surfaces of that world that meet"""
+    """penetration depth by pair of intersecting surfaces of a world, m"""
     drawn: Callable[[], dict[tuple[int, int], float]]
-    """the same where the objects stand"""
+    """the same at the initial poses"""
     key: Any = None
-    """of whole objects, for what is kept"""
+    """cache key of a sweep of whole objects"""
     front: _Front | None = None
-    """in the place of its object"""
+    """the swept part of one object, if it is not whole"""
 
-    def told(self, rows: NDArray[Any]) -> NDArray[Any]:
-        """Rows of the world as rows of the whole objects i and j."""
+    def contacts_of(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Convert contacts of the world to contacts of the whole objects i and j."""
         out = rows.copy()
         out["object_a"], out["object_b"] = self.i, self.j
         if self.front is not None:
@@ -104,14 +104,14 @@ class _Swept:
 
 
 class Sweeps:
-    """Sweeps of pairs of objects that begin where the objects stand.
+    """Sweeps of pairs of objects from their initial poses.
 
     Parameters
     ----------
     meshes, poses: of the objects, in the order of their ids.
-    tolerance: `linear` is how near surfaces may come that are apart, `slop` by how much of it surfaces in contact may
-        be pressed further in one leg (see `collision.query.time_of_impact`).
-    excuse: returns, for each leg, the pairs of surfaces that are left out.
+    tolerance: `linear` is the least distance of surfaces that are apart, m; `slop` the fraction of it by which surfaces
+        in contact may penetrate further on one leg (see `collision.query.time_of_impact`).
+    excuse: returns the surface pairs excluded on each leg.
     """
 
     def __init__(
@@ -132,21 +132,21 @@ class Sweeps:
         self._boxes: dict[tuple[int, int], tuple[Sequence[pin.SE3], Array, Array]] = {}
         self._start: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
         self._depths_met: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
-        self._overlaps: dict[tuple[Any, ...], Pairing] = {}
+        self._overlaps: dict[tuple[Any, ...], SurfacePairs] = {}
         self._begins: dict[tuple[Any, ...], bool] = {}
         self._extents: dict[tuple[int, bytes], tuple[float, float]] = {}
         self._turns: dict[int, tuple[Sequence[pin.SE3], Any, dict[int, Array]]] = {}
         """by identity of knots: the knots, their screw axis, and by object its profile about it"""
 
     def with_tolerance(self, tolerance: Tolerance) -> Sweeps:
-        """The same objects where they stand, under another tolerance; what hangs on none is shared."""
+        """The same objects with another tolerance; caches that do not depend on it are shared."""
         out = copy(self)
         out.tolerance, out.count = tolerance, 0
         out._worlds, out._boxes, out._start, out._depths_met, out._overlaps, out._begins = {}, {}, {}, {}, {}, {}
         return out
 
     def extent(self, i: int, direction: Array) -> tuple[float, float]:
-        """(least, greatest) coordinate of object i, where it stands, along a world direction (3,), m."""
+        """(least, greatest) coordinate of object i at its initial pose along a world direction (3,), m."""
         key = i, np.ascontiguousarray(direction).tobytes()
         if key not in self._extents:
             heights = self._corners[i] @ (self.poses[i].rotation.T @ direction) + self.poses[i].translation @ direction
@@ -154,15 +154,15 @@ class Sweeps:
         return self._extents[key]
 
     def corners(self, i: int) -> Array:
-        """(n, 3) the vertices of object i where it stands, world, m."""
+        """(n, 3) vertices of object i at its initial pose, world, m."""
         return np.asarray(self._corners[i] @ self.poses[i].rotation.T + self.poses[i].translation)
 
     def length_until_apart(self, i: int, j: int, direction: Array) -> float:
-        """m: how far i goes along a unit direction until a plane across it parts it from j; 0 if one does already."""
+        """Path length of i along a unit direction until a perpendicular plane separates it from j, m; 0 if it does."""
         return max(0.0, self.extent(j, direction)[1] - self.extent(i, direction)[0])
 
     def shadows_meet(self, i: int, j: int, direction: Array) -> bool:
-        """Whether j may lie in the shadow of i along a direction: False is sure, and i then passes j."""
+        """Whether j may lie in the shadow of i along a direction; False is certain, and i then passes j."""
         return all(
             self.extent(i, side)[0] <= self.extent(j, side)[1] + self.tolerance.linear
             and self.extent(j, side)[0] <= self.extent(i, side)[1] + self.tolerance.linear
@@ -170,13 +170,13 @@ class Sweeps:
         )
 
     def stop(
-        self, i: int, j: int, knots: Sequence[pin.SE3], besides: tuple[Pairing, ...] = (), graze: bool = True
+        self, i: int, j: int, knots: Sequence[pin.SE3], besides: tuple[SurfacePairs, ...] = (), graze: bool = True
     ) -> Stop | None:
-        """Where object j, standing, stops object i on its way along `knots`; None if it goes to the end.
+        """The first stop of object i by static object j along `knots`; None if it reaches the end.
 
-        besides: surface pairs that are left out beside those that the legs leave out.
-        graze: whether surfaces may come nearer than the tolerance where they part again at once; where they may not,
-        None proves that of those that begin apart none comes nearer than the tolerance, less its slop.
+        besides: surface pairs excluded on every leg.
+        graze: whether surfaces may come nearer than the tolerance if they part again at once. If not, None proves that
+        surfaces that begin apart stay apart by the tolerance less its slop.
         """
         near = True
         if len(knots) > 2:  # of one leg the box is looked at below
@@ -195,12 +195,12 @@ class Sweeps:
         return None
 
     def _leg(
-        self, i: int, j: int, start: pin.SE3, end: pin.SE3, fits: tuple[Pairing, ...], besides: tuple[Pairing, ...],
-        graze: bool,
+        self, i: int, j: int, start: pin.SE3, end: pin.SE3, fits: tuple[SurfacePairs, ...],
+        besides: tuple[SurfacePairs, ...], graze: bool,
     ) -> tuple[float, NDArray[Any]] | None:  # fmt: skip
-        """Where and by what i is stopped on one leg, None if it is not.
+        """The first stop of i on one leg, (fraction, contacts); None without one.
 
-        Of objects that overlap as drawn it is enough that the overlap shrinks, seen from either of them.
+        Objects that overlap as drawn may move if the overlap shrinks, seen from either object.
         """
         left_out = *fits, *besides
         if not (graze and any(self.overlap(i, j, fits))):
@@ -217,20 +217,20 @@ class Sweeps:
         return None if seen_from_i is None else max(seen_from_j, seen_from_i, key=lambda found: found[0])
 
     def _swept(self, swept: _Swept, start: pin.SE3, end: pin.SE3, graze: bool) -> tuple[float, NDArray[Any]] | None:
-        """Where and by what the moving object is stopped on one leg, None if it is not.
+        """The first stop on one leg, (fraction, contacts); None without one.
 
-        A sweep stops where surfaces come into contact, and so where edges that lie in one plane slide past each other.
-        Twice the tolerance farther they have parted again; there a group that may graze goes on, if nothing is deeper
-        than where the objects stand. What is thinner than that may be passed.
+        A sweep stops at contact, also where coplanar edges slide past each other. If `graze`, it is restarted twice the
+        tolerance farther, provided no pair is deeper there than at the initial poses. Objects thinner than that may be
+        passed.
         """
         import pinocchio as pin
 
         world, home = swept.world, self.poses[swept.i]
         way = pin.log6(start.actInv(end))
-        # nothing is pressed yet, or what is apart alone counts
+        # no pair is pressed yet, or only pairs that are apart count
         first = not graze or (start.isIdentity(0.0) and swept.front is None)
         if not first and not self._may_begin(swept, start):
-            return 0.0, swept.told(world.contacts(self.tolerance.linear))
+            return 0.0, swept.contacts_of(world.contacts(self.tolerance.linear))
         speed = self._speed(swept.i, start, end)
         step = 2.0 * self.tolerance.linear / speed if speed > 0.0 else 1.0
         at, passed = 0.0, False
@@ -256,13 +256,13 @@ class Sweeps:
             passed = at == 1.0
             if passed:
                 break
-        # where the next leg could not begin the group does not go
+        # a displacement from which no leg may begin is not entered
         if first or self._may_begin(swept, end if passed else start * pin.exp6(way * t)):
-            return None if passed else (t, swept.told(found.contacts))
-        return 0.0, swept.told(world.contacts(self.tolerance.linear))
+            return None if passed else (t, swept.contacts_of(found.contacts))
+        return 0.0, swept.contacts_of(world.contacts(self.tolerance.linear))
 
     def _may_begin(self, swept: _Swept, at: pin.SE3) -> bool:
-        """Whether a leg may begin at a displacement: nothing is pressed farther there than `PRESSED` allows. Kept."""
+        """Whether a leg may begin at a displacement: no pair is pressed by more than `PRESSED` allows. Cached."""
         key = swept.key, at.homogeneous.tobytes()
         if swept.key is None or key not in self._begins:
             found = self._no_deeper(swept, at, PRESSED - PRESSED_ON_A_LEG)
@@ -273,12 +273,11 @@ class Sweeps:
 
     # -- overlaps as drawn
 
-    def overlap(self, i: int, j: int, left_out: tuple[Pairing, ...] = ()) -> Pairing:
-        """The surfaces of i that reach into j, deeper than the tolerance, where the objects stand, and those of j that
-        reach into i; of those that are left out, nothing counts behind each other. None where the objects do not
-        overlap. Kept.
+    def overlap(self, i: int, j: int, left_out: tuple[SurfacePairs, ...] = ()) -> SurfacePairs:
+        """The surfaces of i deeper in j than the tolerance at the initial poses, and those of j in i. Cached.
 
-        An object all of which is inside the other, meeting none of its surfaces, does not overlap it: it is held.
+        left_out: surface pairs whose mutual penetration does not count. An object wholly inside the other, without an
+        intersection of surfaces, does not overlap it: it is enclosed.
         """
         key = i, j, left_out
         if key not in self._overlaps:
@@ -294,7 +293,7 @@ class Sweeps:
         return self._overlaps[key]
 
     def _met(self, i: int, j: int) -> dict[tuple[int, int], float]:
-        """`triangle_depths` where the objects stand. Kept."""
+        """`triangle_depths` at the initial poses. Cached."""
         if (i, j) not in self._depths_met:
             world = self._world(i, j, ())
             world.set_pose(0, self.poses[i])
@@ -303,10 +302,13 @@ class Sweeps:
 
     def _pass_unseen(
         self, i: int, j: int, start: pin.SE3, end: pin.SE3, found: tuple[float, NDArray[Any]] | None,
-        left_out: tuple[Pairing, ...],
+        left_out: tuple[SurfacePairs, ...],
     ) -> bool:  # fmt: skip
-        """Whether faces that touch where a leg begins are inside the other object where it comes to: no distance tells
-        that two of them have passed each other, and the surfaces beside them, which meet, may be left out."""
+        """Whether faces that touch at the start of a leg are inside the other object at its end.
+
+        Distances do not show that two faces have passed through each other, and the intersecting surfaces beside them
+        may be excluded.
+        """
         world = self._world(i, j, left_out)
         world.set_pose(0, start * self.poses[i])
         rows = world.contacts(self.tolerance.linear)
@@ -318,12 +320,12 @@ class Sweeps:
         return False
 
     def _shrinks(
-        self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...]
+        self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[SurfacePairs, ...]
     ) -> tuple[float, NDArray[Any]] | None:
-        """Where on a leg the overlap of i and j begins to grow, seen from j (side 0) or from i (side 1), and by which
-        contacts; None if it never does.
+        """The first time on a leg at which the overlap of i and j grows, seen from j (side 0) or i (side 1), and the
+        contacts; None if it never grows.
 
-        Swept is the front of the one that moves, against all of the other. It must not begin inside the other.
+        The front of the moving object is swept against the whole other object, and must begin outside it.
         """
         front = self._front(i, j, side, start, end, left_out)
         if front is None:
@@ -343,10 +345,13 @@ class Sweeps:
         return found
 
     def _front(
-        self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[Pairing, ...],
+        self, i: int, j: int, side: int, start: pin.SE3, end: pin.SE3, left_out: tuple[SurfacePairs, ...],
         surfaces: NDArray[np.integer] | None = None,
     ) -> _Front | None:  # fmt: skip
-        """The front of i (side 0), or of j (side 1) as seen from i, on a leg, of some surfaces; None without one."""
+        """The front of i (side 0), or of j in the frame of i (side 1), on a leg; None if it is empty.
+
+        surfaces: the only surfaces considered; None for all.
+        """
         import pinocchio as pin
 
         way = pin.log6(start.actInv(end))
@@ -365,13 +370,15 @@ class Sweeps:
         return _Front(side, part, solid, triangles, of, tuple(pair for pair in excused if pair[0]))
 
     def _is_inside(self, i: int, j: int, front: _Front, at: pin.SE3) -> bool:
-        """Whether some of a front is deeper inside the other object than the tolerance, i displaced."""
+        """Whether part of a front is deeper inside the other object than the tolerance, i displaced by `at`."""
         pose = self.poses[j].actInv(at * self.poses[i])
         pose = pose.inverse() if front.side else pose
         return bool(len(buried(front.part, front.solid, pose, self.tolerance.linear, front.excused)))
 
-    def _at_once(self, i: int, j: int, start: pin.SE3, left_out: tuple[Pairing, ...]) -> tuple[float, NDArray[Any]]:
-        """A stop where a leg begins, by what touches or overlaps there; by what is left out if nothing else does."""
+    def _at_once(
+        self, i: int, j: int, start: pin.SE3, left_out: tuple[SurfacePairs, ...]
+    ) -> tuple[float, NDArray[Any]]:
+        """A stop at the start of a leg with the contacts there; with excluded pairs if there are no others."""
         for world in (self._world(i, j, left_out), self._world(i, j, ())):
             world.set_pose(0, start * self.poses[i])
             rows = world.contacts(self.tolerance.linear)
@@ -381,22 +388,24 @@ class Sweeps:
         return 0.0, rows
 
     def _speed(self, i: int, start: pin.SE3, end: pin.SE3) -> float:
-        """m: no point of i goes farther on a leg."""
+        """Upper bound of the path length of the points of i on a leg, m."""
         import pinocchio as pin
 
         way = np.asarray(pin.log6(start.actInv(end)))
         return float(np.linalg.norm(way[:3] + _box_corners(self._box(i)) @ pin.skew(way[3:]).T, axis=1).max())
 
     def _meets_squarely(self, swept: _Swept, at: pin.SE3, way: Array, rows: NDArray[Any]) -> bool:
-        """Whether facets that lie over each other run into each other on the next piece `way` (6,) of a leg: then the
-        group is stopped, and nothing needs to be measured."""
+        """Whether facets that face each other with a shared area collide on the next piece `way` (6,) of a leg.
+
+        Then the group is stopped without measuring depths.
+        """
         slack = self.tolerance.slop * self.tolerance.linear
-        pose, standing = at * self.poses[swept.i], self.poses[swept.j]
+        pose, static = at * self.poses[swept.i], self.poses[swept.j]
         mine, theirs = swept.world.mesh(0), swept.world.mesh(1)
         for row in rows[:4]:
             a = mine.vertices[mine.triangles[row["triangle_a"]]] @ pose.rotation.T + pose.translation
             b = theirs.vertices[theirs.triangles[row["triangle_b"]]]
-            b = b @ standing.rotation.T + standing.translation
+            b = b @ static.rotation.T + static.translation
             d = float(row["distance"])
             n = _cross(a[1] - a[0], a[2] - a[0]) if d <= slack else row["point_b"] - row["point_a"]
             length = float(np.linalg.norm(n))
@@ -419,8 +428,7 @@ class Sweeps:
         return False
 
     def _no_deeper(self, swept: _Swept, at: pin.SE3, slops: float) -> bool:
-        """Whether no surfaces of i, displaced, and j reach deeper into each other than where they stand, by more than
-        so many slops."""
+        """Whether no surfaces of i, displaced by `at`, and j are deeper than initially by more than `slops` slops."""
         known, world = swept.drawn(), swept.world  # before the pose is set: it may be the same world
         world.set_pose(0, at * self.poses[swept.i])
         if not len(world.colliding_surfaces()):
@@ -429,7 +437,7 @@ class Sweeps:
         return all(depth <= known.get(pair, 0.0) + slack for pair, depth in swept.depths_of(world).items())
 
     def depths(self, i: int, j: int) -> dict[tuple[int, int], float]:
-        """m by surface of i and of j: how deep they reach into each other where the objects stand."""
+        """Penetration depth by surface of i and surface of j at the initial poses, m. Cached."""
         if (i, j) not in self._start:
             world = self._world(i, j, ())
             world.set_pose(0, self.poses[i])
@@ -437,23 +445,22 @@ class Sweeps:
         return self._start[i, j]
 
     def _depths_of(self, world: CollisionManager) -> dict[tuple[int, int], float]:
-        """m by surface of object 0 and of object 1 that meet: the depths of `CollisionManager.penetration`, without the
-        directions, which take most of the time where many surfaces only touch."""
-        from collision.query.intersection import intersecting
+        """Depths of `CollisionManager.penetration` by surface of object 0 and of object 1, m, without directions.
+
+        Directions take most of the time where many surfaces only touch.
+        """
+        from collision.query.intersection import enabled_pairs
         from collision.query.penetration import deepest_points
 
-        pose, enabled = world.relative_pose(0, 1), world.enabled_surfaces(0, 1)
-        a, b = world.mesh(0), world.mesh(1)
-        pairs = intersecting(a, b, pose, world.checked.rigid)[0]
-        if enabled is not None:
-            pairs = pairs[enabled[pairs[:, 0], pairs[:, 1]] != 0]
+        pairs = enabled_pairs(world, 0, 1)
         if not len(pairs):
             return {}
-        depths = deepest_points(self._precision, (a, b), pose, pairs)[:, 0]
+        meshes, pose = (world.mesh(0), world.mesh(1)), world.relative_pose(0, 1)
+        depths = deepest_points(self._precision, meshes, pose, pairs)[:, 0]
         return dict(zip(map(tuple, pairs.tolist()), depths.tolist(), strict=True))
 
-    def _clear_of_turn(self, i: int, j: int, knots: Sequence[pin.SE3]) -> tuple[Pairing, ...]:
-        """Pairs of surfaces that stay farther apart than the tolerance on a way that turns about one axis."""
+    def _clear_of_turn(self, i: int, j: int, knots: Sequence[pin.SE3]) -> tuple[SurfacePairs, ...]:
+        """Pairs of surfaces that stay farther apart than the tolerance on a path that turns about one axis."""
         if id(knots) not in self._turns:
             size = float(np.abs(self._box(i)).max())
             self._turns[id(knots)] = knots, revolution.screw_axis(knots, size), {}
@@ -469,11 +476,11 @@ class Sweeps:
         return tuple(((a,), tuple(np.flatnonzero(row).tolist())) for a, row in enumerate(clear) if row.any())
 
     def near(
-        self, i: int, j: int, start: pin.SE3, end: pin.SE3, within: float, besides: tuple[Pairing, ...] = ()
+        self, i: int, j: int, start: pin.SE3, end: pin.SE3, within: float, besides: tuple[SurfacePairs, ...] = ()
     ) -> NDArray[Any]:
-        """CONTACT_DTYPE rows of i, displaced by `start`, with j within `within` m, world; `object_a` is i.
+        """CONTACT_DTYPE rows, world, of i displaced by `start` with j at most `within` m apart; `object_a` is i.
 
-        Left out is what a leg from there to `end` leaves out, and `besides`.
+        Excluded are the pairs of `excuse` for the leg to `end`, and `besides`.
         """
         world = self._world(i, j, (*(self.excuse(i, j, start, end) or ()), *besides))
         world.set_pose(0, start * self.poses[i])
@@ -482,20 +489,20 @@ class Sweeps:
         return rows
 
     def straight(self, i: int, j: int, direction: Array, margin: float) -> Stop | None:
-        """Where j stops i on its straight way along a unit direction until a plane across it parts them by `margin`."""
+        """The stop of i by j on a straight path along a unit direction until a plane separates them by `margin` m."""
         import pinocchio as pin
 
         far = self.length_until_apart(i, j, direction)
         if far == 0.0 or not self.shadows_meet(i, j, direction):
-            identity = pin.SE3.Identity()  # nothing is swept, but the pair may be held together
+            identity = pin.SE3.Identity()  # no sweep is needed, but the pair may be held together
             held = self.excuse(i, j, identity, pin.SE3(np.eye(3), margin * direction)) is None
             return Stop(0, 0.0, _none()) if held else None
         return self.stop(i, j, (pin.SE3.Identity(), pin.SE3(np.eye(3), (far + margin) * direction)))
 
     def table(self, directions: Sequence[Array], margin: float) -> NDArray[np.bool_]:
-        """(k, n, n) whether object j stops object i on its straight way along direction k until they are apart.
+        """(k, n, n) bool: whether object j blocks object i on its straight path along direction k.
 
-        directions: (3,) unit vectors. Opposite ones cost one sweep a pair: j in the way of i is i in the way of j.
+        directions: (3,) unit vectors. Opposite directions cost one sweep per pair: their matrices are transposed.
         """
         n = len(self.meshes)
         out = np.zeros((len(directions), n, n), bool)
@@ -510,11 +517,11 @@ class Sweeps:
         return out
 
     def boxes_meet(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> bool:
-        """Whether the boxes of i on one leg and of j come near each other."""
+        """Whether the swept box of i on one leg, with the tolerance, meets the box of j."""
         return self.box_meets(j, *self._leg_box(i, start, end))
 
     def _leg_box(self, i: int, start: pin.SE3, end: pin.SE3) -> tuple[Array, Array]:
-        """Corners of a box that holds i on a leg, and the tolerance around; points stray from chords by their arcs."""
+        """Corners of a box around i on a leg, inflated by the tolerance and the sagitta of the arcs."""
         import pinocchio as pin
 
         at = self.corners(i) if len(self._corners[i]) <= 64 else _box_corners(self._box(i))
@@ -529,29 +536,29 @@ class Sweeps:
         return low, high
 
     def way_box(self, i: int, knots: Sequence[pin.SE3]) -> tuple[Array, Array]:
-        """Least and greatest corner (3,) of a box that holds i on its way, and the tolerance around; m."""
+        """Least and greatest corner (3,) of a box around i on its path, inflated by the tolerance, m."""
         boxes = [self._leg_box(i, start, end) for start, end in pairwise(knots)]
         lows, highs = zip(*boxes, strict=True)
         return np.min(lows, axis=0), np.max(highs, axis=0)
 
     def box_meets(self, j: int, low: Array, high: Array) -> bool:
-        """Whether the box of object j, where it stands, meets a box."""
+        """Whether the box of object j at its initial pose meets a box."""
         box = self._box(j)
         return bool((low <= box[1]).all() and (box[0] <= high).all())
 
     def _whole_box(self, i: int, knots: Sequence[pin.SE3]) -> tuple[Array, Array]:
-        """The same of all legs; kept, because a way is tested against every other object."""
+        """`way_box`, cached because a path is tested against every other object."""
         kept = self._boxes.get((i, id(knots)))
         if kept is None or kept[0] is not knots:
             kept = self._boxes[i, id(knots)] = knots, *self.way_box(i, knots)
         return kept[1], kept[2]
 
     def _box(self, i: int) -> Array:
-        """(2, 3) least and greatest corner of object i where it stands."""
+        """(2, 3) least and greatest corner of object i at its initial pose, m."""
         return np.array([self.extent(i, axis) for axis in np.eye(3)]).T
 
-    def _world(self, i: int, j: int, left_out: tuple[Pairing, ...]) -> CollisionManager:
-        """The two objects, i as object 0, without the surface pairs that are left out."""
+    def _world(self, i: int, j: int, left_out: tuple[SurfacePairs, ...]) -> CollisionManager:
+        """A world of i as object 0 and j as object 1, without the excluded surface pairs. Cached."""
         key = i, j, left_out
         if key not in self._worlds:
             world = CollisionManager(self.tolerance)
@@ -564,13 +571,13 @@ class Sweeps:
 
 
 def _reached(start: pin.SE3, end: pin.SE3, found: tuple[float, NDArray[Any]] | None) -> pin.SE3:
-    """The displacement that a leg comes to."""
+    """The displacement reached on a leg."""
     import pinocchio as pin
 
     return end if found is None else start * pin.exp6(pin.log6(start.actInv(end)) * found[0])
 
 
-def products(pairings: Iterable[Pairing]) -> set[tuple[int, int]]:
+def products(pairings: Iterable[SurfacePairs]) -> set[tuple[int, int]]:
     """All pairs of surfaces of pairings."""
     return {(a, b) for mine, theirs in pairings for a in mine for b in theirs}
 
@@ -582,7 +589,7 @@ def _none() -> NDArray[Any]:
 
 
 def _across(direction: Array) -> Iterable[Array]:
-    """Unit vectors at right angles to a unit direction, half a circle of them; those of -direction are the same."""
+    """SIDES unit vectors perpendicular to a unit direction, over half a circle; the same for -direction."""
     d = direction if tuple(direction) > tuple(-direction) else -direction
     u = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
     u /= np.linalg.norm(u)
@@ -599,13 +606,13 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _lies_across(triangle: Array, direction: Array) -> bool:
-    """Whether a triangle (3, 3) is at right angles to a unit direction."""
+    """Whether a triangle (3, 3) is perpendicular to a unit direction."""
     normal = _cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
     return bool(abs(normal @ direction) > 0.999 * np.linalg.norm(normal))
 
 
 def _shared_area(a: Array, b: Array) -> float:
-    """m²: what two plane triangles (3, 2) share (Sutherland & Hodgman 1974)."""
+    """Area of the intersection of two plane triangles (3, 2), m² (Sutherland & Hodgman 1974)."""
     polygon = [tuple(p) for p in a.tolist()]
     (bx, by), (cx, cy), (dx, dy) = b.tolist()
     turn = 1.0 if (cx - bx) * (dy - by) - (cy - by) * (dx - bx) > 0.0 else -1.0

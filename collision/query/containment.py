@@ -19,26 +19,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from collision.bvh.build import bounds_of
 from collision.bvh.layout import LANES
-from collision.bvh.single import ALONE, below_packets_alone, no_children
-from collision.bvh.traverse import (
-    Door,
-    Workspace,
-    children_of_a,
-    children_of_b,
-    corner_of,
-    implements,
-    is_bottom,
-    visit,
-    walk,
-    workspace_for,
-)
+from collision.bvh.single import ALONE
+from collision.bvh.traverse import QueryWorkspace, corner_of, walk, workspace_for
 from collision.mesh import SurfaceMesh
-from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.kernel import EntryPoint, inner_kernel, kernel
 from collision.numeric.point_triangle import solid_angle
 from collision.numeric.vectors import dot, norm, sub
 from collision.objects import Objects
 from collision.query.intersection import intersecting
-from collision.solid import Solid, solid_of
+from collision.solid import SolidMesh, solid_of
 
 FAR: Final = ((2.0, 0.25), (4.0, 0.03), (np.inf, 0.0))
 """1: from how many radii on a cluster of triangles is seen as a dipole, and how far from 1/2 winding numbers are then
@@ -50,8 +39,8 @@ MOUTH: Final = 0.01
 class SolidQuery(NamedTuple):
     """A solid, and the workspace of queries about points and it; one a thread."""
 
-    solid: Solid
-    ws: Workspace
+    solid: SolidMesh
+    ws: QueryWorkspace
     value: Any
     """(4,) float64: the last sum, or the last squared distance (m²) and nearest point"""
     place: Any
@@ -74,42 +63,34 @@ class Winding(NamedTuple):
     far: Any
     """1: how many of its radii a cluster must be away"""
     cluster: Any
-    """as in `Solid`"""
+    """as in `SolidMesh`"""
     total: Any
     """(1,) float64, sr"""
 
+    def children_of_a(self, a, b, ws, node, lane_b):
+        """Add the solid angles of the clusters of a node that are far enough; return the bits of the others."""
+        bits = 0
+        for k in range(LANES):
+            at = 7 * (LANES * node + k)
+            radius = self.cluster[at + 6]
+            if radius < 0.0:
+                continue
+            to = sub((self.cluster[at + 3], self.cluster[at + 4], self.cluster[at + 5]), self.point)
+            apart = norm(to)
+            if apart > self.far * radius:
+                vector = self.cluster[at], self.cluster[at + 1], self.cluster[at + 2]
+                self.total[0] += dot(vector, to) / (apart * apart * apart)
+            else:
+                bits |= 1 << k
+        return bits
 
-implements(is_bottom, Winding)(below_packets_alone)
-implements(children_of_b, Winding)(no_children)
-
-
-@implements(children_of_a, Winding)
-def add_dipoles(task, a, b, ws, node, lane_b):
-    """Add the solid angles of the clusters of a node that are far enough; return the bits of the others."""
-    bits = 0
-    for k in range(LANES):
-        at = 7 * (LANES * node + k)
-        radius = task.cluster[at + 6]
-        if radius < 0.0:
-            continue
-        to = sub((task.cluster[at + 3], task.cluster[at + 4], task.cluster[at + 5]), task.point)
-        apart = norm(to)
-        if apart > task.far * radius:
-            vector = task.cluster[at], task.cluster[at + 1], task.cluster[at + 2]
-            task.total[0] += dot(vector, to) / (apart * apart * apart)
-        else:
-            bits |= 1 << k
-    return bits
-
-
-@implements(visit, Winding)
-def add_solid_angles(task, a, b, ws, lane_a, lane_b):
-    """Add the solid angles of the triangles of a packet."""
-    packet = ~np.int64(a.child[lane_a])
-    for i in range(3 * np.int64(a.first[packet]), 3 * np.int64(a.first[packet + 1]), 3):
-        p, q, r = corner_of(a, i), corner_of(a, i + 1), corner_of(a, i + 2)
-        task.total[0] += solid_angle(sub(p, task.point), sub(q, task.point), sub(r, task.point))
-    return False
+    def visit(self, a, b, ws, lane_a, lane_b):
+        """Add the solid angles of the triangles of a packet."""
+        packet = ~np.int64(a.child[lane_a])
+        for i in range(3 * np.int64(a.first[packet]), 3 * np.int64(a.first[packet + 1]), 3):
+            p, q, r = corner_of(a, i), corner_of(a, i + 1), corner_of(a, i + 2)
+            self.total[0] += solid_angle(sub(p, self.point), sub(q, self.point), sub(r, self.point))
+        return False
 
 
 @inner_kernel
@@ -145,7 +126,7 @@ def which_wind(query, points, out):
 
 # --- from Python -----------------------------------------------------------------------------------------------------
 
-_which_wind = Door(which_wind)
+_which_wind = EntryPoint(which_wind)
 
 
 def inside(mesh: SurfaceMesh, points: ArrayLike) -> NDArray[np.bool_]:

@@ -17,27 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision.bvh.build import bvh_of
-from collision.bvh.layout import LANES, NODE, Bvh
+from collision.bvh.layout import LANES, Bvh
 from collision.bvh.packets import moved_triangle, near_triangles, nearest_of, triangle_of
 from collision.bvh.traverse import (
     MET,
     SURFACE_BOXES,
     TRIANGLE_BOXES,
     TRIANGLES,
-    Door,
-    below_packets,
-    box_at,
-    children_of_a,
-    children_of_b,
     fresh_node,
-    implements,
-    inline_kernel,
-    is_bottom,
-    is_open,
     near_surfaces,
     sort,
     start,
-    visit,
     walk,
     walk_nearest,
     workspace,
@@ -45,7 +35,7 @@ from collision.bvh.traverse import (
 )
 from collision.contact import CONTACT_DTYPE
 from collision.mesh import SurfaceMesh
-from collision.numeric.kernel import kernel
+from collision.numeric.kernel import EntryPoint, inline_kernel, kernel
 from collision.numeric.rigid_transforms import relative_pose
 from collision.numeric.simd import near_lane
 from collision.poses import frames
@@ -57,7 +47,7 @@ TINIEST: Final = float(np.finfo(np.float64).tiny)
 """m: the distance of triangles that do not meet is never 0"""
 
 
-class Distance(NamedTuple):
+class NearestTriangles(NamedTuple):
     """Task: the nearest two triangles."""
 
     best: Any
@@ -68,28 +58,29 @@ class Distance(NamedTuple):
     hit: Any
     """(1,) int64: 2^32·(triangle of a) + triangle of b, in leaf order; -1 as long as nothing is within `best[0]`"""
 
+    def children(self, ws, boxes, at, others, at_other):
+        """Bits: which boxes of a node come within the limit of a box of the other hierarchy."""
+        ws.counts[TRIANGLE_BOXES] += LANES
+        return near_lane(boxes, at, others, at_other, self.limit[0], ws.bounds)
 
-implements(is_bottom, Distance)(below_packets)
+    def is_open(self, ws, bound):
+        """Whether a pair of boxes of this squared distance (m²) still matters."""
+        return bound <= self.limit[0]
 
-
-@implements(children_of_a, Distance)
-def distant_children_of_a(task, a, b, ws, node, lane_b):
-    """Bits: which boxes of a node of a come within the limit of a box of b."""
-    ws.counts[TRIANGLE_BOXES] += LANES
-    return near_lane(a.boxes, NODE * node, ws.moved, box_at(lane_b), task.limit[0], ws.bounds)
-
-
-@implements(children_of_b, Distance)
-def distant_children_of_b(task, a, b, ws, lane_a, node):
-    """Bits: which boxes of a node of b come within the limit of a box of a."""
-    ws.counts[TRIANGLE_BOXES] += LANES
-    return near_lane(ws.moved, NODE * node, a.boxes, box_at(lane_a), task.limit[0], ws.bounds)
-
-
-@implements(is_open, Distance)
-def is_within_limit(task, ws, bound):
-    """Whether a pair of boxes of this squared distance (m²) still matters."""
-    return bound <= task.limit[0]
+    def visit(self, a, b, ws, lane_a, lane_b):
+        """Update `self` with the triangles of two packets, in the order of their bounds; return whether any meet."""
+        best = self.best
+        along = np.float32(best[8]), np.float32(best[9]), np.float32(best[10])
+        bits = near_triangles(a, b, ws, lane_a, lane_b, self.limit[1], along, False)
+        first_a, first_b = np.int64(a.first[~a.child[lane_a]]), np.int64(b.first[~b.child[lane_b]])
+        while bits != 0:
+            i = nearest_of(ws, bits)
+            bits &= ~(np.int64(1) << i)
+            if ws.bounds[LANES + i] > self.limit[1]:
+                break
+            if look_at_triangles(self, a, b, ws, first_a + (i & 7), first_b + (i >> 3)):
+                return True
+        return False
 
 
 @inline_kernel
@@ -140,23 +131,6 @@ def look_at_triangles(task, a, b, ws, ta, tb):
         for d in range(3):
             best[1 + d], best[4 + d] = x[d], y[d]
         set_limit(task)
-    return False
-
-
-@implements(visit, Distance)
-def nearest_of_packets(task, a, b, ws, lane_a, lane_b):
-    """Update `task` with the triangles of two packets, in the order of their bounds; return whether any meet."""
-    best = task.best
-    along = np.float32(best[8]), np.float32(best[9]), np.float32(best[10])
-    bits = near_triangles(a, b, ws, lane_a, lane_b, task.limit[1], along, False)
-    first_a, first_b = np.int64(a.first[~a.child[lane_a]]), np.int64(b.first[~b.child[lane_b]])
-    while bits != 0:
-        i = nearest_of(ws, bits)
-        bits &= ~(np.int64(1) << i)
-        if ws.bounds[LANES + i] > task.limit[1]:
-            break
-        if look_at_triangles(task, a, b, ws, first_a + (i & 7), first_b + (i >> 3)):
-            return True
     return False
 
 
@@ -220,7 +194,7 @@ def contacts(a, b, ws, poses, i, j, within, enabled, near, rows):
     """
     relative_pose(poses[i], poses[j], ws.pose.matrix)
     start(a, b, ws)
-    task = Distance(ws.floats, ws.bounds[9 * LANES :], ws.counts[MET:])
+    task = NearestTriangles(ws.floats, ws.bounds[9 * LANES :], ws.counts[MET:])
     rounding = rounding_of(a, b, ws.pose.matrix)
     n = near_surfaces(a, b, ws, (within + rounding) * (within + rounding))
     if n > len(ws.pairs) or n > len(rows):
@@ -251,7 +225,7 @@ def clearance(a, b, ws, poses, i, j, bound, last, rows):
     """
     relative_pose(poses[i], poses[j], ws.pose.matrix)
     start(a, b, ws)
-    task = Distance(ws.floats, ws.bounds[9 * LANES :], ws.counts[MET:])
+    task = NearestTriangles(ws.floats, ws.bounds[9 * LANES :], ws.counts[MET:])
     task.best[0], task.best[7] = bound, rounding_of(a, b, ws.pose.matrix)
     ws.counts[SURFACE_BOXES] += 1
     if not nearest_triangles(task, a, b, ws, last[0], last[1], last[2:]):
@@ -260,7 +234,7 @@ def clearance(a, b, ws, poses, i, j, bound, last, rows):
     return 1
 
 
-_contacts, _clearance = Door(contacts), Door(clearance)
+_contacts, _clearance = EntryPoint(contacts), EntryPoint(clearance)
 
 
 def contacts_of(*arguments: Any) -> int:

@@ -18,7 +18,7 @@ from collision.bvh.build import bounds_of, bvh_of
 from collision.mesh import SurfaceMesh
 from collision.objects import Objects
 from collision.poses import pack_rigid
-from collision.query.intersection import intersecting
+from collision.query.intersection import enabled_pairs
 from collision.query.signed_distance import signed_distances, signed_distances_of
 from collision.solid import is_closed
 
@@ -56,13 +56,11 @@ def part_of(mesh: SurfaceMesh, triangles: NDArray[np.integer]) -> tuple[SurfaceM
 def triangle_depths(objects: Objects) -> dict[tuple[int, int], float]:
     """m by surface of object 0 and of object 1 that meet: the longest of the shortest translations that part two of
     their triangles, which is never more than the depth of the solids there. Ignored pairs are left out."""
-    a, b, pose = objects.mesh(0), objects.mesh(1), objects.relative_pose(0, 1)
-    pairs, enabled = intersecting(a, b, pose, objects.checked.rigid)[0], objects.enabled_surfaces(0, 1)
-    if enabled is not None:
-        pairs = pairs[enabled[pairs[:, 0], pairs[:, 1]] != 0]
+    pairs = enabled_pairs(objects, 0, 1)
     if not len(pairs):
         return {}
-    depths = -signed_distances_of(bvh_of(a), bvh_of(b), pack_rigid(pose), pairs, 0.0)
+    a, b = bvh_of(objects.mesh(0)), bvh_of(objects.mesh(1))
+    depths = -signed_distances_of(a, b, pack_rigid(objects.relative_pose(0, 1)), pairs, 0.0)
     return dict(zip(map(tuple, pairs.tolist()), depths.tolist(), strict=True))
 
 

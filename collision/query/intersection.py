@@ -16,38 +16,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision.bvh.build import bvh_of
-from collision.bvh.layout import LANES, NODE, PREPARED
+from collision.bvh.layout import LANES, PREPARED
 from collision.bvh.traverse import (
     MET,
     TRIANGLE_BOXES,
     TRIANGLES,
-    Door,
-    Workspace,
-    below_packets,
-    box_at,
-    children_of_a,
-    children_of_b,
+    QueryWorkspace,
     corner_of,
     fresh_node,
     fresh_packets,
-    implements,
-    inline_kernel,
-    is_bottom,
     moved_corner,
     near_surfaces,
     packet_errors,
     reached,
     sort,
     start,
-    visit,
     walk,
     workspace,
     workspace_for,
 )
 from collision.mesh import SurfaceMesh
-from collision.numeric.kernel import kernel
+from collision.numeric.kernel import EntryPoint, inline_kernel, kernel
 from collision.numeric.rigid_transforms import relative_pose, take_poses
 from collision.numeric.simd import lowest, overlapping_lane, perhaps_meeting
+from collision.objects import Objects
 from collision.poses import frames, pack
 from collision.triangle.intersection import triangles_meet
 
@@ -65,22 +57,33 @@ class Intersect(NamedTuple):
     met: Any
     """(1,) int64"""
 
+    def children(self, ws, boxes, at, others, at_other):
+        """Bits: which boxes of a node overlap a box of the other hierarchy."""
+        ws.counts[TRIANGLE_BOXES] += LANES
+        return overlapping_lane(boxes, at, others, at_other)
 
-implements(is_bottom, Intersect)(below_packets)
-
-
-@implements(children_of_a, Intersect)
-def overlapping_children_of_a(task, a, b, ws, node, lane_b):
-    """Bits: which boxes of a node of a overlap a box of b."""
-    ws.counts[TRIANGLE_BOXES] += LANES
-    return overlapping_lane(a.boxes, NODE * node, ws.moved, box_at(lane_b))
-
-
-@implements(children_of_b, Intersect)
-def overlapping_children_of_b(task, a, b, ws, lane_a, node):
-    """Bits: which boxes of a node of b overlap a box of a."""
-    ws.counts[TRIANGLE_BOXES] += LANES
-    return overlapping_lane(ws.moved, NODE * node, a.boxes, box_at(lane_a))
+    def visit(self, a, b, ws, lane_a, lane_b):
+        """Whether any triangles of two packets intersect."""
+        p, q = ~np.int64(a.child[lane_a]), ~np.int64(b.child[lane_b])
+        fresh_packets(a, b, ws, p, q)
+        shift, half, errors = packet_errors(a, b, ws, lane_a, lane_b)
+        first_a, first_b = np.int64(a.first[p]), np.int64(b.first[q])
+        tests = LANES
+        bits_b = reached(ws, q, shift, half, errors[0])
+        while bits_b != 0:
+            j = lowest(bits_b)
+            bits_b &= bits_b - 1
+            tests += LANES
+            bits = perhaps_meeting(ws.prepared, PREPARED * p, ws.turned, PREPARED * q + j, shift, errors)
+            while bits != 0:
+                t = first_a + lowest(bits)
+                bits &= bits - 1
+                if triangle_pair_meets(a, b, ws, t, first_b + j):
+                    self.met[0] = (t << 32) + first_b + j
+                    ws.counts[TRIANGLE_BOXES] += tests
+                    return True
+        ws.counts[TRIANGLE_BOXES] += tests
+        return False
 
 
 @inline_kernel
@@ -92,31 +95,6 @@ def triangle_pair_meets(a, b, ws, ta, tb):
         corner_of(a, 3 * ta), corner_of(a, 3 * ta + 1), corner_of(a, 3 * ta + 2),
         moved_corner(b, 3 * tb, m), moved_corner(b, 3 * tb + 1, m), moved_corner(b, 3 * tb + 2, m), ws.exact,
     )  # fmt: skip
-
-
-@implements(visit, Intersect)
-def packets_meet(task, a, b, ws, lane_a, lane_b):
-    """Whether any triangles of two packets intersect."""
-    p, q = ~np.int64(a.child[lane_a]), ~np.int64(b.child[lane_b])
-    fresh_packets(a, b, ws, p, q)
-    shift, half, errors = packet_errors(a, b, ws, lane_a, lane_b)
-    first_a, first_b = np.int64(a.first[p]), np.int64(b.first[q])
-    tests = LANES
-    bits_b = reached(ws, q, shift, half, errors[0])
-    while bits_b != 0:
-        j = lowest(bits_b)
-        bits_b &= bits_b - 1
-        tests += LANES
-        bits = perhaps_meeting(ws.prepared, PREPARED * p, ws.turned, PREPARED * q + j, shift, errors)
-        while bits != 0:
-            t = first_a + lowest(bits)
-            bits &= bits - 1
-            if triangle_pair_meets(a, b, ws, t, first_b + j):
-                task.met[0] = (t << 32) + first_b + j
-                ws.counts[TRIANGLE_BOXES] += tests
-                return True
-    ws.counts[TRIANGLE_BOXES] += tests
-    return False
 
 
 @inline_kernel
@@ -169,7 +147,7 @@ def intersect(a, b, ws, poses, i, j, met, enabled):
 
 # --- from Python -----------------------------------------------------------------------------------------------------
 
-_intersect, _take_poses = Door(intersect), Door(take_poses)
+_intersect, _take_poses = EntryPoint(intersect), EntryPoint(take_poses)
 
 
 def intersect_of(*arguments: Any) -> int:
@@ -178,9 +156,16 @@ def intersect_of(*arguments: Any) -> int:
     return found
 
 
+def enabled_pairs(objects: Objects, i: int, j: int) -> NDArray[np.int32]:
+    """Return (k, 2): the pairs of surfaces of two objects that intersect and are not left out, sorted."""
+    pairs = intersecting(objects.mesh(i), objects.mesh(j), objects.relative_pose(i, j), objects.checked.rigid)[0]
+    enabled = objects.enabled_surfaces(i, j)
+    return pairs if enabled is None else pairs[enabled[pairs[:, 0], pairs[:, 1]] != 0]
+
+
 def intersecting(
     mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, rigid: float
-) -> tuple[NDArray[np.int32], Workspace]:
+) -> tuple[NDArray[np.int32], QueryWorkspace]:
     """Return (k, 2) int32, sorted: the pairs of surfaces that intersect; and the workspace with its counts.
 
     pose_ab: pose of b in a's frame, `pinocchio.SE3` or (4, 4), m. rigid: see `poses.pack`, which raises PoseError.

@@ -19,7 +19,7 @@ counts only if it is deeper than those of t in A by more than the precision.
 
 Of a piece with middle c and radius r, no point is deeper than the depth of c plus r, for the distance to a boundary is
 1-Lipschitz. Of a triangle there are up to six convex functions of its points that are never below their depth: the
-distance to a triangle of the boundary, that which is nearest to one of its corners, and the depth of a corner plus the
+distance to a triangle of the boundary, the nearest to one of its corners, and the depth of a corner plus the
 distance from it. A convex function is at most the linear one through its values in the corners, so the depth is at most
 the greatest value over the triangle of the lesser of two such linear functions (which lies in a corner or on an edge).
 With one that belongs to each side of a wall, that is tight even where the depth has its ridge, half way through. No
@@ -42,31 +42,19 @@ from numpy.typing import NDArray
 from collision.bvh.build import bvh_of
 from collision.bvh.layout import LANES, NODE, PACKET, PREPARED, Bvh
 from collision.bvh.packets import box_middle, triangle_of
-from collision.bvh.single import ALONE, below_packets_alone, no_children, place_box
-from collision.bvh.traverse import (
-    QUESTION,
-    Door,
-    box_at,
-    children_of_a,
-    children_of_b,
-    corner_of,
-    implements,
-    inline_kernel,
-    is_bottom,
-    moved_corner,
-    visit,
-    walk,
-)
+from collision.bvh.single import ALONE, place_box
+from collision.bvh.traverse import QUESTION, box_at, corner_of, moved_corner, walk
 from collision.contact import PENETRATION_DTYPE
 from collision.mesh import SurfaceMesh
-from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.kernel import EntryPoint, inline_kernel, inner_kernel, kernel
+from collision.numeric.rigid_transforms import transform
 from collision.numeric.simd import lowest, near_lane, overlapping_lane, prepare_triangles, reaching
 from collision.numeric.vectors import along, dot, norm, sub
 from collision.objects import Objects
 from collision.poses import pack_rigid
 from collision.query.containment import SolidQuery, query_about, winds
 from collision.query.distance import clearance_at
-from collision.query.intersection import intersecting
+from collision.query.intersection import enabled_pairs
 from collision.query.signed_distance import depth_at, float_limit, nearest, nearest_on, triangle_bounds
 from collision.triangle.distance import planes_part
 from collision.triangle.intersection import triangles_meet
@@ -122,7 +110,7 @@ def _new_piece(pieces, bound, lane):
 
 @inner_kernel
 def _push(pieces, place):
-    """Put a piece in the heap, by its bound."""
+    """Insert a piece into the heap."""
     value, heap = pieces.value, pieces.heap
     i = pieces.size[0]
     pieces.size[0] += 1
@@ -137,7 +125,7 @@ def _push(pieces, place):
 
 @inner_kernel
 def _pop(pieces):
-    """The piece of greatest bound, which is taken out of the heap."""
+    """Remove the piece of greatest bound from the heap and return it."""
     value, heap = pieces.value, pieces.heap
     pieces.size[0] -= 1
     n = pieces.size[0]
@@ -161,16 +149,16 @@ def _pop(pieces):
 
 
 class Direction(NamedTuple):
-    """One of two meshes as the solid, the other as what reaches into it; what is known of the other's points."""
+    """One of two meshes as the solid, the other as the body that penetrates it, with the depths known so far."""
 
     query: SolidQuery
     other: Bvh
     matrix: Any
     """(12,) float64: pose of the other mesh in the solid's frame, rotation by rows, translation"""
     depth: Any
-    """(n,) float64: depths of the other's vertices behind the solid, m, once they are known"""
+    """(n,) float64: depths in the solid of the vertices of `other`, m, filled on demand"""
     nearest: Any
-    """(n,) int64: triangles of the solid nearest to them; -1, not yet known"""
+    """(n,) int64: nearest triangles of the solid to these vertices; -1 if not computed"""
     pieces: Pieces
     side: Any
     """0 if the solid is the first of the two meshes, else 1"""
@@ -187,20 +175,20 @@ class Search(NamedTuple):
     """of the solid"""
     relative: Any
     precision: Any
-    """1, m: what is deeper by no more than this is not looked for"""
+    """1, m: precision of the depth, relative and absolute"""
     guess: Any
-    """m: of the depth; whether a triangle is deeper is first asked of this"""
+    """m: estimate of the depth, tested before the exact search"""
 
 
 @inline_kernel
 def _enough(search):
-    """m: the depth above which is looked."""
+    """The least depth that is still searched for, m."""
     return search.best[0] * (1.0 + search.relative) + search.precision
 
 
 @inline_kernel
 def _least_better(search):
-    """m: the depth above which a point takes the place of the best; more if that is of the first direction and it is
+    """The depth above which a point replaces the best, m; larger if the best is of the first direction and the point is
     not, so that the direction of a penetration does not depend on rounding."""
     return _enough(search) if search.best[7] < search.way.side and search.best[0] > 0.0 else search.best[0]
 
@@ -213,9 +201,9 @@ def _nearest_below(query, lane, p, bound):
 
 @inner_kernel
 def _see(search, p, depth, t):
-    """Keep p, which is deeper than what is known, if t, the triangle nearest to it, or one as near is of the surface.
+    """Record p if it is the deepest point so far and its nearest triangle t, or one as near, is on the surface.
 
-    A closed mesh must wind about it, too: where it meets itself, what is behind the nearest triangle may be outside.
+    A closed mesh must also wind about p: where it intersects itself, points behind the nearest triangle may be outside.
     """
     best, query = search.best, search.way.query
     bvh = query.solid.bvh
@@ -278,7 +266,7 @@ def _cones(closed, p, q, r, depth):
 
 @inner_kernel
 def _bound(bound, cone, far, enough):
-    """No point of a triangle is deeper, by `bound`, its corners' cones and `far`; less exact if `enough`."""
+    """Upper bound of the depth over a triangle, from `bound`, its cones and `far`; stops early at `enough`."""
     for i in range(3):
         bound = min(bound, _peak(far[i], far[(i + 1) % 3]))
         if bound <= enough:
@@ -303,9 +291,34 @@ class MayBeNearest(NamedTuple):
     far: Any
     """distances of p, q, r from each of three triangles of the boundary that are not below the lane"""
 
+    def children_of_a(self, a, b, ws, node, lane_b):
+        """Bits: which boxes of a node come within the reach of the middle, and may hold the nearest triangle."""
+        bits = near_lane(a.boxes, NODE * node, ws.moved, 0, float_limit(self.reach * self.reach), ws.bounds)
+        rest, (x, y, z) = bits, self.middle
+        while rest != 0:
+            (u, v, w), half = box_middle(a, LANES * node + lowest(rest))
+            q = (
+                max(u - half[0], min(x, u + half[0])),
+                max(v - half[1], min(y, v + half[1])),
+                max(w - half[2], min(z, w + half[2])),
+            )
+            if _never_nearest(self.middle, self.corners, self.far, norm(sub(self.middle, q)), q):
+                bits &= ~(rest & -rest)
+            rest &= rest - 1
+        return bits
 
-implements(is_bottom, MayBeNearest)(below_packets_alone)
-implements(children_of_b, MayBeNearest)(no_children)
+    def visit(self, a, b, ws, lane_a, lane_b):
+        """Whether a triangle of a packet may be nearest to a point of p q r; that ends the walk."""
+        packet = ~np.int64(a.child[lane_a])
+        triangle_bounds(a, ws, lane_a, self.middle)
+        first = np.int64(a.first[packet])
+        for k in range(np.int64(a.first[packet + 1]) - first):
+            if ws.bounds[k] < self.reach:
+                q, _ = nearest_on(a, first + k, self.middle)
+                apart = norm(sub(self.middle, q))
+                if apart < self.reach and not _never_nearest(self.middle, self.corners, self.far, apart, q):
+                    return True
+        return False
 
 
 @inner_kernel
@@ -327,39 +340,6 @@ def _never_nearest(middle, corners, far, apart, q):
     return False
 
 
-@implements(children_of_a, MayBeNearest)
-def reached_children(task, a, b, ws, node, lane_b):
-    """Bits: which boxes of a node come within the reach of the middle, and may hold the nearest triangle."""
-    bits = near_lane(a.boxes, NODE * node, ws.moved, 0, float_limit(task.reach * task.reach), ws.bounds)
-    rest, (x, y, z) = bits, task.middle
-    while rest != 0:
-        (u, v, w), half = box_middle(a, LANES * node + lowest(rest))
-        q = (
-            max(u - half[0], min(x, u + half[0])),
-            max(v - half[1], min(y, v + half[1])),
-            max(w - half[2], min(z, w + half[2])),
-        )
-        if _never_nearest(task.middle, task.corners, task.far, norm(sub(task.middle, q)), q):
-            bits &= ~(rest & -rest)
-        rest &= rest - 1
-    return bits
-
-
-@implements(visit, MayBeNearest)
-def one_may_be_nearest(task, a, b, ws, lane_a, lane_b):
-    """Whether a triangle of a packet may be nearest to a point of p q r; that ends the walk."""
-    packet = ~np.int64(a.child[lane_a])
-    triangle_bounds(a, ws, lane_a, task.middle)
-    first = np.int64(a.first[packet])
-    for k in range(np.int64(a.first[packet + 1]) - first):
-        if ws.bounds[k] < task.reach:
-            q, _ = nearest_on(a, first + k, task.middle)
-            apart = norm(sub(task.middle, q))
-            if apart < task.reach and not _never_nearest(task.middle, task.corners, task.far, apart, q):
-                return True
-    return False
-
-
 @inline_kernel
 def _may_be_nearest(query, surface, p, q, r, far, bound):
     """Whether the surface may have the nearest point of the boundary to one of p q r, no deeper than `bound`."""
@@ -374,16 +354,11 @@ def _may_be_nearest(query, surface, p, q, r, far, bound):
 
 @inner_kernel
 def _add_box(search, lane, guess):
-    """Put a box of the other's hierarchy among the pieces, if there may be something deeper than enough in it."""
+    """Add a box of `other` to the pieces, if it may contain a point deeper than `_enough`."""
     query, other = search.way.query, search.way.other
-    solid, m = query.solid, search.way.matrix
-    (x, y, z), half = box_middle(other, lane)
-    radius = norm(half) * (1.0 + 2.0**-40)
-    middle = (
-        m[0] * x + m[1] * y + m[2] * z + m[9],
-        m[3] * x + m[4] * y + m[5] * z + m[10],
-        m[6] * x + m[7] * y + m[8] * z + m[11],
-    )
+    solid = query.solid
+    center, half = box_middle(other, lane)
+    radius, middle = norm(half) * (1.0 + 2.0**-40), transform(search.way.matrix, center)
     depth, t = depth_at(query, middle, guess)
     bound = radius + (depth if solid.closed else abs(depth))
     if bound <= _enough(search):
@@ -398,7 +373,7 @@ def _add_box(search, lane, guess):
 
 @inner_kernel
 def _add_triangle(search, p, q, r, depth, near):
-    """Put a triangle among the pieces, if there may be something deeper than enough in it."""
+    """Add a triangle to the pieces, if it may contain a point deeper than `_enough`."""
     solid, enough = search.way.query.solid, _enough(search)
     bvh, (dp, dq, dr), (a, b, c) = solid.bvh, depth, near
     cone = _cones(solid.closed, p, q, r, depth)
@@ -430,7 +405,7 @@ def _add_triangle(search, p, q, r, depth, near):
 
 @inline_kernel
 def _open_box(search, lane, guess):
-    """Put the boxes, or the triangles, of a box of the other's hierarchy among the pieces."""
+    """Add the child boxes, or the triangles, of a box of `other` to the pieces."""
     other, m = search.way.other, search.way.matrix
     child = np.int64(other.child[lane])
     if child >= 0:
@@ -465,41 +440,33 @@ class Meets(NamedTuple):
     box: Any
     """least x, y, z and greatest x, y, z of p, q, r"""
 
+    def children_of_a(self, a, b, ws, node, lane_b):
+        """Bits: which boxes of a node overlap that of p q r."""
+        return overlapping_lane(a.boxes, NODE * node, ws.moved, 0)
 
-implements(is_bottom, Meets)(below_packets_alone)
-implements(children_of_b, Meets)(no_children)
-
-
-@implements(children_of_a, Meets)
-def overlapped_children(task, a, b, ws, node, lane_b):
-    """Bits: which boxes of a node overlap that of p q r."""
-    return overlapping_lane(a.boxes, NODE * node, ws.moved, 0)
-
-
-@implements(visit, Meets)
-def one_meets(task, a, b, ws, lane_a, lane_b):
-    """Whether a triangle of a packet meets p q r, exactly; that ends the walk."""
-    packet = ~np.int64(a.child[lane_a])
-    if ws.fresh_a[packet] != ws.counts[QUESTION]:
-        ws.fresh_a[packet] = ws.counts[QUESTION]
-        prepare_triangles(a.packets, PACKET * packet, ws.prepared, PREPARED * packet)
-    (x, y, z), half = box_middle(a, lane_a)
-    low, high = task.box
-    p, q, r = task.corners
-    off = 2.0**-20 * (half[0] + half[1] + half[2]) + 2.0**-48 * a.frame[6]  # beyond all rounding where they overlap
-    bits = reaching(
-        ws.prepared, PREPARED * packet,
-        np.float32(max(low[0] - x, -2.0 * half[0]) - off), np.float32(max(low[1] - y, -2.0 * half[1]) - off),
-        np.float32(max(low[2] - z, -2.0 * half[2]) - off), np.float32(min(high[0] - x, 2.0 * half[0]) + off),
-        np.float32(min(high[1] - y, 2.0 * half[1]) + off), np.float32(min(high[2] - z, 2.0 * half[2]) + off),
-    )  # fmt: skip
-    first = np.int64(a.first[packet])
-    while bits != 0:
-        u, v, w = triangle_of(a, first + lowest(bits))
-        bits &= bits - 1
-        if not planes_part((u, v, w), task.corners, 0.0) and triangles_meet(u, v, w, p, q, r, ws.exact):
-            return True
-    return False
+    def visit(self, a, b, ws, lane_a, lane_b):
+        """Whether a triangle of a packet meets p q r, exactly; that ends the walk."""
+        packet = ~np.int64(a.child[lane_a])
+        if ws.fresh_a[packet] != ws.counts[QUESTION]:
+            ws.fresh_a[packet] = ws.counts[QUESTION]
+            prepare_triangles(a.packets, PACKET * packet, ws.prepared, PREPARED * packet)
+        (x, y, z), half = box_middle(a, lane_a)
+        low, high = self.box
+        p, q, r = self.corners
+        off = 2.0**-20 * (half[0] + half[1] + half[2]) + 2.0**-48 * a.frame[6]  # beyond all rounding where they overlap
+        bits = reaching(
+            ws.prepared, PREPARED * packet,
+            np.float32(max(low[0] - x, -2.0 * half[0]) - off), np.float32(max(low[1] - y, -2.0 * half[1]) - off),
+            np.float32(max(low[2] - z, -2.0 * half[2]) - off), np.float32(min(high[0] - x, 2.0 * half[0]) + off),
+            np.float32(min(high[1] - y, 2.0 * half[1]) + off), np.float32(min(high[2] - z, 2.0 * half[2]) + off),
+        )  # fmt: skip
+        first = np.int64(a.first[packet])
+        while bits != 0:
+            u, v, w = triangle_of(a, first + lowest(bits))
+            bits &= bits - 1
+            if not planes_part((u, v, w), self.corners, 0.0) and triangles_meet(u, v, w, p, q, r, ws.exact):
+                return True
+        return False
 
 
 @inline_kernel
@@ -679,7 +646,7 @@ def deepest(one, other, pairs, limits, out):
 
 # --- from Python -----------------------------------------------------------------------------------------------------
 
-_deepest_points = Door(deepest)
+_deepest_points = EntryPoint(deepest)
 
 
 def penetration(objects: Objects, i: int, j: int) -> NDArray[Any]:
@@ -690,10 +657,7 @@ def penetration(objects: Objects, i: int, j: int) -> NDArray[Any]:
     objects.ignored(i, j)  # raises, unless there are both, and two
     i, j = min(i, j), max(i, j)
     mesh_a, mesh_b = objects.mesh(i), objects.mesh(j)
-    world, pose, enabled = objects.pose(i), objects.relative_pose(i, j), objects.enabled_surfaces(i, j)
-    surfaces = intersecting(mesh_a, mesh_b, pose, objects.checked.rigid)[0]
-    if enabled is not None:
-        surfaces = surfaces[enabled[surfaces[:, 0], surfaces[:, 1]] != 0]
+    world, pose, surfaces = objects.pose(i), objects.relative_pose(i, j), enabled_pairs(objects, i, j)
     rows = np.zeros(len(surfaces), PENETRATION_DTYPE)
     rows["object_a"], rows["surface_a"], rows["object_b"], rows["surface_b"] = i, surfaces[:, 0], j, surfaces[:, 1]
     if not len(rows):

@@ -63,24 +63,24 @@ def profile(mesh: SurfaceMesh, pose: pin.SE3, origin: Array, axis: Array) -> Arr
 
 def least_gaps(
     moving: SurfaceMesh,
-    standing: SurfaceMesh,
+    static: SurfaceMesh,
     profiles: tuple[Array, Array],
     travel: tuple[float, float],
     within: float,
 ) -> Array:
-    """(a, b) m, at most `within`: no surface of the moving object, as it travels, comes nearer to one of the standing.
+    """(a, b) lower bounds, at most `within`, of the distances of surfaces of both objects on the whole path, m.
 
     profiles: of both objects about the axis. travel: least and greatest displacement along it, m.
     """
-    out = np.full((moving.n_surfaces, standing.n_surfaces), within)
+    out = np.full((moving.n_surfaces, static.n_surfaces), within)
     mine, theirs = profiles[0] + np.array([0.0, 0.0, *travel]), profiles[1]
     slack = 4.0 * SAME * max(float(np.abs(mine).max()), float(np.abs(theirs).max()))
     hull = np.array([mine[:, 0].min(), mine[:, 1].max(), mine[:, 2].min(), mine[:, 3].max()])
     close = np.flatnonzero(_gaps(hull[None, :], theirs)[0] < within)
-    close = close[np.argsort(standing.surface_of_triangle[close], kind="stable")]
+    close = close[np.argsort(static.surface_of_triangle[close], kind="stable")]
     if not len(close):
         return out
-    columns, starts = np.unique(standing.surface_of_triangle[close], return_index=True)
+    columns, starts = np.unique(static.surface_of_triangle[close], return_index=True)
     step = max(1, PAIRS // len(close))
     for s in range(moving.n_surfaces):
         own = moving.triangles_of(s)

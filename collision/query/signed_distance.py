@@ -17,27 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from collision.bvh.layout import LANES, NODE, PACKET, Bvh
 from collision.bvh.packets import box_middle, moved_triangle, near_triangles, nearest_of, triangle_of
-from collision.bvh.single import ALONE, below_packets_alone, no_children, place_box
-from collision.bvh.traverse import (
-    TRIANGLES,
-    Door,
-    below_packets,
-    box_at,
-    children_of_a,
-    children_of_b,
-    corner_of,
-    fresh_node,
-    implements,
-    inline_kernel,
-    is_bottom,
-    is_open,
-    start,
-    visit,
-    walk_nearest,
-    workspace_for,
-)
+from collision.bvh.single import ALONE, place_box
+from collision.bvh.traverse import TRIANGLES, corner_of, fresh_node, start, walk_nearest, workspace_for
 from collision.mesh import SurfaceMesh
-from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.kernel import EntryPoint, inline_kernel, inner_kernel, kernel
 from collision.numeric.point_triangle import closest_on_triangle
 from collision.numeric.simd import near_lane, point_lane, signed_lane
 from collision.numeric.vectors import dot, sub
@@ -58,27 +41,41 @@ class Nearest(NamedTuple):
     place: Any
     """(2,) int64: triangle and feature"""
 
+    def is_open(self, ws, bound):
+        """Whether a box at this squared distance (m²) may hold a nearer triangle."""
+        return bound < self.value[0]
 
-implements(is_bottom, Nearest)(below_packets_alone)
-implements(children_of_b, Nearest)(no_children)
+    def children_of_a(self, a, b, ws, node, lane_b):
+        """Bits: which boxes of a node may hold a nearer triangle."""
+        return near_lane(a.boxes, NODE * node, ws.moved, 0, float_limit(self.value[0]), ws.bounds)
+
+    def visit(self, a, b, ws, lane_a, lane_b):
+        """Update `self` with the triangles of a packet, those of the least bounds first."""
+        packet = ~np.int64(a.child[lane_a])
+        triangle_bounds(a, ws, lane_a, self.point)
+        first, bounds = np.int64(a.first[packet]), ws.bounds
+        while True:
+            k = 0
+            for i in range(1, np.int64(a.first[packet + 1]) - first):
+                if bounds[i] < bounds[k]:
+                    k = i
+            bound = np.float64(bounds[k])
+            if bound * bound >= self.value[0]:
+                return False
+            bounds[k] = np.inf
+            t = first + k
+            q, feature = nearest_on(a, t, self.point)
+            w = sub(self.point, q)
+            square = dot(w, w)
+            if square < self.value[0]:
+                self.value[0], self.value[1], self.value[2], self.value[3] = square, q[0], q[1], q[2]
+                self.place[0], self.place[1] = t, feature
 
 
 @inner_kernel
 def float_limit(square):
     """A float32 not below a squared distance."""
     return np.float32(min(square * (1.0 + 2.0**-20) + 1e-37, 3e38))
-
-
-@implements(is_open, Nearest)
-def may_be_nearer(task, ws, bound):
-    """Whether a box at this squared distance (m²) may hold a nearer triangle."""
-    return bound < task.value[0]
-
-
-@implements(children_of_a, Nearest)
-def nearer_children(task, a, b, ws, node, lane_b):
-    """Bits: which boxes of a node may hold a nearer triangle."""
-    return near_lane(a.boxes, NODE * node, ws.moved, 0, float_limit(task.value[0]), ws.bounds)
 
 
 @inline_kernel
@@ -107,30 +104,6 @@ def triangle_bounds(bvh, ws, lane, point):
 def nearest_on(bvh, t, p):
     """(point of triangle t nearest to p, the feature it lies on), see `closest_on_triangle`."""
     return closest_on_triangle(p, corner_of(bvh, 3 * t), corner_of(bvh, 3 * t + 1), corner_of(bvh, 3 * t + 2))
-
-
-@implements(visit, Nearest)
-def nearest_in_packet(task, a, b, ws, lane_a, lane_b):
-    """Update `task` with the triangles of a packet, those of the least bounds first."""
-    packet = ~np.int64(a.child[lane_a])
-    triangle_bounds(a, ws, lane_a, task.point)
-    first, bounds = np.int64(a.first[packet]), ws.bounds
-    while True:
-        k = 0
-        for i in range(1, np.int64(a.first[packet + 1]) - first):
-            if bounds[i] < bounds[k]:
-                k = i
-        bound = np.float64(bounds[k])
-        if bound * bound >= task.value[0]:
-            return False
-        bounds[k] = np.inf
-        t = first + k
-        q, feature = nearest_on(a, t, task.point)
-        w = sub(task.point, q)
-        square = dot(w, w)
-        if square < task.value[0]:
-            task.value[0], task.value[1], task.value[2], task.value[3] = square, q[0], q[1], q[2]
-            task.place[0], task.place[1] = t, feature
 
 
 @inline_kernel
@@ -173,8 +146,31 @@ class SignedDistance(NamedTuple):
     least: Any
     """(2,) float64, m: the least signed distance; how far a float64 distance may be off"""
 
+    def children(self, ws, boxes, at, others, at_other):
+        """Bits: which boxes of a node may be at a lesser signed distance from a box of the other hierarchy."""
+        return signed_lane(boxes, at, others, at_other, _signed_limit(self.least), ws.bounds)
 
-implements(is_bottom, SignedDistance)(below_packets)
+    def is_open(self, ws, bound):
+        """Whether a pair of boxes of this signed distance (m) still matters."""
+        return bound <= self.least[0] + self.least[1]
+
+    def visit(self, a, b, ws, lane_a, lane_b):
+        """Lower `self.least` by the triangles of two packets, those of the least bounds first."""
+        least, m, rounding, still = self.least, ws.pose.matrix, self.least[1], np.float32(0.0)
+        bits = near_triangles(a, b, ws, lane_a, lane_b, _signed_limit(least), (still, still, still), True)
+        first_a, first_b = np.int64(a.first[~a.child[lane_a]]), np.int64(b.first[~b.child[lane_b]])
+        while bits != 0:
+            i = nearest_of(ws, bits)
+            bits &= ~(np.int64(1) << i)
+            if ws.bounds[LANES + i] > _signed_limit(least):
+                break
+            one, other = triangle_of(a, first_a + (i & 7)), moved_triangle(b, first_b + (i >> 3), m)
+            if boxes_apart(one, other) >= least[0]:
+                continue
+            ws.counts[TRIANGLES] += 1
+            d, _ = pair_step(one, other, STILL, least[0] - rounding, 0.0, rounding, ws.exact)
+            least[0] = min(least[0], d)
+        return False
 
 
 @inner_kernel
@@ -182,24 +178,6 @@ def _signed_limit(least):
     """A float32 not below a signed distance and its error."""
     x = least[0] + least[1]
     return np.float32(min(x + 2.0**-22 * abs(x) + 1e-37, 3e38))
-
-
-@implements(is_open, SignedDistance)
-def may_be_less(task, ws, bound):
-    """Whether a pair of boxes of this signed distance (m) still matters."""
-    return bound <= task.least[0] + task.least[1]
-
-
-@implements(children_of_a, SignedDistance)
-def less_children_of_a(task, a, b, ws, node, lane_b):
-    """Bits: which boxes of a node of a may be at a lesser signed distance from a box of b."""
-    return signed_lane(a.boxes, NODE * node, ws.moved, box_at(lane_b), _signed_limit(task.least), ws.bounds)
-
-
-@implements(children_of_b, SignedDistance)
-def less_children_of_b(task, a, b, ws, lane_a, node):
-    """Bits: which boxes of a node of b may be at a lesser signed distance from a box of a."""
-    return signed_lane(ws.moved, NODE * node, a.boxes, box_at(lane_a), _signed_limit(task.least), ws.bounds)
 
 
 @inner_kernel
@@ -210,26 +188,6 @@ def boxes_apart(one, other):
     for d in range(3):
         gap = max(gap, min(p[d], q[d], r[d]) - max(a[d], b[d], c[d]), min(a[d], b[d], c[d]) - max(p[d], q[d], r[d]))
     return gap
-
-
-@implements(visit, SignedDistance)
-def less_in_packets(task, a, b, ws, lane_a, lane_b):
-    """Lower `task.least` by the triangles of two packets, those of the least bounds first."""
-    least, m, rounding, still = task.least, ws.pose.matrix, task.least[1], np.float32(0.0)
-    bits = near_triangles(a, b, ws, lane_a, lane_b, _signed_limit(least), (still, still, still), True)
-    first_a, first_b = np.int64(a.first[~a.child[lane_a]]), np.int64(b.first[~b.child[lane_b]])
-    while bits != 0:
-        i = nearest_of(ws, bits)
-        bits &= ~(np.int64(1) << i)
-        if ws.bounds[LANES + i] > _signed_limit(least):
-            break
-        one, other = triangle_of(a, first_a + (i & 7)), moved_triangle(b, first_b + (i >> 3), m)
-        if boxes_apart(one, other) >= least[0]:
-            continue
-        ws.counts[TRIANGLES] += 1
-        d, _ = pair_step(one, other, STILL, least[0] - rounding, 0.0, rounding, ws.exact)
-        least[0] = min(least[0], d)
-    return False
 
 
 @inner_kernel
@@ -261,8 +219,8 @@ def depths_at(query, points, out):
         out[i], t = depth_at(query, (points[i, 0], points[i, 1], points[i, 2]), t)
 
 
-_depths_at = Door(depths_at)
-_signed_distances = Door(signed_distances_of_pairs)
+_depths_at = EntryPoint(depths_at)
+_signed_distances = EntryPoint(signed_distances_of_pairs)
 
 
 def signed_distances_of(

@@ -41,35 +41,26 @@ from collision.bvh.packets import box_middle, moved_triangle, triangle_of
 from collision.bvh.traverse import (
     TRIANGLE_BOXES,
     TRIANGLES,
-    Door,
-    below_packets,
     box_at,
-    children_of_a,
-    children_of_b,
     fresh_packets,
-    implements,
-    inline_kernel,
-    is_bottom,
-    is_open,
     near_surfaces,
     start,
-    visit,
     walk_nearest,
     workspace,
     workspace_for,
 )
 from collision.contact import CONTACT_DTYPE, TimeOfImpact, joined, picked
 from collision.errors import CollisionError
-from collision.numeric.kernel import inner_kernel, kernel
-from collision.numeric.rigid_transforms import relative_pose, screw_pose
+from collision.numeric.kernel import EntryPoint, inline_kernel, inner_kernel, kernel
+from collision.numeric.rigid_transforms import relative_pose, rotate, screw_pose, transform
 from collision.numeric.simd import RATES, TERMS, apart_lane_a, apart_lane_b, lowest, perhaps_nearing
-from collision.numeric.vectors import cross, norm, sub
+from collision.numeric.vectors import along, cross, norm, sub
 from collision.objects import Objects
 from collision.query.distance import clearance_of, contacts_between, lanes_of, rounding_of
 from collision.query.intersection import ALL_ENABLED
 from collision.query.signed_distance import least_signed_distance, signed_distances_of
 from collision.reference.shape import ShapeMesh
-from collision.triangle.motion import Motion, pair_step
+from collision.triangle.motion import RelativeMotion, pair_step
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -109,6 +100,74 @@ class Sweep(NamedTuple):
     terms: Any
     """(TERMS,) float32, see `simd.perhaps_nearing`"""
 
+    def is_open(self, ws, bound):
+        """Whether a pair of boxes that stays apart for this time may shorten the step."""
+        return bound < self.step[0]
+
+    def children_of_a(self, a, b, ws, node, lane_b):
+        """Bits: which boxes of a node of a may come near a box of b within the step."""
+        s, u = a.surface[LANES * node], b.surface[lane_b]
+        if s != a.surface[LANES * node + 1]:  # an empty lane has -1, a node of one lane is of surfaces
+            s = -1
+        stop, aim = _stops(self.level, _pair_of(b, s, u), self.tolerance, self.slop)
+        if stop == -np.inf:
+            return 0
+        ws.counts[TRIANGLE_BOXES] += LANES
+        return apart_lane_a(
+            a.boxes, NODE * node, ws.moved, box_at(lane_b), self.rates, _up(aim), _up(self.step[0]), ws.bounds
+        )
+
+    def children_of_b(self, a, b, ws, lane_a, node):
+        """Bits: which boxes of a node of b may come near a box of a within the step."""
+        s, u = a.surface[lane_a], b.surface[LANES * node]
+        if u != b.surface[LANES * node + 1]:
+            u = -1
+        stop, aim = _stops(self.level, _pair_of(b, s, u), self.tolerance, self.slop)
+        if stop == -np.inf:
+            return 0
+        ws.counts[TRIANGLE_BOXES] += LANES
+        return apart_lane_b(
+            ws.moved, NODE * node, a.boxes, box_at(lane_a), self.rates, _up(aim), _up(self.step[0]), ws.bounds
+        )
+
+    def visit(self, a, b, ws, lane_a, lane_b):
+        """Shorten the step by the triangles of two packets; whether any are at their level now."""
+        s, u = a.surface[lane_a], b.surface[lane_b]
+        level, aim = _stops(self.level, _pair_of(b, s, u), self.tolerance, self.slop)
+        if level == -np.inf:
+            return False
+        m, rounding = ws.pose.matrix, self.step[1]
+        middle, half = box_middle(b, lane_b)
+        motion = _motion_of(m, self.motion, middle, half)
+        turn, turn_a = motion.turn, motion.turn_a
+        most = norm(turn_a) * motion.fastest + (norm(turn) + norm(cross(turn_a, turn))) * motion.own
+        step = self.step[0]
+        p, q = ~np.int64(a.child[lane_a]), ~np.int64(b.child[lane_b])
+        fresh_packets(a, b, ws, p, q)
+        _set_terms(self, a, b, ws, lane_a, lane_b, most, aim)
+        first_a, first_b = np.int64(a.first[p]), np.int64(b.first[q])
+        for tb in range(first_b, np.int64(b.first[q + 1])):
+            self.terms[9], at, to = _up(step), PREPARED * p, PREPARED * q + tb - first_b
+            ws.counts[TRIANGLE_BOXES] += LANES
+            bits = perhaps_nearing(ws.prepared, at, ws.turned, to, self.rates, self.terms)
+            if bits == 0:
+                continue
+            other = moved_triangle(b, tb, m)
+            while bits != 0:
+                one = triangle_of(a, first_a + lowest(bits))
+                bits &= bits - 1
+                ws.counts[TRIANGLES] += 1
+                d, hold = pair_step(one, other, motion, aim, step, rounding, ws.exact)
+                if hold >= step:
+                    continue
+                step = LESS * hold
+                self.hit[0], self.hit[1], self.hit[2], self.hit[3] = s, u, lane_a, lane_b
+                if d <= level:
+                    self.step[0] = 0.0
+                    return True
+        self.step[0] = step
+        return False
+
 
 @inner_kernel
 def _stops(level, pair, tolerance, slop):
@@ -130,61 +189,16 @@ def _up(x):
     return np.float32(x + 2.0**-22 * abs(x) + 1e-37)
 
 
-implements(is_bottom, Sweep)(below_packets)
-
-
-@implements(is_open, Sweep)
-def may_hold_less(task, ws, bound):
-    """Whether a pair of boxes that stays apart for this time may shorten the step."""
-    return bound < task.step[0]
-
-
-@implements(children_of_a, Sweep)
-def shorter_children_of_a(task, a, b, ws, node, lane_b):
-    """Bits: which boxes of a node of a may come near a box of b within the step."""
-    s, u = a.surface[LANES * node], b.surface[lane_b]
-    if s != a.surface[LANES * node + 1]:  # an empty lane has -1, a node of one lane is of surfaces
-        s = -1
-    stop, aim = _stops(task.level, _pair_of(b, s, u), task.tolerance, task.slop)
-    if stop == -np.inf:
-        return 0
-    ws.counts[TRIANGLE_BOXES] += LANES
-    return apart_lane_a(
-        a.boxes, NODE * node, ws.moved, box_at(lane_b), task.rates, _up(aim), _up(task.step[0]), ws.bounds
-    )
-
-
-@implements(children_of_b, Sweep)
-def shorter_children_of_b(task, a, b, ws, lane_a, node):
-    """Bits: which boxes of a node of b may come near a box of a within the step."""
-    s, u = a.surface[lane_a], b.surface[LANES * node]
-    if u != b.surface[LANES * node + 1]:
-        u = -1
-    stop, aim = _stops(task.level, _pair_of(b, s, u), task.tolerance, task.slop)
-    if stop == -np.inf:
-        return 0
-    ws.counts[TRIANGLE_BOXES] += LANES
-    return apart_lane_b(
-        ws.moved, NODE * node, a.boxes, box_at(lane_a), task.rates, _up(aim), _up(task.step[0]), ws.bounds
-    )
-
-
 @inline_kernel
 def _motion_of(matrix, motion, middle, half):
-    """The `Motion` of the points of a box of b."""
-    m = matrix
-    x = (
-        m[0] * middle[0] + m[1] * middle[1] + m[2] * middle[2] + m[9],
-        m[3] * middle[0] + m[4] * middle[1] + m[5] * middle[2] + m[10],
-        m[6] * middle[0] + m[7] * middle[1] + m[8] * middle[2] + m[11],
-    )
+    """The `RelativeMotion` of the points of a box of b."""
+    x = transform(matrix, middle)
     velocity, turn, turn_a = _vector(motion, 0), _vector(motion, 3), _vector(motion, 6)
     u, own = cross(turn, x), cross(_vector(motion, 12), middle)
-    u = u[0] + motion[0], u[1] + motion[1], u[2] + motion[2]
-    own = own[0] + motion[9], own[1] + motion[10], own[2] + motion[11]
+    u, own = along(u, 1.0, velocity), along(own, 1.0, _vector(motion, 9))
     radius = norm(half)
     now, pace = norm(u) + norm(turn) * radius, norm(own) + norm(_vector(motion, 12)) * radius
-    return Motion(velocity, turn, turn_a, now + norm(turn) * pace, pace)
+    return RelativeMotion(velocity, turn, turn_a, now + norm(turn) * pace, pace)
 
 
 @inner_kernel
@@ -200,59 +214,15 @@ def _set_terms(task, a, b, ws, lane_a, lane_b, most, aim):
     off, along any direction.
     """
     m, motion, terms = ws.pose.matrix, task.motion, task.terms
-    (ax, ay, az), _ = box_middle(a, lane_a)
-    (x, y, z), _ = box_middle(b, lane_b)
-    shift = (
-        m[0] * x + m[1] * y + m[2] * z + (m[9] - ax),
-        m[3] * x + m[4] * y + m[5] * z + (m[10] - ay),
-        m[6] * x + m[7] * y + m[8] * z + (m[11] - az),
-    )
-    velocity = cross((motion[3], motion[4], motion[5]), (ax, ay, az))
+    at_a, _ = box_middle(a, lane_a)
+    at_b, _ = box_middle(b, lane_b)
+    shift = along(rotate(m, at_b), 1.0, sub(_vector(m, 9), at_a))
+    velocity = cross(_vector(motion, 3), at_a)
     for d in range(3):
         terms[d], terms[3 + d] = shift[d], motion[d] + velocity[d]
     size = a.size[lane_a] + b.size[lane_b] + abs(shift[0]) + abs(shift[1]) + abs(shift[2])
     terms[6] = 4.0 * (20.0 * 2.0**-24 * size + ws.pose.motion[22])
     terms[7], terms[8] = _up(most), _up(aim)
-
-
-@implements(visit, Sweep)
-def step_of_packets(task, a, b, ws, lane_a, lane_b):
-    """Shorten the step by the triangles of two packets; whether any are at their level now."""
-    s, u = a.surface[lane_a], b.surface[lane_b]
-    level, aim = _stops(task.level, _pair_of(b, s, u), task.tolerance, task.slop)
-    if level == -np.inf:
-        return False
-    m, rounding = ws.pose.matrix, task.step[1]
-    middle, half = box_middle(b, lane_b)
-    motion = _motion_of(m, task.motion, middle, half)
-    turn, turn_a = motion.turn, motion.turn_a
-    most = norm(turn_a) * motion.fastest + (norm(turn) + norm(cross(turn_a, turn))) * motion.own
-    step = task.step[0]
-    p, q = ~np.int64(a.child[lane_a]), ~np.int64(b.child[lane_b])
-    fresh_packets(a, b, ws, p, q)
-    _set_terms(task, a, b, ws, lane_a, lane_b, most, aim)
-    first_a, first_b = np.int64(a.first[p]), np.int64(b.first[q])
-    for tb in range(first_b, np.int64(b.first[q + 1])):
-        task.terms[9], at, to = _up(step), PREPARED * p, PREPARED * q + tb - first_b
-        ws.counts[TRIANGLE_BOXES] += LANES
-        bits = perhaps_nearing(ws.prepared, at, ws.turned, to, task.rates, task.terms)
-        if bits == 0:
-            continue
-        other = moved_triangle(b, tb, m)
-        while bits != 0:
-            one = triangle_of(a, first_a + lowest(bits))
-            bits &= bits - 1
-            ws.counts[TRIANGLES] += 1
-            d, hold = pair_step(one, other, motion, aim, step, rounding, ws.exact)
-            if hold >= step:
-                continue
-            step = LESS * hold
-            task.hit[0], task.hit[1], task.hit[2], task.hit[3] = s, u, lane_a, lane_b
-            if d <= level:
-                task.step[0] = 0.0
-                return True
-    task.step[0] = step
-    return False
 
 
 @inner_kernel
@@ -263,25 +233,16 @@ def _set_rates(a_frame, b_frame, matrix, screws, task):
     velocity of b in b's frame.
     """
     motion, rates, twist_a = task.motion, task.rates, screws[0, 12:]
-    m, v, w = matrix, screws[1, 12:15], screws[1, 15:]
-    moved = (
-        m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
-        m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
-        m[6] * v[0] + m[7] * v[1] + m[8] * v[2],
-    )
-    turned = (
-        m[0] * w[0] + m[1] * w[1] + m[2] * w[2],
-        m[3] * w[0] + m[4] * w[1] + m[5] * w[2],
-        m[6] * w[0] + m[7] * w[1] + m[8] * w[2],
-    )
-    wa, at = (twist_a[3], twist_a[4], twist_a[5]), (m[9], m[10], m[11])
+    v, w = _vector(screws[1], 12), _vector(screws[1], 15)
+    moved, turned = rotate(matrix, v), rotate(matrix, w)
+    wa, at = _vector(twist_a, 3), _vector(matrix, 9)
     dw = sub(turned, wa)
     own = sub(moved, cross(turned, at))  # of the point of b that is at a's origin
-    dv = own[0] - twist_a[0], own[1] - twist_a[1], own[2] - twist_a[2]
+    dv = sub(own, _vector(twist_a, 0))
     for d in range(3):
         motion[d], motion[3 + d], motion[6 + d] = dv[d], dw[d], wa[d]
         motion[9 + d], motion[12 + d] = v[d], w[d]
-    centre = a_frame[0], a_frame[1], a_frame[2]
+    centre = _vector(a_frame, 0)
     velocity, of_dw = cross(dw, centre), cross(turned, centre)
     bend = norm(cross(wa, dw))
     speed, extent = 0.0, 0.0
@@ -405,9 +366,7 @@ def advance(a, b, ws, screws, limits, enabled, work):
         if found[LEVELS] > 0.0:
             _set_levels(a, b, ws, near, limits, enabled, work)
     if found[LEVELS] == 0.0:
-        task = Sweep(
-            task.level[:0], task.tolerance, task.slop, task.rates, task.motion, task.step, task.hit, task.terms
-        )  # fmt: skip
+        task = Sweep(task.level[:0], task[1], task[2], task[3], task[4], task[5], task[6], task[7])
     while found[STATE] == UNDER_WAY and found[REACHED] <= lead:
         t = found[REACHED]
         found[TAKEN] += 1
@@ -441,7 +400,7 @@ def advance(a, b, ws, screws, limits, enabled, work):
 
 # --- from Python -----------------------------------------------------------------------------------------------------
 
-_advance = Door(advance)
+_advance = EntryPoint(advance)
 
 
 def time_of_impact(objects: Objects, moves: Mapping[int, Any], deflection: float = 0.0) -> TimeOfImpact:
@@ -473,7 +432,7 @@ def time_of_impact(objects: Objects, moves: Mapping[int, Any], deflection: float
 
 
 class _Way:
-    """A pair of objects on their screws, and how far it is known not to stop the motion."""
+    """A pair of objects on their screws, and the time up to which it does not stop the motion."""
 
     def __init__(self, objects: Objects, pair: tuple[int, int]) -> None:
         meshes = [objects.mesh(k) for k in pair]
@@ -511,10 +470,10 @@ class _Way:
 def _first_impact(
     ways: list[_Way], screws: Mapping[int, NDArray[np.float64]], starts: NDArray[np.float64], deflection: float
 ) -> float:
-    """Advance pairs until the first impact is known, the one that has come least far first; its time, 1 without one.
+    """Advance pairs, the one of least time first, until the first impact is known; its time, 1 without one.
 
-    A pair that is not begun has come nowhere, but one that is held back before `EARLY` is followed to its end first:
-    where a motion is stopped at once, the pairs after the one that stops it are not looked at.
+    Unstarted pairs have time 0, but a pair that is held back before `EARLY` is advanced to its end first: if a motion
+    is stopped at once, the pairs after the one that stops it are not computed.
     """
     first, queue = 1.0, [(EARLY, k) for k in range(len(ways))]
     while queue and first > 0.0:

@@ -52,7 +52,7 @@ def _turned(p, q, r, sp, sq, sr):
 
 @inner_kernel(forceinline=True)
 def arranged(one, s, other, t):
-    """Both triangles turned until p is alone on its side of the other's plane, the other mirrored until that side is
+    """Both triangles rotated until p is alone on its side of the second plane, the second mirrored until that side is
     the positive one: Guigue & Devillers' canonical form. s, t: the signs of the corners, none of them 0."""
     p1, q1, r1, sp = _turned(one[0], one[1], one[2], s[0], s[1], s[2])
     p2, q2, r2, tp = _turned(other[0], other[1], other[2], t[0], t[1], t[2])

@@ -80,7 +80,7 @@ def _segment_meets(p, q, sp, sq, a, b, c, w):
 
 @inner_kernel
 def _touching(one, s, other, t, w):
-    """The same where a corner lies in the other's plane: coplanar, touching or degenerate triangles."""
+    """The same if a corner lies in the plane of the second triangle: coplanar, touching or degenerate triangles."""
     (p1, q1, r1), (sp, sq, sr), (p2, q2, r2), (tp, tq, tr) = one, s, other, t
     if sp == 0 and sq == 0 and sr == 0 and tp == 0 and tq == 0 and tr == 0:
         for axis in range(3):

@@ -34,7 +34,7 @@ def _safe(g, s, k):
     return np.inf
 
 
-class Motion(NamedTuple):
+class RelativeMotion(NamedTuple):
     """How triangles of b move against a, in a's frame; the unit of time is that of the motion."""
 
     velocity: Any
@@ -49,7 +49,7 @@ class Motion(NamedTuple):
     """m: a bound of their speed by b's own motion"""
 
 
-STILL: Final = Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
+STILL: Final = RelativeMotion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
 
 
 @inner_kernel
@@ -122,7 +122,7 @@ def pair_step(one, other, motion, aim, enough, touching, work):
     """(signed distance of two triangles, how long it surely stays above `aim`); less exact if that is `enough`.
 
     Signed distance: the distance, or the separation where they meet or are nearer than `touching` (m), below which
-    float64 no longer tells the direction from one witness to the other.
+    float64 no longer resolves the direction from one witness point to the second.
     """
     s, hold = separation(one, other, motion, aim, enough)
     (a, b, c), (p, q, r) = one, other

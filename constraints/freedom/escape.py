@@ -1,6 +1,6 @@
 """The escape cone of a body: the first motions that contacts leave it, and the proof that there is none.
 
-At a contact point p (3,) with the unit normal n out of the standing body, the moving body's twist (v, w) obeys
+At a contact point p (3,) with the unit normal n out of the fixed body, the moving body's twist (v, w) obeys
 n·(v + w × p) >= 0. If only the zero twist obeys all rows the body is locked: every gap function is smooth, so the pose
 is isolated among those that do not penetrate (first-order form closure: Rimon & Burdick, "Mobility of Bodies in
 Contact", IEEE Trans. Robotics and Automation 14, 1998). By Farkas' lemma that is so exactly if the rows have rank six
@@ -39,29 +39,29 @@ MOST_ROWS: Final = 400
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """Where a surface of a moving body touches one of a standing body."""
+    """Contact patch of a surface of a moving body and one of a fixed body."""
 
     points: Array
     """(n, 3) world, m"""
     normals: Array
-    """(n, 3) unit, world: out of the standing body"""
+    """(n, 3) unit, world: out of the fixed body"""
     surfaces: tuple[int, int]
-    """a face of the moving feature, one of the standing"""
+    """a face of the moving feature, one of the fixed"""
 
 
 def contact_patch(
-    moving: Feature, pose: pin.SE3, standing: Feature, standing_pose: pin.SE3, tolerance: float
+    moving: Feature, pose: pin.SE3, fixed: Feature, fixed_pose: pin.SE3, tolerance: float
 ) -> Patch | None:
     """Points at which two features touch within `tolerance` m over an area, and normals; None where they do not.
 
     Of planes face to face they are the farthest points of the area that they share. Of round surfaces they are points
     inside facets of either that lie on the other: each is a contact, and there may be more.
     """
-    surfaces = moving.surfaces[0], standing.surfaces[0]
-    m, s = moving.geometry.transformed(pose), standing.geometry.transformed(standing_pose)
-    if isinstance(m, Freeform) or isinstance(s, Freeform) or max(moving.residual, standing.residual) > tolerance:
+    surfaces = moving.surfaces[0], fixed.surfaces[0]
+    m, s = moving.geometry.transformed(pose), fixed.geometry.transformed(fixed_pose)
+    if isinstance(m, Freeform) or isinstance(s, Freeform) or max(moving.residual, fixed.residual) > tolerance:
         return None  # what is fitted to a mesh is not known as exactly as a touch is
-    mine, theirs = _triangles(moving, pose), _triangles(standing, standing_pose)
+    mine, theirs = _triangles(moving, pose), _triangles(fixed, fixed_pose)
     if isinstance(m, Plane) and isinstance(s, Plane):
         if np.linalg.norm(m.normal + s.normal) > 1e-4 or abs(float(s.distance(m.origin)[0])) > 1e-2:
             return None
@@ -70,10 +70,10 @@ def contact_patch(
             return None
         return Patch(region.corners, np.tile(s.normal, (len(region.corners), 1)), surfaces)
     rows = [
-        (points, standing.sense * s.normals(points))
+        (points, fixed.sense * s.normals(points))
         for own, g, other in ((mine, m, theirs), (theirs, s, mine))
         for points in [_inner_points(own, g)]
-        for points in [points[_touches(points, other, m, s, moving.sense, standing.sense, tolerance)]]
+        for points in [points[_touches(points, other, m, s, moving.sense, fixed.sense, tolerance)]]
     ]
     points, normals = (np.concatenate(each) for each in zip(*rows, strict=True))
     return Patch(points, normals, surfaces) if len(points) else None

@@ -30,7 +30,7 @@ from constraints.solve.system import Array, Poses, System, build
 
 STEP = 0.02
 """rad (or of a part's size): the finite step; small enough to stay on a branch, large enough that a contact of fourth
-order (residual STEP⁴ = 1.6e-7) is told from a motion"""
+order (residual STEP⁴ = 1.6e-7) is distinguished from a motion"""
 AS_GOOD = 10.0
 """a displaced pose holds if its residual is at most this times that of the pose it comes from (files are not exact)"""
 

@@ -691,7 +691,7 @@ def _two_sides(a, f, k, b, g, j, s, t, low, high, out):  # pragma: no cover - co
         second, m = _depth(a, f, k, at, px, py)
         if max(first, second) > SAME and dot(n, m) < 0.0:
             # the deepest point near two edges that overlap is not stationary: it is as far from two faces; but none is
-            # deeper than the deepest point of either face behind the other's whole surface
+            # deeper than the deepest point of one face behind the whole surface of its partner
             _offer(out, low, high, max(low, out[5]), -max(first, second), along(px, 0.5, sub(py, px)))
             return
     if best - error < out[1]:
@@ -757,7 +757,7 @@ def _gap(
 ) -> None:  # pragma: no cover - compiled
     """Fill `out` with least and greatest value of the gap, infinite where there is no candidate, and its point.
 
-    Its last number is the least distance of points of either face to the other's whole surface that was seen.
+    Its last number is the least distance found from points of one face to the whole surface of its partner.
     """
     x = (seed[0], seed[1], seed[2])
     size = max(len(a.vertices), len(b.vertices))

@@ -166,7 +166,7 @@ class Extent:
 
 
 @dataclass(frozen=True, eq=False)
-class View(Generic[G]):
+class FeatureView(Generic[G]):
     """A feature where it is now, of geometry G."""
 
     extent: Extent

@@ -140,8 +140,8 @@ def mechanism(graph: AssemblyGraph) -> Mechanism:
     """Links and joints of an assembly with a base.
 
     The joint of two links is the lower pair that their own constraints leave; where other parts narrow it to a smaller
-    pair that stays the same in motion, it is that one (a nut between its bolt's axis and a plate can only turn). A
-    contact that is no lower pair (a ball rolling on a plate) is left out and noted.
+    pair that is the same at neighbouring poses, it is the smaller one (a nut between its bolt's axis and a plate can
+    only turn). A contact that is no lower pair (a ball rolling on a plate) is left out and noted.
     """
     links = graph.links
     frames = tuple(pin.SE3(graph.poses[group[0]]) for group in links)

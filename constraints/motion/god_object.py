@@ -54,7 +54,7 @@ def open_way(poses: Sequence[pin.SE3], target: Mapping[int, pin.SE3]) -> None:
 
 
 class Swept(Sweeping, Protocol):
-    """What is asked of `collision.CollisionManager`."""
+    """The queries of `collision.CollisionManager` that a step needs."""
 
     def ignored_surfaces(self, i: int, j: int) -> frozenset[tuple[int, int]]: ...
 
@@ -472,7 +472,7 @@ class Step:
                 self._remember(rows, hit, found.poses)
             else:
                 return target, hit
-            # stop short of what the linear rows did not foresee: with it among them the next pass goes on from afar
+            # stop before a contact that the linear rows lacked: the next pass has it among them and continues
             target = self._projected({b: pin.SE3.Interpolate(self.poses[b], target[b], SHORT * t) for b in self.bodies})
         return {b: self.poses[b] for b in target}, hit
 

@@ -166,7 +166,7 @@ class Motion:
     def carry(self, carried: Mapping[int, Sequence[int]], poses: Sequence[pin.SE3]) -> frozenset[int]:
         """Have each held body carry others, by held body: from now on they move as one rigid body.
 
-        Nothing is asked of what moves as one: no recognition, no equations, no contacts. A body that the same one
+        Bodies that move as one have no recognition, equations or contacts among them. A body that the same one
         carried before keeps its place on it to the bit.
 
         Returns the bodies that belong to a group now, or did before; none if nothing changed.
@@ -184,18 +184,9 @@ class Motion:
         self.collision.set_groups(groups.members.values())
         return frozenset(b for g in (before, groups) for members in g.members.values() for b in members)
 
-    def mark(self) -> tuple[Any, ...]:
-        """What a step changes, to `undo` it."""
-        return self.groups, self.mated.mark(), self._drawn
-
-    def undo(self, mark: tuple[Any, ...]) -> None:
-        """Go back to a mark, whatever was interrupted since; collision and constraints go back by their own."""
-        groups, mated, self._drawn = mark
-        self.constraints.drawn = self.drawn
-        self.constraints.groups = groups
-        self.collision.set_groups(groups.members.values())
-        self.mated.undo(mated)
-        self._unknowns = self._linear = None  # they may have been interrupted while they were filled
+    def drop_caches(self) -> None:
+        """Forget what was computed for earlier steps, also half of it by one that was interrupted."""
+        self._unknowns = self._linear = None
 
     @property
     def drawn(self) -> tuple[pin.SE3, ...]:

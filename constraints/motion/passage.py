@@ -21,13 +21,13 @@ from constraints.recognition.mated import adjacent_surfaces
 
 NAMES = ("object_a", "surface_a", "object_b", "surface_b")
 MOST_CONTACTS = 64
-"""Sweeps of a passage for each `STRIDE` of it: each goes on past the surfaces that came into contact before."""
+"""Sweeps of a passage for each `STRIDE` of it: each continues past the surfaces that came into contact before."""
 STRIDE = 5e-4
 """m that bodies go between two measurements of surfaces that overlap as drawn, which no sweep stops at"""
 
 
 class Sweeping(Near, Protocol):
-    """What is asked of `collision.CollisionManager`."""
+    """The queries of `collision.CollisionManager` that a passage needs."""
 
     def set_poses(self, ids: Sequence[int], poses: Sequence[pin.SE3]) -> None: ...
     def time_of_impact(self, moves: Mapping[int, pin.SE3], deflection: float = 0.0) -> Any: ...

@@ -45,8 +45,8 @@ def quadratic_program(
 
     None when no y keeps all rows. Raises UndecidedError where `most_changes` did not suffice to tell.
     """
-    heard = np.flatnonzero(np.abs(c).max(axis=1) > UNMOVED)
-    c, lower = np.ascontiguousarray(c[heard]), lower[heard]
+    kept = np.flatnonzero(np.abs(c).max(axis=1) > UNMOVED)
+    c, lower = np.ascontiguousarray(c[kept]), lower[kept]
     y, force, free = np.empty(len(gradient)), np.zeros(len(lower)), np.empty(len(gradient))
     most = max(MOST_CHANGES, 10 * sum(c.shape)) if most_changes is None else most_changes
     status = _goldfarb_idnani(np.ascontiguousarray(hessian), gradient, c, lower, most, y, force, free)
@@ -57,7 +57,7 @@ def quadratic_program(
     if status == CONTRADICTORY:
         return None
     bound = (c @ y - lower < 1e3 * VIOLATED) & (c @ free - lower < -1e3 * VIOLATED)
-    return y, heard[bound | (force > 1e3 * VIOLATED)]
+    return y, kept[bound | (force > 1e3 * VIOLATED)]
 
 
 def minimum(hessian: Array, gradient: Array) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from collision import SurfaceMesh, Tolerance
 from constraints.geometry.overlap import FacingArea, facing_area
 from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere
-from constraints.geometry.views import Limits, View
+from constraints.geometry.views import FeatureView, Limits
 from constraints.recognition.recognise import Recogniser
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ FACING = 0.99
 
 
 class Near(Protocol):
-    """What is asked of `collision.CollisionManager`."""
+    """The queries of `collision.CollisionManager` that walls need."""
 
     def mesh(self, i: int) -> SurfaceMesh: ...
     def contacts(self, within: float = 0.0, objects: Iterable[int] | None = None) -> NDArray[Any]: ...
@@ -129,7 +129,7 @@ class Walls:
             return 0.0
         return max(-fit.gap, 0.0)
 
-    def _view(self, body: int, surface: int, pose: pin.SE3) -> View[Any]:
+    def _view(self, body: int, surface: int, pose: pin.SE3) -> FeatureView[Any]:
         """The feature that a surface belongs to, where its body is at `pose`."""
         feature = self.recogniser.feature_of(body, surface)
         assert feature is not None
@@ -181,7 +181,7 @@ class Walls:
     ) -> bool:
         """Whether all that two facing planes share are strips as wide (m) as given, however many and far apart.
 
-        What two triangles share is convex: its corners tell how wide it is.
+        The intersection of two triangles is convex: its corners give its width.
         """
         first, second = (self._view(i, s, poses[i]).triangles for i, s in ((a, sa), (b, sb)))
         origin = first[0, 0]
@@ -232,8 +232,8 @@ class Walls:
     def _parting(self, row: Any, poses: Sequence[pin.SE3]) -> Array | None:
         """(3,) unit, from a to b, where two surfaces touch.
 
-        It is the outward normal of the triangle that parts the two best, of those that have the other's material in
-        front of them; None where neither has (edges side by side).
+        It is the outward normal of the triangle that parts the two best, of those that have the second body's material
+        in front of them; None where neither has (edges side by side).
         """
         a, b = int(row["object_a"]), int(row["object_b"])
         ta, na = self._triangle(a, int(row["triangle_a"]), poses[a])

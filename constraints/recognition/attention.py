@@ -1,6 +1,6 @@
 """Which bodies a `ConstraintManager` looks at in an update: those for which the answer may have changed.
 
-The answer for a pair of bodies depends on their poses, the contact rows between them, the limits and kinds asked for,
+The answer for a pair of bodies depends on their poses, the contact rows between them, the limits and the wanted kinds,
 and the decisions about them. Where none of these has changed, the answer has not; of 2,000 parts a hand moves one.
 """
 
@@ -24,7 +24,7 @@ class Attention:
 
     def __init__(self) -> None:
         self._known = False
-        self._asked: Hashable = None
+        self._context: Hashable = None
         self._count = 0
         self._poses: list[pin.SE3] = []
         self._versions: NDArray[np.int64] | None = None
@@ -44,15 +44,15 @@ class Attention:
         self._known = False
 
     def begin(
-        self, asked: Hashable, poses: Sequence[pin.SE3], contacts: NDArray[Any],
+        self, context: Hashable, poses: Sequence[pin.SE3], contacts: NDArray[Any],
         versions: NDArray[np.int64] | None = None,
     ) -> set[int]:  # fmt: skip
         """The bodies to look at. An update that does not come to `end` makes the next one look at everything.
 
-        asked: all else that the answer depends on. poses: one a body. contacts: rows of `collision.CONTACT_DTYPE`.
+        context: all else that the answer depends on. poses: one a body. contacts: rows of `collision.CONTACT_DTYPE`.
         versions: (n,) numbers that are others where a pose may be another; without, poses are compared.
         """
-        known, self._known = self._known and asked == self._asked and len(poses) == self._count, False
+        known, self._known = self._known and context == self._context and len(poses) == self._count, False
         rows = tuple(np.ascontiguousarray(contacts[name]) for name in COLUMNS)
         if known and versions is not None and self._versions is not None:
             about = set(np.flatnonzero(versions[: len(poses)] != self._versions).tolist())
@@ -65,7 +65,7 @@ class Attention:
         if versions is None:  # copies: the caller may change what it gave
             self._poses = [pin.SE3(pose) if i in about else self._poses[i] for i, pose in enumerate(poses)]
         self._versions = None if versions is None else versions[: len(poses)].copy()
-        self._asked, self._rows, self._noted, self._count = asked, rows, set(), len(poses)
+        self._context, self._rows, self._noted, self._count = context, rows, set(), len(poses)
         return about
 
     def end(self) -> None:

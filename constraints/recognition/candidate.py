@@ -77,12 +77,12 @@ KINDS: dict[str, type[Constraint]] = {
 
 def known_kinds(kinds: Iterable[str]) -> frozenset[str]:
     """The names as a set; ConstraintsError for one that recognition does not offer."""
-    asked = frozenset(kinds)
-    if not asked <= KINDS.keys():
+    wanted = frozenset(kinds)
+    if not wanted <= KINDS.keys():
         raise ConstraintsError(
-            f"recognition offers no kind {min(asked - KINDS.keys())!r}; give some of {', '.join(sorted(KINDS))}"
+            f"recognition offers no kind {min(wanted - KINDS.keys())!r}; give some of {', '.join(sorted(KINDS))}"
         )
-    return asked
+    return wanted
 
 
 @dataclass(frozen=True, eq=False)

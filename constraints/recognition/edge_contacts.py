@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from constraints.geometry.reach import Array, deflection, reached
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Vector
-from constraints.geometry.views import Limits, View
+from constraints.geometry.views import FeatureView, Limits
 from constraints.geometry.words import millimetres
 from constraints.kinds.elements import Circle, Line, Point
 from constraints.recognition.candidate import Match, Pair
@@ -49,7 +49,7 @@ class EdgeContact:
         return float(np.linalg.norm(self.points[-1] - self.points[0]))
 
 
-def coplanar(a: View, b: View, limits: Limits) -> EdgeContact | None:
+def coplanar(a: FeatureView, b: FeatureView, limits: Limits) -> EdgeContact | None:
     """Contact of two planes with one outward direction in one plane, whose faces meet along an edge; None if not."""
     p, q = a.geometry, b.geometry
     if not (isinstance(p, Plane) and isinstance(q, Plane)) or p.normal @ q.normal <= 0.0:
@@ -92,7 +92,7 @@ def _farthest(points: Array) -> Array:
     return np.array([one, other]) if tuple(one) <= tuple(other) else np.array([other, one])
 
 
-def on_surface(edged: View, carrier: View, limits: Limits) -> EdgeContact | None:
+def on_surface(edged: FeatureView, carrier: FeatureView, limits: Limits) -> EdgeContact | None:
     """An edge in a plane, a rim on a plane, a vertex on any surface; features in the order edged, carrier."""
     surface, segments = carrier.geometry, edged.sides
     if not len(segments):
@@ -163,7 +163,7 @@ def _chord(points: Array, segments: Array) -> bool:
     return bool(turns) and max(turns) <= CORNER
 
 
-def crossing(a: View, b: View, limits: Limits) -> EdgeContact | None:
+def crossing(a: FeatureView, b: FeatureView, limits: Limits) -> EdgeContact | None:
     """Two straight edges that cross, or a straight edge across a shaft, in a point inside both."""
     for first, second in ((a, b), (b, a)):
         if isinstance(first.geometry, Cylinder) and isinstance(second.geometry, Plane) and first.feature.sense > 0:
@@ -204,7 +204,7 @@ def _inside(s: Array, length: Array, slack: float) -> NDArray[np.bool_]:
     return (margin < s) & (s < 1.0 - margin)
 
 
-def _across_shaft(shaft: View[Cylinder], edged: View, limits: Limits) -> EdgeContact | None:
+def _across_shaft(shaft: FeatureView[Cylinder], edged: FeatureView, limits: Limits) -> EdgeContact | None:
     g = shaft.geometry
     sides, triangles = edged.sides, shaft.triangles
     slack = limits.slack + 2.0 * deflection(g, triangles)
@@ -230,7 +230,7 @@ def _swapped(t: EdgeContact) -> EdgeContact:
     return EdgeContact(t.kind, (t.features[1], t.features[0]), t.points, t.gap, -t.normal, t.words, t.slack)
 
 
-def edge_contact(a: View, b: View, limits: Limits) -> EdgeContact | None:
+def edge_contact(a: FeatureView, b: FeatureView, limits: Limits) -> EdgeContact | None:
     """Contact of two features that neither fit nor are tangent; None if they touch in no way known here."""
     flush = coplanar(a, b, limits)
     if flush is not None:
@@ -244,7 +244,7 @@ def edge_contact(a: View, b: View, limits: Limits) -> EdgeContact | None:
     return max(ways, key=lambda t: t.length, default=None)
 
 
-def as_match(t: EdgeContact, a: View, b: View, limits: Limits) -> Match:
+def as_match(t: EdgeContact, a: FeatureView, b: FeatureView, limits: Limits) -> Match:
     """The contact as a `Match` with `share` 0, so that it ranks below fits."""
     middle = t.points.mean(axis=0)
     return Match(
@@ -268,28 +268,28 @@ def as_match(t: EdgeContact, a: View, b: View, limits: Limits) -> Match:
 def without_implied_contacts(
     found: Sequence[tuple[Pair, EdgeContact]],
     better: Iterable[tuple[Pair, float | None]],
-    view: Callable[[int, int], View],
+    view: Callable[[int, int], FeatureView],
 ) -> list[tuple[Pair, EdgeContact]]:
     """The contacts that no match and no longer contact of the same two bodies implies; flush faces are always kept.
 
     better: pairs of features with a match, and the fit (m) of round ones. view: of (body, feature), in the world.
     """
-    covers: dict[tuple[int, int], list[tuple[View, View, float]]] = {}
+    covers: dict[tuple[int, int], list[tuple[FeatureView, FeatureView, float]]] = {}
     for (a, fa, b, fb), fit in better:
         covers.setdefault((a, b), []).append((view(a, fa), view(b, fb), abs(fit or 0.0)))
     kept: list[tuple[Pair, EdgeContact]] = []
     for pair, t in sorted(found, key=lambda x: (x[1].kind != "coplanar", -x[1].length, x[0])):
         a, _, b, _ = pair
-        said = t.kind == "contact" and (
+        implied = t.kind == "contact" and (
             any(_covered(t, *c) for c in covers.get((a, b), ()))
             or any(_beside(t.points, k.points, t.slack) for (i, _, j, _), k in kept if (i, j) == (a, b))
         )
-        if not said:
+        if not implied:
             kept.append((pair, t))
     return kept
 
 
-def _covered(t: EdgeContact, a: View, b: View, fit: float) -> bool:
+def _covered(t: EdgeContact, a: FeatureView, b: FeatureView, fit: float) -> bool:
     """Whether all points of a contact lie on both of two features that fit each other."""
     for v in (a, b):
         triangles = v.triangles

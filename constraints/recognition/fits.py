@@ -30,7 +30,7 @@ _FEW = 200
 
 
 class FitError(ConstraintsError):
-    """Points through which no surface of the kind asked for goes (too few, or degenerate)."""
+    """Points that determine no surface of the wanted kind (too few, or degenerate)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +107,8 @@ def fit_kind(kind: str, points: ArrayLike, bases: ArrayLike, normals: ArrayLike,
 def refine(geometry: Geometry, points: ArrayLike, iterations: int = 40) -> Geometry:
     """`geometry` moved and resized to the least sum of squared distances to `points` (n, 3), m.
 
-    Levenberg-Marquardt in coordinates of unit size; the damping holds still what distances do not tell (a cylinder may
-    slide along its axis for nothing). The origin of a plane or a cylinder comes to lie beside the points' middle.
+    Levenberg-Marquardt in coordinates of unit size; the damping fixes what distances do not determine (a cylinder
+    slides freely along its axis). The origin of a plane or a cylinder is moved beside the points' middle.
     """
     given = np.asarray(points, dtype=np.float64)
     center, scale = given.mean(axis=0), float(np.linalg.norm(np.ptp(given, axis=0)))

@@ -63,7 +63,7 @@ CLASS = re.compile(r"([D-H])(\d+)/([d-hkmnprsu])(\d+)")
 
 
 class FitClassError(ConstraintsError):
-    """A fit class that is not known, or a diameter it is not made for. `given` is what was asked."""
+    """A fit class that is not known, or a diameter outside its range. `given` is the argument."""
 
     def __init__(self, message: str, given: str) -> None:
         super().__init__(message)
@@ -115,7 +115,7 @@ def _highest(letter: str, grade: int, size: float) -> int:
 def greatest_interference(shaft: str, diameter: float) -> float:
     """Greatest diametral interference (m, at least 0) of a shaft class, such as s7, in a hole H of this diameter (m).
 
-    Below 1 mm and above 500 mm it is that of the nearest size in the tables. Raises FitClassError for unknown classes.
+    Below 1 mm and above 500 mm the nearest size in the tables counts. Raises FitClassError for unknown classes.
     """
     size = min(max(diameter, 1e-3 * LEAST), 1e-3 * STEPS[-1])
     try:

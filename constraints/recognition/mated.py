@@ -27,7 +27,7 @@ Faces = tuple[int, ...]
 
 
 class Ignoring(Protocol):
-    """What is asked of `collision.CollisionManager`."""
+    """Methods of `collision.CollisionManager` that are called."""
 
     def mesh(self, i: int) -> SurfaceMesh: ...
     def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None: ...
@@ -48,41 +48,40 @@ class MatedSurfaces:
 
     def sync(self) -> None:
         """Bring collision up to date with the constraints in force."""
-        if self._synced is self.constraints.in_force:
+        in_force = self.constraints.in_force
+        if self._synced is in_force:
             return
-        self._synced = self.constraints.in_force
         now = {id: entry.candidate for id, entry in self.constraints.accepted.items()}
         gone = [id for id, candidate in self._of.items() if now.get(id) is not candidate]
         fresh = [id for id, candidate in now.items() if self._of.get(id) is not candidate]
-        if not gone and not fresh:
-            return
-        self._of, self._mated, self._beside = dict(self._of), dict(self._mated), dict(self._beside)
+        mated, beside = dict(self._mated), dict(self._beside)
         enabled = {self._of[id].bodies for id in gone}
         for id in gone:
-            del self._of[id], self._beside[id]
-            for row in self._mated.pop(id):
+            del beside[id]
+            for row in mated.pop(id):
                 self.collision.enable_surfaces(*row)
         sleeves: dict[Hashable, tuple[Faces, Faces] | None] = {}
         for id in fresh:
-            candidate = self._of[id] = now[id]
+            candidate = now[id]
             if not mates_surfaces(candidate, self.constraints.recogniser.features):
-                self._mated[id], self._beside[id] = (), (0, (), 0, ())
+                mated[id], beside[id] = (), (0, (), 0, ())
                 continue
             a, b = candidate.bodies
             sa, sb = candidate.surfaces
             beside_a = adjacent_surfaces(self.collision.mesh(a), sa)
             beside_b = adjacent_surfaces(self.collision.mesh(b), sb)
-            self._beside[id] = (a, beside_a, b, beside_b)
-            self._mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb), *self._sleeve(candidate, sleeves))
+            beside[id] = (a, beside_a, b, beside_b)
+            mated[id] = ((a, sa, b, sb + beside_b), (a, beside_a, b, sb), *self._sleeve(candidate, sleeves))
         # a constraint still in force may share surfaces with a pair just enabled: ignore its surfaces again
-        for id in [*fresh, *(i for i, c in self._of.items() if enabled and c.bodies in enabled)]:
-            for row in self._mated[id]:
+        for id in [*fresh, *(i for i, c in now.items() if enabled and c.bodies in enabled)]:
+            for row in mated[id]:
                 self.collision.ignore_surfaces(*row)
+        self._of, self._mated, self._beside, self._synced = now, mated, beside, in_force
 
     def _sleeve(self, candidate: Candidate, known: dict[Hashable, tuple[Faces, Faces] | None]) -> tuple[Pairing, ...]:
         """The faces that cannot meet while a shaft shares its bore's axis, or planes are face to face.
 
-        known: what was found for the same two meshes and features: four hundred equal bolts are asked about once.
+        known: faces found for the same two meshes and features; of four hundred equal bolts one is computed.
         """
         a, fa, b, fb, kind = candidate.key
         meshes = self.collision.mesh(a), self.collision.mesh(b)
@@ -92,15 +91,6 @@ class MatedSurfaces:
             known[alike] = sleeve(candidate, features, meshes, self.tolerance.fit)
         faces = known[alike]
         return () if faces is None else ((a, faces[0], b, faces[1]),)
-
-    def mark(self) -> tuple[Any, ...]:
-        """The surfaces that collision leaves out now, to `undo` what follows."""
-        return self._of, self._mated, self._beside
-
-    def undo(self, mark: tuple[Any, ...]) -> None:
-        """Go back to a mark; collision goes back by its own."""
-        self._of, self._mated, self._beside = mark
-        self._synced = None
 
     def beside(self, a: int, sa: int, b: int, sb: int) -> bool:
         """Whether surface sa of body a and sb of b both lie next to the surfaces of one mate."""

@@ -15,22 +15,23 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import SurfaceMesh
-from collision.query.containment import inside
+from collision import SurfaceMesh, inside
 from constraints.geometry.reach import reached
 from constraints.geometry.round_fit import RoundFit
 from constraints.geometry.surfaces import Cylinder, cross, perpendicular
-from constraints.geometry.views import Limits, View
+from constraints.geometry.views import FeatureView, Limits
 from constraints.geometry.words import millimetres
 from constraints.recognition.candidate import Match, Pair
 from constraints.recognition.pairings import concentric
-from constraints.recognition.recognise import Pairs, Recogniser
+from constraints.recognition.recognise import Recogniser
 
 Segments = tuple[NDArray[np.float64], NDArray[np.float64]]
 OFF_AXIS = 0.25
 """1: of the radius of a bore"""
 ROUND, ALONG = 48, 7
 """places about the axis and along it at which both surfaces are looked for"""
+SPARSE = 16
+"""one of so many of these places is checked for common material first"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ def misfits(
     recogniser: Recogniser,
     meshes: Sequence[SurfaceMesh],
     poses: Sequence[pin.SE3],
-    near: Pairs,
+    contacts: NDArray[Any],
     limits: Limits,
     slack: Sequence[float],
 ) -> tuple[Misfit, ...]:
@@ -73,12 +74,15 @@ def misfits(
 
     Parameters
     ----------
-    near: pairs of features with their contacts, from `Recogniser.near`. limits: as the assembly stands. slack: m, by
-        body, the greatest deflection of its facets.
+    contacts: rows of `collision.CONTACT_DTYPE` between the bodies. limits: as the assembly stands. slack: m, by body,
+        the greatest deflection of its facets.
     """
     out = []
-    cylinders = {i: _cylinders(recogniser, i, poses[i]) for i in sorted({i for p in near for i in (p[0], p[2])})}
-    for a, b in sorted({(pair[0], pair[2]) for pair in near}):
+    codes = recogniser.codes(contacts)
+    contacts, codes = contacts[codes >= 0], codes[codes >= 0]
+    touching = np.unique(np.stack([contacts["object_a"], contacts["object_b"]], axis=1), axis=0).tolist()
+    cylinders = {i: _cylinders(recogniser, i, poses[i]) for i in {i for pair in touching for i in pair}}
+    for a, b in touching:
         hidden = limits.slack + slack[a] + slack[b]
         for fa, fb in _coaxial(cylinders[a], cylinders[b], hidden, limits):
             pair = a, fa, b, fb
@@ -103,8 +107,9 @@ def misfits(
             at = None if fit.kind != "clash" or beside else _meeting(solid, hollow, match, limits)
             if at is None or (-fit.gap > hidden and not _common(at, (meshes[a], meshes[b]), (poses[a], poses[b]))):
                 continue
-            faces = [(i, j) for i, j, distance in near.get(pair, ()) if distance <= hidden - fit.gap]
-            faces = sorted(faces) or list(product(first.feature.surfaces, second.feature.surfaces))
+            rows = contacts[(codes == recogniser.code(pair)) & (contacts["distance"] <= hidden - fit.gap)]
+            faces = sorted(zip(rows["surface_a"].tolist(), rows["surface_b"].tolist(), strict=True))
+            faces = faces or list(product(first.feature.surfaces, second.feature.surfaces))
             most = millimetres(limits.most_interference(radius))
             why = f"Ø{2e3 * solid.geometry.radius:.6g} in Ø{2e3 * radius:.6g} mm, "
             if match.residual > limits.slack:
@@ -144,7 +149,9 @@ def _coaxial(first: Cylinders, second: Cylinders, hidden: float, limits: Limits)
     return [(int(first.place[i]), int(second.place[j])) for i, j in np.argwhere(found)]
 
 
-def _meeting(solid: View[Cylinder], hollow: View[Cylinder], match: Match, limits: Limits) -> Segments | None:
+def _meeting(
+    solid: FeatureView[Cylinder], hollow: FeatureView[Cylinder], match: Match, limits: Limits
+) -> Segments | None:
     """Points of the bore (n, 3), m, world, and those of the shaft above them, where both surfaces are there and the
     shaft is larger; None if there are none."""
     s, h = solid.geometry, hollow.geometry
@@ -166,9 +173,15 @@ def _meeting(solid: View[Cylinder], hollow: View[Cylinder], match: Match, limits
 def _common(at: Segments, meshes: tuple[SurfaceMesh, SurfaceMesh], poses: tuple[pin.SE3, pin.SE3]) -> bool:
     """Whether two bodies have material in common all the way from a bore to a shaft: a bush in a ring has not, though
     the ring is larger than the bore of the bush."""
-    common = np.ones(len(at[0]), bool)
-    for t in (0.25, 0.5, 0.75):
-        points = at[0] + t * (at[1] - at[0])
-        for mesh, pose in zip(meshes, poses, strict=True):
-            common &= inside(mesh, (points - pose.translation) @ pose.rotation)
-    return bool(common.any())
+    bore, shaft = at
+    for chosen in (slice(None, None, SPARSE), slice(None)):  # where there is material in common, few points show it
+        start, way = bore[chosen], shaft[chosen] - bore[chosen]
+        for t, k in product((0.5, 0.25, 0.75), (0, 1)):
+            points = start + t * way - poses[k].translation
+            common = inside(meshes[k], points @ poses[k].rotation)
+            start, way = start[common], way[common]
+            if not len(start):
+                break
+        if len(start):
+            return True
+    return False

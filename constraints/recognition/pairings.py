@@ -28,7 +28,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from constraints.geometry.overlap import facing_area, shared_height
 from constraints.geometry.reach import deflection, reached
 from constraints.geometry.round_fit import RoundFit, round_fit
 from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector, cross, norm
-from constraints.geometry.views import Limits, View
+from constraints.geometry.views import FeatureView, Limits
 from constraints.geometry.words import millimetres
 from constraints.recognition.candidate import Match
 from constraints.recognition.tangencies import TANGENCIES
@@ -53,7 +53,7 @@ def line_angle(u: Vector, v: Vector) -> float:
     return float(np.arctan2(norm(cross(u, v)), abs(u @ v)))
 
 
-def against(a: View[Plane], b: View[Plane], limits: Limits) -> Match | None:
+def against(a: FeatureView[Plane], b: FeatureView[Plane], limits: Limits) -> Match | None:
     """Two planes that face each other and share a real area."""
     p, q = a.geometry, b.geometry
     angle = line_angle(p.normal, q.normal)
@@ -88,32 +88,50 @@ def against(a: View[Plane], b: View[Plane], limits: Limits) -> Match | None:
     )
 
 
-def _round(
-    kind: str, solid: View, hollow: View, axis: Vector, offset: float, angle: float, fit: RoundFit,
-    shared: tuple[float, float, float], origin: Vector, size: float, words: str,
-) -> Match:  # fmt: skip
-    """A match of two surfaces of revolution; `shared` is (overlap, smaller length, open angle of the hollow one)."""
-    overlap, smaller, hollow_open = shared
+class _Seat(NamedTuple):
+    """Where a solid surface of revolution sits in a hollow one."""
+
+    origin: Vector
+    """(3,) world"""
+    axis: Vector
+    """(3,) unit, world"""
+    size: float
+    """m"""
+    offset: float
+    """m, of the axes or centres"""
+    angle: float
+    """rad, of the axes"""
+    overlap: float
+    """m"""
+    smaller: float
+    """m: length of the shorter of the two"""
+    open: float
+    """rad: greatest angle about the axis that the hollow one does not cover"""
+
+
+def _round(kind: str, solid: FeatureView, hollow: FeatureView, seat: _Seat, fit: RoundFit, words: str) -> Match:
+    """A match of two surfaces of revolution."""
+    origin, axis, overlap, smaller = seat.origin, seat.axis, seat.overlap, seat.smaller
     along = float((hollow.center - solid.center) @ axis)
     return Match(
         kind=kind,
-        residual=offset,
-        angle=angle,
+        residual=seat.offset,
+        angle=seat.angle,
         fit=fit.clearance,
         press=fit.press,
         overlap=overlap,
         share=min(1.0, max(0.0, overlap / smaller)) if smaller > 0 else 1.0,
-        closed=hollow_open < np.pi * (1 - 1e-6),
+        closed=seat.open < np.pi * (1 - 1e-6),
         approach=axis if along >= 0 else -axis,
         origin=origin,
         local=solid.pose.actInv(origin),
         direction=axis,
-        size=size,
+        size=seat.size,
         words=f"{words}, {fit.words}",
     )
 
 
-def concentric(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) -> Match | None:
+def concentric(solid: FeatureView[Cylinder], hollow: FeatureView[Cylinder], limits: Limits) -> Match | None:
     """A solid cylinder in a hollow one: radii fit, axes coincide, lengths overlap."""
     s, h = solid.geometry, hollow.geometry
     fit = h.radius - s.radius
@@ -140,11 +158,9 @@ def concentric(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) ->
         f"Ø{2e3 * s.radius:.6g} in Ø{2e3 * h.radius:.6g} mm{over(overlap)}, "
         f"axes {millimetres(offset)} apart{', ' + limits.fit_class if limits.fit_class else ''}"
     )
-    shared = (overlap, smaller, hollow.extent.open)
     found = limits.round_fit(h.radius, fit, _kept(offset, limits))
-    return _round(
-        "concentric", solid, hollow, axis, offset, angle, found, shared, on_hollow.mean(axis=0), h.radius, words
-    )
+    seat = _Seat(on_hollow.mean(axis=0), axis, h.radius, offset, angle, overlap, smaller, hollow.extent.open)
+    return _round("concentric", solid, hollow, seat, found, words)
 
 
 def _kept(offset: float, limits: Limits) -> float:
@@ -160,7 +176,7 @@ def over(overlap: float) -> str:
     return f" over {length}" if overlap > 0.0 else f", ends {length} apart"
 
 
-def screw(solid: View[Cylinder], hollow: View[Cylinder], limits: Limits) -> Match | None:
+def screw(solid: FeatureView[Cylinder], hollow: FeatureView[Cylinder], limits: Limits) -> Match | None:
     """A screw in its tapped hole, both drawn as plain cylinders: on one axis, overlapping by the depth of a thread."""
     s, h, thread = solid.geometry, hollow.geometry, limits.thread
     if thread is None:
@@ -180,7 +196,7 @@ def of_thread(limits: Limits, radius: float) -> Limits:
     return replace(limits, interference=radius, fit_class="")
 
 
-def conical(solid: View[Cone], hollow: View[Cone], limits: Limits) -> Match | None:
+def conical(solid: FeatureView[Cone], hollow: FeatureView[Cone], limits: Limits) -> Match | None:
     """A solid cone in a hollow one of the same half angle, pushed home."""
     s, h = solid.geometry, hollow.geometry
     angle = line_angle(s.axis, h.axis)
@@ -202,11 +218,11 @@ def conical(solid: View[Cone], hollow: View[Cone], limits: Limits) -> Match | No
     size = height * float(np.tan(h.half_angle))
     words = f"cones of half angle {np.degrees(h.half_angle):.4g}°{over(overlap)}"
     found = round_fit(fit, 0.0, 0.0, limits.slack)  # how far it is pushed home, which is no press fit
-    shared = (overlap, smaller, hollow.extent.open)
-    return _round("conical", solid, hollow, h.axis, residual, max(angle, flare), found, shared, middle, size, words)
+    seat = _Seat(middle, h.axis, size, residual, max(angle, flare), overlap, smaller, hollow.extent.open)
+    return _round("conical", solid, hollow, seat, found, words)
 
 
-def spherical(solid: View[Sphere], hollow: View[Sphere], limits: Limits) -> Match | None:
+def spherical(solid: FeatureView[Sphere], hollow: FeatureView[Sphere], limits: Limits) -> Match | None:
     """A ball in its socket."""
     s, h = solid.geometry, hollow.geometry
     fit = h.radius - s.radius
@@ -219,11 +235,12 @@ def spherical(solid: View[Sphere], hollow: View[Sphere], limits: Limits) -> Matc
     words = f"ball Ø{2e3 * s.radius:.6g} in socket Ø{2e3 * h.radius:.6g} mm, centres {millimetres(offset)} apart"
     found = limits.round_fit(h.radius, fit, _kept(offset, limits))
     depth = hollow.feature.area / (2 * np.pi * h.radius)  # Archimedes: height of the socket's zone
-    shared = (min(depth, 2 * h.radius), min(depth, 2 * h.radius), 0.0 if depth > h.radius else 2 * np.pi)
-    return _round("spherical", solid, hollow, axis, offset, 0.0, found, shared, h.center, h.radius, words)
+    zone, opening = min(depth, 2 * h.radius), 0.0 if depth > h.radius else 2 * np.pi
+    seat = _Seat(h.center, axis, h.radius, offset, 0.0, zone, zone, opening)
+    return _round("spherical", solid, hollow, seat, found, words)
 
 
-def toroidal(solid: View[Torus], hollow: View[Torus], limits: Limits) -> Match | None:
+def toroidal(solid: FeatureView[Torus], hollow: FeatureView[Torus], limits: Limits) -> Match | None:
     """A ring in its groove."""
     s, h = solid.geometry, hollow.geometry
     fit = h.minor - s.minor
@@ -236,11 +253,14 @@ def toroidal(solid: View[Torus], hollow: View[Torus], limits: Limits) -> Match |
     words = f"tori Ø{2e3 * h.major:.6g} × Ø{2e3 * h.minor:.6g} mm, centres {millimetres(offset)} apart"
     found = limits.round_fit(h.minor, fit, _kept(offset, limits))
     depth = hollow.extent.length
-    shared = (depth, min(depth, solid.extent.length), hollow.extent.open)
-    return _round("toroidal", solid, hollow, h.axis, offset, angle, found, shared, h.center, h.major, words)
+    smaller = min(depth, solid.extent.length)
+    seat = _Seat(h.center, h.axis, h.major, offset, angle, depth, smaller, hollow.extent.open)
+    return _round("toroidal", solid, hollow, seat, found, words)
 
 
-def groove(ball: View[Sphere], hollow: View[Cylinder] | View[Torus], limits: Limits) -> Match | None:
+def groove(
+    ball: FeatureView[Sphere], hollow: FeatureView[Cylinder] | FeatureView[Torus], limits: Limits
+) -> Match | None:
     """A ball in a groove of its own radius, straight or around an axis."""
     s, h = ball.geometry, hollow.geometry
     fit = _radius(h) - s.radius
@@ -258,8 +278,9 @@ def groove(ball: View[Sphere], hollow: View[Cylinder] | View[Torus], limits: Lim
         f"ball Ø{2e3 * s.radius:.6g} in groove Ø{2e3 * _radius(h):.6g} mm, {what}, centres {millimetres(offset)} apart"
     )
     found = limits.round_fit(_radius(h), fit, _kept(offset, limits))
-    shared = (1.0, 1.0, hollow.extent.open if isinstance(h, Cylinder) else 2.0 * np.pi)
-    return _round("groove", ball, hollow, axis, offset, 0.0, found, shared, middle, s.radius, words)
+    opening = hollow.extent.open if isinstance(h, Cylinder) else 2.0 * np.pi
+    seat = _Seat(middle, axis, s.radius, offset, 0.0, 1.0, 1.0, opening)
+    return _round("groove", ball, hollow, seat, found, words)
 
 
 def _radius(geometry: Geometry) -> float:
@@ -272,7 +293,7 @@ def _radius(geometry: Geometry) -> float:
     return np.inf
 
 
-def tangent(first: View, second: View, limits: Limits) -> Match | None:
+def tangent(first: FeatureView, second: FeatureView, limits: Limits) -> Match | None:
     """Surfaces that touch along a line or in a point, where both really are; `second` is solid."""
     hollow = first.feature.sense < 0
     if hollow and _radius(first.geometry) - _radius(second.geometry) <= limits.clearance:
@@ -315,7 +336,7 @@ def tangent(first: View, second: View, limits: Limits) -> Match | None:
     )
 
 
-def _span(first: View, second: View) -> tuple[float, float]:
+def _span(first: FeatureView, second: FeatureView) -> tuple[float, float]:
     """m: heights along the second's axis between which a line contact may lie: of a cylinder only beside the first."""
     low, high = float(second.extent.spans[0, 0]), float(second.extent.spans[-1, 1])
     g = second.geometry
@@ -338,10 +359,10 @@ class Pairing(Generic[F, S]):
     second: type[S]
     senses: tuple[tuple[int, int], ...]
     """the senses of the first and the second that fit: +1 solid, -1 hollow"""
-    rule: Callable[[View[F], View[S], Limits], Match | None]
+    rule: Callable[[FeatureView[F], FeatureView[S], Limits], Match | None]
     """called with the features in the order of the row"""
 
-    def match(self, a: View, b: View, limits: Limits) -> Match | None:
+    def match(self, a: FeatureView, b: FeatureView, limits: Limits) -> Match | None:
         """What the rule says of two features, whichever comes first; None where they are not of this row."""
         if self.speaks_of(a, b):
             return self.rule(a, b, limits)
@@ -350,7 +371,7 @@ class Pairing(Generic[F, S]):
         found = self.rule(b, a, limits)
         return found and replace(found, approach=-found.approach, local=a.pose.actInv(found.origin))
 
-    def speaks_of(self, a: View, b: View) -> bool:
+    def speaks_of(self, a: FeatureView, b: FeatureView) -> bool:
         """Whether two features, in this order, are of this row's types and senses."""
         first, second = a.feature, b.feature
         return self.fits_types((type(first.geometry), first.sense), (type(second.geometry), second.sense))
@@ -386,8 +407,10 @@ FITS = ("against", "concentric", "conical", "groove", "screw", "spherical", "tor
 """Kinds whose surfaces coincide: what is offered to a hand, which would not want every tangency on its way."""
 
 
-STANDING = (*FITS, "tangent")
-"""Kinds of an assembly as it stands: what `recognise` offers by default."""
+DEFAULT_KINDS = (*FITS, "tangent")
+"""kinds that `recognise` offers by default"""
+STANDING = DEFAULT_KINDS
+"""the same; its name in older scripts"""
 SLIGHT = ("contact", "coplanar")
 """Kinds that two bodies often make without being meant to: edges and vertices that touch, faces that lie flush."""
 
@@ -398,7 +421,9 @@ def rows_for(kinds: Set[str]) -> tuple[Pairing[Any, Any], ...]:
     return PAIRINGS[:last]
 
 
-def matches(a: View, b: View, limits: Limits, rows: Sequence[Pairing[Any, Any]] = PAIRINGS) -> Match | None:
+def matches(
+    a: FeatureView, b: FeatureView, limits: Limits, rows: Sequence[Pairing[Any, Any]] = PAIRINGS
+) -> Match | None:
     """The match of two features by the first row of the table that fits; None where no row does.
 
     rows: the first rows of the table, see `rows_for`.

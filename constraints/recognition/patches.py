@@ -31,7 +31,7 @@ _HOPELESS = 0.02
 """share of the squared distances by which a step must reduce them while their mean is beyond the limit"""
 
 
-class Workspace(NamedTuple):
+class FitWorkspace(NamedTuple):
     """Arrays of one fit."""
 
     points: Array
@@ -56,11 +56,38 @@ class Workspace(NamedTuple):
     """(4,) middle and extent, m"""
 
 
-def workspace(points: int, bases: int) -> Workspace:
+class Samples(NamedTuple):
+    """Points and rough normals that patches share."""
+
+    points: Array
+    """(m, 3), m"""
+    bases: Array
+    """(b, 3), m"""
+    normals: Array
+    """(b, 3) at the bases"""
+
+
+class Patches(NamedTuple):
+    """n sets of samples and the kind of surface to fit to each.
+
+    Patch i has the points `of[ends[i]:ends[i + 1]]`, and the bases and normals `at[stops[i]:stops[i + 1]]`.
+    """
+
+    kinds: Index
+    """(n,) values of `NUMBERS`"""
+    of: Index
+    ends: Index
+    """(n + 1,)"""
+    at: Index
+    stops: Index
+    """(n + 1,)"""
+
+
+def workspace(points: int, bases: int) -> FitWorkspace:
     """Return a workspace for sets of up to that many points and bases."""
     p, b, n = (np.zeros((max(rows, 1), 3)) for rows in (points, bases, bases))
     best, trial, row = np.zeros((3, 8))
-    return Workspace(p, b, n, np.zeros((8, 9)), np.zeros((3, 3)), np.zeros((3, 3)), best, trial, row, np.zeros(4))
+    return FitWorkspace(p, b, n, np.zeros((8, 9)), np.zeros((3, 3)), np.zeros((3, 3)), best, trial, row, np.zeros(4))
 
 
 def fit_patches(kind: str, patches: Sequence[Patch], limit: float, iterations: int = 40) -> list[Fit | None]:
@@ -68,29 +95,21 @@ def fit_patches(kind: str, patches: Sequence[Patch], limit: float, iterations: i
     found: list[Fit | None] = []
     for points, bases, normals in patches:
         ends = np.array([[0, len(points)], [0, len(bases)]])
-        whole = (np.arange(len(points)), ends[0]), (np.arange(len(bases)), ends[1])
-        (numbers,) = fit_packed(
-            np.array([NUMBERS[kind]]), points, *whole[0], bases, normals, *whole[1], limit, iterations
-        )
+        whole = np.arange(len(points)), ends[0], np.arange(len(bases)), ends[1]
+        one = Patches(np.array([NUMBERS[kind]]), *whole)
+        (numbers,) = fit_packed(Samples(points, bases, normals), one, limit, iterations)
         geometry = geometry_of(NUMBERS[kind], numbers)
         residual = np.inf if geometry is None else float(np.abs(geometry.distance(points)).max())
         found.append(Fit(geometry, residual) if geometry is not None and residual <= limit else None)
     return found
 
 
-def fit_packed(
-    kinds: Index, points: Array, of: Index, ends: Index, bases: Array, normals: Array, at: Index, stops: Index,
-    limit: float, iterations: int,
-) -> Array:  # fmt: skip
-    """Return (n, 8) the surfaces through n patches in the form of `Workspace.best`; NaN if none is within `limit`, m.
-
-    kinds: (n,). Patch i has the points `points[of[ends[i]:ends[i + 1]]]`, and the bases and normals of the rows
-    `at[stops[i]:stops[i + 1]]`.
-    """
-    out = np.full((len(kinds), 8), np.nan)
-    if len(kinds):
-        work = workspace(int(np.diff(ends).max()), int(np.diff(stops).max()))
-        _fit_all(kinds, points, of, ends, bases, normals, at, stops, limit, iterations, work, out)
+def fit_packed(samples: Samples, patches: Patches, limit: float, iterations: int) -> Array:
+    """Return (n, 8) the surfaces through n patches, as `FitWorkspace.best`; NaN where none is within `limit`, m."""
+    out = np.full((len(patches.kinds), 8), np.nan)
+    if len(out):
+        work = workspace(int(np.diff(patches.ends).max()), int(np.diff(patches.stops).max()))
+        _fit_all(samples, patches, limit, iterations, work, out)
     return out
 
 
@@ -102,7 +121,7 @@ def refined(geometry: Geometry, points: Array, iterations: int = 40) -> Geometry
     work = workspace(len(points), 1)
     number = NUMBERS[geometry.kind]
     work.best[:] = numbers_of(geometry)
-    if len(points) < 3 or not _refine_at(number, points, np.empty(0, np.int64), iterations, work):
+    if len(points) < 3 or not refine_at(number, points, np.arange(len(points)), len(points), iterations, work):
         return None
     return geometry_of(number, work.best)
 
@@ -137,7 +156,9 @@ def geometry_of(number: int, numbers: Array) -> Geometry | None:
 
 
 @kernel
-def _fit_all(kinds, points, of, ends, bases, normals, at, stops, limit, iterations, work, out):
+def _fit_all(samples, patches, limit, iterations, work, out):
+    points, bases, normals = samples
+    kinds, of, ends, at, stops = patches
     for i in range(len(kinds)):
         n, k = ends[i + 1] - ends[i], stops[i + 1] - stops[i]
         if n < 3 or k < 1 or not _normalise(points, of, ends[i], n, work):
@@ -163,9 +184,9 @@ def _fit_all(kinds, points, of, ends, bases, normals, at, stops, limit, iteratio
 
 
 @kernel
-def _refine_at(kind, points, of, iterations, work):
-    """Refine `work.best`, m, to all points (`of` is empty); returns False if they have no extent."""
-    if not _normalise(points, of, 0, len(points), work):
+def refine_at(kind, points, of, n, iterations, work):
+    """Refine `work.best`, m, to the points `of[:n]`; returns False if they determine none."""
+    if not _normalise(points, of, 0, n, work):
         return False
     q, scale = work.best, work.middle[3]
     for d in range(3):
@@ -173,22 +194,22 @@ def _refine_at(kind, points, of, iterations, work):
     if kind != CONE:
         q[6] /= scale
         q[7] /= scale
-    _refine(kind, len(points), 0.0, iterations, work)
+    _refine(kind, n, 0.0, iterations, work)
     _restore(kind, work)
-    return True
+    return _is_surface(kind, q)
 
 
 @inner_kernel
 def _normalise(points, of, start, n, work):
-    """Copy points to the workspace, about their middle and in units of their extent; False if they have none.
+    """Copy points `of[start:start + n]` to the workspace, about their middle and in units of their extent.
 
-    Rows `of[start:start + n]`, or the first n if `of` is empty.
+    Returns False if they have none.
     """
     extent = 0.0
     for d in range(3):
         total, low, high = 0.0, np.inf, -np.inf
         for j in range(n):
-            x = points[of[start + j] if len(of) else j, d]
+            x = points[of[start + j], d]
             work.points[j, d] = x
             total += x
             low, high = min(low, x), max(high, x)
@@ -206,7 +227,7 @@ def _normalise(points, of, start, n, work):
 
 @inner_kernel
 def _restore(kind, work):
-    """Return `work.best` to metres; the origin of a cylinder comes to lie beside the points' middle."""
+    """Return `work.best` to metres; the origin of a cylinder is moved beside the points' middle."""
     q, scale = work.best, work.middle[3]
     if kind == CYLINDER:
         along = q[0] * q[3] + q[1] * q[4] + q[2] * q[5]

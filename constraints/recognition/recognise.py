@@ -20,12 +20,13 @@ from constraints.geometry.features import Feature
 from constraints.geometry.metric_threads import DrawnThread, metric_threads
 from constraints.geometry.surfaces import Cylinder
 from constraints.geometry.threads import ALIKE
-from constraints.geometry.views import Extent, Limits, View
+from constraints.geometry.views import Extent, FeatureView, Limits
 from constraints.geometry.words import millimetres
 from constraints.recognition.candidate import KINDS, Candidate, Key, Match, Pair, known_kinds
 from constraints.recognition.edge_contacts import as_match, edge_contact, without_implied_contacts
 from constraints.recognition.implied import Found, without_implied
-from constraints.recognition.pairings import PAIRINGS, SLIGHT, STANDING, Pairing, matches, over
+from constraints.recognition.pairings import DEFAULT_KINDS, PAIRINGS, SLIGHT, Pairing, matches, over
+from constraints.recognition.prefilter import Placed, may_match
 from constraints.recognition.thread_evidence import drawn_thread
 from constraints.recognition.verdicts import Verdicts
 
@@ -61,19 +62,17 @@ class Recogniser:
         self._drawn: dict[Pair, DrawnThread | None] = {}
         self._of_surface = [{s: i for i, f in enumerate(fs) for s in f.surfaces} for fs in self.features]
         self._extents: dict[tuple[int, int], Extent] = {}
-        self._views: dict[tuple[int, int], tuple[bytes, View]] = {}
+        self._views: dict[tuple[int, int], tuple[bytes, FeatureView]] = {}
         self._shared: dict[int, Extent] = {}
         self._known: dict[tuple[Pair, Limits, int], tuple[tuple[bytes, bytes], Match | None]] = {}
         self.verdicts = Verdicts(self)
         self._first_feature = np.cumsum([0, *(len(fs) for fs in self.features)])
         self._n_surfaces = np.array([max(table, default=-1) + 1 for table in self._of_surface], np.int64)
         self._first_surface = np.cumsum(np.append(0, self._n_surfaces))
-        self._numbers = np.full(self._first_surface[-1], -1, np.int64)  # of the feature of each surface, of all bodies
-        for first, number, table in zip(
-            self._first_surface.tolist(), self._first_feature, self._of_surface, strict=False
-        ):
+        self._numbers = np.full(self._first_surface[-1] + 1, -1)  # of the surfaces' features; the last of none
+        for body, table in enumerate(self._of_surface):
             for surface, feature in table.items():
-                self._numbers[first + surface] = number + feature
+                self._numbers[self._first_surface[body] + surface] = self._first_feature[body] + feature
 
     def feature_of(self, body: int, surface: int) -> int | None:
         """Place of the feature a face belongs to; None for faces without analytic geometry."""
@@ -81,18 +80,13 @@ class Recogniser:
 
     def near(self, contacts: NDArray[Any], within: float = np.inf) -> Pairs:
         """The pairs of features with contact rows at a distance of at most `within`, and these distances."""
-        pairs: Pairs = {}
-        near = contacts[contacts["distance"] <= within]
-        rows = zip(
-            *(near[c].tolist() for c in ("object_a", "surface_a", "object_b", "surface_b", "distance")), strict=True
-        )
-        for a, sa, b, sb, distance in rows:
-            if a >= len(self.features) or b >= len(self.features):
-                continue
-            fa, fb = self._of_surface[a].get(sa), self._of_surface[b].get(sb)
-            if fa is not None and fb is not None:
-                pairs.setdefault((a, fa, b, fb), []).append((sa, sb, distance))
-        return pairs
+        codes = self.codes(contacts)
+        chosen = (codes >= 0) & (contacts["distance"] <= within)
+        found: dict[int, list[Near]] = {}
+        rows = (contacts[name][chosen].tolist() for name in ("surface_a", "surface_b", "distance"))
+        for code, *row in zip(codes[chosen].tolist(), *rows, strict=True):
+            found.setdefault(code, []).append(tuple(row))
+        return {self.pair(code): near for code, near in found.items()}
 
     def codes(self, contacts: NDArray[Any]) -> NDArray[np.int64]:
         """(n,) one number for the pair of features of each contact row, ascending as `Pair`; -1 where there is none."""
@@ -104,18 +98,35 @@ class Recogniser:
             known = body < len(self.features)
             body = np.where(known, body, 0)
             known &= surface < self._n_surfaces[body]
-            sides.append(np.where(known, self._numbers[np.where(known, self._first_surface[body] + surface, 0)], -1))
+            sides.append(self._numbers[np.where(known, self._first_surface[body] + surface, -1)])
         return np.where((sides[0] >= 0) & (sides[1] >= 0), sides[0] << 32 | sides[1], -1)
+
+    def code(self, pair: Pair) -> int:
+        """The number of a pair of features in `codes`."""
+        a, fa, b, fb = pair
+        return int(self._first_feature[a] + fa) << 32 | int(self._first_feature[b] + fb)
 
     def pair(self, code: int) -> Pair:
         """The pair of features of a number that `codes` gave."""
         a, b = (int(np.searchsorted(self._first_feature, k, "right")) - 1 for k in (code >> 32, code & 0xFFFFFFFF))
         return a, (code >> 32) - int(self._first_feature[a]), b, (code & 0xFFFFFFFF) - int(self._first_feature[b])
 
+    def likely(self, codes: NDArray[np.int64], poses: Sequence[pin.SE3], limits: Limits) -> NDArray[np.int64]:
+        """Those of some numbers from `codes` whose features may match at `poses`: by far not all neighbours do."""
+        used, places = np.unique(np.stack([codes >> 32, codes & 0xFFFFFFFF]), return_inverse=True)
+        bodies = np.searchsorted(self._first_feature, used, "right") - 1
+        own = used - self._first_feature[bodies]
+        extents = [self._extent(body, feature) for body, feature in zip(bodies.tolist(), own.tolist(), strict=True)]
+        at = np.array([pose.homogeneous for pose in poses]).reshape(-1, 4, 4)[bodies]
+        placed = Placed.of(extents).moved(at[:, :3, :3], at[:, :3, 3])
+        first, second = (placed.at(side) for side in places.reshape(2, -1))
+        loosest = FLANK * max(map(abs, self.threads.values()), default=0.0)
+        return codes[may_match(first, second, limits, loosest)]
+
     def widest(self, limits: Limits) -> float:
         """Greatest difference of radii (m) at which one of the shafts fits one of the bores, or makes a thread with it.
 
-        As far apart as that their faces may be: contacts have to be asked for within it.
+        Their faces may be as far apart: contacts are needed up to that distance.
         """
         radii: dict[int, set[float]] = {1: set(), -1: set()}
         for feature in (feature for own in self.features for feature in own):
@@ -129,11 +140,15 @@ class Recogniser:
             fits[i, j] = bool(metric_threads(2.0 * shafts[i], 2.0 * bores[j]))
         return float(np.abs(clearance[fits]).max(initial=0.0))
 
-    def view(self, body: int, feature: int, pose: pin.SE3) -> View:
+    def within(self, limits: Limits) -> float:
+        """m: how near contacts recognition needs under these limits."""
+        return max(limits.clearance, float(np.hypot(self.widest(limits), limits.linear)))
+
+    def view(self, body: int, feature: int, pose: pin.SE3) -> FeatureView:
         """A feature where it is when its body is at `pose`."""
         at, known = _bytes(pose), self._views.get((body, feature))
         if known is None or known[0] != at:  # a feature is compared with many others
-            known = self._views[body, feature] = at, View(self._extent(body, feature), pin.SE3(pose))
+            known = self._views[body, feature] = at, FeatureView(self._extent(body, feature), pin.SE3(pose))
         return known[1]
 
     def matches(
@@ -145,8 +160,8 @@ class Recogniser:
         """
         a, fa, b, fb = pair
         state = (_bytes(poses[a]), _bytes(poses[b]))
-        asked = (pair, limits, len(rows))
-        known = self._known.get(asked)
+        key = (pair, limits, len(rows))
+        known = self._known.get(key)
         if known is not None and known[0] == state:  # most pairs stand still from one step to the next
             return known[1]
         pitch = self.pitch(pair)
@@ -155,7 +170,7 @@ class Recogniser:
         if found is not None and pitch is not None and found.kind == "concentric":
             words = f"threads on one axis{over(found.overlap)}"
             found = replace(found, kind="screw", fit=None, press=0.0, words=words, parameters={"pitch": pitch})
-        self._known[asked] = (state, found)
+        self._known[key] = (state, found)
         return found
 
     def match(self, key: Key, poses: Sequence[pin.SE3], limits: Limits) -> Match | None:
@@ -236,6 +251,59 @@ class Recogniser:
             pitch=pitch,
         ).engaged(poses)
 
+    def candidates(
+        self,
+        poses: Sequence[pin.SE3],
+        contacts: NDArray[Any],
+        tolerance: Tolerance,
+        *,
+        kinds: Iterable[str] | None = None,
+        implied: bool = False,
+        tell: Callable[[float], None] = lambda fraction: None,
+    ) -> tuple[Candidate, ...]:
+        """Candidates for constraints between bodies that touch: one a pair of features, by falling score, then by key.
+
+        Parameters
+        ----------
+        poses: one `pin.SE3` a body, body to world.
+        contacts: (n,) rows of `collision.CONTACT_DTYPE`, from `CollisionManager.contacts(within=…)`, up to `within` at
+            least, so that the faces of a loose fit are among them.
+        tolerance: `reach` and `reach_angular` say how far from exact a mate may be; `replace(t, reach=0.0,
+            reach_angular=0.0)` judges an assembly as it stands.
+        kinds: only these kinds; None for all of `pairings.DEFAULT_KINDS`. With "contact" or "coplanar" among them
+            (`pairings.SLIGHT`) edges and vertices that touch within `tolerance.linear` count too, and faces that lie
+            flush: ranked below fits, and left out where a fit of the same two bodies implies them.
+        implied: whether candidates that others imply are returned (see `constraints.recognition.implied`).
+        tell: receives the fraction done, before each pair of features.
+        """
+        limits = Limits.offer(tolerance)
+        wanted = known_kinds(DEFAULT_KINDS if kinds is None else kinds)
+        every = self.codes(contacts)
+        if wanted.isdisjoint(SLIGHT):
+            contacts = contacts[np.isin(every, self.likely(np.unique(every[every >= 0]), poses, limits))]
+        near = self.near(contacts)
+        found: list[Found] = []
+        slight = []
+
+        def views(pair: Pair) -> tuple[FeatureView, FeatureView]:
+            a, fa, b, fb = pair
+            return self.view(a, fa, poses[a]), self.view(b, fb, poses[b])
+
+        for number, (pair, rows) in enumerate(sorted(near.items())):
+            tell(number / len(near))
+            match = self.matches(pair, poses, limits)
+            if match is not None:
+                found.append((pair, match))
+            elif not wanted.isdisjoint(SLIGHT) and min(x[2] for x in rows) <= limits.slack:
+                touch = edge_contact(*views(pair), limits)
+                slight += [] if touch is None else [(pair, touch)]
+        fits = [(pair, match.fit) for pair, match in found]
+        kept = found if implied else without_implied(found, self.features, self.threads, limits)
+        beside = without_implied_contacts(slight, fits, lambda body, f: self.view(body, f, poses[body]))
+        kept = [*kept, *((pair, as_match(touch, *views(pair), limits)) for pair, touch in beside)]
+        out = (self.candidate(pair, match, near[pair], limits, poses) for pair, match in kept if match.kind in wanted)
+        return tuple(sorted(out, key=lambda c: (-c.score, c.key)))
+
     def _extent(self, body: int, feature: int) -> Extent:
         extent = self._extents.get((body, feature))
         if extent is None:
@@ -253,8 +321,7 @@ def _bytes(pose: pin.SE3) -> bytes:
 
 def contacts_within(features: Sequence[Sequence[Feature]], tolerance: Tolerance) -> float:
     """m: how near contacts `recognise` needs of these features, under this tolerance."""
-    limits = Limits.offer(tolerance)
-    return max(limits.clearance, float(np.hypot(Recogniser(features).widest(limits), limits.linear)))
+    return Recogniser(features).within(Limits.offer(tolerance))
 
 
 def recognise(
@@ -267,50 +334,10 @@ def recognise(
     named: Mapping[int, Collection[str]] | None = None,
     kinds: Iterable[str] | None = None,
     implied: bool = False,
-    tell: Callable[[float], None] = lambda fraction: None,
 ) -> tuple[Candidate, ...]:
     """Candidates for constraints between bodies that touch, best score first.
 
-    Parameters
-    ----------
-    features: one sequence of `Feature` a body, body frame.
-    poses: one `pin.SE3` a body, body to world.
-    contacts: (n,) rows of `collision.CONTACT_DTYPE`, from `CollisionManager.contacts(within=…)`; ask for at least
-        what `contacts_within` says, so that the faces of a loose fit are near enough to be seen.
-    tolerance: `reach` and `reach_angular` say how far from exact a mate may be; `replace(t, reach=0.0,
-        reach_angular=0.0)` judges an assembly as it stands.
-    threads: pitch in m a turn of threaded features, by (body, feature).
-    named: words of the bodies' names that speak of threads, see `Recogniser`.
-    kinds: only these kinds; None for all of `pairings.STANDING`. With "contact" or "coplanar" among them (`pairings.
-        SLIGHT`) edges and vertices that touch within `tolerance.linear` are looked at too, and faces that lie flush:
-        ranked below what fits, and left out where a fit of the same two bodies says as much.
-    implied: whether what others imply is returned, too (see `constraints.recognition.implied`).
-    tell: hears the fraction done, before each pair of features.
-
-    Returns
-    -------
-    One `Candidate` a pair of features, sorted by falling score, then by key.
+    features, threads, named: see `Recogniser`; poses, contacts, tolerance, kinds, implied: see `Recogniser.candidates`.
     """
-    tolerance = tolerance or Tolerance()
     recogniser = Recogniser(features, threads, named)
-    limits = Limits.offer(tolerance)
-    wanted = known_kinds(STANDING if kinds is None else kinds)
-    near = recogniser.near(contacts)
-    said: list[Found] = []
-    slight = []
-    for number, (pair, rows) in enumerate(sorted(near.items())):
-        tell(number / len(near))
-        found = recogniser.matches(pair, poses, limits)
-        said += [] if found is None else [(pair, found)]
-        if found is None and not wanted.isdisjoint(SLIGHT) and min(x[2] for x in rows) <= limits.slack:
-            a, fa, b, fb = pair
-            touch = edge_contact(recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b]), limits)
-            slight += [] if touch is None else [(pair, touch)]
-    news = said if implied else without_implied(said, recogniser.features, recogniser.threads, limits)
-    out = [recogniser.candidate(pair, match, near[pair], limits, poses) for pair, match in news]
-    every = [(pair, match.fit) for pair, match in said]
-    for pair, touch in without_implied_contacts(slight, every, lambda body, f: recogniser.view(body, f, poses[body])):
-        a, fa, b, fb = pair
-        match = as_match(touch, recogniser.view(a, fa, poses[a]), recogniser.view(b, fb, poses[b]), limits)
-        out.append(recogniser.candidate(pair, match, near[pair], limits, poses))
-    return tuple(sorted((c for c in out if c.kind in wanted), key=lambda c: (-c.score, c.key)))
+    return recogniser.candidates(poses, contacts, tolerance or Tolerance(), kinds=kinds, implied=implied)

@@ -20,7 +20,7 @@ SAMPLES = 17
 
 
 @dataclass(frozen=True, eq=False)
-class Touch:
+class NearestPoints:
     """Two analytic surfaces at their nearest."""
 
     gap: float
@@ -35,22 +35,22 @@ class Touch:
     """"outside", "inside" or "crossed\""""
 
 
-def plane_cylinder(p: Plane, c: Cylinder, span: tuple[float, float], hollow: bool) -> Touch:
+def plane_cylinder(p: Plane, c: Cylinder, span: tuple[float, float], hollow: bool) -> NearestPoints:
     """Along a line parallel to the axis."""
     angle = abs(float(np.arcsin(np.clip(c.axis @ p.normal, -1.0, 1.0))))
     heights = np.linspace(*span, SAMPLES)
     line = c.origin + heights[:, None] * c.axis - c.radius * p.normal
     middle = c.origin + 0.5 * (span[0] + span[1]) * c.axis
-    return Touch(float((middle - p.origin) @ p.normal) - c.radius, angle, line, p.normal, "outside")
+    return NearestPoints(float((middle - p.origin) @ p.normal) - c.radius, angle, line, p.normal, "outside")
 
 
-def plane_sphere(p: Plane, s: Sphere, span: tuple[float, float], hollow: bool) -> Touch:
+def plane_sphere(p: Plane, s: Sphere, span: tuple[float, float], hollow: bool) -> NearestPoints:
     """In a point."""
     gap = float((s.center - p.origin) @ p.normal) - s.radius
-    return Touch(gap, 0.0, (s.center - s.radius * p.normal)[None], p.normal, "outside")
+    return NearestPoints(gap, 0.0, (s.center - s.radius * p.normal)[None], p.normal, "outside")
 
 
-def plane_cone(p: Plane, c: Cone, span: tuple[float, float], hollow: bool) -> Touch:
+def plane_cone(p: Plane, c: Cone, span: tuple[float, float], hollow: bool) -> NearestPoints:
     """Along a line through the apex: the cone lies on its side."""
     lean = float(np.arcsin(np.clip(c.axis @ p.normal, -1.0, 1.0)))
     flat = c.axis - (c.axis @ p.normal) * p.normal
@@ -58,10 +58,10 @@ def plane_cone(p: Plane, c: Cone, span: tuple[float, float], hollow: bool) -> To
     along = flat / length if length > 0 else perpendicular(p.normal)
     run = np.linspace(*span, SAMPLES) / np.cos(c.half_angle)
     gap = float((c.apex - p.origin) @ p.normal)
-    return Touch(gap, abs(lean - c.half_angle), c.apex + run[:, None] * along, p.normal, "outside")
+    return NearestPoints(gap, abs(lean - c.half_angle), c.apex + run[:, None] * along, p.normal, "outside")
 
 
-def plane_torus(p: Plane, t: Torus, span: tuple[float, float], hollow: bool) -> Touch:
+def plane_torus(p: Plane, t: Torus, span: tuple[float, float], hollow: bool) -> NearestPoints:
     """In a point of the rim, or around it where the ring lies flat."""
     out = p.normal - (p.normal @ t.axis) * t.axis
     length = float(np.linalg.norm(out))
@@ -73,10 +73,10 @@ def plane_torus(p: Plane, t: Torus, span: tuple[float, float], hollow: bool) -> 
         a = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
         ring = t.center + t.major * (np.cos(a)[:, None] * u + np.sin(a)[:, None] * v)
     points = ring - t.minor * p.normal
-    return Touch(float((points[0] - p.origin) @ p.normal), 0.0, points, p.normal, "outside")
+    return NearestPoints(float((points[0] - p.origin) @ p.normal), 0.0, points, p.normal, "outside")
 
 
-def cylinder_cylinder(a: Cylinder, b: Cylinder, span: tuple[float, float], hollow: bool) -> Touch | None:
+def cylinder_cylinder(a: Cylinder, b: Cylinder, span: tuple[float, float], hollow: bool) -> NearestPoints | None:
     """Along a line where the axes are parallel, in a point where they cross."""
     cross = np.cross(a.axis, b.axis)
     sine = float(np.linalg.norm(cross))
@@ -91,7 +91,7 @@ def cylinder_cylinder(a: Cylinder, b: Cylinder, span: tuple[float, float], hollo
         gap = a.radius - b.radius - distance if hollow else distance - a.radius - b.radius
         side = b.radius if hollow else -b.radius
         line = b.origin + np.linspace(*span, SAMPLES)[:, None] * b.axis + side * normal
-        return Touch(gap, float(np.arcsin(sine)), line, normal, "inside" if hollow else "outside")
+        return NearestPoints(gap, float(np.arcsin(sine)), line, normal, "inside" if hollow else "outside")
     if hollow:
         return None
     normal = cross / sine
@@ -100,21 +100,21 @@ def cylinder_cylinder(a: Cylinder, b: Cylinder, span: tuple[float, float], hollo
         normal, distance = -normal, -distance
     t = float(np.cross(shift, b.axis) @ cross) / sine**2
     point = a.origin + t * a.axis + a.radius * normal
-    return Touch(distance - a.radius - b.radius, 0.0, point[None], normal, "crossed")
+    return NearestPoints(distance - a.radius - b.radius, 0.0, point[None], normal, "crossed")
 
 
 def ball(
     nearest: Callable[[Geometry, Vector], tuple[float, Vector]],
-) -> Callable[[Geometry, Sphere, tuple[float, float], bool], Touch | None]:
+) -> Callable[[Geometry, Sphere, tuple[float, float], bool], NearestPoints | None]:
     """The rule of a ball on or in a surface; `nearest` gives distance from its skeleton's wall and the way out."""
 
-    def rule(a: Geometry, s: Sphere, span: tuple[float, float], hollow: bool) -> Touch | None:
+    def rule(a: Geometry, s: Sphere, span: tuple[float, float], hollow: bool) -> NearestPoints | None:
         distance, out = nearest(a, s.center)
         if not np.isfinite(out).all():
             return None
         gap = -distance - s.radius if hollow else distance - s.radius
         side = s.radius if hollow else -s.radius
-        return Touch(gap, 0.0, (s.center + side * out)[None], out, "inside" if hollow else "outside")
+        return NearestPoints(gap, 0.0, (s.center + side * out)[None], out, "inside" if hollow else "outside")
 
     return rule
 
@@ -124,7 +124,7 @@ def _wall(surface: Geometry, point: Vector) -> tuple[float, Vector]:
     return float(surface.distance(point)[0]), np.asarray(surface.normals(point)[0])
 
 
-Rule = Callable[..., Touch | None]
+Rule = Callable[..., NearestPoints | None]
 TANGENCIES: dict[tuple[type[Geometry], type[Geometry]], Rule] = {
     (Plane, Cylinder): plane_cylinder,
     (Plane, Sphere): plane_sphere,

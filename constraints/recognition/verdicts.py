@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from collision.numeric.kernel import kernel
 from constraints.geometry.overlap import shared_height
 from constraints.geometry.surfaces import Cylinder, Plane, cross, norm, perpendicular
-from constraints.geometry.views import Limits, View
+from constraints.geometry.views import FeatureView, Limits
 from constraints.recognition.candidate import Match, Pair
 from constraints.recognition.pairings import Pairing, line_angle, of_thread
 
@@ -28,7 +28,7 @@ TILT = 0.1
 """rad: beyond it no bound is known of how long an overlap lasts"""
 
 
-class Known(NamedTuple):
+class KeptVerdict(NamedTuple):
     """One verdict."""
 
     kind: str | None
@@ -42,9 +42,9 @@ class Known(NamedTuple):
 
 
 class Question:
-    """The verdicts on some pairs, asked for again and again: as arrays, one row a pair."""
+    """The verdicts on pairs that are queried in every step, as arrays, one row a pair."""
 
-    def __init__(self, pairs: Sequence[Pair], known: Sequence[Known | None]) -> None:
+    def __init__(self, pairs: Sequence[Pair], known: Sequence[KeptVerdict | None]) -> None:
         self.pairs = list(pairs)
         self.bodies = sorted({body for pair in pairs for body in (pair[0], pair[2])})
         place = {body: k for k, body in enumerate(self.bodies)}
@@ -57,7 +57,7 @@ class Question:
             if verdict is not None:
                 self.set(k, verdict)
 
-    def set(self, k: int, verdict: Known) -> None:
+    def set(self, k: int, verdict: KeptVerdict) -> None:
         """Take a verdict in."""
         self.kinds[k] = verdict.kind
         self.center[k], self.radius[k], self.seat[k], self.margin[k] = verdict[1:]
@@ -74,12 +74,12 @@ class Question:
 
 
 class Measures(Protocol):
-    """What is asked of a `Recogniser`."""
+    """Methods of a `Recogniser` that are called."""
 
     def matches(
         self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits, rows: tuple[Pairing[Any, Any], ...]
     ) -> Match | None: ...
-    def view(self, body: int, feature: int, pose: pin.SE3) -> View[Any]: ...
+    def view(self, body: int, feature: int, pose: pin.SE3) -> FeatureView[Any]: ...
     def limits_of(self, pair: Pair, limits: Limits) -> Limits: ...
 
 
@@ -88,7 +88,7 @@ class Verdicts:
 
     def __init__(self, recogniser: Measures) -> None:
         self.recogniser = recogniser
-        self._known: dict[tuple[Pair, Limits, int], Known] = {}
+        self._known: dict[tuple[Pair, Limits, int], KeptVerdict] = {}
         self._planes: dict[Pair, tuple[float, ...] | None] = {}
         self._questions: dict[str, tuple[Any, Question]] = {}
 
@@ -121,7 +121,7 @@ class Verdicts:
             center, radius = _ball(first, second)
             seat = poses[a].actInv(poses[b]).homogeneous
             room = margin(found, first, second, radius, self.recogniser.limits_of(pair, limits), rows)
-            verdict = Known(None if found is None else found.kind, center, radius, seat, SAFE * room)
+            verdict = KeptVerdict(None if found is None else found.kind, center, radius, seat, SAFE * room)
             self._known[pair, limits, len(rows)] = verdict
             question.set(k, verdict)
         return question.kinds
@@ -140,7 +140,7 @@ class Verdicts:
         seat, radius, room = _planes_apart(table, at[question.a[places]], at[question.b[places]], limits)
         for j in np.flatnonzero(room > 0.0).tolist():
             k = places[j]
-            verdict = Known(None, table[j, 17:], float(radius[j]), seat[j], SAFE * float(room[j]))
+            verdict = KeptVerdict(None, table[j, 17:], float(radius[j]), seat[j], SAFE * float(room[j]))
             self._known[question.pairs[k], limits, rows] = verdict
             question.set(k, verdict)
             del planes[k]
@@ -160,8 +160,11 @@ class Verdicts:
 
 
 def _planes_apart(planes: Array, first: Array, second: Array, limits: Limits) -> tuple[Array, Array, Array]:
-    """For pairs of planes (n, 20), as `Verdicts._planes_of` has them, with bodies at poses (n, 4, 4): `Known.seat`,
-    `Known.radius`, and m (n,): how far any point may go until they can face each other, by `_against`; 0 if at once."""
+    """Seats (n, 4, 4), radii (n,) and margins (n,), m, as in `KeptVerdict`, of planes that do not face each other.
+
+    planes: (n, 20), see `Verdicts._planes_of`. first, second: (n, 4, 4) poses of the bodies. The margin is a lower
+    bound of how far any point goes until the two can face each other, as in `_against`; 0 if they may already.
+    """
     n, p, m, q = planes[:, 0:3], planes[:, 3:6], planes[:, 6:9], planes[:, 9:12]
     r, s, c, d = planes[:, 12], planes[:, 13], planes[:, 14:17], planes[:, 17:20]
     seat = np.zeros_like(first)
@@ -185,7 +188,7 @@ def _planes_apart(planes: Array, first: Array, second: Array, limits: Limits) ->
     return seat, radius, np.maximum(turn, np.abs(height) - tilt - limits.linear)
 
 
-def _ball(first: View[Any], second: View[Any]) -> tuple[Array, float]:
+def _ball(first: FeatureView[Any], second: FeatureView[Any]) -> tuple[Array, float]:
     """Centre (3,) in the frame of the second's body and radius of a ball that holds both features and their axes."""
     (c, r), (d, s) = first.extent.ball, second.extent.ball
     away = second.pose.actInv(first.pose.act(c)) - d
@@ -193,7 +196,12 @@ def _ball(first: View[Any], second: View[Any]) -> tuple[Array, float]:
 
 
 def margin(
-    found: Match | None, a: View[Any], b: View[Any], radius: float, limits: Limits, rows: Sequence[Pairing[Any, Any]]
+    found: Match | None,
+    a: FeatureView[Any],
+    b: FeatureView[Any],
+    radius: float,
+    limits: Limits,
+    rows: Sequence[Pairing[Any, Any]],
 ) -> float:
     """m: how far any point of a ball of `radius` about both features may go before the verdict `found` may change.
 
@@ -213,8 +221,8 @@ def margin(
         judged["screw"] = of_thread(limits, solid.geometry.radius)
     kinds = {row.kind for row in mine} - ({"screw"} - judged.keys())
     if found is None:
-        asked = [_concentric(None, solid, hollow, radius, judged[kind]) for kind in kinds if kind in judged]
-        return min(asked) if len(asked) == len(kinds) else 0.0
+        margins = [_concentric(None, solid, hollow, radius, judged[kind]) for kind in kinds if kind in judged]
+        return min(margins) if len(margins) == len(kinds) else 0.0
     if found.kind == "concentric" and "screw" in judged:
         return 0.0  # unless it became a screw
     return _concentric(found, solid, hollow, radius, judged.get(found.kind, limits)) if found.kind != "tangent" else 0.0
@@ -225,7 +233,7 @@ def _chord(angle: float) -> float:
     return 2.0 * float(np.sin(0.5 * min(max(angle, 0.0), np.pi)))
 
 
-def _against(found: Match | None, a: View[Plane], b: View[Plane], radius: float, limits: Limits) -> float:
+def _against(found: Match | None, a: FeatureView[Plane], b: FeatureView[Plane], radius: float, limits: Limits) -> float:
     p, q = a.geometry, b.geometry
     most = min(limits.angular, 0.5 * np.pi)
     angle = float(np.arctan2(norm(cross(p.normal, q.normal)), -(p.normal @ q.normal)))
@@ -258,7 +266,7 @@ def _apart(first: Array, second: Array, normal: Array) -> float:
 
 
 def _concentric(
-    found: Match | None, solid: View[Cylinder], hollow: View[Cylinder], radius: float, limits: Limits
+    found: Match | None, solid: FeatureView[Cylinder], hollow: FeatureView[Cylinder], radius: float, limits: Limits
 ) -> float:
     s, h = solid.geometry, hollow.geometry
     fit = h.radius - s.radius

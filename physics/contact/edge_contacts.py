@@ -48,7 +48,7 @@ def _flush(ux, uy, uz, wings_a, vx, vy, vz, wings_b, normal):
 
 
 BEYOND = 0.1
-"""1: part of an edge by which a crossing may lie past its end, where a curve goes on there"""
+"""1: part of an edge by which a crossing may lie past its end, where a curve continues there"""
 
 
 @inner_kernel

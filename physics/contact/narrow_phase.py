@@ -38,7 +38,7 @@ def _vertices_on_faces(
 ):  # fmt: skip
     """Vertices of one body (column `side`) on the faces of the other; `ra`, `fa`, … are the first's.
 
-    done: (surfaces,) stamps, workspace: which of the other's surfaces have been looked at.
+    done: (surfaces,) stamps, workspace: surfaces of the second object that have been tested.
     """
     ga, gb = shapes.first_surface[fa], shapes.first_surface[fb]
     vertices = _union(

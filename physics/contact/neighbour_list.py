@@ -13,7 +13,7 @@ from constraints.geometry.surfaces import Geometry
 from physics.contact.contact_set import DEEPEST, ContactSet
 from physics.contact.surface_pairs import near_surfaces
 from physics.model.bodies import Bodies
-from physics.model.shapes import Shape, make_shape, pack
+from physics.model.shapes import ContactShape, make_shape, pack
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -54,7 +54,7 @@ class NeighbourList:
         self.center = np.zeros((0, 3))
         self.rotation = np.zeros((0, 3, 3))
         """with `center`: how the bodies stood when the list was made"""
-        self._shapes: list[Shape] = []
+        self._shapes: list[ContactShape] = []
         self._shape_key: dict[tuple, int] = {}
         self._named: list[tuple[SurfaceMesh, Mapping[int, Geometry]]] = []  # by their id() in `_shape_key`: kept alive
         self._surface_count = np.zeros(0, np.int64)

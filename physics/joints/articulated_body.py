@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from constraints.freedom.lower_pairs import LowerPair, joint_model
 from physics.joints.lower_pair import pair_between
-from physics.joints.rows import Joint
-from physics.joints.thread import Thread
+from physics.joints.rows import JointConstraint
+from physics.joints.thread import ThreadFriction
 from physics.model.bodies import FREE, Bodies
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ class ArticulatedBody:
     """Model of joined bodies, made by `build`. Holds no state: joint coordinates are computed from the poses."""
 
     def __init__(
-        self, links: list[Link], model: pin.Model, loops: list, bodies: Bodies, threads: dict[int, Thread]
+        self, links: list[Link], model: pin.Model, loops: list, bodies: Bodies, threads: dict[int, ThreadFriction]
     ) -> None:
         self.links = links
         self.model = model
@@ -63,10 +63,10 @@ class ArticulatedBody:
 
     @classmethod
     def build(
-        cls, ids: Ints, joints: Sequence[Joint], bodies: Bodies, poses: Mapping[int, pin.SE3]
+        cls, ids: Ints, joints: Sequence[JointConstraint], bodies: Bodies, poses: Mapping[int, pin.SE3]
     ) -> ArticulatedBody | None:
         """Model of the free bodies `ids` under constraints, read at `poses`; None if they cannot be modelled."""
-        by_pair: dict[tuple[int, int], list[Joint]] = {}
+        by_pair: dict[tuple[int, int], list[JointConstraint]] = {}
         members = set(ids.tolist())
         for joint in joints:
             a, b = (i if i in members else -1 for i in joint.bodies)
@@ -78,7 +78,7 @@ class ArticulatedBody:
         model = pin.Model()
         model.gravity = pin.Motion.Zero()
         links: list[Link] = []
-        threads: dict[int, Thread] = {}
+        threads: dict[int, ThreadFriction] = {}
         placed: dict[int, Link] = {}
         open_pairs = dict(sorted(by_pair.items()))
         path = [-1]  # depth first: Pinocchio wants the joints of a subtree to follow one another
@@ -99,7 +99,7 @@ class ArticulatedBody:
             pair = _pair_between(between, child, poses)
             if pair is None:
                 return None
-            thread = next((t for joint in between if (t := Thread.of(joint)) is not None), None)
+            thread = next((t for joint in between if (t := ThreadFriction.of(joint)) is not None), None)
             if pair.name == "screw" and thread is not None:
                 threads[child] = thread
             link = _add_link(model, child, parent, pair, placed, poses, bodies)
@@ -115,7 +115,7 @@ class ArticulatedBody:
         made = cls(links, model, loops, bodies, threads)
         return made if made._true(joints, poses) else None
 
-    def _true(self, joints: Sequence[Joint], poses: Mapping[int, pin.SE3]) -> bool:
+    def _true(self, joints: Sequence[JointConstraint], poses: Mapping[int, pin.SE3]) -> bool:
         """Whether the constraints also hold at other joint coordinates: at one pose a pair may look like another."""
         if self.loops:
             return True
@@ -186,7 +186,7 @@ def _at(point: Array) -> pin.SE3:
     return pin.SE3(np.eye(3), point)
 
 
-def _pair_between(joints: Sequence[Joint], child: int, poses: Mapping[int, pin.SE3]) -> LowerPair | None:
+def _pair_between(joints: Sequence[JointConstraint], child: int, poses: Mapping[int, pin.SE3]) -> LowerPair | None:
     a, b = joints[0].bodies
     parent = b if a == child else a
     return pair_between(joints, child, poses[parent], poses[child])

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from constraints.freedom.lower_pairs import LowerPair, lower_pair
-from physics.joints.rows import Joint
+from physics.joints.rows import JointConstraint
 
 ACROSS = 1e-7
 """1: directions are parallel, axes meet and pitches vanish to this (see `name_joint`)"""
@@ -16,7 +16,9 @@ INDEPENDENT = 1e-9
 """1: singular value of the constraints' rows, relative to the largest or to 1, above which a row takes freedom"""
 
 
-def pair_between(joints: Sequence[Joint], child: int, pose_parent: pin.SE3, pose_child: pin.SE3) -> LowerPair | None:
+def pair_between(
+    joints: Sequence[JointConstraint], child: int, pose_parent: pin.SE3, pose_child: pin.SE3
+) -> LowerPair | None:
     """The lower pair that constraints between two bodies leave at these poses, in the child's frame; None if none."""
     rows = []
     for joint in joints:

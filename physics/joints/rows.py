@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from physics.joints.thread import Thread
+from physics.joints.thread import ThreadFriction
 from physics.model.bodies import FREE, KINEMATIC, Bodies, Saved
 
 Array = NDArray[np.float64]
@@ -21,7 +21,7 @@ RANK = 1e-10
 """1: rows are redundant where singular values are below this times the largest"""
 
 
-class Joint(Protocol):
+class JointConstraint(Protocol):
     """What physics needs of an accepted constraint; every class of `constraints.kinds` has it."""
 
     @property
@@ -44,7 +44,7 @@ def _world_rows(jacobian: Array, bodies: Bodies, i: int) -> Array:
     return np.hstack([linear, angular + np.cross(d, linear)])
 
 
-def assemble(joints: Sequence[Joint], bodies: Bodies, ids: Ints) -> tuple[Ints, Array, Array, Array]:
+def assemble(joints: Sequence[JointConstraint], bodies: Bodies, ids: Ints) -> tuple[Ints, Array, Array, Array]:
     """Rows of all joints: bodies (g, 2) as places in `ids` or -1, Jacobians (g, 1, 12), residuals (g, 1), and rates of
     the residuals (g, 1) due to kinematic bodies.
     """
@@ -95,7 +95,9 @@ class JointRows(NamedTuple):
     """(d,)"""
 
 
-def joint_rows(joints: Sequence[Joint], bodies: Bodies, ids: Ints, friction: Law, ahead: float = 0.0) -> JointRows:
+def joint_rows(
+    joints: Sequence[JointConstraint], bodies: Bodies, ids: Ints, friction: Law, ahead: float = 0.0
+) -> JointRows:
     """Velocity rows of joints of the bodies `ids`.
 
     A thread with friction contributes its own rows instead of its joint's, so that its friction sees all of its load;
@@ -132,7 +134,9 @@ def _dense(held: JointRows, n: int) -> tuple[Array, Array]:
     return rows[:, :n].reshape(len(rows), 6 * n), np.concatenate([held.bias.ravel(), held.dry_bias.ravel()])
 
 
-def _held(ideal: Sequence[Joint], dry: Collection[tuple[Thread, float]], bodies: Bodies, ids: Ints) -> JointRows:
+def _held(
+    ideal: Sequence[JointConstraint], dry: Collection[tuple[ThreadFriction, float]], bodies: Bodies, ids: Ints
+) -> JointRows:
     """Rows of ideal joints and of threads with friction, as the bodies stand."""
     jb, jj, _, jbias = assemble(ideal, bodies, ids)
     if not dry:
@@ -164,14 +168,16 @@ def _held(ideal: Sequence[Joint], dry: Collection[tuple[Thread, float]], bodies:
     )  # fmt: skip
 
 
-def dry_threads(joints: Sequence[Joint], bodies: Bodies, friction: Law) -> dict[tuple[int, int], tuple[Thread, float]]:
+def dry_threads(
+    joints: Sequence[JointConstraint], bodies: Bodies, friction: Law
+) -> dict[tuple[int, int], tuple[ThreadFriction, float]]:
     """Threads that can turn and have friction, and its μ, by their pair of bodies (sorted)."""
-    by_pair: dict[tuple[int, int], list[Joint]] = {}
+    by_pair: dict[tuple[int, int], list[JointConstraint]] = {}
     for joint in joints:
         by_pair.setdefault(_pair(joint), []).append(joint)
     out = {}
     for pair, same in by_pair.items():
-        thread = next((t for joint in same if (t := Thread.of(joint)) is not None), None)
+        thread = next((t for joint in same if (t := ThreadFriction.of(joint)) is not None), None)
         if thread is None:
             continue
         a, b = thread.bodies
@@ -183,7 +189,7 @@ def dry_threads(joints: Sequence[Joint], bodies: Bodies, friction: Law) -> dict[
     return {pair: (out[pair], m) for pair, m in zip(out, mu.tolist(), strict=True) if m > 0.0}
 
 
-def _pair(joint: Joint) -> tuple[int, int]:
+def _pair(joint: JointConstraint) -> tuple[int, int]:
     a, b = joint.bodies
     return min(a, b), max(a, b)
 

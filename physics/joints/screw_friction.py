@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.joints.rows import Law
-from physics.joints.thread import Thread
+from physics.joints.thread import ThreadFriction
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -44,7 +44,7 @@ class ScrewFriction:
     """(d,) μ"""
 
     @classmethod
-    def of(cls, threads: Sequence[Thread], law: Law) -> ScrewFriction:
+    def of(cls, threads: Sequence[ThreadFriction], law: Law) -> ScrewFriction:
         """The threads whose pair of bodies has friction."""
         if not threads:
             return _NONE

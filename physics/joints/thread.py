@@ -30,7 +30,7 @@ STRAIGHT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Thread:
+class ThreadFriction:
     """Geometry of a screw joint for friction. Its axis is that of the joint's first body."""
 
     bodies: tuple[int, int]
@@ -46,7 +46,7 @@ class Thread:
     """rad, half-angle of the flanks: 0 for a square thread"""
 
     @classmethod
-    def of(cls, joint: object) -> Thread | None:
+    def of(cls, joint: object) -> ThreadFriction | None:
         """The thread of a joint, or None if it is no screw, or one whose features tell no radius."""
         if not isinstance(joint, Screw):
             return None

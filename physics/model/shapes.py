@@ -22,7 +22,7 @@ Ints = NDArray[np.int64]
 FACETED, SPHERE, CYLINDER = 0, 1, 2
 
 
-class Shape(NamedTuple):
+class ContactShape(NamedTuple):
     """One mesh in its own frame. `*_start` arrays are offsets: items of i are start[i] … start[i+1]-1."""
 
     vertices: Array
@@ -48,7 +48,7 @@ class Shape(NamedTuple):
     edge_sense: Ints
     """(e,) bit 1: borders a convex analytic surface, bit 2: a concave one"""
     edge_bend: Array
-    """(e, 2) sine of the angle at which a curve of facets goes on at either end; 0 at a corner"""
+    """(e, 2) sine of the angle at which a curve of facets continues at either end; 0 at a corner"""
     circle_start: Ints
     circles: Array
     """(c, 8) rims of cylinders: centre, axis, radius, number; by surface (a rim is listed for both it parts)"""
@@ -67,7 +67,7 @@ class Shape(NamedTuple):
     """m: least thickness of the material between faces of opposite normals"""
 
 
-def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = None, flush: float = 0.0) -> Shape:
+def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = None, flush: float = 0.0) -> ContactShape:
     """The shape of `mesh`; `geometries` says which surfaces are known analytically (mesh frame).
 
     flush: m; faces nearer than this are flush (touching shells of one part), with no wall between them.
@@ -99,7 +99,7 @@ def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = No
     both = np.unique(np.concatenate([sides, sides[:, ::-1]]), axis=0)
     both = both[both[:, 0] != both[:, 1]]
     rims = rims[np.argsort(rims[:, 7], kind="stable")]
-    return Shape(
+    return ContactShape(
         vertices=np.ascontiguousarray(vertices),
         neighbour_start=np.searchsorted(both[:, 0], np.arange(len(vertices) + 1)).astype(np.int64),
         neighbours=np.ascontiguousarray(both[:, 1]),
@@ -253,7 +253,7 @@ SMOOTH = 0.5
 
 
 def _bends(vertices: Array, edges: Ints, surfaces: Ints) -> Array:
-    """`Shape.edge_bend`: where just two edges between the same two surfaces meet, and hardly turn."""
+    """`ContactShape.edge_bend`: where just two edges between the same two surfaces meet, and hardly turn."""
     out = np.zeros((len(edges), 2))
     if len(edges) == 0:
         return out
@@ -331,7 +331,7 @@ class Shapes(NamedTuple):
     i is row `first_surface[i] + s + i` (and vertex v of shape i is row v + i of `neighbour_start`)"""
 
 
-def _rows(shapes: list[Shape]) -> Ints:
+def _rows(shapes: list[ContactShape]) -> Ints:
     """`vertex_rim` with rows of the packed circles."""
     out, base = [], 0
     for shape in shapes:
@@ -340,7 +340,7 @@ def _rows(shapes: list[Shape]) -> Ints:
     return np.concatenate(out)
 
 
-def pack(shapes: list[Shape]) -> Shapes:
+def pack(shapes: list[ContactShape]) -> Shapes:
     """Lay shapes one after the other; indices become global."""
 
     def starts(name: str, items: str) -> Ints:

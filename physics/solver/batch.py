@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from collision.numeric.kernel import kernel
 from physics.contact.surface_pairs import apart, closing_speed
 from physics.joints.articulated_body import ArticulatedBody
-from physics.joints.rows import Joint
+from physics.joints.rows import JointConstraint
 from physics.model.bodies import Bodies
 from physics.model.shapes import Shapes
 from physics.solver.islands import components
@@ -42,7 +42,7 @@ class Batch:
     """moving kinematic bodies among the pairs and joints; islands near the same one are merged"""
     moved_island: Ints
     """(m,) the island each of them is near to"""
-    joints: Sequence[Joint] = ()
+    joints: Sequence[JointConstraint] = ()
     mechanism: ArticulatedBody | None = None
     """the same bodies in joint coordinates, where that is possible (a batch of one island)"""
     constant: bool = True
@@ -81,7 +81,9 @@ class Batch:
         return np.maximum.reduceat(of_bodies, self.start)
 
 
-def whole(ids: Ints, pairs: Ints, moved: Ints, n: int, joints: Sequence[Joint], mechanism, constant: bool) -> Batch:
+def whole(
+    ids: Ints, pairs: Ints, moved: Ints, n: int, joints: Sequence[JointConstraint], mechanism, constant: bool
+) -> Batch:
     """One island of the bodies `ids`."""
     of = np.full(n, -1, np.int64)
     of[ids] = 0

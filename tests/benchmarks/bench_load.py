@@ -3,7 +3,8 @@
 Both run in processes of their own, whose start and imports count, at the same deflection and angle; ours without a
 cache, then with one. Cases are the STEP files below the folder of `--corpus` alone; by default those below the folder
 VPFRAME_DATA, and assemblies that are generated (`--number instances=N` takes one of N instances). `--only` takes some.
-`error` is the number of open shapes, `memory` the peak of the largest of our processes.
+`error` is the number of open shapes, `memory` the peak of the largest of our processes. Meshes of 1,000 to 100,000
+triangles follow: the processor time in which their surfaces are found, with their number.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import platform
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,9 +26,13 @@ import pinocchio as pin
 from vpframe.app.bench import chosen
 from vpframe.app.progress import report
 from vpframe.errors import VpframeError
+from vpframe.importers.mesh_files import weld
+from vpframe.importers.meshes import segmented
+from vpframe.importers.raw import RawFace, RawShape
 from vpframe.scene import modelling as m
 
 GENERATED = (100, 500, 2000)
+TRIANGLES = (1_000, 10_000, 50_000, 100_000)
 DEFLECTION, ANGULAR = 1e-4, 0.35
 KERNEL = """
 import json, sys, time
@@ -87,6 +93,49 @@ def assembly(count: int, folder: Path) -> Path:
     return m.write_step(folder / f"assembly_{count}.step", parts)
 
 
+def sheet(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3), m, and about `count` triangles (m, 3) of a wavy sheet, which no analytic surface fits."""
+    n = 1 + round((count / 2) ** 0.5)
+    x, y = np.meshgrid(*2 * [np.linspace(0.0, 0.1, n)], indexing="ij")
+    z = 0.004 * np.sin(60.0 * x) * np.cos(45.0 * y) + 0.002 * np.sin(130.0 * x + 70.0 * y)
+    return np.stack([x, y, z], axis=2).reshape(-1, 3), _grid(n, n)
+
+
+def shaft(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and about `count` triangles of a shaft of cylinders, shoulders and chamfers, 36 segments round."""
+    steps = max(1, round(count / (6 * 36)))
+    k, turn = np.arange(steps)[:, None], np.linspace(0.0, 2.0 * np.pi, 37)
+    profile = np.stack(
+        [0.005 + 0.001 * (k % 2) + [0.0, 0.0, 0.0005], 0.004 * k + [0.0, 0.003, 0.0035]], axis=2
+    ).reshape(-1, 2)  # radius and height
+    radius, height = profile.T
+    rings = np.stack(
+        [np.outer(radius, np.cos(turn)), np.outer(radius, np.sin(turn)), np.outer(height, turn**0)], axis=2
+    )
+    return rings.reshape(-1, 3), _grid(len(profile), 37)
+
+
+def _grid(rows: int, columns: int) -> np.ndarray:
+    i = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = (corner.ravel() for corner in (i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]))
+    return np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+
+
+MESHES = {"wavy sheet": sheet, "shaft": shaft}
+
+
+def segmentation(name: str, make: Callable[[int], tuple[np.ndarray, np.ndarray]], count: int) -> dict[str, Any]:
+    """The row of a mesh: processor time in which its surfaces are found, compiled code at hand."""
+    for size in (400, count):  # the first compiles
+        points, corners = weld(*make(size))
+        raw = RawShape(points, corners, np.zeros(len(corners), np.int32), [RawFace("mesh")], segmented=False)
+        began = time.process_time()
+        found = segmented(raw)
+        seconds = time.process_time() - began
+    row = {"case": name, "method": "segmentation", "seconds": seconds, "error": None, "unit": "", "n": 1}
+    return row | {"triangles": len(corners), "faces": len(found.faces)}
+
+
 def cases(counts: Sequence[int], corpus: Path | None = None) -> dict[str, Callable[[Path], Path]]:
     """Return a function that gives the file of each case in a temporary folder."""
     found: dict[str, Callable[[Path], Path]] = {}
@@ -123,8 +172,14 @@ def run(
     rows, ratios = [], {}
     counts = (instances,) if instances else GENERATED[: 1 if quick else None]
     with tempfile.TemporaryDirectory(prefix="vpframe-bench-") as folder:
-        for name, make in chosen(cases(counts, corpus), only).items():
+        meshes = (
+            {} if corpus or instances else {f"{m}, {n} triangles": (MESHES[m], n) for m in MESHES for n in TRIANGLES}
+        )
+        for name, make in chosen({**cases(counts, corpus), **meshes}, only).items():
             report(None, name)
+            if name in meshes:
+                rows.append(segmentation(name, *meshes[name]))
+                continue
             file, cache = make(Path(folder)), os.path.join(folder, "cache")
             found, kernel = measure(KERNEL, file, "")
             loaded, first = measure(OURS, file, cache)
@@ -151,6 +206,9 @@ def table(result: dict[str, Any]) -> str:
             )
             counts = f"{row['solids']:>8}{row['parts']:>7}{row['faces']:>7}{row['open']:>6}{row['lost']:>6}"
             lines.append(f"{row['case'][-35:]:<36}{row['size']:>6.2f}{times}{counts}{row['memory'] / 2**20:>6.0f}")
+    for row in result["rows"]:
+        if row["method"] == "segmentation":
+            lines.append(f"{row['case']:<36}{row['seconds']:>10.2f} s to segment into {row['faces']} surfaces")
     lines.append("processor time; kernel: OpenCascade's read and mesh with the start of its process, alone: without it")
     return "\n".join([*lines, result["machine"]])
 

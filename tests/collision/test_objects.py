@@ -51,7 +51,7 @@ def test_many_poses_at_once() -> None:
 
 def test_poses_read_are_those_set_to_the_bit_and_of_nobody_else() -> None:
     manager, rng = crowd(6, 3, 3.0), np.random.default_rng(4)
-    mark = manager.mark()
+    mark = manager.snapshot
     for ids in ([0, 2, 4, 5, 3], [1, 2], [3, 3, 0], [4]):
         given = [anywhere(rng, 3.0) for _ in ids]
         manager.set_poses(ids, given)
@@ -63,14 +63,14 @@ def test_poses_read_are_those_set_to_the_bit_and_of_nobody_else() -> None:
         assert all(np.array_equal(known[i].homogeneous, pose) for i, pose in was.items())
         manager.set_poses(ids[-1:], np.array([was[ids[-1]]]))
         assert all(a is b for a, b in zip(known, manager.poses, strict=True)), "nothing has moved"
-    manager.undo(mark)
+    manager.snapshot = mark
     assert all(np.array_equal(pose.homogeneous, manager.pose(i).homogeneous) for i, pose in enumerate(manager.poses))
 
 
 def test_a_move_that_was_interrupted_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
     """An interrupt may come when an object has its new pose, and its version is still the old one."""
     manager = crowd(4, 5, 2.0)
-    before, mark = manager.packed_poses().tobytes(), manager.mark()
+    before, mark = manager.packed_poses().tobytes(), manager.snapshot
     rows = manager.colliding_surfaces().tolist()
 
     def interrupted() -> int:
@@ -82,7 +82,7 @@ def test_a_move_that_was_interrupted_is_undone(monkeypatch: pytest.MonkeyPatch) 
     with pytest.raises(KeyboardInterrupt):
         manager.set_poses([0, 1], [at(6.0), at(7.0)])
     monkeypatch.undo()
-    manager.undo(mark)
+    manager.snapshot = mark
     assert manager.packed_poses().tobytes() == before
     assert manager.colliding_surfaces().tolist() == rows == one_by_one(manager)
 

@@ -259,9 +259,9 @@ def test_state_and_restore_give_the_same_future():
     one = shaft_bench(rules=[rule])
     for k in range(3):
         one.go(path[k], wanted={1: wanted[k]})
-    saved = pickle.loads(pickle.dumps(one.manager.state()))
+    saved = pickle.loads(pickle.dumps(one.manager.snapshot))
     two = shaft_bench(rules=[rule])
-    two.manager.restore(saved)
+    two.manager.snapshot = saved
     futures = [[b.go(path[k], wanted={1: wanted[k]}) for k in range(3, 6)] for b in (one, two)]
     assert futures[0] == futures[1]
     assert futures[0][0] == [("removed", "against")]

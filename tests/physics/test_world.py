@@ -176,12 +176,12 @@ def test_state_and_restore_give_the_same_future():
     world, box = dropped_box(0.4, [Elastic(0.4), Friction(0.3)], velocity=[0.5, 0.1, 0, 3, 2, 1])
     for _ in range(40):
         world.step(0.01)
-    saved = world.state()
+    saved = world.save()
     first = []
     for _ in range(40):
         world.step(0.01)
         first.append(world.pose(box).homogeneous.tobytes())
-    world.restore(saved)
+    world.load(saved)
     second = []
     for _ in range(40):
         world.step(0.01)

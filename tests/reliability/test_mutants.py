@@ -13,7 +13,7 @@ import pytest
 import vpframe as vp
 from tests.reliability import mutants, results
 from tests.vpframe.readers import forked
-from vpframe.importers import cad
+from vpframe.importers import limits
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -67,7 +67,7 @@ def test_the_end_of_a_forked_reader_is_seen(tmp_path: Path, monkeypatch: pytest.
             vp.load(path, progress=lambda fraction, text: [os.kill(pid, signal.SIGSEGV) for pid in children() - others])
         with pytest.raises(vp.LoadError, match=r"no answer within 0\.001 s"):
             vp.load(path, timeout=0.001)
-        monkeypatch.setattr(cad, "MEMORY", 100 << 20)
+        monkeypatch.setattr(limits, "CAD_MEMORY", 100 << 20)
         with pytest.raises(vp.LoadError, match="GB of memory are needed"):
             vp.load(path)
 

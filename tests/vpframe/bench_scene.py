@@ -7,8 +7,10 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 
+from vpframe.hands import Hand
 from vpframe.scene import modelling as m
 from vpframe.scene.scene import Part, Scene
+from vpframe.session.session import Session
 
 SEAT = np.array([0.0, 0.0, 0.020])
 
@@ -40,3 +42,10 @@ def scene() -> Scene:
         ]
     )
     return made
+
+
+def holding(session: Session, part: str = "peg") -> Hand:
+    """A hand that has grabbed a part from 30 mm above its origin."""
+    hand = session.hand(at=session.scene[part].pose.translation + np.array([0.0, 0.0, 0.03]))
+    hand.grab(part)
+    return hand

@@ -2,6 +2,7 @@
 for types, and by a literal name."""
 
 import ast
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,4 +45,17 @@ def test_folders_of_vpframe_import_only_those_below_them() -> None:
             words = name.split(".")
             if words[0] == "vpframe" and len(words) > 1 and words[1] in ORDER:
                 wrong += [(str(path), name)] * (ORDER.index(words[1]) > ORDER.index(room))
+    assert not wrong
+
+
+def test_nobody_outside_collision_imports_its_inside() -> None:
+    """Others use the names that `collision` exports, its modules of values, and `collision.numeric`."""
+    inside = re.compile(r"collision\.(bvh|triangle|query|broad_phase|narrow_phase|objects|reference)\b")
+    wrong = [
+        (str(path), name)
+        for package in PACKAGES[1:]
+        for path in (ROOT / package).rglob("*.py")
+        for name in imported(path)
+        if inside.match(name)
+    ]
     assert not wrong

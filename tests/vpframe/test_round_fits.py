@@ -66,10 +66,10 @@ def test_clash_session_report_and_plan_agree(d, clearance, offset, turn, tmp_pat
     words = press_fit_words(-clearance)
 
     drawn = scene(d, clearance, offset, turn, True)
-    rows = clash(drawn, clearance=1e-3)["pairs"]
-    gravest = rows[0]["kind"] if len(rows) == 1 else vp_gravest(rows)
+    rows = clash(drawn, clearance=1e-3)
+    gravest = rows[0].kind if len(rows) == 1 else vp_gravest(rows)
     assert gravest == kind, "clash"
-    assert any(words in row["reason"] for row in rows) == (kind == "press fit")
+    assert any(words in row.why for row in rows) == (kind == "press fit")
 
     way = removal(drawn, "pin", motion="straight")
     assert (way.verdict == "removable") == (kind != "clash"), "disassemble"
@@ -109,7 +109,7 @@ def vp_gravest(rows) -> str:
     """The gravest kind of rows; "clearance" where there are none, as of facets that do not meet."""
     from vpframe.analysis.clash import KINDS
 
-    return min((row["kind"] for row in rows), key=KINDS.index, default="clearance")
+    return min((row.kind for row in rows), key=KINDS.index, default="clearance")
 
 
 def holds(session: vp.Session) -> bool:
@@ -210,7 +210,7 @@ def test_the_clearance_of_a_tilted_shaft_is_never_overstated(d, angle):
     turn = pin.exp3(np.array([angle, 0.0, 0.0]))
     pose = pin.SE3(turn, turn @ np.array([0.0, 0.0, -0.5 * length]) + np.array([0.0, 5e-6, -0.5e-2]))
     drawn = m.scene({"plate": plate, "pin": (m.cylinder(radius, 3.0 * length), pose)})
-    distances = {row["distance"] for row in clash(drawn, clearance=1e-3)["pairs"] if "in Ø" in row["reason"]}
+    distances = {row.distance for row in clash(drawn, clearance=1e-3) if row.fit is not None}
     angles = np.linspace(-np.pi, np.pi, 3601)
     ring = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.zeros_like(angles)], axis=1)
     least = np.inf

@@ -23,7 +23,7 @@ from tests.vpframe.watching import box, fake_session, hostile_frames, hostile_sc
 from vpframe import report
 from vpframe.analysis import clash, mates
 from vpframe.app import scaffold as first_task
-from vpframe.app.progress import WIPE, Progress, say, warn
+from vpframe.app.progress import WIPE, Progress, Terminal
 from vpframe.exporters.motion import read_motion
 from vpframe.exporters.tables import write_table
 from vpframe.report import SessionLog
@@ -75,8 +75,8 @@ def test_lines_stay_lines():
 
 @hostile
 def test_what_is_said_cannot_order_the_terminal(name, capsys):
-    say(f"holds {name}")
-    warn(f"failed: {name}")
+    Terminal().say(f"holds {name}")
+    Terminal().warn(f"failed: {name}")
     told = capsys.readouterr()
     assert harmless(told.out) and harmless(told.err) and "rod" in told.out and "rod" in told.err
 
@@ -113,9 +113,9 @@ def test_tables_print_names_as_text_and_a_row_a_line(name):
 
 def test_the_clash_table_gives_the_reason_in_part_names():
     scene = Scene([Part("housing", box((0.04, 0.04, 0.04)), at(0.0)), Part("bolt", box((0.01, 0.01, 0.01)), at(0.0))])
-    document = clash.clash(scene)
-    assert [pair["reason"] for pair in document["pairs"]] == ["bolt lies wholly inside housing"]
-    assert clash.table(document).endswith("bolt lies wholly inside housing")
+    rows = clash.clash(scene)
+    assert [row.why for row in rows] == ["bolt lies wholly inside housing"]
+    assert clash.table(rows).endswith("bolt lies wholly inside housing")
     twice = Scene([Part(name, box((0.04, 0.04, 0.04)), at(0.0)) for name in ("one", "two")])
     shown = clash.table(clash.clash(twice))
     assert "one and two have material in common" in shown and "object" not in shown

@@ -21,29 +21,32 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
-from collision.classify import KINDS as CLASSIFIED
 from collision.classify import classify
+from constraints.geometry.surfaces import Plane
 from vpframe.analysis import clash_status
 from vpframe.analysis.clash_status import ClashKey
-from vpframe.analysis.fits import BAD_KINDS, Key, Row, fits_of
-from vpframe.analysis.gaps import gaps_of
-from vpframe.analysis.pairs import by_parts, count_words, meeting_box, place_words, worst_first
-from vpframe.analysis.static import world_of
+from vpframe.analysis.fits import BAD_KINDS, ClashReason, Key, Verdict, fits_of
+from vpframe.analysis.gaps import Gap, gaps_of
+from vpframe.analysis.pairs import (
+    KINDS,
+    ClashRow,
+    PartPair,
+    by_parts,
+    count_words,
+    meeting_box,
+    place_words,
+    worst_first,
+)
+from vpframe.analysis.static import analysis_of
 from vpframe.errors import VpframeError
 from vpframe.outputs import STATUS, claimed
-from vpframe.scene.deflection import deflections
-from vpframe.scene.names import face_words
 from vpframe.scene.planes import facing_overlaps, is_exact_overlap
 from vpframe.scene.scene import Part, Scene
 from vpframe.scene.subassembly import parts_named
 from vpframe.text import plain
 
-KINDS = (*CLASSIFIED[: CLASSIFIED.index("contact")], "press fit", "thread", *CLASSIFIED[CLASSIFIED.index("contact") :])
-"""in descending gravity"""
 INSIDE_KINDS = ("clash", "containment", "authorised", "thread")
 """kinds of rows that depend on containment"""
-OPEN_WORDS = "is not closed"
-OPEN = "{} " + OPEN_WORDS + ": its winding number decides what is inside it"
 SHOWN = 5e-7
 """least length that is printed, m; smaller ones would read 0.000 mm"""
 TRIANGLES = 0.9
@@ -61,7 +64,7 @@ def merged(scenes: Sequence[Scene]) -> Scene:
         stems[stem] = stems.get(stem, 0) + 1
         prefix = stem if stems[stem] == 1 else f"{stem}_{stems[stem]}"
         for part in scene.parts:
-            out.add(replace(part, name=f"{prefix}/{part.name}"))
+            out.add(part.copy(f"{prefix}/{part.name}"))
         names = {name: f"{prefix}/{name}" for name in scene.names}
         out.statements += tuple(statement.renamed(names) for statement in scene.statements)
     out.notes = tuple(f"{scene.source}: {note}" for scene in scenes for note in scene.notes)
@@ -74,7 +77,7 @@ def clash(
     tolerance: Tolerance | None = None,
     authorised: Iterable[tuple[str, str]] = (),
     progress: Callable[[float, str], None] = lambda fraction, text: None,
-) -> dict[str, Any]:
+) -> tuple[ClashRow, ...]:
     """Find all pairs of surfaces that clash, touch or are nearer than `clearance` (m).
 
     Parameters
@@ -85,26 +88,18 @@ def clash(
 
     Returns
     -------
-    {"pairs": [{"kind", "parts": [a, b], "surfaces": [i, j], "faces": [words, words], "distance", "depth", "interval",
-    "point", "reason"}]}, lengths in metres, in the order of parts and surfaces; `surfaces` and `faces` are empty for
-    parts as a whole (containment, coincidence); `point` (3,), world, is the deepest or nearest point. `kind` is one of
-    `KINDS`; "thread" is the overlap of a screw with its nut or tapped hole, "press fit" that of a shaft larger than its
-    bore by no more than `Tolerance.press_fit` allows: neither is a clash. `interval` is [low, high]: bounds of the
-    signed gap of the two true surfaces, negative for depths; `distance` is the lower bound, or 0, and never more than
-    the true one.
+    Rows in the order of parts and surfaces. The kind "thread" is the overlap of a screw with its nut or tapped hole,
+    "press fit" that of a shaft larger than its bore by no more than `Tolerance.press_fit` allows: neither is a clash.
     """
-    world = world_of(scene, tolerance)
-    t = world.tolerance
+    analysis = analysis_of(scene, tolerance)
+    world, t, sags = analysis.world, analysis.tolerance, analysis.deflections
     meant = [(scene.index(a), scene.index(b)) for a, b in authorised]
-    sag = {shape: deflections(shape) for shape in {part.shape for part in scene.parts}}
-    sags = [sag[part.shape] for part in scene.parts]
     names = scene.names
     found = classify(
-        world, clearance, sags, meant, names=names,
-        tell=lambda fraction: progress(TRIANGLES * fraction, "pairs of parts"),
-    )  # fmt: skip
+        world, clearance, sags, meant, tell=lambda fraction: progress(TRIANGLES * fraction, "pairs of parts")
+    )
     allowed = {frozenset(pair) for pair in meant}
-    rows: dict[Key, Row] = {}
+    rows: dict[Key, Verdict] = {}
     exact: set[Key] = set()
     deepest = {(*p.objects, *(p.surfaces or ())): p.witness for p in found}
     shapes = [part.shape for part in scene.parts]
@@ -112,16 +107,15 @@ def clash(
         kind: str = p.kind
         key: Key = (*p.objects, *(p.surfaces or ()))
         if kind == "contact" and is_exact_overlap(p, shapes, world, sags):
-            kind = "authorised" if frozenset(p.objects) in allowed else "clash"
+            kind = "clash"
             exact.add(key)
-        rows[key] = (kind, p.distance, p.depth, p.reason)
-    for overlap in facing_overlaps(scene, world, sags):
-        kind = "authorised" if frozenset(overlap.key[:2]) in allowed else "clash"
-        rows[overlap.key] = (kind, 0.0, overlap.depth, overlap.why)
+        rows[key] = Verdict(kind, p.distance, p.depth, ClashReason(p.reason), p.words(names), open=p.open)
+    for overlap in facing_overlaps(scene, world, analysis.contacts(analysis.within_deflection), sags):
+        rows[overlap.key] = Verdict("clash", 0.0, overlap.depth, ClashReason.PLANES, overlap.why)
         exact.add(overlap.key)
-    fits, threads = fits_of(scene, world, sags, lambda done: progress(TRIANGLES + (1.0 - TRIANGLES) * done, "fits"))
+    fits, threads = fits_of(analysis, lambda done: progress(TRIANGLES + (1.0 - TRIANGLES) * done, "fits"))
     wanted = max(t.linear, clearance)
-    near = {key for key, row in rows.items() if row[1] <= wanted}
+    near = {key for key, row in rows.items() if row.distance <= wanted}
     for fit in fits:
         for key in fit.mated | (fit.beside & (near if fit.fit.gap <= wanted else rows.keys())):
             rows.pop(key, None)
@@ -129,53 +123,50 @@ def clash(
             exact.add(key)
             if gap > wanted:
                 continue
-            if kind == "clash" and frozenset(key[:2]) in allowed:
-                kind = "authorised"
-            rows[key] = (kind, max(gap, 0.0), max(-gap, 0.0), fit.why)
+            rows[key] = Verdict(kind, max(gap, 0.0), max(-gap, 0.0), ClashReason.FIT, fit.why, fit.fit)
             whole = rows.get(key[:2])
-            if kind == "press fit" and whole is not None and whole[2] <= -gap + t.linear + _sag(sags, key):
+            if kind == "press fit" and whole is not None and whole.depth <= -gap + t.linear + _sag(sags, key):
                 del rows[key[:2]]  # the material that the two have in common is that of the press fit
     left = rows.keys() - exact
     judged = (p for p in found if p.surfaces is not None and (*p.objects, *p.surfaces) in left)
     gaps = gaps_of(scene, judged, sags, wanted)
     for key, between in gaps.items():
-        row = between.row(t.linear, clearance, frozenset(key[:2]) in allowed, rows.pop(key)[3])
+        known, row = rows.pop(key), between.verdict(t.linear, clearance)
         if row is not None:
-            rows[key] = row
+            rows[key] = row._replace(open=known.open)
             deepest[key] = between.point
+    for key, row in rows.items():
+        if row.kind == "clash" and frozenset(key[:2]) in allowed:
+            rows[key] = row._replace(kind="authorised")
     for thread in threads:  # after the fits, because crests in roots are fits too
         a, b = thread.parts
         slack = t.linear + _sag(sags, (a, b))
         rows.update(thread.claimed(rows, deepest, slack))
-    for key, (kind, distance, depth, reason) in rows.items():
-        words = [reason, *(OPEN.format(names[i]) for i in key[:2] if not shapes[i].closed)]
-        if kind in INSIDE_KINDS and OPEN_WORDS not in reason:
-            rows[key] = (kind, distance, depth, "; ".join(filter(None, words)))
-    return {
-        "pairs": [
-            {
-                "kind": kind,
-                "parts": [names[key[0]], names[key[1]]],
-                "surfaces": list(key[2:]),
-                "faces": [face_words(scene.parts[i], s) for i, s in zip(key[:2], key[2:], strict=False)],
-                "distance": distance,
-                "depth": depth,
-                "interval": gaps[key].interval if key in gaps else [distance - depth] * 2,
-                "point": (deepest[key] if key in deepest else _middle(scene, key)).tolist(),
-                "reason": reason,
-            }
-            for key, (kind, distance, depth, reason) in sorted(rows.items())
-        ]
-    }
+    return tuple(_row(scene, key, row, gaps.get(key), deepest.get(key)) for key, row in sorted(rows.items()))
+
+
+def _row(scene: Scene, key: Key, row: Verdict, gap: Gap | None, deepest: NDArray[np.float64] | None) -> ClashRow:
+    a, b = parts = [scene.parts[i] for i in key[:2]]
+    gaps = row.open
+    if not gaps and row.kind in INSIDE_KINDS:
+        gaps = tuple(i for i in key[:2] if not scene.parts[i].shape.closed)
+    low, high = (row.distance - row.depth,) * 2 if gap is None else (gap.low, gap.high)
+    x, y, z = (_middle(scene, key) if deepest is None else deepest).tolist()
+    faces = tuple(part.surfaces[s] for part, s in zip(parts, key[2:], strict=False))
+    return ClashRow(
+        row.kind, (a.name, b.name), key[2:], faces, row.distance, row.depth, (low, high), (x, y, z), row.reason,
+        row.words, row.fit, tuple(scene.parts[i].name for i in gaps),
+        planes=sum(isinstance(face.geometry, Plane) for face in faces),
+    )  # fmt: skip
 
 
 def between(
     first: Part, second: Part, poses: tuple[pin.SE3, pin.SE3], tolerance: Tolerance | None = None
-) -> dict[tuple[int, ...], dict[str, Any]]:
+) -> dict[tuple[int, ...], ClashRow]:
     """Return the rows of `clash` of two parts at world poses, by surfaces of the first and the second, () for the parts
     as a whole: sessions and reports judge a pair by them, as `vpframe clash` does."""
-    pair = Scene(replace(part, pose=pin.SE3(pose)) for part, pose in zip((first, second), poses, strict=True))
-    return {tuple(row["surfaces"]): row for row in clash(pair, tolerance=tolerance)["pairs"]}
+    pair = Scene(part.copy(pose=pin.SE3(pose)) for part, pose in zip((first, second), poses, strict=True))
+    return {row.surfaces: row for row in clash(pair, tolerance=tolerance)}
 
 
 def _sag(sags: Sequence[NDArray[np.float64]], key: Key) -> float:
@@ -183,8 +174,8 @@ def _sag(sags: Sequence[NDArray[np.float64]], key: Key) -> float:
     return float(sum(sags[i].max(initial=0.0) for i in key[:2]))
 
 
-def with_status(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
-    """Update the status file and set "status" and "remark" of each clash in `document`.
+def with_status(rows: Iterable[ClashRow], path: str | os.PathLike[str]) -> tuple[ClashRow, ...]:
+    """Update the status file and return the rows, clashes among them with status and remark.
 
     Parameters
     ----------
@@ -194,37 +185,40 @@ def with_status(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
     ------
     VpframeError: it is not a status file.
     """
-    keys = {_key(pair): pair for pair in document["pairs"] if pair["kind"] in BAD_KINDS}
+    rows = tuple(rows)
+    keys = [_key(row) if row.kind in BAD_KINDS else None for row in rows]
     with claimed(path, STATUS) as output:
         file = output.path
         known, pairs = (clash_status.read(file), clash_status.read_authorised(file)) if output.ours else ((), ())
-        records = clash_status.updated(known, keys)
+        records = clash_status.updated(known, filter(None, keys))
         clash_status.write(file, records, pairs)
-    for record in records:
-        if record.key in keys:
-            keys[record.key].update(status=record.status, remark=record.remark)
+    marks = {record.key: record for record in records}
+    return tuple(
+        replace(row, status=marks[key].status, remark=marks[key].remark) if key else row
+        for row, key in zip(rows, keys, strict=True)
+    )
 
 
-def _key(pair: dict[str, Any]) -> ClashKey:
-    (a, b), (i, j) = pair["parts"], pair["surfaces"] or (clash_status.WHOLE, clash_status.WHOLE)
+def _key(row: ClashRow) -> ClashKey:
+    (a, b), (i, j) = row.parts, row.surfaces or (clash_status.WHOLE, clash_status.WHOLE)
     return ClashKey.of(a, i, b, j)
 
 
-def is_open(pair: dict[str, Any]) -> bool:
-    """Whether a row of `clash` is a clash that has not been accepted."""
-    return pair["kind"] in BAD_KINDS and pair.get("status") != "accepted"
+def is_open(pair: ClashRow | PartPair[ClashRow]) -> bool:
+    """Whether it is a clash that has not been accepted."""
+    return pair.kind in BAD_KINDS and pair.status != "accepted"
 
 
-def document(found: dict[str, Any], **more: Any) -> dict[str, Any]:
+def document(rows: Iterable[ClashRow], **more: Any) -> dict[str, Any]:
     """Return the document of `vpframe clash --json`, with further entries `more`.
 
     {"pairs": [{"kind", "parts", "count", "surface_pairs": [row, …], …}], …}: one row for each pair of parts, gravest
-    first, with the fields of its worst surface pair and the rows of all of them, as `clash` returns them.
+    first, with the fields of its worst surface pair and the rows of all of them.
     """
-    return {"pairs": by_parts(found["pairs"], KINDS), **more}
+    return {"pairs": [pair.document() for pair in by_parts(rows)], **more}
 
 
-def table(found: dict[str, Any], surfaces: bool = False, contacts: bool = False) -> str:
+def table(rows: Sequence[ClashRow], surfaces: bool = False, contacts: bool = False) -> str:
     """Format the result of `clash`: one line for each pair of parts, gravest and deepest first.
 
     Parameters
@@ -232,52 +226,50 @@ def table(found: dict[str, Any], surfaces: bool = False, contacts: bool = False)
     surfaces: one line for each pair of surfaces instead, with contacts.
     contacts: one line for each pair of parts that only touch; otherwise they are counted at the end.
     """
-    if not found["pairs"]:
+    if not rows:
         return "no two parts touch"
-    pairs = by_parts(found["pairs"], KINDS)
-    rows = sorted(found["pairs"], key=lambda row: worst_first(row, KINDS)) if surfaces else pairs
-    counts = ((kind, sum(row["kind"] == kind for row in rows)) for kind in KINDS)
-    head = ", ".join(f"{n} {kind}" for kind, n in counts if n)
+    pairs = by_parts(rows)
+    kinds = [row.kind for row in rows] if surfaces else [pair.kind for pair in pairs]
+    head = ", ".join(f"{kinds.count(kind)} {kind}" for kind in KINDS if kind in kinds)
     if surfaces:
-        return "\n".join(map(plain, [head, *map(_surface_line, rows)]))
+        return "\n".join(map(plain, [head, *map(_surface_line, sorted(rows, key=worst_first))]))
     lines = [f"{head} (pairs of parts)"]
-    touching = [pair for pair in pairs if pair["kind"] == "contact"]
+    touching = [pair for pair in pairs if pair.kind == "contact"]
     counted = not contacts and len(touching) > 1
-    lines += [_pair_line(pair) for pair in pairs if not (counted and pair["kind"] == "contact")]
+    lines += [_pair_line(pair) for pair in pairs if not (counted and pair.kind == "contact")]
     if counted:
-        inner = count_words(sum(pair["count"] for pair in touching), "surfaces")
+        inner = count_words(sum(len(pair.rows) for pair in touching), "surfaces")
         lines.append(
             f"  {'contact':11}  {count_words(len(touching), 'parts')} only touch ({inner}); --contacts lists them"
         )
     return "\n".join(map(plain, lines))
 
 
-def _pair_line(pair: dict[str, Any]) -> str:
-    place = place_words(pair.get("point"))
-    words = [f"{_size(pair)}{f' at {place}' if place else ''}", _where(pair)]
-    if pair["count"] > 1:
-        words.append(count_words(pair["count"], "surfaces"))
-    return _line(pair, words)
+def _pair_line(pair: PartPair[ClashRow]) -> str:
+    row = pair.worst
+    words = [f"{_size(row)} at {place_words(row.point)}", _where(row)]
+    if len(pair.rows) > 1:
+        words.append(count_words(len(pair.rows), "surfaces"))
+    return _line(replace(row, status=pair.status, remark=pair.remark), words)
 
 
-def _surface_line(pair: dict[str, Any]) -> str:
-    return _line(pair, [_where(pair), _size(pair)])
+def _surface_line(row: ClashRow) -> str:
+    return _line(row, [_where(row), _size(row)])
 
 
-def _line(pair: dict[str, Any], words: list[str]) -> str:
-    words += [pair[name] for name in ("status", "remark", "reason") if pair.get(name)]
-    return f"  {pair['kind']:11}  {pair['parts'][0]} – {pair['parts'][1]}: {', '.join(words)}"
+def _line(row: ClashRow, words: Sequence[str]) -> str:
+    text = ", ".join(filter(None, [*words, row.status, row.remark, row.why]))
+    return f"  {row.kind:11}  {' – '.join(row.parts)}: {text}"
 
 
-def _where(pair: dict[str, Any]) -> str:
-    faces = pair.get("faces") or [f"face {surface}" for surface in pair["surfaces"]]
-    return " – ".join(faces) or "as a whole"
+def _where(row: ClashRow) -> str:
+    return " – ".join(row.face_words) or "as a whole"
 
 
-def _size(pair: dict[str, Any]) -> str:
-    low, high = pair.get("interval") or [pair["distance"] - pair["depth"]] * 2
+def _size(row: ClashRow) -> str:
+    low, high = row.interval
     if high - low <= 2.0 * SHOWN:
-        low = high = pair["distance"] - pair["depth"]
+        low = high = row.distance - row.depth
     if low <= -SHOWN and high >= SHOWN:
         return f"touching within their deflection, from {-low * 1e3:.3f} mm deep to {high * 1e3:.3f} mm apart"
     if low <= -SHOWN:

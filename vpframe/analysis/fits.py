@@ -3,37 +3,65 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from collision import CollisionManager, Tolerance
+from collision import Tolerance
 from constraints import Candidate
 from constraints.geometry.round_fit import RoundFit, press_fit_words
 from constraints.geometry.sleeve import sleeve
 from constraints.geometry.surfaces import Cylinder, Sphere
 from constraints.geometry.threads import faces_of_thread
 from constraints.geometry.views import Extent, Limits
-from constraints.recognition.misfits import Misfit, misfits
-from constraints.recognition.recognise import Recogniser, contacts_within
-from vpframe.analysis.static import candidates, named_threads, threaded_features
-from vpframe.scene.scene import Scene
+from vpframe.analysis.static import StaticAnalysis
 
 Key = tuple[int, ...]
 """part a, part b, surface of a, surface of b; or two parts as a whole"""
-Row = tuple[str, float, float, str]
-"""kind, distance (m), depth (m), reason"""
 BAD_KINDS = ("clash", "containment")
 ROUND_FITS = ("concentric", "spherical")
 """kinds whose residual is the distance of the centres, so that gap = fit - residual"""
 
 
+class ClashReason(StrEnum):
+    """What the kind of a pair is judged by."""
+
+    NONE = ""
+    """distance or depth"""
+    INSIDE = "inside"
+    """one part lies wholly inside the other"""
+    COMMON = "common material"
+    """the surfaces of two parts only touch, but they have material in common"""
+    FIT = "fit"
+    """radii and axes of two round surfaces"""
+    PLANES = "planes"
+    """the distance of facing planes over their shared area"""
+    THREAD = "thread"
+
+
+class Verdict(NamedTuple):
+    """What two faces, or two parts as a whole, are to each other."""
+
+    kind: str
+    distance: float
+    """m"""
+    depth: float
+    """m"""
+    reason: ClashReason = ClashReason.NONE
+    words: str = ""
+    """the reason with its measures"""
+    fit: RoundFit | None = None
+    open: tuple[int, ...] = ()
+    """parts that are not closed, where the kind depends on what is inside"""
+
+
 @dataclass(frozen=True)
-class Fit:
+class FittedPair:
     """Two round surfaces, one in the other."""
 
     fit: RoundFit
@@ -71,7 +99,7 @@ def press_fits(mates: Iterable[tuple[tuple[str, str], float]]) -> tuple[PressFit
 
 
 @dataclass(frozen=True, eq=False)
-class Thread:
+class ThreadedPair:
     """A screw in its nut or tapped hole."""
 
     parts: tuple[int, int]
@@ -92,36 +120,37 @@ class Thread:
     """radius of the screw and half the length of the overlap, m"""
 
     def claimed(
-        self, rows: Mapping[Key, Row], deepest: Mapping[Key, NDArray[np.float64]], slack: float
-    ) -> dict[Key, Row]:
+        self, rows: Mapping[Key, Verdict], deepest: Mapping[Key, NDArray[np.float64]], slack: float
+    ) -> dict[Key, Verdict]:
         """Return the rows that belong to the thread, changed to kind "thread".
 
-        Its faces may penetrate up to one pitch (out of phase). For a drawn thread, other clashes of the two parts
-        belong to
-        it if their deepest point lies within the overlap and they are no deeper than it: tip and wall, head and mouth.
+        Its faces may penetrate up to one pitch (out of phase). Of a drawn thread are also other clashes of the two
+        parts whose deepest point lies within the overlap and that are no deeper than it: tip and wall, head and mouth.
 
         Parameters
         ----------
         rows: of the scene. deepest: deepest point (3,), m, of each clash. slack: uncertainty of depths, m.
         """
         own = {
-            key: ("thread", *rows[key][1:3], self.why)
+            key: self._verdict(rows[key])
             for key in (self.mated | self.faces) & rows.keys()
-            if rows[key][2] <= self.pitch + slack and (key in self.mated or rows[key][0] in BAD_KINDS)
+            if rows[key].depth <= self.pitch + slack and (key in self.mated or rows[key].kind in BAD_KINDS)
         }
+        clashes = {key: row for key, row in rows.items() if key[:2] == self.parts and row.kind in BAD_KINDS}
         if self.depth == 0.0:  # crests reach no deeper into the ends of the other thread than into the thread
-            most = max((depth for _, _, depth, _ in own.values()), default=0.0) + slack
+            most = max((row.depth for row in own.values()), default=0.0) + slack
             ours, theirs = ({key[k] for key in self.faces} for k in (2, 3))
-            for key, (kind, distance, depth, _) in rows.items():
-                one_sided = key[:2] == self.parts and len(key) == 4 and (key[2] in ours or key[3] in theirs)
-                if one_sided and kind in BAD_KINDS and depth <= most:
-                    own[key] = ("thread", distance, depth, self.why)
+            for key, row in clashes.items():
+                if len(key) == 4 and (key[2] in ours or key[3] in theirs) and row.depth <= most:
+                    own[key] = self._verdict(row)
             return own
-        for key, (kind, distance, depth, _) in rows.items():
-            clashes = key[:2] == self.parts and kind in BAD_KINDS and depth <= self.depth + slack
-            if clashes and key in deepest and self._holds(deepest[key], slack):
-                own[key] = ("thread", distance, depth, self.why)
-        return own | dict.fromkeys(self.mated, ("thread", 0.0, self.depth, self.why))
+        for key, row in clashes.items():
+            if row.depth <= self.depth + slack and key in deepest and self._holds(deepest[key], slack):
+                own[key] = self._verdict(row)
+        return own | dict.fromkeys(self.mated, self._verdict(Verdict("", 0.0, self.depth)))
+
+    def _verdict(self, row: Verdict) -> Verdict:
+        return Verdict("thread", row.distance, row.depth, ClashReason.THREAD, self.why)
 
     def _holds(self, point: NDArray[np.float64], slack: float) -> bool:
         """Whether a point (3,) lies in the overlap of a drawn thread."""
@@ -150,52 +179,40 @@ def fit_of(candidate: Candidate, tolerance: Tolerance, offset: float | None = No
 
 
 def fits_of(
-    scene: Scene, world: CollisionManager, sags: Sequence[NDArray[np.float64]], tell: Callable[[float], None]
-) -> tuple[tuple[Fit, ...], tuple[Thread, ...]]:
-    """Return the fits and threads of a scene at its present poses, and the shafts in bores that clash.
+    analysis: StaticAnalysis, tell: Callable[[float], None] = lambda fraction: None
+) -> tuple[tuple[FittedPair, ...], tuple[ThreadedPair, ...]]:
+    """Return the fits and threads of parts where they stand, and the shafts in bores that clash.
 
-    sags: deflection of each surface of each part, m. tell: receives the fraction done.
+    tell: receives the fraction done.
     """
-    t, worst = world.tolerance, [float(sag.max(initial=0.0)) for sag in sags]
-    features, _ = threaded_features(scene)
-    within = max(contacts_within(features, t), t.linear + 2.0 * max(worst, default=0.0))
-    contacts = world.contacts(within=within)
+    t, features, world = analysis.tolerance, analysis.features, analysis.world
+    within = max(analysis.within, analysis.within_deflection)
     fits, threads = [], []
-    for candidate in candidates(scene, world, tell, implied=True, contacts=contacts):
+    for candidate in analysis.candidates(tell, implied=True, within=within):
         a, fa, b, fb, kind = candidate.key
         near = frozenset((a, b, i, j) for i, j, _ in candidate.near)
         fit = candidate.match.fit
         if kind == "screw" and fit is None:
             faces = product(faces_of_thread(features[a], fa), faces_of_thread(features[b], fb))
             pitch = abs(candidate.pitch or 0.0)
-            threads.append(Thread((a, b), candidate.why, pitch, near, frozenset((a, b, i, j) for i, j in faces)))
+            threads.append(ThreadedPair((a, b), candidate.why, pitch, near, frozenset((a, b, i, j) for i, j in faces)))
         elif kind == "screw" and fit is not None:
             screw = features[a][fa] if features[a][fa].sense > 0 else features[b][fb]
             radius = Extent.of(screw).radii[1]
             threads.append(_drawn(candidate, near, radius, candidate.residual - fit))
         elif (found := fit_of(candidate, t)) is not None:
-            beside = sleeve(candidate, features, (world.mesh(a), world.mesh(b)), world.tolerance.fit) or ((), ())
+            beside = sleeve(candidate, features, (world.mesh(a), world.mesh(b)), t.fit) or ((), ())
             others = frozenset((a, b, i, j) for i, j in product(*beside))
-            fits.append(Fit(found, candidate.why, near, others))
-    for misfit in misfits_of(scene, world, contacts, worst):
+            fits.append(FittedPair(found, candidate.why, near, others))
+    for misfit in analysis.misfits(within):
         a, _, b, _ = misfit.pair
-        fits.append(Fit(misfit.fit, misfit.why, frozenset((a, b, i, j) for i, j in misfit.faces), frozenset()))
+        fits.append(FittedPair(misfit.fit, misfit.why, frozenset((a, b, i, j) for i, j in misfit.faces), frozenset()))
     return tuple(fits), tuple(threads)
 
 
-def misfits_of(
-    scene: Scene, world: CollisionManager, contacts: NDArray[Any], slack: Sequence[float]
-) -> tuple[Misfit, ...]:
-    """Return the shafts in bores of a scene that clash; slack: greatest deflection of each part, m."""
-    features, pitches = threaded_features(scene)
-    recogniser = Recogniser(features, pitches, named_threads(scene))
-    meshes, poses = [part.mesh for part in scene.parts], [part.pose for part in scene.parts]
-    return misfits(recogniser, meshes, poses, recogniser.near(contacts), Limits.offer(world.tolerance), slack)
-
-
-def _drawn(candidate: Candidate, near: frozenset[Key], radius: float, depth: float) -> Thread:
+def _drawn(candidate: Candidate, near: frozenset[Key], radius: float, depth: float) -> ThreadedPair:
     match = candidate.match
-    return Thread(
+    return ThreadedPair(
         candidate.bodies,
         candidate.why,
         abs(candidate.pitch or 0.0),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from collision.classify import PairClass
 from constraints.geometry import gap as analytic
 from constraints.geometry.surfaces import Freeform
-from vpframe.analysis.fits import Row
+from vpframe.analysis.fits import Verdict
 from vpframe.scene.scene import Scene, Shape
 
 Array = NDArray[np.float64]
@@ -36,22 +36,15 @@ class Gap:
     point: Array
     """(3,) m, world: between the nearest points, or the deepest"""
 
-    @property
-    def interval(self) -> list[float]:
-        """[low, high]."""
-        return [self.low, self.high]
-
-    def row(self, tolerance: float, clearance: float, authorised: bool, reason: str) -> Row | None:
-        """Return the row of `clash`; None for faces that are farther apart than `clearance` (m) with certainty.
+    def verdict(self, tolerance: float, clearance: float) -> Verdict | None:
+        """Return the verdict on the faces; None for those that are farther apart than `clearance` (m) with certainty.
 
         A clash is deeper than `tolerance` (m), and a clearance above it, with certainty; other gaps are contacts.
         """
         if self.low > max(tolerance, clearance):
             return None
         kind = "clash" if self.high < -tolerance else "clearance" if self.low > tolerance else "contact"
-        if kind == "clash" and authorised:
-            kind = "authorised"
-        return kind, max(self.low, 0.0), self.depth, reason
+        return Verdict(kind, max(self.low, 0.0), self.depth)
 
 
 def gaps_of(

@@ -16,23 +16,21 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import CollisionManager, Tolerance
-from collision.query.blocking import Pairing
+from collision import CollisionManager, SurfacePairs, Tolerance
 from constraints import Candidate
 from constraints.geometry.sleeve import sleeve
 from constraints.geometry.surfaces import Cylinder, Sphere
 from constraints.geometry.views import Extent
 from constraints.recognition.mated import adjacent_surfaces
 from constraints.recognition.misfits import Misfit
-from vpframe.analysis.fits import PressFit, fit_of, misfits_of, press_fits
-from vpframe.analysis.static import candidates, threaded_features, world_of
+from vpframe.analysis.fits import PressFit, fit_of, press_fits
+from vpframe.analysis.static import StaticAnalysis, analysis_of
 from vpframe.errors import VpframeError
-from vpframe.scene.deflection import deflections
 from vpframe.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Progress = Callable[[float | None, str], None]
-"""hears the fraction done and what has been found so far"""
+"""receives the fraction done, and the results so far"""
 
 LINEAR: Final = 1e-6
 """m: how near planned motions let surfaces come that are apart, and how near surfaces count as touching"""
@@ -41,7 +39,7 @@ ON_AXIS: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Mate:
+class MateMotion:
     """A fit or thread between two parts as they stand: the motions of a against b that keep it, and its surfaces."""
 
     parts: tuple[int, int]
@@ -57,7 +55,7 @@ class Mate:
     """whether it is a thread that is drawn as two cylinders"""
     apart: tuple[float, float]
     """m: how far a goes along the axis, and against it, until the two surfaces share no length"""
-    excused: tuple[Pairing, ...]
+    excused: tuple[SurfacePairs, ...]
     """surfaces of a, surfaces of b"""
     press: float = 0.0
     """m, radial: interference of a press fit; 0 for any other mate"""
@@ -136,22 +134,25 @@ class Mates:
                 raise VpframeError(f"the thread of {name} has a pitch of {pitch!r}; give metres a turn, not zero")
         self._progress = progress
 
-    @cached_property
+    @property
     def world(self) -> CollisionManager:
         """The parts where they stand, under the tolerance of recognition."""
-        return world_of(self.scene, self.recognition)
+        return self._analysis.world
+
+    @cached_property
+    def _analysis(self) -> StaticAnalysis:
+        return analysis_of(self.scene, self.recognition)
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
         """What the features of parts that touch are to each other, best first."""
-        return candidates(self.scene, self.world, lambda done: self._progress(done, "mates"), implied=True)
+        return self._analysis.candidates(lambda done: self._progress(done, "mates"), implied=True)
 
     @cached_property
-    def mates(self) -> dict[tuple[int, int], tuple[Mate, ...]]:
+    def mates(self) -> dict[tuple[int, int], tuple[MateMotion, ...]]:
         """Fits and threads by pair of parts (a, b), a < b."""
-        features, _ = threaded_features(self.scene)
-        sags = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
-        out: dict[tuple[int, int], list[Mate]] = {}
+        features, sags = self._analysis.features, self._analysis.deflection
+        out: dict[tuple[int, int], list[MateMotion]] = {}
         for candidate in self.candidates:
             mate = self._mate(candidate, features, sags)
             if mate is not None:
@@ -169,7 +170,7 @@ class Mates:
         mates = (mate for mates in self.mates.values() for mate in mates)
         return press_fits(((self.names[m.parts[0]], self.names[m.parts[1]]), m.press) for m in mates)
 
-    def _mate(self, candidate: Candidate, features: Sequence[Any], sags: Sequence[float]) -> Mate | None:
+    def _mate(self, candidate: Candidate, features: Sequence[Any], sags: Sequence[float]) -> MateMotion | None:
         a, fa, b, fb, kind = candidate.key
         first, second = features[a][fa].geometry, features[b][fb].geometry
         t = self.world.tolerance
@@ -195,21 +196,21 @@ class Mates:
         inside = sleeve(candidate, features, (self.meshes[a], self.meshes[b]), t.fit)
         if inside is not None:
             excused.append(inside)
-        return Mate(
+        return MateMotion(
             (a, b), "screw" if thread else kind, np.asarray(origin), np.asarray(axis), pitch if thread else None,
             thread and candidate.match.fit is not None, apart, tuple(excused), 0.0 if thread else candidate.match.press,
         )  # fmt: skip
 
-    def _authorised_fit(self, found: Misfit, ends: tuple[tuple[int, Any], tuple[int, Any]]) -> Mate:
+    def _authorised_fit(self, found: Misfit, ends: tuple[tuple[int, Any], tuple[int, Any]]) -> MateMotion:
         """A shaft in a bore that is too small for it, whose overlap is authorised: along the axis it is excused."""
         (a, one), (b, other) = ends
         excused = self._with_faces_beside((a, b), (one.surfaces, other.surfaces))
-        return Mate(
+        return MateMotion(
             (a, b), "concentric", *found.line, None, False, self._until_apart(ends, *found.line), tuple(excused)
         )
 
-    def _with_faces_beside(self, parts: tuple[int, int], surfaces: Sequence[tuple[int, ...]]) -> list[Pairing]:
-        """The surfaces of a fit with each other, and with those beside the other's."""
+    def _with_faces_beside(self, parts: tuple[int, int], surfaces: Sequence[tuple[int, ...]]) -> list[SurfacePairs]:
+        """Each surface of a fit paired with the mated surface, and with the faces beside that."""
         mine, theirs = (adjacent_surfaces(self.meshes[i], s) for i, s in zip(parts, surfaces, strict=True))
         return [(surfaces[0], surfaces[1] + theirs), (mine, surfaces[1])]
 
@@ -228,22 +229,22 @@ class Mates:
         ends = base + (own @ axis) * np.array([spans[0, 0], spans[-1, 1]])
         return float(ends.min()), float(ends.max())
 
-    def mates_of(self, i: int, j: int) -> tuple[Mate, ...]:
+    def mates_of(self, i: int, j: int) -> tuple[MateMotion, ...]:
         """Fits and threads of two parts."""
         return self.mates.get((min(i, j), max(i, j)), ())
 
-    def excused(self, i: int, j: int) -> tuple[Pairing, ...]:
+    def excused(self, i: int, j: int) -> tuple[SurfacePairs, ...]:
         """Surfaces of i, surfaces of j that some motions leave out."""
         pairs = [(m.parts[0] == i, pairing) for m in self.mates_of(i, j) for pairing in m.excused]
         return tuple(pairing if first else (pairing[1], pairing[0]) for first, pairing in pairs)
 
-    def left_out(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> Iterable[Pairing] | None:
+    def left_out(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> Iterable[SurfacePairs] | None:
         """The surfaces of fits and threads that a leg of part i keeps with part j; None: a drawn thread lets none pass,
         or a shaft and a bore that clash.
 
         `Sweeps` asks it of each leg.
         """
-        out: list[Pairing] = []
+        out: list[SurfacePairs] = []
         for mate in self.mates_of(i, j):
             first = mate.parts[0] == i
             one, other = (start, end) if first else (start.inverse(), end.inverse())
@@ -262,9 +263,7 @@ class Mates:
     @cached_property
     def _misfits(self) -> tuple[Misfit, ...]:
         """The shafts in bores that clash where the parts stand."""
-        sags = [float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts]
-        contacts = self.world.contacts(within=self.world.tolerance.linear + 2.0 * max(sags, default=0.0))
-        return misfits_of(self.scene, self.world, contacts, sags)
+        return self._analysis.misfits(self._analysis.within_deflection)
 
     @cached_property
     def _jams(self) -> dict[tuple[int, int], tuple[Jam, ...]]:

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -29,7 +30,7 @@ from constraints.recognition.iso286 import FitClassError, fit_class
 from constraints.solve.system import components
 from vpframe import files
 from vpframe.analysis.statements import statement, words
-from vpframe.analysis.static import base_parts, candidates, world_of
+from vpframe.analysis.static import analysis_of, base_parts
 from vpframe.outputs import GENERATOR, MESH, MJCF, URDF, Output, OutputFolder, claimed
 from vpframe.scene.scene import Part, Scene, Size
 from vpframe.scene.stl import write_stl
@@ -46,6 +47,98 @@ SHOWN = 5
 """most parts that a note names"""
 
 
+class PartJoint(NamedTuple):
+    """How a part moves against others."""
+
+    joint: str
+    """name of the lower pair; "rigid" or "fixed" without freedom"""
+    freedom: int
+    """degrees of freedom"""
+
+    @property
+    def words(self) -> str:
+        """The joint, with its freedom if the name does not imply it."""
+        implied = self.joint in ("fixed", "rigid", f"{self.freedom}-dof")
+        return self.joint if implied else f"{self.joint} {self.freedom}"
+
+
+@dataclass(frozen=True)
+class PartRow:
+    """A part with its joints."""
+
+    name: str
+    carrying: PartJoint
+    """with the parts it carries, against the base of its group"""
+    alone: PartJoint
+    """all other parts held"""
+    base: tuple[str, ...]
+    neighbours: tuple[tuple[str, PartJoint], ...]
+    """each part that shares a constraint with it, and the joint that these make"""
+
+    def document(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        neighbours = [{"part": part, **joint._asdict()} for part, joint in self.neighbours]
+        alone, base = self.alone._asdict(), list(self.base)
+        return {"name": self.name, **self.carrying._asdict(), "alone": alone, "base": base, "neighbours": neighbours}
+
+
+@dataclass(frozen=True)
+class MateRow:
+    """A constraint between two parts."""
+
+    kind: str
+    parts: tuple[str, str]
+    surfaces: tuple[tuple[int, ...], tuple[int, ...]]
+    """faces of each part that are near faces of its mate"""
+    residual: float
+    """m"""
+    fit: float | None
+    """m, radial clearance, negative for interference; None for surfaces without one"""
+    why: str
+    """what touches, what fits, how exactly"""
+
+    @staticmethod
+    def of(candidate: Candidate, names: Sequence[str]) -> MateRow:
+        """Return the row of a candidate; names: of all parts."""
+        a, b = candidate.bodies
+        first, second = (tuple(sorted({int(near[side]) for near in candidate.near})) for side in (0, 1))
+        match = candidate.match
+        parts = names[a], names[b]
+        return MateRow(candidate.kind, parts, (first, second), candidate.residual, match.fit, candidate.why)
+
+    def document(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+@dataclass(frozen=True)
+class SizeRow:
+    """A toleranced face (PMI), compared with its mates."""
+
+    part: str
+    surface: int
+    size: Size
+    measured: float
+    """m, diameter"""
+    mates: tuple[tuple[str, float | None], ...]
+    """each part fitted to it, and the fit, m"""
+    wrong: tuple[str, ...]
+    """what does not hold"""
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is as specified."""
+        return not self.wrong
+
+    def document(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {
+            "part": self.part, "surface": self.surface, "size": str(self.size), "measured": self.measured,
+            "mates": [{"part": part, "fit": fit} for part, fit in self.mates], "holds": self.holds,
+            "why": "; ".join(self.wrong),
+        }  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Group:
     """Parts joined by constraints, by index."""
@@ -55,6 +148,35 @@ class Group:
     """parts taken as fixed; none for a single part"""
     why: str
     """reason for the choice of the base"""
+
+
+@dataclass(frozen=True)
+class MatesFound:
+    """All constraints of a scene, and each part's joints and freedom."""
+
+    parts: tuple[PartRow, ...]
+    groups: tuple[Group, ...]
+    constraints: tuple[MateRow, ...]
+    sizes: tuple[SizeRow, ...]
+
+    def document(self) -> dict[str, Any]:
+        """Return it for JSON, lengths in metres.
+
+        {"parts": [{"name", "joint", "freedom", "alone": {"joint", "freedom"}, "base": […], "neighbours": [{"part",
+        "joint", "freedom"}]}], "groups": [{"parts": […], "base": […], "why"}], "constraints": [{"kind", "parts": [a,
+        b], "surfaces": [[…], […]], "residual", "fit" (if there is one), "why"}], "sizes": [{"part", "surface", "size":
+        "Ø8 H7", "measured", "mates": [{"part", "fit"}], "holds", "why"}], if there are any}.
+        """
+        names = [part.name for part in self.parts]
+        return {
+            "parts": [part.document() for part in self.parts],
+            "groups": [
+                {"parts": [names[k] for k in g.parts], "base": [names[k] for k in g.base], "why": g.why}
+                for g in self.groups
+            ],
+            "constraints": [mate.document() for mate in self.constraints],
+            **({"sizes": [size.document() for size in self.sizes]} if self.sizes else {}),
+        }
 
 
 def groups(scene: Scene, constraints: Iterable[Constraint]) -> tuple[Group, ...]:
@@ -77,10 +199,10 @@ def find(
 ) -> tuple[Candidate, ...]:
     """Return the constraints of a scene at its present poses, sorted by kind, then by parts."""
     progress(0.0, "trees")
-    world = world_of(scene, tolerance)
+    analysis = analysis_of(scene, tolerance)
     progress(0.05, "contacts")
-    found = candidates(scene, world, lambda done: progress(0.3 + 0.7 * done, "pairs of features"))
-    return tuple(sorted((*found, *imposed(scene, world.tolerance)), key=lambda c: (c.kind, c.key)))
+    found = analysis.candidates(lambda done: progress(0.3 + 0.7 * done, "pairs of features"))
+    return tuple(sorted((*found, *imposed(scene, analysis.tolerance)), key=lambda c: (c.kind, c.key)))
 
 
 def imposed(scene: Scene, tolerance: Tolerance) -> list[Candidate]:
@@ -89,24 +211,16 @@ def imposed(scene: Scene, tolerance: Tolerance) -> list[Candidate]:
     out = []
     for number, s in enumerate(scene.statements):
         constraint = statement(scene, features, poses, s.kind, s.a, s.b, s.parameters, tolerance)
-        out.append(stated(constraint, poses, features, number, words(constraint).replace("script", "model", 1)))
+        out.append(stated(constraint, poses, features, number, words(constraint, "model")))
     return out
 
 
 def mates(
     scene: Scene, tolerance: Tolerance | None = None, progress: Progress = lambda fraction, text: None
-) -> dict[str, Any]:
-    """Return all constraints of a scene at its present poses, and each part's joints and freedom; lengths in metres.
+) -> MatesFound:
+    """Return all constraints of a scene at its present poses, and each part's joints and freedom.
 
-    Returns
-    -------
-    {"parts": [{"name", "joint", "freedom", "alone": {"joint", "freedom"}, "base": […], "neighbours": [{"part", "joint",
-    "freedom"}]}], "groups": [{"parts": […], "base": […], "why"}], "constraints": [{"kind", "parts": [a, b], "surfaces":
-    [[…], […]], "residual"}], "sizes": as `sizes` returns them, if there are any}.
-
-    "joint" and "freedom" are those of a part with the parts it carries, against the base of its group; "fixed" and 0
-    for a base. "surfaces" are the faces near each other; constraints may also have "fit" (m, radial clearance, negative
-    for interference), and have "why" in words.
+    The joint of a part with the parts it carries is that against the base of its group; "fixed" for a base.
     """
     found = find(scene, tolerance, lambda fraction, text: progress(0.6 * fraction, text))
     constraints = [c.constraint for c in found]
@@ -129,36 +243,23 @@ def mates(
         alone = mobility(own, here, on[i], tolerance).parts[i]
         neighbours = {k: mobility(cs, {i: poses[i], k: poses[k]}, (k,), tolerance).parts[i] for k, cs in on[i].items()}
         parts.append(
-            {
-                "name": name,
-                **({"joint": "fixed", "freedom": 0} if i in held else _joint(carrying[i])),
-                "alone": {"joint": "rigid", "freedom": 0} if scene.parts[i].fixed else _joint(alone),
-                "base": [names[k] for k in base[i]],
-                "neighbours": [{"part": names[k], **_joint(neighbours[k])} for k in sorted(neighbours)],
-            }
+            PartRow(
+                name,
+                PartJoint("fixed", 0) if i in held else _joint(carrying[i]),
+                PartJoint("rigid", 0) if scene.parts[i].fixed else _joint(alone),
+                tuple(names[k] for k in base[i]),
+                tuple((names[k], _joint(neighbours[k])) for k in sorted(neighbours)),
+            )
         )
-    toleranced = sizes(scene, found)
-    return {
-        "parts": parts,
-        "groups": [
-            {"parts": [names[k] for k in g.parts], "base": [names[k] for k in g.base], "why": g.why} for g in joined
-        ],
-        "constraints": [_row(c, names) for c in found],
-        **({"sizes": toleranced} if toleranced else {}),
-    }
+    return MatesFound(tuple(parts), joined, tuple(MateRow.of(c, names) for c in found), sizes(scene, found))
 
 
-def sizes(scene: Scene, found: Iterable[Candidate]) -> list[dict[str, Any]]:
+def sizes(scene: Scene, found: Iterable[Candidate]) -> tuple[SizeRow, ...]:
     """Compare toleranced sizes (PMI) with the fits found: each such face needs a fit, of the stated classes.
 
-    found: of the scene, from `find`.
-
-    Returns
-    -------
-    For each toleranced face {"part", "surface", "size": "Ø8 H7", "measured" (m, diameter), "mates": [{"part", "fit"}],
-    "holds", "why"}. A face holds if it is modelled at nominal size or within its deviations, and if each concentric
-    mate has the clearance that the two classes allow or is modelled at nominal size too (ISO 286-1). A face without a
-    mate does not hold.
+    A face holds if it is modelled at nominal size or within its deviations, and if each concentric mate has the
+    clearance that the two classes allow or is modelled at nominal size too (ISO 286-1). A face without a mate does not
+    hold. found: of the scene, from `find`.
     """
     slack = Tolerance().linear
     out = []
@@ -177,18 +278,13 @@ def sizes(scene: Scene, found: Iterable[Candidate]) -> list[dict[str, Any]]:
                 if side is None or surface.index not in {near[side] for near in c.near}:
                     continue
                 other = scene.parts[c.bodies[1 - side]]
-                fitted.append({"part": other.name, "fit": c.match.fit})
+                fitted.append((other.name, c.match.fit))
                 mated = (other.surfaces[int(near[1 - side])].size for near in c.near)
                 wrong += _misfit(size, next(filter(None, mated), None), c.match.fit, slack)
             if not fitted:
                 wrong.append("nothing is fitted to it")
-            out.append(
-                {
-                    "part": part.name, "surface": surface.index, "size": str(size), "measured": 2.0 * radius,
-                    "mates": fitted, "holds": not wrong, "why": "; ".join(wrong),
-                }
-            )  # fmt: skip
-    return out
+            out.append(SizeRow(part.name, surface.index, size, 2.0 * radius, tuple(fitted), tuple(wrong)))
+    return tuple(out)
 
 
 def _misfit(size: Size, mate: Size | None, fit: float | None, slack: float) -> list[str]:
@@ -208,59 +304,37 @@ def _misfit(size: Size, mate: Size | None, fit: float | None, slack: float) -> l
     ]
 
 
-def _joint(freedom: Freedom) -> dict[str, Any]:
-    return {"joint": freedom.joint, "freedom": freedom.freedom}
+def _joint(freedom: Freedom) -> PartJoint:
+    return PartJoint(freedom.joint, freedom.freedom)
 
 
-def _row(candidate: Candidate, names: Sequence[str]) -> dict[str, Any]:
-    a, b = candidate.bodies
-    row: dict[str, Any] = {
-        "kind": candidate.kind,
-        "parts": [names[a], names[b]],
-        "surfaces": [sorted({near[side] for near in candidate.near}) for side in (0, 1)],
-        "residual": candidate.residual,
-    }
-    if candidate.match.fit is not None:
-        row["fit"] = candidate.match.fit
-    row["why"] = candidate.why
-    return row
-
-
-def table(document: dict[str, Any]) -> str:
+def table(found: MatesFound) -> str:
     """Format the result of `mates`."""
-    width = max((len(p["name"]) for p in document["parts"]), default=4)
-    parts = {p["name"]: p for p in document["parts"]}
+    width = max((len(part.name) for part in found.parts), default=4)
     lines = []
-    for group in (g for g in document["groups"] if len(g["parts"]) > 1):
-        base = ", ".join(group["base"])
+    for group in (g for g in found.groups if len(g.parts) > 1):
+        base = ", ".join(found.parts[k].name for k in group.base)
         lines += [
-            f"{len(group['parts'])} parts on {base} ({group['why']})",
+            f"{len(group.parts)} parts on {base} ({group.why})",
             f"  {'part':{width}}  {'others held':14}  {'only the base held':18}  to its neighbours",
         ]
-        for p in (parts[name] for name in group["parts"]):
-            near = ", ".join(f"{_named(n)} {n['part']}" for n in p["neighbours"])
-            lines.append(f"  {p['name']:{width}}  {_named(p['alone']):14}  {_named(p):18}  {near}")
+        for part in (found.parts[k] for k in group.parts):
+            near = ", ".join(f"{joint.words} {name}" for name, joint in part.neighbours)
+            lines.append(f"  {part.name:{width}}  {part.alone.words:14}  {part.carrying.words:18}  {near}")
         lines.append("")
-    single = [g["parts"][0] for g in document["groups"] if len(g["parts"]) == 1]
+    single = [found.parts[g.parts[0]].name for g in found.groups if len(g.parts) == 1]
     if single:
         lines += [f"joined to nothing: {', '.join(single)}", ""]
-    kinds = sorted({c["kind"] for c in document["constraints"]})
-    counts = ", ".join(f"{sum(c['kind'] == k for c in document['constraints'])} {k}" for k in kinds)
-    lines += [counts or "no constraints"]
-    lines += [f"  {c['kind']:10}  {c['parts'][0]} – {c['parts'][1]}: {c['why']}" for c in document["constraints"]]
-    if "sizes" in document:
+    kinds = Counter(mate.kind for mate in found.constraints)
+    lines += [", ".join(f"{n} {kind}" for kind, n in sorted(kinds.items())) or "no constraints"]
+    lines += [f"  {mate.kind:10}  {' – '.join(mate.parts)}: {mate.why}" for mate in found.constraints]
+    if found.sizes:
         lines += ["", "toleranced sizes"]
-    for size in document.get("sizes", ()):
-        mated = ", ".join(mate["part"] for mate in size["mates"])
-        verdict = f"fits {mated}" if size["holds"] else f"NOT AS SPECIFIED: {size['why']}"
-        lines.append(f"  {size['part']} · face {size['surface']} · {size['size']}: {verdict}")
+    for size in found.sizes:
+        mated = ", ".join(part for part, _ in size.mates)
+        verdict = f"fits {mated}" if size.holds else f"NOT AS SPECIFIED: {'; '.join(size.wrong)}"
+        lines.append(f"  {size.part} · face {size.surface} · {size.size}: {verdict}")
     return "\n".join(map(plain, lines))
-
-
-def _named(joint: dict[str, Any]) -> str:
-    """Format a joint, with its freedom if the name does not imply it."""
-    name, freedom = joint["joint"], joint["freedom"]
-    return str(name) if name in ("fixed", "rigid", f"{freedom}-dof") else f"{name} {freedom}"
 
 
 def graph(scene: Scene, tolerance: Tolerance | None = None) -> AssemblyGraph:

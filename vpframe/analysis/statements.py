@@ -106,11 +106,11 @@ def statement(
         raise TaskError(f"constrain {name} between {parts[0].name} and {parts[1].name}: {error}") from None
 
 
-def words(constraint: Constraint) -> str:
-    """Describe a stated constraint in a few words."""
+def words(constraint: Constraint, by: str = "script") -> str:
+    """Describe a stated constraint in a few words. by: what states it, "script" or "model"."""
     shown = [n for n in parameter_names(type(constraint)) if n not in ("phase", "relative")]
     values = ", ".join(f"{n} {getattr(constraint, n)}" for n in shown)
-    return "stated by the script" + (f": {values}" if values else "")
+    return f"stated by the {by}" + (f": {values}" if values else "")
 
 
 def _part(scene: Scene, kind: str, place: Place) -> Part:

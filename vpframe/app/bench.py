@@ -18,7 +18,10 @@ _PLACES = (Path(__file__).parents[2] / "tests" / "benchmarks", Path(__file__).pa
 
 
 def suite(name: str) -> ModuleType:
-    """Import a suite: a module with `run(quick) -> dict`, `table(result) -> str` and `plot(result, directory)`."""
+    """Import a suite: a module with `run(quick) -> dict`, `table(result) -> str` and `plot(result, directory)`.
+
+    "page" is the module that writes results of suites as a page.
+    """
     for folder in _PLACES:
         path = folder / f"bench_{name}.py"
         if path.is_file():

@@ -7,20 +7,20 @@ import os
 import subprocess
 import sys
 import time
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from vpframe import outputs
-from vpframe.app.progress import say, warn
+from vpframe import console, outputs
+from vpframe.app import options
+from vpframe.app.options import INTERRUPTED
 from vpframe.errors import TaskError
 from vpframe.outputs import Output, OutputFolder
-from vpframe.scripts import ON_REQUEST
 
 if TYPE_CHECKING:
-    from vpframe.events import Frame
     from vpframe.scene.scene import Scene
     from vpframe.session.session import Session
     from vpframe.view.meshcat_viewer import MeshcatViewer
@@ -30,7 +30,13 @@ DATE = "2026-01-01T00:00:00"
 """date in the file of the model: equal files in every run are found in the cache of models"""
 _EXPECTED = (6, 2, 1, 2, 6)
 _BUILD = "import sys, pathlib, vpframe.app.demo; vpframe.app.demo.build(pathlib.Path(sys.argv[1]))"
-_NEEDED_LATER = ("vpframe.view.recorder", "vpframe.report.writer", "vpframe.view.snapshot")
+_NEEDED_LATER = (
+    "vpframe.app.task_runner",
+    "vpframe.session.session",
+    "vpframe.view.recorder",
+    "vpframe.report.writer",
+    "vpframe.view.snapshot",
+)
 _SHOWN = ("grabbed", "released", "recognised", "accepted", "satisfied", "removed", "expectation")
 
 
@@ -91,25 +97,15 @@ def task(session: Session) -> None:
     hand.release()
 
 
-def freedoms(frames: list[int]) -> tuple[int, ...]:
-    """Return the values without repetitions."""
-    return tuple(n for i, n in enumerate(frames) if i == 0 or n != frames[i - 1])
+def _checked_task(session: Session) -> None:
+    task(session)
+    if _freedoms(session) != _EXPECTED:
+        raise TaskError(f"expected freedom {_EXPECTED}, found {_freedoms(session)}")
 
 
-class _Freedom:
-    """An observer that keeps the shaft's degrees of freedom."""
-
-    def __init__(self) -> None:
-        self.values: list[int] = []
-
-    def begin(self, scene: Scene) -> None:
-        pass
-
-    def frame(self, frame: Frame) -> None:
-        self.values.append(frame.freedom.get("shaft", self.values[-1]))
-
-    def end(self) -> None:
-        pass
+def _freedoms(session: Session) -> tuple[int, ...]:
+    """Return the shaft's degrees of freedom, without repetitions."""
+    return tuple(n for n, _ in groupby(n for _, n, _ in session.log.freedom.get("shaft", ())))
 
 
 def load(directory: Path) -> Scene:
@@ -123,13 +119,11 @@ def load(directory: Path) -> Scene:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))}
     quiet = subprocess.DEVNULL
     with subprocess.Popen([sys.executable, "-P", "-c", _BUILD, path], env=environment, stderr=quiet) as building:
-        from vpframe.app.task_runner import loaded
-
         for name in _NEEDED_LATER:
             importlib.import_module(name)
     if building.returncode:
         build(path)  # raises the reason of the failure
-    scene = loaded(path)
+    scene = options.load(path)
     scene["housing"].fixed = True
     return scene
 
@@ -144,15 +138,9 @@ def run(out_dir: str | Path, view: bool = False, force: bool = False, wait: bool
         Output(folder.path / RECORDING, outputs.RECORDING, force) as recording,
         OutputFolder(folder.path / REPORT, outputs.REPORT_FILES, force) as report,
     ):
-        viewer = None
-        if view:
-            from vpframe.view.meshcat_viewer import watched
-
-            viewer = watched(wait)
+        viewer = options.viewer_of(view, wait)
         code = _run(folder, recording, report, viewer)
-    from vpframe.app.task_runner import INTERRUPTED
-
-    if wait and viewer is not None and code != INTERRUPTED:
+    if viewer is not None and wait and code != INTERRUPTED:
         viewer.stay()
     return code
 
@@ -161,41 +149,23 @@ def _run(folder: OutputFolder, recording: Output, report: OutputFolder, viewer: 
     began = time.perf_counter()
     out = folder.path
     scene = load(out)
-    from vpframe.app.task_runner import FAILED, INTERRUPTED, OK
-    from vpframe.session.interrupts import between_steps
+    from vpframe.app.task_runner import perform
     from vpframe.session.rules import accept_kinds
     from vpframe.session.session import Session
 
     surfaces = ", ".join(f"{p.name} ({len(p.surfaces)} surfaces, {p.mesh.n_triangles} triangles)" for p in scene.parts)
     print(f"model      {out / MODEL}: {surfaces}")
-    watch = _Freedom()
-    session = Session(
-        scene,
-        viewer=viewer,
-        record=recording,
-        rule=accept_kinds("concentric", "against"),
-        clearance=True,
-        observers=[watch],
-    )
-    watch.values.append(session.freedom("shaft"))
-    session.on_event(lambda e: say(f"{e.time:6.2f} s   {e.kind:<11} {e.text}") if e.kind in _SHOWN else None)
-    failure, code = "", OK
+    rule = accept_kinds("concentric", "against")
+    session = Session(scene, viewer=viewer, record=recording, rule=rule, clearance=True)
+    session.on_event(lambda e: console.say(f"{e.time:6.2f} s   {e.kind:<11} {e.text}") if e.kind in _SHOWN else None)
     try:
-        with session, between_steps(session):
-            task(session)
-            if freedoms(watch.values) != _EXPECTED:
-                raise TaskError(f"expected freedom {_EXPECTED}, found {freedoms(watch.values)}")
-    except TaskError as error:
-        failure, code = str(error), FAILED
-    except KeyboardInterrupt:
-        failure, code = ON_REQUEST, INTERRUPTED
+        code, _ = perform(session, _checked_task)
+    finally:
+        session.close()
     session.report(report)
     spent = time.perf_counter() - began
-    print(f"freedom    of the shaft: {' -> '.join(map(str, freedoms(watch.values)))}")
+    print(f"freedom    of the shaft: {' -> '.join(map(str, _freedoms(session)))}")
     print(f"steps      {session.step_count} of 1/60 s, {spent:.1f} s in all")
     print(f"recording  {out / RECORDING}   look at it: vpframe replay {out / RECORDING}")
     print(f"report     {out / REPORT / 'index.html'}   open it in a browser; numbers in report.json")
-    if failure:
-        text = "interrupted; what was done so far is kept" if code == INTERRUPTED else f"failed: {failure}"
-        warn(text)
     return code

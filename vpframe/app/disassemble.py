@@ -8,19 +8,19 @@ import json
 import os
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from vpframe import files
-from vpframe.app import press_fit
-from vpframe.app.progress import Progress, say, warn
+from vpframe import console, files
+from vpframe.app import options
+from vpframe.app.options import INTERRUPTED
 from vpframe.errors import VpframeError
-from vpframe.outputs import PAGE, RECORDING, REPORT, SCRIPT, Kind, Output, OutputFolder
-from vpframe.scene.units import length, seconds
+from vpframe.outputs import PAGE, RECORDING, REPORT, SCRIPT, Claims, Kind, Output, OutputFolder
+from vpframe.scene.units import length
 
 PLAN = "plan.json"
-INTERRUPTED, TERMINATED = 130, 143
+TERMINATED = 143
 HEADER = b"t,x,y,z,qx,qy,qz,qw\n0.0,"
 
 
@@ -32,9 +32,8 @@ def _is_track(path: Path) -> bool:
 TRACK = Kind("a track", _is_track)
 
 
-def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
-    """Add the options of the command; `metres` parses a length with unit."""
-    sub.add_argument("file", metavar="FILE")
+def add_arguments(sub: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     sub.add_argument("--part", metavar="X", help="take out this part or subassembly only: the fewest removals")
     sub.add_argument(
         "--base", metavar="P", action="append", default=[], help="a part that stays (default: the largest)"
@@ -50,14 +49,14 @@ def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
         "--thread", metavar="A=PITCH", action="append", default=[],
         help="a part whose snug fits are threads drawn without them, and metres a turn with a unit: nut=1.25mm",
     )  # fmt: skip
-    press_fit.add_argument(sub)
-    sub.add_argument("--clearance", metavar="LENGTH", type=metres, default=0.0, help="kept all the way")
+    options.add_press_fit(sub)
+    sub.add_argument("--clearance", metavar="LENGTH", type=options.metres, default=0.0, help="kept all the way")
     sub.add_argument(
         "--motion", choices=("straight", "mates", "free"), default="free",
         help="straight ways alone; threads and pushes, too; six freedoms, too (default)",
     )  # fmt: skip
     sub.add_argument(
-        "--budget", metavar="TIME", type=_seconds, default=60.0,
+        "--budget", metavar="TIME", type=options.duration, default=60.0,
         help="60s, 5min: 500 questions a second, and at most as much processor time after the analysis",
     )  # fmt: skip
     sub.add_argument("--seed", metavar="N", type=int, default=0, help="of the sampling")
@@ -65,28 +64,18 @@ def add_arguments(sub: argparse.ArgumentParser, metres: Any) -> None:
     sub.add_argument("--tracks", metavar="DIR", help=f"write each part's way as CSV, and {PLAN}")
     sub.add_argument("--task", metavar="OUT.py", help="write a task script that does it")
     sub.add_argument("--record", metavar="RUN.rrd", help="write a rerun recording of a hand that does it")
-    sub.add_argument("--view", action="store_true", help="a hand does it in meshcat: waits for the first browser")
-    sub.add_argument("--no-wait", dest="wait", action="store_false", help="with --view: do not wait for anybody")
+    options.add_view(sub)
     sub.add_argument("--report", metavar="DIR", help=f"write a page with pictures, and {PLAN}")
     sub.add_argument("--resume", action="store_true", help=f"go on from the ways in {PLAN} of --tracks or --report")
-    sub.add_argument("--force", action="store_true", help="also replace files that vpframe did not write")
-    sub.add_argument("--json", action="store_true")
+    options.add_model(sub)
 
 
-def _seconds(text: str) -> float:
-    """Convert "60s", "5min" or "90" to seconds."""
-    with contextlib.suppress(ValueError):
-        if (value := seconds(text)) > 0.0:
-            return value
-    raise argparse.ArgumentTypeError(f"{text!r} is not a time; write a positive number of seconds, 60s or 5min")
-
-
-def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
+def run(arguments: argparse.Namespace, emit: Callable[[Any], None]) -> int:
     """Plan, write the requested outputs and print the result; return 0 if all requested parts can be removed, else 1.
 
     Ctrl-C and SIGTERM end the search; what was found until then is written and printed, and 130 or 143 is returned.
 
-    load: reads the model. emit: receives the JSON document.
+    emit: receives the JSON document.
     """
     from vpframe.analysis.clash import authorised_pairs
     from vpframe.planning import document, plan
@@ -94,20 +83,18 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
     from vpframe.scene.subassembly import listed
 
     authorised, ignored = authorised_pairs(arguments.authorise), authorised_pairs(arguments.ignore)
-    tolerance = press_fit.tolerance(arguments.press_fit)
+    tolerance = options.press_fit(arguments)
     threads = dict(_thread(text) for text in arguments.thread)
     carry = [_names(text) for text in arguments.carry]
     if arguments.resume and not (arguments.tracks or arguments.report):
         raise VpframeError("--resume goes on from a plan; name its folder with --tracks or --report")
-    with contextlib.ExitStack() as claims:
-        inputs = [arguments.file]
-        tracks = _folder(claims, arguments.tracks, {PLAN: REPORT}, arguments.force, inputs)
-        report = _folder(claims, arguments.report, {PLAN: REPORT, "index.html": PAGE}, arguments.force, inputs)
-        record = _claim(claims, arguments.record, RECORDING, arguments.force, inputs)
-        task = _claim(claims, arguments.task, SCRIPT, arguments.force, inputs)
+    with Claims(arguments.force, arguments.file) as claims:
+        tracks = claims.folder(arguments.tracks, {PLAN: REPORT})
+        report = claims.folder(arguments.report, {PLAN: REPORT, "index.html": PAGE})
+        record, task = claims.file(arguments.record, RECORDING), claims.file(arguments.task, SCRIPT)
         known = _known(document, tracks, report) if arguments.resume else ()
-        scene = load(arguments.file)
-        with _sigterm_interrupts() as terminated, Progress("taking apart") as progress:
+        scene = options.scene_of(arguments, arguments.file)
+        with _sigterm_interrupts() as terminated, console.progress("taking apart") as progress:
             found = plan.disassembly(
                 scene, arguments.part, base=arguments.base, carry=carry, authorise=authorised, ignore=ignored,
                 threads=threads, clearance=arguments.clearance, motion=arguments.motion, budget=arguments.budget,
@@ -117,6 +104,7 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
         names = document.track_files(found)
         written = {name: names[name] for name in names} if tracks is not None else {}
         answer = document.document(found, arguments.seed, LINEAR, written)
+        answer["budget"]["spent"] = found.seconds
         answer["notes"] = list(scene.all_notes())
         text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
         if tracks is not None:
@@ -125,21 +113,20 @@ def run(arguments: argparse.Namespace, load: Any, emit: Any) -> int:
         if report is not None:
             from vpframe.report import plan_page
 
-            with Progress("drawing") as progress:
+            with console.progress("drawing") as progress:
                 files.replace(
                     report.file("index.html"), plan_page.html(found, scene, Path(arguments.file).name, progress)
                 )
             files.replace(report.file(PLAN), text)
         if task is not None:
             _write_task(task, tracks, found, names, arguments.file, arguments.force)
-        viewer = _viewer(arguments.wait) if arguments.view else None
+        viewer = options.viewer_of(arguments.view, arguments.wait)
         if record is not None or viewer is not None:
             _perform(scene, found, record, viewer)
         emit(answer)
         if not arguments.json:
-            say(document.table(found))
-            for note in scene.all_notes():
-                say(f"note: {note}")
+            console.say(document.table(found))
+            options.print_notes(scene)
         if viewer is not None and arguments.wait and not found.interrupted:
             viewer.stay()
     if found.interrupted:
@@ -170,7 +157,7 @@ def _sigterm_interrupts() -> Iterator[list[int]]:
     except KeyboardInterrupt:
         if not came:
             raise
-        warn("vpframe: terminated")
+        console.warn("vpframe: terminated")
         raise SystemExit(TERMINATED) from None
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -191,18 +178,6 @@ def _thread(text: str) -> tuple[str, float]:
         return name, (-1.0 if pitch.startswith("-") else 1.0) * length(pitch.removeprefix("-"))
     except ValueError as error:
         raise VpframeError(f"--thread {text}: {error}") from None
-
-
-def _claim(
-    claims: contextlib.ExitStack, path: str | None, kind: Kind, force: bool, inputs: Sequence[str]
-) -> Output | None:
-    return None if path is None else claims.enter_context(Output(path, kind, force, inputs))
-
-
-def _folder(
-    claims: contextlib.ExitStack, path: str | None, kinds: dict[str, Kind], force: bool, inputs: Sequence[str]
-) -> OutputFolder | None:
-    return None if path is None else claims.enter_context(OutputFolder(path, kinds, force, inputs))
 
 
 def _known(document: Any, *folders: OutputFolder | None) -> Any:
@@ -239,26 +214,13 @@ def _write_task(
     files.replace(task.path, document.script(found, Path(relative).as_posix(), Path(where).as_posix(), names))
 
 
-def _viewer(wait: bool) -> Any:
-    from vpframe.view.meshcat_viewer import watched
-
-    return watched(wait)
-
-
 def _perform(scene: Any, found: Any, record: Output | None, viewer: Any) -> None:
-    """Perform the plan with a hand, for a recording, a viewer or both; the scene is restored."""
-    import pinocchio as pin
-
+    """Perform the plan with a hand on a copy of the scene, for a recording, a viewer or both."""
     from vpframe.planning.replay import perform, rule_of
     from vpframe.session.session import Session
 
-    before = {name: pin.SE3(part.pose) for name, part in scene.items()}
-    try:
-        words = "recording" if viewer is None else "a hand does it"
-        kept = {"rule": rule_of(found), "tolerance": found.tolerance}
-        with Progress(words), Session(scene, viewer=viewer, record=record, **kept) as session:
-            perform(session, found)
-            session.conclude()
-    finally:
-        for name, pose in before.items():
-            scene[name].pose = pose
+    words = "recording" if viewer is None else "a hand does it"
+    kept = {"rule": rule_of(found), "tolerance": found.tolerance}
+    with console.progress(words), Session(scene.copy(), viewer=viewer, record=record, **kept) as session:
+        perform(session, found)
+        session.conclude()

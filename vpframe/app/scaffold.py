@@ -9,21 +9,18 @@ reason, a remedy and what was tried as comments: a script that is written runs.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
-from vpframe import files, planning
+from vpframe import console, files, planning
 from vpframe.app.outline import outline
-from vpframe.app.progress import Progress
+from vpframe.app.written_task import VerbCall, quoted
 from vpframe.errors import TaskError, VpframeError
-from vpframe.hands.directions import spans
-from vpframe.hands.hand import Hand
+from vpframe.hands.reach import spans
 from vpframe.outputs import SCRIPT, claimed
 from vpframe.scene.scene import Part, Scene
 from vpframe.scene.subassembly import listed, parts_named
@@ -42,34 +39,20 @@ REMEDY = "this was tried; give another direction, or remove the parts in the way
 WORDS = {"up": (0, 0, 1), "down": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0), "y": (0, 1, 0), "-y": (0, -1, 0)}
 
 
-@dataclass(frozen=True)
-class Way:
-    """A way to remove a part: a verb of the hand that holds it, or `remove` of several parts, it as the last."""
+Attempt = list[VerbCall]
+"""lines of the script that remove a part, with the expectation that it is out"""
+Tried = tuple[Part, Attempt, str]
+"""a part, an attempt to remove it, and why that fails, empty if it succeeds"""
 
-    verb: str
-    along: str | tuple[float, ...] | None = None
-    options: tuple[tuple[str, float | str], ...] = ()
-    parts: tuple[str, ...] = ()
 
-    def lines(self, part: str) -> list[str]:
-        """Lines of the script, e.g. `hand.slide("up", distance=0.1)`, with the expectation that the part is out."""
-        expected = f"session.expect_free({quoted(part)})"
-        if self.parts:
-            return [f"hand.{self.verb}([{', '.join(quoted(name) for name in self.parts)}])", expected]
-        options = ", ".join(
-            f'{name}="{value}"' if isinstance(value, str) else f"{name}={value:g}" for name, value in self.options
-        )
-        along = "" if self.along is None else f'"{self.along}", ' if isinstance(self.along, str) else f"{self.along}, "
-        return [f"hand.grab({quoted(part)})", f"hand.{self.verb}({along}{options})", "hand.release()", expected]
+def _out(part: str, *calls: VerbCall) -> Attempt:
+    return [*calls, VerbCall("session", "expect_free", (part,))]
 
-    def go(self, hand: Hand, part: str) -> None:
-        """Perform the lines."""
-        if self.parts:
-            getattr(hand, self.verb)(self.parts)
-            return
-        hand.grab(part)
-        getattr(hand, self.verb)(*(() if self.along is None else (self.along,)), **dict(self.options))
-        hand.release()
+
+def _by(part: Part, verb: str, *given: Any, **named: Any) -> Attempt:
+    """Return the attempt to remove a part by a verb of the hand that holds it."""
+    grab, release = VerbCall("hand", "grab", (part.name,)), VerbCall("hand", "release")
+    return _out(part.name, grab, VerbCall("hand", verb, given, named), release)
 
 
 def new_task(
@@ -89,7 +72,7 @@ def new_task(
     script = output.path
     with contextlib.suppress(ValueError):  # the model is on another drive
         model = Path(os.path.relpath(str(model), str(script.parent)))
-    with Progress("looking for a part that comes out") as progress:
+    with console.progress("looking for a part that comes out") as progress:
         part, way, reason = _found(scene, progress, wanted, budget)
     text = _TEMPLATE.format(
         model=_in_docstring(model.name),
@@ -102,11 +85,12 @@ def new_task(
     return reason
 
 
-def _body(part: str, way: Way, reason: str) -> list[str]:
+def _body(part: str, attempt: Attempt, reason: str) -> list[str]:
     """Return the lines of the task; of a way that fails as comments."""
+    lines = [call.source for call in attempt]
     if not reason:
-        return way.lines(part)
-    notes = (f"{plain(part)} did not come out: {plain(reason)}", REMEDY, *way.lines(part))
+        return lines
+    notes = (f"{plain(part)} did not come out: {plain(reason)}", REMEDY, *lines)
     return [f"hand.grab({quoted(part)})", "hand.release()", *(f"# {line}" for line in notes)]
 
 
@@ -119,24 +103,26 @@ def _named(scene: Scene, name: str) -> Part:
     return scene[group[0]]
 
 
-def _found(scene: Scene, progress: Progress, wanted: Sequence[Part], budget: float) -> tuple[Part, Way, str]:
+def _found(
+    scene: Scene, progress: console.Progress, wanted: Sequence[Part], budget: float
+) -> tuple[Part, Attempt, str]:
     """Return a part and a way to remove it, with the reason why that fails, empty if it succeeds."""
     parts = sorted((p for p in wanted if not p.fixed), key=lambda p: (p.shape.enclosed or np.inf, p.name))
     if not parts:
         raise VpframeError("all parts are fixed: there is none to take in hand")
-    first: tuple[Part, Way, str] | None = None
+    first: Tried | None = None
     tried = list(dict.fromkeys(part.shape for part in parts))[:PARTS]  # one part of each shape
     for number, shape in enumerate(tried):
         part = next(p for p in parts if p.shape is shape)
         progress(number / len(tried), part.name)
         found = planning.removal(scene, part.name, budget=SECONDS, motion="mates")
         for way in _ways(scene, part, found) or (_straight(scene, part) if len(wanted) == 1 and not found else []):
-            reason = _tried(scene, part, way)
+            reason = _tried(scene, way)
             if not reason:
                 return part, way, ""
             first = first or (part, way, reason)
         if not found:
-            first = first or (part, Way("slide", "up", (("distance", 0.1),)), _no_way(part, found))
+            first = first or (part, _by(part, "slide", "up", distance=0.1), _no_way(part, found))
     assert first is not None
     if len(wanted) == 1:
         progress(0.5, f"what has to be removed before {first[0].name}")
@@ -144,8 +130,9 @@ def _found(scene: Scene, progress: Progress, wanted: Sequence[Part], budget: flo
         if plan.verdict != "removable":
             return first[0], first[1], f"{first[2]}; {_none_before(plan)}"
         steps = [(first[0].name,) if first[0].name in step.parts else step.parts for step in plan.steps]
-        way = Way("remove", parts=tuple(dict.fromkeys(name for names in steps for name in names)))
-        reason = _tried(scene, first[0], way)
+        names = list(dict.fromkeys(name for step in steps for name in step))
+        way = _out(first[0].name, VerbCall("hand", "remove", (names,)))
+        reason = _tried(scene, way)
         return first[0], way, reason
     return first
 
@@ -155,7 +142,7 @@ def _none_before(plan: planning.Disassembly) -> str:
     spent = plan.budget
     if plan.verdict != "not found":
         return f"it is {plan.verdict}"
-    if not (spent.by_clock or spent.asked >= spent.questions):
+    if not (spent.by_clock or spent.used >= spent.questions):
         return "no parts were found whose removal frees it"
     return (
         f"the search for what has to be removed before it used up its budget of {spent.seconds:g} s: give more with "
@@ -169,21 +156,21 @@ def _no_way(part: Part, found: planning.Removal) -> str:
     return f"{part.name}: {'no way out was found' if found.verdict == 'not found' else f'it is {found.verdict}'}{by}"
 
 
-def _ways(scene: Scene, part: Part, found: planning.Removal) -> list[Way]:
+def _ways(scene: Scene, part: Part, found: planning.Removal) -> list[Attempt]:
     """Return the planned path as verbs of a hand, the simplest first; none if it needs several verbs."""
     if found.way is None or found.way.motion not in ("straight", "screw"):
         return []
     if found.way.motion == "screw":
-        return [Way("unscrew", None, (("until", "free"),))]
+        return [_by(part, "unscrew", until="free")]
     direction = found.way.direction
     far = _rounded(float(np.linalg.norm(found.way.knots[-1].translation)))
     word = next((name for name, axis in WORDS.items() if np.abs(direction - axis).max() < 1e-9), None)
     along = word or tuple(round(float(x), 6) for x in direction)
-    slide = Way("slide", along, (("distance", far),))
-    return [Way("pull", "axis", (("until", "free"),)), slide] if len(scene) > 1 else [slide]
+    slide = _by(part, "slide", along, distance=far)
+    return [_by(part, "pull", "axis", until="free"), slide] if len(scene) > 1 else [slide]
 
 
-def _straight(scene: Scene, part: Part) -> list[Way]:
+def _straight(scene: Scene, part: Part) -> list[Attempt]:
     """Return slides along the world's axes past all other parts, the shortest first: a hand slides along walls to which
     a part has no clearance, and out of fits that overlap as drawn."""
     others = [other for other in scene.parts if other is not part]
@@ -191,7 +178,7 @@ def _straight(scene: Scene, part: Part) -> list[Way]:
     for word, axis in WORDS.items():
         way = np.array(axis, dtype=np.float64)
         far[word] = _rounded(max(spans(others, way)[1] - spans([part], way)[0], MARGIN) + MARGIN) if others else 0.1
-    return [Way("slide", word, (("distance", far[word]),)) for word in sorted(WORDS, key=far.__getitem__)]
+    return [_by(part, "slide", word, distance=far[word]) for word in sorted(WORDS, key=far.__getitem__)]
 
 
 def _rounded(length: float) -> float:
@@ -200,24 +187,15 @@ def _rounded(length: float) -> float:
     return float(f"{np.ceil(length * 10.0**digits) / 10.0**digits:.2g}")
 
 
-def _tried(scene: Scene, part: Part, way: Way) -> str:
-    """Run the task; return why it fails, empty if it succeeds. The scene is restored."""
-    before = {name: pin.SE3(p.pose) for name, p in scene.items()}
+def _tried(scene: Scene, attempt: Attempt) -> str:
+    """Run the task on a copy of the scene; return why it fails, empty if it succeeds."""
     try:
-        with Session(scene) as session:
-            way.go(session.hand(), part.name)
-            session.expect_free(part.name)
+        with Session(scene.copy()) as session:
+            for call in attempt:
+                call.perform(session, session.hand())
     except TaskError as error:
         return " ".join(str(error).split())
-    finally:
-        for name, pose in before.items():
-            scene[name].pose = pose
     return ""
-
-
-def quoted(text: str) -> str:
-    """Return a Python string literal in double quotes."""
-    return plain(json.dumps(text, ensure_ascii=False))
 
 
 def _in_docstring(text: str) -> str:

@@ -25,62 +25,50 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypedDict, Unpack
 
 from vpframe import console
 from vpframe.analysis import clash_status
-from vpframe.app.progress import Terminal, say, warn
+from vpframe.app.options import BAD, INTERRUPTED, NO, OK, add_run, load, print_notes, viewer_of
+from vpframe.app.progress import Terminal
 from vpframe.errors import CheckpointError, OutputError, TaskError, VpframeError
-from vpframe.outputs import CHECKPOINT, RECORDING, REPORT_FILES, SCRIPT, Output, OutputFolder
+from vpframe.outputs import CHECKPOINT, RECORDING, REPORT_FILES, SCRIPT, Claims, Output
 from vpframe.scene.names import ignored_words
 from vpframe.scripts import ON_REQUEST, imported, located, print_traceback
 from vpframe.session.interrupts import between_steps, handled
 from vpframe.text import plain
 
 if TYPE_CHECKING:
-    from vpframe.scene.scene import Scene
     from vpframe.session.session import Session
-    from vpframe.view.meshcat_viewer import MeshcatViewer
-
-OK, FAILED, BAD, INTERRUPTED = 0, 1, 2, 130
 
 _SHOWN = (
-    "grabbed",
-    "released",
-    "accepted",
-    "refused",
-    "removed",
-    "collided",
-    "blocked",
-    "landed",
-    "expectation",
-    "note",
-)
+    "grabbed", "released", "accepted", "refused", "removed", "collided", "blocked", "landed", "expectation", "note",
+)  # fmt: skip
 
 
-def run_task(
-    path: str | Path,
-    view: bool = False,
-    record: str | Path | None = None,
-    report: str | Path | None = None,
-    checkpoint: str | Path | None = None,
-    resume: bool = False,
-    force: bool = False,
-    wait: bool = False,
-    access: bool = False,
-) -> int:
+class RunOptions(TypedDict, total=False):
+    """Options of `run_task`."""
+
+    view: bool
+    """open the live view"""
+    wait: bool
+    """with `view`, wait for the first browser, and show the end until Ctrl-C"""
+    record: str | Path | None
+    """a `.rrd` file to record to"""
+    report: str | Path | None
+    """a folder for the report"""
+    checkpoint: str | Path | None
+    """a file for the progress of the run"""
+    resume: bool
+    """continue from `checkpoint`"""
+    force: bool
+    """replace any existing output; otherwise only files written by vpframe"""
+    access: bool
+    """a straight tool must reach what hands grab and turn, unless the script sets it"""
+
+
+def run_task(path: str | Path, **options: Unpack[RunOptions]) -> int:
     """Run a task script; return 0 if the task can be done, 1 if not (or the script failed), 130 if interrupted.
-
-    Parameters
-    ----------
-    path: the script.
-    view: open the live view.
-    record: a `.rrd` file to record to.
-    report: a folder for the report.
-    checkpoint: a file for the progress of the run; `resume` continues from it.
-    force: replace any existing output; otherwise only files written by vpframe.
-    wait: with `view`, wait for the first browser, and show the end until Ctrl-C.
-    access: whether a straight tool must reach what hands grab and turn, unless the script sets it.
 
     Raises
     ------
@@ -88,15 +76,15 @@ def run_task(
     """
     from vpframe.session.session import Session
 
-    if resume and checkpoint is None:
+    record, report, checkpoint = options.get("record"), options.get("report"), options.get("checkpoint")
+    if options.get("resume") and checkpoint is None:
         raise VpframeError("--resume needs --checkpoint FILE, the one that the earlier run wrote")
     script = Path(path)
     if not script.is_file():
         raise VpframeError(f"{script}: no such task script")
-    with contextlib.ExitStack() as claims:
-        recording = None if record is None else claims.enter_context(Output(record, RECORDING, force, [script]))
-        saved = None if checkpoint is None else claims.enter_context(Output(checkpoint, CHECKPOINT, force, [script]))
-        folder = None if report is None else claims.enter_context(OutputFolder(report, REPORT_FILES, force, [script]))
+    with Claims(options.get("force", False), script) as claims:
+        recording, saved = claims.file(record, RECORDING), claims.file(checkpoint, CHECKPOINT)
+        folder = claims.folder(report, REPORT_FILES)
         module: Any = claims.enter_context(imported(script))
         if hasattr(module, "VARIANTS"):  # the script of a study: use nominal values
             from vpframe.studies.variants import bound, nominal, variables_of
@@ -107,25 +95,24 @@ def run_task(
         for output in (recording, saved, folder):
             if output is not None and scene.source:
                 output.spare(scene.source)
-        options = dict(getattr(module, "OPTIONS", {}))
+        given = {"name": script.stem, "clearance": True, **getattr(module, "OPTIONS", {})}
         if saved is not None:
-            options.update(checkpoint=saved, resume=resume, run={"script": _digest(script)})
-        if access:
-            options.setdefault("access", True)
+            digest = hashlib.sha256(script.read_bytes()).hexdigest()
+            given.update(checkpoint=saved, resume=options.get("resume", False), run={"script": digest})
+        if options.get("access"):
+            given.setdefault("access", True)
         began = time.perf_counter()
-        viewer = _viewer(wait) if view else None
+        viewer = viewer_of(options.get("view", False), options.get("wait", False))
         with located(script):
-            given = {"name": script.stem, "clearance": True, **options}
             session = Session(scene, viewer=viewer, record=recording, **given)
-        for note in session.scene.all_notes():
-            say(f"note: {note}")
+        print_notes(session.scene)
         session.on_event(_print_event)
         if folder is not None:  # pairs authorised after an earlier run
             for a, b in clash_status.read_authorised(folder.path / clash_status.FILE):
                 if a in scene and b in scene:
                     session.authorise(a, b)
         try:
-            code, word = _perform(module, session, script)
+            code, word = perform(session, module.task, script)
         finally:
             try:
                 session.close()
@@ -134,26 +121,20 @@ def run_task(
                     session.report(folder)
     spent = time.perf_counter() - began
     for fit in session.log.press_fits:
-        say(str(fit))
+        console.say(str(fit))
     ignored = ignored_words(session.ignored, len(session.scene))
     word += f", {ignored}" if ignored else ""
-    say(f"{word}: {session.time:.2f} s of the task in {session.step_count} steps, {spent:.1f} s to compute")
+    console.say(f"{word}: {session.time:.2f} s of the task in {session.step_count} steps, {spent:.1f} s to compute")
     for what, where in (("recording", record), ("report", report), ("checkpoint", checkpoint)):
         if where is not None:
-            say(f"{what}: {where}")
-    if wait and viewer is not None and code != INTERRUPTED:
+            console.say(f"{what}: {where}")
+    if viewer is not None and options.get("wait") and code != INTERRUPTED:
         viewer.stay()
     return code
 
 
-def _viewer(wait: bool) -> MeshcatViewer:
-    from vpframe.view.meshcat_viewer import watched
-
-    return watched(wait)
-
-
-def _perform(module: ModuleType, session: Session, script: Path) -> tuple[int, str]:
-    """Run the task; print the reason of a failure and return exit code and result.
+def perform(session: Session, task: Callable[[Session], object], script: Path | None = None) -> tuple[int, str]:
+    """Run the task (of a script); print the reason of a failure and return exit code and result.
 
     Raises
     ------
@@ -161,7 +142,7 @@ def _perform(module: ModuleType, session: Session, script: Path) -> tuple[int, s
     """
     try:
         with between_steps(session):
-            module.task(session)
+            task(session)
         session.conclude()
     except BaseException as error:  # also SystemExit: `sys.exit` in a script is no success
         if isinstance(error, TaskError) and session.step_count == 0:
@@ -173,39 +154,30 @@ def _perform(module: ModuleType, session: Session, script: Path) -> tuple[int, s
         if not isinstance(error, TaskError | KeyboardInterrupt):
             print_traceback(error)
     if session.failure:
-        warn(f"failed: {session.failure}")
-        return FAILED, "failed"
+        console.warn(f"failed: {session.failure}")
+        return NO, "failed"
     if session.undecided == ON_REQUEST:
-        warn("interrupted; what was done so far is kept")
+        console.warn("interrupted; what was done so far is kept")
         return INTERRUPTED, "interrupted"
     if session.undecided:
-        warn(f"not decided: {session.undecided}")
-        return FAILED, "not decided"
+        console.warn(f"not decided: {session.undecided}")
+        return NO, "not decided"
     return OK, "done"
 
 
 def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
     """Run a task script as a program; never returns."""
     parser = argparse.ArgumentParser(prog=os.path.basename(script))
-    parser.add_argument(
-        "--view", action="store_true", help="open the live view, wait for a browser, show the end until Ctrl-C"
-    )
-    parser.add_argument("--no-wait", dest="wait", action="store_false", help="with --view: do not wait for anybody")
-    parser.add_argument("--record", metavar="RUN.rrd", help="record to this file")
-    parser.add_argument("--report", metavar="DIR", help="write the report to this folder")
-    parser.add_argument("--access", action="store_true", help="a straight tool must reach what hands grab and turn")
-    parser.add_argument("--checkpoint", metavar="FILE", help="save the progress of the run, once a second")
-    parser.add_argument("--resume", action="store_true", help="continue from the checkpoint of an interrupted run")
-    parser.add_argument("--force", action="store_true", help="also replace files that vpframe did not write")
+    add_run(parser)
     given = parser.parse_args(argv)
     try:
         with handled(), console.installed(Terminal()):
             code = run_task(script, **vars(given))
     except KeyboardInterrupt:
-        warn("interrupted")
+        Terminal().warn("interrupted")
         code = INTERRUPTED
     except VpframeError as error:
-        warn(str(error))
+        Terminal().warn(str(error))
         code = BAD
     sys.exit(code)
 
@@ -227,19 +199,9 @@ def new_task(
         from vpframe.app.scaffold import ALL
         from vpframe.app.scaffold import new_task as write
 
-        scene = loaded(from_file)
-        for note in scene.all_notes():
-            say(f"note: {note}")
+        scene = load(from_file)
+        print_notes(scene)
         return write(script, scene, Path(from_file), part, ALL if budget is None else budget)
-
-
-def loaded(path: str | Path) -> Scene:
-    """`vpframe.load` with a progress line."""
-    from vpframe.app.progress import Progress
-    from vpframe.importers import load
-
-    with Progress(f"loading {Path(path).name}") as progress:
-        return load(path, progress=progress)
 
 
 def _scene(module: ModuleType, script: Path) -> Any:
@@ -248,14 +210,10 @@ def _scene(module: ModuleType, script: Path) -> Any:
     if callable(make):
         return make()
     if isinstance(file, str | Path):
-        return loaded(script.parent / file)
+        return load(script.parent / file)
     raise VpframeError(f"{script}: defines no model; write FILE = 'model.step' or `def scene(): …`")
 
 
 def _print_event(event: Any) -> None:
     if event.kind in _SHOWN:
-        say(f"{event.time:8.3f} s  {event.kind:<11} {plain(event.text)}")
-
-
-def _digest(script: Path) -> str:
-    return hashlib.sha256(script.read_bytes()).hexdigest()
+        console.say(f"{event.time:8.3f} s  {event.kind:<11} {plain(event.text)}")

@@ -19,11 +19,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from vpframe import files
+from vpframe import console, files
 from vpframe.analysis.clash import clash, document
 from vpframe.analysis.fits import BAD_KINDS
-from vpframe.app.progress import warn
-from vpframe.app.written_task import Statement, task_source
+from vpframe.app.written_task import VerbCall, task_source
 from vpframe.errors import TaskError, VpframeError
 from vpframe.hands.assist import Assist
 from vpframe.hands.dragging import along_freedom
@@ -34,6 +33,7 @@ from vpframe.scene.scene import Scene
 from vpframe.session.requests import ABOUT_CONSTRAINTS, Request
 from vpframe.session.rules import accept_standing
 from vpframe.session.session import Session, SessionMark
+from vpframe.session.state import STATES
 from vpframe.text import plain
 from vpframe.view.meshcat_viewer import MeshcatViewer
 
@@ -67,7 +67,7 @@ MOST_BYTES = 1 << 26
 class Done:
     """Statements that are undone together, and a mark of the session before them; None: they cannot be undone."""
 
-    statements: list[Statement]
+    statements: list[VerbCall]
     before: SessionMark | None
 
 
@@ -209,13 +209,13 @@ class Workbench:
         if level > 0:
             name = "/".join(name.split("/")[:level])
         named = {"surface": surface} if surface >= 0 and level <= 0 else {}
-        let_go = [Statement("hand", "release")] if self.hand.held else []
-        self._perform([*let_go, Statement("hand", "grab", (name,), named)])
+        let_go = [VerbCall("hand", "release")] if self.hand.held else []
+        self._perform([*let_go, VerbCall("hand", "grab", (name,), named)])
         self.holder = request.client
 
     def _release(self, request: Request) -> None:
         if self.hand.held is not None:
-            self._perform([Statement("hand", "release")])
+            self._perform([VerbCall("hand", "release")])
         self.holder = 0
 
     def _drag(self, request: Request) -> None:
@@ -223,15 +223,15 @@ class Workbench:
         before = self.session.mark()
         self._guarded(before, lambda: self.hand.drag(self._targets(request, poses)))
         if poses:
-            self._keep([Statement("hand", "drag", (poses,))], before)
+            self._keep([VerbCall("hand", "drag", (poses,))], before)
 
     def _slide(self, request: Request) -> None:
         given = {"distance": request.given["distance"], "required": False}
-        self._perform([Statement("hand", "slide", (request.given["along"],), given)], request.client)
+        self._perform([VerbCall("hand", "slide", (request.given["along"],), given)], request.client)
 
     def _turn(self, request: Request) -> None:
         given = {"about": request.given["about"], "required": False}
-        self._perform([Statement("hand", "turn", (request.given["angle"],), given)], request.client)
+        self._perform([VerbCall("hand", "turn", (request.given["angle"],), given)], request.client)
 
     def _decide(self, request: Request) -> None:
         views = self.session.frame.constraints if self.session.frame else ()
@@ -239,8 +239,8 @@ class Workbench:
         if view is None:
             raise TaskError("that constraint is not there any more")
         remark = f"{view.kind}: {' – '.join(view.parts)}"
-        decision = Statement("session", request.action, (view.id,), remark=remark)
-        self._perform([decision, Statement("session", "step")])
+        decision = VerbCall("session", request.action, (view.id,), remark=remark)
+        self._perform([decision, VerbCall("session", "step")])
 
     def _undo(self, request: Request) -> None:
         if not self.done:
@@ -270,7 +270,7 @@ class Workbench:
 
     # ---- statements
 
-    def _perform(self, statements: list[Statement], client: int = 0) -> None:
+    def _perform(self, statements: list[VerbCall], client: int = 0) -> None:
         before = self.session.mark()
         outcome = None
 
@@ -292,7 +292,7 @@ class Workbench:
             self._back_to(before)
             raise
 
-    def _keep(self, statements: list[Statement], before: SessionMark) -> None:
+    def _keep(self, statements: list[VerbCall], before: SessionMark) -> None:
         self.done.append(Done(statements, before))
         self.undone = []
         known: set[int] = set()
@@ -432,7 +432,7 @@ class Workbench:
                 tell([], False, "looking for clashes")
                 pairs = document(clash(self._as_it_stands, progress=progress))["pairs"]
             except VpframeError as error:
-                warn(f"clashes: {error}")
+                console.warn(f"clashes: {error}")
                 tell([], True, plain(str(error)))
                 return
             rows = [
@@ -460,6 +460,8 @@ def _bytes(value: Any, known: set[int]) -> int:
         inside = (*value.keys(), *value.values())
     elif isinstance(value, tuple | list):
         inside = value
+    elif isinstance(value, STATES):
+        inside = vars(value).values()
     elif isinstance(value, set | frozenset):  # of like things: pairs of surfaces, parts
         return sys.getsizeof(value) + len(value) * sys.getsizeof(next(iter(value), None))
     elif isinstance(value, np.ndarray) and value.base is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +17,7 @@ from vpframe.text import plain
 
 
 @dataclass(frozen=True)
-class Statement:
+class VerbCall:
     """A call of a verb of "hand" or "session", performed and written into the script with the same values."""
 
     of: str
@@ -48,7 +49,7 @@ class Statement:
 
 
 def task_source(
-    statements: Sequence[Statement], model: Path, beside: Path, loading: Mapping[str, Any], snap: float
+    statements: Sequence[VerbCall], model: Path, beside: Path, loading: Mapping[str, Any], snap: float
 ) -> str:
     """Return the task script that performs the statements.
 
@@ -75,18 +76,23 @@ def task_source(
     )
 
 
+def quoted(text: str) -> str:
+    """Return a Python string literal in double quotes."""
+    return plain(json.dumps(text, ensure_ascii=False))
+
+
 def _written(value: Any) -> str:
+    if isinstance(value, str):
+        return quoted(value)
+    if isinstance(value, list) and all(isinstance(item, str) for item in value):
+        return f"[{', '.join(map(quoted, value))}]"
     if isinstance(value, list):  # one line for each pose
-        return "[\n" + "".join(f"    {_numbers(item)},\n" for item in value) + "]"
+        return "[\n" + "".join(f"    ({', '.join(map(repr, item))}),\n" for item in value) + "]"
     return repr(value)
 
 
 def _shortened(value: Any) -> str:
-    return f"[… {len(value)} poses]" if isinstance(value, list) else repr(value)
-
-
-def _numbers(values: Sequence[float]) -> str:
-    return f"({', '.join(map(repr, values))})"
+    return f"[… {len(value)} poses]" if isinstance(value, list) else _written(value)
 
 
 _TEMPLATE = '''"""What a person did at the page of {title}."""

@@ -11,18 +11,17 @@ import io
 import os
 import uuid
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as xml
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vpframe import files
-from vpframe.analysis.clash import KINDS, is_open
+from vpframe.analysis.clash import is_open
 from vpframe.analysis.fits import BAD_KINDS
-from vpframe.analysis.pairs import by_parts
+from vpframe.analysis.pairs import ClashRow, PartPair, by_parts
 from vpframe.events import Frame, Poses
 from vpframe.outputs import BCF, GENERATOR, claimed
 from vpframe.report.pictures import PAIR_SIZE, pair_camera, pair_picture
@@ -30,7 +29,7 @@ from vpframe.scene.boxes import placed_corners
 from vpframe.scene.scene import Scene
 from vpframe.text import plain
 from vpframe.view.camera import Camera, look_at
-from vpframe.view.snapshot import png, render
+from vpframe.view.snapshot import Look, png, render
 
 NAMESPACE = uuid.UUID("8b3f3a52-6f0e-5c0b-9d57-3c1c6a1f6f10")
 """namespace of the GUIDs of topics and viewpoints"""
@@ -41,7 +40,7 @@ RED = "E62924"
 def write_bcf(
     path: str | os.PathLike[str],
     scene: Scene,
-    found: Mapping[str, Any],
+    found: Iterable[ClashRow],
     author: str = GENERATOR,
     date: datetime.datetime | None = None,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
@@ -50,7 +49,7 @@ def write_bcf(
 
     Parameters
     ----------
-    found: result of `clash`, with "status" and "remark" if `with_status` was called. An accepted clash becomes a closed
+    found: rows of `clash`, or of `with_status`. An accepted clash becomes a closed
         topic with its remark as comment.
     author, date: of the topics; default date: now, UTC.
 
@@ -62,8 +61,8 @@ def write_bcf(
     ------
     OutputError: the file cannot be written, or exists and was not written by vpframe.
     """
-    pairs = by_parts(found["pairs"], KINDS)
-    clashes = [pair for pair in pairs if pair["kind"] in BAD_KINDS]
+    pairs = by_parts(found)
+    clashes = [pair for pair in pairs if pair.kind in BAD_KINDS]
     when = (date or datetime.datetime.now(datetime.UTC)).astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     with claimed(path, BCF) as output:
         content = io.BytesIO()
@@ -73,15 +72,16 @@ def write_bcf(
             _add(archive, "project.bcfp", _text(_project(scene)))
             _add(archive, "extensions.xml", _text(_extensions(author)))
             for number, pair in enumerate(clashes):
-                progress(number / len(clashes), " – ".join(pair["parts"]))
-                guid, view = (_guid(what, *pair["parts"]) for what in ("topic", "view"))
-                camera, picture = _picture(scene, pair)
+                parts = pair.worst.parts
+                progress(number / len(clashes), " – ".join(parts))
+                guid, view = (_guid(what, *parts) for what in ("topic", "view"))
+                camera, picture = _picture(scene, pair.worst)
                 topic = _topic(scene, pair, guid, view, number, author, when)
                 _add(archive, f"{guid}/markup.bcf", _text(topic))
-                _add(archive, f"{guid}/viewpoint.bcfv", _text(_viewpoint(pair, view, camera)))
+                _add(archive, f"{guid}/viewpoint.bcfv", _text(_viewpoint(parts, view, camera)))
                 _add(archive, f"{guid}/snapshot.png", picture)
         files.replace(output.path, content.getvalue())
-    others = [pair["kind"] for pair in pairs if pair["kind"] not in BAD_KINDS]
+    others = [pair.kind for pair in pairs if pair.kind not in BAD_KINDS]
     return [f"{others.count(kind)} pairs of kind {kind}: no clashes" for kind in dict.fromkeys(others)]
 
 
@@ -135,26 +135,27 @@ def _extensions(author: str) -> xml.Element:
 
 
 def _topic(
-    scene: Scene, pair: Mapping[str, Any], guid: str, view: str, number: int, author: str, when: str
+    scene: Scene, pair: PartPair[ClashRow], guid: str, view: str, number: int, author: str, when: str
 ) -> xml.Element:
     root = xml.Element("Markup")
     if scene.source:
         file = _element(_element(_element(root, "Header"), "Files"), "File", IsExternal="true")
         _element(file, "Filename", Path(scene.source).name)
-    status = OPEN if is_open(dict(pair)) else CLOSED
+    status = OPEN if is_open(pair) else CLOSED
     topic = _element(root, "Topic", Guid=guid, TopicType=TYPE, TopicStatus=status)
-    size = f"{pair['depth'] * 1e3:.3f} mm deep" if pair["depth"] > 0.0 else pair["kind"]
-    _element(topic, "Title", f"{pair['parts'][0]} – {pair['parts'][1]}: {size}")
+    row = pair.worst
+    size = f"{row.depth * 1e3:.3f} mm deep" if row.depth > 0.0 else row.kind
+    _element(topic, "Title", f"{' – '.join(row.parts)}: {size}")
     _element(topic, "Index", str(number))
-    _element(_element(topic, "Labels"), "Label", pair["kind"])
+    _element(_element(topic, "Labels"), "Label", row.kind)
     _element(topic, "CreationDate", when)
     _element(topic, "CreationAuthor", author)
     _element(topic, "Description", _description(pair))
-    if pair.get("remark"):
+    if pair.remark:
         comment = _element(_element(topic, "Comments"), "Comment", Guid=_guid("remark", guid))
         _element(comment, "Date", when)
         _element(comment, "Author", author)
-        _element(comment, "Comment", pair["remark"])
+        _element(comment, "Comment", pair.remark)
         _element(comment, "Viewpoint", Guid=view)
     shown = _element(_element(topic, "Viewpoints"), "ViewPoint", Guid=view)
     _element(shown, "Viewpoint", "viewpoint.bcfv")
@@ -163,20 +164,21 @@ def _topic(
     return root
 
 
-def _description(pair: Mapping[str, Any]) -> str:
-    x, y, z = (1e3 * value for value in pair["point"])
-    faces = " – ".join(pair["faces"]) or "as a whole"
-    words = [f"{pair['kind']}: {faces}", f"{pair['count']} pairs of surfaces", f"at ({x:.3f}, {y:.3f}, {z:.3f}) mm"]
-    return "; ".join([*words, *([pair["reason"]] if pair["reason"] else [])])
+def _description(pair: PartPair[ClashRow]) -> str:
+    row = pair.worst
+    x, y, z = (1e3 * value for value in row.point)
+    faces = " – ".join(row.face_words) or "as a whole"
+    words = [f"{row.kind}: {faces}", f"{len(pair.rows)} pairs of surfaces", f"at ({x:.3f}, {y:.3f}, {z:.3f}) mm"]
+    return "; ".join(filter(None, [*words, row.why]))
 
 
-def _viewpoint(pair: Mapping[str, Any], guid: str, camera: Camera) -> xml.Element:
+def _viewpoint(parts: Sequence[str], guid: str, camera: Camera) -> xml.Element:
     root = xml.Element("VisualizationInfo", Guid=guid)
     components = _element(root, "Components")
-    _components(_element(components, "Selection"), pair["parts"])
+    _components(_element(components, "Selection"), parts)
     _element(components, "Visibility", DefaultVisibility="true")
     color = _element(_element(components, "Coloring"), "Color", Color=RED)
-    _components(_element(color, "Components"), pair["parts"][1:])
+    _components(_element(color, "Components"), parts[1:])
     view = _element(root, "OrthogonalCamera")
     forward = (camera.target - camera.eye) / np.linalg.norm(camera.target - camera.eye)
     up = camera.up - (camera.up @ forward) * forward
@@ -202,12 +204,12 @@ def _vector(parent: xml.Element, name: str, values: NDArray[np.float64]) -> None
         _element(made, axis, repr(value))
 
 
-def _picture(scene: Scene, pair: Mapping[str, Any]) -> tuple[Camera, bytes]:
+def _picture(scene: Scene, row: ClashRow) -> tuple[Camera, bytes]:
     poses = Poses.of({part.name: part.pose for part in scene.parts})
-    surfaces = list(zip(pair["parts"], pair["surfaces"], strict=False))
+    surfaces = list(zip(row.parts, row.surfaces, strict=False))
     if surfaces:
         frame = Frame(0, 0.0, poses, np.empty((0, 4), np.int32), (), {}, {}, None, {})
         return pair_camera(scene, frame, surfaces), png(pair_picture(scene, frame, surfaces))
-    camera = look_at(np.concatenate([placed_corners(scene[name], scene[name].pose) for name in pair["parts"]]))
-    opacity = {name: 0.5 if name in pair["parts"] else 0.1 for name in scene.names}
-    return camera, png(render(scene, poses, (), PAIR_SIZE, camera, (), opacity=opacity))
+    camera = look_at(np.concatenate([placed_corners(scene[name], scene[name].pose) for name in row.parts]))
+    opacity = {name: 0.5 if name in row.parts else 0.1 for name in scene.names}
+    return camera, png(render(scene, poses, (), PAIR_SIZE, camera, (), look=Look(opacity)))

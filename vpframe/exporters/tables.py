@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from vpframe import files
+from vpframe.analysis.pairs import ClashRow
 from vpframe.errors import VpframeError
 from vpframe.events import Event
 from vpframe.outputs import PARQUET, Output, table_of
@@ -75,19 +76,19 @@ def pose_rows(scene: Scene, poses: Mapping[str, pin.SE3], motion: Motion | None 
     return out
 
 
-def clash_rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+def clash_rows(found: Iterable[ClashRow]) -> list[dict[str, Any]]:
     """Return a row for each pair of surfaces found by `vpframe.analysis.clash.clash`; lengths in m."""
     out = []
-    for pair in found["pairs"]:
-        surfaces, faces = (list(pair[name]) or [None, None] for name in ("surfaces", "faces"))
-        x, y, z = pair["point"]
-        a, b = pair["parts"]
+    for row in found:
+        surfaces, faces = (list(values) or [None, None] for values in (row.surfaces, row.face_words))
+        x, y, z = row.point
+        a, b = row.parts
         out.append(
             {
-                "kind": pair["kind"], "part_a": a, "part_b": b, "surface_a": surfaces[0], "surface_b": surfaces[1],
-                "face_a": faces[0], "face_b": faces[1], "distance": pair["distance"], "depth": pair["depth"],
-                "x": x, "y": y, "z": z, "reason": pair["reason"], "status": pair.get("status"),
-                "remark": pair.get("remark"),
+                "kind": row.kind, "part_a": a, "part_b": b, "surface_a": surfaces[0], "surface_b": surfaces[1],
+                "face_a": faces[0], "face_b": faces[1], "distance": row.distance, "depth": row.depth,
+                "x": x, "y": y, "z": z, "reason": row.why, "status": row.status or None,
+                "remark": row.remark if row.status else None,
             }
         )  # fmt: skip
     return out

@@ -1,43 +1,19 @@
 """Hands, their verbs and paths, and the conditions that end a motion."""
 
-from vpframe.hands.access import Reach
-from vpframe.hands.arguments import pose_from
-from vpframe.hands.assist import Assist
-from vpframe.hands.conditions import (
-    Condition,
-    blocked,
-    candidate,
-    clearance,
-    constraint,
-    contact,
-    free,
-    freedom,
-)
-from vpframe.hands.hand import Hand
-from vpframe.hands.paths import Path, Resting, Reversed, Spline, Straight, Track, Turning, read_track
-from vpframe.hands.segment import MotionSegment, Outcome
+from collision.lazy import attributes
 
-__all__ = [
-    "Assist",
-    "Condition",
-    "Hand",
-    "MotionSegment",
-    "Outcome",
-    "Path",
-    "Reach",
-    "Resting",
-    "Reversed",
-    "Spline",
-    "Straight",
-    "Track",
-    "Turning",
-    "blocked",
-    "candidate",
-    "clearance",
-    "constraint",
-    "contact",
-    "free",
-    "freedom",
-    "pose_from",
-    "read_track",
-]
+_MODULE = {
+    name: f"vpframe.hands.{module}"
+    for module, names in {
+        "access": ("Reach",),
+        "arguments": ("pose_from",),
+        "assist": ("Assist",),
+        "conditions": ("blocked", "candidate", "clearance", "constraint", "contact", "free", "freedom"),
+        "hand": ("Hand",),
+        "paths": ("Path", "Resting", "Reversed", "Spline", "Straight", "Track", "Turning", "read_track"),
+        "segment": ("Condition", "MotionSegment", "Outcome"),
+    }.items()
+    for name in names
+}
+__all__ = [*_MODULE]
+__getattr__, __dir__ = attributes(__name__, _MODULE)

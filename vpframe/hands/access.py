@@ -10,12 +10,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import CollisionManager, SurfaceMesh
+from collision import CollisionManager, SurfaceMesh, Tolerance
 from vpframe.errors import TaskError
 from vpframe.hands.arguments import number
-from vpframe.hands.workplace import Workplace
+from vpframe.hands.reach import spans
 from vpframe.scene.boxes import placed_corners
-from vpframe.scene.scene import Part
+from vpframe.scene.scene import Part, Scene
 from vpframe.scene.subassembly import listed
 
 Array = NDArray[np.float64]
@@ -80,16 +80,16 @@ def reach_of(value: Reach | bool, what: str) -> Reach | None:
 
 
 class Access:
-    """Collision queries of a tool among the parts of a session at their present poses."""
+    """Collision queries of a tool among the parts of a scene at their present poses."""
 
-    def __init__(self, session: Workplace, reach: Reach, without: Sequence[str] = ()) -> None:
-        self.parts = [part for part in session.scene.parts if part.name not in without]
+    def __init__(self, scene: Scene, tolerance: Tolerance, reach: Reach, without: Sequence[str] = ()) -> None:
+        self.parts = [part for part in scene.parts if part.name not in without]
         self.reach = reach
-        self.manager = CollisionManager(session.tolerance)
+        self.manager = CollisionManager(tolerance)
         for part in self.parts:
             self.manager.add(part.mesh, part.pose, movable=False)
         self.tool = self.manager.add(reach.mesh(), pin.SE3.Identity())
-        points = np.concatenate([placed_corners(part, part.pose) for part in session.scene.parts])
+        points = np.concatenate([placed_corners(part, part.pose) for part in scene.parts])
         low, high = points.min(0), points.max(0)
         self.outside = float(np.linalg.norm(high - low)) + 2.0 * reach.length
 
@@ -120,22 +120,15 @@ class Access:
         return self.parts[a if a != self.tool else b].name
 
 
-def to_turn(session: Workplace, reach: Reach, group: Sequence[str], origin: Array, axis: Array) -> tuple[str, ...]:
+def to_turn(access: Access, parts: Sequence[Part], origin: Array, axis: Array) -> tuple[str, ...]:
     """Return the parts that keep a tool from the outer end of a screw on its axis; empty if it can be reached.
 
-    group: the parts that turn. origin, axis: (3,) m and (3,) unit, world, pointing outward.
+    access: without `parts`, which turn. origin, axis: (3,) m and (3,) unit, world, pointing outward.
     """
-    ends = []
-    for part in (session.scene[name] for name in group):
-        points = part.mesh.vertices[np.unique(part.mesh.triangles)] @ part.pose.rotation.T + part.pose.translation
-        along = (points - origin) @ axis
-        ends.append(float(along.max()))
-    return Access(session, reach, group).obstacles(origin + (max(ends) + OFF) * axis, axis)
+    return access.obstacles(origin + (spans(parts, axis)[1] - float(origin @ axis) + OFF) * axis, axis)
 
 
-def to_grab(
-    session: Workplace, reach: Reach, parts: Sequence[Part], surface: int | None, hand: Array
-) -> tuple[str, int, Array]:
+def to_grab(access: Access, parts: Sequence[Part], surface: int | None, hand: Array) -> tuple[str, int, Array]:
     """Find the point of a part, nearest to the hand, that a finger can reach along the normal.
 
     parts: of a subassembly; the first that can be reached is taken. hand: (3,) m, world. Returns the part, the surface
@@ -146,7 +139,7 @@ def to_grab(
     TaskError: no point of them can be reached; names the parts in the way of the first part, those first that are in
         the way of the point that has fewest in its way.
     """
-    access, met = Access(session, reach), Counter[str]()
+    met = Counter[str]()
     first: tuple[str, ...] = ()
     for part in parts:
         for point, normal, face in _places(part, surface, hand):
@@ -160,7 +153,7 @@ def to_grab(
     name = parts[0].name
     rest = [other for other, _ in sorted(met.items(), key=lambda item: (-item[1], item[0])) if other != name]
     names = tuple(dict.fromkeys((*first, *rest))) or (name,)  # it is in the way of its own faces only
-    raise TaskError(refused(reach, name if surface is None else f"surface {surface} of {name}", names, first))
+    raise TaskError(refused(access.reach, name if surface is None else f"surface {surface} of {name}", names, first))
 
 
 def _places(part: Part, surface: int | None, hand: Array) -> Iterator[tuple[Array, Array, int]]:

@@ -60,8 +60,8 @@ def radians(angle: float, what: str) -> float:
     TaskError: names `what`, with the hint that angles are radians.
     """
     x, eighth = abs(angle), 0.25 * math.pi
-    told = x < COUNTED and math.isclose(x / eighth, round(x / eighth), rel_tol=1e-9)
-    if x > 2.0 * math.pi and not told and ((2.0 * x).is_integer() or x > MOST_TURNS * 2.0 * math.pi):
+    eighths = x < COUNTED and math.isclose(x / eighth, round(x / eighth), rel_tol=1e-9)
+    if x > 2.0 * math.pi and not eighths and ((2.0 * x).is_integer() or x > MOST_TURNS * 2.0 * math.pi):
         raise TaskError(
             f"{what}={angle:g}: {x:g} rad is {x / (2.0 * math.pi):.3g} turns; angles are radians, write "
             f"math.radians({angle:g}) for {angle:g}°, or 2 * math.pi * n for n whole turns"

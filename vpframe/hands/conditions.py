@@ -8,56 +8,29 @@ hand.pull(along="axis", until=free & (clearance > 0.002))
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from vpframe.errors import TaskError
-from vpframe.hands.workplace import Holder, Workplace
+from vpframe.events import ConstraintView
+from vpframe.hands.gripper import Gripper
+from vpframe.hands.segment import Condition
 
 
-@dataclass(frozen=True, eq=False)
-class Condition:
-    """A predicate that is evaluated after a step; `text` names it in reports."""
-
-    text: str
-    test: Callable[[Workplace, Holder | None], bool]
-    """function of the session and the hand (None without a hand)"""
-
-    def __call__(self, session: Workplace, hand: Holder | None = None) -> bool:
-        return bool(self.test(session, hand))
-
-    def __and__(self, other: Condition) -> Condition:
-        return Condition(f"{self.text} and {other.text}", lambda s, h: self(s, h) and other(s, h))
-
-    def __or__(self, other: Condition) -> Condition:
-        return Condition(f"{self.text} or {other.text}", lambda s, h: self(s, h) or other(s, h))
-
-    def __invert__(self) -> Condition:
-        return Condition(f"not {self.text}", lambda s, h: not self(s, h))
-
-    def __str__(self) -> str:
-        return self.text
-
-
-def _part(hand: Holder | None, name: str | None, what: str) -> str:
-    if name is not None:
-        return name
-    if hand is None or hand.held is None:
-        raise TaskError(f"{what} needs a part: no hand holds one, so name it")
-    return hand.held
-
-
-def _group(session: Workplace, hand: Holder | None, name: str | None, what: str) -> tuple[str, ...]:
+def _group(session: Any, hand: Gripper | None, name: str | None, what: str) -> tuple[str, ...]:
     """Return the parts of a name; without a name, the parts that the hand holds and carries."""
-    part = _part(hand, name, what)
-    return session.group(part) if name is not None or hand is None else (part, *hand.carried)
+    if name is None and (hand is None or hand.held is None):
+        raise TaskError(f"{what} needs a part: no hand holds one, so name it")
+    group: tuple[str, ...] = session.group(name) if name is not None else hand.parts  # type: ignore[union-attr]
+    return group
 
 
-def _touches(session: Workplace, hand: Holder | None) -> bool:
+def _touches(session: Any, hand: Gripper | None) -> bool:
     return bool(session.touching(*_group(session, hand, None, "contact")))
 
 
-def _is_free(session: Workplace, hand: Holder | None) -> bool:
+def _is_free(session: Any, hand: Gripper | None) -> bool:
     group = _group(session, hand, None, "free")
     return not session.constraints_of(*group) and not session.touching(*group)
 
@@ -72,19 +45,21 @@ blocked: Condition = Condition("blocked", lambda session, hand: hand is not None
 """The held part cannot follow the hand."""
 
 
+def _any_of(views: Iterable[ConstraintView], kind: str | None, session: Any, other: str | None) -> bool:
+    """Whether one of some constraints is of a kind (any if None), with a part of `other` if given."""
+    others = None if other is None else set(session.group(other))
+    return any(kind in (None, c.kind) and (others is None or not others.isdisjoint(c.parts)) for c in views)
+
+
 def constraint(kind: str | None = None, part: str | None = None, other: str | None = None) -> Condition:
     """A constraint of that kind (any if None) is active on `part` (default: the held part), with `other` if given.
 
     Both may be subassemblies.
     """
 
-    def test(session: Workplace, hand: Holder | None) -> bool:
-        group = _group(session, hand, part, "constraint(…)")
-        others = None if other is None else set(session.group(other))
-        return any(
-            (kind is None or c.kind == kind) and (others is None or not others.isdisjoint(c.parts))
-            for c in session.constraints_of(*group)
-        )
+    def test(session: Any, hand: Gripper | None) -> bool:
+        on_it = session.constraints_of(*_group(session, hand, part, "constraint(…)"))
+        return _any_of(on_it, kind, session, other)
 
     text = f"constraint {kind or 'of any kind'}"
     if part:
@@ -97,15 +72,9 @@ def constraint(kind: str | None = None, part: str | None = None, other: str | No
 def candidate(kind: str | None = None, other: str | None = None) -> Condition:
     """A candidate of that kind is on offer for the held part."""
 
-    def test(session: Workplace, hand: Holder | None) -> bool:
+    def test(session: Any, hand: Gripper | None) -> bool:
         group = set(_group(session, hand, None, "candidate(…)"))
-        others = None if other is None else set(session.group(other))
-        return any(
-            (kind is None or c.kind == kind)
-            and not group.isdisjoint(c.parts)
-            and (others is None or not others.isdisjoint(c.parts))
-            for c in session.candidates
-        )
+        return _any_of((c for c in session.candidates if not group.isdisjoint(c.parts)), kind, session, other)
 
     return Condition(f"candidate {kind or 'of any kind'}", test)
 
@@ -113,7 +82,7 @@ def candidate(kind: str | None = None, other: str | None = None) -> Condition:
 def freedom(n: int, part: str | None = None) -> Condition:
     """`part` (default: the held part with the parts it carries) has `n` degrees of freedom left."""
 
-    def test(session: Workplace, hand: Holder | None) -> bool:
+    def test(session: Any, hand: Gripper | None) -> bool:
         first, *carried = _group(session, hand, part, "freedom(…)")
         return session.freedom(first, carried=carried) == n
 
@@ -121,7 +90,7 @@ def freedom(n: int, part: str | None = None) -> Condition:
 
 
 @dataclass(frozen=True)
-class Clearance:
+class LeastClearance:
     """Least distance of the held part to all others or to one: `clearance < 0.0005`, `clearance("housing") > 0.01`, m.
 
     Pairs under an active constraint are left out unless `other` names one.
@@ -129,10 +98,10 @@ class Clearance:
 
     other: str | None = None
 
-    def __call__(self, other: str) -> Clearance:
-        return Clearance(other)
+    def __call__(self, other: str) -> LeastClearance:
+        return LeastClearance(other)
 
-    def _of(self, session: Workplace, hand: Holder | None) -> float:
+    def _of(self, session: Any, hand: Gripper | None) -> float:
         return min(session.clearance(part, self.other) for part in _group(session, hand, None, "clearance"))
 
     @property
@@ -146,7 +115,7 @@ class Clearance:
         return Condition(f"{self._text} > {metres * 1e3:g} mm", lambda s, h: self._of(s, h) > metres)
 
 
-clearance = Clearance()
+clearance = LeastClearance()
 
 _NAMED = {"contact": contact, "free": free, "blocked": blocked}
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Generator, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
 
 from vpframe.errors import TaskError
 from vpframe.hands.gripper import Gripper
-from vpframe.hands.segment import Outcome
-from vpframe.hands.verbs import Verb
+from vpframe.hands.segment import Outcome, Verb
 
 
 def drive(
@@ -20,7 +18,7 @@ def drive(
     Returns the outcome of each hand's last verb, by name. An error of `step` ends all verbs.
     """
     outcomes: dict[str, Outcome] = {}
-    running: dict[str, Generator[Any, Outcome, Outcome]] = {}
+    running: dict[str, Verb] = {}
 
     def go_on(name: str, last: Outcome | None, failed: TaskError | None = None) -> None:
         """Start a hand's next segment, of the running verb or the next one; raise `failed` inside the running verb."""

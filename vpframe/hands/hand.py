@@ -1,138 +1,33 @@
-"""`Hand`: holds and moves parts; each verb runs the session until the motion has ended."""
+"""`Hand`: the hand of a session, with verbs for lists of parts: remove them and lay them beside the scene, refit them
+along their trails, exchange them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from pathlib import Path as FilePath
-
+import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from vpframe.errors import TaskError
-from vpframe.hands import service, verbs
-from vpframe.hands.conditions import Condition
-from vpframe.hands.gripper import Gripper
-from vpframe.hands.paths import Path
-from vpframe.hands.segment import Outcome
+from vpframe.hands import paths, service
+from vpframe.hands.access import MOST_NAMED
+from vpframe.hands.directions import way_out
+from vpframe.hands.insert import Fitter
+from vpframe.hands.segment import Condition, Steps, Verb, steps, verb
+from vpframe.hands.service import Names, Vector
+from vpframe.scene.subassembly import listed
+
+SEARCH = 30.0
+"""time limit of planning for a part that cannot be removed straight, s"""
 
 
-class Hand(Gripper):
-    """A hand, created by `session.hand()`.
+class Hand(Fitter):
+    """A hand, created by `session.hand()`; each verb runs the session until the motion has ended.
 
     A hand is a point in space: it can grab a part with a surface within `reach`. The held part moves to the pose
     nearest to its target that its constraints and solid parts allow.
     """
 
-    def approach(self, part: str, surface: int | None = None, duration: float | None = None) -> Outcome:
-        """Move to the nearest point of a part (of one of its surfaces)."""
-        return self._do(verbs.approach(self, part, surface, duration))
-
-    def grab(self, part: str, surface: int | None = None, carry: str | Sequence[str] = ()) -> Outcome:
-        """Grab a part, after approaching it if necessary. `carry` names parts that move rigidly with it.
-
-        Names are paths in the product tree, or the end of a path. Of a subassembly the part nearest to the hand is held
-        and the others are carried.
-
-        Raises
-        ------
-        UnknownPartError: with near matches. TaskError: the name is ambiguous, a part is fixed or held by another hand,
-            or this hand is not empty.
-        """
-        return self._do(verbs.grab(self, part, surface, (carry,) if isinstance(carry, str) else tuple(carry)))
-
-    def release(self) -> Outcome:
-        """Release the held part."""
-        return self._do(verbs.release(self))
-
-    def move_to(
-        self,
-        pose: pin.SE3 | ArrayLike,
-        duration: float | None = None,
-        until: Condition | str | None = None,
-        required: bool = True,
-    ) -> Outcome:
-        """Move the held part (or the empty hand) to a world pose: an SE3, a position (3,), or `x y z qx qy qz qw`."""
-        return self._do(verbs.move_to(self, pose, duration, until, required))
-
-    def move_by(
-        self,
-        shift: ArrayLike,
-        duration: float | None = None,
-        until: Condition | str | None = None,
-        required: bool = True,
-    ) -> Outcome:
-        """Move by `shift` (3,), m, world axes, without rotation."""
-        return self._do(verbs.move_by(self, shift, duration, until, required))
-
-    def follow(
-        self,
-        path: Path | str | FilePath | Sequence[pin.SE3 | ArrayLike],
-        until: Condition | str | None = None,
-        required: bool = True,
-    ) -> Outcome:
-        """Follow a `Path`, a track file (`.csv`, `.json`) of world poses, or a list of poses (a smooth curve at the
-        hand's own speeds). The hand moves to the start of the path first."""
-        return self._do(verbs.follow(self, path, until, required))
-
-    def drag(self, poses: Iterable[pin.SE3 | ArrayLike]) -> Outcome:
-        """Follow a sequence of target poses (as in `move_to`), one for each step, as a mouse gives them.
-
-        The held part moves as near to each as its constraints and solid parts allow; obstacles raise no error. `poses`
-        is read lazily.
-        """
-        return self._do(verbs.drag(self, poses))
-
-    def slide(
-        self,
-        along: str | ArrayLike = "axis",
-        distance: float | None = None,
-        until: Condition | str | None = None,
-        speed: float | None = None,
-        required: bool = True,
-    ) -> Outcome:
-        """Slide `distance` m along a direction: "axis" (of the fit that holds the part, into its partner), "up",
-        "down", "x", "-x", … or a vector. Without a distance, slide until the condition holds."""
-        return self._do(verbs.slide(self, along, distance, until, speed, required))
-
-    def pull(
-        self,
-        along: str | ArrayLike = "axis",
-        distance: float | None = None,
-        until: Condition | str | None = "free",
-        speed: float | None = None,
-        required: bool = True,
-    ) -> Outcome:
-        """Slide the part out: "axis" points away from the partner. Constraints break at their break distance."""
-        return self._do(verbs.pull(self, along, distance, until, speed, required))
-
-    def turn(
-        self,
-        angle: float,
-        about: str | ArrayLike | tuple[ArrayLike, ArrayLike] = "axis",
-        until: Condition | str | None = None,
-        duration: float | None = None,
-        required: bool = True,
-    ) -> Outcome:
-        """Turn by `angle` rad about "axis" (of the fit that holds the part), a direction through the part's centre, or
-        a line (point, direction)."""
-        return self._do(verbs.turn(self, angle, about, until, duration, required))
-
-    def insert(
-        self,
-        into: str,
-        until: Condition | str | None = None,
-        speed: float | None = None,
-        gap: float = 3e-3,
-        required: bool = True,
-        depth: float | None = None,
-    ) -> Outcome:
-        """Insert the best fitting shaft of the held parts into its bore in `into`: align in front of it, then slide in.
-
-        depth: travel of the tip past the bore's mouth, m. until: as in `slide`. By default the motion ends when the
-        part is seated on any part, or at the largest overlap of shaft and bore.
-        """
-        return self._do(verbs.insert(self, into, until, speed, gap, required, depth))
-
+    @verb
     def screw(
         self,
         turns: float | None = None,
@@ -140,18 +35,19 @@ class Hand(Gripper):
         until: Condition | str | None = None,
         rate: float = 2.0,
         required: bool = True,
-        parts: str | Sequence[str] = (),
-    ) -> Outcome:
+        parts: Names = (),
+    ) -> Verb:
         """Screw in at `rate` turns a second, by `turns` or until the condition holds (default: an against constraint).
 
         pitch: m a turn, negative for a left-hand thread; by default that of the thread on the part. parts: `refit` a
         list of screws instead of turning the held part.
         """
-        if parts:
-            self._alone("screw", turns=turns, pitch=pitch, until=until)
-            return self._do(service.refit(self, parts, "screw"))
-        return self._do(verbs.screw(self, turns, pitch, until, rate, required))
+        if not parts:
+            return (yield from self._screw("screw", turns, pitch, until, rate, required))
+        self._check_alone("screw", turns=turns, pitch=pitch, until=until)
+        return (yield from self._refit(parts, "screw"))
 
+    @verb
     def unscrew(
         self,
         turns: float | None = None,
@@ -159,18 +55,19 @@ class Hand(Gripper):
         until: Condition | str | None = None,
         rate: float = 2.0,
         required: bool = True,
-        parts: str | Sequence[str] = (),
-    ) -> Outcome:
+        parts: Names = (),
+    ) -> Verb:
         """Unscrew by `turns` or until the condition holds (default: free): `screw` in reverse.
 
         parts: `remove` a list of screws, each threaded or of that `pitch`, instead of turning the held part.
         """
-        if parts:
-            self._alone("unscrew", turns=turns, until=until)
-            return self._do(service.remove(self, parts, None, pitch, "unscrew"))
-        return self._do(verbs.unscrew(self, turns, pitch, until, rate, required))
+        if not parts:
+            return (yield from self._screw("unscrew", turns, pitch, until, rate, required))
+        self._check_alone("unscrew", turns=turns, until=until)
+        return (yield from self._remove(parts, None, pitch, "unscrew"))
 
-    def remove(self, parts: str | Sequence[str], along: str | ArrayLike | None = None) -> Outcome:
+    @verb
+    def remove(self, parts: Names, along: str | ArrayLike | None = None) -> Verb:
         """Remove parts and subassemblies one after another and lay them in a row beside the scene.
 
         Each is grabbed, unscrewed if threaded, pulled clear of all others, and released; a subassembly as one, unless
@@ -183,35 +80,117 @@ class Hand(Gripper):
         TaskError: a part cannot be removed; names the part, its number and the obstacle. The part stays in the hand,
             where it stopped.
         """
-        return self._do(service.remove(self, parts, along, None, "remove"))
+        return (yield from self._remove(parts, along, None, "remove"))
 
-    def refit(self, parts: str | Sequence[str]) -> Outcome:
+    @verb
+    def refit(self, parts: Names) -> Verb:
         """Return parts and subassemblies to their initial poses along their own trails, the last one removed first."""
-        return self._do(service.refit(self, parts, "refit"))
+        return (yield from self._refit(parts, "refit"))
 
-    def exchange(self, old: str, new: str, along: str | ArrayLike | None = None) -> Outcome:
+    @verb
+    def exchange(self, old: str, new: str, along: str | ArrayLike | None = None) -> Verb:
         """Remove `old` (as `remove` does) and put `new` in its place, frame on frame, along the trail of `old`."""
-        return self._do(service.exchange(self, old, new, along))
+        session, scene = self.session, self.scene
+        service.items_of(self, [old, new], "exchange")
+        lead, first = session.group(old)[0], session.group(new)[0]
+        try:
+            begun = pin.SE3(scene[lead].pose)
+            step = session.trail(lead)[-1][0]
+            way, far = yield from self._take_out(old, along, None)
+            out = [begun, *(pose for when, pose in session.trail(lead) if when > step)]
+            yield from self._lay_aside(way, far)
+            self.let_go()
+            yield from steps(self.grab, new)
+            assert self.held is not None
+            seat = scene[first].pose.actInv(scene[self.held].pose)
+            back = [pose * seat for pose in out[::-1]]
+            across = back[0].translation - self.subject.translation
+            across -= (across @ way) * way
+            if across.any():
+                yield from self._free_move(service.clear(self, way, across / np.linalg.norm(across)) * way)
+            over = max(float((self.subject.translation - back[0].translation) @ way), 0.0)
+            yield from steps(self.move_to, paths.lifted(back[0], over * way))
+            yield from steps(self.move_to, back[0])
+            yield from steps(self.follow, service.track(self, back))
+        except TaskError as error:
+            raise TaskError(f"{self.name}.exchange({old!r}, {new!r}): {error}") from None
+        self.let_go()
+        return self.outcome(f"{new} is where {old} was")
 
-    def _alone(self, verb: str, **given: object) -> None:
+    def _check_alone(self, verb: str, **given: object) -> None:
         """Raise TaskError for arguments that cannot be combined with `parts`."""
         for name in (name for name, value in given.items() if value is not None):
             raise TaskError(
                 f"{self.name}.{verb}: {name}= is of the part in the hand; leave it out, or leave out parts="
             )
 
-    def place(self, on: str, at: ArrayLike | None = None, height: float = 0.05, release: bool = True) -> Outcome:
-        """Put the held part down on the highest flat top of `on`, over `at` (x, y) if given, and release it."""
-        return self._do(verbs.place(self, on, at, height, release))
+    def _remove(self, parts: Names, along: str | ArrayLike | None, pitch: float | None, verb: str) -> Verb:
+        """Remove each part, unscrewing threaded ones, and lay it beside the scene."""
+        items = tuple(unit for name in service.items_of(self, parts, verb) for unit in service.units(self, name, pitch))
+        if self.held is not None:
+            raise TaskError(f"{self.name}.{verb}: {self.name} holds {self.load}; release it first")
+        if verb == "unscrew":
+            service.check_threads(self, items, pitch, verb)
+        for done, name in enumerate(items):
+            try:
+                way, out = yield from self._take_out(name, along, pitch)
+                yield from self._lay_aside(way, out)
+            except TaskError as error:
+                raise service.failed_at(self, verb, items, done, error) from None
+            self.let_go()
+        return self.outcome(f"{verb}: {service.by_kind(self, items)} out")
 
-    def snap(self, kind: str | None = None) -> Outcome:
-        """Accept the best candidate (of that kind) for the held part within the assist's reach."""
-        return self._do(verbs.snap(self, kind))
+    def _refit(self, parts: Names, verb: str) -> Verb:
+        """Return each part to its initial pose along its trail, the last one removed first."""
+        items = service.away(self, parts, verb)
+        if verb == "screw":
+            service.check_threads(self, items, None, verb)
+        order = service.last_removed_first(self, items, verb)
+        for done, name in enumerate(order):
+            try:
+                yield from steps(self.grab, name)
+                yield from steps(self.follow, service.track(self, service.since_home(self, self.parts[0])[::-1]))
+            except TaskError as error:
+                raise service.failed_at(self, verb, order, done, error) from None
+            self.let_go()
+        return self.outcome(f"{verb}: {service.by_kind(self, items)} back")
 
-    def wait(self, seconds: float | None = None, until: Condition | str | None = None) -> Outcome:
-        """Wait for a time (s) or until a condition holds (at most `seconds`, default 60)."""
-        return self._do(verbs.wait(self, seconds, until))
+    def _take_out(self, name: str, along: str | ArrayLike | None, pitch: float | None) -> Steps[tuple[Vector, float]]:
+        """Grab a part, unscrew it if threaded, and pull it clear of all others; return direction and travel, m.
 
-    def _do(self, verb: verbs.Verb) -> Outcome:
-        outcome: Outcome = self.session.perform(self, verb)
-        return outcome
+        Without `along`, a part that cannot be pulled straight goes back and follows a planned path.
+        """
+        yield from steps(self.grab, name)
+        way = way_out(self, along)
+        if pitch is not None or self.session.pitch_of(name) is not None:
+            yield from self._screw("unscrew", pitch=pitch)
+        out, begun = service.clear(self, way, service.side(self, way)), pin.SE3(self.subject)
+        try:
+            yield from steps(self.pull, way, out)
+        except TaskError as error:
+            if along is not None:
+                raise
+            yield from steps(self.move_to, begun)
+            return (yield from self._planned(name, error))
+        return way, out
+
+    def _planned(self, name: str, straight: TaskError) -> Steps[tuple[Vector, float]]:
+        """Remove a part along a planned path, whose end is straight; TaskError, after the error `straight`, if none."""
+        found = self.session.plan_removal(self.session.group(name), SEARCH)
+        if not found:
+            by = f" by {listed(found.blockers[:MOST_NAMED])}" if found.blockers else ""
+            how = f"none was found in {SEARCH:g} s" if found.verdict == "not found" else f"it is {found.verdict}{by}"
+            raise TaskError(f"{straight}; no other way out: {how}") from None
+        track, begun, way = found.tracks[self.held], self.subject.translation, found.way.direction
+        yield from steps(self.follow, paths.Track(track.times, track.poses))
+        return way, max(float((self.subject.translation - begun) @ way), 0.0)
+
+    def _lay_aside(self, way: Vector, back: float) -> Steps[None]:
+        """Move the held part sideways past all others, then back by `back` m against `way`, above what lies there."""
+        aside = service.side(self, way)
+        yield from self._free_move(service.clear(self, aside) * aside)
+        yield from self._free_move(-back * way)
+
+    def _free_move(self, shift: Vector) -> Verb:
+        """Move through free space at twice the usual speed."""
+        return (yield from steps(self.move_by, shift, 0.5 * float(np.linalg.norm(shift)) / self.speed))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from vpframe.errors import LoadError
 from vpframe.importers.checks import checked_format, far_check
+from vpframe.importers.raw import Options
 from vpframe.scene.units import METRES, NAMES
 
 if TYPE_CHECKING:
@@ -78,48 +79,42 @@ def load(
         raise LoadError(f"{_called(source)}: unit is {unit!r}; give one of {NAMES}", _called(source))
     if bodies not in (None, "split", "whole"):
         raise LoadError(f"{_called(source)}: bodies is {bodies!r}; give 'split' or 'whole'", _called(source))
+    options = Options(deflection, angular, unit, timeout, progress, format, bodies)
     if not isinstance(source, str | Path):
         from vpframe.importers import objects
 
-        return objects.load(source, deflection, angular, unit, timeout, progress, format, bodies)
+        return objects.load(source, options)
     path, file = source, Path(source)
     form = checked_format(file)
     if unit is not None and form not in ("stl", "obj", "ply"):
         raise LoadError(f"{path}: {form.upper()} files name their unit themselves; leave unit= out", str(path))
     from vpframe.importers import build, cache
 
-    def part(begin: float, end: float) -> Callable[[float, str], None] | None:
-        if progress is None:
-            return None
-        return lambda fraction, text: progress(begin + (end - begin) * fraction, text)
-
     files = _files(file, form)
-    key = cache.key_of(files, form, deflection, angular, unit, bodies) if files else ""
+    chosen = form, deflection, angular, unit, bodies
+    key = cache.key_of(files, *chosen) if files else ""
     raw = cache.find(key) if key else None
     if raw is None:
         if form in KERNEL:
             from vpframe.importers import cad
 
             settle = _bare_and_settled if form == "mjcf" else build.settled
-            raw = cad.read(files or [file], form, deflection, angular, timeout, part(0.0, READING), settle, bodies)
-            for p in raw.parts:
-                far_check(file, p.name, raw.shapes[p.shape].vertices, p.translation)
+            raw = cad.read(files or [file], form, options.within(0.0, READING), settle)
         elif form == "urdf":
             from vpframe.importers import urdf
 
-            raw = urdf.read(file, deflection, angular)
-            for p in raw.parts:
-                far_check(file, p.name, raw.shapes[p.shape].vertices, p.translation)
-            raw.shapes = [build.settled(shape) for shape in raw.shapes]
+            raw = urdf.read(file, options)
         else:
             from vpframe.importers import meshes
 
-            raw = meshes.read(file, form, unit, timeout, part(0.0, READING))
-            raw.shapes = [build.settled(shape) for shape in raw.shapes]
-        if key and raw.whole and cache.key_of(files, form, deflection, angular, unit, bodies) == key:  # files unchanged
+            raw = meshes.read(file, form, options.within(0.0, READING))
+        for p in raw.parts:
+            far_check(file, p.name, raw.shapes[p.shape].vertices, p.translation)
+        raw.shapes = [build.settled(shape) for shape in raw.shapes]
+        if key and raw.whole and cache.key_of(files, *chosen) == key:  # files unchanged
             cache.keep(key, raw)
     keep = partial(cache.keep, key) if key and raw.whole else lambda raw: None
-    scene = build.scene(raw, str(path), part(READING, 1.0), keep)
+    scene = build.scene(raw, str(path), options.within(READING, 1.0).progress, keep)
     if progress is not None:
         progress(1.0, "loaded")
     return scene

@@ -10,14 +10,11 @@ this folder: vpframe is imported from its own location, all else from the folder
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import gc
 import importlib.util
 import json
 import os
-import signal
 import sys
-import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -26,13 +23,10 @@ if TYPE_CHECKING:
 
     from vpframe.importers.crew import Make
 
-_PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
-
 
 def main() -> None:
     """Process the request in the arguments (JSON); report on the original standard output."""
     request = json.loads(sys.argv[1])
-    _end_with_parent()
     gc.disable()
     _limit_memory(request["memory"])
     channel = os.fdopen(os.dup(1), "w", encoding="utf-8")
@@ -40,6 +34,9 @@ def main() -> None:
     sys.path.extend(request["folders"])
     _import_vpframe()
     from vpframe.importers.raw import UnreadableError
+    from vpframe.processes import end_with
+
+    end_with(request["parent"])
 
     try:
         _read(request, channel)
@@ -51,20 +48,6 @@ def main() -> None:
         _say(channel, memory=True)
     else:
         _say(channel, fraction=1.0, text="read", done=True)
-
-
-def _end_with_parent() -> None:
-    """End with the parent: a thread waits for the end of standard input. The kernel can hold the GIL for long, so Linux
-    is also asked to kill this process."""
-
-    def wait() -> None:
-        sys.stdin.read()
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError, AttributeError):
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _limit_memory(limit: int) -> None:
@@ -109,7 +92,7 @@ def _read(request: dict[str, Any], channel: TextIO) -> None:
     from vpframe.importers.archive import write
     from vpframe.importers.crew import Crew, crew_size, resident
     from vpframe.importers.document import Given, read_document, read_given
-    from vpframe.importers.raw import RawScene, RawShape
+    from vpframe.importers.raw import Options, RawScene, RawShape
 
     def progress(fraction: float, text: str) -> None:
         _say(channel, fraction=fraction, text=text)
@@ -146,11 +129,11 @@ def _read(request: dict[str, Any], channel: TextIO) -> None:
 
         hire(measured, [len(each.faces) for each in shapes], ["measuring"] * len(shapes))
         return
-    options = request["deflection"], request["angular"], request["bodies"], progress, hire
+    options = Options(request["deflection"], request["angular"], progress=progress, bodies=request["bodies"])
     if request["format"] == "mjcf":
         from vpframe.importers.mjcf import read_model
 
-        raw = read_model(request["path"], *options)
+        raw = read_model(request["path"], options, hire)
     elif request["format"] in ("brep", "given"):
 
         def given(node: list[Any]) -> Given:
@@ -158,9 +141,9 @@ def _read(request: dict[str, Any], channel: TextIO) -> None:
             return Given(name, file, matrix, color, [given(child) for child in children])
 
         named = [[Path(request["path"]).stem, request["path"], [], None, []]]
-        raw = read_given([given(node) for node in request["given"] or named], *options)
+        raw = read_given([given(node) for node in request["given"] or named], options, hire)
     else:
-        raw = read_document(request["path"], request["format"], *options)
+        raw = read_document(request["path"], request["format"], options, hire)
     write(raw, os.path.join(request["out"], "scene.archive"))
 
 

@@ -36,7 +36,8 @@ from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS
 from collision.mesh import welded
 from vpframe.importers.patches import patch
 from vpframe.importers.polyhedron import open_edges, signed_volume, triangle_area_vectors
-from vpframe.importers.raw import Array, Color, RawFace, RawShape, Size
+from vpframe.importers.raw import NO_SAMPLES, Array, Color, RawFace, RawShape, Size
+from vpframe.importers.topology import mapped, matrix_of
 
 MM = 1e-3
 RECOGNITION = 1e-5 / MM  # at looser tolerances the kernel recognises false cylinders
@@ -82,10 +83,10 @@ def tessellate(
     faces between the polygons of their edges, without the kernel's mesher, which does not end on some faces.
     """
     raw = RawShape(np.empty((0, 3)), np.empty((0, 3), np.int32), np.empty(0, np.int32), [])
-    faces = ShapeMap()
-    TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_FACE, faces)
+    faces = mapped(shape, TopAbs_ShapeEnum.TopAbs_FACE)
     every = {number: TopoDS.Face(faces.FindKey(number)) for number in range(1, faces.Extent() + 1)}
-    own = {number for number, face in every.items() if not mesher or _is_round_cone(face)}
+    surfaces = {number: BRepAdaptor_Surface(face, False) for number, face in every.items()}
+    own = {number for number, face in every.items() if not mesher or _is_round_cone(face, surfaces[number])}
     if len(own) < len(every):
         given = compound_of(face for number, face in every.items() if number not in own) if own else shape
         BRepMesh_IncrementalMesh(given, deflection / MM, False, angular, True)
@@ -97,7 +98,7 @@ def tessellate(
         pieces[number] = patches.piece(every[number])
     if not mesher:
         raw.notes.append("its faces are triangulated one by one: the CAD kernel's mesher does not end, or crashes")
-    _close(raw, pieces, patches, every)
+    is_open = _close(raw, pieces, patches, every)
     lost = [number for number, (_, corners) in pieces.items() if not len(corners)]
     repaired = [number for number in failed if number not in lost]
     for numbers, end in ((repaired, "repaired"), (lost, "lost: nothing closes its border")):
@@ -108,20 +109,21 @@ def tessellate(
     tell(TYPED)
     for number, (_, corners) in pieces.items():
         if len(corners):
-            raw.faces.append(_type(every[number], f"face_{number}"))
+            raw.faces.append(_type(every[number], surfaces[number], f"face_{number}"))
             raw.faces[-1].color, raw.faces[-1].size = color(every[number]), size(every[number])
     numbers = [number for number, (_, corners) in pieces.items() if len(corners)]
     shape, inside = _outwards(shape, faces, numbers, raw)
     raw.brep = brep_bytes(shape)
-    _bounds(shape, raw, raw.triangles[inside], deflection)
+    if inside.any() and not (is_open if inside.all() else len(open_edges(raw.triangles[inside]))):
+        _bounds(raw, raw.triangles[inside], deflection)
     return raw
 
 
-def _is_round_cone(face: TopoDS_Face) -> bool:
+def _is_round_cone(face: TopoDS_Face, surface: BRepAdaptor_Surface) -> bool:
     """Whether a face is a cone that goes all the way round: OpenCascade 8 returns no triangles for many, or hangs."""
-    surface = BRepAdaptor_Surface(face)
     if surface.GetType() != GeomAbs_SurfaceType.GeomAbs_Cone:
         return False
+    surface = BRepAdaptor_Surface(face)  # between the face's own parameters
     return surface.LastUParameter() - surface.FirstUParameter() >= ROUND
 
 
@@ -198,22 +200,23 @@ def _discretized(edge: TopoDS_Edge, deflection: float, angular: float) -> tuple[
     return np.array([found.Parameter(i) for i in numbers]), points
 
 
-def _close(raw: RawShape, pieces: dict[int, Piece], patches: _Patches, faces: dict[int, TopoDS_Face]) -> None:
-    """Set the mesh of `raw` from `pieces`. Where it is open, the faces beside gaps are meshed again."""
-    _weld(raw, pieces)
-    gaps = len(open_edges(raw.triangles))
-    if not gaps:
-        return
+def _close(raw: RawShape, pieces: dict[int, Piece], patches: _Patches, faces: dict[int, TopoDS_Face]) -> bool:
+    """Set the mesh of `raw` from `pieces`; where it is open, the faces beside gaps are meshed again. Whether it is."""
+    border = _weld(raw, pieces)
+    if not len(border):
+        return False
     present = [number for number, (_, corners) in pieces.items() if len(corners)]
-    touched = np.isin(raw.triangles, open_edges(raw.triangles)).sum(axis=1) >= 2
+    touched = np.isin(raw.triangles, border).sum(axis=1) >= 2
     beside = [present[i] for i in np.unique(raw.face_of_triangle[touched]).tolist()]
     again = {number: patches.piece(faces[number]) for number in beside[:MOST_AGAIN]}
     again = {number: piece for number, piece in again.items() if len(piece[1])}
-    _weld(raw, {**pieces, **again})
-    if len(open_edges(raw.triangles)) < gaps:
+    left = len(_weld(raw, {**pieces, **again}))
+    if left < len(border):
         raw.notes.append(f"{len(again)} faces beside gaps of the CAD kernel's mesh were meshed again")
         pieces.update(again)
+        return left > 0
     _weld(raw, pieces)
+    return True
 
 
 def brep_bytes(shape: TopoDS_Shape) -> bytes:
@@ -230,11 +233,14 @@ def brep_shape(data: bytes) -> TopoDS_Shape:
     return shape
 
 
-def _weld(raw: RawShape, pieces: dict[int, Piece]) -> None:
-    """Join the triangles of all faces; merge equal vertices and drop triangles with two equal corners."""
+def _weld(raw: RawShape, pieces: dict[int, Piece]) -> NDArray[np.int64]:
+    """Join the triangles of all faces; merge equal vertices and drop triangles with two equal corners.
+
+    Returns the open edges (k, 2).
+    """
     found = [(points, corners) for points, corners in pieces.values() if len(corners)]
     if not found:
-        return
+        return np.empty((0, 2), np.int64)
     starts = np.cumsum([0, *(len(points) for points, _ in found)])
     points, point = welded(np.concatenate([p for p, _ in found]) + 0.0)
     raw.vertices = points * MM
@@ -243,6 +249,7 @@ def _weld(raw: RawShape, pieces: dict[int, Piece]) -> None:
     raw.face_of_triangle = np.repeat(np.arange(len(found), dtype=np.int32), [len(corners) for _, corners in found])
     real = (raw.triangles != np.roll(raw.triangles, 1, axis=1)).all(axis=1)  # a pole is one point for two corners
     raw.triangles, raw.face_of_triangle = raw.triangles[real], raw.face_of_triangle[real]
+    return open_edges(raw.triangles)
 
 
 def _triangles(face: TopoDS_Face) -> tuple[Array, Any]:
@@ -255,18 +262,18 @@ def _triangles(face: TopoDS_Face) -> tuple[Array, Any]:
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64) - 1
     transformation = location.Transformation()
     if not location.IsIdentity():
-        matrix = np.array([[transformation.Value(i, j) for j in range(1, 5)] for i in range(1, 4)])
+        matrix = matrix_of(transformation)
         points = points @ matrix[:, :3].T + matrix[:, 3]
     if (face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED) != transformation.IsNegative():
         corners = corners[:, [0, 2, 1]]
     return points, corners
 
 
-def _type(face: TopoDS_Face, name: str) -> RawFace:
+def _type(face: TopoDS_Face, surface: BRepAdaptor_Surface, name: str) -> RawFace:
     """Return the analytic type of a face: from the file, else from the kernel's recognition, else sample points."""
-    surface = BRepAdaptor_Surface(face)
-    if surface.GetType() in _TYPES:
-        kind, getter = _TYPES[surface.GetType()]
+    stated = surface.GetType()
+    if stated in _TYPES:
+        kind, getter = _TYPES[stated]
         return RawFace(name, kind, _numbers(kind, getattr(surface, getter)()), typed=True)
     samples = _samples(face, surface)
     recognition = ShapeAnalysis_CanonicalRecognition(face)
@@ -315,7 +322,7 @@ def _samples(face: TopoDS_Face, surface: BRepAdaptor_Surface) -> Array:
     """Points of the true surface at the middle of each triangle (in parameters), m, for the fit of its type."""
     mesh = BRep_Tool.Triangulation_s(face, TopLoc_Location())
     if mesh is None or not mesh.HasUVNodes():
-        return np.empty((0, 3))
+        return NO_SAMPLES
     uv = np.array([mesh.UVNode(i).Coord() for i in range(1, mesh.NbNodes() + 1)])
     corners = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)]) - 1
     if len(corners) > 400:
@@ -332,12 +339,11 @@ def _outwards(
     The triangles of `raw` are turned likewise. numbers: those in `faces` of the faces that have triangles, in the order
     of `raw.faces`.
     """
-    solids = _solids(shape)
+    solids = list(mapped(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
     inverted = []
     inside = np.zeros(len(raw.triangles), bool)
     for i, solid in enumerate(solids):
-        own = ShapeMap()
-        TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_FACE, own)
+        own = mapped(solid, TopAbs_ShapeEnum.TopAbs_FACE)
         mine = np.array([own.Contains(faces.FindKey(number)) for number in numbers], bool)[raw.face_of_triangle]
         inside |= mine
         if signed_volume(raw.vertices, raw.triangles[mine]) < 0.0:
@@ -361,19 +367,12 @@ def _turned(shape: TopoDS_Shape, inverted: list[TopoDS_Shape]) -> TopoDS_Shape:
     return compound_of(children)
 
 
-def _solids(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
-    solids = ShapeMap()
-    TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_SOLID, solids)
-    return [solids.FindKey(i) for i in range(1, solids.Extent() + 1)]
-
-
-def _bounds(shape: TopoDS_Shape, raw: RawShape, triangles: NDArray[np.int32], deflection: float) -> None:
-    """Set `bounds` of the volume of the solids in `shape`, which have `triangles`; none for open ones."""
-    if len(triangles) and not len(open_edges(triangles)):
-        meshed = signed_volume(raw.vertices, triangles)
-        area = float(np.linalg.norm(triangle_area_vectors(raw.vertices, triangles), axis=1).sum())
-        slack = 0.05 * meshed + area * deflection
-        raw.bounds = meshed - slack, meshed + slack
+def _bounds(raw: RawShape, triangles: NDArray[np.int32], deflection: float) -> None:
+    """Set `bounds` of the volume of closed solids, which have `triangles`."""
+    meshed = signed_volume(raw.vertices, triangles)
+    area = float(np.linalg.norm(triangle_area_vectors(raw.vertices, triangles), axis=1).sum())
+    slack = 0.05 * meshed + area * deflection
+    raw.bounds = meshed - slack, meshed + slack
 
 
 def measured(shape: TopoDS_Shape, deflection: float, angular: float) -> RawShape:
@@ -387,7 +386,7 @@ def measure(raw: RawShape) -> None:
     """Set volume, centre and inertia to those of the exact solids; a note, and None, where these are not plausible."""
     if raw.bounds is None:
         return
-    solids = _solids(brep_shape(raw.brep))
+    solids = list(mapped(brep_shape(raw.brep), TopAbs_ShapeEnum.TopAbs_SOLID))
     properties = GProp_GProps()
     BRepGProp.VolumeProperties_s(compound_of(solids) if len(solids) != 1 else solids[0], properties)
     volume, (low, high) = properties.Mass() * MM**3, raw.bounds

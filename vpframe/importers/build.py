@@ -12,10 +12,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import SurfaceMesh
+from constraints.geometry.surfaces import Freeform
 from vpframe.importers import cache
 from vpframe.importers.face_geometry import orientation, raw_geometry, raw_numbers, recognised
 from vpframe.importers.polyhedron import mass_properties, open_edges, signed_volume, triangle_area_vectors, without_flat
-from vpframe.importers.raw import RawFace, RawPart, RawScene, RawShape
+from vpframe.importers.raw import NO_SAMPLES, RawFace, RawPart, RawScene, RawShape
 from vpframe.scene.scene import Mass, Part, Scene, Shape, Size, Surface
 
 Array = NDArray[np.float64]
@@ -139,9 +140,7 @@ def fit_faces(raw: RawShape) -> bool:
         points, middles = raw.vertices[np.unique(corners)], raw.vertices[corners].mean(axis=1)
         geometry, residual = recognised(face, points, middles, triangle_area_vectors(raw.vertices, corners))
         kind, numbers = raw_numbers(geometry)
-        raw.faces[k] = replace(
-            face, kind=kind, numbers=numbers, typed=True, residual=residual, samples=np.empty((0, 3))
-        )
+        raw.faces[k] = replace(face, kind=kind, numbers=numbers, typed=True, residual=residual, samples=NO_SAMPLES)
     return bool(free)
 
 
@@ -159,13 +158,28 @@ class _BareShape(Shape):
         return made
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = ("_find", "_measure", "_segmented")
+        derived = ("_find", "_measure", "_segmented", "unsegmented")
         return {"_mass": self._mass, **{name: value for name, value in vars(self).items() if name not in derived}}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         if "surfaces" not in state:
             self.__dict__["_find"] = lambda: self._segmented.surfaces
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Numbers of faces and triangles; no faces while none were needed."""
+        return super().counts if "mesh" in vars(self) else (0, len(self.__dict__["_raw"].triangles))
+
+    @cached_property
+    def unsegmented(self) -> Shape:  # type: ignore[override]
+        """The mesh as one freeform surface, without features."""
+        raw = self.__dict__["_raw"]
+        mesh = SurfaceMesh(raw.vertices, raw.triangles, name=self.__dict__["_name"])
+        area = float(np.linalg.norm(triangle_area_vectors(raw.vertices, raw.triangles), axis=1).sum())
+        surface = Surface(0, mesh.name, Freeform(), "free", 0.0, area)
+        mass = self.__dict__.get("_measure", lambda: self._mass)
+        return Shape(mesh, (surface,), (), mass, self.enclosed, self.closed, self.notes, faceted=True)
 
     @cached_property
     def _segmented(self) -> Shape:

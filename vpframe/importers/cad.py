@@ -18,19 +18,13 @@ from typing import Any
 import numpy as np
 
 from vpframe.errors import LoadError
-from vpframe.importers import archive, guarded
+from vpframe.importers import archive, guarded, limits
 from vpframe.importers.checks import FORMATS, iges_damage
-from vpframe.importers.raw import RawScene, RawShape
+from vpframe.importers.raw import Options, Progress, RawScene, RawShape
 from vpframe.importers.step_text import StepText, circular_uses, scan, without
 
-Progress = Callable[[float, str], None]
 PACKAGES = ("OCP", "manifold3d", "numpy")
 """needed in the reading process"""
-MEGABYTE = 1e6
-MEMORY = 1_750_000_000
-"""resident memory for reading, bytes, plus MEMORY_OF_SIZE times the size of the files: below 2 GB. The
-idle kernel takes 0.25 GB; measured models took below 80 bytes for each byte (um2_head: 0.05 GB for 2.6 MB)."""
-MEMORY_OF_SIZE = 200
 _EXTERNAL = re.compile(rb"DOCUMENT_FILE\s*\(\s*'((?:[^']|'')+)'")
 
 
@@ -52,20 +46,11 @@ def _bytes(file: Path) -> bytes:
         raise LoadError(f"{file}: cannot be read ({error.strerror}); check its permissions", str(file)) from None
 
 
-def time_limit(size: int) -> float:
-    """Default limit of processor time for reading `size` bytes, s: one minute for each megabyte, at least one."""
-    return 60.0 * max(1.0, size / MEGABYTE)
-
-
 def read(
     files: Sequence[Path],
     form: str,
-    deflection: float,
-    angular: float,
-    timeout: float | None,
-    progress: Progress | None,
+    options: Options,
     settle: Callable[[RawShape], RawShape],
-    bodies: str | None = None,
     given: Sequence[Any] = (),
 ) -> RawScene:
     """Return the raw scene of a file; `form` is "step", "iges", "brep" or "mjcf"; `files`: it and those it refers to.
@@ -74,15 +59,15 @@ def read(
     shape while the kernel process continues.
 
     A shape that crashes the kernel's mesher, or on which that does not end, is meshed without it; one that exceeds
-    time or memory is left out, and named in the notes. Raises LoadError if the file cannot be read within `timeout` s
-    of processor time (default `time_limit`, and more for each shape and face), or its unit of length is unknown.
+    time or memory is left out, and named in the notes. Raises LoadError if the file cannot be read within its limits
+    (`limits.of_cad`), or its unit of length is unknown.
     """
     path = files[0]
     with ThreadPoolExecutor(1) as pool:  # reads the text while the kernel starts
         texts = pool.submit(lambda: [scan(_bytes(file)) for file in files] if form == "step" else [])
         faults = _Faults(files, texts)
         with _acyclic(path, form, len(files)) as source:
-            raw = _read_guarded(source, form, deflection, angular, timeout, progress, settle, faults, bodies, given)
+            raw = _read_guarded(source, form, options, settle, faults, given)
     if form == "iges" and (damage := iges_damage(_bytes(path))):
         raw.notes.append(f"{damage}: faces or parts may be missing")
     if form == "step":
@@ -165,26 +150,22 @@ def _missing_files(path: Path, text: StepText) -> list[str]:
 def _read_guarded(
     path: Path,
     form: str,
-    deflection: float,
-    angular: float,
-    timeout: float | None,
-    progress: Progress | None,
+    options: Options,
     settle: Callable[[RawShape], RawShape],
     faults: _Faults,
-    bodies: str | None,
     given: Sequence[Any],
 ) -> RawScene:
-    limits = _limits(faults.size, timeout)
+    within = limits.of_cad(faults.size, options.timeout)
     request = {
         "path": str(path.resolve()),
         "format": form,
-        "deflection": deflection,
-        "angular": angular,
-        "bodies": bodies or "",
+        "deflection": options.deflection,
+        "angular": options.angular,
+        "bodies": options.bodies,
         "folders": guarded.package_folders(path.resolve().parent, PACKAGES),
         "given": given,
     }
-    outcome, raw = _read_once(request, limits, progress, settle, faults)
+    outcome, raw = _read_once(request, within, options.progress, settle, faults)
     if raw is not None:
         return raw
     where = faults.damage()
@@ -193,8 +174,8 @@ def _read_guarded(
     damage = f"it is damaged: {where}" if where else "it is probably damaged"
     mend = "open it in a CAD program and export it again"
     how = outcome.how_it_ended()
-    if outcome.late and timeout is None:
-        how += f", the limit for {faults.size / MEGABYTE:.1f} MB,"
+    if outcome.late and options.timeout is None:
+        how += f", the limit for {faults.size / limits.MEGABYTE:.1f} MB,"
     if (outcome.late or outcome.memory) and not where:
         damage = f"it is damaged, or takes a coarser deflection{' or a longer timeout' if outcome.late else ''}"
     raise LoadError(f"{path}: {how} while {outcome.text}; {damage}; {mend}", str(path))
@@ -202,7 +183,7 @@ def _read_guarded(
 
 def _read_once(
     request: dict[str, Any],
-    limits: guarded.Limits,
+    within: limits.Limits,
     progress: Progress | None,
     settle: Callable[[RawShape], RawShape],
     faults: _Faults,
@@ -217,7 +198,7 @@ def _read_once(
             shapes[number] = worker.submit(lambda: settle(archive.read(archived).shapes[0]))
 
         try:
-            begun = guarded.Outcome(limits)
+            begun = guarded.Outcome(within)
             outcome = guarded.run({**request, "out": folder}, folder, begun, progress, ready, faults.end_if_refused)
             faults.check_units()
             if not outcome.done:
@@ -246,21 +227,14 @@ def _without_empty(raw: RawScene, path: Path) -> RawScene:
     return raw
 
 
-def _limits(size: int, timeout: float | None) -> guarded.Limits:
-    """Limits for input of `size` bytes."""
-    growth = () if timeout is not None else (("shapes", 1.0, 0.0), ("faces", 0.05, 0.0))
-    seconds = time_limit(size) if timeout is None else timeout
-    return guarded.Limits(seconds, MEMORY + MEMORY_OF_SIZE * size, (*growth, ("forked", 0.0, 1.0)))
-
-
 def in_kernel(request: dict[str, Any], folder: str, limit: float, size: int) -> str:
     """Run a request other than reading in the process; return the reason of a failure, "" on success.
 
     folder: temporary folder for its output. limit: s of processor time. size: of its input, bytes.
     """
     whole = {**request, "folders": guarded.package_folders(Path(folder), PACKAGES)}
-    outcome = guarded.run(whole, folder, guarded.Outcome(_limits(size, limit)))
-    return "" if outcome.done else outcome.error or outcome.how_it_ended()
+    outcome = guarded.run(whole, folder, guarded.Outcome(limits.of_cad(size, limit)))
+    return "" if outcome.done else outcome.error or f"{outcome.how_it_ended()} while {outcome.text}"
 
 
 def measure(shapes: Sequence[RawShape]) -> None:
@@ -276,11 +250,12 @@ def measure(shapes: Sequence[RawShape]) -> None:
         folders = guarded.package_folders(Path(folder), PACKAGES)
         request = {"format": "measure", "path": source, "out": folder, "folders": folders}
         done: list[int] = []
-        begun = guarded.Outcome(_limits(sum(len(each.brep) for each in shapes), None))
-        guarded.run(request, folder, begun, None, done.append)
+        begun = guarded.Outcome(limits.of_cad(sum(len(each.brep) for each in shapes)))
+        outcome = guarded.run(request, folder, begun, None, done.append)
+        why = "" if outcome.done else f" ({outcome.how_it_ended()} while {outcome.text})"
         for number in done:
             found, own = archive.read(os.path.join(folder, f"{number}.archive")).shapes[0], shapes[number]
             own.volume, own.center, own.inertia = found.volume, found.center, found.inertia
             own.notes.extend(found.notes)
         for number in set(range(len(shapes))).difference(done):
-            shapes[number].notes.append("its exact volume cannot be computed: that of its triangles is taken")
+            shapes[number].notes.append(f"its exact volume cannot be computed{why}: that of its triangles is taken")

@@ -148,7 +148,7 @@ def _iges_fault(data: bytes, content: str | None) -> str | None:
 
 
 def iges_damage(data: bytes) -> str:
-    """What of the lines of an IGES file is missing, doubled or out of place; "" where nothing is.
+    """Return the damage found in an IGES file's lines (missing, doubled, out of place), or "".
 
     Every line ends with the letter of its section and its number there, in columns 73 to 80; the last line says how
     many lines each section has (IGES 5.3, sections 2.2.1 and 2.2.4.6).
@@ -167,8 +167,8 @@ def iges_damage(data: bytes) -> str:
         elif section != b"T":
             wrong.append(number)
     if not wrong and lines:
-        said = re.match(rb"S *(\d+)G *(\d+)D *(\d+)P *(\d+)", lines[-1])
-        if said is None or [*map(int, said.groups())] != [*last.values()]:
+        stated = re.match(rb"S *(\d+)G *(\d+)D *(\d+)P *(\d+)", lines[-1])
+        if stated is None or [*map(int, stated.groups())] != [*last.values()]:
             wrong.append(len(lines))
     return f"damaged: {len(wrong)} lines are not in sequence, the first is line {wrong[0]}" if wrong else ""
 

@@ -6,8 +6,6 @@ way, then left out. The kernel may be in a call that does not return, so the sys
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import os
 import resource
 import signal
@@ -18,21 +16,16 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from vpframe.importers import limits
 from vpframe.importers.raw import RawScene, RawShape
+from vpframe.processes import end_with
 
 Make = Callable[[int, bool, Callable[[float], None]], RawShape]
 """makes shape `number`; second argument: False for the plainer way; third: receives the fraction done"""
 
-_PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
-
-SECONDS = 10.0
-"""processor time for one shape, s, plus SECONDS_OF_UNIT times its cost"""
-SECONDS_OF_UNIT = 0.1
-MEMORY = 0.8
-"""part of the memory limit that one of the processes may write to"""
 EMPTY = "meshes to nothing"
-CROWDED = 0.4
-"""part of the memory limit above which a crash counts as lack of memory"""
+SHOWN = 3
+"""most parts that a note names"""
 
 
 @dataclass
@@ -120,30 +113,29 @@ class Crew:
         number, mesher = worker.now
         code = os.waitstatus_to_exitcode(status)
         late = code == -signal.SIGPROF
-        if not late and 1024 * usage.ru_maxrss > CROWDED * self.memory:
-            self.lost[number] = self._too_large()
+        if not late and 1024 * usage.ru_maxrss > limits.CROWDED * self.memory:
+            self.lost[number] = self._too_large(number)
         elif mesher:
             worker.left.insert(0, (number, False))
         else:
-            limit = f"is not meshed within {self._limit(number):g} s of processor time"
+            limit = f"is not meshed within {self._limits(number).seconds:g} s of processor time"
             self.lost[number] = limit if late else "crashes the CAD kernel"
 
-    def _too_large(self) -> str:
-        return f"takes more than {MEMORY * self.memory / 1e9:.1f} GB to mesh"
+    def _too_large(self, number: int) -> str:
+        return f"takes more than {self._limits(number).memory / 1e9:.1f} GB to mesh"
 
-    def _limit(self, number: int) -> float:
-        return SECONDS + SECONDS_OF_UNIT * self._costs[number]
+    def _limits(self, number: int) -> limits.Limits:
+        return limits.of_shape(self._costs[number], self.memory)
 
     def _fork(self, work: list[tuple[int, bool]]) -> _Worker:
         messages, own = Pipe(duplex=False)
-        pid = os.fork()
+        parent, pid = os.getpid(), os.fork()
         if pid:
             own.close()
             return _Worker(pid, messages, work)
         try:
             messages.close()
-            with contextlib.suppress(OSError, AttributeError):  # have Linux end this process with its parent
-                ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+            end_with(parent)
             self._work(own, work)
         except BaseException:
             traceback.print_exc()
@@ -153,10 +145,10 @@ class Crew:
     def _work(self, messages: Connection, work: list[tuple[int, bool]]) -> None:
         """Make all shapes of `work` in the forked process, which then ends."""
         most = resource.getrlimit(resource.RLIMIT_DATA)[1]
-        resource.setrlimit(resource.RLIMIT_DATA, (int(MEMORY * self.memory), most))
+        resource.setrlimit(resource.RLIMIT_DATA, (int(limits.SHAPE_MEMORY * self.memory), most))
         for number, mesher in work:
             messages.send(("begin", number, None))
-            signal.setitimer(signal.ITIMER_PROF, self._limit(number))
+            signal.setitimer(signal.ITIMER_PROF, self._limits(number).seconds)
             try:
                 raw = self.make(number, mesher, _Fraction(messages, number))
                 if raw.faces:
@@ -164,7 +156,7 @@ class Crew:
                 messages.send(("kept", number, None) if raw.faces else ("lost", number, EMPTY))
             except Exception as error:
                 if isinstance(error, MemoryError) or "OutOfMemory" in type(error).__name__:
-                    messages.send(("lost", number, self._too_large()))
+                    messages.send(("lost", number, self._too_large(number)))
                 elif type(error).__module__.startswith("OCP"):
                     os._exit(1)
                 else:
@@ -187,9 +179,13 @@ def resident() -> int:
 
 def left_out(raw: RawScene, lost: dict[int, str]) -> None:
     """Remove and name the parts of lost shapes; number the others without gaps."""
-    for part in raw.parts:
-        if part.shape in lost:
-            raw.notes.append(f"part {part.name} is lost: its geometry {lost[part.shape]}")
+    for why in dict.fromkeys(lost.values()):
+        names = [part.name for part in raw.parts if lost.get(part.shape) == why]
+        if len(names) == 1:
+            raw.notes.append(f"part {names[0]} is lost: its geometry {why}")
+        elif names:
+            more = ", …" if len(names) > SHOWN else ""
+            raw.notes.append(f"{len(names)} parts ({', '.join(names[:SHOWN])}{more}) are lost: their geometry {why}")
     raw.whole &= all(why == EMPTY for why in lost.values())
     raw.parts = [part for part in raw.parts if part.shape not in lost]
     for part in raw.parts:

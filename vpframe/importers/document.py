@@ -43,11 +43,12 @@ from vpframe.importers.brep import MM, compound_of, tessellate
 from vpframe.importers.crew import Make, left_out
 from vpframe.importers.names import numbered
 from vpframe.importers.pmi import Sizes, sizes_of
-from vpframe.importers.raw import Array, Color, RawPart, RawScene, RawShape, UnreadableError
+from vpframe.importers.raw import Array, Color, Options, RawPart, RawScene, RawShape, UnreadableError
+from vpframe.importers.topology import explored, matrix_of
 
-Progress = Callable[..., None]
 Hire = Callable[[Make, Sequence[float], Sequence[str]], dict[int, str]]
 """makes shapes; arguments: how, expected effort and words for each; returns why shapes are left out, by number"""
+ColorOf = Callable[[TopoDS_Shape], Color | None]
 
 _UNNAMED = re.compile(r"=>\[.*\]|NAUO\d+|\*[A-Z]+\d*|\d+|")
 """names that kernels and exporters write for unnamed objects: "*DIT29" is a dictionary key"""
@@ -77,38 +78,33 @@ class Node:
         return bool(self.children) and all(child.is_body for child in self.children)
 
 
-def read_document(
-    path: str,
-    form: str,
-    deflection: float,
-    angular: float,
-    bodies: str,
-    progress: Progress,
-    crew: Hire,
-) -> RawScene:
-    """Read a CAD file; `crew` makes its shapes, which are not in the returned scene.
-
-    bodies: "split" for a part a solid, "whole" for a part a product, "" for the second where the file has assemblies.
-    """
-    Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
-    progress(0.15, "reading the file")
+def read_document(path: str, form: str, options: Options, crew: Hire) -> RawScene:
+    """Read a CAD file; `crew` makes its shapes, which are not in the returned scene."""
+    _begin(options, "reading the file")
     document = _transfer(path, form)
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     labels = Sequence_TDF_Label()
     shapes.GetFreeShapes(labels)
-    roots = [_node(labels.Value(i), TopLoc_Location()) for i in range(1, labels.Length() + 1)]
+    roots = [_node(label, TopLoc_Location()) for label in labels]
     raw = RawScene()
     found = _Solids(
         raw,
-        _color_tool(document),
+        (_color_tool(document), _face_colors(document)),
         sizes_of(document, Path(path).read_bytes(), raw.notes) if form == "step" else Sizes(),
-        _is_whole(roots, bodies),
+        _is_whole(roots, options.bodies),
     )
     leaves = list(_leaves(roots, found.whole))
     if form == "iges" and not any(_holds(leaf.node.shape, TopAbs_ShapeEnum.TopAbs_SOLID) for leaf in leaves):
         leaves = _joined(leaves, Path(path).stem)
     found.add_all(leaves, "export the parts as solids, not as wireframe or open surfaces")
-    return found.mesh(deflection, angular, crew)
+    return found.mesh(options, crew)
+
+
+def _begin(options: Options, text: str) -> None:
+    """Silence the kernel and report the first stage."""
+    Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
+    if options.progress is not None:
+        options.progress(0.15, text)
 
 
 @dataclass
@@ -124,17 +120,9 @@ class Given:
     children: list[Given]
 
 
-def read_given(
-    roots: list[Given],
-    deflection: float,
-    angular: float,
-    bodies: str,
-    progress: Progress,
-    crew: Hire,
-) -> RawScene:
+def read_given(roots: list[Given], options: Options, crew: Hire) -> RawScene:
     """Read a tree of B-reps as `read_document` reads a file; nodes with the same file share its shape."""
-    Message.DefaultMessenger_s().RemovePrinters(Message_Printer.get_type_descriptor_s())
-    progress(0.15, "reading the shapes")
+    _begin(options, "reading the shapes")
     raw, shapes = RawScene(), {}
 
     def node(given: Given) -> Node:
@@ -146,9 +134,9 @@ def read_given(
         return Node(given.name, given.name, pose, shape, 0.0, color, [node(child) for child in given.children])
 
     nodes = [node(root) for root in roots]
-    found = _Solids(raw, lambda shape: None, Sizes(), _is_whole(nodes, bodies))
+    found = _Solids(raw, (lambda body: None, lambda face: None), Sizes(), _is_whole(nodes, options.bodies))
     found.add_all(_leaves(nodes, found.whole), "give parts as solids, not as wires or open surfaces")
-    return found.mesh(deflection, angular, crew)
+    return found.mesh(options, crew)
 
 
 def _brep_file(path: str) -> TopoDS_Shape:
@@ -213,7 +201,7 @@ def _rgba(color: Quantity_ColorRGBA) -> Color:
     return red, green, blue, float(color.Alpha())
 
 
-def _color_tool(document: TDocStd_Document) -> Callable[[TopoDS_Shape], Color | None]:
+def _color_tool(document: TDocStd_Document) -> ColorOf:
     """Return a function that gives the colour of a shape in a document."""
     colors: Any = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
 
@@ -222,6 +210,19 @@ def _color_tool(document: TDocStd_Document) -> Callable[[TopoDS_Shape], Color | 
         return next((_rgba(color) for kind in _KINDS if colors.GetColor(shape, kind, color)), None)
 
     return color_of
+
+
+def _face_colors(document: TDocStd_Document) -> ColorOf:
+    """Return a function that gives the colour of a face: `_color_tool` would search all shapes for each."""
+    faces, colors = ShapeMap(), list[Color | None]()
+    shapes, within = Sequence_TDF_Label(), Sequence_TDF_Label()
+    XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetShapes(shapes)
+    for shape in shapes:
+        XCAFDoc_ShapeTool.GetSubShapes_s(shape, within)
+        for label in within:
+            if faces.Add(XCAFDoc_ShapeTool.GetShape_s(label)) > len(colors):
+                colors.append(_color(label))
+    return lambda face: colors[number - 1] if (number := faces.FindIndex(face)) else None
 
 
 def _node(label: Any, pose: TopLoc_Location, within: str = "part") -> Node:
@@ -240,8 +241,7 @@ def _node(label: Any, pose: TopLoc_Location, within: str = "part") -> Node:
     if XCAFDoc_ShapeTool.IsAssembly_s(referred):
         components = Sequence_TDF_Label()
         XCAFDoc_ShapeTool.GetComponents_s(referred, components)
-        labels = (components.Value(i) for i in range(1, components.Length() + 1))
-        children = [_node(component, TopLoc_Location(), product) for component in labels]
+        children = [_node(component, TopLoc_Location(), product) for component in components]
         children = [child for child in children if child.children or _holds(child.shape, TopAbs_ShapeEnum.TopAbs_FACE)]
     shape = XCAFDoc_ShapeTool.GetShape_s(referred)
     density = XCAFDoc_MaterialTool.GetDensityForShape_s(referred)
@@ -266,7 +266,7 @@ class Leaf:
     """indices, from the root, of the product instance it belongs to"""
 
 
-def _is_whole(roots: Sequence[Node], bodies: str) -> bool:
+def _is_whole(roots: Sequence[Node], bodies: str | None) -> bool:
     """Whether a product is one part, whatever number of bodies it has: `bodies`, else if the file has assemblies."""
     if bodies:
         return bodies == "whole"
@@ -294,11 +294,7 @@ def _leaves(roots: list[Node], whole: bool) -> Iterator[Leaf]:
 
 def _joined(leaves: list[Leaf], name: str) -> list[Leaf]:
     """Merge all leaves into one, because the loose faces of a file without solids belong together."""
-    compound = TopoDS_Compound()
-    builder = BRep_Builder()
-    builder.MakeCompound(compound)
-    for leaf in leaves:
-        builder.Add(compound, leaf.node.shape.Moved(leaf.pose))
+    compound = compound_of(leaf.node.shape.Moved(leaf.pose) for leaf in leaves)
     node = Node(name, name, TopLoc_Location(), compound, 0.0, None, [])
     return [Leaf(name, node, TopLoc_Location(), leaves[0].color if leaves else None, (0,))]
 
@@ -306,9 +302,9 @@ def _joined(leaves: list[Leaf], name: str) -> list[Leaf]:
 class _Solids:
     """Collects solids; instances of one solid become parts of one shape."""
 
-    def __init__(self, raw: RawScene, color: Callable[[TopoDS_Shape], Color | None], sizes: Sizes, whole: bool) -> None:
+    def __init__(self, raw: RawScene, colors: tuple[ColorOf, ColorOf], sizes: Sizes, whole: bool) -> None:
         self.raw = raw
-        self.color = color
+        self.color, self.face_color = colors
         self.sizes = sizes
         self.whole = whole
         self.shapes: list[TopoDS_Shape] = []
@@ -391,16 +387,16 @@ class _Solids:
         self.shapes.append(shape)
         return len(self.shapes) - 1
 
-    def mesh(self, deflection: float, angular: float, crew: Hire) -> RawScene:
+    def mesh(self, options: Options, crew: Hire) -> RawScene:
         """Mesh every shape once; parts whose shape has no triangles are named and left out."""
         first: dict[int, str] = {}
         for part in self.raw.parts:
             first.setdefault(part.shape, part.name)
-        faces = [sum(1 for _ in _of(shape, TopAbs_ShapeEnum.TopAbs_FACE)) for shape in self.shapes]
+        faces = [sum(1 for _ in explored(shape, TopAbs_ShapeEnum.TopAbs_FACE)) for shape in self.shapes]
 
         def make(number: int, mesher: bool, tell: Callable[[float], None]) -> RawShape:
             shape = self.shapes[number]
-            return tessellate(shape, deflection, angular, self.color, self.sizes.of, tell, mesher)
+            return tessellate(shape, options.deflection, options.angular, self.face_color, self.sizes.of, tell, mesher)
 
         lost = crew(make, faces, [f"meshing {first[number]}" for number in range(len(faces))])
         left_out(self.raw, lost)
@@ -411,41 +407,28 @@ class _Solids:
 
 def _explore(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
     """Return the solids of a shape, and its loose faces sewn to shells, or to solids if these are closed."""
-    found = list(_of(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
-    loose = TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_SOLID)
-    if not loose.More():
+    found = list(explored(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
+    loose = list(explored(shape, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_SOLID))
+    if not loose:
         return found
     sewing = BRepBuilderAPI_Sewing(_SEWING / MM)
-    while loose.More():
-        sewing.Add(loose.Current())
-        loose.Next()
+    for face in loose:
+        sewing.Add(face)
     sewing.Perform()
     sewn = sewing.SewedShape()
-    for shell in _of(sewn, TopAbs_ShapeEnum.TopAbs_SHELL):
+    for shell in explored(sewn, TopAbs_ShapeEnum.TopAbs_SHELL):
         if not BRep_Tool.IsClosed_s(shell):
             found.append(shell)
             continue
         solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell(shell)).Solid()
         BRepLib.OrientClosedSolid_s(solid)
         found.append(solid)
-    alone = TopExp_Explorer(sewn, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_SHELL)
-    while alone.More():
-        found.append(alone.Current())
-        alone.Next()
-    return found
-
-
-def _of(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:
-    explorer = TopExp_Explorer(shape, kind)
-    while explorer.More():
-        yield explorer.Current()
-        explorer.Next()
+    return [*found, *explored(sewn, TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_SHELL)]
 
 
 def _rigid(location: TopLoc_Location) -> tuple[Array, Array, bool]:
     """Return rotation, translation (m) and whether the location is rigid; identity and zero if not."""
-    trsf = location.Transformation()
-    matrix = np.array([[trsf.Value(i, j) for j in range(1, 5)] for i in range(1, 4)])
+    matrix = matrix_of(location.Transformation())
     rotation, translation = matrix[:, :3], matrix[:, 3] * MM
     if not np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
         return np.eye(3), np.zeros(3), False

@@ -16,15 +16,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-Progress = Callable[[float, str], None]
+from vpframe.importers import limits
+from vpframe.importers.limits import Limits
+from vpframe.importers.raw import Progress
+
 READER = Path(__file__).with_name("_reader.py")
-CROWDED = 0.4
-"""fraction of the memory above which a crash counts as lack of memory, since growing arrays are copied to twice
-their size"""
 SAMPLING = 0.02
 """s between two samples of the time and memory of a process that uses more than half its memory"""
 SELDOM = 0.1
@@ -35,31 +34,13 @@ _BUSY = 10.0
 """s of the clock that count as one of processor time where the system does not report it (no /proc)"""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Limits of a process."""
-
-    seconds: float
-    """of processor time, of all threads and child processes; time in which all of them sleep counts too"""
-    memory: float
-    """resident bytes"""
-    growth: tuple[tuple[str, float, float], ...] = ()
-    """(unit, seconds, bytes) added for each unit ("shapes", "faces", …) that the process reports to have found"""
-
-    def grown(self, found: dict[str, int]) -> Limits:
-        """Return the limits for a file in which `found` (number of each unit) was found."""
-        each = [(found.get(unit, 0), seconds, memory) for unit, seconds, memory in self.growth]
-        seconds = self.seconds + sum(number * more for number, more, _ in each)
-        return Limits(seconds, self.memory + sum(number * more for number, _, more in each))
-
-
 class Outcome:
     """Last message of the process, and how it ended."""
 
-    def __init__(self, limits: Limits, who: str = "the CAD kernel") -> None:
+    def __init__(self, given: Limits, who: str = "the CAD kernel") -> None:
         self.who = who
         self.text = f"starting {who}"
-        self.limits = self._given = limits
+        self.limits = self._given = given
         self.shape: int | None = None
         self.error: str | None = None
         self.done = self.late = self.memory = False
@@ -109,7 +90,8 @@ def run(
 
     folder: temporary folder. ready: receives the number of each finished shape archive. begun: receives the process.
     """
-    command = [sys.executable, "-I", str(READER), json.dumps({**request, "memory": _ceiling(outcome.limits)})]
+    whole = {**request, "memory": outcome.limits.ceiling, "parent": os.getpid()}
+    command = [sys.executable, "-I", str(READER), json.dumps(whole)]
     empty = os.path.join(folder, "empty")
     os.mkdir(empty)
     with open(os.path.join(folder, "words"), "w+", encoding="utf-8", errors="replace") as words:
@@ -130,9 +112,9 @@ def run(
             begun(process)
             assert process.stdout is not None
             for line in process.stdout:
-                limits = outcome.limits
+                before = outcome.limits
                 outcome.hear(json.loads(line), progress, ready)
-                if outcome.limits != limits:
+                if outcome.limits != before:
                     _allow(process.pid, outcome.limits)
             if hasattr(os, "waitid"):  # /proc reports the process until it is reaped: the last sample takes all of it
                 os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
@@ -148,23 +130,18 @@ def run(
         outcome.words = words.read()
     outcome.done &= not outcome.late
     outcome.memory |= "bad_alloc" in outcome.words
-    outcome.memory |= outcome.code < 0 and not outcome.late and outcome.peak > CROWDED * outcome.limits.memory
+    outcome.memory |= outcome.code < 0 and not outcome.late and outcome.peak > limits.CROWDED * outcome.limits.memory
     return outcome
 
 
-def _ceiling(limits: Limits) -> int:
-    """Bytes of writable memory that the process may map, resident or not; holds between two samples."""
-    return int(1.12 * limits.memory)
-
-
-def _allow(pid: int, limits: Limits) -> None:
+def _allow(pid: int, given: Limits) -> None:
     """Raise the ceiling of a running process; on Linux."""
     if sys.platform == "linux":
         import resource
 
         with contextlib.suppress(OSError, ValueError):  # it has ended
             hard = resource.prlimit(pid, resource.RLIMIT_DATA)[1]
-            resource.prlimit(pid, resource.RLIMIT_DATA, (_ceiling(limits), hard))
+            resource.prlimit(pid, resource.RLIMIT_DATA, (given.ceiling, hard))
 
 
 def package_folders(beside: Path, packages: Sequence[str]) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,25 +13,18 @@ import numpy as np
 
 from collision import Tolerance
 from vpframe.errors import LoadError
-from vpframe.importers import archive, guarded
+from vpframe.importers import archive, guarded, limits
 from vpframe.importers.checks import beside, checked_format, content
 from vpframe.importers.face_geometry import raw_numbers
-from vpframe.importers.raw import RawFace, RawScene, RawShape, UnreadableError
+from vpframe.importers.raw import Options, RawFace, RawScene, RawShape, UnreadableError
 from vpframe.importers.segmentation import segment
 
 if TYPE_CHECKING:
     import trimesh
 
-Progress = Callable[[float, str], None]
-
 PACKAGES = ("manifold3d", "numpy", "scipy", "trimesh")
 """needed in the reading process"""
-SECONDS, SECONDS_OF_SIZE = 30.0, 6e-6
-"""limit of processor time for reading, s, and for each byte: trimesh takes below 1e-6"""
-MEMORY, MEMORY_OF_SIZE = 1_500_000_000, 20
-"""limit of resident memory for reading, bytes, and for each byte"""
 _MEND = "it is damaged or too large; export it again, with fewer triangles"
-_GROWTH = (("triangles", 1e-4, 1000.0),)
 _MATERIALS = re.compile(rb"mtllib([^\r\n]*)")
 
 
@@ -45,9 +38,9 @@ def files_of(path: Path, form: str) -> list[Path]:
     return [path, *dict.fromkeys(file for file in found if file is not None)]
 
 
-def read(path: Path, form: str, unit: str | None, timeout: float | None, progress: Progress | None) -> RawScene:
+def read(path: Path, form: str, options: Options) -> RawScene:
     """Return the raw scene of a mesh file; LoadError with one line if it has no usable triangles."""
-    (raw,) = _read([{"path": path, "form": form, "unit": unit, "factors": None}], timeout, progress)
+    (raw,) = _read([{"path": path, "form": form, "unit": options.unit, "factors": None}], options)
     if isinstance(raw, LoadError):
         raise raw
     return raw
@@ -67,7 +60,7 @@ def read_scaled(wanted: Sequence[tuple[Path, tuple[float, ...]]]) -> list[RawSce
             found.append(None)
         except LoadError as error:
             found.append(error)
-    read = iter(_read(tasks, None, None))
+    read = iter(_read(tasks, Options(0.0, 0.0)))
     return [next(read) if each is None else each for each in found]
 
 
@@ -98,14 +91,12 @@ def read_object(source: trimesh.Trimesh | trimesh.Scene, unit: str | None) -> Ra
         raise LoadError(f"{path}: {error}", name) from None
 
 
-def _read(tasks: list[dict[str, Any]], timeout: float | None, progress: Progress | None) -> list[RawScene | LoadError]:
+def _read(tasks: list[dict[str, Any]], options: Options) -> list[RawScene | LoadError]:
     """Read files in a process; one that reaches a limit or crashes it costs no other."""
     found: list[RawScene | LoadError] = []
     while len(found) < len(tasks):
         left = tasks[len(found) :]
         size = sum(task["path"].stat().st_size for task in left)
-        seconds = SECONDS + SECONDS_OF_SIZE * size if timeout is None else timeout
-        limits = guarded.Limits(seconds, MEMORY + MEMORY_OF_SIZE * size, _GROWTH)
         folder_of = left[0]["path"].resolve().parent
         request = {
             "format": "meshes",
@@ -113,11 +104,11 @@ def _read(tasks: list[dict[str, Any]], timeout: float | None, progress: Progress
             "folders": guarded.package_folders(folder_of, PACKAGES),
         }
         with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
-            outcome = guarded.Outcome(limits, "the mesh reader")
-            guarded.run({**request, "out": folder}, folder, outcome, progress)
+            outcome = guarded.Outcome(limits.of_meshes(size, options.timeout), "the mesh reader")
+            guarded.run({**request, "out": folder}, folder, outcome, options.progress)
             for i, task in enumerate(left):
                 path, made, refused = task["path"], Path(folder, f"{i}.archive"), Path(folder, f"{i}.error")
-                if made.exists() and (timeout is None or not outcome.late):
+                if made.exists() and (options.timeout is None or not outcome.late):
                     found.append(archive.read(made))
                     continue
                 how = outcome.error or f"{outcome.how_it_ended()} while {outcome.text}"
@@ -141,9 +132,9 @@ def segmented(raw: RawShape) -> RawShape:
     """Return a mesh with its surfaces; the shape itself if it has them."""
     if raw.segmented:
         return raw
-    limits = Tolerance()
+    tolerance = Tolerance()
     diagonal = float(np.linalg.norm(np.ptp(raw.vertices, axis=0)))
-    found = segment(raw.vertices, raw.triangles, min(limits.fit, limits.segment_relative * diagonal), limits)
+    found = segment(raw.vertices, raw.triangles, min(tolerance.fit, tolerance.segment_relative * diagonal), tolerance)
     surface = np.empty(len(raw.triangles), np.int32)
     faces = []
     for i, s in enumerate(found):

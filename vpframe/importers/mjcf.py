@@ -9,19 +9,25 @@ from typing import Any
 import numpy as np
 
 from vpframe.importers.crew import Make, left_out
-from vpframe.importers.raw import Array, Axis, Color, RawFace, RawJoint, RawPart, RawScene, RawShape, UnreadableError
+from vpframe.importers.raw import (
+    Array,
+    Axis,
+    Color,
+    Options,
+    RawFace,
+    RawJoint,
+    RawPart,
+    RawScene,
+    RawShape,
+    UnreadableError,
+)
 from vpframe.importers.solids import SOLIDS, part_of_mass
 
 _WORLD = 0
 
 
 def read_model(
-    path: str,
-    deflection: float,
-    angular: float,
-    bodies: str,
-    progress: Callable[..., None],
-    crew: Callable[[Make, Sequence[float], Sequence[str]], dict[int, str]],
+    path: str, options: Options, crew: Callable[[Make, Sequence[float], Sequence[str]], dict[int, str]]
 ) -> RawScene:
     """Return the raw scene of an MJCF file at the reference pose of its joints; `crew` makes its shapes.
 
@@ -32,7 +38,8 @@ def read_model(
         import mujoco
     except ImportError:
         raise UnreadableError("is MJCF, which MuJoCo reads; it is not installed: pip install mujoco") from None
-    progress(0.15, "compiling the model")
+    if options.progress is not None:
+        options.progress(0.15, "compiling the model")
     try:
         model = mujoco.MjModel.from_xml_path(path)
     except ValueError as error:
@@ -41,7 +48,7 @@ def read_model(
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    reader = _Model(mujoco, model, data, deflection, angular)
+    reader = _Model(mujoco, model, data, options)
     raw = reader.raw
     lost = crew(
         lambda number, mesher, tell: reader.shapes[number](),
@@ -59,9 +66,9 @@ def read_model(
 class _Model:
     """Parts, links and joints of a compiled model."""
 
-    def __init__(self, mujoco: Any, model: Any, data: Any, deflection: float, angular: float) -> None:
+    def __init__(self, mujoco: Any, model: Any, data: Any, options: Options) -> None:
         self.mujoco, self.model, self.data = mujoco, model, data
-        self.options = deflection, angular
+        self.options = options.deflection, options.angular
         self.raw = RawScene(links=[[] for _ in range(model.nbody)])
         self.shapes: list[Callable[[], RawShape]] = []
         self._numbers: dict[tuple[Any, ...], int] = {}

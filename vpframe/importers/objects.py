@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,64 +14,43 @@ from vpframe.errors import LoadError
 from vpframe.importers import build, wrapped
 from vpframe.importers.checks import FORMATS, content_of, far_check
 from vpframe.importers.names import numbered
-from vpframe.importers.raw import Array, Axis, RawJoint, RawPart, RawScene, RawShape
+from vpframe.importers.raw import Array, Axis, Options, RawJoint, RawPart, RawScene, RawShape
 from vpframe.scene.scene import Scene
-
-Progress = Callable[[float, str], None]
 
 RECIPE = "write it with `.exportStep` or `exporters.export(shape, 'part.step')` there, and load that file"
 _STEP = 1e-7
 """threshold for joint axes, m or rad"""
 
 
-def load(
-    source: Any,
-    deflection: float,
-    angular: float,
-    unit: str | None,
-    timeout: float | None,
-    progress: Progress | None,
-    form: str | None,
-    bodies: str | None = None,
-) -> Scene:
+def load(source: Any, options: Options) -> Scene:
     """Load an object as `vpframe.load` does. Raises LoadError for unsupported types."""
     kind = type(source).__module__.partition(".")[0]
     if isinstance(source, bytes | bytearray | memoryview):
-        return _of_bytes(bytes(source), deflection, angular, unit, timeout, progress, form, bodies)
+        return _of_bytes(bytes(source), options)
     if kind == "trimesh":
         import trimesh
 
         from vpframe.importers import meshes
 
         if isinstance(source, trimesh.Trimesh | trimesh.Scene):
-            raw = meshes.read_object(source, unit)
-            raw.shapes = [build.settled(shape) for shape in raw.shapes]
-            return build.scene(raw, None, progress)
-    if unit is not None:
+            return build.scene(meshes.read_object(source, options.unit), None, options.progress)
+    if options.unit is not None:
         raise LoadError(f"{type(source).__name__}: names its unit itself; leave unit= out", type(source).__name__)
     if wrapped.is_wrapped(source):
-        raw, join = wrapped.read(source, deflection, angular, timeout, progress, bodies)
-        scene = build.scene(raw, None, progress)
+        raw, join = wrapped.read(source, options)
+        scene = build.scene(raw, None, options.progress)
         join(scene)
         return scene
     if isinstance(source, pin.GeometryModel | tuple):
-        return _of_pinocchio(source, deflection, angular)
+        return _of_pinocchio(source, options)
     if kind == "cadquery":
         raise LoadError(f"a CadQuery {type(source).__name__} is of another build of OpenCascade; {RECIPE}", "cadquery")
     known = "a path, bytes, a trimesh mesh or scene, a build123d shape, a Pinocchio geometry model"
     raise LoadError(f"a {type(source).__module__}.{type(source).__name__} cannot be loaded; give {known}", "")
 
 
-def _of_bytes(
-    data: bytes,
-    deflection: float,
-    angular: float,
-    unit: str | None,
-    timeout: float | None,
-    progress: Progress | None,
-    form: str | None,
-    bodies: str | None,
-) -> Scene:
+def _of_bytes(data: bytes, options: Options) -> Scene:
+    form = options.format
     found = form or content_of(data)
     suffix = next((s for s, f in FORMATS.items() if found in (f, s, s[1:])), None)
     if suffix is None:
@@ -82,15 +60,14 @@ def _of_bytes(
         path = Path(folder, f"model{suffix}")
         path.write_bytes(data)
         try:
-            options = {"progress": progress, "bodies": bodies}
-            scene: Scene = services.call("load", path, deflection, angular, unit, timeout, **options)
+            scene: Scene = services.call("load", path, **options._replace(format=None)._asdict())
         except LoadError as error:
             raise LoadError(str(error).replace(str(path), "bytes"), "bytes") from None
     scene.source = None
     return scene
 
 
-def _of_pinocchio(source: Any, deflection: float, angular: float) -> Scene:
+def _of_pinocchio(source: Any, options: Options) -> Scene:
     """Return the geometry objects of a Pinocchio model at the configuration `q` (default neutral)."""
     given = source if isinstance(source, tuple) else (None, source)
     model = given[0] if len(given) > 1 else None
@@ -111,11 +88,11 @@ def _of_pinocchio(source: Any, deflection: float, angular: float) -> Scene:
     names = numbered(item.name for item in geometry.geometryObjects)
     for item, name in zip(geometry.geometryObjects, names, strict=True):
         try:
-            shape = _shape(item, deflection, angular)
+            shape = _shape(item, options.deflection, options.angular)
         except LoadError as error:
             raw.notes.append(f"{name}: left out: {error}")
             continue
-        raw.shapes.append(build.settled(shape))
+        raw.shapes.append(shape)
         pose = data.oMi[item.parentJoint] * item.placement
         color = tuple(float(c) for c in item.meshColor)
         part = RawPart(name, len(raw.shapes) - 1, pose.rotation, pose.translation)

@@ -16,11 +16,14 @@ from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepTools import BRepTools_WireExplorer
+from OCP.GeomAbs import GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.ShapeAnalysis import ShapeAnalysis_Surface
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
-from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face
+
+from vpframe.importers.topology import explored
 
 Array = NDArray[np.float64]
 Border = Callable[[TopoDS_Edge], tuple[Array, Array]]
@@ -30,6 +33,8 @@ MOST_SPLITS = 4000
 """points added inside one face: a limit of work that does not depend on the machine"""
 TURN = 1.5
 """largest angle between the normals at the ends of an inner edge, in units of the angular deflection"""
+SAME = 1e-9
+"""difference of parameters that are equal, rad"""
 LEAST = 1e-2
 """deviation below which a turn of the normal is ignored, in units of the deflection"""
 
@@ -37,29 +42,65 @@ LEAST = 1e-2
 def patch(face: TopoDS_Face, border: Border, deflection: float, angular: float) -> tuple[Array, NDArray[np.int64]]:
     """Points (n, 3), mm, and triangles (m, 3), wound outwards, of a face whose edges have the polygons of `border`.
 
-    The polygons are kept point for point, so that neighbours with the same polygons stay joined. They are triangulated
-    (manifold3d), inner edges are flipped until the triangulation is Delaunay in the metric of the surface (Lawson,
-    Software for C1 surface interpolation, 1977), and split where they deviate by more than `deflection` (mm) or turn by
-    more than `angular` (rad). Empty if the face has no closed border.
+    The polygons are kept point for point, so that neighbours with the same polygons stay joined. Cones and cylinders
+    between two borders become a strip. Other polygons are triangulated (manifold3d), inner edges are flipped until the
+    triangulation is Delaunay in the metric of the surface (Lawson, Software for C1 surface interpolation, 1977), and
+    split where they deviate by more than `deflection` (mm) or turn by more than `angular` (rad). Empty if the face has
+    no closed border.
     """
     forward = TopoDS.Face(face.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
     surface = BRepAdaptor_Surface(forward)
     loops = _loops(forward, surface, border, deflection, angular)
     if not loops:
         return np.empty((0, 3)), np.empty((0, 3), np.int64)
-    scale = _scale(surface, np.concatenate([uv for uv, _ in loops]))
-    areas = [_area(uv * scale) for uv, _ in loops]
+    areas = [_area(uv) for uv, _ in loops]
     outer = int(np.argmax(np.abs(areas)))
     loops = [
         (uv[::-1], points[::-1]) if (area < 0.0) == (i == outer) else (uv, points)
         for i, ((uv, points), area) in enumerate(zip(loops, areas, strict=True))
     ]
-    corners = manifold3d.triangulate([uv * scale for uv, _ in loops])
-    mesh = _Refined(surface, scale, loops, np.asarray(corners, np.int64))
-    mesh.refine(deflection, angular)
-    points, triangles = mesh.arrays()
+    strip = _strip(surface, loops, deflection)
+    if strip is None:
+        scale = _scale(surface, np.concatenate([uv for uv, _ in loops]))
+        corners = manifold3d.triangulate([uv * scale for uv, _ in loops])
+        mesh = _Refined(surface, scale, loops, np.asarray(corners, np.int64))
+        mesh.refine(deflection, angular)
+    points, triangles = mesh.arrays() if strip is None else (loops[0][1], strip)
     reversed_ = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
     return points, triangles[:, [0, 2, 1]] if reversed_ else triangles
+
+
+def _strip(
+    surface: BRepAdaptor_Surface, loops: list[tuple[Array, Array]], deflection: float
+) -> NDArray[np.int64] | None:
+    """Triangles (m, 3) along the rulings of a cone or cylinder between two borders that run in the sense of u.
+
+    None for other faces, and where a triangle would be turned over or deviate by more than `deflection`.
+    """
+    kind = surface.GetType()
+    if len(loops) > 1 or kind not in (GeomAbs_SurfaceType.GeomAbs_Cone, GeomAbs_SurfaceType.GeomAbs_Cylinder):
+        return None
+    (uv, points), n = loops[0], len(loops[0][0])
+    u, v = uv.T
+    first, last = int(np.lexsort((v, u))[0]), int(np.lexsort((v, -u))[0])
+    around, end = (first + np.arange(n)) % n, (last - first) % n
+    lower, upper = around[: end + 1], np.r_[first, around[end:][::-1]]
+    if min(np.diff(u[lower]).min(initial=0.0), np.diff(u[upper]).min()) < -SAME:
+        return None
+    order = np.argsort(u[np.r_[lower[1:], upper[1:]]], kind="stable")
+    below = order < end  # the border on which each step goes on
+    i, j = np.cumsum(below), np.cumsum(~below)
+    corners = np.column_stack([lower[i - below], np.where(below, lower[i], upper[j]), upper[j - ~below]])
+    corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
+    (au, av), (bu, bv), (cu, cv) = (uv[corners[:, k]].T for k in range(3))
+    if len(corners) != n - 2 or ((bu - au) * (cv - av) <= (bv - av) * (cu - au)).any():
+        return None
+    axis = (surface.Cone() if kind == GeomAbs_SurfaceType.GeomAbs_Cone else surface.Cylinder()).Axis()
+    away = points - axis.Location().Coord()
+    radii = np.linalg.norm(np.cross(away, axis.Direction().Coord()), axis=1)
+    a, c = radii[corners[:, 0]], radii[corners[:, 2]]
+    off = 0.5 * (a + c - np.sqrt(np.maximum(a * a + c * c + 2.0 * a * c * np.cos(au - cu), 0.0)))
+    return corners if off.max() <= deflection else None
 
 
 def _loops(
@@ -70,9 +111,8 @@ def _loops(
     Parameters that do not lead to their points (curves shifted by a period) are replaced by those of the nearest point.
     """
     loops = []
-    wires = TopExp_Explorer(face, TopAbs_ShapeEnum.TopAbs_WIRE)
-    while wires.More():
-        explorer = BRepTools_WireExplorer(TopoDS.Wire(wires.Current()), face)
+    for wire in explored(face, TopAbs_ShapeEnum.TopAbs_WIRE):
+        explorer = BRepTools_WireExplorer(TopoDS.Wire(wire), face)
         pieces = []
         while explorer.More():
             uv, points = _along(explorer.Current(), face, border, angular)
@@ -83,7 +123,6 @@ def _loops(
                 uv = np.array([(p.X(), p.Y()) for p in found])
             pieces.append((uv, points))
             explorer.Next()
-        wires.Next()
         if pieces:
             loops.append((np.concatenate([uv[:-1] for uv, _ in pieces]), np.concatenate([p[:-1] for _, p in pieces])))
     return [(uv, points) for uv, points in loops if len(uv) >= 3]

@@ -9,7 +9,6 @@ from typing import Any
 from OCP.collections import Sequence_TDF_Label
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_ShapeEnum
-from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Shape
 from OCP.XCAFDimTolObjects import (
     XCAFDimTolObjects_DimensionFormVariance,
@@ -20,6 +19,7 @@ from OCP.XCAFDoc import XCAFDoc_Dimension, XCAFDoc_DimTolTool, XCAFDoc_DocumentT
 
 from vpframe.importers.brep import MM
 from vpframe.importers.raw import Size
+from vpframe.importers.topology import explored
 
 _TWICE = {
     XCAFDimTolObjects_DimensionType.XCAFDimTolObjects_DimensionType_Size_Diameter: 1.0,
@@ -56,13 +56,12 @@ def sizes_of(document: TDocStd_Document, data: bytes, notes: list[str]) -> Sizes
     in files that have such, only classes are read.
     """
     sizes = Sizes()
-    trusted = not _one_sided(data)
     tool: Any = XCAFDoc_DocumentTool.DimTolTool_s(document.Main())
     labels = Sequence_TDF_Label()
     tool.GetDimensionLabels(labels)
+    trusted = not labels.Length() or not _one_sided(data)
     unread: Counter[str] = Counter()
-    for i in range(1, labels.Length() + 1):
-        label = labels.Value(i)
+    for label in labels:
         if not label.IsAttribute(XCAFDoc_Dimension.GetID_s()):
             continue
         stated = XCAFDoc_Dimension.Set_s(label).GetObject()  # existing attribute
@@ -88,13 +87,8 @@ def sizes_of(document: TDocStd_Document, data: bytes, notes: list[str]) -> Sizes
 def _faces(label: Any) -> list[TopoDS_Shape]:
     first, second = Sequence_TDF_Label(), Sequence_TDF_Label()
     XCAFDoc_DimTolTool.GetRefShapeLabel_s(label, first, second)
-    found = []
-    for i in range(1, first.Length() + 1):
-        explorer = TopExp_Explorer(XCAFDoc_ShapeTool.GetShape_s(first.Value(i)), TopAbs_ShapeEnum.TopAbs_FACE)
-        while explorer.More():
-            found.append(explorer.Current())
-            explorer.Next()
-    return found
+    shapes = map(XCAFDoc_ShapeTool.GetShape_s, first)
+    return [face for shape in shapes for face in explored(shape, TopAbs_ShapeEnum.TopAbs_FACE)]
 
 
 def _one_sided(data: bytes) -> bool:

@@ -6,7 +6,9 @@ The reading process creates them, so this module imports numpy only.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,32 @@ Color = tuple[float, float, float, float]
 
 Size = tuple[float, float | None, float | None, str]
 """toleranced diameter: nominal, lower and upper deviation (m), tolerance class ("H7")"""
+
+
+Progress = Callable[[float, str], None]
+"""receives the fraction done and the present task"""
+
+
+class Options(NamedTuple):
+    """How a model is read: arguments of `vpframe.load`."""
+
+    deflection: float
+    angular: float
+    unit: str | None = None
+    timeout: float | None = None
+    progress: Progress | None = None
+    format: str | None = None
+    bodies: str | None = None
+
+    def within(self, begin: float, end: float) -> Options:
+        """Return the options for a stage between two fractions of the work."""
+        whole = self.progress
+        if whole is None:
+            return self
+        return self._replace(progress=lambda fraction, text: whole(begin + (end - begin) * fraction, text))
+
+
+NO_SAMPLES: Array = np.empty((0, 3))
 
 
 class UnreadableError(Exception):
@@ -36,7 +64,7 @@ class RawFace:
     · torus: centre, axis, major, minor"""
     typed: bool = False
     """whether the type is final: stated by the file, or fitted"""
-    samples: Array = field(default_factory=lambda: np.empty((0, 3)))
+    samples: Array = field(default_factory=lambda: NO_SAMPLES)
     """(k, 3) points of the true surface inside the face; only for faces without a type in the file"""
     color: Color | None = None
     residual: float = 0.0

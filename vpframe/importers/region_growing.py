@@ -2,30 +2,59 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from collision.numeric.kernel import inner_kernel, kernel
-from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Sphere, Torus
+from constraints.recognition.patches import CONE, CYLINDER, SPHERE, refine_at
 
-PLANE, CYLINDER, CONE, SPHERE, TORUS = range(5)
+PLANE = -1
+_ITERATIONS = 10
 
 
-def packed(geometry: Geometry) -> tuple[int, NDArray[np.float64]]:
-    """Return the kind's number and (8,) point, direction and two sizes, the arguments of `reach`."""
-    match geometry:
-        case Plane():
-            return PLANE, np.array([*geometry.origin, *geometry.normal, 0.0, 0.0])
-        case Cylinder():
-            return CYLINDER, np.array([*geometry.origin, *geometry.axis, geometry.radius, 0.0])
-        case Cone():
-            angle = geometry.half_angle
-            return CONE, np.array([*geometry.apex, *geometry.axis, np.cos(angle), np.sin(angle)])
-        case Sphere():
-            return SPHERE, np.array([*geometry.center, 0.0, 0.0, 1.0, geometry.radius, 0.0])
-        case Torus():
-            return TORUS, np.array([*geometry.center, *geometry.axis, geometry.major, geometry.minor])
-    raise TypeError(f"{geometry.kind} has no closed form")
+class Mesh(NamedTuple):
+    """A triangulation that is segmented."""
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    normals: NDArray[np.float64]
+    """(m, 3)"""
+    needle: NDArray[np.bool_]
+    """(m,) triangles whose normal is ignored"""
+    across: NDArray[np.int32]
+    """(m, 3) triangles across the edges (`neighbours`)"""
+    label: NDArray[np.int64]
+    """(m,) segment of each triangle; -1 for free ones"""
+    tolerance: float
+    """m from the surface to a vertex, at most"""
+    cosine: float
+    """least cosine between the normals of a triangle and the surface"""
+
+
+class Scratch(NamedTuple):
+    """Arrays of growth. Marks hold the number `stamp[0]` where something was visited, so that they need no clearing."""
+
+    stamp: NDArray[np.int64]
+    """(1,)"""
+    mark: NDArray[np.int64]
+    """(3, max(m, n)) of facets, vertices and triangles"""
+    out: NDArray[np.int64]
+    """(m,) triangles"""
+    more: NDArray[np.int64]
+    """(m,) triangles"""
+    corners: NDArray[np.int64]
+    """(n,) vertices"""
+    q: NDArray[np.float64]
+    """(8,)"""
+
+
+def scratch(triangles: int, vertices: int) -> Scratch:
+    """Return the arrays for a mesh."""
+    out, more = np.empty((2, triangles), np.int64)
+    mark = np.full((3, max(triangles, vertices)), -1, np.int64)
+    return Scratch(np.zeros(1, np.int64), mark, out, more, np.empty(vertices, np.int64), np.zeros(8))
 
 
 def neighbours(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -77,12 +106,9 @@ def _gap(kind, q, x, y, z):
 
 
 @kernel
-def reach(kind, q, seed, vertices, triangles, normals, needle, across, label, tolerance, cosine, mark, stamp, out):
-    """Find the free triangles connected to `seed` whose corners lie on the surface and whose normals agree with it.
-
-    Writes them to `out` and returns their number. Normals of `needle` triangles are ignored; `label` is -1 for free
-    triangles; `mark` holds `stamp` for visited ones, so that it need not be cleared.
-    """
+def _reach(kind, q, seed, mesh, label, mark, stamp, out):
+    """Find the triangles with a label of -1 that are connected to `seed`, whose corners lie on the surface, and whose
+    normals agree with it; writes them to `out` and returns their number."""
     side = 0.0
     out[0] = seed
     mark[seed] = stamp
@@ -94,24 +120,24 @@ def reach(kind, q, seed, vertices, triangles, normals, needle, across, label, to
         good = True
         mx = my = mz = 0.0
         for k in range(3):
-            v = triangles[t, k]
-            x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+            v = mesh.triangles[t, k]
+            x, y, z = mesh.vertices[v, 0], mesh.vertices[v, 1], mesh.vertices[v, 2]
             mx, my, mz = mx + x / 3.0, my + y / 3.0, mz + z / 3.0
-            if _gap(kind, q, x, y, z)[0] > tolerance:
+            if _gap(kind, q, x, y, z)[0] > mesh.tolerance:
                 good = False
                 break
-        if good and not needle[t]:
+        if good and not mesh.needle[t]:
             _, nx, ny, nz = _gap(kind, q, mx, my, mz)
-            along = nx * normals[t, 0] + ny * normals[t, 1] + nz * normals[t, 2]
+            along = nx * mesh.normals[t, 0] + ny * mesh.normals[t, 1] + nz * mesh.normals[t, 2]
             if side == 0.0:
                 side = 1.0 if along > 0.0 else -1.0
-            good = along * side >= cosine
+            good = along * side >= mesh.cosine
         if not good:
             continue
         out[kept] = t  # kept < read: overwritten entries have been visited
         kept += 1
         for k in range(3):
-            n = across[t, k]
+            n = mesh.across[t, k]
             if n >= 0 and label[n] < 0 and mark[n] != stamp:
                 mark[n] = stamp
                 out[write] = n
@@ -119,21 +145,79 @@ def reach(kind, q, seed, vertices, triangles, normals, needle, across, label, to
     return kept
 
 
+@inner_kernel
+def _grow(kind, numbers, seed, mesh, scratch, out):
+    for d in range(8):
+        scratch.q[d] = numbers[d]
+    if kind == CONE:
+        scratch.q[6], scratch.q[7] = np.cos(numbers[6]), np.sin(numbers[6])
+    scratch.stamp[0] += 1
+    return _reach(kind, scratch.q, seed, mesh, mesh.label, scratch.mark[2], scratch.stamp[0], out)
+
+
+@inner_kernel
+def _corners_of(count, mesh, scratch):
+    """Write the vertices of the first triangles in `out` to `corners`; returns their number."""
+    scratch.stamp[0] += 1
+    n = 0
+    for i in range(count):
+        for k in range(3):
+            v = mesh.triangles[scratch.out[i], k]
+            if scratch.mark[1, v] != scratch.stamp[0]:
+                scratch.mark[1, v] = scratch.stamp[0]
+                scratch.corners[n] = v
+                n += 1
+    return n
+
+
 @kernel
-def flat_facets(order, planes, vertices, triangles, normals, needle, across, tolerance, cosine, facet, work):
+def settle(kind, numbers, patch, seed, mesh, facet, scratch, work):
+    """Alternate growth of a surface from a triangle `seed` and its fit, while it grows beyond `patch` triangles.
+
+    kind, numbers: as in `constraints.recognition.patches`; the fitted numbers are written back. Returns the numbers of
+    triangles (written to `scratch.out`), of their vertices, and of their facets.
+    """
+    count = _grow(kind, numbers, seed, mesh, scratch, scratch.out)
+    while count > patch:
+        n = _corners_of(count, mesh, scratch)
+        for d in range(8):
+            work.best[d] = numbers[d]
+        if n < 3 or not refine_at(kind, mesh.vertices, scratch.corners, n, _ITERATIONS, work):
+            break
+        more = _grow(kind, work.best, seed, mesh, scratch, scratch.more)
+        if more < count:
+            break
+        for d in range(8):
+            numbers[d] = work.best[d]
+        for i in range(more):
+            scratch.out[i] = scratch.more[i]
+        patch, count = count, more
+    scratch.stamp[0] += 1
+    facets = 0
+    for i in range(count):
+        f = facet[scratch.out[i]]
+        if scratch.mark[0, f] != scratch.stamp[0]:
+            scratch.mark[0, f] = scratch.stamp[0]
+            facets += 1
+    return count, _corners_of(count, mesh, scratch), facets
+
+
+@kernel
+def flat_facets(order, planes, mesh, cosine, facet, work):
     """Group connected coplanar triangles, from seeds in `order`, into `facet` (m,), which begins as -1.
 
-    planes: (m, 8) plane of each triangle, as of `packed`. work: (2, m) integers, row 0 -1. Returns the number of
-    facets.
+    planes: (m, 8) plane of each triangle: point, normal, two zeros. cosine: replaces that of `mesh`. work: (2, m)
+    integers, row 0 -1. Returns the number of facets.
     """
     mark, out = work[0], work[1]
+    flat = Mesh(
+        mesh.vertices, mesh.triangles, mesh.normals, mesh.needle, mesh.across, mesh.label, mesh.tolerance, cosine
+    )
     count = 0
     for t in order:
         if facet[t] >= 0:
             continue
-        n = reach(
-            PLANE, planes[t], t, vertices, triangles, normals, needle, across, facet, tolerance, cosine, mark, t, out
-        )
+        n = _reach(PLANE, planes[t], t, flat, facet, mark, t, out)
         for i in range(n):
             facet[out[i]] = count
         count += 1
@@ -141,16 +225,16 @@ def flat_facets(order, planes, vertices, triangles, normals, needle, across, tol
 
 
 @kernel(allocates=True)
-def patches_at(seeds, around, rounds, free, corners, first, most, needed, mark, stamp):
+def patches_at(seeds, around, rounds, free, corners, first, most, needed, scratch):
     """Assemble the patches that are fitted at each seed facet: the kinds, and the facets and vertices of each.
 
     around, rounds: neighbours of facet f are `around[rounds[f]:rounds[f + 1]]`, longest border first; free: (facets,)
     corners, first: vertices of facet f are `corners[first[f]:first[f + 1]]`. most: facets of a patch, at most. needed:
-    (4,) vertices that each kind needs at least. mark: (2, max(facets, vertices)) integers below `stamp`.
+    (4,) vertices that each kind needs at least.
 
     Returns for each patch its seed's place and kind; then the vertices and their ends, the facets and their ends.
     """
-    patches = 0
+    patches, mark, stamp = 0, scratch.mark, scratch.stamp[0]
     size = len(seeds) * 16
     owner, kinds = np.empty(size, np.int64), np.empty(size, np.int64)
     ends, stops = np.zeros(size + 1, np.int64), np.zeros(size + 1, np.int64)
@@ -224,4 +308,5 @@ def patches_at(seeds, around, rounds, free, corners, first, most, needed, mark, 
         facets[: done[1]].copy(),
         stops[: patches + 1].copy(),
     )
-    return owner[:patches].copy(), kinds[:patches].copy(), parts, stamp
+    scratch.stamp[0] = stamp
+    return owner[:patches].copy(), kinds[:patches].copy(), parts

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +20,24 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from collision import Tolerance
-from constraints.geometry.surfaces import Cylinder, Freeform, Geometry, Plane, Sphere, Torus
-from constraints.recognition.patches import NUMBERS, fit_packed, fit_patches, geometry_of, refined
-from vpframe.importers.region_growing import flat_facets, neighbours, packed, patches_at, reach
+from constraints.geometry.surfaces import LARGEST, Freeform, Geometry, Plane, Torus
+from constraints.recognition.patches import (
+    NUMBERS,
+    Patches,
+    Samples,
+    fit_packed,
+    fit_patches,
+    geometry_of,
+    numbers_of,
+    workspace,
+)
+from vpframe.importers.region_growing import Mesh, flat_facets, neighbours, patches_at, scratch, settle
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+Fits = tuple[tuple[str, Array, int], ...]
+"""kind, numbers, and number of triangles of the patch to which a surface was fitted"""
 
 _NEEDED = {"plane": 3, "cylinder": 5, "sphere": 4, "cone": 6, "torus": 7}
 _STRONG = 6
@@ -47,6 +60,24 @@ def _outdoes(kind: str, size: int, other: str, most: int) -> bool:
     if order.index(kind) < order.index(other):
         return size * _OUTDO[other] >= most
     return size > most * (1.0 if kind == other else _OUTDO[kind])
+
+
+class Grown(NamedTuple):
+    """Triangles on a surface that are connected to a seed."""
+
+    kind: str
+    numbers: Array
+    """(8,) as in `constraints.recognition.patches`"""
+    triangles: Index
+    score: int
+    """number of vertices beyond the degrees of freedom"""
+    facets: int
+
+    @property
+    def geometry(self) -> Geometry:
+        found = geometry_of(NUMBERS[self.kind], self.numbers)
+        assert found is not None
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +105,7 @@ def segment(
 class _Segmentation:
     def __init__(self, vertices: Array, triangles: NDArray[np.int32], tolerance: float, limits: Tolerance) -> None:
         self.vertices, self.triangles, self.tolerance = vertices, triangles, tolerance
-        self.flat, self.agree, self.smooth = np.cos(limits.flat), np.cos(limits.facet), np.cos(limits.bend)
+        self.flat, self.smooth = np.cos(limits.flat), np.cos(limits.bend)
         corners = vertices[triangles]
         vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self.vectors = vectors
@@ -86,9 +117,17 @@ class _Segmentation:
         self.across = neighbours(triangles)
         self.label = np.full(len(triangles), -1, np.int64)
         self.segments: list[Segment] = []
-        self._mark = np.full(len(triangles), -1, np.int64)
-        self._stamp = 0
-        self._out = np.empty(len(triangles), np.int64)
+        self._mesh = Mesh(
+            vertices,
+            triangles,
+            self.normals,
+            self.needle,
+            self.across,
+            self.label,
+            tolerance,
+            float(np.cos(limits.facet)),
+        )
+        self._scratch, self._work = scratch(len(triangles), len(vertices)), workspace(len(vertices), 1)
         self.facet = self._flat_facets()
         self._order = np.argsort(self.facet, kind="stable")
         self._starts = np.concatenate([[0], np.cumsum(np.bincount(self.facet))])
@@ -101,8 +140,7 @@ class _Segmentation:
         self._flat_planes = self._fitted_planes()
         self.around, self.rounds = self._smooth_neighbours()
         self._samples = self._sampled()
-        self._marks = np.full((2, max(len(self.seeds), len(vertices))), -1, np.int64)
-        self._known: dict[int, list[tuple[str, Geometry]]] = {}
+        self._known: dict[int, Fits] = {}
         """surfaces that fit the patches at each facet, of the first pass"""
 
     def run(self) -> list[Segment]:
@@ -114,14 +152,13 @@ class _Segmentation:
         self._dissolve()
         return sorted(self.segments, key=lambda s: int(s.triangles.min()))
 
-    def _grow(self, geometry: Geometry, seed: int) -> Index:
-        kind, numbers = packed(geometry)
-        self._stamp += 1
-        count = reach(
-            kind, numbers, seed, self.vertices, self.triangles, self.normals, self.needle, self.across, self.label,
-            self.tolerance, self.agree, self._mark, self._stamp, self._out,
-        )  # fmt: skip
-        return np.sort(self._out[:count])
+    def _settle(self, kind: str, numbers: Array, seed: int, patch: int) -> Grown:
+        """Alternate growth and fit while the segment grows beyond the number of triangles to which it was fitted."""
+        numbers = numbers.copy()
+        count, vertices, facets = settle(
+            NUMBERS[kind], numbers, patch, seed, self._mesh, self.facet, self._scratch, self._work
+        )
+        return Grown(kind, numbers, self._scratch.out[:count].copy(), vertices - _NEEDED[kind], facets)
 
     def _points(self, triangles: Index) -> Array:
         return self.vertices[np.unique(self.triangles[triangles])]
@@ -138,10 +175,7 @@ class _Segmentation:
         facet = np.full(len(self.triangles), -1, np.int64)
         planes = np.column_stack([self.middles, self.normals, np.zeros((len(facet), 2))])
         order = np.argsort(-self.areas, kind="stable")
-        flat_facets(
-            order, planes, self.vertices, self.triangles, self.normals, self.needle, self.across,
-            self.tolerance, self.flat, facet, np.full((2, len(facet)), -1, np.int64),
-        )  # fmt: skip
+        flat_facets(order, planes, self._mesh, self.flat, facet, np.full((2, len(facet)), -1, np.int64))
         return facet
 
     def _members(self, f: int) -> Index:
@@ -179,7 +213,7 @@ class _Segmentation:
 
     def _curved(self, strong: bool) -> None:
         """Take curved surfaces, best score first, from seeds at every free facet."""
-        candidates: list[tuple[int, int, Geometry, int]] = []
+        candidates: list[tuple[int, int, Grown, int]] = []
         covered = np.zeros(len(self.triangles), bool)
         free = self.label[self.seeds] < 0
         self._forget(np.unique(self.facet[self.label >= 0]))
@@ -198,44 +232,41 @@ class _Segmentation:
                     continue
                 best = self._best_at(f, fits, strong)
                 if best is not None:
-                    score, geometry, grown = best
-                    candidates.append((-score, len(candidates), geometry, int(self.seeds[f])))
-                    covered[grown] = True
+                    candidates.append((-best.score, len(candidates), best, int(self.seeds[f])))
+                    covered[best.triangles] = True
             together = min(2 * together, _MOST) if not spared else max(together // 2, _FEWEST)
         heapify(candidates)
         last = len(candidates)
         while candidates:
-            less, _, geometry, seed = heappop(candidates)
+            less, _, found, seed = heappop(candidates)
             if self.label[seed] >= 0:
                 continue
-            grown = self._grow(geometry, seed)
-            now = self._score(geometry, grown)
-            if not self._enough(geometry, grown, strong):
+            now = self._settle(found.kind, found.numbers, seed, len(self.label))
+            if not self._enough(now, strong):
                 continue
-            if now < -less and candidates and now < -candidates[0][0]:
-                heappush(candidates, (-now, last, geometry, seed))
+            if now.score < -less and candidates and now.score < -candidates[0][0]:
+                heappush(candidates, (-now.score, last, found, seed))
                 last += 1
             else:
-                self._take(grown, geometry)
+                self._take(np.sort(now.triangles), now.geometry)
 
-    def _score(self, geometry: Geometry, grown: Index) -> int:
-        return len(np.unique(self.triangles[grown])) - _NEEDED[geometry.kind]
-
-    def _enough(self, geometry: Geometry, grown: Index, strong: bool) -> bool:
-        facets = np.unique(self.facet[grown])
-        if isinstance(geometry, Torus) and self._circles(geometry, grown) < 4:
+    def _enough(self, grown: Grown, strong: bool) -> bool:
+        if strong and (grown.facets < 4 or grown.score < _STRONG * (2 - (grown.kind == "cylinder"))):
+            return False
+        if isinstance(grown.geometry, Torus) and self._circles(grown.geometry, grown.triangles) < 4:
             return False  # a torus fits any three coaxial circles
         if strong:
-            return len(facets) >= 4 and self._score(geometry, grown) >= _STRONG * (2 - isinstance(geometry, Cylinder))
+            return True
+        needed = _STRONG if grown.kind in ("sphere", "torus") else 1
+        if grown.facets < 3 or grown.score < needed:
+            return False
+        facets = np.unique(self.facet[grown.triangles])
         beside = np.setdiff1d(self._beside(facets), facets)
         if (self.label[self.seeds[beside]] < 0).sum() >= len(facets):
             return False  # a patch of a freeform surface
-        areas = np.bincount(self.facet[grown], self.areas[grown])
+        areas = np.bincount(self.facet[grown.triangles], self.areas[grown.triangles])
         areas = areas[areas > 0]
-        needed = _STRONG if isinstance(geometry, Sphere | Torus) else 1
-        return bool(
-            len(facets) >= 3 and self._score(geometry, grown) >= needed and areas.max() <= 3.0 * np.median(areas)
-        )
+        return bool(areas.max() <= 3.0 * np.median(areas))
 
     def _circles(self, torus: Torus, grown: Index) -> int:
         """Number of circles about the torus's axis on which the vertices lie."""
@@ -245,7 +276,7 @@ class _Segmentation:
         arc = np.sort(torus.minor * np.arctan2(height, radius))
         return 1 + int((np.diff(arc) > 10.0 * self.tolerance).sum())
 
-    def _fits(self, seeds: list[int]) -> list[list[tuple[str, Geometry]]]:
+    def _fits(self, seeds: list[int]) -> list[Fits]:
         """Return the surfaces that fit the patches at each facet within tolerance.
 
         Patches: the facet with one or two neighbours, with all, and with the neighbours of these.
@@ -254,16 +285,17 @@ class _Segmentation:
         new = np.array([f for f in seeds if f not in self._known], np.int64)
         needed = np.array([_NEEDED[kind] for kind in NUMBERS])
         corners, first, middles, vectors = self._samples
-        owner, kinds, (of, ends, at, stops), self._stamp = patches_at(
-            new, self.around, self.rounds, free, corners, first, _PATCH, needed, self._marks, self._stamp
+        owner, kinds, (of, ends, at, stops) = patches_at(
+            new, self.around, self.rounds, free, corners, first, _PATCH, needed, self._scratch
         )
-        found = fit_packed(kinds, self.vertices, of, ends, middles, vectors, at, stops, self.tolerance, _ITERATIONS)
+        packed = Patches(kinds, of, ends, at, stops)
+        found = fit_packed(Samples(self.vertices, middles, vectors), packed, self.tolerance, _ITERATIONS)
         names = list(NUMBERS)
-        self._known |= {f: [] for f in new.tolist()}
-        for i in np.flatnonzero(np.isfinite(found[:, 0])).tolist():
-            geometry = geometry_of(int(kinds[i]), found[i])
-            if geometry is not None:
-                self._known[int(new[owner[i]])].append((names[kinds[i]], geometry))
+        self._known |= dict.fromkeys(new.tolist(), ())
+        sizes = np.diff(self._starts)
+        for i in np.flatnonzero((np.abs(found) <= LARGEST).all(axis=1)).tolist():
+            size = int(sizes[at[stops[i] : stops[i + 1]]].sum())
+            self._known[int(new[owner[i]])] += ((names[kinds[i]], found[i], size),)
         return [self._known[f] for f in seeds]
 
     def _forget(self, taken: Index) -> None:
@@ -272,60 +304,44 @@ class _Segmentation:
         for f in (*near.tolist(), *np.unique(self._beside(near)).tolist()):
             self._known.pop(f, None)
 
-    def _best_at(self, f: int, fits: list[tuple[str, Geometry]], strong: bool) -> tuple[int, Geometry, Index] | None:
-        best: tuple[int, Geometry, Index] | None = None
-        seed, most = int(self.seeds[f]), 0
-        for kind, fit in fits:
-            geometry, grown = self._settle(fit, seed)
-            if len(grown) == 0 or not self._enough(geometry, grown, strong):
+    def _best_at(self, f: int, fits: Fits, strong: bool) -> Grown | None:
+        best: Grown | None = None
+        seed = int(self.seeds[f])
+        for kind, numbers, patch in fits:
+            grown = self._settle(kind, numbers, seed, patch)
+            if not len(grown.triangles) or not self._enough(grown, strong):
                 continue
-            size = len(np.unique(self.facet[grown]))
-            if best is None or _outdoes(kind, size, best[1].kind, most):
-                most = size
-                best = (self._score(geometry, grown), geometry, grown)
-        if best is not None and isinstance(best[1], Sphere):
-            cone = self._cone_of(best[2], seed)
-            if cone is not None and _outdoes("cone", len(np.unique(self.facet[cone[2]])), "sphere", most):
+            if best is None or _outdoes(kind, grown.facets, best.kind, best.facets):
+                best = grown
+        if best is not None and best.kind == "sphere":
+            cone = self._cone_of(best.triangles, seed)
+            if cone is not None and _outdoes("cone", cone.facets, "sphere", best.facets):
                 return cone
         return best
 
-    def _cone_of(self, zone: Index, seed: int) -> tuple[int, Geometry, Index] | None:
+    def _cone_of(self, zone: Index, seed: int) -> Grown | None:
         """The cone through the triangles of a zone of a sphere: few facets of a frustum with unequal rings fit none."""
+        zone = np.sort(zone)
         patch = self._points(zone), self.vertices[self.triangles[zone]].mean(axis=1), self.vectors[zone]
         (fit,) = fit_patches("cone", [patch], self.tolerance)
         if fit is None:
             return None
-        geometry, grown = self._settle(fit.geometry, seed)
-        return (self._score(geometry, grown), geometry, grown) if len(grown) else None
-
-    def _settle(self, geometry: Geometry, seed: int) -> tuple[Geometry, Index]:
-        """Alternate growth and fit while the segment grows."""
-        grown = self._grow(geometry, seed)
-        while len(grown):
-            better = refined(geometry, self._points(grown))
-            if better is None:
-                return geometry, grown
-            more = self._grow(better, seed)
-            if len(more) <= len(grown):
-                return (better, more) if len(more) == len(grown) else (geometry, grown)
-            geometry, grown = better, more
-        return geometry, grown
+        grown = self._settle("cone", numbers_of(fit.geometry), seed, 0)
+        return grown if len(grown.triangles) else None
 
     def _planes(self, sure: bool) -> None:
         """Take flat facets that cannot belong to a curved surface (`sure`), or that have no free neighbours."""
-        areas = self._facet_areas
-        beside = np.zeros(len(areas))
-        np.maximum.at(beside, np.repeat(np.arange(len(areas)), np.diff(self.rounds)), areas[self.around])
+        areas, near = self._facet_areas, np.diff(self.rounds)
+        free, owner = self.label[self.seeds] < 0, np.repeat(np.arange(len(areas)), near)
+        if sure:  # a facet beside others of similar size may belong to a slowly bending surface
+            beside = np.zeros(len(areas))
+            np.maximum.at(beside, owner, areas[self.around])
+            flat = free & (areas > 3.0 * beside)
+        else:  # a lone triangle with smooth neighbours belongs to a curved surface
+            bent = np.bincount(owner[free[self.around]], minlength=len(areas)) > 0
+            flat = free & ~bent & ((np.diff(self._starts) > 1) | (near == 0))
         for f in np.argsort(-areas, kind="stable").tolist():
-            if self.label[self.seeds[f]] >= 0:
-                continue
-            members = self._members(f)
-            if sure:  # a facet beside others of similar size may belong to a slowly bending surface
-                flat = areas[f] > 3.0 * beside[f] and self._is_wide(members)
-            else:  # a lone triangle with smooth neighbours belongs to a curved surface
-                near = self.around[self.rounds[f] : self.rounds[f + 1]]
-                flat = not (self.label[self.seeds[near]] < 0).any() and (len(members) > 1 or not len(near))
-            if flat:
+            if flat[f] and (not sure or self._is_wide(self._members(f))):
                 self._take_flat(f)
 
     def _is_wide(self, members: Index) -> bool:

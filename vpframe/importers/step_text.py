@@ -11,6 +11,8 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 _END = re.compile(rb";\s*+(?=#\d++\s*+=|ENDSEC|/\*|$)")  # not any semicolon, since strings may contain one
 _STATEMENT = re.compile(rb"\s*+(?:/\*.*?\*/\s*)*#(\d++)\s*+=\s*+(.*)", re.DOTALL)
 _TEXT = re.compile(rb"\S")
@@ -20,6 +22,12 @@ _REFERENCE = re.compile(rb"#(\d+)")
 _STRING = re.compile(rb"'(?:[^']++|'')*+'")
 _SIMPLE = re.compile(rb"([A-Z][A-Z0-9_]*)\s*\(")
 _BODY = re.compile(rb"(?:[A-Z][A-Z0-9_]*\s*)?\([A-Z0-9_#$*.,()+\-\s\"/!]*\)", re.DOTALL)
+_SOUND = re.compile(
+    rb"(?:\s++|/\*.*?\*/)*+#([1-9]\d*+)\s*+=\s*+((?:([A-Z][A-Z0-9_]*+)\s*+)?"
+    rb"\((?:[A-Z0-9_#$*.,()+\-\"/!]++|'(?:[^']++|'')*+'|\s++(?!;))*+(?<=\)))\s*+;|(\S.*)",
+    re.DOTALL,
+)
+"""a statement that can be read: number, body, keyword; else all that follows"""
 _SHELLS = (b"CLOSED_SHELL", b"OPEN_SHELL")
 _CONTEXT = re.compile(rb"GLOBAL_UNIT_ASSIGNED_CONTEXT\(\(([#\d,]*)\)\)")
 _SI_LENGTH = re.compile(
@@ -85,19 +93,12 @@ class _Statements:
     """what follows the equals sign"""
     bare: dict[int, bytes] = field(default_factory=dict)
     """`bodies` without strings"""
-    references: dict[int, list[int]] = field(default_factory=dict)
     kinds: dict[int, bytes] = field(default_factory=dict)
     """keywords of simple statements"""
-    places: dict[int, int] = field(default_factory=dict)
-    """offset of each statement in `data`"""
 
-    def add(self, number: int, body: bytes, bare: bytes, place: int) -> None:
-        """Add a statement; it replaces one of the same number."""
-        self.bodies[number], self.bare[number], self.places[number] = body, bare, place
-        self.references[number] = list(map(int, _REFERENCE.findall(bare)))
-        self.kinds.pop(number, None)
-        if kind := _SIMPLE.match(body):
-            self.kinds[number] = kind[1]
+    def references(self, number: int) -> list[int]:
+        """Return the numbers that a statement names, in order."""
+        return list(map(int, _REFERENCE.findall(self.bare.get(number, b""))))
 
     def of(self, *kinds: bytes) -> list[int]:
         """Return the numbers of the statements of some kinds."""
@@ -107,6 +108,10 @@ class _Statements:
         """Return the line of the first text from an offset on."""
         text = _TEXT.search(self.data, place)
         return self.data.count(b"\n", 0, text.start() if text else place) + 1
+
+    def line_of(self, number: int) -> int:
+        """Return the line of the last statement of a number."""
+        return self.line([m.start() for m in re.finditer(rb"#0*%d\s*=" % number, self.data)][-1])
 
 
 def scan(data: bytes) -> StepText:
@@ -124,8 +129,29 @@ def scan(data: bytes) -> StepText:
     return text
 
 
+def _sound(data: bytes, start: int, end: int) -> _Statements | None:
+    """Return the statements of a DATA section of which all can be read and all that is named exists; else None."""
+    rows = _SOUND.findall(data, start, end)
+    numbers = [row[0] for row in rows]
+    if not rows or any(row[3] for row in rows):
+        return None
+    text = _STRING.sub(b"", b";".join([row[1] for row in rows]))
+    marks = np.frombuffer(text + b";", np.uint8)
+    depth = np.cumsum((marks == ord("(")).astype(np.int8) - (marks == ord(")")), dtype=np.int32)
+    if len({*numbers}) < len(rows) or not {*_REFERENCE.findall(text)} <= {*numbers} or depth[marks == ord(";")].any():
+        return None
+    of = list(map(int, numbers))
+    kinds = {n: row[2] for n, row in zip(of, rows, strict=True) if row[2]}
+    return _Statements(
+        data, dict(zip(of, (row[1] for row in rows), strict=True)), dict(zip(of, text.split(b";"), strict=True)), kinds
+    )
+
+
 def _statements(data: bytes, start: int, end: int, text: StepText) -> _Statements:
     """Return the statements of a DATA section; unreadable ones are added to `text.damage`."""
+    sound = _sound(data, start, end)
+    if sound is not None:
+        return sound
     found = _Statements(data)
     damage: list[tuple[int, str]] = []
     position = start
@@ -143,12 +169,14 @@ def _statements(data: bytes, start: int, end: int, text: StepText) -> _Statement
             damage.append((found.line(place), f"statement #{number} cannot be read"))
         elif number in found.bodies:
             damage.append((found.line(place), f"#{number} is defined a second time"))
-        found.add(number, body, bare, place)
-    known = set(found.bodies)
-    for number, references in found.references.items():
-        if not known.issuperset(references):
-            missing = next(r for r in references if r not in known)
-            damage.append((found.line(found.places[number]), f"#{number} names #{missing}, which does not exist"))
+        found.bodies[number], found.bare[number] = body, bare
+        found.kinds.pop(number, None)
+        if kind := _SIMPLE.match(body):
+            found.kinds[number] = kind[1]
+    for number in found.bodies:
+        missing = next((r for r in found.references(number) if r not in found.bodies), None)
+        if missing is not None:
+            damage.append((found.line_of(number), f"#{number} names #{missing}, which does not exist"))
     text.damage = [f"line {line}: {message}" for line, message in sorted(damage)]
     return found
 
@@ -174,13 +202,13 @@ def _length_units(statements: _Statements, text: StepText) -> None:
         return b"LENGTH_UNIT()" in body and known
 
     contexts = {
-        statements.references[n][-1]
+        references[-1]
         for n, kind in statements.kinds.items()
         if kind.endswith(b"SHAPE_REPRESENTATION")
         and kind != b"CONTEXT_DEPENDENT_SHAPE_REPRESENTATION"
-        and statements.references[n]
+        and (references := statements.references(n))
     }
-    for context in sorted(contexts, key=lambda n: statements.places.get(n, 0)):
+    for context in [*contexts.difference(statements.bodies), *filter(contexts.__contains__, statements.bodies)]:
         assigned = _CONTEXT.search(bare(context))
         units = [int(n) for n in _REFERENCE.findall(assigned[1])] if assigned is not None else []
         units = [n for n in units if b"LENGTH_UNIT" in bare(n) or b"METRE" in bare(n)]
@@ -189,7 +217,7 @@ def _length_units(statements: _Statements, text: StepText) -> None:
         if unknown is not None and not text.unit_fault:
             statement = " ".join(statements.bodies[unknown].decode("ascii", "replace").split())[:100]
             statement = "".join(c if c.isprintable() else "?" for c in statement)
-            line = statements.line(statements.places[unknown])
+            line = statements.line_of(unknown)
             text.unit_fault = f"line {line}: #{unknown} is no length unit that is known: {statement}"
 
 
@@ -197,27 +225,27 @@ def _products(statements: _Statements, text: StepText) -> None:
     kinds, references, of = statements.kinds, statements.references, statements.of
     definitions = {}  # product definition -> name
     for n in of(b"PRODUCT_DEFINITION", b"PRODUCT_DEFINITION_WITH_ASSOCIATED_DOCUMENTS"):
-        formation = references[n][0] if references[n] else -1
-        product = next((r for r in references.get(formation, []) if kinds.get(r) == b"PRODUCT"), -1)
+        formation = next(iter(references(n)), -1)
+        product = next((r for r in references(formation) if kinds.get(r) == b"PRODUCT"), -1)
         strings = _STRING.findall(statements.bodies.get(product, b""))
         if len(strings) >= 2:
             name = strings[1] if len(strings[1]) > 2 else strings[0]
             definitions[n] = _text(name)
     for n in of(b"DOCUMENT_FILE"):
         text.external.extend(_text(s) for s in _STRING.findall(statements.bodies[n])[:1])
-    shapes = {n: references[n][0] for n in of(b"PRODUCT_DEFINITION_SHAPE") if references[n]}
+    named = ((n, references(n)) for n in of(b"PRODUCT_DEFINITION_SHAPE"))
+    shapes = {n: ends[0] for n, ends in named if ends}
     equal: dict[int, list[int]] = {}
     for n in of(b"SHAPE_REPRESENTATION_RELATIONSHIP"):
-        if len(references[n]) == 2:
-            a, b = references[n]
+        if len(references(n)) == 2:
+            a, b = references(n)
             equal.setdefault(a, []).append(b)
             equal.setdefault(b, []).append(a)
     own: dict[int, int] = {}
     for n in of(b"SHAPE_DEFINITION_REPRESENTATION"):
-        if len(references[n]) == 2 and (definition := shapes.get(references[n][0])) in definitions:
-            representation = references[n][1]
-            own[definition] = _count_faces([representation, *equal.get(representation, [])], kinds, references)
-    named = ((n, references[n]) for n in of(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE"))
+        if len(ends := references(n)) == 2 and (definition := shapes.get(ends[0])) in definitions:
+            own[definition] = _count_faces([ends[1], *equal.get(ends[1], [])], statements)
+    named = ((n, references(n)) for n in of(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE"))
     uses = [(n, ends[0], ends[1]) for n, ends in named if len(ends) >= 2]
     children, circular = _tree(uses)
     text.circular = {n: definitions.get(parent, f"#{parent}") for n, parent in circular.items()}
@@ -290,15 +318,15 @@ def _text(string: bytes) -> str:
     return string[1:-1].replace(b"''", b"'").decode("utf-8", "replace").strip()
 
 
-def _count_faces(roots: list[int], kinds: dict[int, bytes], references: dict[int, list[int]]) -> int:
+def _count_faces(roots: list[int], statements: _Statements) -> int:
     """Count the faces named by the shells below representations; the faces themselves may be unreadable."""
     seen, front, faces = set(roots), list(roots), set()
     while front:
         n = front.pop()
-        if kinds.get(n) in _SHELLS:
-            faces.update(references[n])
+        if statements.kinds.get(n) in _SHELLS:
+            faces.update(statements.references(n))
             continue
-        for r in references.get(n, ()):
+        for r in statements.references(n):
             if r not in seen:
                 seen.add(r)
                 front.append(r)

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
-from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.gp import gp_Trsf
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.Interface import Interface_Static
@@ -18,13 +17,13 @@ from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TDataStd import TDataStd_Name
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_ShapeEnum
-from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
 from vpframe.codec import Codec
 from vpframe.importers.brep import MM, brep_shape
 from vpframe.importers.raw import Color, UnreadableError
+from vpframe.importers.topology import mapped
 from vpframe.outputs import GENERATOR
 
 GRAMS = 1e-3
@@ -111,8 +110,7 @@ class _Tree:
             named = text(f"density {density:.17g} kg/m3")  # readers merge materials of the same name
             given = (named, text(""), density * GRAMS, text("density"), text("POSITIVE_RATIO_MEASURE"))
             self._materials.SetMaterial(label, *given)
-        known = ShapeMap()
-        TopExp.MapShapes_s(shape, TopAbs_ShapeEnum.TopAbs_FACE, known)
+        known = mapped(shape, TopAbs_ShapeEnum.TopAbs_FACE)
         for face, color in faces:
             sub = self.shapes.AddSubShape(label, known.FindKey(face))
             self._colors.SetColor(sub, _rgba(color), XCAFDoc_ColorType.XCAFDoc_ColorSurf)

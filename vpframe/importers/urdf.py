@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from vpframe.errors import LoadError, VpframeError
 from vpframe.importers import meshes
-from vpframe.importers.raw import Axis, Color, RawJoint, RawPart, RawScene, RawShape
+from vpframe.importers.raw import Axis, Color, Options, RawJoint, RawPart, RawScene, RawShape
 from vpframe.importers.solids import SOLIDS, part_of_mass
 
 _AXES = {"revolute": ("revolute",), "continuous": ("revolute",), "prismatic": ("prismatic",), "fixed": ()}
@@ -23,7 +23,7 @@ _LEVELS = 6
 """number of folders above the file searched for packages"""
 
 
-def read(path: Path, deflection: float, angular: float) -> RawScene:
+def read(path: Path, options: Options) -> RawScene:
     """Return the raw scene of a URDF file with all joints at zero; each link with geometry is one or more parts.
 
     Visual geometry is read, or collision geometry for links without it. Raises LoadError for an invalid file.
@@ -33,7 +33,7 @@ def read(path: Path, deflection: float, angular: float) -> RawScene:
     joints = list(robot.findall("joint"))
     poses, order = _poses(path, links, joints)
     raw = RawScene(links=[[] for _ in order])
-    reader = _Shapes(path, raw, deflection, angular, _materials(robot))
+    reader = _Shapes(path, raw, options, _materials(robot))
     reader.read_meshes(links[name] for name in order)
     for k, name in enumerate(order):
         raw.links[k] = reader.add(name, links[name], poses[name])
@@ -184,10 +184,10 @@ def _key(element: xml.Element) -> tuple[Any, ...]:
 class _Shapes:
     """Reads the parts of links; each mesh file and scale is read once."""
 
-    def __init__(self, path: Path, raw: RawScene, deflection: float, angular: float, colors: dict[str, Color]) -> None:
+    def __init__(self, path: Path, raw: RawScene, options: Options, colors: dict[str, Color]) -> None:
         self.path = path
         self.raw = raw
-        self.options = deflection, angular
+        self.options = options.deflection, options.angular
         self.colors = colors
         self._read: dict[tuple[Any, ...], RawScene | LoadError] = {}
         self._starts: dict[int, int] = {}

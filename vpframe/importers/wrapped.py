@@ -17,7 +17,7 @@ import pinocchio as pin
 from vpframe.errors import LoadError
 from vpframe.importers import build, cad
 from vpframe.importers.names import numbered
-from vpframe.importers.raw import RawScene
+from vpframe.importers.raw import Options, RawScene
 from vpframe.scene.joints import Statement, statements
 from vpframe.scene.scene import Scene
 
@@ -52,14 +52,7 @@ class _Node:
             yield from child.all()
 
 
-def read(
-    source: Any,
-    deflection: float,
-    angular: float,
-    timeout: float | None,
-    progress: Callable[[float, str], None] | None,
-    bodies: str | None = None,
-) -> tuple[RawScene, Callable[[Scene], None]]:
+def read(source: Any, options: Options) -> tuple[RawScene, Callable[[Scene], None]]:
     """Return the raw scene of a shape, and a function that adds its joints to the finished scene.
 
     Raises LoadError: no solid, or the kernel fails.
@@ -71,8 +64,7 @@ def read(
         if not files.paths:
             raise LoadError(f"{root.name}: the shape is empty; build it before loading", root.name)
         _name(root, "" if root.children else root.given[0])
-        given, settle = [root.given], build.settled
-        raw = cad.read(files.paths, "given", deflection, angular, timeout, progress, settle, bodies, given)
+        raw = cad.read(files.paths, "given", options, build.settled, [root.given])
     return raw, lambda scene: _join(scene, list(root.all()))
 
 

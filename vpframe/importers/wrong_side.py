@@ -13,9 +13,10 @@ from OCP.BRepGProp import BRepGProp
 from OCP.GeomAbs import GeomAbs_SurfaceType
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
-from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
+
+from vpframe.importers.topology import explored
 
 
 def mended(solid: TopoDS_Shape) -> TopoDS_Shape | None:
@@ -24,10 +25,10 @@ def mended(solid: TopoDS_Shape) -> TopoDS_Shape | None:
     That is so where the kernel turned the shell, a spherical face without seam of its own covers more than half of its
     sphere, and the other side gives a positive, smaller volume.
     """
-    shells = TopExp_Explorer(solid, TopAbs_ShapeEnum.TopAbs_SHELL)
-    if not shells.More() or shells.Current().Orientation() != TopAbs_Orientation.TopAbs_REVERSED:
+    first = next(explored(solid, TopAbs_ShapeEnum.TopAbs_SHELL), None)
+    if first is None or first.Orientation() != TopAbs_Orientation.TopAbs_REVERSED:
         return None
-    faces = [TopoDS.Face(shape) for shape in _of(shells.Current(), TopAbs_ShapeEnum.TopAbs_FACE)]
+    faces = [TopoDS.Face(shape) for shape in explored(first, TopAbs_ShapeEnum.TopAbs_FACE)]
     for i, face in enumerate(faces):
         other = _other_side(face)
         if other is None:
@@ -51,14 +52,14 @@ def _other_side(face: TopoDS_Face) -> TopoDS_Face | None:
         return None
     properties = GProp_GProps()
     BRepGProp.SurfaceProperties_s(face, properties)
-    wires = [wire for wire in _of(face, TopAbs_ShapeEnum.TopAbs_WIRE) if not _is_seam(wire, face)]
+    wires = [wire for wire in explored(face, TopAbs_ShapeEnum.TopAbs_WIRE) if not _is_seam(wire, face)]
     if len(wires) != 1 or properties.Mass() <= 2.0 * np.pi * surface.Sphere().Radius() ** 2:
         return None
     location = TopLoc_Location()
     other, builder = TopoDS_Face(), BRep_Builder()
     builder.MakeFace(other, BRep_Tool.Surface_s(face, location), location, BRep_Tool.Tolerance_s(face))
     forward = TopoDS.Face(face.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
-    wire = next(wire for wire in _of(forward, TopAbs_ShapeEnum.TopAbs_WIRE) if wire.IsSame(wires[0]))
+    wire = next(wire for wire in explored(forward, TopAbs_ShapeEnum.TopAbs_WIRE) if wire.IsSame(wires[0]))
     builder.Add(other, wire.Reversed())
     return TopoDS.Face(other.Oriented(face.Orientation()))
 
@@ -67,7 +68,7 @@ def _is_seam(wire: TopoDS_Shape, face: TopoDS_Face) -> bool:
     """Whether a wire is the border of the whole sphere, in parameters."""
     return any(
         BRep_Tool.Degenerated_s(TopoDS.Edge(edge)) or BRep_Tool.IsClosed_s(TopoDS.Edge(edge), face)
-        for edge in _of(wire, TopAbs_ShapeEnum.TopAbs_EDGE)
+        for edge in explored(wire, TopAbs_ShapeEnum.TopAbs_EDGE)
     )
 
 
@@ -75,11 +76,3 @@ def _volume(solid: TopoDS_Shape) -> float:
     properties = GProp_GProps()
     BRepGProp.VolumeProperties_s(solid, properties)
     return float(properties.Mass())
-
-
-def _of(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
-    found, explorer = [], TopExp_Explorer(shape, kind)
-    while explorer.More():
-        found.append(explorer.Current())
-        explorer.Next()
-    return found

@@ -6,7 +6,7 @@ whether a tool reaches.
 
 from __future__ import annotations
 
-from vpframe.planning.plan import Disassembly, PlannedStep, disassembly, removal
+from vpframe.planning.plan import Disassembly, PlannedStep, PlanOptions, SearchOptions, disassembly, removal
 from vpframe.planning.verdict import Removal
 
-__all__ = ["Disassembly", "PlannedStep", "Removal", "disassembly", "removal"]
+__all__ = ["Disassembly", "PlanOptions", "PlannedStep", "Removal", "SearchOptions", "disassembly", "removal"]

@@ -18,7 +18,7 @@ All motions start where the parts stand. What a motion may do to each pair of pa
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
@@ -27,12 +27,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import Tolerance
+from collision import CollisionManager, Stop, Sweeps, Tolerance
 from collision.numeric.kernel import compilation
-from collision.query.blocking import Stop, Sweeps
 from constraints.freedom.escape import Patch, contact_patch
 from vpframe.analysis.clash import clash, is_open
-from vpframe.analysis.fits import BAD_KINDS
 from vpframe.analysis.mate_motions import LINEAR, Mates, Progress, pairs_of, silent
 from vpframe.errors import VpframeError
 from vpframe.scene.boxes import half_size
@@ -41,18 +39,18 @@ from vpframe.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Knots = tuple[pin.SE3, ...]
-"""world displacements from where the parts stand, the first the identity"""
+"""world displacements from the initial poses, the first the identity"""
 Key = tuple[Any, ...]
-"""a question: the parts that move and stand, the way"""
+"""cache key of a sweep: moving part, static part, path"""
 Answer = tuple[Stop | None, int]
-"""and the sweeps that it took"""
+"""result of a sweep, and the number of legs swept"""
 TOLERANCE: Final = Tolerance(linear=LINEAR, slop=1e-6)
 """of planned motions: a leg presses surfaces by 1.5 pm at most, all legs of a way by 10 pm (`Sweeps`), where CAD
 kernels place points to within 100 pm (1e-7 mm)"""
 CLEAR: Final = 3e-3
-"""m: by how much parts that come out end clear of the others: beyond it a session's mates let go, too"""
+"""m: final clearance of a removed part; beyond it a session's mates are released"""
 QUESTIONS: Final = 500
-"""a second of budget: sweeps and intersection tests. A machine that is slower ends by its processor time"""
+"""per second of budget: sweeps and intersection tests; on slower machines the processor time ends first"""
 
 
 class BudgetError(VpframeError):
@@ -81,12 +79,15 @@ working: Final = _Working()
 
 
 class Budget:
-    """What a plan may ask: `seconds` times QUESTIONS questions, and as many seconds of processor time."""
+    """What a search may use: `seconds` times QUESTIONS questions, and as many seconds of processor time.
+
+    Raises VpframeError if `seconds` is not positive and finite. clock: returns the processor time, s.
+    """
 
     def __init__(self, seconds: float, clock: Callable[[], float] = working) -> None:
         if not 0.0 < seconds < np.inf:
             raise VpframeError(f"the budget is {seconds!r}; give a positive number of seconds")
-        self.seconds, self.questions, self.asked = seconds, int(np.ceil(seconds * QUESTIONS)), 0
+        self.seconds, self.questions, self.used = seconds, int(np.ceil(seconds * QUESTIONS)), 0
         self._clock, self._late = clock, False
         self.by_clock = False
         """whether the processor time ended it, or a share of it: another run may then come farther"""
@@ -94,47 +95,57 @@ class Budget:
 
     def begin(self) -> None:
         """Count processor time from now on."""
-        self._end = self._clock() + self.seconds
+        self._began = self._clock()
 
     def ask(self, questions: int = 1) -> None:
-        """Count questions that are about to be asked; BudgetError when there are none left."""
-        self.asked += questions
-        if self._clock() > self._end:
+        """Use up questions before they are computed; raises BudgetError when questions or time are used up."""
+        self.used += questions
+        if self.spent > self.seconds:
             self._late = self.by_clock = True
         if self.ended:
             raise BudgetError(f"the budget of {self.ended} is used up")
 
     def take(self, seconds: float) -> None:
-        """Count processor time that another process has spent."""
-        self._end -= seconds
+        """Add processor time of another process, s."""
+        self._began -= seconds
+
+    @property
+    def spent(self) -> float:
+        """Processor time used so far, s."""
+        return self._clock() - self._began
 
     @property
     def ended(self) -> str:
-        """What ended it, with its amount; empty while it lasts."""
+        """The limit that was reached, in words; empty if none was."""
         if self._late:
             return f"{self.seconds:.4g} s of processor time"
-        return f"{self.questions} questions" if self.asked > self.questions else ""
+        return f"{self.questions} questions" if self.used > self.questions else ""
+
+    def document(self) -> dict[str, Any]:
+        """The budget in JSON; without the time spent, which is another in each run."""
+        keys = ("seconds", "questions", "asked", "ended_by", "ended_by_clock")
+        return dict(zip(keys, (self.seconds, self.questions, self.used, self.ended, self.by_clock), strict=True))
 
     @property
     def left(self) -> float:
-        """s of processor time until it ends."""
-        return max(0.0, self._end - self._clock())
+        """Processor time left, s."""
+        return max(0.0, self.seconds - self.spent)
 
     def share(self, part: float) -> Budget:
-        """A budget of a part of what is left, for one question among several; `give_back` it."""
+        """A budget of a fraction of what is left, for one search of several; `give_back` it."""
         out = Budget(max(part * self.left, 1e-3), self._clock)
-        out.questions = int(np.ceil(part * max(self.questions - self.asked, 0)))
+        out.questions = int(np.ceil(part * max(self.questions - self.used, 0)))
         return out
 
     def give_back(self, share: Budget) -> None:
-        """Count what was asked of a share."""
-        self.asked += share.asked
+        """Add the questions that a share has used."""
+        self.used += share.used
         self.by_clock |= share.by_clock
 
 
 @dataclass(frozen=True)
 class Overlap:
-    """Surfaces that reach into each other where the parts stand, beyond what fits and facets explain."""
+    """Surfaces that intersect at the initial poses by more than fits and facets explain."""
 
     parts: tuple[str, str]
     surfaces: tuple[int, ...]
@@ -144,10 +155,10 @@ class Overlap:
 
 @dataclass(frozen=True, eq=False)
 class GroupStop:
-    """What stops a group of parts that move as one body."""
+    """The stop of a group of parts that move as one body."""
 
     t: float
-    """in [0, 1): how far along the leg"""
+    """fraction of the leg, in [0, 1)"""
     part: int
     """of the group"""
     by: int
@@ -155,7 +166,7 @@ class GroupStop:
 
 
 class Assembly(Mates):
-    """A scene as planning sees it.
+    """The parts of a scene with their fits, contacts and cached sweeps, for planning.
 
     Parameters
     ----------
@@ -163,6 +174,8 @@ class Assembly(Mates):
     ignored: pairs of part names that may pass through each other.
     threads: m a turn by part name: its snug fits are threads, drawn without them.
     tolerance: of planned motions. recognition: by which fits are recognised and clashes judged.
+
+    A bare mesh that is near no other part counts as one surface: no surfaces are searched on it (`Shape.unsegmented`).
     """
 
     def __init__(
@@ -175,7 +188,8 @@ class Assembly(Mates):
         ignored: Iterable[tuple[str, str]] = (),
         recognition: Tolerance | None = None,
     ) -> None:
-        super().__init__(scene, authorised, threads, recognition, progress)
+        near = (recognition or Tolerance()).clearance
+        super().__init__(_unsegmented(scene, near, threads or ()), authorised, threads, recognition, progress)
         self.tolerance, self.ignored = tolerance, pairs_of(scene, ignored)
         self._forget()
 
@@ -188,19 +202,9 @@ class Assembly(Mates):
         self._new_patches: dict[tuple[int, int], tuple[Patch, ...]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """For worker processes: the assembly as it stands, without answers."""
-        left_out = (
-            "world",
-            "candidates",
-            "overlaps",
-            "sweeps",
-            "_progress",
-            "_stops",
-            "_ahead",
-            "_new",
-            "_patches",
-            "_new_patches",
-        )
+        """The state for worker processes, without cached answers."""
+        left_out = {"world", "candidates", "overlaps", "sweeps", "_progress", "_stops"}
+        left_out |= {"_ahead", "_new", "_patches", "_new_patches"}
         return {name: value for name, value in self.__dict__.items() if name not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -209,16 +213,16 @@ class Assembly(Mates):
         self._forget()
 
     def prepare(self) -> None:
-        """Compute what all answers need, before a budget begins and before worker processes do so each."""
+        """Compute the analysis that all answers need, before a budget begins and before workers are started."""
         _ = self.mates, self._jams, self._touching, self.overlaps
 
     def answer(self, stops: Mapping[Key, Answer], patches: Mapping[tuple[int, int], tuple[Patch, ...]]) -> None:
-        """Keep answers that are given ahead: a question counts when it is asked."""
+        """Store answers of worker processes; a question counts when the plan first uses it."""
         self._ahead |= {key: found for key, found in stops.items() if key not in self._stops}
         self._patches |= patches
 
     def new_answers(self) -> tuple[dict[Key, Answer], dict[tuple[int, int], tuple[Patch, ...]]]:
-        """Answers since the last time: stops with their questions, patches."""
+        """Answers since the last call: stops with their numbers of sweeps, and patches."""
         out = self._new, self._new_patches
         self._new, self._new_patches = {}, {}
         return out
@@ -228,14 +232,10 @@ class Assembly(Mates):
 
     @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
-        """What overlaps where the parts stand and is neither authorised nor ignored, the deepest first."""
+        """Overlaps as drawn that are neither authorised nor ignored, the deepest first."""
         meant = [*self.authorised_pairs, *self.ignored_pairs]
-        rows = clash(self.scene, tolerance=self.recognition, authorised=meant, progress=self._progress)["pairs"]
-        found = [
-            Overlap(tuple(row["parts"]), tuple(row["surfaces"]), row["depth"])
-            for row in rows
-            if row["kind"] in BAD_KINDS and is_open(row)
-        ]
+        rows = clash(self.scene, tolerance=self.recognition, authorised=meant, progress=self._progress)
+        found = [Overlap(row.parts, row.surfaces, row.depth) for row in rows if is_open(row)]
         return tuple(sorted(found, key=lambda o: (-o.depth, o.parts, o.surfaces)))
 
     @property
@@ -255,7 +255,7 @@ class Assembly(Mates):
 
     @cached_property
     def _touching(self) -> dict[tuple[int, int], set[tuple[int, int]]]:
-        """Pairs of features by pair of parts that may touch where the parts stand."""
+        """Pairs of features that may touch at the initial poses, by pair of parts."""
         features = [part.features for part in self.scene.parts]
         place = [{s: f for f, feature in enumerate(own) for s in feature.surfaces} for own in features]
         sag = max((float(deflections(part.shape).max(initial=0.0)) for part in self.scene.parts), default=0.0)
@@ -268,8 +268,10 @@ class Assembly(Mates):
         return out
 
     def patches(self, i: int, j: int) -> tuple[Patch, ...]:
-        """Where part i, which may move, touches part j where they stand; of closed solids only, whose normals tell the
-        outside. Kept."""
+        """Contact patches of part i, which may move, with part j at their initial poses. Cached.
+
+        Of closed solids only, whose normals are known to point outwards.
+        """
         if (i, j) not in self._patches:
             low, high = min(i, j), max(i, j)
             found = []
@@ -288,14 +290,14 @@ class Assembly(Mates):
     # -- questions
 
     def stop(self, i: int, j: int, knots: Knots) -> Stop | None:
-        """Where part j, standing, stops part i on its way; None if it goes to the end. Kept."""
+        """The stop of part i by static part j along a path; None if it reaches the end. Cached."""
         if frozenset((i, j)) in self.ignored:
             return None
         key = i, j, *(k.homogeneous.tobytes() for k in knots)
         return self._asked(key, lambda: self.sweeps.stop(i, j, knots))
 
     def straight(self, i: int, j: int, direction: Array) -> Stop | None:
-        """Where part j stops part i on its straight way along a unit direction until they are apart. Kept."""
+        """The stop of part i by part j on a straight path along a unit direction until they are apart. Cached."""
         if frozenset((i, j)) in self.ignored:
             return None
         key = i, j, direction.tobytes()
@@ -305,7 +307,7 @@ class Assembly(Mates):
         return self._asked(key, lambda: self.sweeps.straight(i, j, direction, CLEAR))
 
     def known_stop(self, i: int, j: int, direction: Array) -> Stop | None:
-        """The answer of `straight`, where it was asked; else None."""
+        """The cached result of `straight`; None if there is none."""
         return self._stops.get((i, j, direction.tobytes()))
 
     def _asked(self, key: Key, ask: Callable[[], Stop | None]) -> Stop | None:
@@ -332,15 +334,21 @@ class Assembly(Mates):
         return best
 
     def pressed(self, i: int, j: int) -> bool:
-        """Whether two parts overlap where they stand by more than a touch."""
+        """Whether two parts overlap at their initial poses by more than the tolerance."""
         return max(self.sweeps.depths(i, j).values(), default=0.0) > self.tolerance.linear
 
     def size(self, i: int) -> float:
         """m: half the diagonal of a part's box."""
         return half_size(self.meshes[i])
 
+    def ball(self, group: Iterable[int]) -> tuple[Array, float]:
+        """Centre (3,), world, and half the diagonal of the box of a group at its initial poses, m."""
+        corners = np.concatenate([self.sweeps.corners(i) for i in group])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+
     def far(self, group: Sequence[int], others: Iterable[int], direction: Array, at: pin.SE3 | None = None) -> float:
-        """m: how far a group, displaced by `at`, goes along a unit direction until a plane parts it from all others."""
+        """Path length of a group, displaced by `at`, along a unit direction until a plane separates it, m."""
         front = max((self.sweeps.extent(j, direction)[1] for j in others), default=-np.inf)
         if at is None:
             back = min(self.sweeps.extent(i, direction)[0] for i in group)
@@ -351,8 +359,24 @@ class Assembly(Mates):
         return max(0.0, front - back) + CLEAR if np.isfinite(front) else CLEAR
 
     def with_tolerance(self, linear: float, slop: float) -> Sweeps:
-        """Sweeps that stop at another distance (m), to within `slop` of it: to find the least clearance of a way."""
+        """Sweeps that stop at another distance `linear`, m, to within the fraction `slop`, to measure clearances."""
         return self.sweeps.with_tolerance(replace(self.tolerance, linear=linear, slop=slop))
+
+
+def _unsegmented(scene: Scene, near: float, threaded: Container[str]) -> Scene:
+    """The scene with every bare mesh as one surface, except where its surfaces matter: of parts within `near` m of
+    others, between which there may be fits and contacts, and of those that are `threaded`."""
+    parts = scene.parts
+    bare = {k for k, p in enumerate(parts) if p.shape.unsegmented is not p.shape and p.name not in threaded}
+    if not bare:
+        return scene
+    world = CollisionManager()
+    for k, part in enumerate(parts):
+        world.add(part.shape.unsegmented.mesh, part.pose, movable=k in bare)
+    rows = world.contacts(near)
+    bare -= {*rows["object_a"].tolist(), *rows["object_b"].tolist()}
+    made = [p.copy(shape=p.shape.unsegmented) if k in bare else p for k, p in enumerate(parts)]
+    return Scene(made, scene.source, scene.notes, scene.statements)
 
 
 def translation(vector: Array) -> pin.SE3:

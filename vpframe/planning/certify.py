@@ -1,4 +1,4 @@
-"""What a way is worth: that nothing stops it, its least clearance and where, and its track."""
+"""Certify a path: collision-free, with its least clearance; and the timed track of each part."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from typing import Final
 import numpy as np
 import pinocchio as pin
 
-from collision.query.blocking import Pairing
+from collision import SurfacePairs
 from constraints.recognition.mated import adjacent_surfaces
 from vpframe.planning.assembly import Array, Assembly, Knots
 
 SAMPLES: Final = 32
-"""poses of a way, about, at which distances are measured before anything is swept"""
+"""poses of a path, about, at which distances are measured before the sweeps"""
 MARGIN: Final = 1e-3
 """1: of the least distance measured: how much less is proven first, and how exactly; twice as much after each stop"""
 SEARCHES: Final = 9
@@ -32,7 +32,7 @@ COLUMNS: Final = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 
 
 @dataclass(frozen=True, eq=False)
-class Clearance:
+class PathClearance:
     """The least distance, along a way, of surfaces that did not touch where it began."""
 
     distance: float
@@ -46,20 +46,21 @@ class Clearance:
 
 
 def free(assembly: Assembly, group: Sequence[int], others: Iterable[int], knots: Knots) -> bool:
-    """Whether nothing stops a group on its way: every leg is swept, and a sweep is never late."""
+    """Whether a group moves along a path without a stop: every leg is swept, conservatively."""
     others = tuple(others)
     return all(assembly.first_stop(group, others, a, b) is None for a, b in pairwise(knots))
 
 
 def least_clearance(
     assembly: Assembly, group: Sequence[int], others: Iterable[int], knots: Knots, ignore: float = 0.0
-) -> Clearance:
-    """The least distance of surfaces along a way; left out are those of fits and threads that a leg of it keeps, those
-    that touch or are within `ignore` m of each other where it begins, and those of an overlap there, with what is
-    beside them. Pairs of parts that are ignored, and near the way, are named.
+) -> PathClearance:
+    """The least distance of surfaces along a path, at most the group's size.
 
-    Distances at some poses bound it from above; a sweep that stops at a distance, and is not stopped, from below.
-    The sweeps' bound is returned. It counts nothing beyond the group's own size.
+    Excluded are surfaces of fits and threads that a leg keeps, surfaces within `ignore` m of each other at the start,
+    and surfaces of an overlap there with their neighbours. Ignored pairs of parts near the path are listed.
+
+    Distances at sampled poses are an upper bound; a sweep that stops at a distance, and reaches the end, proves a lower
+    bound, which is returned.
     """
     limit = max(assembly.size(i) for i in group)
     wide = assembly.with_tolerance(limit, 1.0)
@@ -77,7 +78,7 @@ def least_clearance(
             if not any(wide.boxes_meet(i, j, a, b) for a, b in pairwise(knots)):
                 continue
             rows = assembly.sweeps.near(i, j, knots[0], knots[1], max(ignore, 2.0 * assembly.tolerance.linear))
-            together: tuple[Pairing, ...] = tuple(((int(r["surface_a"]),), (int(r["surface_b"]),)) for r in rows)
+            together: tuple[SurfacePairs, ...] = tuple(((int(r["surface_a"]),), (int(r["surface_b"]),)) for r in rows)
             kept = (pairing for a, b in pairwise(knots) for pairing in assembly.left_out(i, j, a, b) or ())
             together += tuple(dict.fromkeys(kept))
             mine, theirs = assembly.sweeps.overlap(i, j, tuple(assembly.left_out(i, j, knots[0], knots[1]) or ()))
@@ -86,17 +87,17 @@ def least_clearance(
             found = _measured(assembly, i, j, knots, together, nearest)
             nearest = min(nearest, found.distance)
             measured.append((found, i, j, together))
-    best = Clearance(np.inf)
+    best = PathClearance(np.inf)
     for found, i, j, together in sorted(measured, key=lambda m: m[0].distance):
         best = _proven(assembly, i, j, knots, together, found, min(limit, best.distance), best)
     return replace(best, ignored=tuple(ignored))
 
 
 def _measured(
-    assembly: Assembly, i: int, j: int, knots: Knots, together: tuple[Pairing, ...], within: float
-) -> Clearance:
-    """The least distance at poses along a way, of those below `within` m; infinite without one."""
-    out, each = Clearance(np.inf), max(1, SAMPLES // (len(knots) - 1))
+    assembly: Assembly, i: int, j: int, knots: Knots, together: tuple[SurfacePairs, ...], within: float
+) -> PathClearance:
+    """The least distance below `within` m at sampled poses of a path; infinite without one."""
+    out, each = PathClearance(np.inf), max(1, SAMPLES // (len(knots) - 1))
     for leg in pairwise(knots):
         found, _ = _least_at(assembly, i, j, leg, np.arange(each) / each, together, within)
         if found.distance < within:
@@ -105,11 +106,11 @@ def _measured(
 
 
 def _least_at(
-    assembly: Assembly, i: int, j: int, leg: tuple[pin.SE3, pin.SE3], times: Array, together: tuple[Pairing, ...],
+    assembly: Assembly, i: int, j: int, leg: tuple[pin.SE3, pin.SE3], times: Array, together: tuple[SurfacePairs, ...],
     within: float,
-) -> tuple[Clearance, int]:  # fmt: skip
-    """The least distance at times of a leg, of those below `within` m, and at which of them; infinite without one."""
-    out, at = Clearance(np.inf), 0
+) -> tuple[PathClearance, int]:  # fmt: skip
+    """The least distance below `within` m at the given times of a leg, and the index of its time; infinite without."""
+    out, at = PathClearance(np.inf), 0
     start, end = leg
     way = pin.log6(start.actInv(end))
     for k, t in enumerate(times):
@@ -122,11 +123,11 @@ def _least_at(
 
 
 def _least_near(
-    assembly: Assembly, i: int, j: int, leg: tuple[pin.SE3, pin.SE3], begin: float, together: tuple[Pairing, ...],
+    assembly: Assembly, i: int, j: int, leg: tuple[pin.SE3, pin.SE3], begin: float, together: tuple[SurfacePairs, ...],
     within: float,
-) -> Clearance:  # fmt: skip
-    """A least distance on a leg from a time on, below `within` m: measured finer and finer about the least so far."""
-    times, best = np.linspace(begin, 1.0, DIP), Clearance(np.inf)
+) -> PathClearance:  # fmt: skip
+    """A local minimum of the distance on a leg after a time, below `within` m, by successive refinement."""
+    times, best = np.linspace(begin, 1.0, DIP), PathClearance(np.inf)
     while times[-1] - times[0] > 1e-4:
         found, at = _least_at(assembly, i, j, leg, times, together, within)
         if found.distance == np.inf:
@@ -137,13 +138,12 @@ def _least_near(
 
 
 def _proven(
-    assembly: Assembly, i: int, j: int, knots: Knots, together: tuple[Pairing, ...], found: Clearance, limit: float,
-    best: Clearance,
-) -> Clearance:  # fmt: skip
-    """The lesser of the best clearance and that of a pair, of which distances were measured.
+    assembly: Assembly, i: int, j: int, knots: Knots, together: tuple[SurfacePairs, ...], found: PathClearance,
+    limit: float, best: PathClearance,
+) -> PathClearance:  # fmt: skip
+    """The lesser of the best clearance and the proven clearance of a pair with measured distances.
 
-    A sweep that is stopped shows where surfaces come nearer; the least distance on from there is measured, and proven
-    in its turn.
+    A sweep that stops shows where surfaces are nearer; the local minimum after it is measured, and proven in turn.
     """
     high, margin, least = min(limit, found.distance), MARGIN, assembly.tolerance.linear
     nearer = high < limit
@@ -155,24 +155,24 @@ def _proven(
         low = high * (1.0 - margin) ** 2
         stop = assembly.with_tolerance(high * (1.0 - margin), margin).stop(i, j, knots, together, graze=False)
         if stop is None:
-            return Clearance(max(low, least), best.parts, best.surfaces, best.at) if nearer else best
+            return PathClearance(max(low, least), best.parts, best.surfaces, best.at) if nearer else best
         high, nearer, margin = high * (1.0 - margin), True, 2.0 * margin
         there = _least_near(assembly, i, j, (knots[stop.leg], knots[stop.leg + 1]), stop.t, together, high)
         if there.distance < high:
             high, best = there.distance, there
         elif len(stop.contacts):
             best = _told(high, i, j, stop.contacts[0])
-    return Clearance(least, best.parts, best.surfaces, best.at) if nearer else best
+    return PathClearance(least, best.parts, best.surfaces, best.at) if nearer else best
 
 
-def _told(distance: float, i: int, j: int, row: np.void) -> Clearance:
+def _told(distance: float, i: int, j: int, row: np.void) -> PathClearance:
     middle = 0.5 * (row["point_a"] + row["point_b"])
-    return Clearance(distance, (i, j), (int(row["surface_a"]), int(row["surface_b"])), np.array(middle))
+    return PathClearance(distance, (i, j), (int(row["surface_a"]), int(row["surface_b"])), np.array(middle))
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
-    """Poses of a part over time: what `Hand.follow` goes along."""
+class PartTrack:
+    """Poses of a part over time, for `Hand.follow`."""
 
     times: Array
     """(n,) s"""
@@ -181,7 +181,7 @@ class Track:
 
     @property
     def length(self) -> float:
-        """m: how far the part's origin goes."""
+        """Path length of the part's origin, m."""
         return float(sum(np.linalg.norm(b.translation - a.translation) for a, b in pairwise(self.poses)))
 
     def text(self) -> str:
@@ -195,9 +195,11 @@ class Track:
         return out.getvalue()
 
 
-def track(pose: pin.SE3, knots: Knots) -> Track:
-    """The track of a part that stands at a pose, along the knots; dense enough that a hand's straight lines between
-    its rows leave the certified screws by no more than STRAY."""
+def track(pose: pin.SE3, knots: Knots) -> PartTrack:
+    """The track of a part from its pose along the knots.
+
+    Rows are dense enough that straight lines between them deviate from the certified screws by at most STRAY.
+    """
     times, poses = [0.0], [pin.SE3(pose)]
     for start, end in pairwise(knots):
         step = start.actInv(end)
@@ -219,4 +221,4 @@ def track(pose: pin.SE3, knots: Knots) -> Track:
             poses.append(first * pin.exp6(own * (k / n)) if k < n else end * pose)
     if len(poses) == 1:
         times, poses = [0.0, 1.0], [poses[0], poses[0]]
-    return Track(np.array(times), tuple(poses))
+    return PartTrack(np.array(times), tuple(poses))

@@ -1,11 +1,11 @@
-"""What a plan is written as: one JSON document, lines for a person, track files, a task script."""
+"""The outputs of a plan: a JSON document, a text table, track files, a task script."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -16,10 +16,10 @@ import pinocchio as pin
 from collision import Tolerance
 from vpframe import __version__
 from vpframe.errors import VpframeError
-from vpframe.planning.certify import Clearance
+from vpframe.planning.certify import PathClearance
 from vpframe.planning.plan import Disassembly, PlannedStep
-from vpframe.planning.verdict import JAMMED, Removal, Tried
-from vpframe.planning.ways import Leg, Way
+from vpframe.planning.verdict import JAMMED, Removal
+from vpframe.planning.ways import Leg, RemovalPath
 from vpframe.scene.subassembly import listed
 from vpframe.text import plain
 
@@ -40,18 +40,12 @@ def document(plan: Disassembly, seed: int, tolerance: float, tracks: Mapping[str
         "levels": [list(level) for level in plan.levels],
         "minimal": {"proven": plan.proven, "bound": plan.bound, "over": plan.scope},
         "remaining": list(plan.remaining),
-        "tried": [row for name, stuck in plan.stuck.items() for row in _tried(name, stuck.tried)],
+        "tried": [{"part": name} | asdict(t) for name, stuck in plan.stuck.items() for t in stuck.tried],
         "stuck": {name: _stuck(stuck) for name, stuck in plan.stuck.items()},
         "proofs": {name: found for name, stuck in plan.stuck.items() if (found := _proof(stuck)) is not None},
         "press_fits": [fit.document() for fit in plan.press_fits],
         "overlaps": [{"parts": list(o.parts), "surfaces": list(o.surfaces), "depth": o.depth} for o in plan.overlaps],
-        "budget": {
-            "seconds": plan.budget.seconds,
-            "questions": plan.budget.questions,
-            "asked": plan.budget.asked,
-            "ended_by": plan.budget.ended,
-            "ended_by_clock": plan.budget.by_clock,
-        },
+        "budget": plan.budget.document(),
         "seed": seed,
         "tolerance": tolerance,
         "interrupted": plan.interrupted,
@@ -78,13 +72,8 @@ def _step(step: PlannedStep, names: Sequence[str], files: Mapping[str, str]) -> 
 
 
 def _leg(leg: Leg) -> dict[str, Any]:
-    """A leg: it turns by `angle` rad about a line while it goes `shift` m, world."""
-    return {
-        "angle": leg.angle,
-        "axis": [float(x) for x in leg.axis],
-        "point": [float(x) for x in leg.point],
-        "shift": [float(x) for x in leg.shift],
-    }
+    """A leg: a rotation by `angle` rad about a line, and a translation by `shift` m, world."""
+    return {"angle": leg.angle, "axis": leg.axis.tolist(), "point": leg.point.tolist(), "shift": leg.shift.tolist()}
 
 
 def _stuck(found: Removal) -> dict[str, Any]:
@@ -92,11 +81,12 @@ def _stuck(found: Removal) -> dict[str, Any]:
         "verdict": found.verdict,
         "while": list(found.holders),
         "in_the_way": list(found.blockers),
+        "stopped_last": [list(s) for s in found.last],
         "ended_by": found.ended,
     }
 
 
-def _clearance(clearance: Clearance, names: Sequence[str]) -> dict[str, Any] | None:
+def _clearance(clearance: PathClearance, names: Sequence[str]) -> dict[str, Any] | None:
     if clearance.parts is None or clearance.surfaces is None or clearance.at is None:
         return None
     (a, b), (i, j) = clearance.parts, clearance.surfaces
@@ -105,20 +95,6 @@ def _clearance(clearance: Clearance, names: Sequence[str]) -> dict[str, Any] | N
         "surfaces": [names[a], i, names[b], j],
         "at": [float(x) for x in clearance.at],
     }
-
-
-def _tried(name: str, tried: Iterable[Tried]) -> list[dict[str, Any]]:
-    return [
-        {
-            "part": name,
-            "way": t.way,
-            "stopped_by": list(t.stopped_by),
-            "surfaces": [list(s) for s in t.surfaces],
-            "reached": t.reached,
-            "why": t.why,
-        }
-        for t in tried
-    ]
 
 
 def _proof(found: Removal) -> dict[str, Any] | None:
@@ -137,7 +113,7 @@ def _proof(found: Removal) -> dict[str, Any] | None:
 
 
 def table(plan: Disassembly) -> str:
-    """The plan for a person: a line a step, then what did not come out and why."""
+    """The plan as text: a line per step, then the parts that stay and the reason of each."""
     lines = [headline(plan)]
     for n, step in enumerate(plan.steps, 1):
         d = step.clearance.distance
@@ -152,6 +128,9 @@ def table(plan: Disassembly) -> str:
         meant = f"; if that is meant: --authorise {pair}; if they may pass through each other: --ignore {pair}"
         meant = meant if {a, b} & plan.stuck.keys() else ""
         lines.append(f"  overlap from the start, never deepened: {a} – {b}, {depths[0] * 1e3:.3f} mm{faces}{meant}")
+    if plan.remaining:
+        questions = f"{plan.budget.used} of {plan.budget.questions} questions"
+        lines.append(f"  used {plan.seconds:.3g} of {plan.budget.seconds:g} s of processor time, {questions}")
     if plan.interrupted:
         lines.append("  interrupted; these are the steps found until then")
     elif plan.remaining and plan.budget.ended:
@@ -159,14 +138,14 @@ def table(plan: Disassembly) -> str:
     return "\n".join(map(plain, lines))
 
 
-def ignores(clearance: Clearance, names: Sequence[str]) -> str:
-    """Which parts a way may pass through, in words that follow it; empty where it passes none that is ignored."""
+def ignores(clearance: PathClearance, names: Sequence[str]) -> str:
+    """The ignored parts that a path may pass through, as a suffix of its text; empty if there are none."""
     pairs = ", ".join(f"{names[a]}–{names[b]}" for a, b in clearance.ignored)
     return f", ignores {pairs}" if pairs else ""
 
 
 def headline(plan: Disassembly) -> str:
-    """What comes out and in how many steps, or what does not."""
+    """The parts that come out and the number of steps, or the parts that do not."""
     what = plan.target or "everything but " + listed(plan.base)
     count = f"{len(plan.steps)} step{'s' * (len(plan.steps) != 1)}"
     if plan.verdict != "removable":
@@ -180,7 +159,7 @@ def headline(plan: Disassembly) -> str:
 
 
 def unsupported(plan: Disassembly) -> list[str]:
-    """Of steps after which nothing holds some parts any more, a line each."""
+    """A line for each step after which parts have no support."""
     return [
         f"{listed(step.unsupported)} {_stay(step.unsupported)} without support once {listed(step.parts)} "
         f"{'is' if len(step.parts) == 1 else 'are'} out"
@@ -190,7 +169,7 @@ def unsupported(plan: Disassembly) -> list[str]:
 
 
 def stays(plan: Disassembly) -> list[str]:
-    """Why parts stay in, a line for those of one reason."""
+    """A line for each reason why parts stay in."""
     alike: dict[str, list[str]] = {}
     for name, stuck in plan.stuck.items():
         alike.setdefault(reason(stuck), []).append(name)
@@ -198,13 +177,20 @@ def stays(plan: Disassembly) -> list[str]:
 
 
 def reason(found: Removal) -> str:
-    """Why a part stays in: the proof and the state that it was made for, or what ended the search."""
+    """Why a part stays in: the proof and the parts it assumes, or blockers, the budget and the last contacts."""
     if found.holders:
         return f"{PROVEN[found.verdict]} while {listed(found.holders)} {_stay(found.holders)} (proof)"
     by = f", in the way: {listed(found.blockers)}" if found.blockers else ""
     by += "".join(f"; {t.why}" for t in found.tried if t.way == JAMMED)
     ended = f"; the budget of {found.ended} was used up" if found.ended else ""
-    return f"not found to come out{by}{ended}"
+    return f"not found to come out{by}{ended}{_last(found)}"
+
+
+def _last(found: Removal) -> str:
+    """The contacts that stopped the last motion, in words; empty if none is known."""
+    pairs = [f"surface {a} of {part} at surface {b} of {by}" for part, a, by, b in found.last]
+    more = [f"{len(pairs) - 2} more pairs"] if len(pairs) > 3 else pairs[2:]
+    return f"; stopped last: {', '.join(pairs[:2] + more)}" if pairs else ""
 
 
 def _stay(names: Sequence[str]) -> str:
@@ -235,10 +221,10 @@ def track_files(plan: Disassembly) -> dict[str, str]:
     return out
 
 
-def known_ways(text: str, path: str) -> list[tuple[tuple[str, ...], Way]]:
-    """The ways of a plan that was written before, for `--resume`; nothing of them is believed but that they are ways.
+def known_ways(text: str, path: str) -> list[tuple[tuple[str, ...], RemovalPath]]:
+    """The paths in the document of an earlier plan, for `--resume`; they are not trusted to be free of collisions.
 
-    Raises VpframeError, naming the file, where it is no such document.
+    Raises VpframeError, naming the file, if it is no such document.
     """
     try:
         out = []
@@ -259,7 +245,7 @@ def known_ways(text: str, path: str) -> list[tuple[tuple[str, ...], Way]]:
             if motion not in ("straight", "screw", "slide", "free"):
                 raise ValueError("a motion")
             turns = float(step["turns"]) if motion == "screw" else 0.0
-            way = Way(motion, direction, (pin.SE3.Identity(), *knots[1:]), turns)
+            way = RemovalPath(motion, direction, (pin.SE3.Identity(), *knots[1:]), turns)
             out.append((tuple(str(name) for name in step["parts"]), way))
         return out
     except (KeyError, TypeError, ValueError) as error:
@@ -267,7 +253,7 @@ def known_ways(text: str, path: str) -> list[tuple[tuple[str, ...], Way]]:
 
 
 def script(plan: Disassembly, model: str, folder: str, files: Mapping[str, str]) -> str:
-    """A task script that takes the model apart as planned: to be read, changed and run."""
+    """Return a task script that executes the plan."""
     lines = [f"    session.authorise({_quoted(a)}, {_quoted(b)})" for a, b in plan.authorised]
     lines += [f"    session.ignore({_quoted(a)}, {_quoted(b)})" for a, b in plan.ignored]
     for n, step in enumerate(plan.steps, 1):
@@ -282,7 +268,7 @@ def script(plan: Disassembly, model: str, folder: str, files: Mapping[str, str])
         else:
             lines.append(f"    hand.follow(TRACKS / {_quoted(files[first])})")
         lines.append("    hand.release()")
-        if n < len(plan.steps):  # what has come out stands in nobody's way any more
+        if n < len(plan.steps):  # removed parts block nothing
             lines += [f"    session.ignore({_quoted(part)})" for part in step.parts]
         lines.append("")
     mates = "".join(f"    ({', '.join(map(_quoted, mate))}),\n" for mate in plan.mates)

@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from collision import SurfaceMesh, colliding_surfaces
-from collision.query.containment import inside
+from collision import SurfaceMesh, colliding_surfaces, inside
 from collision.solid import is_closed
 from physics.model.body import polyhedron
 from vpframe.analysis.bodies import shells

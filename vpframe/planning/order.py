@@ -1,4 +1,4 @@
-"""In which order parts come out: greedy peeling over known ways, and groups where single parts block each other.
+"""Order of removal: greedy peeling along known paths, and groups where single parts block each other.
 
 Removing a part never blocks another, so peeling what is free until nothing is finds every part that the known ways can
 take out one at a time. Where single parts do not come out, the strong components of the blocking graph of a direction
@@ -15,8 +15,8 @@ import numpy as np
 
 from vpframe.planning import certify, ways
 from vpframe.planning.assembly import Array, Assembly, Budget
-from vpframe.planning.certify import Clearance
-from vpframe.planning.ways import Way
+from vpframe.planning.certify import PathClearance
+from vpframe.planning.ways import RemovalPath
 
 Unit = tuple[int, ...]
 """parts that move as one"""
@@ -26,25 +26,25 @@ SMALLEST_GROUPS: Final = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
-    """A way of a unit, and the parts that stand in it where all parts are there."""
+class KnownPath:
+    """A path of a unit, and its blockers among all parts."""
 
     unit: Unit
-    way: Way
+    way: RemovalPath
     blockers: frozenset[int]
     length: float
     """m, of its straight part"""
     carried: Mapping[Unit, frozenset[int]] = field(default_factory=dict)
-    """units screwed onto it, of those in its way, that may go with it; and what stands in the way of each"""
+    """blocking units screwed onto it that it may carry, each with its own blockers"""
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """A unit that comes out."""
+class RemovalStep:
+    """The removal of a unit."""
 
     unit: Unit
-    way: Way
-    clearance: Clearance
+    way: RemovalPath
+    clearance: PathClearance
     after: frozenset[int]
     """parts that have to be gone before"""
     scope: frozenset[int]
@@ -52,21 +52,21 @@ class Step:
 
 
 class Ways:
-    """The straight ways and threads of units, with what blocks each, found once."""
+    """Straight and screw paths of units with their blockers, cached."""
 
     def __init__(self, assembly: Assembly, budget: Budget, motion: str, clearance: float) -> None:
         self.assembly, self.budget, self.motion, self.clearance = assembly, budget, motion, clearance
         self.larger = False
         """whether `free` counts ways by which the larger part of a thread turns, not the smaller"""
-        self._ways: dict[Unit, list[Way]] = {}
-        self._known: dict[tuple[Unit, int], Known] = {}
-        self._wide: dict[tuple[Unit, tuple[bytes, ...], frozenset[int]], Clearance] = {}
+        self._ways: dict[Unit, list[RemovalPath]] = {}
+        self._known: dict[tuple[Unit, int], KnownPath] = {}
+        self._wide: dict[tuple[Unit, tuple[bytes, ...], frozenset[int]], PathClearance] = {}
 
     def _others(self, unit: Unit) -> list[int]:
         return [j for j in range(len(self.assembly)) if j not in unit]
 
-    def _candidates(self, unit: Unit) -> list[Way]:
-        """The ways of a unit among all parts, the simplest and shortest first."""
+    def _candidates(self, unit: Unit) -> list[RemovalPath]:
+        """Paths of a unit among all parts, the simplest and shortest first."""
         if unit not in self._ways:
             others = self._others(unit)
             cone, _ = ways.cone_of(self.assembly, unit, others)
@@ -87,10 +87,10 @@ class Ways:
         """The same of several units, each once."""
         return ways.distinct(d for unit in units for d in self.straight_directions(unit))
 
-    def of(self, unit: Unit, units: Iterable[Unit], larger: bool = False) -> tuple[Known, ...]:
-        """The ways of a unit, with what blocks each, and which of `units` it may carry.
+    def of(self, unit: Unit, units: Iterable[Unit], larger: bool = False) -> tuple[KnownPath, ...]:
+        """Paths of a unit, with the blockers of each, and the units among `units` that it may carry.
 
-        larger: those by which it turns as the larger part of a thread; else all others.
+        larger: only screw paths on which the larger part of a thread turns; else all others.
         """
         smaller = self._screwed_on(unit, units)
         found = (self._with_blockers(unit, way) for way in self._candidates(unit) if way.larger == larger)
@@ -114,7 +114,7 @@ class Ways:
             and any(mate.kind == "screw" for mate in ways.mates_between(self.assembly, unit, other))
         ]
 
-    def _carried(self, known: Known, smaller: Iterable[Unit]) -> dict[Unit, frozenset[int]]:
+    def _carried(self, known: KnownPath, smaller: Iterable[Unit]) -> dict[Unit, frozenset[int]]:
         direction = known.way.direction
         return {
             other: frozenset(j for j in self._others(other) if self.blocked(other, j, direction))
@@ -122,23 +122,23 @@ class Ways:
             if set(other) & known.blockers
         }
 
-    def together(self, known: Known, carried: Sequence[Unit]) -> Known:
-        """A straight way of a unit gone with units that it carries."""
+    def together(self, known: KnownPath, carried: Sequence[Unit]) -> KnownPath:
+        """A straight path of a unit together with the units that it carries."""
         if not carried:
             return known
         unit = tuple(sorted({*known.unit, *(i for other in carried for i in other)}))
         way = ways.straight(self.assembly, unit, self._others(unit), known.way.direction)
         blockers = known.blockers.union(*(known.carried[other] for other in carried)) - set(unit)
-        return Known(unit, way, blockers, _length(way))
+        return KnownPath(unit, way, blockers, way.length)
 
-    def _with_blockers(self, unit: Unit, way: Way) -> Known:
+    def _with_blockers(self, unit: Unit, way: RemovalPath) -> KnownPath:
         key = unit, id(way)
         if key not in self._known:
             blockers = frozenset(j for j in self._others(unit) if self._stands_in(unit, way, j))
-            self._known[key] = Known(unit, way, blockers, _length(way))
+            self._known[key] = KnownPath(unit, way, blockers, way.length)
         return self._known[key]
 
-    def _stands_in(self, unit: Unit, way: Way, j: int) -> bool:
+    def _stands_in(self, unit: Unit, way: RemovalPath, j: int) -> bool:
         if way.motion == "straight":
             return self.blocked(unit, j, way.direction)
         before = self.assembly.sweeps.count
@@ -153,72 +153,66 @@ class Ways:
         self.budget.ask(self.assembly.sweeps.count - before)
         return out
 
-    def add(self, unit: Unit, way: Way) -> Known:
-        """Keep a way that a search found; which parts stand in it is asked now."""
+    def add(self, unit: Unit, way: RemovalPath) -> KnownPath:
+        """Store a path found by a search, with its blockers among all parts."""
         self._candidates(unit)
         self._ways[unit].append(way)
         return self._with_blockers(unit, way)
 
     def in_the_way(self, unit: Unit, present: Set[int]) -> frozenset[int]:
         """Parts still there in the straight way that fewest are known to be in; nothing is swept."""
-        standing = sorted(set(present) - set(unit))
+        static = sorted(set(present) - set(unit))
         known = [
-            frozenset(j for j in standing if any(self.assembly.known_stop(i, j, direction) for i in unit))
+            frozenset(j for j in static if any(self.assembly.known_stop(i, j, direction) for i in unit))
             for direction in self.straight_directions(unit)
         ]
         return min(filter(None, known), key=lambda by: (len(by), sorted(by)), default=frozenset())
 
-    def free(self, unit: Unit, present: Set[int]) -> Known | None:
+    def free(self, unit: Unit, present: Set[int]) -> KnownPath | None:
         """The simplest, then shortest, way of a unit that no part still there blocks, and that is wide enough.
 
         A way is left at the first part that blocks it; what is found is kept.
         """
-        standing = sorted(set(present) - set(unit))
+        static = sorted(set(present) - set(unit))
         for way in self._candidates(unit):
             if way.larger and not self.larger:
                 continue
-            if any(self._stands_in(unit, way, j) for j in standing):
+            if any(self._stands_in(unit, way, j) for j in static):
                 continue
             known = self._with_blockers(unit, way)
-            if not self.clearance or self.clearance_of(known, frozenset(standing)).distance >= self.clearance:
+            if not self.clearance or self.clearance_of(known, frozenset(static)).distance >= self.clearance:
                 return known
         return None
 
-    def clearance_of(self, known: Known, standing: Set[int]) -> Clearance:
+    def clearance_of(self, known: KnownPath, static: Set[int]) -> PathClearance:
         """The least clearance of a way among parts that do not block it."""
-        key = _key(known, standing)
+        key = _key(known, static)
         if key not in self._wide:
             self._wide[key] = certify.least_clearance(
-                self.assembly, known.unit, sorted(standing), known.way.knots, self.clearance
+                self.assembly, known.unit, sorted(static), known.way.knots, self.clearance
             )
         return self._wide[key]
 
-    def keep_clearance(self, known: Known, standing: Set[int], found: Clearance) -> None:
+    def keep_clearance(self, known: KnownPath, static: Set[int], found: PathClearance) -> None:
         """Keep a clearance that a worker measured."""
-        self._wide[_key(known, standing)] = found
+        self._wide[_key(known, static)] = found
 
-    def step(self, known: Known, present: Set[int], scope: Set[int]) -> Step:
+    def step(self, known: KnownPath, present: Set[int], scope: Set[int]) -> RemovalStep:
         """The step that takes a unit out along a way while some parts of a scope are still there."""
-        standing = frozenset(present) - set(known.unit)
+        static = frozenset(present) - set(known.unit)
         after = known.blockers & frozenset(scope)
-        return Step(known.unit, known.way, self.clearance_of(known, standing), after, frozenset(scope))
+        return RemovalStep(known.unit, known.way, self.clearance_of(known, static), after, frozenset(scope))
 
 
-def _key(known: Known, standing: Set[int]) -> tuple[Unit, tuple[bytes, ...], frozenset[int]]:
-    return known.unit, tuple(k.homogeneous.tobytes() for k in known.way.knots), frozenset(standing)
+def _key(known: KnownPath, static: Set[int]) -> tuple[Unit, tuple[bytes, ...], frozenset[int]]:
+    return known.unit, tuple(k.homogeneous.tobytes() for k in known.way.knots), frozenset(static)
 
 
-def _simplest(way: Way) -> tuple[int, float]:
-    return SIMPLEST.index(way.motion), round(_length(way), 9)
+def _simplest(way: RemovalPath) -> tuple[int, float]:
+    return SIMPLEST.index(way.motion), round(way.length, 9)
 
 
-def _length(way: Way) -> float:
-    return sum(
-        float(np.linalg.norm(b.translation - a.translation)) for a, b in zip(way.knots[:-1], way.knots[1:], strict=True)
-    )
-
-
-def groups(all_ways: Ways, units: Sequence[Unit], base: Set[int]) -> list[Known]:
+def groups(all_ways: Ways, units: Sequence[Unit], base: Set[int]) -> list[KnownPath]:
     """Groups of units that come out together, straight, from among all of `units`; the best first.
 
     In the blocking graph of a direction a strong component that leads to no other moves freely along it. The best are
@@ -227,7 +221,7 @@ def groups(all_ways: Ways, units: Sequence[Unit], base: Set[int]) -> list[Known]
     assembly = all_ways.assembly
     present = frozenset(i for unit in units for i in unit)
     tried = all_ways.directions_of(units)
-    found: dict[Unit, Known] = {}
+    found: dict[Unit, KnownPath] = {}
     for direction in tried:
         for members in free_components(all_ways, units, direction):
             unit = tuple(sorted(i for k in members for i in units[k]))
@@ -236,7 +230,7 @@ def groups(all_ways: Ways, units: Sequence[Unit], base: Set[int]) -> list[Known]
             others = [j for j in range(len(assembly)) if j not in unit]
             way = ways.straight(assembly, unit, others, direction)
             blockers = frozenset(j for j in others if all_ways.blocked(unit, j, direction))
-            found[unit] = Known(unit, way, blockers, _length(way))
+            found[unit] = KnownPath(unit, way, blockers, way.length)
     ranked = sorted(found.values(), key=lambda g: (not _joined(assembly, g.unit), len(g.unit), g.unit))
     return ranked[:SMALLEST_GROUPS]
 
@@ -272,8 +266,8 @@ def _joined(assembly: Assembly, unit: Unit) -> bool:
     return len(reached) == len(unit)
 
 
-def levels(steps: Sequence[Step]) -> tuple[int, ...]:
-    """Of each step the level at which it may be done: one more than the highest that has to come before, from 0."""
+def levels(steps: Sequence[RemovalStep]) -> tuple[int, ...]:
+    """Level of each step, from 0: one more than the highest level among the steps that must precede it."""
     level: dict[int, int] = {}
     out = []
     for step in steps:
@@ -284,10 +278,10 @@ def levels(steps: Sequence[Step]) -> tuple[int, ...]:
     return tuple(out)
 
 
-def needed(steps: Sequence[Step], target: int) -> list[Step]:
-    """The steps without those that nothing on the way to taking the target out waits for."""
+def needed(steps: Sequence[RemovalStep], target: int) -> list[RemovalStep]:
+    """Drop steps that the target does not depend on."""
     wanted: set[int] = {target}
-    kept: list[Step] = []
+    kept: list[RemovalStep] = []
     for step in reversed(steps):
         if wanted & set(step.unit):
             kept.append(step)

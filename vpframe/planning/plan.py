@@ -1,27 +1,26 @@
-"""`removal` and `disassembly`: what scripts and the command line ask."""
+"""`removal` and `disassembly`: the entry points of planning, and the greedy planner behind them."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-
-import numpy as np
+from typing import TypedDict, Unpack
 
 from collision import Tolerance
 from vpframe.analysis.fits import PressFit
-from vpframe.analysis.mate_motions import Progress
+from vpframe.analysis.mate_motions import Progress, silent
 from vpframe.analysis.static import base_parts
 from vpframe.errors import VpframeError
 from vpframe.planning import order, ways
 from vpframe.planning.assembly import Assembly, Budget, BudgetError, Overlap
-from vpframe.planning.certify import Clearance, Track, track
-from vpframe.planning.order import Known, Step, Unit, Ways
+from vpframe.planning.certify import PartTrack, PathClearance, track
+from vpframe.planning.order import KnownPath, RemovalStep, Unit, Ways
 from vpframe.planning.support import Supports
 from vpframe.planning.target import SECONDS as LEAST_SECONDS
 from vpframe.planning.target import Option, least
 from vpframe.planning.verdict import MOTIONS, Motion, Removal, Verdict, find
-from vpframe.planning.ways import Way
+from vpframe.planning.ways import RemovalPath
 from vpframe.planning.workers import Task, Workers
 from vpframe.scene.scene import Scene
 from vpframe.scene.subassembly import name_of, parts_named
@@ -30,55 +29,109 @@ SECONDS = 60.0
 """s of processor time: the budget of a disassembly where none is given"""
 NOTHING_BEFORE = "all plans: nothing has to go before it"
 LEAST_SHARE, MOST_SHARE = 0.1, 0.9
-"""of the budget that is left: what the search for one part's way may take, where many or few are left"""
+"""fraction of the remaining budget for the search of one part, with many and with few parts left"""
 
 
-def removal(
-    scene: Scene,
-    part: str | Sequence[str],
-    *,
-    budget: float = 10.0,
-    seed: int = 0,
-    motion: Motion = "free",
-    clearance: float = 0.0,
-    authorise: Iterable[tuple[str, str]] = (),
-    ignore: Iterable[tuple[str, str]] = (),
-    threads: Mapping[str, float] | None = None,
-    tolerance: Tolerance | None = None,
-) -> Removal:
-    """Take one part (or several that move as one) out from among all others, which stay where they are.
+class RemovalOptions(TypedDict, total=False):
+    """Keyword arguments of `removal`, the fields of `SearchOptions`."""
 
-    Parameters
-    ----------
-    budget: s, 500 questions each, so that the same call gives the same answer (`Removal.questions`); as many seconds of
-        processor time end it, too, counted after the assembly was analysed.
-    seed: of the sampling.
-    motion: "straight" ways alone; "mates": along threads and pushed along what is touched, too; "free": six freedoms.
-    clearance: m that surfaces keep all the way, but for those that are nearer where the parts stand.
-    authorise: pairs of part names whose overlap as drawn is meant; it is never deepened.
-    ignore: pairs of part names that may pass through each other, such as a cable and its clamp; ways that do name them.
-    threads: m a turn by part, negative for left-hand ones: its snug fits are threads, drawn without them.
-    tolerance: of recognition, as a session's: `press_fit` says how tight a press fit may be before it is a clash.
+    budget: float
+    seed: int
+    motion: Motion
+    clearance: float
+    authorise: Iterable[tuple[str, str]]
+    ignore: Iterable[tuple[str, str]]
+    threads: Mapping[str, float] | None
+    tolerance: Tolerance | None
+
+
+class DisassemblyOptions(RemovalOptions, total=False):
+    """Keyword arguments of `disassembly`, the fields of `PlanOptions`."""
+
+    base: Iterable[str]
+    carry: Iterable[Sequence[str]]
+    jobs: int
+    known: Iterable[tuple[Sequence[str], RemovalPath]]
+    progress: Progress
+    found: Callable[[Sequence[str], str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchOptions:
+    """How ways are searched for, and which overlaps are allowed. Raises VpframeError for a bad motion or clearance."""
+
+    budget: float = 10.0
+    """s: 500 questions each, so that the same call gives the same answer, and at most as much processor time, counted
+    after the analysis of the assembly"""
+    seed: int = 0
+    """of the sampling"""
+    motion: Motion = "free"
+    """"straight" ways; "mates": also along threads and pushed along contacts; "free": also in six freedoms"""
+    clearance: float = 0.0
+    """m: least distance of surfaces on the way, except of those that are nearer at its start"""
+    authorise: Iterable[tuple[str, str]] = ()
+    """pairs of part names whose overlap as drawn is intended; it is never deepened"""
+    ignore: Iterable[tuple[str, str]] = ()
+    """pairs of part names that may pass through each other, such as a cable and its clamp; ways that do name them"""
+    threads: Mapping[str, float] | None = None
+    """m a turn by part name, negative for left-hand threads: its snug fits are threads, drawn as cylinders"""
+    tolerance: Tolerance | None = None
+    """of recognition, as in a session: `press_fit` is the largest interference that is not a clash"""
+
+    def __post_init__(self) -> None:
+        if self.motion not in MOTIONS:
+            raise VpframeError(f"motion {self.motion!r}; known are {', '.join(MOTIONS)}")
+        if not 0.0 <= self.clearance < float("inf"):
+            raise VpframeError(f"clearance is {self.clearance!r}; give a length of at least 0 m")
+
+    def assembly(self, scene: Scene, progress: Progress = silent) -> Assembly:
+        """The scene with its authorised and ignored pairs and its threads; names may be those of subassemblies."""
+        threads = {p: pitch for name, pitch in (self.threads or {}).items() for p in parts_named(scene.names, name)}
+        authorised, ignored = _pairs(scene, self.authorise), _pairs(scene, self.ignore)
+        return Assembly(scene, authorised, threads, progress=progress, ignored=ignored, recognition=self.tolerance)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanOptions(SearchOptions):
+    """Options of a disassembly."""
+
+    budget: float = SECONDS
+    base: Iterable[str] = ()
+    """parts that stay; by default the fixed ones, else the largest"""
+    carry: Iterable[Sequence[str]] = ()
+    """groups of parts that come out as one"""
+    jobs: int = 1
+    """processes; the plan is the same for any number"""
+    known: Iterable[tuple[Sequence[str], RemovalPath]] = ()
+    """parts and ways of an earlier plan; they are swept again before they are used"""
+    progress: Progress = silent
+    """callback(fraction or None, text)"""
+    found: Callable[[Sequence[str], str], None] = lambda parts, text: None
+    """callback(part names, way in words) for each step"""
+
+
+def removal(scene: Scene, part: str | Sequence[str], **options: Unpack[RemovalOptions]) -> Removal:
+    """Return how one part (or several that move as one) comes out; all others stay where they are.
+
+    options: the fields of `SearchOptions`.
 
     Raises
     ------
     UnknownPartError, VpframeError: no such part, a bad number or name.
     """
-    _check(motion, clearance)
+    search = SearchOptions(**options)
     names = (part,) if isinstance(part, str) else tuple(part)
     group = tuple(sorted(_named(scene, names)))
     if len(set(group)) != len(group) or not names:
         raise VpframeError(f"the parts to take out are {list(names)}; name each once")
-    assembly = Assembly(
-        scene, _pairs(scene, authorise), _pitches(scene, threads), ignored=_pairs(scene, ignore), recognition=tolerance
-    )
+    assembly = search.assembly(scene)
     others = [j for j in range(len(assembly)) if j not in group]
     assembly.prepare()
-    return find(assembly, group, others, Budget(budget), motion, clearance, seed)
+    return find(assembly, group, others, Budget(search.budget), search.motion, search.clearance, search.seed)
 
 
 def _named(scene: Scene, names: Iterable[str]) -> tuple[int, ...]:
-    """Places of the parts of each name, as a session takes them: a part, a subassembly, or the end of its path."""
+    """Indices of the parts with these names: of parts, of subassemblies, or the end of a path."""
     return tuple(scene.index(part) for name in names for part in parts_named(scene.names, name))
 
 
@@ -86,32 +139,21 @@ def _pairs(scene: Scene, pairs: Iterable[tuple[str, str]]) -> list[tuple[str, st
     return [(a, b) for x, y in pairs for a in parts_named(scene.names, x) for b in parts_named(scene.names, y)]
 
 
-def _pitches(scene: Scene, threads: Mapping[str, float] | None) -> dict[str, float]:
-    return {part: pitch for name, pitch in (threads or {}).items() for part in parts_named(scene.names, name)}
-
-
-def _check(motion: str, clearance: float) -> None:
-    if motion not in MOTIONS:
-        raise VpframeError(f"motion {motion!r}; known are {', '.join(MOTIONS)}")
-    if not 0.0 <= clearance < float("inf"):
-        raise VpframeError(f"clearance is {clearance!r}; give a length of at least 0 m")
-
-
 @dataclass(frozen=True, eq=False)
 class PlannedStep:
     """Parts that come out together."""
 
     parts: tuple[str, ...]
-    way: Way
-    tracks: dict[str, Track]
+    way: RemovalPath
+    tracks: dict[str, PartTrack]
     """by part"""
-    clearance: Clearance
+    clearance: PathClearance
     after: tuple[str, ...]
     """parts that have to be gone before"""
     level: int
     """steps of one level may go side by side"""
     unsupported: tuple[str, ...] = ()
-    """parts that stay, and that nothing holds any more once this step is done (`vpframe.planning.support`)"""
+    """remaining parts that lose their support by this step (`vpframe.planning.support`)"""
 
     @property
     def motion(self) -> str:
@@ -120,7 +162,7 @@ class PlannedStep:
 
     @property
     def length(self) -> float:
-        """m that the first part's origin goes."""
+        """Path length of the first part's origin, m."""
         return self.tracks[self.parts[0]].length
 
 
@@ -131,34 +173,36 @@ class Disassembly:
     names: tuple[str, ...]
     """of all parts of the scene"""
     verdict: Verdict
-    """"removable" if all that was asked for comes out; "locked" or "enclosed" if all that does not is proven to stay as
-    long as the base does; else "not found"; `stuck` says what is known of each part"""
+    """"removable" if all wanted parts come out; "locked" or "enclosed" if the others are proven to stay as long as the
+    base does; else "not found"; `stuck` has the result of each part"""
     steps: tuple[PlannedStep, ...]
     base: tuple[str, ...]
     """parts that stay"""
     remaining: tuple[str, ...]
-    """parts that were asked for and did not come out"""
+    """wanted parts that did not come out"""
     target: str | None
     bound: int | None
-    """with a target: no plan of `scope` has fewer steps; None where that is not known"""
+    """with a target: lower bound of the number of steps over the plans of `scope`; None if unknown"""
     scope: str
-    """the plans over which the steps are proven to be the fewest; empty where they are not"""
+    """the plans over which the steps are proven to be the fewest; empty without a proof"""
     stuck: dict[str, Removal]
-    """what is known of parts that did not come out, among what was left then"""
+    """result of each part that did not come out, among the parts left"""
     overlaps: tuple[Overlap, ...]
     mates: tuple[tuple[str, str, str], ...]
-    """part, part, kind: the fits and threads that ways keep to; a session that does the plan accepts these"""
+    """part, part, kind: fits and threads that paths keep; a session that executes the plan accepts these"""
     budget: Budget = field(repr=False)
     questions: int = 0
     interrupted: bool = False
+    seconds: float = 0.0
+    """processor time used by the search and its workers, s"""
     press_fits: tuple[PressFit, ...] = ()
-    """as the parts stand: ways keep them to their axes; their force is not checked"""
+    """at the initial poses: paths keep them on their axes; their force is not checked"""
     authorised: tuple[tuple[str, str], ...] = ()
-    """pairs of parts whose overlap as drawn is meant"""
+    """pairs of parts whose overlap as drawn is intended"""
     ignored: tuple[tuple[str, str], ...] = ()
     """pairs of parts that may pass through each other"""
     tolerance: Tolerance | None = None
-    """of recognition, if it was given: a session that does the plan has the same"""
+    """of recognition, if given: a session that executes the plan uses the same"""
 
     @property
     def proven(self) -> bool:
@@ -180,51 +224,21 @@ class Disassembly:
         return self.verdict == "removable"
 
 
-def disassembly(
-    scene: Scene,
-    target: str | None = None,
-    *,
-    base: Iterable[str] = (),
-    carry: Iterable[Sequence[str]] = (),
-    authorise: Iterable[tuple[str, str]] = (),
-    ignore: Iterable[tuple[str, str]] = (),
-    threads: Mapping[str, float] | None = None,
-    clearance: float = 0.0,
-    motion: Motion = "free",
-    budget: float = SECONDS,
-    seed: int = 0,
-    jobs: int = 1,
-    tolerance: Tolerance | None = None,
-    known: Iterable[tuple[Sequence[str], Way]] = (),
-    progress: Progress = lambda fraction, text: None,
-    found: Callable[[Sequence[str], str], None] = lambda parts, text: None,
-) -> Disassembly:
-    """In which order all parts come out, or the least that has to go before the target comes out, and the target.
+def disassembly(scene: Scene, target: str | None = None, **options: Unpack[DisassemblyOptions]) -> Disassembly:
+    """Return the order in which all parts come out, or the fewest removals before the target, and the target.
 
-    Parameters
-    ----------
-    base: parts that stay; by default those that are fixed, else the largest.
-    carry: groups of parts that come out as one.
-    authorise, ignore, threads, clearance, motion, budget, seed, tolerance: as of `removal`.
-    jobs: processes; the plan is the same whatever their number.
-    known: parts and ways from an earlier plan; they are swept anew before they are used.
-    progress: hears the fraction done and what has been found so far.
-    found: hears the parts of each step as it is found, and the way in words.
-
-    Names are those of a session: of a part, of a subassembly, or the end of its path ("seal" of "cover/seal").
-    Ctrl-C ends the search; the steps found until then are kept, and `interrupted` is set.
+    options: the fields of `PlanOptions`. Names are of parts, of subassemblies, or the end of a path ("seal" for
+    "cover/seal"). Ctrl-C ends the search: the steps found so far are returned, and `interrupted` is set.
 
     Raises
     ------
     UnknownPartError, VpframeError: no such part, a part in two groups, a target that is a base, a bad number or name.
     """
-    _check(motion, clearance)
-    pairs, pitches = _pairs(scene, authorise), _pitches(scene, threads)
-    assembly = Assembly(scene, pairs, pitches, progress=progress, ignored=_pairs(scene, ignore), recognition=tolerance)
-    plan = _Plan(assembly, target, base, carry, clearance, motion, Budget(budget), seed, progress, found)
-    plan.workers = Workers(plan.ways, jobs)
+    given = PlanOptions(**options)
+    plan = _Plan(given.assembly(scene, given.progress), target, given)
+    plan.workers = Workers(plan.ways, given.jobs)
     try:
-        return plan.run(known)
+        return plan.run(given.known)
     finally:
         plan.workers.close()
 
@@ -234,32 +248,27 @@ _Scope = tuple[set[int], set[int], set[int]]
 
 
 class _Plan:
-    def __init__(
-        self, assembly: Assembly, target: str | None, base: Iterable[str], carry: Iterable[Sequence[str]],
-        clearance: float, motion: Motion, budget: Budget, seed: int, progress: Progress,
-        found: Callable[[Sequence[str], str], None],
-    ) -> None:  # fmt: skip
+    def __init__(self, assembly: Assembly, target: str | None, options: PlanOptions) -> None:
         scene = assembly.scene
-        self.assembly, self.clearance, self.motion, self.seed = assembly, clearance, motion, seed
-        self.budget, self.progress, self.found = budget, progress, found
+        self.assembly, self.options, self.budget = assembly, options, Budget(options.budget)
         self.wanted = () if target is None else _named(scene, [target])
         """the parts of the target"""
         self.target = self.wanted[0] if self.wanted else None
-        given = _named(scene, base)
+        given = _named(scene, options.base)
         self.base = set(given or (i for i in base_parts(scene) if i not in self.wanted))
-        self.units = self._units(carry)
+        self.units = self._units(options.carry)
         if self.base & set(self.wanted):
             raise VpframeError(f"{target} is to come out and to stay; name another base with --base")
         for unit in self.units:
             if len(unit) > 1 and self.base & set(unit):
                 raise VpframeError(f"{assembly.names[min(self.base & set(unit))]} stays, so nothing can carry it")
-        self.ways = Ways(assembly, budget, motion, clearance)
+        self.ways = Ways(assembly, self.budget, options.motion, options.clearance)
         self.workers = Workers(self.ways, 1)
-        self.steps: list[Step] = []
+        self.steps: list[RemovalStep] = []
         self.out: set[int] = set()
-        """parts that came out, and the bases of groups that did"""
+        """removed parts, and the bases of removed groups"""
         self.results: dict[Unit, Removal] = {}
-        """what searches found of units that did not come out"""
+        """search results of units that did not come out"""
         self.bound: int | None = None
         self.scope = ""
         self.resumed = False
@@ -276,8 +285,8 @@ class _Plan:
         single = [(i,) for i in range(len(self.assembly)) if i not in taken]
         return sorted([*groups, *single])
 
-    def run(self, known: Iterable[tuple[Sequence[str], Way]] = ()) -> Disassembly:
-        """Plan; `known` ways are among those that are tried."""
+    def run(self, known: Iterable[tuple[Sequence[str], RemovalPath]] = ()) -> Disassembly:
+        """Compute the plan; `known` paths are tried too."""
         everything = set(range(len(self.assembly)))
         self.assembly.prepare()
         self.budget.begin()
@@ -302,7 +311,7 @@ class _Plan:
     # -- the target, by the least number of removals
 
     def _least(self, everything: set[int]) -> bool:
-        """Take the target out by the fewest removals over straight ways and threads; False if they do not do it."""
+        """Remove the target by the fewest removals along straight and screw paths; False if there is no such plan."""
         assert self.target is not None
         of_part = {i: u for u, unit in enumerate(self.units) for i in unit}
         alone = self.ways.free(self.units[of_part[self.target]], everything)
@@ -310,22 +319,22 @@ class _Plan:
             self._take(alone, set(everything), everything)
             return True
         moving = [unit for unit in self.units if not self.base & set(unit)]
-        known: dict[int, list[Known]] = {}
+        known: dict[int, list[KnownPath]] = {}
         turned: set[int] = set()
-        """units of which the ways are known by which they turn as the larger part of a thread"""
+        """units with known screw paths on which the larger part of the thread turns"""
 
         def units(parts: Iterable[int]) -> frozenset[int]:
             return frozenset(of_part[j] for j in parts)
 
-        def option(k: Known) -> Option:
+        def option(k: KnownPath) -> Option:
             return Option(units(k.blockers), {of_part[v[0]]: units(by) for v, by in k.carried.items()}, k.way.larger)
 
         def options(u: int) -> list[Option]:
-            """Ways that were not asked about yet stand for free ones, so that no plan has fewer removals."""
+            """Paths that are not computed yet count as free, so that the bound holds for all plans."""
             if u not in known:
                 return [Option(frozenset())] if self.units[u] in moving else []
-            unasked = u not in turned and self.ways.turns_as_larger(self.units[u])
-            return [*map(option, known[u]), *([Option(frozenset(), last=True)] if unasked else [])]
+            untested = u not in turned and self.ways.turns_as_larger(self.units[u])
+            return [*map(option, known[u]), *([Option(frozenset(), last=True)] if untested else [])]
 
         while True:  # until all that a least plan goes along is known
             given = [options(u) for u in range(len(self.units))]
@@ -338,33 +347,33 @@ class _Plan:
             tasks: list[Task] = [("every", self.units[u], (moving, larger)) for u, larger in ask.items()]
             self.workers.ask(tasks, self.budget)
             for u, larger in ask.items():
-                self.progress(len(known) / len(self.units), f"ways of {self.assembly.names[self.units[u][0]]}")
+                self.options.progress(len(known) / len(self.units), f"ways of {self.assembly.names[self.units[u][0]]}")
                 known[u] = [*known.get(u, ()), *self.ways.of(self.units[u], moving, larger)]
                 turned |= {u} if larger else set()
         chosen = [self.ways.together(known[r.unit][r.option], [self.units[v] for v in r.carried]) for r in found.chosen]
-        standing = set(everything)
+        static = set(everything)
         for k in chosen:
-            standing -= set(k.unit)
-            if self.clearance and self.ways.clearance_of(k, standing).distance < self.clearance:
+            static -= set(k.unit)
+            if self.options.clearance and self.ways.clearance_of(k, static).distance < self.options.clearance:
                 return False
-        standing = set(everything)
+        static = set(everything)
         for k in chosen:
-            self._take(k, standing, everything)
-            standing -= set(k.unit)
+            self._take(k, static, everything)
+            static -= set(k.unit)
         threads = any(mate.pitch is not None for mates in self.assembly.mates.values() for mate in mates)
         self.bound, self.scope = found.bound, _scope(
             groups=any(len(unit) > 1 for unit in self.units), carried=threads,
-            threads=threads and self.motion != "straight", resumed=self.resumed,
+            threads=threads and self.options.motion != "straight", resumed=self.resumed,
         )  # fmt: skip
         return True
 
     # -- everything, or until the target is out
 
     def _peel(self, present: set[int], base: set[int], scope: set[int]) -> None:
-        """Take parts out of those present until only the base is left, the target is out, or nothing more comes out.
+        """Remove parts until only the base is left, the target is out, or no more comes out.
 
-        scope: the parts that there were. Groups that come out as one are taken apart by themselves. Ways are searched
-        for once nothing comes out along known ways any more, of whatever is left anywhere.
+        present: parts not yet removed. scope: the parts present at first. Groups that come out as one are taken apart
+        separately. Paths are searched only when no part comes out along known paths.
         """
         easy: list[_Scope] = [(present, base, scope)]
         hard: list[_Scope] = []
@@ -382,23 +391,23 @@ class _Plan:
         return [unit for unit in self.units if set(unit) <= present and not base & set(unit)]
 
     def _go_along_known_ways(self, present: set[int], base: set[int], scope: set[int], inside: list[_Scope]) -> None:
-        """Take parts and groups out until none comes out; add to `inside` the groups that are to be taken apart."""
+        """Remove parts and groups along known paths; append removed groups, to be taken apart, to `inside`."""
         while not present <= base and self.target not in self.out:
             left = self._left(present, base)
-            free: list[Known] = []
+            free: list[KnownPath] = []
             try:
                 self.workers.ask([("free", unit, (frozenset(present),)) for unit in left], self.budget)
                 for n, unit in enumerate(left):
                     done = len(self.out) / max(1, len(self.assembly))
-                    self.progress(done, f"{len(self.steps)} steps found; part {n + 1} of {len(left)}")
+                    self.options.progress(done, f"{len(self.steps)} steps found; part {n + 1} of {len(left)}")
                     known = self.ways.free(unit, present)
                     if known is not None:
                         free.append(known)
             finally:  # also of a search that is cut off
-                standing, leaving = set(present), self._side_by_side(free)
-                self._measure(leaving, standing)
+                static, leaving = set(present), self._side_by_side(free)
+                self._measure(leaving, static)
                 for known in leaving:  # each way was found among all that is there now
-                    self._take(known, standing, scope)
+                    self._take(known, static, scope)
                     present -= set(known.unit)
             if free:
                 self.ways.larger = False
@@ -408,20 +417,19 @@ class _Plan:
                 break
         self.ways.larger = False
 
-    def _measure(self, leaving: Sequence[Known], present: set[int]) -> None:
-        """Let workers measure the clearances of ways among what is there."""
+    def _measure(self, leaving: Sequence[KnownPath], present: set[int]) -> None:
+        """Measure the clearances of paths among the parts present, in worker processes."""
         rest = [frozenset(present - set(known.unit)) for known in leaving]
         tasks = [
-            ("clearance", known.unit, (standing, known.way.knots))
-            for known, standing in zip(leaving, rest, strict=True)
+            ("clearance", known.unit, (static, known.way.knots)) for known, static in zip(leaving, rest, strict=True)
         ]
         for k, found in self.workers.ask(tasks, self.budget).items():
             self.ways.keep_clearance(leaving[k], rest[k], found)
 
-    def _side_by_side(self, free: Sequence[Known]) -> list[Known]:
-        """The ways that may be gone at once: of two parts of one thread the smaller turns, and the larger waits."""
+    def _side_by_side(self, free: Sequence[KnownPath]) -> list[KnownPath]:
+        """Paths that may be executed at once: of each threaded pair only the smaller part's."""
         size = {known.unit: sum(map(self.assembly.size, known.unit)) for known in free}
-        out: list[Known] = []
+        out: list[KnownPath] = []
         for known in sorted(free, key=lambda k: (size[k.unit], k.unit)):
             turned = [other.unit for other in out if other.way.motion == "screw" or known.way.motion == "screw"]
             mates = [m for unit in turned for m in ways.mates_between(self.assembly, known.unit, unit)]
@@ -429,15 +437,15 @@ class _Plan:
                 out.append(known)
         return sorted(out, key=lambda k: k.unit)
 
-    def _take(self, known: Known, standing: set[int], scope: set[int]) -> None:
-        self.steps.append(self.ways.step(known, standing, scope))
+    def _take(self, known: KnownPath, static: set[int], scope: set[int]) -> None:
+        self.steps.append(self.ways.step(known, static, scope))
         self.out |= set(known.unit)
         gone = {self.assembly.names[i] for i in known.unit}  # what was found in another state holds no longer
         self.results = {u: r for u, r in self.results.items() if not gone & {*r.holders, *r.blockers}}
-        self.found(tuple(self.assembly.names[i] for i in known.unit), known.way.text)
+        self.options.found(tuple(self.assembly.names[i] for i in known.unit), known.way.text)
 
     def _group(self, present: set[int], base: set[int], scope: set[int], inside: list[_Scope]) -> bool:
-        """Take out the best group that comes out as one, and add it to `inside`; False if there is none."""
+        """Remove the best group that comes out as one, and append it to `inside`; False if there is none."""
         left = [unit for unit in self.units if set(unit) <= present]
         directions = self.ways.directions_of(left)
         tasks = [("blocked", unit, ([u for u in left if u != unit], directions)) for unit in left]
@@ -459,17 +467,23 @@ class _Plan:
         return True
 
     def _search(self, left: Sequence[Unit], present: set[int], scope: set[int]) -> bool:
-        """Push and sample, for each unit that is left, until one comes out; returns whether one did."""
-        if self.motion == "straight":
+        """Search a path for each remaining unit until one comes out; whether one did."""
+        if self.options.motion == "straight":
             left = [unit for unit in left if self.target is None or self.target in unit]
         ranked = self._ranked(left)
         for n, unit in enumerate(ranked):
             least = 0.5 if self.target in unit else LEAST_SHARE
             share = self.budget.share(min(max(1.0 / (len(ranked) - n), least), MOST_SHARE))
-            self.progress(None, f"{len(self.steps)} steps found; a way for {self.assembly.names[unit[0]]}")
+            self.options.progress(None, f"{len(self.steps)} steps found; a way for {self.assembly.names[unit[0]]}")
             try:
                 got = find(
-                    self.assembly, unit, sorted(present - set(unit)), share, self.motion, self.clearance, self.seed
+                    self.assembly,
+                    unit,
+                    sorted(present - set(unit)),
+                    share,
+                    self.options.motion,
+                    self.options.clearance,
+                    self.options.seed,
                 )
             finally:
                 self.budget.give_back(share)
@@ -498,14 +512,13 @@ class _Plan:
         found = {(names[a], names[b], m.kind) for (a, b), mates in self.assembly.mates.items() for m in mates}
         return tuple(sorted(found))
 
-    def _about(self, unit: Unit, way: Way) -> Way:
-        """A way from an earlier plan, its legs told as those of this unit."""
-        corners = np.concatenate([self.assembly.sweeps.corners(i) for i in unit])
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        return replace(way, middle=0.5 * (low + high), radius=0.5 * float(np.linalg.norm(high - low)))
+    def _about(self, unit: Unit, way: RemovalPath) -> RemovalPath:
+        """A path of an earlier plan with the centre and radius of this unit, for the text of its legs."""
+        middle, radius = self.assembly.ball(unit)
+        return replace(way, middle=middle, radius=radius)
 
     def _stuck(self, present: set[int], units: Iterable[Unit]) -> dict[str, Removal]:
-        """What is known of each part that did not come out, among those that are left."""
+        """Result of each part that did not come out, among the parts present."""
         names, out = self.assembly.names, dict[str, Removal]()
         for unit in units:
             found = self.results.get(unit)
@@ -516,8 +529,10 @@ class _Plan:
         return out
 
     def _verdict(self, stuck: Mapping[str, Removal], wanted: Iterable[str]) -> Verdict:
-        """The verdict of all proofs, where they are about parts that stay for certain: the base, and what is locked by
-        such parts; else "not found"."""
+        """The common verdict of all proofs, if they assume only parts that certainly stay; else "not found".
+
+        These are the base, and parts locked by such parts.
+        """
         stay = {self.assembly.names[i] for i in self.base}
 
         def certain(found: Removal) -> bool:
@@ -554,14 +569,14 @@ class _Plan:
             tuple(names[i] for i in sorted(self.base)), tuple(names[i] for i in remaining),
             name_of(names, [names[i] for i in self.wanted]) if self.wanted else None,
             self.bound, self.scope if proven else "", stuck, self.assembly.overlaps, self._mates(), self.budget,
-            self.assembly.sweeps.count, self.interrupted,
+            self.assembly.sweeps.count, self.interrupted, self.budget.spent,
             self.assembly.press_fits, self.assembly.authorised_pairs, self.assembly.ignored_pairs,
             self.assembly.recognition,
         )  # fmt: skip
 
 
 def _scope(groups: bool, carried: bool, threads: bool, resumed: bool) -> str:
-    """What a least number of removals was proven over, in words."""
+    """The set of plans over which a number of removals is minimal, in words."""
     what = f"single parts{' and the groups carried' if groups else ''}"
     what += ", alone or with what is screwed onto them," if carried else ""
     along = f"straight ways{' and threads' if threads else ''}{', and ways of the earlier plan,' if resumed else ''}"

@@ -18,12 +18,14 @@ from constraints.freedom.escape import EscapeCone
 from constraints.geometry.surfaces import Cone, Cylinder, Plane, Torus
 from vpframe.planning import ways
 from vpframe.planning.assembly import Array, Assembly, Budget, BudgetError, translation, turned
-from vpframe.planning.pushes import Found, Node, Pushes
+from vpframe.planning.pushes import Displacement, Pushes, SearchResult
 
 LEAST: Final = 2e-3
-"""of the group's size: a push that comes less far is none, and displacements this near each other are one"""
+"""of the group's size: shorter pushes do not count, and displacements this near each other are one"""
 LEVELS: Final = 6
 """positions on a push at which faces come level that are tried, at most"""
+FLAT: Final = 1e-9
+"""m: a triangle whose corners differ less in height counts as across the direction"""
 MOST: Final = 16
 """directions of straight pushes"""
 AXES: Final = 8
@@ -32,8 +34,10 @@ SHARE: Final = 0.4
 """of the budget"""
 
 
-def search(assembly: Assembly, group: Sequence[int], others: Sequence[int], cone: EscapeCone, budget: Budget) -> Found:
-    """Push a group breadth-first until one straight push takes it clear, nothing new is reached, or the share of the
+def search(
+    assembly: Assembly, group: Sequence[int], others: Sequence[int], cone: EscapeCone, budget: Budget
+) -> SearchResult:
+    """Push a group breadth-first until a straight push frees it, no new displacement is reached, or its share of the
     budget is used up."""
     mine = budget.share(SHARE)
     pushes = Pushes(assembly, group, others, mine)
@@ -45,7 +49,7 @@ def search(assembly: Assembly, group: Sequence[int], others: Sequence[int], cone
         budget.give_back(mine)
 
 
-def _breadth_first(pushes: Pushes, cone: EscapeCone) -> Found:
+def _breadth_first(pushes: Pushes, cone: EscapeCone) -> SearchResult:
     mates = ways.mates_between(pushes.assembly, pushes.group, pushes.others)
     axes = [sign * mate.axis for mate in mates if mate.axis.any() for sign in (1.0, -1.0)]
     own = ways.own_axes(pushes.assembly, pushes.group) or list(ways.AXES)
@@ -83,15 +87,15 @@ def _breadth_first(pushes: Pushes, cone: EscapeCone) -> Found:
 def _order(
     count: int, turned_to: deque[int], straight: deque[int], turns: deque[int], between: deque[int]
 ) -> tuple[deque[int], ...]:
-    """The queues, that first whose turn it is: what was turned always, of the others each its share, so that none of
-    the many displacements within some play keeps the others waiting."""
+    """Queues, in round-robin order after those reached by turns, so that many displacements within a small clearance
+    do not starve the others."""
     if count % 3 == 2:
         return turned_to, turns, straight, between
     return (turned_to, between, straight, turns) if count % 7 == 6 else (turned_to, straight, turns, between)
 
 
 def _turn(pushes: Pushes, queue: deque[int], seen: set[bytes], place: int, origin: Array, axis: Array) -> None:
-    """Turn by up to one turn; quarters on the way, and where it stops, are new displacements."""
+    """Turn by up to 2π; each quarter, and the stop, are new displacements."""
     at, legs = pushes.nodes[place].at, []
     for _ in range(4):
         target = turned(origin, axis, ways.MOST_TURN) * at
@@ -114,7 +118,7 @@ def _keep(pushes: Pushes, queue: deque[int], seen: set[bytes], parent: int, legs
 
 
 def _key(pushes: Pushes, at: pin.SE3) -> bytes:
-    """Equal for displacements that are nearly the same."""
+    """A key that is equal for displacements rounded to the same grid cell."""
     grid = LEAST * pushes.length
     middle = np.round(at.act(pushes.center) / grid)
     quaternion = pin.Quaternion(at.rotation).coeffs()
@@ -123,8 +127,8 @@ def _key(pushes: Pushes, at: pin.SE3) -> bytes:
     return (np.concatenate([middle, turn]) + 0.0).tobytes()
 
 
-def _along(node: Node, directions: Iterable[Array]) -> list[Array]:
-    """The directions with what pushes into the surfaces that stopped this node taken off."""
+def _along(node: Displacement, directions: Iterable[Array]) -> list[Array]:
+    """The directions projected onto the surfaces that stopped this node."""
     out = []
     for normal in node.normals[:3]:
         for d in directions:
@@ -135,7 +139,7 @@ def _along(node: Node, directions: Iterable[Array]) -> list[Array]:
 
 
 def _lines(pushes: Pushes) -> list[tuple[Array, Array]]:
-    """Lines (point, unit axis), world, where the group stands: its fits', its round surfaces', its box's."""
+    """Lines (point, unit axis), world, at the initial pose: of fits, round surfaces, and the box."""
     assembly = pushes.assembly
     found = [(m.origin, m.axis) for m in ways.mates_between(assembly, pushes.group, pushes.others) if m.axis.any()]
     round_ones = []
@@ -175,6 +179,9 @@ def _heights(assembly: Assembly, parts: Iterable[int], direction: Array, at: pin
     for i in parts:
         pose = at * assembly.poses[i]
         local = pose.rotation.T @ direction
+        if assembly.scene.parts[i].shape.faceted:
+            corners = assembly.meshes[i].vertices[assembly.meshes[i].triangles] @ local
+            out += (corners[np.ptp(corners, axis=1) < FLAT, 0] + pose.translation @ direction).tolist()
         for feature in assembly.scene.parts[i].features:
             g = feature.geometry
             if isinstance(g, Plane) and abs(abs(float(g.normal @ local)) - 1.0) < 1e-6:

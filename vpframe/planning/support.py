@@ -1,4 +1,4 @@
-"""What holds the parts of an assembly up, as it stands: what nothing holds any more once a part is taken out."""
+"""Support of the parts of an assembly at their initial poses, and its loss by removals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vpframe.planning.assembly import Assembly, translation
 DOWN: Final = np.array([0.0, 0.0, -1.0])
 """(3,) unit, world: gravity"""
 SETTLES: Final = 0.1
-"""1: of a part's size: it rests on what it meets before it has come down by so much"""
+"""1: of a part's size: it rests on parts that it reaches within this distance downwards"""
 
 
 class Supports:
@@ -27,12 +27,12 @@ class Supports:
         self._holds: dict[tuple[int, int], bool] = {}
 
     def lost(self, present: Set[int], leaving: Iterable[int]) -> frozenset[int]:
-        """Parts among those present that the base holds up, and no longer once some are gone."""
+        """Parts present that are supported by the base, and no longer without those that leave."""
         left = set(present) - set(leaving)
         return frozenset((self.held(present) & left) - self.held(left))
 
     def held(self, present: Set[int]) -> set[int]:
-        """Parts among those present that the base holds up."""
+        """Parts present that are supported by the base."""
         reached = set(self.base & present)
         queue = list(reached)
         while queue:

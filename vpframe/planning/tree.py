@@ -1,17 +1,18 @@
 """A tree of displacements sampled in all six freedoms, after RRT (LaValle & Kuffner, "Randomized Kinodynamic Planning",
 2001).
 
-The tree grows in a kernel on intersection tests alone: parts that stay are one mesh, parts that move another. A push
-goes on along what stops it: the twist loses what drives it into the triangles that meet. Which kind of sample is drawn
-next is chosen by a bandit (UCB1: Auer, Cesa-Bianchi & Fischer, Machine Learning 47, 2002, with a forgetting mean); each
-kind has a scale of its own that grows while it succeeds and shrinks while it fails.
+The tree grows in a kernel on intersection tests alone: static parts are one mesh, moving parts another. A blocked push
+slides along the contact: its twist is projected onto the half spaces of the intersecting triangles. The kind of the
+next sample is chosen by a bandit (UCB1: Auer, Cesa-Bianchi & Fischer, Machine Learning 47, 2002, with a discounted
+mean); each kind has a scale of its own that grows on success and shrinks on failure.
 
-Tests at sampled poses prove nothing. A way out is swept, leg by leg, before it is returned; a leg that something stops
-takes its part of the tree with it, and the search goes on.
+Tests at sampled poses prove nothing. A path is swept, leg by leg, before it is returned; a blocked leg is cut off the
+tree with its descendants, and the search continues.
 """
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Sequence
 from itertools import count, pairwise
 from typing import Any, Final, NamedTuple
@@ -20,46 +21,42 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import SurfaceMesh
-from collision.bvh.build import bvh_of
-from collision.bvh.packets import moved_triangle, triangle_of
-from collision.bvh.traverse import Door, fresh_node, near_surfaces, start, walk, workspace, workspace_for
-from collision.numeric.kernel import inner_kernel, kernel
-from collision.numeric.rigid_transforms import screw_pose
+from collision import MeshPair, SurfaceMesh, colliding_surfaces, last_surfaces, prepare_pair
+from collision.mesh_pair import pair_contact, pair_intersects
+from collision.numeric.kernel import EntryPoint, inner_kernel, kernel
+from collision.numeric.rigid_transforms import screw_pose, unrotate
 from collision.numeric.vectors import cross, dot, norm, sub
-from collision.query.intersection import ALL_ENABLED, Intersect, triangle_pair_meets
-from collision.triangle.distance import common_point
 from constraints.freedom.escape import EscapeCone
 from vpframe.planning import ways
 from vpframe.planning.assembly import Assembly, Budget, BudgetError, translation
-from vpframe.planning.pushes import Found, Pushes
+from vpframe.planning.pushes import Pushes, SearchResult
 
 UNIFORM, CONE, AXES, TANGENT, ONWARD, EXIT = range(6)
-"""arms: towards a displacement anywhere; a twist that the contacts at the start leave; about or along an axis; any
-twist, on along what stops it; on as the node was reached, or nearly; straight out"""
+"""arms: towards a random displacement; a twist of the escape cone; about or along an axis; a random twist that slides
+along contacts; nearly the twist by which the node was reached; straight out"""
 ARMS: Final = 6
 NODES, TESTS, AT, DRAWN = range(4)
 """places in `Tree.count`"""
 GROW, SHRINK = 1.6, 0.7
 SCALES: Final = (3e-3, 4.0)
 """of the group's size: least and greatest scale of an arm"""
-FORGET: Final = 0.999
-"""a pull: of what the bandit knows"""
+DISCOUNT: Final = 0.999
+"""discount factor of the bandit, per pull"""
 CURIOSITY: Final = 0.5
-"""1: weight of the bandit's confidence bound"""
+"""1: weight of the confidence bound"""
 STEP: Final = 1e-2
-"""of the group's size: from one test to the next"""
+"""of the group's size: step between two tests"""
 LEAST: Final = 2e-3
-"""of the group's size: displacements this near each other are one"""
+"""of the group's size: least spacing of displacements"""
 WIDER, NARROWER = 1.15, 0.99
-"""how the least distance of a new displacement from all others changes"""
+"""factors by which the least spacing of new displacements is adapted"""
 BENDS: Final = 24
-"""turns of one push along what stops it"""
+"""contacts along which one push slides, at most"""
 ROWS: Final = 8
-"""contacts that a push remembers"""
+"""contact rows kept by a push"""
 PROJECTIONS: Final = 20
-AWAY: Final = 0.02
-"""1: by which a push along a contact goes away from it"""
+OFFSET: Final = 0.02
+"""1: offset along the contact normal while sliding"""
 TESTS_A_QUESTION: Final = 80
 """intersection tests that count as one question of the budget"""
 FIRST: Final = 200_000
@@ -71,15 +68,15 @@ CHUNK: Final = 2000
 NUMBERS, MOST_DRAWN = 1 << 15, 100
 """random numbers for a chunk; more than one push uses"""
 SHORTCUTS: Final = 300
-"""attempts to cut a way short by tests, before it is swept"""
+"""attempts to shortcut a path by tests, before it is swept"""
 
 
 # --- kernels ---------------------------------------------------------------------------------------------------------
 
 
 class Tree(NamedTuple):
-    """Displacements reached, as poses of the group's middle frame in that of the parts that stay, and what grows
-    them."""
+    """Displacements reached, as poses of the group's centre frame relative to the static parts, and the arrays of their
+    growth."""
 
     pose: Any
     """(n, 12) float64"""
@@ -88,74 +85,54 @@ class Tree(NamedTuple):
     parent: Any
     """(n,) int64, -1 of the root"""
     tries: Any
-    """(n,) int64: pushes from a node; -1 of one that was cut off"""
+    """(n,) int64: pushes from a node; -1 if it was cut off"""
     arms: Any
-    """(ARMS, 3) float64: pulls and gain, forgotten little by little; scale, m"""
+    """(ARMS, 3) float64: discounted pulls and gain; scale, m"""
     count: Any
-    """(4,) int64: nodes, tests, the node from which the way out was found, random numbers used"""
+    """(4,) int64: nodes, tests, last node of the path found, random numbers used"""
     numbers: Any
     """(n,) float64: random numbers in [0, 1)"""
     out: Any
-    """(3,) float64: direction of the way out"""
+    """(3,) float64: direction of the last, straight leg"""
     chain: Any
-    """(BENDS + 1, 12) float64: where a push bent, and its end"""
+    """(BENDS + 1, 12) float64: poses at which a push changed direction, and its end"""
     screw: Any
     """(18,) float64: pose, body twist"""
     rows: Any
     """(ROWS, 6) float64: contacts of a push, see `_set_row`"""
     there: Any
-    """(12,) float64: the pose that is tested"""
-    last: Any
-    """(1,) int64: the triangles that met last"""
+    """(12,) float64: the pose to be tested"""
 
 
 class Guide(NamedTuple):
-    """What samples are drawn by."""
+    """The parameters of the samples."""
 
     twists: Any
     """(k, 6) float64: of the escape cone, in the group's frame"""
     axes: Any
     """(m, 3) float64: of the group's surfaces"""
     exits: Any
-    """(e, 3) float64: directions of ways out"""
+    """(e, 3) float64: directions of straight removal"""
     box: Any
-    """(2, 3) float64: corners of the box of all that stays, m"""
+    """(2, 3) float64: corners of the box of the static parts, m"""
     length: Any
-    """m: a turn of 1 rad counts as this much; no point of the group is farther from its middle"""
+    """m: radius of the group about its centre; 1 rad counts as this length"""
 
 
 @inner_kernel
-def _meets(a, b, ws, tree, enabled):
-    """Whether b at the pose `tree.there` intersects a."""
-    for d in range(12):
-        ws.pose.matrix[d] = tree.there[d]
-    start(a, b, ws)
+def _meets(pair, tree):
+    """Whether the group at the pose `tree.there` intersects the static parts."""
     tree.count[TESTS] += 1
-    last = tree.last[0]
-    if last >= 0 and triangle_pair_meets(a, b, ws, last >> 32, last & 0xFFFFFFFF):
-        return True
-    kb, n = len(b.root), 1
-    if len(enabled) > 0:
-        n = near_surfaces(a, b, ws, 0.0)
-    for k in range(n):
-        lane_a = lane_b = np.int64(0)
-        if len(enabled) > 0:
-            pair = ws.pairs[k]
-            if enabled[pair] == 0:
-                continue
-            lane_a, lane_b = np.int64(a.root[pair // kb]), np.int64(b.root[pair % kb])
-        fresh_node(b, ws, lane_b >> 3)
-        if walk(Intersect(tree.last), a, b, ws, lane_a, lane_b):
-            return True
-    return False
+    return pair_intersects(pair, tree.there)
 
 
 @kernel
-def meets_within(a, b, ws, tree, enabled, n):
-    """Whether b intersects a at any of n poses, evenly on the screw `tree.screw` of unit time, the start left out."""
+def meets_within(pair, tree, n):
+    """Whether the group intersects at any of n poses, evenly on the screw `tree.screw` of unit time, the start left
+    out."""
     for k in range(n, 0, -1):
         screw_pose(tree.screw, k / n, tree.there)
-        if _meets(a, b, ws, tree, enabled):
+        if _meets(pair, tree):
             return True
     return False
 
@@ -167,24 +144,9 @@ def _unit(v):
 
 
 @inner_kernel
-def _normal(t):
-    return _unit(cross(sub(t[1], t[0]), sub(t[2], t[0])))
-
-
-@inner_kernel
-def _body(pose, v):
-    """A vector of the frame of what stays in the group's."""
-    return (
-        pose[0] * v[0] + pose[3] * v[1] + pose[6] * v[2],
-        pose[1] * v[0] + pose[4] * v[1] + pose[7] * v[2],
-        pose[2] * v[0] + pose[5] * v[1] + pose[8] * v[2],
-    )
-
-
-@inner_kernel
 def _set_row(rows, k, pose, p, n, length):
-    """Make row k that of a contact at p with the normal n out of what stays: unit, turns in units of `length`."""
-    r, m = _body(pose, sub(p, (pose[9], pose[10], pose[11]))), _body(pose, n)
+    """Set row k to the contact at p with normal n out of the static parts: a unit vector, angles times `length`."""
+    r, m = unrotate(pose, sub(p, (pose[9], pose[10], pose[11]))), unrotate(pose, n)
     g = cross(r, m)
     size = np.sqrt(dot(m, m) + dot(g, g) / (length * length))
     for d in range(3):
@@ -193,26 +155,26 @@ def _set_row(rows, k, pose, p, n, length):
 
 @inner_kernel
 def _within(rows, n, drive, length):
-    """The body twist (v, w) near `drive` that drives into none of the first n contacts (projections in turn)."""
+    """The body twist (v, w) near `drive` that violates none of the first n contacts (alternating projections)."""
     v = drive[0], drive[1], drive[2]
     w = length * drive[3], length * drive[4], length * drive[5]
     for _ in range(PROJECTIONS):
         most = 0.0
         for k in range(n):
             c = rows[k]
-            into = c[0] * v[0] + c[1] * v[1] + c[2] * v[2] + c[3] * w[0] + c[4] * w[1] + c[5] * w[2] - AWAY
+            into = c[0] * v[0] + c[1] * v[1] + c[2] * v[2] + c[3] * w[0] + c[4] * w[1] + c[5] * w[2] - OFFSET
             if into < 0.0:
                 most = min(most, into)
                 v = v[0] - into * c[0], v[1] - into * c[1], v[2] - into * c[2]
                 w = w[0] - into * c[3], w[1] - into * c[4], w[2] - into * c[5]
-        if most > -0.5 * AWAY:
+        if most > -0.5 * OFFSET:
             break
     return v[0], v[1], v[2], w[0] / length, w[1] / length, w[2] / length
 
 
 @inner_kernel
 def _take(tree, twist, length, least):
-    """Make `tree.screw`'s twist this one, one metre long; False, and it stays, if it is shorter than `least`."""
+    """Set the twist of `tree.screw`, normalised to one metre; False, without effect, if it is shorter than `least`."""
     size = norm((twist[0], twist[1], twist[2])) + length * norm((twist[3], twist[4], twist[5]))
     if not size > least:
         return False
@@ -222,16 +184,15 @@ def _take(tree, twist, length, least):
 
 
 @inner_kernel
-def _push(a, b, ws, tree, enabled, far, comply, length):
-    """Go `far` m along `tree.screw`, and on along what stops it: (how many poses of the way are in `tree.chain`, m that
-    were left)."""
+def _push(pair, tree, far, comply, length):
+    """Move `far` m along `tree.screw`, sliding along contacts if `comply`: (poses written to `tree.chain`, m left)."""
     step, t, n, kept = STEP * length, 0.0, 0, 0
     screw, there, chain, rows = tree.screw, tree.there, tree.chain, tree.rows
     drive = screw[12], screw[13], screw[14], screw[15], screw[16], screw[17]
     while far > 0.0:
         h = min(step, far)
         screw_pose(screw, t + h, there)
-        if not _meets(a, b, ws, tree, enabled):
+        if not _meets(pair, tree):
             t += h
             far -= h
             continue
@@ -243,16 +204,13 @@ def _push(a, b, ws, tree, enabled, far, comply, length):
             t = 0.0
         if not comply or n >= BENDS:
             break
-        one = triangle_of(a, tree.last[0] >> 32)
-        other = moved_triangle(b, tree.last[0] & 0xFFFFFFFF, there)
-        p = common_point(one[0], one[1], one[2], other[0], other[1], other[2])
-        back = _normal(other)
+        p, out, back = pair_contact(pair, there)
         if kept > ROWS - 2:  # the oldest go
             for k in range(kept - 2):
                 for d in range(6):
                     rows[k, d] = rows[k + 2, d]
             kept -= 2
-        _set_row(rows, kept, there, p, _normal(one), length)
+        _set_row(rows, kept, there, p, out, length)
         _set_row(rows, kept + 1, there, p, (-back[0], -back[1], -back[2]), length)
         goes = False
         for k in range(3):
@@ -264,7 +222,7 @@ def _push(a, b, ws, tree, enabled, far, comply, length):
                 continue
             h = min(0.5 * step, far)
             screw_pose(screw, h, there)
-            if not _meets(a, b, ws, tree, enabled):
+            if not _meets(pair, tree):
                 kept += more
                 t = h
                 far -= h
@@ -301,7 +259,7 @@ def quaternion_of(pose, out):
 
 @inner_kernel
 def _nearest(tree, x, q, length):
-    """(node, m) nearest to a place and quaternion, of those that were not cut off."""
+    """(nearest node that was not cut off, its distance in m) to a position and quaternion."""
     best, at = np.inf, np.int64(0)
     for k in range(tree.count[NODES]):
         if tree.tries[k] < 0:
@@ -326,7 +284,7 @@ def _draw(tree):
 
 @inner_kernel
 def _node(tree):
-    """Of a few nodes, late ones as often as any, the one that was pushed least often."""
+    """Least-expanded of six random nodes, biased to recent ones."""
     n = tree.count[NODES]
     low = max(0, n - 40) if _draw(tree) < 0.4 else 0
     at, least = np.int64(0), np.int64(1) << 60
@@ -351,8 +309,8 @@ def _choose(arms):
 
 
 @inner_kernel
-def _bells(tree):
-    """Three normal numbers (Box & Muller 1958)."""
+def normal_sample(tree):
+    """Three samples of the standard normal distribution (Box & Muller 1958)."""
     r, s = np.sqrt(-2.0 * np.log(1.0 - _draw(tree))), np.sqrt(-2.0 * np.log(1.0 - _draw(tree)))
     u, v = 2.0 * np.pi * _draw(tree), 2.0 * np.pi * _draw(tree)
     return r * np.cos(u), r * np.sin(u), s * np.cos(v)
@@ -360,7 +318,7 @@ def _bells(tree):
 
 @inner_kernel
 def _turn(p, q):
-    """Vector and scalar part of p⁻¹·q, unit quaternions: the turn from p to q, in the turned frame."""
+    """Vector and scalar part of p⁻¹·q, unit quaternions."""
     return (
         p[3] * q[0] - p[0] * q[3] - (p[1] * q[2] - p[2] * q[1]),
         p[3] * q[1] - p[1] * q[3] - (p[2] * q[0] - p[0] * q[2]),
@@ -370,9 +328,9 @@ def _turn(p, q):
 
 @inner_kernel
 def _towards(tree, guide):
-    """(node, twist) from the nearest node to a displacement anywhere, or anywhere near one that is known."""
+    """(node, twist, m) from the nearest node to a random displacement, anywhere or near a node."""
     length, box = guide.length, guide.box
-    r, (q0, q1, q2), (q3, _, _) = _bells(tree), _bells(tree), _bells(tree)
+    r, (q0, q1, q2), (q3, _, _) = normal_sample(tree), normal_sample(tree), normal_sample(tree)
     spread = tree.arms[UNIFORM, 2]
     if _draw(tree) < 0.5:
         k = _node(tree)
@@ -395,13 +353,13 @@ def _towards(tree, guide):
     e, c = _turn(p, q)
     s = norm(e)
     angle = 2.0 * np.arctan2(s, abs(c)) * (1.0 if c >= 0.0 else -1.0) / max(s, 1e-300)
-    v = _body(pose, sub(x, (pose[9], pose[10], pose[11])))
+    v = unrotate(pose, sub(x, (pose[9], pose[10], pose[11])))
     return node, (v[0], v[1], v[2], angle * e[0], angle * e[1], angle * e[2]), d
 
 
 @inner_kernel
 def _arrival(tree, node, length):
-    """The body twist, near one metre long, by which a node was reached from its parent."""
+    """The body twist, normalised to about one metre, by which a node was reached from its parent."""
     p, q, k = tree.turn[tree.parent[node]], tree.turn[node], tree.parent[node]
     e, c = _turn(p, q)
     x = (
@@ -409,19 +367,19 @@ def _arrival(tree, node, length):
         tree.pose[node, 10] - tree.pose[k, 10],
         tree.pose[node, 11] - tree.pose[k, 11],
     )
-    v, s = _body(tree.pose[node], x), 2.0 if c >= 0.0 else -2.0
+    v, s = unrotate(tree.pose[node], x), 2.0 if c >= 0.0 else -2.0
     size = max(norm(v) + length * 2.0 * norm(e), 1e-300)
     return v[0] / size, v[1] / size, v[2] / size, s * e[0] / size, s * e[1] / size, s * e[2] / size
 
 
 @inner_kernel
 def _sample(tree, guide, arm):
-    """(node, twist, m at most) of a push."""
+    """(node, twist, largest length in m) of a push."""
     if arm == UNIFORM:
         return _towards(tree, guide)
     node = _node(tree)
     far = tree.arms[arm, 2] * _draw(tree)
-    (x0, x1, x2), (x3, x4, x5) = _bells(tree), _bells(tree)
+    (x0, x1, x2), (x3, x4, x5) = normal_sample(tree), normal_sample(tree)
     x = x0, x1, x2, x3, x4, x5
     if arm == CONE and len(guide.twists) > 0:
         x = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -449,25 +407,27 @@ def _sample(tree, guide, arm):
 
 @inner_kernel
 def _way_out(tree, guide):
-    """(node, twist, m) straight until nothing of the group is beside what stays, the direction in `tree.out`."""
+    """(node, twist, m) of a straight push out of the box of the static parts, with its direction in `tree.out`."""
     node = _node(tree)
     if _draw(tree) < 0.7:
         c = guide.exits[int(_draw(tree) * len(guide.exits))]
         d = c[0], c[1], c[2]
     else:
-        d = _unit(_bells(tree))
+        d = _unit(normal_sample(tree))
     pose, far = tree.pose[node], guide.length
     for k in range(3):
         tree.out[k] = d[k]
         far += d[k] * (guide.box[1 if d[k] > 0.0 else 0, k] - pose[9 + k])
-    v = _body(pose, d)
+    v = unrotate(pose, d)
     return node, (v[0], v[1], v[2], 0.0, 0.0, 0.0), max(far, guide.length)
 
 
 @kernel
-def grow(a, b, ws, tree, guide, enabled, limit):
-    """Grow the tree until a way out is found, so many tests were made, or there is no room for more nodes; whether one
-    was found, from the node in `tree.count[AT]` along `tree.out`."""
+def grow(pair, tree, guide, limit):
+    """Grow the tree until a path out is found, `limit` tests were made, or the arrays of nodes are full.
+
+    Returns whether one was found: to the node in `tree.count[AT]`, then straight along `tree.out`.
+    """
     length, arms, count = guide.length, tree.arms, tree.count
     count[DRAWN] = 0
     while (
@@ -477,8 +437,8 @@ def grow(a, b, ws, tree, guide, enabled, limit):
     ):
         arm = _choose(arms)
         for k in range(ARMS):
-            arms[k, 0] *= FORGET
-            arms[k, 1] *= FORGET
+            arms[k, 0] *= DISCOUNT
+            arms[k, 1] *= DISCOUNT
         arms[arm, 0] += 1.0
         node, twist, far = _way_out(tree, guide) if arm == EXIT else _sample(tree, guide, arm)
         tree.tries[node] += 1
@@ -492,7 +452,7 @@ def grow(a, b, ws, tree, guide, enabled, limit):
         if far * turn > 2.5:
             far = 2.5 / turn
         comply = arm != EXIT and (arm in (TANGENT, ONWARD) or _draw(tree) < 0.7)
-        n, left = _push(a, b, ws, tree, enabled, far, comply, length)
+        n, left = _push(pair, tree, far, comply, length)
         if arm == EXIT and left <= 0.0:
             count[AT] = node
             return True
@@ -525,7 +485,7 @@ def grow(a, b, ws, tree, guide, enabled, limit):
 
 @inner_kernel
 def _is_beside(tree, guide, pose):
-    """Whether a plane along the axes parts the group at a pose from what stays; its normal is put into `tree.out`."""
+    """Whether an axis-aligned plane separates the group at a pose from the static parts; its normal is `tree.out`."""
     for k in range(3):
         tree.out[k] = 0.0
     for k in range(3):
@@ -540,17 +500,19 @@ def _is_beside(tree, guide, pose):
 
 # --- from Python -----------------------------------------------------------------------------------------------------
 
-_grow, _meets_within = Door(grow), Door(meets_within)
+_grow, _meets_within = EntryPoint(grow), EntryPoint(meets_within)
 
 
 def search(
     assembly: Assembly, group: Sequence[int], others: Sequence[int], cone: EscapeCone, budget: Budget, seed: int
-) -> Found:
-    """Grow the tree until a way out of it passes the sweeps, or the budget is used up."""
+) -> SearchResult:
+    """Grow trees until a path passes the sweeps, or the budget is used up."""
     pushes = Pushes(assembly, group, others, budget)
+    tree = _Search(pushes, cone, seed)
     try:
-        return _Search(pushes, cone, seed).run()
+        return tree.run()
     except BudgetError:
+        tree.note_last()
         return pushes.found(None, budget.ended)
 
 
@@ -558,11 +520,10 @@ class _Search:
     def __init__(self, pushes: Pushes, cone: EscapeCone, seed: int) -> None:
         assembly, group = pushes.assembly, pushes.group
         self.pushes = pushes
-        standing = [j for j in pushes.others if any(frozenset((i, j)) not in assembly.ignored for i in group)]
-        shift = translation(0.0 - pushes.center)
-        self.standing, self.first_standing = _joined(assembly, standing, shift)
+        static = [j for j in pushes.others if any(frozenset((i, j)) not in assembly.ignored for i in group)]
+        self.static_parts, shift = static, translation(0.0 - pushes.center)
+        self.static, self.first_static = _joined(assembly, static, shift)
         self.moving, self.first_moving = _joined(assembly, group, shift)
-        self.a, self.b = bvh_of(self.standing), bvh_of(self.moving)
         corners = np.concatenate([assembly.sweeps.corners(j) for j in pushes.others]) - pushes.center
         axes = [*(ways.own_axes(assembly, group) or ways.AXES)[::2], *ways.own_axes(assembly, pushes.others)[:6:2]]
         twists = np.array(cone.twists()).reshape(-1, 6)
@@ -570,18 +531,19 @@ class _Search:
             twists, np.array(axes), np.array(ways.directions(assembly, group, pushes.others, cone)[:20]),
             np.array([corners.min(axis=0), corners.max(axis=0)]), pushes.length,
         )  # fmt: skip
-        self.enabled = self._enabled(standing)
+        self.enabled = self._enabled(static)
+        self.pair = self._pair()
         self.tree = _new_tree(pushes.length)
         self.certified: dict[int, bool] = {}
         self.random = np.random.default_rng(seed)
 
-    def run(self) -> Found:
+    def run(self) -> SearchResult:
         for trees in count(1):
             self._root()
             while self.tree.count[TESTS] < FIRST * (trees & -trees):
                 before = int(self.tree.count[TESTS])
                 self.tree.numbers[:] = self.random.random(NUMBERS)
-                found = self._ask(_grow, self.guide, self.enabled, before + CHUNK)
+                found = _grow.call(self.pair, self.tree, self.guide, before + CHUNK)
                 self.pushes.budget.ask(-(-(int(self.tree.count[TESTS]) - before) // TESTS_A_QUESTION))
                 self._note_reached()
                 way = self._certified_way() if found else None
@@ -591,33 +553,29 @@ class _Search:
                     self.tree = _larger(self.tree)
         raise AssertionError("the budget ends it")
 
-    def _ask(self, door: Door, *arguments: Any) -> Any:
-        pairs = len(self.enabled)
-        workspace(pairs=max(64, pairs))
-        ws = workspace_for(self.a, self.b)
-        return door.call(self.a, self.b, ws, self.tree, *arguments)
+    def _pair(self) -> MeshPair:
+        return prepare_pair(self.static, self.moving, self.enabled)
 
-    def _enabled(self, standing: Sequence[int]) -> NDArray[np.uint8]:
-        """Pairs of surfaces that are tested: all but those of fits and threads, whose facets cross."""
-        assembly, ka, kb = self.pushes.assembly, self.standing.n_surfaces, self.moving.n_surfaces
+    def _enabled(self, static: Sequence[int]) -> NDArray[np.uint8]:
+        """(static, moving surfaces) uint8, 0 for ignored parts and for fits and threads, whose facets cross."""
+        assembly, ka, kb = self.pushes.assembly, self.static.n_surfaces, self.moving.n_surfaces
         mask = np.ones((ka, kb), np.uint8)
         for i, own in zip(self.pushes.group, self.first_moving, strict=True):
-            for j, at in zip(standing, self.first_standing, strict=True):
+            for j, at in zip(static, self.first_static, strict=True):
                 if frozenset((i, j)) in assembly.ignored:
                     mask[at : at + assembly.meshes[j].n_surfaces, own : own + assembly.meshes[i].n_surfaces] = 0
                 for mine, theirs in assembly.excused(i, j):
                     mask[np.ix_([at + s for s in theirs], [own + s for s in mine])] = 0
-        if mask.all():
-            return ALL_ENABLED
-        flat = mask.ravel()
-        flat.setflags(write=False)
-        return flat
+        return mask
 
     def _root(self) -> None:
-        """Begin where the group stands, or, if it touches or overlaps there, at the nearest displacement found that
-        intersects nothing and is reached by a sweep; else surfaces that touch at the start are tested no more."""
+        """Start a tree at the initial pose.
+
+        If the group intersects others there, start at the nearest free displacement found that a sweep reaches; without
+        one exclude the surfaces that touch at the initial pose.
+        """
         tree, length = _new_tree(self.pushes.length), self.pushes.length
-        self.tree, self.certified = tree, {}
+        self.tree, self.certified, self.pair.last[0] = tree, {}, -1
         _set(tree, 0, pin.SE3.Identity())
         tree.parent[0], tree.count[NODES] = -1, 1
         if not self._meets(pin.SE3.Identity(), pin.SE3.Identity()):
@@ -639,26 +597,19 @@ class _Search:
                     tree.parent[1], tree.count[NODES], tree.tries[0] = 0, 2, -1
                     self.certified[1] = True
                     return
-        from collision import colliding_surfaces
-
-        mask = np.ones((self.standing.n_surfaces, self.moving.n_surfaces), np.uint8)
-        if len(self.enabled):
-            mask = self.enabled.reshape(mask.shape).copy()
-        pairs = colliding_surfaces(self.standing, self.moving, pin.SE3.Identity())
-        mask[tuple(np.asarray(pairs).T)] = 0
-        self.enabled = mask.ravel()
-        self.enabled.setflags(write=False)
+        self.enabled[tuple(colliding_surfaces(self.static, self.moving, pin.SE3.Identity()).T)] = 0
+        self.pair = self._pair()
 
     def _meets(self, first: pin.SE3, last: pin.SE3) -> bool:
-        """Whether anything meets at poses on the screw from one pose to another, but the first of several."""
+        """Whether the group intersects others at sampled poses on the screw from one pose to another."""
         twist = np.asarray(pin.log6(first.actInv(last)))
         far = float(np.linalg.norm(twist[:3]) + self.pushes.length * np.linalg.norm(twist[3:]))
         screw = self.tree.screw
         screw[:9], screw[9:12], screw[12:] = first.rotation.ravel(), first.translation, twist
-        return bool(self._ask(_meets_within, self.enabled, max(1, int(np.ceil(far / (STEP * self.pushes.length))))))
+        return bool(_meets_within.call(self.pair, self.tree, max(1, int(np.ceil(far / (STEP * self.pushes.length))))))
 
     def _displacement(self, at: pin.SE3) -> pin.SE3:
-        """Of the group, from the pose of its middle frame."""
+        """The displacement of the group for a pose of its centre frame."""
         return translation(self.pushes.center) * at * translation(0.0 - self.pushes.center)
 
     def _at(self, node: int) -> pin.SE3:
@@ -669,10 +620,18 @@ class _Search:
         n = int(self.tree.count[NODES])
         self.pushes.reached = max(self.pushes.reached, float(np.linalg.norm(self.tree.pose[:n, 9:], axis=1).max()))
 
+    def note_last(self) -> None:
+        """Record the surfaces that intersected in the last test of the tree."""
+        found = last_surfaces(self.pair, self.static, self.moving)
+        if found is not None:
+            k, m = bisect(self.first_static, found[0]) - 1, bisect(self.first_moving, found[1]) - 1
+            j, i = self.static_parts[k], self.pushes.group[m]
+            self.pushes.note(j, [(i, found[1] - self.first_moving[m], j, found[0] - self.first_static[k])])
+
     # -- a way out
 
-    def _certified_way(self) -> ways.Way | None:
-        """The way out that was found, if nothing stops it; else what a sweep stops is cut off the tree."""
+    def _certified_way(self) -> ways.RemovalPath | None:
+        """The path found, if all its legs pass the sweeps; else None, and the blocked node is cut off the tree."""
         nodes, node = [], int(self.tree.count[AT])
         while node >= 0:
             nodes.append(node)
@@ -694,7 +653,7 @@ class _Search:
         return self.pushes.cut_short("free", direction, [*knots, end])
 
     def _shortened(self, poses: Sequence[pin.SE3]) -> list[int]:
-        """Places of poses that tests say can be gone straight from one to the next."""
+        """Indices of poses with screws between them that are free by tests."""
         kept = list(range(len(poses)))
         for k in range(SHORTCUTS):
             if len(kept) < 3:
@@ -708,7 +667,7 @@ class _Search:
         return kept
 
     def _legs(self, nodes: Sequence[int], poses: Sequence[pin.SE3], first: int, last: int) -> list[pin.SE3] | None:
-        """Displacements from one place on, swept: straight, or as the tree grew; None if a sweep stops that, too."""
+        """Swept displacements from one pose to another: direct, or along the tree; None if both are blocked."""
         start, end = self._displacement(poses[first]), self._displacement(poses[last])
         if last - first > 1:
             _, stop = self.pushes.push(start, end)
@@ -727,7 +686,7 @@ class _Search:
         return out
 
     def _cut(self, node: int) -> None:
-        """Push no more from a node, and from those that were reached over it."""
+        """Cut off a node and its descendants."""
         cut = {node}
         for k in range(node, int(self.tree.count[NODES])):  # a parent comes before its children
             if k == node or int(self.tree.parent[k]) in cut:
@@ -736,7 +695,7 @@ class _Search:
 
 
 def _joined(assembly: Assembly, parts: Sequence[int], shift: pin.SE3) -> tuple[SurfaceMesh, list[int]]:
-    """Parts where they stand, moved, as one mesh; the first surface of each."""
+    """One mesh of parts at their initial poses, transformed by `shift`; the first surface of each part."""
     vertices, triangles, surfaces, first = [], [], [], []
     points = count = 0
     for i in parts:
@@ -755,12 +714,12 @@ def _new_tree(length: float, room: int = 4096) -> Tree:
     return Tree(
         np.zeros((room, 12)), np.zeros((room, 4)), np.zeros(room, np.int64), np.zeros(room, np.int64), arms,
         np.zeros(4, np.int64), np.zeros(NUMBERS), np.zeros(3), np.zeros((BENDS + 1, 12)), np.zeros(18),
-        np.zeros((ROWS, 6)), np.zeros(12), np.full(1, -1, np.int64),
+        np.zeros((ROWS, 6)), np.zeros(12),
     )  # fmt: skip
 
 
 def _larger(tree: Tree) -> Tree:
-    """With room for twice as many nodes."""
+    """Double the capacity."""
     more = {name: np.concatenate([x := getattr(tree, name), np.zeros_like(x)]) for name in NODE_ARRAYS}
     return tree._replace(**more)
 

@@ -9,47 +9,47 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import Final, Literal, TypeVar
+from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
 
-from collision.query.blocking import Stop
+from collision import Stop
 from constraints.freedom.escape import EscapeCone, Lock
 from vpframe.analysis.fits import PressFit
 from vpframe.planning import certify, enclosure, slide, tree, ways
-from vpframe.planning.assembly import CLEAR, Array, Assembly, Budget, BudgetError, Overlap
-from vpframe.planning.certify import Clearance, Track
-from vpframe.planning.pushes import Found
-from vpframe.planning.ways import Way
+from vpframe.planning.assembly import CLEAR, Assembly, Budget, BudgetError, Overlap
+from vpframe.planning.certify import PartTrack, PathClearance
+from vpframe.planning.pushes import SearchResult
+from vpframe.planning.ways import RemovalPath
 from vpframe.scene.subassembly import listed
 
 Verdict = Literal["removable", "locked", "enclosed", "not found"]
 Motion = Literal["straight", "mates", "free"]
-"""what is tried: straight ways; threads and pushes along what is touched, too; six freedoms, too"""
+"""paths tried: straight; also along threads and contacts; also in six freedoms"""
 Joint = TypeVar("Joint", Overlap, PressFit)
 JAMMED: Final = "any way"
-"""way of what is tried with a part that clashes with another, a shaft in a bore: it does not move"""
+"""`Tried.way` of a shaft that clashes with its bore: no motion is tried"""
 MOTIONS: Final[tuple[Motion, ...]] = ("straight", "mates", "free")
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A way that was tried and does not lead out."""
+    """A path that was tried and is blocked."""
 
     way: str
     stopped_by: tuple[str, ...]
     """parts, in the order of the scene"""
     surfaces: tuple[tuple[str, int, str, int], ...]
-    """part, surface, part, surface that meet there"""
+    """part, surface, part, surface: contacts of the stop; of a search, of its last stop"""
     reached: float
-    """m: how far it came"""
+    """path length up to the stop, m; of a search, the largest displacement"""
     why: str = ""
-    """in words, where it is not those parts"""
+    """the reason in words, if it is not these parts"""
 
 
 @dataclass(frozen=True)
 class LockProof:
-    """Surfaces that leave a part no motion: with positive multipliers their contact rows add up to exactly zero."""
+    """Surfaces that allow a part no motion: their contact rows with positive multipliers add up to exactly zero."""
 
     surfaces: tuple[tuple[str, int, str, int], ...]
     """part, surface, part, surface"""
@@ -57,39 +57,46 @@ class LockProof:
     margin: float
     """1: see `constraints.freedom.escape.Lock`"""
     tolerance: float
-    """m: surfaces this near were taken as touching"""
+    """m: surfaces at most this far apart count as touching"""
     cone: EscapeCone = field(repr=False)
     lock: Lock = field(repr=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Removal:
-    """What came of taking a group of parts out."""
+    """The removal of a group of parts: its path, or the reasons why none was found."""
 
     parts: tuple[str, ...]
     verdict: Verdict
-    way: Way | None = None
+    way: RemovalPath | None = None
     """where it is removable"""
-    tracks: dict[str, Track] = field(default_factory=dict)
+    tracks: dict[str, PartTrack] = field(default_factory=dict)
     """by part, where it is removable"""
-    clearance: Clearance | None = None
+    clearance: PathClearance | None = None
     blockers: tuple[str, ...] = ()
-    """parts in the way of the straight way that fewest are in, where none leads out; what a part is enclosed by"""
+    """blockers along the least-obstructed direction, if no path was found; the enclosing parts"""
     holders: tuple[str, ...] = ()
-    """parts that the proof of "locked" or "enclosed" is about: it holds while these stay where they are"""
+    """parts assumed by the proof of "locked" or "enclosed": it holds while these stay at their poses"""
     ended: str = ""
-    """the budget that was used up (`Budget.ended`), where nothing was found within it"""
+    """the budget that was used up (`Budget.ended`), if no path was found within it"""
     tried: tuple[Tried, ...] = ()
     proof: LockProof | None = None
     overlaps: tuple[Overlap, ...] = ()
-    """of these parts with others, as they stand: never deepened"""
+    """of these parts with others at the initial poses: never deepened"""
     press_fits: tuple[PressFit, ...] = ()
-    """of these parts with others, as they stand: the way keeps them to their axes; their force is not checked"""
+    """of these parts with others at the initial poses: the path keeps their axes; their force is not checked"""
     questions: int = 0
-    """sweeps and tests that were asked"""
+    """sweeps and intersection tests computed"""
+    seconds: float = 0.0
+    """processor time used by the search, s"""
 
     @property
-    def track(self) -> Track | None:
+    def last(self) -> tuple[tuple[str, int, str, int], ...]:
+        """Part, surface, part, surface: the contacts that stopped the last motion tried."""
+        return next((t.surfaces for t in reversed(self.tried) if t.surfaces), ())
+
+    @property
+    def track(self) -> PartTrack | None:
         """Of the first part."""
         return self.tracks.get(self.parts[0])
 
@@ -106,19 +113,18 @@ def find(
     clearance: float = 0.0,
     seed: int = 0,
 ) -> Removal:
-    """Take a group out from among others, all where they stand; nothing else moves.
+    """Search a path on which a group comes out from among static others.
 
     Parameters
     ----------
-    group, others: places of parts.
-    budget: of questions.
-    clearance: m: surfaces that are not as near where the parts stand keep it all the way.
+    group, others: indices of parts.
+    clearance: least distance of surfaces on the path, except of those that are nearer at its start, m.
     seed: of the sampling.
     """
     search = _Search(assembly, tuple(group), tuple(others), budget, clearance, seed)
-    before = assembly.sweeps.count
+    before, began = assembly.sweeps.count, budget.spent
     found = search.run(motion)
-    return replace(found, questions=assembly.sweeps.count - before)
+    return replace(found, questions=assembly.sweeps.count - before, seconds=budget.spent - began)
 
 
 class _Search:
@@ -135,18 +141,18 @@ class _Search:
     def run(self, motion: Motion) -> Removal:
         if not self.others:
             return self._removable(
-                Way("straight", ways.AXES[0], ways.straight(self.assembly, self.group, (), ways.AXES[0]).knots)
+                RemovalPath("straight", ways.AXES[0], ways.straight(self.assembly, self.group, (), ways.AXES[0]).knots)
             )
         jammed = tuple(self.assembly.names[j] for j in self.others if any(self.assembly.jams(i, j) for i in self.group))
         if jammed:
             self.tried.append(Tried(JAMMED, jammed, (), 0.0, f"a shaft clashes with its bore: {listed(jammed)}"))
             return self._no("not found")
-        cone, told = ways.cone_of(self.assembly, self.group, self.others)
+        cone, faces = ways.cone_of(self.assembly, self.group, self.others)
         try:
             way = self.straight(cone) or self.along_threads(motion)
             if way is not None:
                 return way
-            proof = self.locked(cone, told)
+            proof = self.locked(cone, faces)
             if proof is not None:
                 return self._no("locked", [self.assembly.scene.index(s[2]) for s in proof.surfaces], proof)
             by = enclosure.enclosed_by(self.assembly, self.group, self.others)
@@ -164,7 +170,7 @@ class _Search:
 
     def straight(self, cone: EscapeCone) -> Removal | None:
         """The shortest straight way."""
-        free: list[tuple[float, int, Way]] = []
+        free: list[tuple[float, int, RemovalPath]] = []
         for direction in ways.directions(self.assembly, self.group, self.others, cone):
             way = ways.straight(self.assembly, self.group, self.others, direction)
             if self._passes_straight(way):
@@ -177,7 +183,7 @@ class _Search:
         return None
 
     def _stops(self, stop: Callable[[int, int], Stop | None]) -> Iterator[tuple[int, int, Stop]]:
-        """Part of the group, what stops it, and where; each pair is asked in turn, within the budget."""
+        """Yield (part of the group, blocker, stop) for each blocked pair, within the budget."""
         for i in self.group:
             for j in self.others:
                 before = self.assembly.sweeps.count
@@ -186,7 +192,7 @@ class _Search:
                 if found is not None:
                     yield i, j, found
 
-    def _passes_straight(self, way: Way) -> bool:
+    def _passes_straight(self, way: RemovalPath) -> bool:
         stops = list(self._stops(lambda i, j: self.assembly.straight(i, j, way.direction)))
         if stops:
             # each pair is swept until it is apart, which may be sooner than the group is from all
@@ -196,7 +202,7 @@ class _Search:
         return not stops
 
     def along_threads(self, motion: Motion) -> Removal | None:
-        """Along threads; not where only straight ways are asked for."""
+        """The removal along a thread; None for straight motion."""
         if motion == "straight":
             return None
         for way in ways.screws(self.assembly, self.group, self.others):
@@ -206,17 +212,15 @@ class _Search:
                     return found
         return None
 
-    def passes(self, way: Way) -> bool:
-        """Whether nothing stops the group on a way; what does is noted."""
+    def passes(self, way: RemovalPath) -> bool:
+        """Whether no part stops the group on a path; stops are recorded."""
         stops = list(self._stops(lambda i, j: self.assembly.stop(i, j, way.knots)))
         if stops:
             first = min(stop.leg + stop.t for _, _, stop in stops)
             leg = int(first)
             at = way.knots[leg].actInv(way.knots[min(leg + 1, len(way.knots) - 1)])
-            reached = sum(
-                float(np.linalg.norm(b.translation - a.translation))
-                for a, b in zip(way.knots[:leg], way.knots[1 : leg + 1], strict=True)
-            ) + (first - leg) * float(np.linalg.norm(at.translation))
+            before = replace(way, knots=way.knots[: leg + 1]).length
+            reached = before + (first - leg) * float(np.linalg.norm(at.translation))
             self._note(way.text, stops, reached)
         return not stops
 
@@ -231,8 +235,8 @@ class _Search:
         why = f"held by the drawn thread in {listed(held)}" if held else ""
         self.tried.append(Tried(text, tuple(names[j] for j in by), surfaces, reached, why))
 
-    def _wide_enough(self, way: Way) -> Removal | None:
-        """The removal along a way that nothing stops, unless its clearance is too small."""
+    def _wide_enough(self, way: RemovalPath) -> Removal | None:
+        """The removal along a free path, unless its clearance is too small."""
         found = certify.least_clearance(self.assembly, self.group, self.others, way.knots, self.clearance)
         if found.distance < self.clearance:
             assert found.parts is not None and found.surfaces is not None
@@ -243,11 +247,14 @@ class _Search:
             return None
         return self._removable(way, found)
 
-    def _removable(self, way: Way, clearance: Clearance | None = None) -> Removal:
+    def _removable(self, way: RemovalPath, clearance: PathClearance | None = None) -> Removal:
         tracks = {self.assembly.names[i]: certify.track(self.assembly.poses[i], way.knots) for i in self.group}
+        return self._result("removable", way=way, tracks=tracks, clearance=clearance or PathClearance(np.inf))
+
+    def _result(self, verdict: Verdict, **known: Any) -> Removal:
+        overlaps, press_fits = self._between(self.assembly.overlaps), self._between(self.assembly.press_fits)
         return Removal(
-            self.names, "removable", way, tracks, clearance or Clearance(np.inf), tried=tuple(self.tried),
-            overlaps=self._between(self.assembly.overlaps), press_fits=self._between(self.assembly.press_fits),
+            self.names, verdict, tried=tuple(self.tried), overlaps=overlaps, press_fits=press_fits, **known
         )  # fmt: skip
 
     def _no(self, verdict: Verdict, holders: Iterable[int] = (), proof: LockProof | None = None) -> Removal:
@@ -256,28 +263,24 @@ class _Search:
         blockers = min(stopped, key=lambda by: (len(by), by), default=())
         if verdict == "enclosed":
             blockers = held
-        return Removal(
-            self.names, verdict, blockers=blockers, holders=held, ended="" if held else self.ended,
-            tried=tuple(self.tried), proof=proof, overlaps=self._between(self.assembly.overlaps),
-            press_fits=self._between(self.assembly.press_fits),
-        )  # fmt: skip
+        return self._result(verdict, blockers=blockers, holders=held, ended="" if held else self.ended, proof=proof)
 
     def _between(self, found: Iterable[Joint]) -> tuple[Joint, ...]:
-        """Those of some overlaps or press fits that are between the group and the others."""
+        """The overlaps or press fits between the group and the others."""
         mine, theirs = set(self.names), {self.assembly.names[j] for j in self.others}
         return tuple(o for o in found if mine & set(o.parts) and theirs & set(o.parts))
 
-    def locked(self, cone: EscapeCone, told: Sequence[tuple[int, int, int, int]]) -> LockProof | None:
-        """The proof that contacts leave the group no motion."""
+    def locked(self, cone: EscapeCone, faces: Sequence[tuple[int, int, int, int]]) -> LockProof | None:
+        """The proof that contacts allow the group no motion, None without one."""
         lock = cone.lock()
         if lock is None:
             return None
         names = self.assembly.names
-        surfaces = tuple((names[i], a, names[j], b) for i, a, j, b in (told[k] for k in lock.rows))
+        surfaces = tuple((names[i], a, names[j], b) for i, a, j, b in (faces[k] for k in lock.rows))
         return LockProof(surfaces, lock.multipliers, lock.margin, self.assembly.tolerance.linear, cone, lock)
 
     def searched(self, cone: EscapeCone, motion: Motion) -> Removal | None:
-        """Pushed, then sampled."""
+        """The removal found by pushes, then by sampling."""
         found = slide.search(self.assembly, self.group, self.others, cone, self.budget)
         self._note_search("slide", found)
         if found.way is None and motion == "free":
@@ -285,14 +288,9 @@ class _Search:
             self._note_search("free", found)
         return None if found.way is None else self._wide_enough(found.way)
 
-    def _note_search(self, way: str, found: Found) -> None:
+    def _note_search(self, way: str, found: SearchResult) -> None:
         self.ended = found.ended
         why = f"the budget of {found.ended} was used up" if found.ended else ""
-        by = tuple(self.assembly.names[j] for j in found.stopped_by)
-        self.tried.append(Tried(way, by, (), found.reached, why))
-
-
-def center_of(assembly: Assembly, group: Sequence[int]) -> Array:
-    """(3,) middle of a group's box where it stands, world, m."""
-    corners = np.concatenate([assembly.sweeps.corners(i) for i in group])
-    return np.asarray(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
+        names = self.assembly.names
+        last = tuple((names[i], a, names[j], b) for i, a, j, b in found.last)
+        self.tried.append(Tried(way, tuple(names[j] for j in found.stopped_by), last, found.reached, why))

@@ -1,4 +1,4 @@
-"""Ways out that are worth trying first: straight along what holds the parts, and along their threads."""
+"""Candidate paths: straight along fits, contacts and axes, and along threads; and their description in words."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from typing import Final
 import numpy as np
 import pinocchio as pin
 
+from collision import SurfaceMesh
 from constraints.freedom.escape import EscapeCone
-from vpframe.analysis.mate_motions import Mate
+from vpframe.analysis.mate_motions import MateMotion
 from vpframe.planning.assembly import CLEAR, Array, Assembly, Knots, translation, turned
 
 MOST_TURN: Final = 0.5 * np.pi
@@ -25,11 +26,11 @@ SAME: Final = 1e-9
 NO_TURN: Final = 1e-6
 """rad: a leg that turns by less is a slide"""
 LEAST_SLIDE, LEAST_ANGLE = 1e-5, np.radians(0.1)
-"""m and rad: legs of less are not told to a person"""
+"""m and rad: shorter legs are left out of the text"""
 SAME_AXIS, ON_LINE = 1e-5, 1e-6
 """1 and m: two legs about lines, or along directions, that differ by less are one"""
 MOST_LEGS: Final = 6
-"""legs of a way that are told to a person"""
+"""legs of a path in its text"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ class Leg:
 
     @property
     def matters(self) -> bool:
-        """Whether a person has to know of it."""
+        """Whether it is part of the text."""
         return self.length >= LEAST_SLIDE or self.angle >= LEAST_ANGLE
 
     @property
@@ -88,7 +89,7 @@ class Leg:
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class RemovalPath:
     """A motion of a group of parts until it is clear of all others."""
 
     motion: str
@@ -103,7 +104,12 @@ class Way:
     middle: Array = field(default_factory=lambda: np.zeros(3))
     """(3,) world, m: of the group where it stands, for `legs`"""
     radius: float = np.inf
-    """m: half the diagonal of the group's box: a turn about a line farther from its middle is told as a slide"""
+    """m: half the diagonal of the group's box: a turn about a line farther from its middle counts as a slide"""
+
+    @property
+    def length(self) -> float:
+        """Sum of the translations between knots, m."""
+        return sum(float(np.linalg.norm(b.translation - a.translation)) for a, b in pairwise(self.knots))
 
     @property
     def legs(self) -> tuple[Leg, ...]:
@@ -178,31 +184,26 @@ AXES: Final = tuple(unit(sign * axis) for axis in np.eye(3)[::-1] for sign in (1
 def cone_of(
     assembly: Assembly, group: Sequence[int], others: Iterable[int]
 ) -> tuple[EscapeCone, tuple[tuple[int, int, int, int], ...]]:
-    """What the contacts of a group with others leave it; and what surfaces face each other in each row."""
+    """The escape cone of a group among others; and for each row part, surface, other part, its surface."""
     others = tuple(others)
-    points, normals, told = [np.zeros((0, 3))], [np.zeros((0, 3))], []
+    points, normals, faces = [np.zeros((0, 3))], [np.zeros((0, 3))], []
     for i in group:
         for j in others:
             for patch in assembly.patches(i, j):
                 points.append(patch.points)
                 normals.append(patch.normals)
-                told += [(i, patch.surfaces[0], j, patch.surfaces[1])] * len(patch.points)
-    corners = np.concatenate([assembly.sweeps.corners(i) for i in group])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    cone = EscapeCone.of(
-        np.concatenate(points), np.concatenate(normals), 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
-    )
-    return cone, tuple(told)
+                faces += [(i, patch.surfaces[0], j, patch.surfaces[1])] * len(patch.points)
+    return EscapeCone.of(np.concatenate(points), np.concatenate(normals), *assembly.ball(group)), tuple(faces)
 
 
-def mates_between(assembly: Assembly, group: Sequence[int], others: Iterable[int]) -> list[Mate]:
+def mates_between(assembly: Assembly, group: Sequence[int], others: Iterable[int]) -> list[MateMotion]:
     """Fits and threads of a group with others."""
     return [mate for j in others for i in group for mate in assembly.mates_of(i, j)]
 
 
 def directions(assembly: Assembly, group: Sequence[int], others: Iterable[int], cone: EscapeCone) -> list[Array]:
-    """Along which a group may come out straight: what its fits and contacts leave it, then the axes of its surfaces,
-    then the world's."""
+    """Candidate directions of straight removal: of fits and of the escape cone, then of own surfaces, then the world's
+    axes."""
     axes = [mate.axis for mate in mates_between(assembly, group, others) if mate.axis.any()]
     found = [sign * axis for axis in axes for sign in (1.0, -1.0)]
     flat = np.unique(np.round(cone.rows[:, :3], 9), axis=0) if len(cone.rows) else np.zeros((0, 3))
@@ -211,9 +212,11 @@ def directions(assembly: Assembly, group: Sequence[int], others: Iterable[int], 
 
 
 def own_axes(assembly: Assembly, group: Iterable[int]) -> list[Array]:
-    """Directions that a group's own surfaces have: normals of planes, axes of round ones, those of most area first."""
+    """Normals of planes and axes of round surfaces of a group, both signs, the largest area first."""
     areas: list[tuple[float, Array]] = []
     for i in group:
+        if assembly.scene.parts[i].shape.faceted:
+            areas += [(area, unit(assembly.poses[i].rotation @ n)) for area, n in facet_directions(assembly.meshes[i])]
         for feature in assembly.scene.parts[i].features:
             g = feature.geometry
             axis = getattr(g, "normal", getattr(g, "axis", None))
@@ -229,15 +232,27 @@ def own_axes(assembly: Assembly, group: Iterable[int]) -> list[Array]:
     return [sign * d for _, d in areas[:MOST_OWN] for sign in (1.0, -1.0)]
 
 
-def straight(assembly: Assembly, group: Sequence[int], others: Iterable[int], direction: Array) -> Way:
-    """Straight along a direction until a plane across it parts the group from all others."""
+def facet_directions(mesh: SurfaceMesh) -> list[tuple[float, Array]]:
+    """Areas (m²) and unit normals (3,) of the MOST_OWN directions of a mesh's triangles with the largest area."""
+    corners = mesh.vertices[mesh.triangles]
+    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(vectors, axis=1)
+    normals = np.round(vectors[lengths > 0.0] / lengths[lengths > 0.0, None], 6) + 0.0
+    first = np.take_along_axis(normals, (normals != 0.0).argmax(axis=1)[:, None], axis=1)
+    found, of = np.unique(normals * np.sign(first), axis=0, return_inverse=True)
+    areas = 0.5 * np.bincount(of.ravel(), lengths[lengths > 0.0])
+    return [(float(areas[k]), found[k]) for k in np.argsort(-areas, kind="stable")[:MOST_OWN]]
+
+
+def straight(assembly: Assembly, group: Sequence[int], others: Iterable[int], direction: Array) -> RemovalPath:
+    """The straight path along a direction until a perpendicular plane separates the group from all others."""
     far = assembly.far(group, others, direction)
-    return Way("straight", direction, (pin.SE3.Identity(), translation(far * direction)))
+    return RemovalPath("straight", direction, (pin.SE3.Identity(), translation(far * direction)))
 
 
-def screws(assembly: Assembly, group: Sequence[int], others: Iterable[int]) -> list[Way]:
-    """Along each thread of a group with others, either way: turned until it is out of all threads of that axis, then
-    straight."""
+def screws(assembly: Assembly, group: Sequence[int], others: Iterable[int]) -> list[RemovalPath]:
+    """Screw paths along each thread of a group with others, both signs: until all threads of that axis are disengaged,
+    then straight."""
     others = tuple(others)
     threads = []
     for j in others:
@@ -266,17 +281,17 @@ def screws(assembly: Assembly, group: Sequence[int], others: Iterable[int]) -> l
             knots = [turned(mate.origin, mate.axis, angle * k / n, sign * on * k / n) for k in range(n + 1)]
             beyond = assembly.far(group, others, direction, knots[-1])
             knots.append(translation(beyond * direction) * knots[-1])
-            out.append(Way("screw", direction, tuple(knots), far / mate.pitch, larger))
+            out.append(RemovalPath("screw", direction, tuple(knots), far / mate.pitch, larger))
     return out
 
 
-def _until_apart(mate: Mate, first: bool, direction: Array) -> float:
-    """m: how far the moving part of a thread goes along a direction of its axis until it is out of it."""
+def _until_apart(mate: MateMotion, first: bool, direction: Array) -> float:
+    """Advance of the moving part of a thread along its axis until it is disengaged, m."""
     forward = (mate.axis @ direction > 0.0) == first
     return mate.apart[0] if forward else mate.apart[1]
 
 
-def _same_screw(mate: Mate, origin: Array, axis: Array, pitch: float) -> bool:
+def _same_screw(mate: MateMotion, origin: Array, axis: Array, pitch: float) -> bool:
     if mate.pitch is None or abs(mate.pitch - pitch) > 1e-9 or abs(abs(mate.axis @ axis) - 1.0) > 1e-12:
         return False
     shift = mate.origin - origin

@@ -12,15 +12,14 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from vpframe.errors import VpframeError
 from vpframe.planning import certify
 from vpframe.planning.assembly import Assembly, Budget, BudgetError, working
-from vpframe.planning.certify import Clearance
+from vpframe.planning.certify import PathClearance
 from vpframe.planning.order import Unit, Ways
-from vpframe.processes import with_parent
+from vpframe.processes import environment, with_parent
 
 Task = tuple[str, Unit, tuple[Any, ...]]
 """method of `Asker`, the unit it is about, further arguments"""
@@ -34,12 +33,10 @@ class Workers:
         if jobs < 1:
             raise VpframeError(f"jobs is {jobs}; give a number of processes of at least 1")
         self._ways, self._told = ways, False
-        root = str(Path(__file__).resolve().parents[2])
-        path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
         self._processes = [
             subprocess.Popen(
                 with_parent(__name__), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": path}, start_new_session=True,
+                stderr=subprocess.DEVNULL, env=environment(), start_new_session=True,
             )
             for _ in range(jobs if jobs > 1 else 0)
         ]  # fmt: skip
@@ -49,7 +46,7 @@ class Workers:
         while self._processes:
             self._end(self._processes[0])
 
-    def ask(self, tasks: Sequence[Task], budget: Budget) -> dict[int, Clearance]:
+    def ask(self, tasks: Sequence[Task], budget: Budget) -> dict[int, PathClearance]:
         """Let the workers do tasks, each unit's by the same one; answers are kept by the assembly.
 
         Returns the clearances by the place of their task. The workers end within what is left of the budget and take
@@ -61,8 +58,8 @@ class Workers:
             self.close()  # an answer may still be under way
             raise
 
-    def _ask(self, tasks: Sequence[Task], budget: Budget) -> dict[int, Clearance]:
-        assembly, out = self._ways.assembly, dict[int, Clearance]()
+    def _ask(self, tasks: Sequence[Task], budget: Budget) -> dict[int, PathClearance]:
+        assembly, out = self._ways.assembly, dict[int, PathClearance]()
         if not self._told:
             self._told = True
             assembly.prepare()
@@ -115,7 +112,9 @@ class Asker:
         self.assembly = assembly
         self.ways, self.ignored = Ways(assembly, Budget(1e-3), motion, 0.0), clearance
 
-    def do(self, larger: bool, seconds: float, tasks: Sequence[Task]) -> tuple[Any, Any, dict[int, Clearance], float]:
+    def do(
+        self, larger: bool, seconds: float, tasks: Sequence[Task]
+    ) -> tuple[Any, Any, dict[int, PathClearance], float]:
         """Do tasks for so many seconds of processor time; return new answers, new patches, clearances by the place of
         the task, and the seconds taken."""
         began, clearances = working(), {}
@@ -145,9 +144,9 @@ class Asker:
             for other in others:
                 any(self.ways.blocked(unit, j, direction) for j in other)
 
-    def clearance(self, unit: Unit, standing: Any, knots: Any) -> Clearance:
+    def clearance(self, unit: Unit, static: Any, knots: Any) -> PathClearance:
         """What `Ways.clearance_of` measures."""
-        return certify.least_clearance(self.assembly, unit, sorted(standing), knots, self.ignored)
+        return certify.least_clearance(self.assembly, unit, sorted(static), knots, self.ignored)
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from vpframe.analysis.fits import BAD_KINDS
 from vpframe.console import Progress
 from vpframe.events import Frame
 from vpframe.scene.deflection import deflections
-from vpframe.scene.scene import Part, Scene, Shape
+from vpframe.scene.scene import Part, Scene
 from vpframe.session.log import SessionLog
 
 
@@ -54,21 +54,21 @@ def depths(
             question[1].add(clash.key)
     found: dict[ClashKey, Depth] = {}
     first: dict[ClashKey, float] = {}
-    linear, sags = (tolerance or Tolerance()).linear, Deflections()
+    linear = (tolerance or Tolerance()).linear
     last: tuple[str, str, pin.SE3, pin.SE3] | None = None
     rows: Mapping[tuple[int, ...], Row] = {}
     for number, ((a, b, _), (frame, keys)) in enumerate(sorted(questions.items(), key=lambda item: item[0])):
         if progress is not None:
             progress(number / len(questions), f"depth of {a} and {b}")
-        asked = (a, b, frame.poses[a], frame.poses[b])
-        if asked != last:  # same relative pose, same depth
-            rows, last = _rows(log.scene[a], log.scene[b], asked[2:], tolerance), asked
+        placed = (a, b, frame.poses[a], frame.poses[b])
+        if placed != last:  # same relative pose, same depth
+            rows, last = _rows(log.scene[a], log.scene[b], placed[2:], tolerance), placed
         for key in sorted(keys):
             if (key.surface_a, key.surface_b) not in rows:
                 continue
             kind, depth, point = rows[key.surface_a, key.surface_b]
             first.setdefault(key, depth)
-            slack = linear + (sags.of(log.scene, key) if depth > linear else 0.0)
+            slack = linear + (_deflections(log.scene, key) if depth > linear else 0.0)
             kind = kind or ("clash" if depth > slack else "contact")
             known = found.get(key)
             if known is not None:
@@ -90,7 +90,7 @@ def _rows(
     """What two parts are to each other, by their surfaces; of meshes without faces the depths alone."""
     if all(len(part.surfaces) == part.mesh.n_surfaces for part in (first, second)):
         judged = between(first, second, poses, tolerance)
-        return {s: (row["kind"], row["depth"], np.array(row["point"])) for s, row in judged.items()}
+        return {s: (row.kind, row.depth, np.array(row.point)) for s, row in judged.items()}
     manager = CollisionManager()
     for part, pose in zip((first, second), poses, strict=True):
         manager.add(part.mesh, pose)
@@ -101,19 +101,7 @@ def _rows(
     }
 
 
-class Deflections:
-    """Deflections of surfaces, computed once for each shape."""
-
-    def __init__(self) -> None:
-        self._of: dict[Shape, NDArray[np.float64]] = {}
-
-    def of(self, scene: Scene, key: ClashKey) -> float:
-        """Sum of the deflections of both surfaces, m."""
-        total = 0.0
-        for name, surface in ((key.part_a, key.surface_a), (key.part_b, key.surface_b)):
-            shape = scene[name].shape
-            if shape not in self._of:
-                self._of[shape] = deflections(shape)
-            of = self._of[shape]
-            total += float(of[surface]) if surface < len(of) else 0.0  # a shape may be a mesh without faces
-        return total
+def _deflections(scene: Scene, key: ClashKey) -> float:
+    """Sum of the deflections of both surfaces, m; 0 for those of a mesh without faces."""
+    ends = ((key.part_a, key.surface_a), (key.part_b, key.surface_b))
+    return float(sum(deflections(scene[name].shape)[s : s + 1].sum() for name, s in ends))

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 from vpframe.analysis.fits import BAD_KINDS
 from vpframe.analysis.pairs import count_words, place_words
 from vpframe.events import Event
-from vpframe.report import plots
-from vpframe.report.standing import BEFORE, EARLIER, TASK
+from vpframe.report import elements, plots
+from vpframe.report.origins import BEFORE, EARLIER, TASK
 from vpframe.scene.names import face_name, ignored_words
 from vpframe.session.log import SessionLog
-from vpframe.text import escape, filled
+from vpframe.text import escape
 from vpframe.view import palette
 
-HERE = Path(__file__).parent
 OPEN_EVENTS = 40
 """number of events above which the list is folded"""
-OPEN_STANDING = 6
+OPEN_INITIAL = 6
 """number of events of the initial assembly above which they are folded"""
-STANDING = ("recognised", "accepted", "refused", "satisfied")
+INITIAL = ("recognised", "accepted", "refused", "satisfied")
 """kinds of these events"""
 OPEN_LANES = 12
 """number of constraints above which lasting ones are not drawn"""
@@ -43,23 +40,21 @@ def html(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) 
     """Return the page for `document` (as in report.json); `pictures` from `writer`."""
     sections = [
         _head(document),
-        _figure(pictures.get("end"), "at the end", "wide"),
-        _section("Notes on the model", "".join(f"<div>{escape(note)}</div>" for note in document["notes"])),
-        _section("Steps", _stages(document["stages"])),
-        _section("What happened", _events(log.events) + _moments(log, pictures)),
-        _section("Constraints", _constraints(document, log)),
-        _section("Freedom left", _freedom(log)),
-        _section("Clearance along the path", _clearance(document, log, pictures)),
-        _section("Clashes", _clashes(document, log, pictures)),
-        _section("Swept volumes", _swept(document["swept"])),
-        _section("Time a step took", _timings(document, log)),
+        elements.figure(pictures.get("end"), "at the end", "wide"),
+        elements.section("Notes on the model", "".join(f"<div>{escape(note)}</div>" for note in document["notes"])),
+        elements.section("Steps", _stages(document["stages"])),
+        elements.section("What happened", _events(log.events) + _moments(log, pictures)),
+        elements.section("Constraints", _constraints(document, log)),
+        elements.section("Freedom left", _freedom(log)),
+        elements.section("Clearance along the path", _clearance(document, log, pictures)),
+        elements.section("Clashes", _clashes(document, log, pictures)),
+        elements.section("Swept volumes", _swept(document["swept"])),
+        elements.section("Time a step took", _timings(document, log)),
     ]
-    body = "\n".join(filter(None, sections))
-    return filled(HERE / "page.html", title=escape(f"{document['task']}: report"), body=body)
+    return elements.whole(f"{document['task']}: report", sections)
 
 
 def _head(document: dict[str, Any]) -> str:
-    good = document["can_be_done"]
     ignored = ignored_words(document["ignored"], document["parts"])
     verdict = _VERDICTS[document["verdict"]] + (f", {ignored}" if ignored else "")
     verdict += f": {document['reason']}" if document["reason"] else "."
@@ -76,14 +71,10 @@ def _head(document: dict[str, Any]) -> str:
         ("least clearance", "not measured" if least is None else _mm(least["least"])),
         ("constraints used", f"{sum(_was_active(c) for c in document['constraints'])}"),
     ]
-    cells = "".join(f'<div class="fact"><span class="dim">{name}</span><b>{escape(v)}</b></div>' for name, v in facts)
     model = f"{document['model'] or 'built in code'}, {document['parts']} parts"
-    return (
-        f"<h1>{escape(document['task'])}</h1><div class='dim'>{escape(model)} · "
-        f"<a href='scene.html'>play it back in 3D</a> · <a href='report.json'>report.json</a> · "
-        f"<a href='clashes.csv'>clashes.csv</a></div>"
-        f"<div class='verdict{'' if good else ' no'}'>{escape(verdict)}</div><div class='facts'>{cells}</div>"
-    )
+    links = (("scene.html", "play it back in 3D"), *((name, name) for name in ("report.json", "clashes.csv")))
+    line = " · ".join([escape(model), *(f"<a href='{file}'>{name}</a>" for file, name in links)])
+    return elements.head(document["task"], line, verdict, document["can_be_done"], facts)
 
 
 def _number(document: dict[str, Any], clashing: Sequence[dict[str, Any]], origin: str) -> str:
@@ -96,29 +87,25 @@ def is_open(pair: dict[str, Any]) -> bool:
     return pair["kind"] in BAD_KINDS and pair["status"] in ("new", "persistent")
 
 
-def _section(title: str, content: str) -> str:
-    return f"<h2>{title}</h2>\n{content}" if content else ""
-
-
 def _stages(stages: Sequence[dict[str, Any]]) -> str:
     rows = [
         (f"{s['start']:.2f}", f"{s['end'] - s['start']:.2f}", f"<code>{escape(s['text'])}</code>")
         for s in stages
         if s["text"]
     ]
-    return _folded(_table(("from (s)", "for (s)", "script"), rows, numbers=2), "steps", len(rows))
+    return _folded(elements.table(("from (s)", "for (s)", "script"), rows, numbers=(0, 1)), "steps", len(rows))
 
 
 def _events(events: Sequence[Event]) -> str:
     """Return the events; those of the initial assembly are folded."""
     parts: tuple[list[Event], list[Event]] = [], []
     for event in events:
-        parts[event.step <= 1 and event.kind in STANDING].append(event)
-    rest, standing = parts
-    if len(standing) <= OPEN_STANDING:
+        parts[event.step <= 1 and event.kind in INITIAL].append(event)
+    rest, initial = parts
+    if len(initial) <= OPEN_INITIAL:
         return _folded(_event_table(events), "events", len(events))
-    found = f"<summary>{len(standing)} events: what the parts are to each other as they stand</summary>"
-    return f"<details>{found}{_event_table(standing)}</details>" + _folded(_event_table(rest), "events", len(rest))
+    found = f"<summary>{len(initial)} events: what the parts are to each other as they stand</summary>"
+    return f"<details>{found}{_event_table(initial)}</details>" + _folded(_event_table(rest), "events", len(rest))
 
 
 def _event_table(events: Iterable[Event]) -> str:
@@ -130,7 +117,7 @@ def _event_table(events: Iterable[Event]) -> str:
         )
         for event in events
     ]
-    return _table(("time (s)", "event", ""), rows, numbers=1)
+    return elements.table(("time (s)", "event", ""), rows, numbers=(0,))
 
 
 def _moments(log: SessionLog, pictures: dict[Any, bytes]) -> str:
@@ -138,7 +125,9 @@ def _moments(log: SessionLog, pictures: dict[Any, bytes]) -> str:
     for number, (event, frame) in enumerate(log.moments):
         if number in pictures:
             captions.setdefault(frame.step, (pictures[number], []))[1].append(event.text or event.kind)
-    figures = [_figure(picture, f"{escape(_few(texts))} (step {step})") for step, (picture, texts) in captions.items()]
+    figures = [
+        elements.figure(picture, f"{escape(_few(texts))} (step {step})") for step, (picture, texts) in captions.items()
+    ]
     return f"<div class='pictures' style='margin-top:16px'>{''.join(figures)}</div>" if figures else ""
 
 
@@ -184,7 +173,7 @@ def _constraints(document: dict[str, Any], log: SessionLog) -> str:
         )
         for c in sorted(document["constraints"], key=lambda c: c["id"] in lasting)  # changed constraints first
     ]
-    table = _table(("kind", "parts and surfaces", "off by (mm)", "when", "why"), rows)
+    table = elements.table(("kind", "parts and surfaces", "off by (mm)", "when", "why"), rows)
     drawn = plots.spans(lanes, document["duration"]) if lanes else ""
     return drawn + note + _folded(table, "constraints", len(rows))
 
@@ -203,7 +192,7 @@ def _clearance(document: dict[str, Any], log: SessionLog, pictures: dict[Any, by
         a, b = (f"{part} · {face}" for part, face in zip(least["parts"], least["faces"], strict=True))
         text += f", between {escape(a)} and {escape(b)} at {place_words(least['points'][0])}"
     plot = plots.lines({"clearance": [(t, 1e3 * c) for t, c in log.clearance]}, "mm", log.duration)
-    return f"<p>{text}.</p>{plot}{_figure(pictures.get('least'), 'where it is least', 'wide')}"
+    return f"<p>{text}.</p>{plot}{elements.figure(pictures.get('least'), 'where it is least', 'wide')}"
 
 
 def _clashes(document: dict[str, Any], log: SessionLog, pictures: dict[Any, bytes]) -> str:
@@ -268,10 +257,10 @@ def _pair(pair: dict[str, Any], picture: bytes | None, opened: bool = False) -> 
         )
         for row in pair["surface_pairs"]
     ]
-    table = _table(("status", "surfaces", "first (s)", "steps", "depth", "remark"), rows)
+    table = elements.table(("status", "surfaces", "first (s)", "steps", "depth", "remark"), rows)
     return (
         f"<details class='pair'{' open' if opened and picture else ''}><summary>"
-        f"{_image(picture, escape(what)) if picture else '<span></span>'}"
+        f"{elements.image(picture, escape(what)) if picture else '<span></span>'}"
         f"<span>{names}<br><span class='dim'>{' · '.join(filter(None, facts))}</span></span>"
         f"<b>{size}</b><span class='status {pair['status']}'>{pair['status']}</span>"
         f"</summary>{table}</details>"
@@ -302,7 +291,7 @@ def _swept(volumes: Iterable[dict[str, Any]]) -> str:
         )
         for v in volumes
     ]
-    return _table(("part", "mesh", "triangles", "off by at most", "clashes with"), rows) if rows else ""
+    return elements.table(("part", "mesh", "triangles", "off by at most", "clashes with"), rows) if rows else ""
 
 
 def _timings(document: dict[str, Any], log: SessionLog) -> str:
@@ -316,35 +305,15 @@ def _timings(document: dict[str, Any], log: SessionLog) -> str:
     scale = log.duration / max(count, 1)
     top = 2e3 * max(t["p99"] for t in document["timings"].values())  # compilation in step 1 would flatten the plot
     series = {name: [(i * scale, min(1e3 * s, top)) for i, s in enumerate(v, 1)] for name, v in log.timings.items()}
-    return plots.lines(series, "ms, cut off at twice the 99 % quantile", log.duration) + _table(
+    return plots.lines(series, "ms, cut off at twice the 99 % quantile", log.duration) + elements.table(
         ("", "median (ms)", "99 % (ms)", "total (s)"), rows
     )
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: int = 0) -> str:
-    def cells(row: Sequence[str], tag: str) -> str:
-        return "".join(f"<{tag}{' class=n' if i < numbers else ''}>{cell}</{tag}>" for i, cell in enumerate(row))
-
-    body = "".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
-    return f"<table><tr>{cells(head, 'th')}</tr>{body}</table>" if rows else ""
 
 
 def _folded(table: str, what: str, count: int) -> str:
     if count <= OPEN_EVENTS:
         return table
     return f"<details><summary>{count} {what}</summary>{table}</details>"
-
-
-def _figure(picture: bytes | None, caption: str, style: str = "") -> str:
-    if picture is None:
-        return ""
-    return f"<figure class='{style}'>{_image(picture, caption)}<figcaption>{caption}</figcaption></figure>"
-
-
-def _image(picture: bytes, caption: str) -> str:
-    """Return an image; `caption` must be escaped."""
-    data = base64.b64encode(picture).decode("ascii")
-    return f"<img alt='{caption}' src='data:image/png;base64,{data}'>"
 
 
 def _mm(metres: float) -> str:

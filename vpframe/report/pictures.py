@@ -12,8 +12,8 @@ from vpframe.events import Frame
 from vpframe.scene.scene import Part, Scene
 from vpframe.view.camera import DIRECTION, Camera, look_at
 from vpframe.view.display import display_mesh
-from vpframe.view.snapshot import render
-from vpframe.view.symbols import Symbol, frame_symbols, hand_symbols
+from vpframe.view.snapshot import Look, render
+from vpframe.view.symbols import SceneSymbol, frame_symbols, hand_symbols
 
 SIZE = (480, 360)
 PAIR_SIZE = (360, 270)
@@ -29,7 +29,7 @@ def scene_picture(
     frame: Frame,
     camera: Camera,
     size: tuple[int, int] = SIZE,
-    marks: Sequence[Symbol] = (),
+    marks: Sequence[SceneSymbol] = (),
     marked: Sequence[tuple[str, int]] = (),
 ) -> NDArray[np.uint8]:
     """Render the scene at one step, with the surfaces `marked`, the constraints and `marks`."""
@@ -51,7 +51,7 @@ def pair_picture(
     opacity = dict.fromkeys(scene.names, GHOST)
     large, small = sorted((name for name, _ in surfaces), key=lambda name: -_size(scene[name]))
     opacity.update({large: GLASS, small: 1.0})
-    return render(scene, frame.poses, marked or surfaces, size, pair_camera(scene, frame, surfaces), opacity=opacity)
+    return render(scene, frame.poses, marked or surfaces, size, pair_camera(scene, frame, surfaces), look=Look(opacity))
 
 
 def pair_camera(scene: Scene, frame: Frame, surfaces: Sequence[tuple[str, int]]) -> Camera:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-import vpframe.report
-from vpframe.planning.certify import Track
+from vpframe.planning.certify import PartTrack
 from vpframe.planning.document import headline, ignores, overlaps_by_parts, reason, unsupported
 from vpframe.planning.plan import Disassembly, PlannedStep
+from vpframe.report import elements
 from vpframe.scene.scene import Scene
 from vpframe.scene.subassembly import listed
-from vpframe.text import escape, filled
+from vpframe.text import escape
 from vpframe.view.camera import Camera, look_at
-from vpframe.view.snapshot import png, render
+from vpframe.view.snapshot import Look, png, render
 
 SIZE = (480, 360)
 PICTURES = 60
@@ -36,21 +34,20 @@ def html(
     for n, step in enumerate(plan.steps[:PICTURES]):
         progress(n / max(1, len(plan.steps)), "pictures")
         caption = f"{n + 1}: {listed(step.parts)}, {step.way.text}{ignores(step.clearance, plan.names)}"
-        pictures.append(_figure(_step_picture(scene, step, gone(plan, n)), caption))
+        pictures.append(elements.figure(_step_picture(scene, step, gone(plan, n)), escape(caption)))
+    whole = elements.figure(exploded(scene, plan), "drawn along the ways out") if plan.steps else ""
     sections = [
         _head(plan, title),
-        _section("Exploded", f"<div class='wide'>{_figure(exploded(scene, plan), 'drawn along the ways out')}</div>")
-        if plan.steps else "",
-        _section("Steps", f"<div class='pictures'>{''.join(pictures)}</div>"),
-        _section("What has to go before what", _precedence(plan)),
-        _section("What may go side by side", _gantt(plan)),
-        _section("What stays without support", _list(unsupported(plan))),
-        _section("What stays in", _stuck(plan)),
-        _section("Press fits", "".join(f"<p>{escape(str(fit))}</p>" for fit in plan.press_fits)),
-        _section("Overlaps from the start, never deepened", _overlaps(plan)),
+        elements.section("Exploded", whole and f"<div class='wide'>{whole}</div>"),
+        elements.section("Steps", f"<div class='pictures'>{''.join(pictures)}</div>"),
+        elements.section("What has to go before what", _precedence(plan)),
+        elements.section("What may go side by side", _gantt(plan)),
+        elements.section("What stays without support", _list(unsupported(plan))),
+        elements.section("What stays in", _stuck(plan)),
+        elements.section("Press fits", "".join(f"<p>{escape(str(fit))}</p>" for fit in plan.press_fits)),
+        elements.section("Overlaps from the start, never deepened", _overlaps(plan)),
     ]  # fmt: skip
-    template = Path(vpframe.report.__file__).parent / "page.html"
-    return filled(template, title=escape(f"{title}: taken apart"), body="\n".join(filter(None, sections)))
+    return elements.whole(f"{title}: taken apart", sections)
 
 
 def exploded(scene: Scene, plan: Disassembly) -> bytes:
@@ -77,15 +74,15 @@ def _step_picture(scene: Scene, step: PlannedStep, gone: set[str]) -> bytes:
     poses = {name: _along(track, 0.6) for name, track in step.tracks.items()}
     opacity = {name: GONE if name in gone else 1.0 if name in step.parts else FAINT for name in scene.names}
     there = {name: poses.get(name, part.pose) for name, part in scene.items() if name not in gone}
-    return png(render(scene, poses, size=SIZE, camera=_camera(scene, there), opacity=opacity))
+    return png(render(scene, poses, size=SIZE, camera=_camera(scene, there), look=Look(opacity)))
 
 
-def _along(track: Track, share: float) -> pin.SE3:
+def _along(track: PartTrack, share: float) -> pin.SE3:
     k = int(np.searchsorted(track.times, share * track.times[-1]))
     return _between(track, min(k, len(track.poses) - 1), share)
 
 
-def _between(track: Track, k: int, share: float) -> pin.SE3:
+def _between(track: PartTrack, k: int, share: float) -> pin.SE3:
     if k == 0:
         return track.poses[0]
     t = share * float(track.times[-1])
@@ -102,29 +99,14 @@ def _camera(scene: Scene, poses: Mapping[str, pin.SE3]) -> Camera:
 
 
 def _head(plan: Disassembly, title: str) -> str:
-    good = plan.verdict == "removable"
-    words = headline(plan)
     facts = [
         ("steps", str(len(plan.steps))),
         ("levels", str(len(plan.levels))),
         ("stays", listed(plan.base)),
         ("fewest", f"of {plan.scope}" if plan.proven else "not proven" if plan.target else "only with --part"),
     ]
-    cells = "".join(f'<div class="fact"><span class="dim">{k}</span><b>{escape(v)}</b></div>' for k, v in facts)
-    return (
-        f"<h1>{escape(title)}</h1><div class='dim'>taken apart by vpframe · <a href='plan.json'>plan.json</a></div>"
-        f"<div class='verdict{'' if good else ' no'}'>{escape(words)}</div><div class='facts'>{cells}</div>"
-    )
-
-
-def _section(title: str, content: str) -> str:
-    return f"<h2>{title}</h2>\n{content}" if content else ""
-
-
-def _figure(picture: bytes, caption: str) -> str:
-    data = base64.b64encode(picture).decode("ascii")
-    text = escape(caption)
-    return f"<figure><img alt='{text}' src='data:image/png;base64,{data}'><figcaption>{text}</figcaption></figure>"
+    line = "taken apart by vpframe · <a href='plan.json'>plan.json</a>"
+    return elements.head(title, line, headline(plan), plan.verdict == "removable", facts)
 
 
 def _precedence(plan: Disassembly) -> str:
@@ -190,8 +172,9 @@ def _gantt(plan: Disassembly) -> str:
 
 
 def _stuck(plan: Disassembly) -> str:
-    rows = [f"<tr><td>{escape(name)}</td><td>{escape(reason(plan.stuck[name]))}</td></tr>" for name in plan.remaining]
-    return f"<table><tr><th>part</th><th>why</th></tr>{''.join(rows)}</table>" if rows else ""
+    return elements.table(
+        ("part", "why"), [(escape(name), escape(reason(plan.stuck[name]))) for name in plan.remaining]
+    )
 
 
 def _list(lines: Sequence[str]) -> str:
@@ -199,10 +182,6 @@ def _list(lines: Sequence[str]) -> str:
 
 
 def _overlaps(plan: Disassembly) -> str:
-    rows = [
-        f"<tr><td>{escape(a)}</td><td>{escape(b)}</td><td class=n>{depths[0] * 1e3:.3f} mm</td>"
-        f"<td class=n>{len(depths)}</td></tr>"
-        for (a, b), depths in overlaps_by_parts(plan).items()
-    ]
-    head = "<th>part</th><th>part</th><th class=n>greatest depth</th><th class=n>pairs of surfaces</th>"
-    return f"<table><tr>{head}</tr>{''.join(rows)}</table>" if rows else ""
+    found = overlaps_by_parts(plan).items()
+    rows = [(escape(a), escape(b), f"{depths[0] * 1e3:.3f} mm", f"{len(depths)}") for (a, b), depths in found]
+    return elements.table(("part", "part", "greatest depth", "pairs of surfaces"), rows, numbers=(2, 3))

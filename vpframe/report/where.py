@@ -12,7 +12,7 @@ from vpframe.session.log import SessionLog
 
 
 @dataclass(frozen=True, eq=False)
-class Gap:
+class LeastGap:
     """The two nearest surfaces and their nearest points."""
 
     parts: tuple[str, str]
@@ -21,7 +21,7 @@ class Gap:
     """(3,) each, world, m"""
 
 
-def least_gap(log: SessionLog) -> Gap | None:
+def least_gap(log: SessionLog) -> LeastGap | None:
     """Return the gap of the least clearance; None if no clearance was measured or no part was held."""
     frame = log.least
     if frame is None or frame.clearance is None or not frame.held:
@@ -36,7 +36,7 @@ def least_gap(log: SessionLog) -> Gap | None:
     if not rows:
         return None
     row = min(rows, key=lambda row: abs(float(row["distance"]) - float(frame.clearance or 0.0)))
-    return Gap(
+    return LeastGap(
         (names[int(row["object_a"])], names[int(row["object_b"])]),
         (int(row["surface_a"]), int(row["surface_b"])),
         (np.array(row["point_a"]), np.array(row["point_b"])),

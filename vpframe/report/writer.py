@@ -5,36 +5,38 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from collision import Tolerance
+from constraints.geometry.surfaces import Plane
 from vpframe import __version__, console, files
 from vpframe.analysis import clash_status
-from vpframe.analysis.clash import KINDS
 from vpframe.analysis.clash_status import ClashKey, ClashRecord
 from vpframe.analysis.fits import BAD_KINDS
-from vpframe.analysis.pairs import by_parts
+from vpframe.analysis.pairs import SurfacePair, by_parts
 from vpframe.analysis.swept import SweptVolume
 from vpframe.console import Progress
 from vpframe.events import Frame
 from vpframe.outputs import GENERATOR, MESH, REPORT_FILES, claimed_folder
 from vpframe.report import page
 from vpframe.report.depth import Depth, depths
+from vpframe.report.origins import EARLIER, ORIGINS, TASK, origins
 from vpframe.report.pictures import pair_picture, scene_picture
-from vpframe.report.standing import EARLIER, ORIGINS, TASK, origins
-from vpframe.report.where import Gap, least_gap
+from vpframe.report.where import LeastGap, least_gap
 from vpframe.scene.names import face_words
+from vpframe.scene.scene import Scene
 from vpframe.scene.stl import write_stl
 from vpframe.session.log import SessionLog
 from vpframe.text import csv_text
 from vpframe.view.camera import frame_scene
 from vpframe.view.meshcat_viewer import write_page
 from vpframe.view.snapshot import png
-from vpframe.view.symbols import Symbol, gap_symbol, trail_symbol
+from vpframe.view.symbols import SceneSymbol, gap_symbol, trail_symbol
 
 CLASH_PICTURES = 24
 MOMENT_PICTURES = 12
@@ -46,47 +48,49 @@ CSV_COLUMNS = (
 )  # fmt: skip
 
 
-def write(
-    directory: str | os.PathLike[str],
-    log: SessionLog,
-    *,
-    failure: str = "",
-    undecided: str = "",
-    complete: bool = True,
-    task: str = "",
-    authorised: Sequence[tuple[str, str]] = (),
-    ignored: Sequence[tuple[str, str]] = (),
-    swept: Sequence[SweptVolume] = (),
-    tolerance: Tolerance | None = None,
-) -> Path:
+@dataclass(frozen=True)
+class Account:
+    """What the report says of a run besides its log."""
+
+    failure: str = ""
+    """why the task cannot be done; empty if it has not failed"""
+    undecided: str = ""
+    """why the result is unknown; with neither, the task can be done"""
+    complete: bool = True
+    """whether the task ran to its end; only then the status of known clashes changes"""
+    task: str = ""
+    """name on the page; by default that of the model"""
+    authorised: Sequence[tuple[str, str]] = ()
+    """pairs of part names whose overlap as drawn is meant (press fits), for a list"""
+    ignored: Sequence[tuple[str, str]] = ()
+    """pairs of part names that may pass through each other: the verdict names them"""
+    swept: Sequence[SweptVolume] = ()
+    """swept volumes, written as STL"""
+    tolerance: Tolerance | None = None
+    """of the session, by which clashes are judged"""
+
+
+def write(directory: str | os.PathLike[str], log: SessionLog, **account: Any) -> Path:
     """Write the report of `log` into `directory` (a path, or an `OutputFolder`) and return its path.
 
-    Parameters
-    ----------
-    failure: why the task cannot be done; empty if it has not failed.
-    undecided: why the result is unknown; with neither, the task can be done.
-    complete: whether the task ran to its end; only then the status of known clashes changes.
-    task: name on the page; default: name of the model.
-    authorised: pairs of part names whose overlap as drawn is meant (press fits), for a list.
-    ignored: pairs of part names that may pass through each other: the verdict names them.
-    swept: swept volumes, written as STL.
-    tolerance: of the session, by which clashes are judged.
+    account: fields of `Account`: failure, undecided, complete, task, authorised, ignored, swept, tolerance.
 
     Raises
     ------
     VpframeError: the folder cannot be written or is locked by another run, a file to be replaced was not written by an
         earlier report, or `clashes.json` cannot be read.
     """
+    run = Account(**account)
     with claimed_folder(directory, REPORT_FILES) as folder:
         file = folder.file
         status = file(clash_status.FILE)
-        meshes = [(volume, file(_stl_name(volume), MESH)) for volume in swept]
+        meshes = [(volume, file(_stl_name(volume), MESH)) for volume in run.swept]
         known = clash_status.read_authorised(status)
-        records = clash_status.updated(clash_status.read(status), log.clashes, complete)
+        records = clash_status.updated(clash_status.read(status), log.clashes, run.complete)
         with console.progress("measuring clashes and clearance") as progress:
-            found = depths(log, progress, tolerance)
+            found = depths(log, progress, run.tolerance)
             gap = least_gap(log)
-        document = _document(log, records, found, gap, failure, undecided, task, authorised, ignored, swept)
+        document = _document(log, run, records, found, gap)
         with console.progress("drawing the report") as progress:
             pictures = _pictures(log, document["clashes"], gap, progress)
         for volume, path in meshes:
@@ -102,81 +106,37 @@ def write(
 
 
 def _document(
-    log: SessionLog,
-    records: Sequence[ClashRecord],
-    found: dict[ClashKey, Depth],
-    gap: Gap | None,
-    failure: str,
-    undecided: str,
-    task: str,
-    authorised: Sequence[tuple[str, str]],
-    ignored: Sequence[tuple[str, str]],
-    swept: Sequence[SweptVolume],
+    log: SessionLog, run: Account, records: Sequence[ClashRecord], found: dict[ClashKey, Depth], gap: LeastGap | None
 ) -> dict[str, Any]:
     least = log.least
     begun = origins(log, found)
-    clashes = [_clash(log, record, found.get(record.key), begun) for record in records]
+    clashes = (ReportedClash.of(log, record, found.get(record.key), begun) for record in records)
     return {
         "generator": GENERATOR,
         "version": __version__,
-        "task": task or (Path(log.scene.source).stem if log.scene.source else "session"),
+        "task": run.task or (Path(log.scene.source).stem if log.scene.source else "session"),
         "model": log.scene.source,
         "parts": len(log.scene),
         "notes": list(log.scene.all_notes()),
-        "verdict": "cannot be done" if failure else "not decided" if undecided else "can be done",
-        "can_be_done": not failure and not undecided,
-        "reason": failure or undecided,
+        "verdict": "cannot be done" if run.failure else "not decided" if run.undecided else "can be done",
+        "can_be_done": not run.failure and not run.undecided,
+        "reason": run.failure or run.undecided,
         "duration": log.duration,
         "steps": log.steps,
-        "stages": [{"text": s.text, "start": s.start, "end": s.end} for s in log.stages],
-        "events": [
-            {
-                "step": e.step,
-                "time": e.time,
-                "kind": e.kind,
-                "parts": list(e.parts),
-                "surfaces": [list(surfaces) for surfaces in e.surfaces],
-                "text": e.text,
-            }
-            for e in log.events
-        ],
+        "stages": [_fields(stage, "text", "start", "end") for stage in log.stages],
+        "events": [_fields(e, "step", "time", "kind", "parts", "surfaces", "text") for e in log.events],
         "clashes": _by_origin(clashes),
-        "authorised": [list(pair) for pair in authorised],
-        "ignored": [list(pair) for pair in ignored],
+        "authorised": [list(pair) for pair in run.authorised],
+        "ignored": [list(pair) for pair in run.ignored],
         "press_fits": [fit.document() for fit in log.press_fits],
-        "clearance": None
-        if least is None
-        else {
-            "least": least.clearance,
-            "time": least.time,
-            "step": least.step,
-            "parts": list(gap.parts) if gap else None,
-            "surfaces": list(gap.surfaces) if gap else None,
-            "faces": [face_words(log.scene[p], s) for p, s in zip(gap.parts, gap.surfaces, strict=True)]
-            if gap
-            else None,
-            "points": [point.tolist() for point in gap.points] if gap else None,
-            "poses": {
-                name: {
-                    "translation": least.poses[name].translation.tolist(),
-                    "rotation": least.poses[name].rotation.tolist(),
-                }
-                for name in least.freedom
-                if name in least.poses
-            },
-        },
+        "clearance": None if least is None else _clearance(log.scene, least, gap),
         "freedom": {
             part: [{"time": t, "freedom": n, "joint": joint} for t, n, joint in changes]
             for part, changes in log.freedom.items()
         },
         "constraints": [
             {
-                "id": mate.id,
-                "kind": mate.kind,
-                "parts": list(mate.parts),
-                "surfaces": [list(surfaces) for surfaces in mate.surfaces],
-                "residual": mate.residual,
-                "why": mate.why,
+                **_fields(mate, "id", "kind", "parts", "surfaces", "residual", "why"),
                 "states": [{"state": state, "from": start, "to": end} for state, start, end in mate.spans],
             }
             for mate in log.mates.values()
@@ -197,14 +157,37 @@ def _document(
                 "error": volume.error,
                 "clashes": list(volume.clashes),
             }
-            for volume in swept
+            for volume in run.swept
         ],
     }
 
 
-def _by_origin(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def _clearance(scene: Scene, least: Frame, gap: LeastGap | None) -> dict[str, Any]:
+    """Return the entry of the step of least clearance."""
+    places: dict[str, Any] = {"parts": None, "surfaces": None, "faces": None, "points": None}
+    if gap is not None:
+        faces = [face_words(scene[part], surface) for part, surface in zip(gap.parts, gap.surfaces, strict=True)]
+        points = [point.tolist() for point in gap.points]
+        places = {"parts": gap.parts, "surfaces": gap.surfaces, "faces": faces, "points": points}
+    poses = {name: least.poses[name] for name in least.freedom if name in least.poses}
+    return {
+        "least": least.clearance,
+        **_fields(least, "time", "step"),
+        **places,
+        "poses": {
+            name: {"translation": pose.translation.tolist(), "rotation": pose.rotation.tolist()}
+            for name, pose in poses.items()
+        },
+    }
+
+
+def _fields(value: Any, *names: str) -> dict[str, Any]:
+    return {name: getattr(value, name) for name in names}
+
+
+def _by_origin(rows: Iterable[ReportedClash]) -> list[dict[str, Any]]:
     """Group surface pairs by origin and pair of parts, with the common times of their surface pairs."""
-    pairs = by_parts(rows, KINDS, lambda row: row["origin"])
+    pairs = [pair.document() for pair in by_parts(rows, lambda row: row.origin)]
     for pair in pairs:
         seen = [row for row in pair["surface_pairs"] if row["steps"]]
         if seen:
@@ -226,33 +209,50 @@ def _json(document: Mapping[str, Any]) -> str:
     return f"{{\n{fields}\n}}\n"
 
 
-def _clash(log: SessionLog, record: ClashRecord, depth: Depth | None, begun: Mapping[ClashKey, str]) -> dict[str, Any]:
-    key = record.key
-    seen = log.clashes.get(key)
-    faces = [
-        face_words(log.scene[part], surface) if part in log.scene else f"face {surface}"
-        for part, surface in ((key.part_a, key.surface_a), (key.part_b, key.surface_b))
-    ]
-    return {
-        "origin": begun.get(key, EARLIER),
-        "kind": "contact" if depth is None else depth.kind,
-        "status": record.status,
-        "parts": [key.part_a, key.part_b],
-        "surfaces": [key.surface_a, key.surface_b],
-        "faces": faces,
-        "first_time": seen.first.time if seen else None,
-        "last_time": seen.last_time if seen else None,
-        "steps": seen.steps if seen else 0,
-        "depth": depth.depth if depth else None,
-        "deepest_time": depth.time if depth else None,
-        "point": depth.point.tolist() if depth else None,
-        "remark": record.remark,
-        "runs": record.runs,
-    }
+@dataclass(frozen=True)
+class ReportedClash(SurfacePair):
+    """A known clash, with what this run found of it: a row of the report; times in s, lengths in m."""
+
+    origin: str
+    kind: str
+    status: str
+    parts: tuple[str, str]
+    surfaces: tuple[int, int]
+    faces: tuple[str, ...]
+    first_time: float | None
+    last_time: float | None
+    steps: int
+    depth: float | None
+    deepest_time: float | None
+    point: list[float] | None
+    remark: str
+    runs: int
+    planes: int = 0
+    """number of plane faces"""
+    distance: float = 0.0
+
+    @staticmethod
+    def of(log: SessionLog, record: ClashRecord, found: Depth | None, begun: Mapping[ClashKey, str]) -> ReportedClash:
+        """Return the row of a known clash. begun: origins of the clashes of this run."""
+        key, seen = record.key, log.clashes.get(record.key)
+        parts, surfaces = (key.part_a, key.part_b), (key.surface_a, key.surface_b)
+        ends = [(log.scene.get(part), surface) for part, surface in zip(parts, surfaces, strict=True)]
+        faces = tuple(f"face {surface}" if part is None else face_words(part, surface) for part, surface in ends)
+        known = [part.surfaces[s].geometry for part, s in ends if part is not None and 0 <= s < len(part.surfaces)]
+        return ReportedClash(
+            begun.get(key, EARLIER), found.kind if found else "contact", record.status, parts, surfaces, faces,
+            seen.first.time if seen else None, seen.last_time if seen else None, seen.steps if seen else 0,
+            found.depth if found else None, found.time if found else None, found.point.tolist() if found else None,
+            record.remark, record.runs, sum(isinstance(g, Plane) for g in known),
+        )  # fmt: skip
+
+    def document(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {name: value for name, value in vars(self).items() if name not in ("planes", "distance")}
 
 
 def _pictures(
-    log: SessionLog, clashes: Sequence[dict[str, Any]], gap: Gap | None, progress: Progress
+    log: SessionLog, clashes: Sequence[dict[str, Any]], gap: LeastGap | None, progress: Progress
 ) -> dict[Any, bytes]:
     """Return PNG data by content: (origin, part, part) for a pair, number of a moment, "end", or "least".
 
@@ -311,7 +311,7 @@ def _without(frame: Frame, left_out: frozenset[int]) -> Frame:
     return dataclasses.replace(frame, constraints=tuple(view for view in frame.constraints if view.id not in left_out))
 
 
-def _trails(log: SessionLog) -> list[Symbol]:
+def _trails(log: SessionLog) -> list[SceneSymbol]:
     """Return the paths of the hands."""
     places: dict[str, list[Any]] = {}
     for frame, _ in log.history:

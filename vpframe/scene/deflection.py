@@ -15,6 +15,7 @@ _FLAT = 1e-9
 """deflection below which an edge is straight, m"""
 _BETWEEN = 1.06
 """1: a triangle on a sphere deviates at most by this part more than at its centroid and at the middles of its edges"""
+_DEFLECTIONS: WeakKeyDictionary[Shape, NDArray[np.float64]] = WeakKeyDictionary()
 _BORDERS: WeakKeyDictionary[Shape, dict[int, NDArray[np.float64]]] = WeakKeyDictionary()
 
 
@@ -26,11 +27,13 @@ def deflections(shape: Shape) -> NDArray[np.float64]:
     surface is estimated: two triangles of heights h that meet at an angle θ deviate by about h θ / 8 from an arc
     through their corners.
     """
-    edge, shared, inner = _sags(shape)
-    mesh = shape.mesh
-    return np.array(
-        [shared[edge[mesh.triangles_of(i)]].max(initial=least) for i, least in enumerate(inner)], dtype=np.float64
-    )
+    if shape.faceted:
+        return np.zeros(shape.mesh.n_surfaces)
+    if shape not in _DEFLECTIONS:
+        edge, shared, inner = _sags(shape)
+        worst = [shared[edge[shape.mesh.triangles_of(i)]].max(initial=least) for i, least in enumerate(inner)]
+        _DEFLECTIONS[shape] = np.array(worst, dtype=np.float64)
+    return _DEFLECTIONS[shape]
 
 
 def curved_borders(shape: Shape) -> dict[int, NDArray[np.float64]]:

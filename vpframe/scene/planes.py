@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,15 +36,18 @@ class PlaneOverlap:
     why: str
 
 
-def facing_overlaps(scene: Scene, world: CollisionManager, sags: Sequence[Array]) -> list[PlaneOverlap]:
+def facing_overlaps(
+    scene: Scene, world: CollisionManager, contacts: NDArray[Any], sags: Sequence[Array]
+) -> list[PlaneOverlap]:
     """Return overlaps of facing planes by more than `Tolerance.linear` and less than the deflections.
 
-    sags: deflection of each surface of each part, m. The shared area must exceed the uncertainty of the two borders.
+    contacts: of the world, up to `Tolerance.linear` and the greatest deflections of two parts. sags: deflection of each
+    surface of each part, m. The shared area must exceed the uncertainty of the two borders.
     """
     worst = [float(sag.max(initial=0.0)) for sag in sags]
     linear, angular = world.tolerance.linear, world.tolerance.angular
     found = []
-    for row in world.contacts(within=linear + 2.0 * max(worst, default=0.0)) if any(worst) else ():
+    for row in contacts[_facing(scene, contacts, angular)] if any(worst) else ():
         a, i, b, j = (int(row[name]) for name in ("object_a", "surface_a", "object_b", "surface_b"))
         first, second = scene.parts[a].surfaces[i], scene.parts[b].surfaces[j]
         p, q = first.geometry, second.geometry
@@ -63,6 +67,15 @@ def facing_overlaps(scene: Scene, world: CollisionManager, sags: Sequence[Array]
             why = f"planes overlap by {millimetres(depth)} over {region.area * 1e6:.4g} mm²"
             found.append(PlaneOverlap((a, b, i, j), depth, why))
     return found
+
+
+def _facing(scene: Scene, contacts: NDArray[Any], angular: float) -> NDArray[np.bool_]:
+    """(n,) whether the two surfaces of each contact row may be planes that face each other within an angle, rad."""
+    first = np.cumsum([0, *(len(part.surfaces) for part in scene.parts)])
+    geometries = ((part.pose.rotation, face.geometry) for part in scene.parts for face in part.surfaces)
+    normals = np.array([r @ g.normal if isinstance(g, Plane) else np.full(3, np.nan) for r, g in geometries])
+    sides = (normals[first[contacts["object_" + side]] + contacts["surface_" + side]] for side in "ab")
+    return np.asarray((next(sides) * next(sides)).sum(axis=1) <= 1e-9 - np.cos(angular))
 
 
 def is_exact_overlap(pair: PairClass, shapes: Sequence[Shape], world: CollisionManager, sags: Sequence[Array]) -> bool:

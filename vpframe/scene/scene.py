@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import InitVar, dataclass, field, replace
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, overload
 
@@ -82,6 +82,8 @@ class Shape:
     """remarks of the reader: open mesh, lost or repaired faces, dropped triangles"""
     brep: bytes = field(default=b"", repr=False)
     """exact B-rep in OpenCascade's binary format, mm; empty for a mesh"""
+    faceted: bool = False
+    """whether the triangles are taken as the exact surface: a bare mesh as one surface without features"""
 
     def __post_init__(
         self,
@@ -97,6 +99,11 @@ class Shape:
     def __getstate__(self) -> dict[str, Any]:
         known = {name: value for name, value in vars(self).items() if name not in ("_find", "_measure")}
         return {"surfaces": self.surfaces, "_mass": self._mass, **known}
+
+    @property
+    def unsegmented(self) -> Shape:
+        """The shape itself; of a bare mesh one of a single surface, for which no surfaces are searched."""
+        return self
 
     @property
     def volume(self) -> float:
@@ -124,6 +131,11 @@ class Shape:
         find: Callable[[], tuple[Surface, ...]] = self.__dict__.pop("_find")
         return find()
 
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Numbers of faces and triangles; no faces while those of a mesh were not needed."""
+        return self.mesh.n_surfaces, self.mesh.n_triangles
+
     @cached_property
     def features(self) -> tuple[Feature, ...]:
         """Analytic surfaces, each of one or more faces."""
@@ -138,34 +150,66 @@ class Shape:
 
 
 class Placing(Protocol):
-    """Interface of a session's state, which moves parts."""
+    """Interface of a session's engine, which moves parts."""
 
     def pose(self, index: int) -> pin.SE3 | None:
         """Return a copy of the pose of part `index`; None while the part keeps its pose in the scene."""
 
 
-@dataclass(eq=False)
+GREY = (0.7, 0.7, 0.75, 1.0)
+"""colour of a part that has none: red, green, blue (sRGB) and opacity"""
+
+
 class Part:
     """One instance of a shape in the scene.
 
-    During a session `pose` is read-only and returns the session's pose; hands and forces move the part.
+    Parameters
+    ----------
+    pose: world pose, `pinocchio.SE3` or the (4, 4) matrix of a rigid motion.
+    color: red, green, blue (sRGB) and opacity, each in 0 … 1.
+    density: kg/m³; None if the file gives no plausible value.
+    inertia: mass, centre and inertia in the part's frame from the model; None: computed from density and shape.
     """
 
-    name: str
-    shape: Shape
-    pose: pin.SE3
-    color: tuple[float, float, float, float] = (0.7, 0.7, 0.75, 1.0)
-    """red, green, blue (sRGB) and opacity, each in 0 … 1"""
-    density: float | None = None
-    """kg/m³; None if the file gives no plausible value"""
-    fixed: bool = False
-    inertia: pin.Inertia | None = None
-    """mass, centre and inertia in the part's frame from the model; None: computed from density and shape"""
-    _placing: tuple[Placing, int] | None = field(default=None, init=False, repr=False)
+    def __init__(
+        self,
+        name: str,
+        shape: Shape,
+        pose: pin.SE3,
+        color: tuple[float, float, float, float] = GREY,
+        density: float | None = None,
+        fixed: bool = False,
+        inertia: pin.Inertia | None = None,
+    ) -> None:
+        self.name, self.shape, self.color, self.density = name, shape, color, density
+        self.fixed, self.inertia = fixed, inertia
+        self._placing: tuple[Placing, int] | None = None
+        self.pose = pose
+
+    @property
+    def pose(self) -> pin.SE3:
+        """World pose of the part. During a session it is read-only and is the session's; hands and forces move it."""
+        placed = None if self._placing is None else self._placing[0].pose(self._placing[1])
+        return self._pose if placed is None else placed
+
+    @pose.setter
+    def pose(self, pose: pin.SE3) -> None:
+        if self._placing is not None:
+            raise VpframeError(
+                f"{self.name} is in a session, which alone moves its parts: use hand.move_to(pose), or set part.pose "
+                "before the session is opened or after it is closed"
+            )
+        self._pose = rigid(pose, f"{self.name}: pose")
+
+    def copy(self, name: str | None = None, pose: pin.SE3 | None = None, shape: Shape | None = None) -> Part:
+        """Return another part with the same properties, except those that are given."""
+        where = self.pose.copy() if pose is None else pose
+        of = self.shape if shape is None else shape
+        return Part(name or self.name, of, where, self.color, self.density, self.fixed, self.inertia)
 
     def enter(self, session: Placing, index: int) -> None:
         """Attach the part to a session, which from now on provides its pose as part `index`."""
-        self._pose = _pose_of(self)
+        self._pose = self.pose
         self._placing = (session, index)
 
     def is_placed_by(self, session: Placing) -> bool | None:
@@ -175,7 +219,7 @@ class Part:
     def leave(self, session: Placing) -> None:
         """Detach the part from a session, keeping its pose, unless another session has attached it."""
         if self._placing is not None and self._placing[0] is session:
-            self._pose = _pose_of(self)
+            self._pose = self.pose
             self._placing = None
 
     @property
@@ -197,25 +241,9 @@ class Part:
         return f"Part({self.name!r}, surfaces={len(self.surfaces)})"
 
 
-def _pose_of(part: Part) -> pin.SE3:
-    placed = None if part._placing is None else part._placing[0].pose(part._placing[1])
-    return part._pose if placed is None else placed
-
-
-def _set_pose(part: Part, pose: pin.SE3) -> None:
-    if getattr(part, "_placing", None) is not None:
-        raise VpframeError(
-            f"{part.name} is in a session, which alone moves its parts: use hand.move_to(pose), or set part.pose "
-            "before the session is opened or after it is closed"
-        )
-    part._pose = rigid(pose, f"{part.name}: pose")
-
-
-Part.pose = property(_pose_of, _set_pose, doc="World pose of the part.")  # type: ignore[assignment]
-
-
 _NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 _SHOWN = 3
+_PLACE = re.compile(r"near \([^)]*\) mm")
 """most parts that a note names"""
 _REPAIRED = ("repaired", "meshed again", "one by one")
 
@@ -316,16 +344,21 @@ class Scene(Mapping[str, Part]):
         return (*self.notes, *notes)
 
     def summary(self) -> str:
-        """Return the numbers of parts, faces, triangles and repaired and open shapes, in one line."""
-        shapes = list(dict.fromkeys(part.shape for part in self.parts))
-        faces, triangles = (
-            sum(n) for n in zip(*((s.mesh.n_surfaces, s.mesh.n_triangles) for s in shapes), strict=True)
-        )
-        repaired = sum(any(word in note for word in _REPAIRED for note in shape.notes) for shape in shapes)
-        opened = sum(not shape.closed for shape in shapes)
+        """Return the numbers of parts, faces, triangles and repaired and open shapes, and the places of the first of
+        these, in one line. Meshes whose surfaces were not needed yet have no faces."""
+        first = {part.shape: part.name for part in reversed(self.parts)}
+        faces, triangles = (sum(numbers) for numbers in zip(*(shape.counts for shape in first), strict=True))
+        repaired = {s: note for s in first for note in s.notes if any(word in note for word in _REPAIRED)}
+        opened = {s: next((n for n in s.notes if n.startswith("open")), "") for s in first if not s.closed}
+
+        def places(found: dict[Shape, str]) -> str:
+            shown = list(found.items())[-1 : -1 - _SHOWN : -1]  # in the order of the parts
+            named = (f"{first[s]}{f' {place[0]}' if (place := _PLACE.search(note)) else ''}" for s, note in shown)
+            return f" ({', '.join(named)}{', …' if len(found) > _SHOWN else ''})" if found else ""
+
         return (
-            f"{len(self)} parts of {len(shapes)} shapes, {faces} faces, {triangles} triangles; {repaired} shapes "
-            f"repaired, {opened} open"
+            f"{len(self)} parts of {len(first)} shapes, {faces} faces, {triangles} triangles; {len(repaired)} shapes "
+            f"repaired{places(repaired)}, {len(opened)} open{places(opened)}"
         )
 
     def export(
@@ -339,7 +372,7 @@ class Scene(Mapping[str, Part]):
 
     def copy(self) -> Scene:
         """Return a scene with the same shapes and copies of the parts at their present poses."""
-        parts = (replace(part, pose=part.pose.copy()) for part in self.parts)
+        parts = (part.copy() for part in self.parts)
         return Scene(parts, self.source, self.notes, self.statements)
 
     def __getitem__(self, name: str) -> Part:

@@ -1,7 +1,7 @@
 """What motions may do to parts whose overlap is authorised: the overlap as drawn, along the fit's axis, and no deeper.
 
 Their collision is off in the session. Instead each leg of a motion is swept as a plan sweeps it
-(`vpframe.analysis.mate_motions`, `collision.query.blocking`): the surfaces of a fit are left out while the two stay on
+(`vpframe.analysis.mate_motions`, `collision.Sweeps`): the surfaces of a fit are left out while the two stay on
 its axis, any other overlap as drawn only shrinks.
 """
 
@@ -15,8 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import Tolerance
-from collision.query.blocking import Sweeps
+from collision import Sweeps, Tolerance
 from vpframe.analysis.mate_motions import LINEAR, Mates
 from vpframe.scene.scene import Scene
 
@@ -67,7 +66,7 @@ class AuthorisedPairs:
     def _of(self, a: int, b: int) -> Sweeps:
         if (a, b) not in self._sweeps:
             parts = [self.scene.parts[i] for i in (a, b)]
-            pair = Scene(replace(part, pose=pin.SE3(self.drawn[i])) for part, i in zip(parts, (a, b), strict=True))
+            pair = Scene(part.copy(pose=pin.SE3(self.drawn[i])) for part, i in zip(parts, (a, b), strict=True))
             threads = {self.scene.names[i]: self.threads[i] for i in (a, b) if i in self.threads}
             mates = Mates(pair, [(parts[0].name, parts[1].name)], threads, self.tolerance)
             swept = replace(self.tolerance, linear=LINEAR)

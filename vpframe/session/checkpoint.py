@@ -28,8 +28,9 @@ from vpframe.codec import WRONG, CodecError
 from vpframe.errors import CheckpointError, OutputError
 from vpframe.outputs import CHECKPOINT, append, claimed
 from vpframe.scene.scene import Scene
+from vpframe.session.engine import Engine
 from vpframe.session.readings import Readings
-from vpframe.session.state import CODEC, Changes, Decision, State, StateError
+from vpframe.session.state import CODEC, Changes, Decision, StateError
 from vpframe.session.step import HandTarget, Inputs, advance
 
 _MAGIC = b"vpframe journal 2\n"
@@ -67,7 +68,7 @@ class Journal:
             raise CheckpointError(str(error), error.path) from None
         if not end:
             self._put(_MAGIC)
-            self._write(_HEAD, {"schema": CODEC.schema, "run": dict(run)})
+            self._put(_record(_HEAD, CODEC.encode({"schema": CODEC.schema, "run": dict(run)})))
 
     @property
     def past(self) -> list[bytes]:
@@ -84,52 +85,38 @@ class Journal:
         """Whether recorded steps remain to be replayed."""
         return self.left > 0
 
-    def mark(self) -> tuple[int, int, int]:
-        """Return a mark of the current position; `undo(mark)` goes back to it."""
-        return self._at, self._step, self._file.tell() if self._file.seekable() else -1
-
-    def undo(self, mark: tuple[int, int, int]) -> None:
-        """Go back to a mark and delete the records written since."""
-        self._at, self._step, end = mark
-        if end >= 0 and self._file.tell() != end:
-            self._file.truncate(end)
-            self._file.seek(end)
-
-    def replay(self, digest: bytes) -> Any:
+    def recorded(self, digest: bytes) -> Any:
         """Return the recorded result of the next step, whose inputs must have this `digest`.
 
         Raises
         ------
         CheckpointError: the inputs differ from those recorded, or the record is damaged.
         """
-        payload = self._past[self._at]
-        self._at += 1
-        self._step += 1
         with self.undamaged():
-            asked, result = CODEC.decode(payload)
-        if asked != digest:
+            recorded, result = CODEC.decode(self._past[self._at])
+        if recorded != digest:
             raise CheckpointError(
-                f"{self.path}: at step {self._step} the run has other inputs than those in this checkpoint "
+                f"{self.path}: at step {self._step + 1} the run has other inputs than those in this checkpoint "
                 "(the script may read a clock or random numbers); run it without --resume",
                 str(self.path),
-                self._step,
+                self._step + 1,
             )
         return result
 
-    def append(self, digest: bytes, result: Any) -> bool:
-        """Write the result of one computed step; return whether the state should be saved now."""
-        self._write(_STEP, (digest, result))
+    def advance(self, digest: bytes, result: Any, save: Callable[[], bytes]) -> None:
+        """Go on to the next step: write it with its inputs' digest, and at intervals the state that `save` returns,
+        unless it was read from the file. The file keeps all of it or nothing.
+
+        Raises CheckpointError if the file cannot be written.
+        """
+        if self.replaying:
+            self._at += 1
+        else:
+            data = _record(_STEP, CODEC.encode((digest, result)))
+            if (self._step + 1) % self.every == 0:
+                data += _record(_SAVE, save())
+            self._put(data)
         self._step += 1
-        return self._step % self.every == 0
-
-    def save(self, state: Any) -> None:
-        """Write the whole state (`State.data`) after the last step, in the encoding of `State.save`."""
-        self._write(_SAVE, state)
-
-    def restore(self) -> Any:
-        """Return the last saved state, None if there is none. Raises CheckpointError if it is damaged."""
-        with self.undamaged():
-            return None if self.saved is None else CODEC.decode(self.saved)
 
     @contextlib.contextmanager
     def undamaged(self) -> Iterator[None]:
@@ -148,15 +135,19 @@ class Journal:
         self._file.close()
         self._output.close()
 
-    def _write(self, tag: bytes, value: Any) -> None:
-        payload = CODEC.encode(value)
-        self._put(_HEADER.pack(tag, len(payload), zlib.crc32(payload)) + payload)
-
     def _put(self, data: bytes) -> None:
+        """Append all of the data or nothing."""
+        end = self._file.tell() if self._file.seekable() else -1
         try:
             append(self._file, data)
-        except OSError as error:
-            raise CheckpointError(f"{self.path}: cannot be written: {error.strerror}", str(self.path)) from None
+        except BaseException as error:
+            if end >= 0 and self._file.tell() != end:
+                self._file.truncate(end)
+                self._file.seek(end)
+            if isinstance(error, OSError):
+                text = f"{self.path}: cannot be written: {error.strerror}"
+                raise CheckpointError(text, str(self.path)) from None
+            raise
 
     def _read(self, run: dict[str, str]) -> int:
         """Read the file up to its last saved state; return the length of that section (0: no saved state)."""
@@ -208,6 +199,10 @@ class Journal:
             )
 
 
+def _record(tag: bytes, payload: bytes) -> bytes:
+    return _HEADER.pack(tag, len(payload), zlib.crc32(payload)) + payload
+
+
 def journal_of(path: str | os.PathLike[str], scene: Scene, run: Mapping[str, str], resume: bool) -> Journal:
     """Open the journal of a run; it depends on the scene and on the inputs `run`."""
     model = hashlib.sha256()
@@ -229,31 +224,28 @@ def digest_of(targets: Iterable[HandTarget], decisions: Iterable[Decision]) -> b
 
 
 def advance_or_replay(
-    state: State, readings: Readings, journal: Journal | None, given: Inputs, asked: Callable[[], list[Decision]]
-) -> Changes:
-    """Compute one step and write it to the journal, or replay it from the journal while recorded steps remain.
+    engine: Engine, readings: Readings, journal: Journal | None, given: Inputs, requested: Callable[[], list[Decision]]
+) -> tuple[Changes, Callable[[], None]]:
+    """Compute one step, or replay it from the journal while recorded steps remain.
 
-    asked: returns decisions of people at viewers. They are not inputs of the script: the journal records only the
-    resulting changes, and `asked` is not called during replay.
+    requested: returns decisions of people at viewers. They are not inputs of the script: the journal records only the
+    resulting changes, and `requested` is not called during replay.
+
+    Returns the changes, and what writes them to the journal; it raises CheckpointError if the file cannot be written.
     """
     if journal is None:
-        changes = advance(state, readings, _with(given, asked()))
-        state.step += 1
-        return changes
+        return advance(engine, readings, _with(given, requested())), lambda: None
     digest = digest_of(given.targets, given.decisions)
     if journal.replaying:
-        changes = journal.replay(digest)
+        changes = journal.recorded(digest)
         with journal.undamaged():
-            state.follow(changes)
-            state.step += 1
-            if not journal.replaying and journal.saved is not None:
-                state.restore_data(journal.restore())
-        return changes
-    changes = advance(state, readings, _with(given, asked()))
-    state.step += 1
-    if journal.append(digest, replace(changes, constraints=tuple(changes.constraints))):
-        journal.save(state.data())
-    return changes
+            engine.follow(changes)
+            if journal.left == 1 and journal.saved is not None:
+                engine.restore(journal.saved)
+    else:
+        changes = advance(engine, readings, _with(given, requested()))
+    whole = replace(changes, constraints=tuple(changes.constraints))  # with all views read
+    return changes, lambda: journal.advance(digest, whole, engine.save)
 
 
 def _with(given: Inputs, decisions: list[Decision]) -> Inputs:

@@ -53,7 +53,7 @@ class Controls:
             del self._requests[:count]
 
     def asked_to_go(self, timeout: float) -> bool:
-        """Wait for the first "play", at most `timeout` s; return whether it has come."""
+        """Wait for the first "play", at most `timeout` s; return whether it was received."""
         return self._go.wait(timeout)
 
     def wait(self, timeout: float | None = None) -> bool:

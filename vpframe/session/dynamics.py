@@ -19,6 +19,7 @@ from physics.model.bodies import ABSENT, FREE, KINEMATIC, STATIC, Bodies, follow
 from vpframe.codec import conforms
 from vpframe.scene.poses import RIGID, rigid
 from vpframe.scene.scene import Part, Scene
+from vpframe.session.state import DynamicsState
 
 Array = NDArray[np.float64]
 
@@ -105,16 +106,35 @@ class Dynamics:
         """Return the loaded contacts of a body, each with the force (3,) on the body, N."""
         return [(touch, touch.impulse / self._dt) for touch in self.world.touches(i)]
 
-    def mark(self) -> tuple[Any, ...]:
-        """Return a mark of the current state; `undo(mark)` goes back to it."""
-        return self.world.mark(), self._held, self._springs, self._joined, self._known
+    @property
+    def snapshot(self) -> DynamicsState:
+        """The state at this instant, for `go_to`."""
+        return DynamicsState(self.world.snapshot, frozenset(self._held), frozenset(self._springs), self._joined)
 
-    def undo(self, mark: tuple[Any, ...]) -> None:
-        """Go back to a mark, also after an interrupted step; the caller must undo the collision manager afterwards."""
-        world, self._held, self._springs, self._joined, self._known = mark
-        self.world.rollback(world)
+    def saved(self) -> DynamicsState:
+        """Return the state as plain data and arrays, for `go_to` in this or another process."""
+        return replace(self.snapshot, world=self.world.save())
 
-    def reset(self, constraints: Mapping[int, Constraint]) -> None:
+    def go_to(self, state: DynamicsState, constraints: Mapping[int, Constraint]) -> None:
+        """Go to a state; the caller must place the objects of the collision manager afterwards.
+
+        constraints: those in force in that state, by id.
+
+        Raises
+        ------
+        ValueError, TypeError, LookupError: saved data is damaged or of other parts.
+        """
+        if isinstance(state.world, Snapshot):
+            self.world.snapshot = state.world
+        else:
+            if state.joined != self._joined:
+                self.world.set_joints([constraints[i] for i in state.joined])
+            self._require(state.world)
+            self.world.load(state.world)
+        self._held, self._springs, self._joined = set(state.held), set(state.springs), state.joined
+        self._known = ()
+
+    def restart(self, constraints: Mapping[int, Constraint]) -> None:
         """Rebuild the world with the same bodies, at rest at the poses of the collision manager."""
         self.world = World(self.world.collision, self.world.tolerance, gravity=self.world.gravity)
         self._held, self._springs, self._joined, self._known = set(), set(), (), ()
@@ -122,34 +142,9 @@ class Dynamics:
             self._add(i)
         self.join(constraints)
 
-    def state(self) -> dict[str, Any]:
-        """Return all data on which the next step depends, as values that `vpframe.session.state.CODEC` encodes."""
-        return {
-            "world": dict(self.world.state().data),
-            "held": self._held,
-            "springs": self._springs,
-            "joined": list(self._joined),
-        }
-
-    def restore(self, state: Mapping[str, Any], constraints: Mapping[int, Constraint]) -> None:
-        """Restore the data that `state` returned, in this or another process; the same parts must have mass.
-
-        Raises
-        ------
-        ValueError, TypeError, LookupError: the data is damaged or of other parts.
-        """
-        joined = tuple(state["joined"])
-        if joined != self._joined:
-            self.world.set_joints([constraints[i] for i in joined])
-        self._joined, self._known = joined, ()
-        self._require(state["world"])
-        self.world.restore(Snapshot(state["world"]))
-        self._held = set(state["held"])
-        self._springs = set(state["springs"])
-
     def _require(self, data: Mapping[str, Any]) -> None:
         """Raise ValueError for arrays that kernels could not index safely, and for values that no body can have."""
-        own = self.world.state().data
+        own = self.world.save()
         n, surfaces = own["n"], np.array([part.mesh.n_surfaces for part in self.scene.parts])
 
         def require(holds: bool, what: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from vpframe.analysis.clash import between
 from vpframe.analysis.fits import BAD_KINDS, press_fits
 from vpframe.hands.arguments import as_pose
-from vpframe.hands.workplace import Workplace
 from vpframe.scene.boxes import middle
 from vpframe.scene.scene import Part
 from vpframe.scene.subassembly import listed
@@ -21,7 +21,7 @@ from vpframe.scene.symmetry import symmetry_of
 Verdict = tuple[bool, str]
 
 
-def constraint(session: Workplace, kind: str, a: str, b: str) -> Verdict:
+def constraint(session: Any, kind: str, a: str, b: str) -> Verdict:
     """Check that a constraint of that kind is active between two parts or subassemblies."""
     own, others = set(session.group(a)), set(session.group(b))
     between = [c for c in session.constraints_of(a) if not (set(c.parts) - own).isdisjoint(others)]
@@ -30,14 +30,14 @@ def constraint(session: Workplace, kind: str, a: str, b: str) -> Verdict:
     return kind in have, f"{kind} between {a} and {b}{found}"
 
 
-def freedom(session: Workplace, part: str, n: int, to: str | None = None, carried: Sequence[str] = ()) -> Verdict:
+def freedom(session: Any, part: str, n: int, to: str | None = None, carried: Sequence[str] = ()) -> Verdict:
     """Check the degrees of freedom of a part or subassembly with the parts it carries, to all others or to `to`."""
     have = session.freedom(part, to, carried)
     group, found = f" with {listed(carried)}" if carried else "", f" (it has {have})" if have != n else ""
     return have == n, f"{part}{group} has {n} degree{'s' * (n != 1)} of freedom{f' to {to}' if to else ''}{found}"
 
 
-def free(session: Workplace, part: str, carried: Sequence[str] = ()) -> Verdict:
+def free(session: Any, part: str, carried: Sequence[str] = ()) -> Verdict:
     """Check that no constraint holds a part or subassembly, with the parts it carries, and that it touches nothing."""
     held = ", ".join(dict.fromkeys(c.kind for c in session.constraints_of(part, *carried)))
     touched = listed(tuple(session.touching(part, *carried)))
@@ -45,7 +45,7 @@ def free(session: Workplace, part: str, carried: Sequence[str] = ()) -> Verdict:
     return not why, f"{part}{f' with {listed(carried)}' if carried else ''} is free" + (f" ({why})" if why else "")
 
 
-def no_clash(session: Workplace) -> Verdict:
+def no_clash(session: Any) -> Verdict:
     """Check that no parts clash, as `vpframe.analysis.clash` judges them where surfaces intersect that are neither
     mated nor of an authorised pair; press fits in force are named."""
     parts = session.scene.parts
@@ -60,19 +60,19 @@ def no_clash(session: Workplace) -> Verdict:
         rows = between(parts[a], parts[b], (parts[a].pose, parts[b].pose), session.tolerance)
         for key, row in rows.items():
             own = frozenset(zip((names[a], names[b]), key, strict=False))
-            if row["kind"] in BAD_KINDS and (frozenset((names[a], names[b])), own) not in mated:
+            if row.kind in BAD_KINDS and (frozenset((names[a], names[b])), own) not in mated:
                 bad.append((a, b, key, row))
     found = ""
     if bad:
-        a, b, key, row = max(bad, key=lambda entry: entry[3]["depth"])
+        a, b, key, row = max(bad, key=lambda entry: entry[3].depth)
         faces = f"face {key[0]} of {names[a]} and face {key[1]} of {names[b]}" if key else f"{names[a]} and {names[b]}"
         more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
-        found = f" ({faces} overlap by {row['depth'] * 1e3:.3f} mm{more})"
+        found = f" ({faces} overlap by {row.depth * 1e3:.3f} mm{more})"
     pressed = press_fits((c.parts, c.press) for c in session.constraints)
     return not bad, "; ".join([f"no clash{found}", *map(str, pressed)])
 
 
-def at(session: Workplace, part: str, pose: pin.SE3 | ArrayLike, within: float, angle: float) -> Verdict:
+def at(session: Any, part: str, pose: pin.SE3 | ArrayLike, within: float, angle: float) -> Verdict:
     """Check the centre of a part (within m) and its rotation modulo symmetry (angle, rad) against a pose.
 
     A position (3,) is compared with the origin of the part's frame, for the part's present rotation and for its
@@ -88,7 +88,7 @@ def at(session: Workplace, part: str, pose: pin.SE3 | ArrayLike, within: float, 
     return _at(session, body, pose, within, angle)
 
 
-def _at(session: Workplace, body: Part, pose: pin.SE3 | ArrayLike, within: float, angle: float) -> Verdict:
+def _at(session: Any, body: Part, pose: pin.SE3 | ArrayLike, within: float, angle: float) -> Verdict:
     part, here, centre = body.name, body.pose, _centre(body)
     goal = as_pose(pose, here)
     far = float(np.linalg.norm(goal.act(centre) - here.act(centre)))

@@ -35,13 +35,11 @@ class History:
         self._count += 1
         self._last = frame
 
-    def mark(self) -> tuple[int, int, Frame | None]:
-        """Return a mark for `undo`."""
-        return self._count, len(self._events), self._last
-
-    def undo(self, mark: tuple[int, int, Frame | None]) -> None:
-        """Remove the frames and events added since a mark."""
-        self._count, events, self._last = mark
+    def rewind(self, last: Frame | None, events: int) -> None:
+        """Forget the frames after `last`, of all if it is None, and the events after the first `events`."""
+        if self._last is not None:
+            self._count -= self._count if last is None else self._last.step - last.step
+        self._last = last
         del self._events[events:]
         del self._kept[bisect.bisect_left(self._kept, self._count, key=itemgetter(0)) :]
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import isnan, nan
+from math import inf, isnan, nan
 from operator import is_
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -36,15 +35,23 @@ class Clash:
     key: ClashKey
     first: Frame
     """step of the first intersection"""
-    last_time: float
-    """s"""
-    steps: int = 1
-    """number of steps with intersection"""
+    spans: list[tuple[int, int, float]]
+    """periods of intersection: first step, last step, time of the last step (s)"""
     samples: list[Frame] = field(default_factory=list)
     """some of these steps, evenly spaced, with the first"""
     unmoved: bool = False
     """whether the two parts had their initial relative pose at the first intersection"""
     _stride: int = 1
+
+    @property
+    def steps(self) -> int:
+        """Number of steps with intersection."""
+        return sum(end - begin + 1 for begin, end, _ in self.spans)
+
+    @property
+    def last_time(self) -> float:
+        """Time of the last step with intersection, s."""
+        return self.spans[-1][2]
 
     def add(self, frame: Frame) -> None:
         """Add a step with intersection."""
@@ -53,7 +60,19 @@ class Clash:
             if len(self.samples) > SAMPLES:
                 self.samples = self.samples[::2]
                 self._stride *= 2
-        self.last_time, self.steps = frame.time, self.steps + 1
+        begin, end, _ = self.spans[-1]
+        if frame.step <= end + 1:
+            self.spans[-1] = (begin, frame.step, frame.time)
+        else:
+            self.spans.append((frame.step, frame.step, frame.time))
+
+    def rewind(self, step: int, time: float) -> None:
+        """Forget the steps after one, which is not before the first, at its time (s)."""
+        self.spans = [span for span in self.spans if span[0] <= step]
+        begin, end, _ = self.spans[-1]
+        if end > step:
+            self.spans[-1] = (begin, step, time)
+        self.samples = [frame for frame in self.samples if frame.step <= step]
 
 
 @dataclass
@@ -204,20 +223,34 @@ class SessionLog:
             if event.kind in PICTURED and not (first and event.kind == "accepted")
         )
 
-    def mark(self) -> tuple[Any, ...]:
-        """Return a mark of the collected data; `undo(mark)` goes back to it."""
-        kept = {name: _copied(getattr(self, name)) for name in _COPIED}
-        counted: list[Any] = [self.history, self.clearance, *self.timings.values()]
-        series = [(held, held.mark()) for held in counted]
-        return kept, series, dict(self.timings)
+    def rewind(self, last: Frame | None, events: int) -> None:
+        """Forget the frames after `last`, all if it is None, and the events after the first `events`.
 
-    def undo(self, mark: tuple[Any, ...]) -> None:
-        """Drop the data collected since a mark."""
-        kept, series, self.timings = mark[0], mark[1], dict(mark[2])
-        for name, value in kept.items():
-            setattr(self, name, _copied(value))
-        for held, there in series:
-            held.undo(there)
+        Computing time that was spent stays counted.
+        """
+        step, now = (-1, -inf) if last is None else (last.step, last.time)
+        mates = self.mates
+        self.history.rewind(last, events)
+        self.stages = [s for k, s in enumerate(self.stages) if s.start < now or (k == 0 and s.start <= now)]
+        for stage in self.stages[-1:]:
+            stage.end = now
+        self.clashes = {key: clash for key, clash in self.clashes.items() if clash.first.step <= step}
+        for clash in self.clashes.values():
+            clash.rewind(step, now)
+        for mate in mates.values():
+            mate.spans = [(state, start, min(end, now)) for state, start, end in mate.spans if start <= now]
+        self._mates = {id: mate for id, mate in mates.items() if mate.spans}
+        self._last_time, self._of = max(now, 0.0), None
+        self.freedom = {part: kept for part, row in self.freedom.items() if (kept := [r for r in row if r[0] <= now])}
+        self._freedom_last = {}, {}
+        self.colliding = [row for row in self.colliding if row[0] <= now]
+        known = set(map(id, self.history.events))
+        self.moments = [moment for moment in self.moments if id(moment[0]) in known]
+        self.clearance.rewind(lambda item: item[0] <= now)
+        if self.least is not None and self.least.step > step:
+            least = min((row[::-1] for row in self.clearance if not isnan(row[1])), default=None)
+            near = [frame for frame, _ in self.history if least is None or frame.time <= least[1]]
+            self.least = replace(near[-1], clearance=least[0]) if least and near else None
 
     def end(self) -> None:
         """Do nothing."""
@@ -234,7 +267,7 @@ class SessionLog:
             clash = self.clashes.get(key)
             if clash is None:
                 unmoved = self._unmoved(frame, key.part_a, key.part_b)
-                self.clashes[key] = Clash(key, frame, frame.time, samples=[frame], unmoved=unmoved)
+                self.clashes[key] = Clash(key, frame, [(frame.step, frame.step, frame.time)], [frame], unmoved)
             else:
                 clash.add(frame)
 
@@ -289,25 +322,6 @@ class SessionLog:
             else:
                 mate.spans.append((view.state, frame.time, frame.time))
         self._last_time = frame.time
-
-
-_COPIED = (
-    *("stages", "clashes", "_mates", "freedom", "least", "colliding", "totals", "moments"),
-    *("_last_time", "_freedom_last", "_of", "_unread", "_rows", "_keys"),
-)
-
-
-def _copied(value: Any) -> Any:
-    """Return a copy that later steps do not change."""
-    if isinstance(value, list):
-        return [_copied(item) for item in value]
-    if isinstance(value, dict):
-        return {key: _copied(item) for key, item in value.items()}
-    if isinstance(value, Stage):
-        return replace(value)
-    if isinstance(value, Clash):
-        return replace(value, samples=list(value.samples))
-    return replace(value, spans=list(value.spans)) if isinstance(value, Mate) else value
 
 
 def _nearer(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:

@@ -40,6 +40,8 @@ class Observers:
         self.observers = list(observers)
         self.events: list[Event] = []
         """all events, in order"""
+        self.shown = 0
+        """number of events that frames have contained"""
         self.listeners: list[Callable[[Event], None]] = []
         """called with every event"""
         self.seconds = 0.0
@@ -47,7 +49,6 @@ class Observers:
         self.lost: list[OutputError] = []
         """errors of outputs that could not be completed"""
         self._now = now
-        self._news: list[Event] = []
         self._due: deque[Callable[[], None]] = deque()
         self._pending: list[tuple[Controls, int]] = []
 
@@ -56,7 +57,6 @@ class Observers:
         assert event.kind in EVENT_KINDS, event.kind
         happened = Event(*self._now(), *event)  # type: ignore[arg-type]
         self.events.append(happened)
-        self._news.append(happened)
         self._due.extend([partial(listener, happened) for listener in self.listeners])
 
     def happened(
@@ -80,19 +80,22 @@ class Observers:
 
     def news(self) -> tuple[Event, ...]:
         """Return the events since the last frame."""
-        return tuple(self._news)
+        return tuple(self.events[self.shown :])
 
-    def mark(self) -> tuple[int, list[Event], int]:
-        """Return a mark of the current state; `undo(mark)` goes back to it."""
-        return len(self.events), list(self._news), len(self._due)
+    def rewind(self, events: int, shown: int, last: Frame | None) -> None:
+        """Forget all but the first events, of which frames have contained `shown`, and the frames after `last`, as do
+        observers that have a method `rewind`; others keep them."""
+        self.forget(events)
+        self.shown = shown
+        for observer in self.observers:
+            if hasattr(observer, "rewind"):
+                observer.rewind(last, shown)
 
-    def undo(self, mark: tuple[int, list[Event], int]) -> None:
-        """Go back to a mark; the events and calls queued since are dropped."""
-        count, self._news, due = mark
-        del self.events[count:]
-        while len(self._due) > due:
-            self._due.pop()
-        self._pending = []
+    def forget(self, events: int) -> None:
+        """Forget all but the first events, and drop the queued calls."""
+        del self.events[events:]
+        self.shown = min(self.shown, events)
+        self._due.clear()
 
     def begin(self, scene: Scene) -> None:
         """Queue the call `begin` of every observer, with a copy of the scene."""
@@ -101,15 +104,16 @@ class Observers:
     def show(self, frame: Frame) -> None:
         """Queue the call `frame` of every observer; the frame contains the events since the last one."""
         self._due.extend([partial(self._try, observer, "frame", frame) for observer in self.observers])
-        self._news = []
+        self.shown = len(self.events)
 
     def end(self) -> None:
         """Call `end` of every observer."""
         self._due.extend([partial(self._try, observer, "end") for observer in self.observers])
         self.tell()
 
-    def asked(self, constraints: Iterable[ConstraintView], decided: Container[int]) -> list[Decision]:
-        """Return the valid accept, refuse and remove requests of people at viewers; they stay queued until `heard`.
+    def requested(self, constraints: Iterable[ConstraintView], decided: Container[int]) -> list[Decision]:
+        """Return the valid accept, refuse and remove requests of people at viewers; they stay queued until
+        `drop_requests`.
 
         decided: ids that the script decides in this step; the script takes precedence.
         """
@@ -125,8 +129,8 @@ class Observers:
             if request.id is not None and state.pop(request.id, "") in FITTING[request.action]
         ]
 
-    def heard(self) -> None:
-        """Drop the requests that the last `asked` returned: they were carried out."""
+    def drop_requests(self) -> None:
+        """Drop the requests that the last `requested` returned: they were carried out."""
         for controls, count in self._pending:
             controls.drop(count)
         self._pending = []

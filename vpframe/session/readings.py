@@ -17,7 +17,8 @@ from constraints.recognition.candidate import Candidate
 from constraints.solve.groups import ALONE, Groups
 from vpframe.events import ConstraintView, ContactPoint
 from vpframe.scene.boxes import corners
-from vpframe.session.state import COLUMNS, State, rows_of
+from vpframe.session.engine import Engine, rows_of
+from vpframe.session.state import COLUMNS
 from vpframe.session.views import Views, ViewsOfStep
 
 NOTHING = np.zeros((0, 3))
@@ -26,12 +27,12 @@ NOTHING = np.zeros((0, 3))
 class Readings:
     """Derived quantities of a state; reading changes nothing."""
 
-    def __init__(self, state: State) -> None:
-        self.state = state
+    def __init__(self, engine: Engine) -> None:
+        self.engine = engine
         self._corners: dict[int, NDArray[np.float64]] = {}
         self._placed: tuple[NDArray[np.float64], NDArray[np.float64], list[pin.SE3 | None]] = NOTHING, NOTHING, []
         self._forget()
-        state.on_change(self._forget)
+        engine.on_drop(self._forget)
 
     def _forget(self) -> None:
         self._freedom: dict[tuple[int, tuple[int, ...], tuple[int, ...]], tuple[int, str]] = {}
@@ -41,23 +42,25 @@ class Readings:
 
     def near_pairs(self) -> NDArray[np.int32]:
         """(k, 4) object, surface, object, surface in contact, for parts that were ever held, without mated surfaces."""
-        rows = self.state.rows
-        near = np.flatnonzero(rows["distance"] <= 2.0 * self.state.tolerance.linear)  # `Motion` stops parts at `linear`
+        rows = self.engine.rows
+        near = np.flatnonzero(
+            rows["distance"] <= 2.0 * self.engine.tolerance.linear
+        )  # `Motion` stops parts at `linear`
         return np.stack([rows[c][near] for c in COLUMNS], axis=1)
 
     def views(self) -> ViewsOfStep:
         """Views of all constraints: active by age, then candidates by score, then refused ones."""
-        self.state.start()
-        mates = self.state.mates
-        mates.state()  # later changes are made to copies of these records
-        given = mates.in_force, mates.candidates, mates.refused
-        return ViewsOfStep(partial(self._views, *given, self.state.poses), given)
+        self.engine.start()
+        mates = self.engine.mates
+        there = mates.snapshot  # later changes are made to copies
+        given = mates.in_force, there.candidates, there.refused
+        return ViewsOfStep(partial(self._views, *given, self.engine.poses), given)
 
     def _views(
         self, in_force: InForce, offered: Mapping[int, Candidate], refused: Mapping[int, Candidate],
         poses: tuple[pin.SE3, ...],
     ) -> tuple[ConstraintView, ...]:  # fmt: skip
-        active = self._active.active(in_force, self.state.names, poses)
+        active = self._active.active(in_force, self.engine.names, poses)
         offers = sorted(offered.items(), key=lambda item: (-item[1].score, item[0]))
         known, now = self._offered, {}
         for state, candidates in (("candidate", offers), ("refused", refused.items())):
@@ -70,7 +73,7 @@ class Readings:
 
     def view(self, id: int, candidate: Candidate, state: str) -> ConstraintView:
         """Return the view of a candidate or constraint."""
-        names, poses = self.state.names, self.state.poses
+        names, poses = self.engine.names, self.engine.poses
         a, b = candidate.bodies
         match, residual = candidate.match, candidate.residual
         origin, direction = match.origin, match.direction
@@ -99,8 +102,8 @@ class Readings:
 
         carried: objects that move rigidly with it. to: consider only constraints with these; None: with all others.
         """
-        state = self.state
-        if any(state.scene.parts[j].fixed for j in (i, *carried)):
+        engine = self.engine
+        if any(engine.scene.parts[j].fixed for j in (i, *carried)):
             return 0, "rigid"
         group, rigid, on_it = self._constraining(i, carried, to)
         key = (i, (*carried, -1 if to is None else -2), tuple(sorted(on_it)))
@@ -111,7 +114,7 @@ class Readings:
 
     def twists(self, i: int, carried: Sequence[int] = ()) -> NDArray[np.float64]:
         """(6, k) orthonormal twists left to a part with the objects it carries, in the part's frame, linear first."""
-        if any(self.state.scene.parts[j].fixed for j in (i, *carried)):
+        if any(self.engine.scene.parts[j].fixed for j in (i, *carried)):
             return np.zeros((6, 0))
         return self._mobility(i, *self._constraining(i, carried, None)).twists
 
@@ -119,44 +122,44 @@ class Readings:
         self, i: int, carried: Sequence[int], to: Sequence[int] | None
     ) -> tuple[frozenset[int], Groups, dict[int, Candidate]]:
         """Return the objects that move with a part, the rigid group it carries, and the constraints on them by id."""
-        state = self.state
-        state.start()
+        engine = self.engine
+        engine.start()
         one = {i, *carried}
-        group = along(state, one) if to is None else frozenset(one)
-        rigid = Groups.of({i: carried}, state.poses, ALONE) if carried else ALONE
-        accepted = state.mates.accepted
-        on_it = {id: accepted[id].candidate for id in state.mates.in_force.about(group, rigid)}
+        group = along(engine, one) if to is None else frozenset(one)
+        rigid = Groups.of({i: carried}, engine.poses, ALONE) if carried else ALONE
+        accepted = engine.mates.accepted
+        on_it = {id: accepted[id].candidate for id in engine.mates.in_force.about(group, rigid)}
         if to is not None:
             on_it = {id: c for id, c in on_it.items() if not set(to).isdisjoint(c.bodies)}
         return group, rigid, on_it
 
     def _mobility(self, i: int, group: frozenset[int], rigid: Groups, on_it: dict[int, Candidate]) -> Freedom:
-        others = [j for j in range(len(self.state.names)) if j not in group]
+        others = [j for j in range(len(self.engine.names)) if j not in group]
         constraints = rigid.constraints(c.constraint for c in on_it.values())
-        return mobility(constraints, self.state.poses, others, self.state.tolerance).parts[i]
+        return mobility(constraints, self.engine.poses, others, self.engine.tolerance).parts[i]
 
     def freedoms(self) -> tuple[dict[str, int], dict[str, str]]:
         """Degrees of freedom and lower pairs of all parts that have moved or been held, by name."""
-        state = self.state
-        key = tuple(state.mates.accepted), len(state.moved)
+        engine = self.engine
+        key = tuple(engine.mates.accepted), len(engine.moved)
         if self._freedoms[0] != key:
-            found = {state.names[i]: self.freedom(i) for i in sorted(state.moved)}
+            found = {engine.names[i]: self.freedom(i) for i in sorted(engine.moved)}
             freedoms = {name: number for name, (number, _) in found.items()}
             self._freedoms = key, (freedoms, {name: joint for name, (_, joint) in found.items()})
         return self._freedoms[1]
 
     def pitch_of(self, i: int) -> float | None:
         """Pitch, m a turn, negative for a left-hand thread: from the script, else from a recognised thread."""
-        state = self.state
-        if i in state.threads:
-            return state.threads[i]
-        state.start()
-        pitches = [e.candidate.pitch for e in state.mates.accepted.values() if i in e.candidate.bodies]
+        engine = self.engine
+        if i in engine.threads:
+            return engine.threads[i]
+        engine.start()
+        pitches = [e.candidate.pitch for e in engine.mates.accepted.values() if i in e.candidate.bodies]
         return next((p for p in pitches if p is not None), None)
 
     def clearance(self, i: int, others: Sequence[int]) -> float:
         """Least distance (m) from an object to others; inf if there are none."""
-        self.state.start()
+        self.engine.start()
         low, high = self._boxes()
         ids = np.array(others, np.int64)
         apart = np.maximum(0.0, np.maximum(low[ids] - high[i], low[i] - high[ids]))
@@ -165,45 +168,45 @@ class Readings:
         for k in np.argsort(bounds, kind="stable").tolist():
             if bounds[k] >= best:
                 break
-            best = min(best, float(self.state.collision.clearance(i, int(ids[k]))["distance"][0]))
+            best = min(best, float(self.engine.collision.clearance(i, int(ids[k]))["distance"][0]))
         return best
 
     def misfits(self) -> NDArray[np.int32]:
         """(k, 4) object, surface, object, surface of shafts in bores that clash, whether or not their facets intersect;
         without mated and authorised pairs."""
-        self.state.start()
-        return rows_of(self.state.misfits())
+        self.engine.start()
+        return rows_of(self.engine.misfits())
 
     def velocity(self, i: int, dt: float) -> pin.Motion:
         """Twist of a part's frame, world axes at its origin, m/s and rad/s: from dynamics, else from the last step.
 
         dt: length of the last step, s.
         """
-        state = self.state
-        state.start()
-        here = state.poses[i]
-        if state.dynamics is not None and i in state.dynamics.bodies:
-            v, center = state.dynamics.velocity(i)
+        engine = self.engine
+        engine.start()
+        here = engine.poses[i]
+        if engine.dynamics is not None and i in engine.dynamics.bodies:
+            v, center = engine.dynamics.velocity(i)
             return pin.Motion(v[:3] + np.cross(v[3:], here.translation - here.act(center)), v[3:])
-        before = state.last.get(i, here)
+        before = engine.last.get(i, here)
         turn = pin.log3(here.rotation @ before.rotation.T)
         return pin.Motion((here.translation - before.translation) / dt, turn / dt)
 
     def contacts(self, i: int) -> tuple[ContactPoint, ...]:
         """Contact points of a part with others, without mated surfaces; with forces if the part is dynamic."""
-        state = self.state
-        state.start()
+        engine = self.engine
+        engine.start()
         found = []
-        if state.dynamics is not None and i in state.dynamics.bodies:
-            for touch, force in state.dynamics.touches(i):
-                found.append(ContactPoint(state.names[touch.other], touch.point, touch.normal, force))
+        if engine.dynamics is not None and i in engine.dynamics.bodies:
+            for touch, force in engine.dynamics.touches(i):
+                found.append(ContactPoint(engine.names[touch.other], touch.point, touch.normal, force))
         pressed = {contact.other for contact in found}
-        rows = state.rows[state.rows["distance"] <= 2.0 * state.tolerance.linear]
+        rows = engine.rows[engine.rows["distance"] <= 2.0 * engine.tolerance.linear]
         rows = rows[(rows["object_a"] == i) | (rows["object_b"] == i)]
-        normals, gaps = state.motion.walls.parted(rows, state.poses)
+        normals, gaps = engine.motion.walls.parted(rows, engine.poses)
         for row, normal, gap in zip(rows, normals, gaps, strict=True):
             first = row["object_a"] == i
-            other = state.names[row["object_b"] if first else row["object_a"]]
+            other = engine.names[row["object_b"] if first else row["object_a"]]
             if other not in pressed:
                 point = np.array(row["point_a"] if first else row["point_b"])
                 away = normal * (-1.0 if first else 1.0) if np.isfinite(gap) else np.zeros(3)
@@ -215,7 +218,7 @@ class Readings:
 
         A box is kept until its object moves.
         """
-        poses = self.state.poses
+        poses = self.engine.poses
         low, high, known = self._placed
         if not known:
             low, high, known = np.empty((len(poses), 3)), np.empty((len(poses), 3)), [None] * len(poses)
@@ -223,23 +226,23 @@ class Readings:
         for i, pose in enumerate(poses):
             if known[i] is not pose:
                 if i not in self._corners:
-                    self._corners[i] = corners(self.state.collision.mesh(i))
+                    self._corners[i] = corners(self.engine.collision.mesh(i))
                 placed = self._corners[i] @ pose.rotation.T + pose.translation
                 low[i], high[i], known[i] = placed.min(0), placed.max(0), pose
         return low, high
 
     def least_clearance(self) -> float | None:
         """Least distance from held objects to all objects not constrained to them, m; None if there are none."""
-        state = self.state
+        engine = self.engine
         mates: dict[int, set[int]] = {}
-        for entry in state.mates.accepted.values():
+        for entry in engine.mates.accepted.values():
             a, b = entry.candidate.bodies
             mates.setdefault(a, set()).add(b)
             mates.setdefault(b, set()).add(a)
-        n = range(len(state.names))
+        n = range(len(engine.names))
         found = [
-            self.clearance(i, [j for j in n if j not in state.held and j not in mates.get(i, ())])
-            for i in sorted(state.held)
+            self.clearance(i, [j for j in n if j not in engine.held and j not in mates.get(i, ())])
+            for i in sorted(engine.held)
         ]
         least = min(found, default=np.inf)
         return least if np.isfinite(least) else None
@@ -252,10 +255,10 @@ def _fixed(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     return out
 
 
-def along(state: State, bodies: set[int] | frozenset[int] | dict[int, pin.SE3]) -> frozenset[int]:
+def along(engine: Engine, bodies: set[int] | frozenset[int] | dict[int, pin.SE3]) -> frozenset[int]:
     """Return the given bodies and the bodies that stated constraints move along with them."""
-    stated = state.mates.in_force.stated
+    stated = engine.mates.in_force.stated
     if not stated:
         return frozenset(bodies)
-    fixed = [i for i, part in enumerate(state.scene.parts) if part.fixed]
+    fixed = [i for i, part in enumerate(engine.scene.parts) if part.fixed]
     return taken_along(stated, bodies, fixed)

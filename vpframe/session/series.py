@@ -36,14 +36,11 @@ class Series(Generic[Item]):
             self._kept.append(item)
         self._count += 1
 
-    def mark(self) -> int:
-        """Return a mark: the number of items added; `undo(mark)` goes back to it."""
-        return self._count
-
-    def undo(self, mark: int) -> None:
-        """Drop the items added since a mark; an item that represents later ones too is kept unchanged."""
-        self._count = mark
-        del self._kept[-(-mark // self._stride) :]
+    def rewind(self, last: Callable[[Item], bool]) -> None:
+        """Drop the newest items until one is `last`; an item that represents later ones too is kept unchanged."""
+        while self._kept and not last(self._kept[-1]):
+            self._kept.pop()
+            self._count = len(self._kept) * self._stride
 
     def __len__(self) -> int:
         return len(self._kept)

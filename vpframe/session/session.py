@@ -1,6 +1,7 @@
 """`Session`, the object that task scripts use: it connects a scene, hands and observers and advances them step by step.
 
-`vpframe.session.state` holds all data that changes; `vpframe.session.step` computes one step.
+`vpframe.session.state` is what changes, `vpframe.session.engine` has the managers, `vpframe.session.step` computes a
+step.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -28,11 +30,10 @@ from vpframe.errors import CheckpointError, OutputError, TaskError, VpframeError
 from vpframe.events import ConstraintView, ContactPoint, Event, Frame, Observer, Poses
 from vpframe.hands.access import Reach, reach_of
 from vpframe.hands.arguments import FAR, as_pose, metres, vector
-from vpframe.hands.conditions import Condition
 from vpframe.hands.driver import drive
 from vpframe.hands.gripper import Gripper
 from vpframe.hands.hand import Hand
-from vpframe.hands.segment import Outcome
+from vpframe.hands.segment import Condition, Outcome, Verb
 from vpframe.scene.boxes import above, bounds, half_size
 from vpframe.scene.names import face_words, in_part_names
 from vpframe.scene.scene import Part, Scene
@@ -40,30 +41,32 @@ from vpframe.scene.subassembly import listed, parts_named
 from vpframe.scripts import ON_REQUEST, in_one_line, place
 from vpframe.session import expectations
 from vpframe.session.checkpoint import Journal, advance_or_replay, journal_of
+from vpframe.session.engine import Engine
 from vpframe.session.interrupts import deferred
 from vpframe.session.log import SessionLog
 from vpframe.session.observers import Observers, recorders, viewers
 from vpframe.session.pace import Pace, catching_up, under_way
 from vpframe.session.readings import Readings
 from vpframe.session.rules import Rule, accept_all
-from vpframe.session.state import Changes, Decision, Mark, State
+from vpframe.session.state import Changes, Decision, State
 from vpframe.session.statements import ContradictionError, Place, limits, stated
-from vpframe.session.step import DecisionError, HandTarget, Inputs, standing
+from vpframe.session.step import DecisionError, HandTarget, Inputs, observed
 from vpframe.session.trails import Trails
 
 if TYPE_CHECKING:
     from physics import Behaviour, Material
     from vpframe.analysis.swept import SweptVolume
-    from vpframe.hands.verbs import Verb
 
 
 class SessionMark(NamedTuple):
     """Data kept by `Session.mark`."""
 
-    state: Mark
-    trails: tuple[int, int]
-    heard: tuple[int, list[Event], int]
-    observers: list[tuple[Any, Any]]
+    state: State
+    frame: Frame | None
+    events: int
+    """number of events so far"""
+    shown: int
+    """number of events that observers have received"""
 
 
 class Session:
@@ -118,10 +121,9 @@ class Session:
         """tool that must reach the parts that hands grab and turn; None: no check"""
         self.rule = rule
         pull = vector((0.0, 0.0, 0.0) if gravity is None else gravity, "gravity")
-        self.state = State(scene, self.tolerance, pull, self._judge, self._make_hand)
-        """all data that changes: `save`, `restore`, `reset`"""
-        self._readings = Readings(self.state)
-        self.state.on_change(self._forget)
+        self.engine = Engine(scene, self.tolerance, pull, self._judge, self._make_hand)
+        """managers of collision, constraints, motion and physics"""
+        self._readings = Readings(self.engine)
         self.log = SessionLog()
         """observer that collects the data of the report"""
         everyone = [self.log, *viewers(viewer), *recorders(record), *observers]
@@ -161,7 +163,7 @@ class Session:
     @property
     def step_count(self) -> int:
         """Number of steps taken."""
-        return self.state.step
+        return self.engine.step
 
     @property
     def time(self) -> float:
@@ -203,12 +205,12 @@ class Session:
         if self._stop:
             raise KeyboardInterrupt
         with self._alone(), self._watch:
-            self.state.keep_parts()
+            self.engine.keep_parts()
             count = self.step_count
             try:
                 self._begin()
                 self._observers.tell()
-                self.state.start()
+                self.engine.start()
                 self._advance()
                 self._observers.tell()
             except Exception as error:
@@ -235,16 +237,36 @@ class Session:
         if self._closed:
             raise VpframeError("the session is closed; open a new one")
         with self._alone(), self._watch:
-            self.state.keep_parts()
+            self.engine.keep_parts()
             self._begin()
             self._observers.tell()
-            self.state.start()
-            self._changes = standing(self.state, self._readings)
+            self.engine.start()
+            self._changes = observed(self.engine, self._readings)
             self._frame = None  # a new frame gets the poses of all parts
             self._frame = self._frame_of(self._changes)
             self._observers.show(self._frame)
             self._observers.tell()
         return self._frame
+
+    @property
+    def state(self) -> State:
+        """All that changes while the session runs, as one value; `save` returns it as bytes."""
+        self.engine.start()
+        return self.engine.state
+
+    def save(self) -> bytes:
+        """Return the state as bytes, without behaviours and rules of the script."""
+        return self.engine.save()
+
+    def restore(self, saved: bytes) -> None:
+        """Restore the bytes that `save` returned, in this or another process; the run continues bit for bit.
+
+        The session must have the same scene, tolerance, rule, masses and behaviours. Raises StateError, and changes
+        nothing, if the bytes are damaged or belong to another scene.
+        """
+        with self._alone():
+            self.engine.restore(saved)
+            self._changes = None
 
     def mark(self) -> SessionMark:
         """Return a mark of the present state for `undo`; parts must not be given mass in between.
@@ -256,60 +278,55 @@ class Session:
         with self._alone():
             self._keep_parts()
             self._begin()
-            self.state.start()
-            observers = [(observer, observer.mark()) for observer in self.observers if hasattr(observer, "mark")]
-            return SessionMark(self.state.mark(), self._trails.mark(), self._observers.mark(), observers)
+            self.engine.start()
+            return SessionMark(self.engine.state, self._frame, len(self.events), self._observers.shown)
 
     def undo(self, mark: SessionMark) -> None:
         """Restore the state at a mark, bit for bit; later events are dropped, observers see it with `show`.
 
         Viewers and the report forget what followed; recordings and listeners keep it.
         """
-        with self._alone():
-            self.state.undo(mark.state)
-            self._trails.undo(mark.trails)
-            self._observers.undo(mark.heard)
-            for observer, there in mark.observers:
-                observer.undo(there)
+        with self._alone(), deferred():
+            self.engine.state, self._frame, self._changes = mark.state, mark.frame, None
+            self._trails.rewind(self.step_count)
+            self._observers.rewind(mark.events, mark.shown, mark.frame)
 
     def _advance(self) -> None:
-        """Compute and commit one step; on any error or interrupt restore the state before it, bit for bit."""
-        mark = self._mark()
-        committed = False
+        """Compute and commit one step; on any error or interrupt go back to the state before it, bit for bit."""
+        before, events, committed = self.engine.state, len(self._observers.events), False
         try:
             offered = () if self._changes is None else self._changes.constraints
             given = self._inputs()
-            decided = {decision.id for decision in given.decisions}
+            requested = partial(self._observers.requested, offered, {decision.id for decision in given.decisions})
             with in_part_names(self.scene):
-                changes = advance_or_replay(
-                    self.state, self._readings, self._journal, given, lambda: self._observers.asked(offered, decided)
-                )
-            self._commit(changes)
-            committed = True
+                changes, write = advance_or_replay(self.engine, self._readings, self._journal, given, requested)
+            with deferred():
+                write()
+                committed = True
+                self._commit(changes)
         except BaseException as error:
             if not committed:
                 with deferred():
-                    self._undo(mark)
+                    self.engine.state = before
+                    self._observers.forget(events)
                     if isinstance(error, DecisionError):  # if it stayed queued, every later step would fail too
-                        kept = (d for d in self.state.decisions if d is not error.decision)
-                        self.state.decisions = tuple(kept)
+                        kept = (d for d in self.engine.decisions if d is not error.decision)
+                        self.engine.decisions = tuple(kept)
             raise
-        self._observers.heard()
 
     def _inputs(self) -> Inputs:
         """Collect the hand targets and the script's decisions for the next step."""
-        room = None if self._changes is None else self._changes.clearance
-        hands = self.state.hands.values()
+        hands = self.engine.hands.values()
         careful = any(hand.held is not None and hand.assist.slow_within > 0.0 for hand in hands)
         targets = []
         for hand in hands:
-            wanted = hand.desire(self.dt, hand.assist.rate(room))
+            wanted = hand.desire(self.dt, hand.assist.rate(self.engine.clearance))
             if hand.held is not None:
                 assist = hand.assist
                 snap, begins = (assist.snap, assist.snap_angle), hand.clock <= (1.0 + 1e-9) * self.dt
                 target = HandTarget(hand.held, wanted, hand.carried, *snap, hand.spring, hand.goal(), begins)
                 targets.append(target)
-        decisions, self.state.decisions = self.state.decisions, ()
+        decisions, self.engine.decisions = self.engine.decisions, ()
         return Inputs(targets, decisions, self.dt, self._shows_clearance or careful)
 
     def _commit(self, changes: Changes) -> None:
@@ -318,26 +335,14 @@ class Session:
         for poses in changes.way:
             self._trails.add(self.step_count, [self._numbers[name] for name in poses], Poses.of(poses).rows)
         moved = [self._numbers[name] for name in changes.poses]
-        self._trails.add(self.step_count, moved, self.state.collision.packed_poses()[moved])
-        for hand in self.state.hands.values():
+        self._trails.add(self.step_count, moved, self.engine.collision.packed_poses()[moved])
+        for hand in self.engine.hands.values():
             hand.stopped_by = changes.blocked.get(hand.held, "") if hand.held else ""
         for event in changes.events:
             self._observers.record(event)
         self._frame = self._frame_of(changes)
         self._observers.show(self._frame)
-
-    def _mark(self) -> tuple[Any, ...]:
-        journal = None if self._journal is None else self._journal.mark()
-        return self.state.mark(), self._trails.mark(), self._observers.mark(), journal, self._changes, self._frame
-
-    def _undo(self, mark: tuple[Any, ...]) -> None:
-        state, trails, observers, journal, changes, frame = mark
-        self.state.undo(state)
-        self._changes, self._frame = changes, frame
-        self._trails.undo(trails)
-        self._observers.undo(observers)
-        if self._journal is not None:
-            self._journal.undo(journal)
+        self._observers.drop_requests()
 
     def run(self, seconds: float) -> None:
         """Advance the session by `seconds`."""
@@ -373,10 +378,10 @@ class Session:
     def _drive(self, queues: dict[str, deque[Verb]], *hands: Hand) -> dict[str, Outcome]:
         with self._alone():
             for hand in hands:
-                self.state.hands.setdefault(hand.name, hand)
+                self.engine.hands.setdefault(hand.name, hand)
             self._keep_parts()
             try:
-                return drive(self.state.hands, queues, self.step)
+                return drive(self.engine.hands, queues, self.step)
             except Exception as error:
                 self._verb_failed = in_one_line(error)
                 raise
@@ -396,22 +401,22 @@ class Session:
 
     def _keep_parts(self) -> None:
         if not self._closed:
-            self.state.keep_parts()
+            self.engine.keep_parts()
 
     def _begin(self) -> None:
         if self._begun:
             return
-        self._trails.undo((0, 0))  # an interrupted start may have added rows already
+        self._trails = Trails()  # an interrupted start may have added rows already
         self._trails.add(0, range(len(self.scene)), Poses.of({part.name: part.pose for part in self.scene.parts}).rows)
         self._observers.begin(self.scene)
         self._begun = True
 
     def _frame_of(self, changes: Changes) -> Frame:
         changes.colliding.setflags(write=False)
-        hands = self.state.hands.values()
+        hands = self.engine.hands.values()
         last = None if self._frame is None else self._frame.poses
         still = not changes.poses and isinstance(last, Poses)
-        poses = last if still else Poses(self._numbers, self.state.collision.packed_poses())
+        poses = last if still else Poses(self._numbers, self.engine.collision.packed_poses())
         assert poses is not None
         return Frame(
             step=self.step_count,
@@ -431,9 +436,9 @@ class Session:
 
     def _judge(self, candidate: Candidate) -> bool | None:
         """Return the rule's verdict on a candidate of a held part or of the initial assembly; None for all others."""
-        if self.state.started and self.state.held.isdisjoint(candidate.bodies):
+        if self.engine.started and self.engine.held.isdisjoint(candidate.bodies):
             return None
-        state = "candidate" if self.state.started and candidate.key not in self.state.standing else "standing"
+        state = "candidate" if self.engine.started and candidate.key not in self.engine.initial else "standing"
         try:
             verdict = self.rule(self._readings.view(-1, candidate, state))
         except Exception as error:
@@ -451,7 +456,7 @@ class Session:
         reach: tool or finger that must reach the parts this hand grabs or turns (`vp.Reach`; True: default size; False:
         none). The default is the session's `access`.
         """
-        hands = self.state.hands
+        hands = self.engine.hands
         if name not in hands:
             here = pin.SE3(np.eye(3), above(self.scene)) if at is None else as_pose(at, pin.SE3.Identity())
             self._make_hand(name, here)
@@ -464,14 +469,14 @@ class Session:
         return hand
 
     def _make_hand(self, name: str, pose: pin.SE3) -> Hand:
-        self.state.hands[name] = hand = Hand(self, name, pose)
+        self.engine.hands[name] = hand = Hand(self, name, pose)
         hand.access = self.access
         return hand
 
     def holder(self, part: str) -> Gripper | None:
         """Return the hand that holds or carries a part, or any part of a subassembly; None if there is none."""
         group = set(self.group(part))
-        return next((h for h in self.state.hands.values() if not group.isdisjoint((h.held, *h.carried))), None)
+        return next((h for h in self.engine.hands.values() if not group.isdisjoint((h.held, *h.carried))), None)
 
     def note_grab(self, hand: Hand, named: str = "") -> None:
         """Record the event "grabbed"; a hand calls this after it closed on a part, or on a subassembly of that name."""
@@ -571,7 +576,7 @@ class Session:
             to = [j for j in self._indices(other) if j not in own]
         else:
             group = self.group(part)
-            grips = [(h.held, *h.carried) for h in self.state.hands.values() if h.held]
+            grips = [(h.held, *h.carried) for h in self.engine.hands.values() if h.held]
             alike = [name for grip in grips if not set(grip).isdisjoint(group) for name in grip]
             mates = [name for c in self.constraints_of(part) for name in c.parts]
             left_out = {self._numbers[name] for name in (*mates, *alike, *group)}
@@ -591,7 +596,7 @@ class Session:
 
     def clashes(self) -> NDArray[np.int32]:
         """(k, 4) object, surface, object, surface that intersect now, without mated and authorised pairs."""
-        return self.state.colliding if self._changes is None else self._changes.colliding
+        return self.engine.colliding if self._changes is None else self._changes.colliding
 
     def misfits(self) -> NDArray[np.int32]:
         """(k, 4) object, surface, object, surface of shafts in bores that clash now, also where no facets intersect;
@@ -601,11 +606,7 @@ class Session:
     def _touching(self) -> NDArray[np.int32]:
         if self._changes is not None:
             return self._changes.touching
-        return self._readings.near_pairs() if self.state.started else np.zeros((0, 4), np.int32)
-
-    def _forget(self) -> None:
-        """Drop the cached changes of the last step, because the state went back."""
-        self._changes = None
+        return self._readings.near_pairs() if self.engine.started else np.zeros((0, 4), np.int32)
 
     def half_size(self, part: str) -> float:
         """Half the diagonal of a part's bounding box, m; of a subassembly, the largest value of its parts."""
@@ -635,6 +636,10 @@ class Session:
         self._begin()
         return self._trails.of(self._indices(part)[0])
 
+    def plan_removal(self, parts: Sequence[str], seconds: float) -> Any:
+        """Return the `planning.Removal` of some parts, moved as one, after a search of at most `seconds`."""
+        return services.call("removal", self.scene, parts, budget=seconds, threads=self.threads)
+
     # ---- decisions of the script
 
     def accept(
@@ -648,7 +653,7 @@ class Session:
         self._decide(Decision("accept", _id(candidate), limits("accept", break_distance, break_force)))
 
     def _decide(self, decision: Decision) -> None:
-        self.state.decisions = (*self.state.decisions, decision)
+        self.engine.decisions = (*self.engine.decisions, decision)
 
     def refuse(self, candidate: ConstraintView | int) -> None:
         """Refuse a candidate, or the candidate with an id; it is not offered again until the parts have separated."""
@@ -681,7 +686,7 @@ class Session:
         bears = limits("constrain", break_distance, break_force)
         try:
             with in_part_names(self.scene):
-                decision, view = stated(self.state, self._readings, kind, a, b, parameters, bears)
+                decision, view = stated(self.engine, self._readings, kind, a, b, parameters, bears)
         except ContradictionError as error:
             self._observers.happened("refused", error.parts, (), str(error), {"constraint": kind, "off": error.off})
             raise
@@ -700,7 +705,7 @@ class Session:
             raise TaskError(f"thread({part!r}, {pitch!r}): the pitch is metres a turn, negative for a left-hand thread")
         size = 2.0 * self.half_size(part)
         metres(pitch, f"thread({part!r}, {pitch!r})", part, size, FAR * size)
-        self.state.threads = {**self.state.threads, self._one(part, "thread"): float(pitch)}
+        self.engine.threads = {**self.engine.threads, self._one(part, "thread"): float(pitch)}
 
     def _one(self, part: str, what: str) -> int:
         """Return the index of a part; TaskError for a subassembly of several parts."""
@@ -712,7 +717,7 @@ class Session:
     @property
     def threads(self) -> dict[str, float]:
         """Pitches set with `thread` (m a turn, negative for left-hand threads), by part."""
-        return {self.scene.names[i]: pitch for i, pitch in self.state.threads.items()}
+        return {self.scene.names[i]: pitch for i, pitch in self.engine.threads.items()}
 
     def authorise(self, a: str, b: str) -> None:
         """State that the overlap of two parts or subassemblies as drawn is meant (press fit, seal): it is no clash.
@@ -721,13 +726,13 @@ class Session:
         other overlap; a motion that would deepen it is blocked.
         """
         for i, j in self._pairs(a, b, "authorise"):
-            self.state.authorise(i, j)
+            self.engine.authorise(i, j)
 
     def ignore(self, a: str, b: str | None = None) -> None:
         """Let two parts or subassemblies pass through each other (hose, cable), or one and all others, such as one that
         was taken away; verdict and report name them."""
         for i, j in self._pairs(a, b, "ignore"):
-            self.state.ignore(i, j)
+            self.engine.ignore(i, j)
 
     def _pairs(self, a: str, b: str | None, verb: str) -> list[tuple[int, int]]:
         """Indices of each part of a with each part of b, or with all others; TaskError if a part is on both sides."""
@@ -741,13 +746,13 @@ class Session:
     @property
     def authorised(self) -> list[tuple[str, str]]:
         """Pairs of parts whose overlap as drawn is meant, by name."""
-        return [(self.scene.names[a], self.scene.names[b]) for a, b in self.state.authorised]
+        return [(self.scene.names[a], self.scene.names[b]) for a, b in self.engine.authorised]
 
     @property
     def ignored(self) -> list[tuple[str, str]]:
         """Pairs of parts that may pass through each other, by name: those of `ignore`, and authorised ones that forces
         move."""
-        return [(self.scene.names[a], self.scene.names[b]) for a, b in self.state.passing]
+        return [(self.scene.names[a], self.scene.names[b]) for a, b in self.engine.passing]
 
     def behave(
         self,
@@ -775,14 +780,15 @@ class Session:
         for name, body in bodies.items():
             with self._alone(), in_part_names(self.scene):
                 known = None if isinstance(material, int | float) else material
-                self.state.behave(self._numbers[name], body, behaviours, known)
+                self.engine.behave(self._numbers[name], body, behaviours, known)
             for note in body.notes:
                 self.note(note)
 
     def reset(self) -> None:
-        """Return to the start of the session (see `State.reset`); events, recording and log are kept."""
+        """Return to the start of the session (see `Engine.restart`); events, recording and log are kept."""
         with self._alone():
-            self.state.reset()
+            self.engine.restart()
+            self._changes = None
             self._impose()
 
     # ---- expectations
@@ -883,8 +889,8 @@ class Session:
         """
         from vpframe.analysis.swept import swept_volume
 
-        self.state.start()
-        pairs = [pair for pair in (*self.state.joined, *self.authorised, *self.ignored) if part in pair]
+        self.engine.start()
+        pairs = [pair for pair in (*self.engine.joined, *self.authorised, *self.ignored) if part in pair]
         allowed = {part, *(name for pair in pairs for name in pair)}
         rest = [p for p in self.scene.parts if p.name not in allowed]
         return swept_volume(self.scene[part], [pose for _, pose in self.trail(part)], rest, resolution)
@@ -931,7 +937,7 @@ class Session:
         if news and self._frame is not None:  # events after the last step
             self._observers.show(replace(self._frame, events=news))
             self._observers.tell()
-        self.state.leave()
+        self.engine.leave()
         self._closed = True
         self._watch.close()
         if self._begun:
@@ -961,7 +967,7 @@ class Session:
         journal = self._journal
         if journal is not None and journal.replaying:
             return catching_up(self.step_count, journal.left, self._pace)
-        return under_way(self.time, list(self.state.hands.values()), self._pace, self._stop)
+        return under_way(self.time, list(self.engine.hands.values()), self._pace, self._stop)
 
 
 def _id(constraint: ConstraintView | int) -> int:

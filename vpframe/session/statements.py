@@ -10,8 +10,9 @@ from constraints.kinds.stated import stated as stated_candidate
 from vpframe.analysis.statements import Place, statement, words
 from vpframe.errors import TaskError
 from vpframe.events import ConstraintView
+from vpframe.session.engine import Engine
 from vpframe.session.readings import Readings
-from vpframe.session.state import Decision, State
+from vpframe.session.state import Decision
 
 
 class ContradictionError(TaskError):
@@ -25,7 +26,7 @@ class ContradictionError(TaskError):
 
 
 def stated(
-    state: State,
+    engine: Engine,
     readings: Readings,
     kind: str,
     a: Place,
@@ -41,12 +42,12 @@ def stated(
     ------
     As `statement` does; and ContradictionError if it contradicts the constraints in force after pending decisions.
     """
-    state.start()
-    mates, scene, poses = state.mates, state.scene, state.poses
+    engine.start()
+    mates, scene, poses = engine.mates, engine.scene, engine.poses
     features = mates.recogniser.features
-    constraint = statement(scene, features, poses, kind, a, b, parameters, state.tolerance)
+    constraint = statement(scene, features, poses, kind, a, b, parameters, engine.tolerance)
     held, imposed = {id: e.candidate for id, e in mates.accepted.items()}, 0
-    for decision in state.decisions:
+    for decision in engine.decisions:
         if decision.stated is not None:
             held[decision.id], imposed = decision.stated, imposed + 1
         elif decision.verb == "accept":
@@ -61,7 +62,7 @@ def stated(
         raise TaskError(f"constrain {constraint.kind}: these surfaces of {' and '.join(names)} have it already")
     fixed = [i for i, part in enumerate(scene.parts) if part.fixed]
     others = [c.constraint for c in held.values()]
-    off = contradiction(constraint, others, poses, fixed, state.tolerance, scene.names)
+    off = contradiction(constraint, others, poses, fixed, engine.tolerance, scene.names)
     if off is not None:
         message = f"constrain {constraint.kind} between {' and '.join(names)}: refused, {off.text}"
         raise ContradictionError(message, names, off.off, off.unit)

@@ -43,17 +43,13 @@ class Trails:
             rows["rotation"], rows["translation"] = poses[own, :9], poses[own, 9:]
             self._count, done = self._count + len(rows), own.stop
 
-    def mark(self) -> tuple[int, int]:
-        """Return a mark of the current end; `undo(mark)` goes back to it."""
-        return self._full, self._count
-
-    def undo(self, mark: tuple[int, int]) -> None:
-        """Remove the rows added since a mark."""
-        full, count = mark
-        if self._full > full and self._file is not None:  # this block was still in memory at the mark
-            self._file.seek(full * ROWS * _ROW.itemsize)
+    def rewind(self, step: int) -> None:
+        """Remove the rows of all later steps."""
+        while self._full and self._file is not None and (not self._count or self._rows["step"][0] > step):
+            self._full, self._count = self._full - 1, ROWS
+            self._file.seek(self._full * ROWS * _ROW.itemsize)
             self._rows = np.frombuffer(self._file.read(ROWS * _ROW.itemsize), _ROW).copy()
-        self._full, self._count = full, count
+        self._count = int(np.searchsorted(self._rows["step"][: self._count], step, side="right"))
 
     def of(self, part: int) -> tuple[tuple[int, pin.SE3], ...]:
         """Return (step, pose) of every step in which a part moved and of the bends within it, bit for bit.

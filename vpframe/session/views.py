@@ -26,7 +26,7 @@ class Selection(NamedTuple):
     """the same constraints, for batched residuals"""
 
 
-class Drawn(NamedTuple):
+class DrawnView(NamedTuple):
     """The views computed last, and their inputs."""
 
     in_force: InForce
@@ -79,7 +79,7 @@ class Views:
     """Computes the views of constraints in force; those whose bodies have not moved are reused."""
 
     def __init__(self) -> None:
-        self._drawn = Drawn(InForce({}), [], np.zeros((0, 2, 3)), ())
+        self._drawn = DrawnView(InForce({}), [], np.zeros((0, 2, 3)), ())
         self._selection: tuple[Any, Selection | None] = None, None
 
     def active(self, in_force: InForce, names: Sequence[str], poses: tuple[pin.SE3, ...]) -> list[ConstraintView]:
@@ -99,10 +99,10 @@ class Views:
                 view = object.__new__(ConstraintView)  # ten times faster than `replace`; there can be hundreds
                 view.__dict__.update(views[k].__dict__, origin=origin, direction=direction, residual=residual)
                 views[k] = view
-        self._drawn = Drawn(in_force, views, drawn.local, poses)
+        self._drawn = DrawnView(in_force, views, drawn.local, poses)
         return views
 
-    def _selected(self, drawn: Drawn, moved: NDArray[np.bool_]) -> Selection:
+    def _selected(self, drawn: DrawnView, moved: NDArray[np.bool_]) -> Selection:
         key = drawn.in_force, moved.tobytes()
         known, selection = self._selection
         if selection is None or known != key:
@@ -114,7 +114,7 @@ class Views:
             self._selection = (None if new.any() else key), selection
         return selection
 
-    def _begun(self, in_force: InForce, names: Sequence[str]) -> Drawn:
+    def _begun(self, in_force: InForce, names: Sequence[str]) -> DrawnView:
         """Reuse the views of constraints that stay in force; new views have residual NaN until they are computed."""
         last = self._drawn
         known = {id(e.candidate): v for e, v in zip(last.in_force.accepted.values(), last.views, strict=True)}
@@ -127,4 +127,4 @@ class Views:
                 number, c.kind, (names[a], names[b]), c.surfaces, np.nan, "active", c.match.origin, c.match.direction,
                 c.match.size, c.why, c.match.press,
             ))  # fmt: skip
-        return Drawn(in_force, views, np.array(local).reshape(-1, 2, 3), last.poses)
+        return DrawnView(in_force, views, np.array(local).reshape(-1, 2, 3), last.poses)

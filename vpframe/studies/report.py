@@ -68,9 +68,10 @@ def rate_text(document: Mapping[str, Any]) -> str:
     if not rate["of"]:
         return "No variant has finished."
     interval = f"{100 * rate['low']:.2f} to {100 * rate['high']:.2f} %"
+    ignoring = [f"; {r['count']} of them: {r['reason']}" for r in document["reasons"] if r["status"] == "ok"]
     return (
         f"{rate['ok']} of {rate['of']} variants can be done: {100 * rate['value']:.2f} % "
-        f"({100 * rate['confidence']:.0f} % interval {interval})"
+        f"({100 * rate['confidence']:.0f} % interval {interval}){''.join(ignoring)}"
     )
 
 

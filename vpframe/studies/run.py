@@ -77,7 +77,7 @@ def run_study(
 
     Raises
     ------
-    VpframeError: bad input in one line; what was finished is kept in `out`, and `resume` goes on from it.
+    VpframeError: bad input in one line; what was finished is kept in `out`, and `resume` continues from it.
     """
     if not timeout > 0.0 or retries < 0 or machines.jobs < 1:
         raise VpframeError("--timeout and --jobs must be positive, --retries not negative")

@@ -27,6 +27,7 @@ import numpy as np
 from collision.numeric.kernel import compilation
 from vpframe.errors import VpframeError
 from vpframe.processes import end_with
+from vpframe.scene.names import ignored_words
 from vpframe.scripts import in_one_line, place
 from vpframe.session.session import Session
 from vpframe.studies.child import IDLE
@@ -35,7 +36,8 @@ from vpframe.studies.replay import opened
 from vpframe.studies.variants import Variant, bound
 
 Outcome = dict[str, Any]
-"""status ("ok", "no", "error"), reason, clearance (m), measures, time (s of the task), steps, seconds, memory (B)"""
+"""status ("ok", "no", "error"), reason (of "ok": pairs that may pass through each other), clearance (m), measures, time
+(s of the task), steps, seconds, memory (B)"""
 
 
 class Runner:
@@ -75,7 +77,7 @@ class Runner:
         least = session.log.least
         return {
             "status": "no" if session.failure else "error" if session.undecided else "ok",
-            "reason": session.failure or session.undecided,
+            "reason": session.failure or session.undecided or ignored_words(session.ignored, len(session.scene)),
             "clearance": _number(least.clearance) if least is not None else None,
             "measures": measures,
             "time": session.time,
@@ -113,7 +115,7 @@ def _number(value: float | None) -> float | None:
 
 
 def main(script: Path, parent: int) -> None:
-    """Read the script, then run incoming variants until none has come for `IDLE` seconds."""
+    """Read the script, then run incoming variants until none arrives for `IDLE` seconds."""
     requests, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w", encoding="utf-8")
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)

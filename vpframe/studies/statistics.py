@@ -33,8 +33,8 @@ def replicated(
 
     Points of one quasi-random sequence depend on each other: `wilson` takes their mean for less certain than it is. The
     spread of the rates of independent sequences tells its variance; the interval is Wilson's of as many independent
-    samples as would have that variance, with Student's quantile. Where no rate can be told apart (too few samples, all
-    good or all bad) it is `wilson`; it is never narrower than 3 samples to each side, as of a count that may vary.
+    samples as would have that variance, with Student's quantile. Where no rate can be distinguished (too few samples,
+    all good or all bad) it is `wilson`; it is never narrower than 3 samples to each side, as of a count that may vary.
 
     good: (n,) successes. replicate: (n,) number of the sequence of each sample.
 

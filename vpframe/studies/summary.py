@@ -147,12 +147,13 @@ def _kind(one: Record) -> str:
 
 
 def _reasons(records: Sequence[Record]) -> Counter[tuple[str, str]]:
-    """Count the reasons that ended tasks; the first reason of a kind represents all."""
+    """Count the reasons that ended tasks and what done ones ignore; the first reason of a kind represents all."""
     named: dict[tuple[str, str], str] = {}
     counted: Counter[tuple[str, str]] = Counter()
     for one in records:
-        if one["status"] != "ok":
-            text = named.setdefault((one["status"], _kind(one)), str(one["reason"]))
+        if one["status"] != "ok" or one["reason"]:
+            kind = _kind(one) or str(one["reason"])
+            text = named.setdefault((one["status"], kind), str(one["reason"]))
             counted[one["status"], text] += 1
     return counted
 

@@ -6,7 +6,7 @@ import inspect
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -75,7 +75,7 @@ def random_sample(variables: Variables, count: int, seed: int) -> list[Variant]:
 
 def sobol_sample(variables: Variables, count: int, seed: int) -> list[Variant]:
     """Return variants at points of `SEQUENCES` scrambled Sobol' sequences in turn: means of n converge faster than
-    1/sqrt(n), and the means of the sequences, which are independent, tell how far off they are (`sequence_of`).
+    1/sqrt(n), and the means of the sequences, which are independent, give the error (`sequence_of`).
 
     Source: Owen, "Scrambling Sobol' and Niederreiter-Xing points", J. Complexity 14 (1998), as in `scipy.stats.qmc`.
     """
@@ -174,7 +174,7 @@ def load(path: str | Path, **options: Any) -> Scene:
     from vpframe.scene.scene import Scene
 
     read = _loaded(str(Path(path).resolve()), tuple(sorted(options.items())))
-    parts = (replace(part, pose=pin.SE3(part.pose)) for part in read.parts)
+    parts = (part.copy(pose=pin.SE3(part.pose)) for part in read.parts)
     return Scene(parts, source=read.source, notes=read.notes)
 
 

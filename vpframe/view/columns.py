@@ -14,7 +14,7 @@ from vpframe.events import Event
 from vpframe.scene.scene import Part
 from vpframe.view import palette
 from vpframe.view.display import display_mesh
-from vpframe.view.symbols import Symbol
+from vpframe.view.symbols import SceneSymbol
 
 LEVEL = {"bad": "WARN", "plain": "DEBUG"}
 """rerun's level of an event by its tone; INFO for all others"""
@@ -57,7 +57,7 @@ def _transforms(values: list[pin.SE3]) -> Any:
     return rr.Transform3D.columns(translation=[pose.translation for pose in values], quaternion=quaternions)
 
 
-def _strips(values: list[Symbol | None]) -> Any:
+def _strips(values: list[SceneSymbol | None]) -> Any:
     drawn = [symbol for symbol in values if symbol]
     each = [1 if symbol else 0 for symbol in values]  # without strips and colour the symbol disappears
     strips = rr.LineStrips3D.columns(strips=[strip for symbol in drawn for strip in symbol.strips])

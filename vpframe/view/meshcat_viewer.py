@@ -11,7 +11,7 @@ import time
 import webbrowser
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import pinocchio as pin
 
@@ -168,14 +168,10 @@ class MeshcatViewer:
         if self._server is not None:
             self._server.wait_for(client, most)
 
-    def mark(self) -> object:
-        """Return a mark of what was shown so far, for `undo`."""
-        return self._history.mark()
-
-    def undo(self, mark: Any) -> None:
-        """Remove frames and events since a mark; pages do so with the next frame."""
+    def rewind(self, last: Frame | None, events: int) -> None:
+        """Forget the frames after `last` and the events after the first `events`; pages do so with the next frame."""
         with self._lock:
-            self._history.undo(mark)
+            self._history.rewind(last, events)
             self._undone += 1
 
     def end(self) -> None:

@@ -18,7 +18,7 @@ from vpframe.text import plain
 from vpframe.view import palette
 from vpframe.view.camera import Camera, frame_scene
 from vpframe.view.display import display_mesh
-from vpframe.view.symbols import Symbol, frame_symbols, hand_symbols
+from vpframe.view.symbols import SceneSymbol, frame_symbols, hand_symbols
 
 Message = dict[str, Any]
 
@@ -35,7 +35,7 @@ class Encoder:
         self._moved: dict[int, str] = {}
         """indices of the parts that ever moved"""
         self._strips: dict[tuple[object, ...], int] = {}
-        self._symbols: dict[int, tuple[ConstraintView, Symbol]] = {}
+        self._symbols: dict[int, tuple[ConstraintView, SceneSymbol]] = {}
 
     def begin(self) -> Message:
         """Return the message of the scene: shapes once, parts with poses and colours, camera."""
@@ -170,7 +170,7 @@ def _measure(geometry: Geometry) -> list[Any] | None:
     return [kind, np.asarray(origin).tolist(), np.asarray(direction).tolist(), float(radius)]
 
 
-def strips_message(number: int, symbol: Symbol) -> Message:
+def strips_message(number: int, symbol: SceneSymbol) -> Message:
     """Return the polylines of a symbol, in its own frame."""
     return {
         "type": "strips",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import colorsys
 
 from vpframe.events import Event
-from vpframe.scene.scene import Part, Scene
+from vpframe.scene.scene import GREY, Scene
 
 Color = tuple[float, float, float]
 
@@ -53,9 +53,6 @@ def tone(event: Event) -> str:
     return _TONE.get(event.kind, "plain")
 
 
-_DEFAULT = Part.__dataclass_fields__["color"].default
-
-
 def part_colors(scene: Scene) -> dict[str, Color]:
     """Return the colour of each part: the file's hue if it states one, else hues a golden angle apart; all muted.
 
@@ -66,7 +63,7 @@ def part_colors(scene: Scene) -> dict[str, Color]:
     colors: dict[str, Color] = {}
     for part in scene.parts:
         number = hue_of.setdefault(id(part.shape), len(hue_of))
-        if tuple(part.color) != _DEFAULT:
+        if tuple(part.color) != GREY:
             hue, lightness, saturation = colorsys.rgb_to_hls(*part.color[:3])
             colors[part.name] = colorsys.hls_to_rgb(hue, min(max(lightness, 0.42), 0.82), min(saturation, 0.42))
         else:

@@ -23,7 +23,7 @@ HEADER = 12
 
 
 @dataclass(frozen=True)
-class Line:
+class EventLine:
     """A line of a recording's log: an event, or the script's line ("script")."""
 
     step: int
@@ -59,17 +59,17 @@ def command(path: Path) -> list[str]:
     return [program, "--bind", "127.0.0.1", *where, str(path)]
 
 
-def lines(path: str | Path) -> list[Line]:
+def lines(path: str | Path) -> list[EventLine]:
     """Return events and the script's lines of a recording, in order; of an incomplete one, those it has."""
-    found: list[Line] = []
+    found: list[EventLine] = []
     order = {"events": 0, "script": 1}
     for entity, rows in tables(path, tuple(order)):
         for row in rows:
             if "TextLog:text" in row:
                 kind, _, text = row["TextLog:text"][0].partition(": ")
-                found.append(Line(row["step"], row["time"], kind, text))
+                found.append(EventLine(row["step"], row["time"], kind, text))
             elif row.get("TextDocument:text"):
-                found.append(Line(row["step"], row["time"], entity, row["TextDocument:text"][0]))
+                found.append(EventLine(row["step"], row["time"], entity, row["TextDocument:text"][0]))
     return sorted(found, key=lambda line: (line.step, line.kind != "script"))
 
 

@@ -4,7 +4,7 @@ A page answers each message when it has drawn it. While it draws one frame the n
 out is the latest there is.
 A page that does not answer for `PATIENCE` seconds is dropped.
 
-A session is shown to, and hears, only who was given its address: a token in it is asked for with every page and every
+Only who was given the address sees and controls a session: its token is required for every page and every
 socket. Both are answered under this machine's own names and addresses only, so that another site's name that is made
 to resolve to this machine (DNS rebinding) does not reach them.
 
@@ -71,8 +71,8 @@ class Server:
         then seen.
     latest: called in the server's thread when a page can take more, with its mark; returns messages and the new mark.
     ask: takes a page's requests, with its mark, and returns the mark (in the server's thread: it must not wait).
-    gone: is told the number of a page that has gone.
-    host, port: the address to listen on; loopback unless told otherwise, port 0 takes any that is free.
+    gone: called with the number of a page that has disconnected.
+    host, port: the address to listen on; loopback by default; port 0 takes any that is free.
     """
 
     def __init__(

@@ -2,7 +2,7 @@
 
 Shading is two lights over smooth normals; lines are drawn where neighbouring pixels see different features (Saito and
 Takahashi 1990, G-buffers), so silhouettes and feature edges come out alike at any scale. Every pixel is the mean of
-`supersample`² samples.
+`Look.supersample`² samples.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
@@ -22,11 +23,28 @@ from vpframe.scene.scene import Part, Scene, Shape
 from vpframe.view import palette
 from vpframe.view.camera import Camera, frame_scene
 from vpframe.view.display import display_mesh
-from vpframe.view.symbols import Symbol
+from vpframe.view.symbols import SceneSymbol
 
 KEY_LIGHT = np.array([0.35, 0.55, 0.76])
 FILL_LIGHT = np.array([-0.80, -0.10, 0.59])
 """unit vectors in the camera's frame: right, up, towards the eye"""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a picture shows the parts."""
+
+    opacity: Mapping[str, float] = field(default_factory=dict)
+    """of parts by name, 0 (not drawn) … 1 (the default)"""
+    section: tuple[ArrayLike, ArrayLike] | None = None
+    """a point and a normal (3,), world: what lies on the normal's side is cut away, cut solids are filled"""
+    colors: Mapping[str, palette.Color] = field(default_factory=dict)
+    """of parts by name, over the palette's"""
+    supersample: int = 2
+    """samples a pixel along either side"""
+
+
+AS_IT_IS = Look()
 
 
 def render(
@@ -35,11 +53,8 @@ def render(
     highlight: Iterable[tuple[str, int]] = (),
     size: tuple[int, int] = (800, 600),
     camera: Camera | None = None,
-    symbols: Iterable[Symbol] = (),
-    opacity: Mapping[str, float] | None = None,
-    section: tuple[ArrayLike, ArrayLike] | None = None,
-    colors: Mapping[str, palette.Color] | None = None,
-    supersample: int = 2,
+    symbols: Iterable[SceneSymbol] = (),
+    look: Look = AS_IT_IS,
 ) -> NDArray[np.uint8]:
     """Return a picture (height, width, 3) of a scene.
 
@@ -50,15 +65,12 @@ def render(
     size: width and height in pixels.
     camera: as `camera.look_at` makes it; the whole scene from front right by default.
     symbols: lines drawn on top, faint where hidden.
-    opacity: of parts by name, 0 (not drawn) … 1 (the default).
-    section: a point and a normal (3,), world: what lies on the normal's side is cut away, cut solids are filled.
-    colors: of parts by name, over the palette's.
     """
     poses = poses or {}
-    opacity = opacity or {}
+    opacity, section, supersample = look.opacity, look.section, look.supersample
     width, height = size[0] * supersample, size[1] * supersample
     camera = camera or frame_scene(scene)
-    tints = {**palette.part_colors(scene), **(colors or {})}
+    tints = {**palette.part_colors(scene), **look.colors}
     marked: dict[str, set[int]] = {}
     for name, surface in highlight:
         marked.setdefault(name, set()).add(surface)
@@ -279,7 +291,7 @@ def _background(width: int, height: int) -> NDArray[np.float32]:
 def _draw_symbols(
     image: NDArray[np.float32],
     depth: NDArray[np.float64],
-    symbols: Iterable[Symbol],
+    symbols: Iterable[SceneSymbol],
     camera: Camera,
     supersample: int,
 ) -> None:

@@ -31,7 +31,7 @@ WIDTH = {"active": 3.0, "candidate": 2.0, "refused": 1.0}
 
 
 @dataclass(frozen=True, eq=False)
-class Symbol:
+class SceneSymbol:
     """Polylines of one colour that mean one thing."""
 
     name: str
@@ -53,14 +53,14 @@ class Symbol:
         return tuple(strip @ self.pose.rotation.T + self.pose.translation for strip in self.strips)
 
 
-def constraint_symbol(view: ConstraintView) -> Symbol:
+def constraint_symbol(view: ConstraintView) -> SceneSymbol:
     """Return the symbol of a constraint or candidate, coloured by its state; thin, grey and faint if refused.
 
     An axis with a ring for what turns about an axis (concentric, conical, screw, …), a ball for what turns about a
     point, a line for what touches along one, a framed square with its normal for what lies on a plane.
     """
     size = _rounded(view.size)
-    return Symbol(
+    return SceneSymbol(
         name=f"constraint/{view.id}",
         key=(view.kind, view.state, size, view.parts),
         strips=_constraint_strips(view.kind, size),
@@ -95,7 +95,7 @@ TURNS: dict[str, tuple[Points, ...]] = {
 }
 
 
-def freedom_symbol(part: str, joint: str, pose: pin.SE3, size: float) -> Symbol | None:
+def freedom_symbol(part: str, joint: str, pose: pin.SE3, size: float) -> SceneSymbol | None:
     """Return arrows of the freedom of a lower pair, straight for slides, bent for turns; None without freedom.
 
     `pose`: where the pair sits, z along the direction that names it. `size`: metres.
@@ -103,7 +103,7 @@ def freedom_symbol(part: str, joint: str, pose: pin.SE3, size: float) -> Symbol 
     strips = _freedom_strips(joint, _rounded(size))
     if not strips:
         return None
-    return Symbol(
+    return SceneSymbol(
         f"freedom/{part}", (joint, _rounded(size), part), strips, pose, palette.FREEDOM, 3.0, f"{part}: {joint}", 0.85
     )
 
@@ -123,7 +123,9 @@ def _rounded(size: float) -> float:
     return float(f"{max(float(size), 1e-9):.3g}")
 
 
-def frame_symbols(frame: Frame, known: dict[int, tuple[ConstraintView, Symbol]] | None = None) -> tuple[Symbol, ...]:
+def frame_symbols(
+    frame: Frame, known: dict[int, tuple[ConstraintView, SceneSymbol]] | None = None
+) -> tuple[SceneSymbol, ...]:
     """Return the symbols of a frame: constraints, candidates, refused ones, and the freedom of held parts.
 
     known: symbols by constraint, of the frame before: those of constraints that have not moved are taken from it.
@@ -146,27 +148,28 @@ def frame_symbols(frame: Frame, known: dict[int, tuple[ConstraintView, Symbol]] 
     return tuple(symbols)
 
 
-def hand_symbols(hands: Mapping[str, pin.SE3], size: float) -> tuple[Symbol, ...]:
+def hand_symbols(hands: Mapping[str, pin.SE3], size: float) -> tuple[SceneSymbol, ...]:
     """Return a tripod in a ring, `size` m, for each hand."""
     strips = (*(np.array([-size * axis, size * axis]) for axis in (X, Y, Z)), circle(Z, 0.7 * size))
     return tuple(
-        Symbol(f"hand/{name}", ("hand", size), strips, pose, palette.HAND, 3.0, name) for name, pose in hands.items()
+        SceneSymbol(f"hand/{name}", ("hand", size), strips, pose, palette.HAND, 3.0, name)
+        for name, pose in hands.items()
     )
 
 
-def trail_symbol(name: str, points: ArrayLike) -> Symbol:
+def trail_symbol(name: str, points: ArrayLike) -> SceneSymbol:
     """Return a trail: one polyline (n, 3) in the world."""
     strip = np.asarray(points, dtype=np.float64)
-    return Symbol(f"trail/{name}", (len(strip),), (strip,), pin.SE3.Identity(), palette.TRAIL, 2.0, name)
+    return SceneSymbol(f"trail/{name}", (len(strip),), (strip,), pin.SE3.Identity(), palette.TRAIL, 2.0, name)
 
 
-def gap_symbol(a: ArrayLike, b: ArrayLike, scale: float) -> Symbol:
+def gap_symbol(a: ArrayLike, b: ArrayLike, scale: float) -> SceneSymbol:
     """Return the least clearance: points `a` and `b` (3,), joined, in visible rings. scale: m, of the picture."""
     line = np.array([a, b], dtype=np.float64)
     middle = line.mean(axis=0)
     radius = max(0.03 * scale, 0.75 * float(np.linalg.norm(line[1] - line[0])))
     rings = [middle + circle(axis, radius) for axis in (X, Y, Z)]
-    return Symbol("gap", ("gap",), (line, *rings), pin.SE3.Identity(), palette.GAP, 2.0, "least clearance", 0.85)
+    return SceneSymbol("gap", ("gap",), (line, *rings), pin.SE3.Identity(), palette.GAP, 2.0, "least clearance", 0.85)
 
 
 def frame_at(origin: ArrayLike, direction: ArrayLike) -> pin.SE3:

@@ -88,7 +88,7 @@ def test_it_finds_what_a_look_at_everything_finds(verdict, seed):
                 manager.tolerance = tolerance
         decide(managers, rng)
         if rng.random() < 0.1:
-            managers[0].restore(managers[0].state())
+            managers[0].snapshot = managers[0].snapshot
         rows = world.contacts(managers[0].within), world.contacts(WIDE)
         managers[1]._attention.forget()
         changes = [m.update(poses, near, wanted, force) for m, near in zip(managers, rows, strict=True)]

@@ -9,7 +9,7 @@ import pytest
 from collision import CollisionManager, Tolerance
 from constraints import recognise, solve
 from constraints.geometry.surfaces import Plane
-from constraints.recognition.pairings import SLIGHT, STANDING
+from constraints.recognition.pairings import DEFAULT_KINDS, SLIGHT
 from tests.constraints.shapes import Builder, box, housing, shaft, turned
 
 EXACT = replace(Tolerance(), reach=0.0, reach_angular=0.0)
@@ -27,7 +27,7 @@ def at(x=0.0, y=0.0, z=0.0, rpy=(0.0, 0.0, 0.0)):
     return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array([x, y, z], float))
 
 
-def found(bodies, poses, kinds=(*STANDING, *SLIGHT)):
+def found(bodies, poses, kinds=(*DEFAULT_KINDS, *SLIGHT)):
     world = CollisionManager(EXACT)
     for body, pose in zip(bodies, poses, strict=True):
         world.add(body.mesh, pose)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from collision import Tolerance
 from constraints.errors import GeometryError
 from constraints.geometry.surfaces import cross, norm
-from constraints.geometry.views import Extent, Limits, View
+from constraints.geometry.views import Extent, FeatureView, Limits
 from constraints.recognition.candidate import KINDS
 from constraints.recognition.pairings import FITS, PAIRINGS, matches, over, rows_for
 from tests.constraints.shapes import box, flanged_shaft, housing, shaft, turned
@@ -22,7 +22,7 @@ NEAR = Limits.offer(Tolerance())
 
 def view(body, feature, xyz=(0, 0, 0), rpy=(0, 0, 0)):
     pose = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz, float))
-    return View(Extent.of(body.features[feature]), pose)
+    return FeatureView(Extent.of(body.features[feature]), pose)
 
 
 def test_box_on_box():
@@ -131,7 +131,9 @@ def test_ring_in_groove():
     ring = turned([(0.022, 0, ("ring", 0.02, 0.0)), (0.018, 0)])
     solid = ring.features[0]
     hollow = replace(solid, sense=-1)
-    match = matches(View(Extent.of(solid), pin.SE3.Identity()), View(Extent.of(hollow), pin.SE3.Identity()), EXACT)
+    match = matches(
+        FeatureView(Extent.of(solid), pin.SE3.Identity()), FeatureView(Extent.of(hollow), pin.SE3.Identity()), EXACT
+    )
     assert match.kind == "toroidal" and match.fit == 0.0
 
 
@@ -236,7 +238,7 @@ def test_every_rule_takes_every_pair_of_geometries_in_either_order(first, second
     a, b = (Extent.of(FEATURES[key]) for key in (first, second))
     there = pin.SE3(pin.rpy.rpyToMatrix(*pose[3:]), np.array(pose[:3]))
     for limits in (EXACT, NEAR, Limits.keep(Tolerance()), replace(NEAR, linear=1.0, angular=np.pi / 2)):
-        one, other = View(a, pin.SE3.Identity()), View(b, there)
+        one, other = FeatureView(a, pin.SE3.Identity()), FeatureView(b, there)
         for row in PAIRINGS:
             there_found, back_found = row.match(one, other, limits), row.match(other, one, limits)
             assert (there_found is None) == (back_found is None)
@@ -262,7 +264,10 @@ def test_a_ball_and_a_shaft_in_a_hollow_ball_are_nothing_rather_than_an_error():
     """A row of the table holds for its own order: the sphere as the hollow one of a cylinder and a sphere is none."""
     rod, socket = FEATURES["cylinder", 1], FEATURES["sphere", -1]
     for a, b in ((rod, socket), (socket, rod)):
-        assert matches(View(Extent.of(a), pin.SE3.Identity()), View(Extent.of(b), pin.SE3.Identity()), NEAR) is None
+        assert (
+            matches(FeatureView(Extent.of(a), pin.SE3.Identity()), FeatureView(Extent.of(b), pin.SE3.Identity()), NEAR)
+            is None
+        )
 
 
 MEDIUM = {

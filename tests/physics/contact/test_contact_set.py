@@ -396,10 +396,10 @@ def test_the_future_of_a_snapshot_is_the_same():
         world.add(i, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.4), Elastic(0.6, law="poisson")])
     for _ in range(15):
         world.step(0.01)
-    snapshot = world.state()
+    snapshot = world.save()
     ends = []
     for _ in range(2):
-        world.restore(snapshot)
+        world.load(snapshot)
         for _ in range(8):
             world.step(0.01)
         ends.append(np.array([pose.homogeneous for pose in world.poses.values()]))

@@ -196,20 +196,20 @@ def test_what_a_users_behaviour_does_wrong_is_named_and_moves_nothing(how):
     world.add(ids[2], body, [Gravity(), Strange(**STRANGE[how])], velocity=[0.1, 0, 0, 1, 2, 3])
     world.hold(ids[0], at(z=0.06))
     run(world, 0.02)
-    before = world.state().data
+    before = world.save()
     with pytest.raises(PhysicsError, match="valve") as caught:
         run(world, 0.05)
     assert caught.value.object_id == ids[2] and "\n" not in str(caught.value)
-    after = world.state().data
+    after = world.save()
     assert after["time"] >= before["time"]
     for name in ("center", "attitude", "velocity", "rate", "steady"):
         if after["time"] == before["time"]:
             assert np.array_equal(after[name], before[name]), name
     assert all(manager.pose(i) == world.pose(i) for i in ids)
-    now = world.state().data
+    now = world.save()
     with pytest.raises(PhysicsError):
         world.step(0.01)
-    again = world.state().data
+    again = world.save()
     assert all(np.array_equal(again[name], now[name]) for name in ("center", "attitude", "velocity", "rate", "steady"))
     world.add(ids[2], body, [Gravity()])
     run(world, 0.05)
@@ -403,10 +403,10 @@ def test_restored_states_have_the_same_future(what):
         run(world, 0.1)
     if what == "sleeping":
         assert world.awake == ()
-    saved = world.state()
+    saved = world.save()
     futures = []
     for _ in range(2):
-        world.restore(saved)
+        world.load(saved)
         world.set_velocity(ids[0], [0.5, 0, 0, 0, 0, 0])
         future = []
         for _ in range(25):

@@ -163,7 +163,7 @@ def test_a_hinged_part_goes_on_alike_in_another_world():
     second, *_ = hinged()
     for _ in range(20):
         first.step(1 / 60)
-    second.restore(pickle.loads(pickle.dumps(first.state())))
+    second.load(pickle.loads(pickle.dumps(first.save())))
     for _ in range(60):
         first.step(1 / 60)
         second.step(1 / 60)

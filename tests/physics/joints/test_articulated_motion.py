@@ -198,12 +198,12 @@ def test_the_same_bits_after_a_snapshot(make):
 
     world = make()[0]
     go(world, 20)
-    snapshot = world.state()
+    snapshot = world.save()
     once = go(world, 30)
-    world.restore(snapshot)
+    world.load(snapshot)
     assert np.array_equal(go(world, 30), once)
     fresh = make()[0]
-    fresh.restore(snapshot)
+    fresh.load(snapshot)
     assert np.array_equal(go(fresh, 30), once)
 
 

@@ -1,5 +1,7 @@
 """What `vpframe clash` says of scenes whose truth is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,7 +11,9 @@ from collision.solid import solid_of
 from constraints.geometry.features import Feature
 from constraints.geometry.surfaces import Cylinder, Freeform, Plane
 from vpframe.analysis.clash import authorised_pairs, clash, document, is_open, merged, table
+from vpframe.analysis.fits import ClashReason
 from vpframe.analysis.mates import mates
+from vpframe.analysis.pairs import ClashRow, by_parts
 from vpframe.errors import VpframeError
 from vpframe.scene import modelling as m
 from vpframe.scene.deflection import deflections
@@ -22,8 +26,8 @@ def at(x=0.0, y=0.0, z=0.0):
     return pin.SE3(np.eye(3), np.array([x, y, z], dtype=float))
 
 
-def kinds(document):
-    return {pair["kind"] for pair in document["pairs"]}
+def kinds(rows):
+    return {row.kind for row in rows}
 
 
 def shaft_in_bore(radius, deflection=1e-4):
@@ -50,10 +54,10 @@ def test_a_fit_is_judged_on_its_radii_whatever_the_tessellation(radius, kind, de
     found = clash(shaft_in_bore(radius, deflection), clearance=5e-5)
     assert kinds(found) - ({"contact"} if kind == "clash" else set()) == ({kind} if kind else set())
     if kind in ("clash", "press fit"):
-        depths = [p["depth"] for p in found["pairs"] if "interference" in p["reason"]]
+        depths = [p.depth for p in found if p.reason is ClashReason.FIT]
         assert depths == pytest.approx([radius - 0.01] * max(1, len(depths)), abs=1e-9)
     if kind == "clearance":
-        assert [p["distance"] for p in found["pairs"]] == pytest.approx([2e-5] * len(found["pairs"]), abs=1e-9)
+        assert [p.distance for p in found] == pytest.approx([2e-5] * len(found), abs=1e-9)
 
 
 def test_an_overlap_may_be_authorised_by_name():
@@ -65,7 +69,7 @@ def test_an_overlap_may_be_authorised_by_name():
 def test_a_press_fit_is_no_clash_and_is_counted():
     found = clash(shaft_in_bore(0.01002))
     words = "press fit, 20 µm radial interference, force not checked"
-    assert found["pairs"] and all(words in p["reason"] and not is_open(p) for p in found["pairs"])
+    assert found and all(words in p.why and not is_open(p) for p in found)
     text = table(found)
     assert text.startswith("1 press fit (pairs of parts)") and words in text and "0.020 mm deep" in text
     tight = Tolerance(press_fit="p6")  # Ø20: 35 µm on the diameter
@@ -79,10 +83,10 @@ def test_a_press_fit_is_no_clash_and_is_counted():
 def test_a_ring_around_a_bush_is_no_shaft_in_its_bore(wall):
     """Ø24 lies about Ø20 without being in it."""
     ring, bush = (m.cylinder(r, 0.02) - m.cylinder(r - w, 0.02) for r, w in ((0.012, 0.001), (0.01 + wall, wall)))
-    assert clash(m.scene({"ring": ring, "bush": bush}))["pairs"] == []
+    assert clash(m.scene({"ring": ring, "bush": bush})) == ()
     wider = m.cylinder(0.01104, 0.02) - m.cylinder(0.010, 0.02)  # 40 µm into the ring
-    found = clash(m.scene({"ring": ring, "bush": wider}))["pairs"]
-    assert max(p["depth"] for p in found if p["kind"] == "clash") == pytest.approx(4e-5, abs=1e-9)
+    found = clash(m.scene({"ring": ring, "bush": wider}))
+    assert max(p.depth for p in found if p.kind == "clash") == pytest.approx(4e-5, abs=1e-9)
 
 
 def test_flush_is_contact_overlap_is_clash_inside_is_containment():
@@ -91,11 +95,11 @@ def test_flush_is_contact_overlap_is_clash_inside_is_containment():
     assert kinds(clash(flush)) == {"contact"}
     deep = clash(m.scene({"a": (cube, AT_HOME), "b": (cube, at(x=0.019, y=0.001, z=0.001))}))
     assert kinds(deep) >= {"clash"}
-    assert max(p["depth"] for p in deep["pairs"]) == pytest.approx(1e-3, abs=1e-6)
+    assert max(p.depth for p in deep) == pytest.approx(1e-3, abs=1e-6)
     inside = clash(m.scene({"a": (cube, AT_HOME), "b": (m.box(0.01, 0.01, 0.01), at(0.005, 0.005, 0.005))}))
-    assert [(p["kind"], p["surfaces"]) for p in inside["pairs"]] == [("containment", [])]
-    assert inside["pairs"][0]["reason"] == "b lies wholly inside a" and "b lies wholly inside a" in table(inside)
-    assert clash(m.scene({"a": (cube, AT_HOME), "b": (cube, at(x=0.03))}))["pairs"] == []
+    assert [(p.kind, p.surfaces, p.reason) for p in inside] == [("containment", (), ClashReason.INSIDE)]
+    assert inside[0].why == "b lies wholly inside a" and "b lies wholly inside a" in table(inside)
+    assert clash(m.scene({"a": (cube, AT_HOME), "b": (cube, at(x=0.03))})) == ()
 
 
 def test_identical_parts_in_one_place_clash():
@@ -109,7 +113,7 @@ def test_the_table_names_parts_and_counts_kinds():
     surfaces = table(clash(shaft_in_bore(0.01002)), surfaces=True)
     assert "3 pairs of surfaces" in text and surfaces.startswith("3 press fit")
     assert table(clash(shaft_in_bore(0.01005))).startswith("1 clash (pairs of parts)")
-    assert table({"pairs": []}) == "no two parts touch"
+    assert table([]) == "no two parts touch"
 
 
 def test_scenes_of_several_files_keep_their_parts_apart():
@@ -118,7 +122,7 @@ def test_scenes_of_several_files_keep_their_parts_apart():
     both = merged([one, one])
     assert both.names == ("a/cube", "a_2/cube")
     assert merged([one]) is one
-    assert clash(Scene()) == {"pairs": []}
+    assert clash(Scene()) == ()
 
 
 def test_authorised_pairs_are_two_names():
@@ -142,11 +146,13 @@ def test_deflection_is_that_of_the_chords(angular):
 
 def test_the_table_puts_the_deepest_first_and_tells_no_length_of_zero():
     def row(kind, depth=0.0, distance=0.0, b="b"):
-        return {"kind": kind, "parts": ["a", b], "surfaces": [0, 1], "distance": distance, "depth": depth}
+        faces = tuple(Surface(i, "", Freeform(), "free", 0.0, 1.0) for i in (0, 1))
+        gap = (distance - depth,) * 2
+        return ClashRow(kind, ("a", b), (0, 1), faces, distance, depth, gap, (0.0, 0.0, 0.0), ClashReason.NONE, "")
 
-    within = row("contact", 2e-5, b="c") | {"interval": [-6e-5, 2e-5]}
+    within = replace(row("contact", 2e-5, b="c"), interval=(-6e-5, 2e-5))
     pairs = [row("contact", 1e-15), within, row("clash", 1e-4), row("clash", 3e-3, b="d")]
-    lines = table({"pairs": [*pairs, row("clearance", distance=2e-4)]}, surfaces=True).splitlines()
+    lines = table([*pairs, row("clearance", distance=2e-4)], surfaces=True).splitlines()
     assert lines[0] == "2 clash, 2 contact, 1 clearance"
     assert [line.split()[3].rstrip(":") for line in lines[1:4]] == ["d", "b", "c"]
     assert lines[3].endswith("touching within their deflection, from 0.060 mm deep to 0.020 mm apart")
@@ -167,14 +173,14 @@ def test_clashes_are_listed_by_pair_of_parts_and_contacts_counted_at_the_end():
     assert lines[0] == "1 clash, 4 contact (pairs of parts)"
     assert lines[1].split()[:5] == ["clash", "cube", "–", "stack/plate:", "1.000"]
     assert " mm deep at (" in lines[1] and " · plane – face " in lines[1] and "pairs of surfaces" in lines[1]
-    rest = [p for p in found["pairs"] if p["parts"] != ["cube", "stack/plate"]]
+    rest = [p for p in found if p.parts != ("cube", "stack/plate")]
     assert lines[2].endswith(f"4 pairs of parts only touch ({len(rest)} pairs of surfaces); --contacts lists them")
     assert len(lines) == 3
     asked = table(found, contacts=True).splitlines()
     assert len(asked) == 6 and asked[:2] == lines[:2]
     assert sum(line.startswith("  contact") and "touching" in line for line in asked) == 4
     every = table(found, surfaces=True).splitlines()
-    assert len(every) == 1 + len(found["pairs"])
+    assert len(every) == 1 + len(found)
 
 
 def test_the_document_nests_the_surfaces_of_a_pair_of_parts():
@@ -188,7 +194,9 @@ def test_the_document_nests_the_surfaces_of_a_pair_of_parts():
         assert worst[name] == worst["surface_pairs"][0][name]
     assert worst["depth"] == deepest["depth"] == pytest.approx(1e-3, abs=1e-6)
     rows = [row for pair in (worst, *rest) for row in pair["surface_pairs"]]
-    assert sorted(rows, key=repr) == sorted(found["pairs"], key=repr), "nothing is lost, nothing listed twice"
+    assert sorted(rows, key=repr) == sorted((row.document() for row in found), key=repr), (
+        "nothing is lost, nothing listed twice"
+    )
     x, y, z = worst["point"]
     assert -1e-9 <= x <= 0.02 + 1e-9 and -1e-9 <= y <= 0.02 + 1e-9 and 0.019 - 1e-9 <= z <= 0.02 + 1e-9
 
@@ -227,10 +235,10 @@ def screwed(hole, length=0.016):
 def test_a_screw_drawn_in_its_tap_drill_is_a_thread_and_no_clash(length):
     found = clash(screwed(0.005, length))
     assert kinds(found) == {"thread", "contact"}
-    threads = [p for p in found["pairs"] if p["kind"] == "thread"]
-    assert max(p["depth"] for p in threads) == pytest.approx(5e-4, rel=0.05)
-    assert all(p["reason"].startswith("thread M6: Ø6 in Ø5 mm tapping hole, head Ø10 mm over") for p in threads)
-    assert not any(map(is_open, found["pairs"]))
+    threads = [p for p in found if p.kind == "thread"]
+    assert max(p.depth for p in threads) == pytest.approx(5e-4, rel=0.05)
+    assert all(p.why.startswith("thread M6: Ø6 in Ø5 mm tapping hole, head Ø10 mm over") for p in threads)
+    assert not any(map(is_open, found))
     text = table(found)
     assert text.splitlines()[0] == "1 thread (pairs of parts)"
     assert "thread, " in table(found, surfaces=True).splitlines()[0] and "thread M6: Ø6 in Ø5 mm" in text
@@ -300,9 +308,9 @@ def test_a_real_thread_in_its_nut_is_a_thread_in_and_out_of_phase():
     assert kinds(clash(real_thread(air=5e-6))) == {"thread", "contact"}  # its ends are as near as its flanks
     found = clash(real_thread(advance=5e-4))
     assert kinds(found) >= {"thread"}
-    (flanks,) = [p for p in found["pairs"] if p["surfaces"] == [0, 0]]
-    assert flanks["kind"] == "thread" and 1e-4 < flanks["depth"] < PITCH
-    assert flanks["reason"].startswith("threads on one axis over 6 mm")
+    (flanks,) = [p for p in found if p.surfaces == (0, 0)]
+    assert flanks.kind == "thread" and flanks.reason is ClashReason.THREAD and 1e-4 < flanks.depth < PITCH
+    assert flanks.why.startswith("threads on one axis over 6 mm")
     across = real_thread()
     across["nut"].pose = at(x=1e-3, z=4e-3)  # off the axis: no thread any more
     assert "thread" not in kinds(clash(across)) and "clash" in kinds(clash(across))
@@ -326,9 +334,9 @@ def test_crests_and_roots_of_a_loose_thread_are_the_thread():
         )
         surface = Surface(last, f"{part.name}/{last}", crest, "convex" if sense > 0 else "concave", 0.0, 1.0)
         part.shape = Shape(split, (*part.surfaces, surface), (feature,))
-    pairs = clash(scene)["pairs"]
-    assert {p["kind"] for p in pairs} <= {"thread", "contact"} and not any("interference" in p["reason"] for p in pairs)
-    assert [c["kind"] for c in mates(scene)["constraints"]] == ["screw"]
+    pairs = clash(scene)
+    assert {p.kind for p in pairs} <= {"thread", "contact"} and not any(p.reason is ClashReason.FIT for p in pairs)
+    assert [c.kind for c in mates(scene).constraints] == ["screw"]
 
 
 def test_a_row_of_a_fit_names_two_faces_that_are_near():
@@ -337,7 +345,7 @@ def test_a_row_of_a_fit_names_two_faces_that_are_near():
     for z in (0.015, 0.035):
         bar = bar - m.cylinder(0.007, 0.01).translated(0.01, 0.01, z)
     scene = m.scene({"bar": (bar, AT_HOME), "pin": (m.cylinder(0.005, 0.012), at(0.01, 0.01, 0.001))})
-    pairs = clash(scene)["pairs"]
+    pairs = clash(scene)
     assert pairs
     for pair in pairs:
         assert face_distance(scene, pair) < 2e-4
@@ -346,7 +354,7 @@ def test_a_row_of_a_fit_names_two_faces_that_are_near():
 def face_distance(scene, pair):
     """m: least distance of the vertices and middles of two faces, along z: enough to tell the lands apart."""
     spans = []
-    for name, surface in zip(pair["parts"], pair["surfaces"], strict=True):
+    for name, surface in zip(pair.parts, pair.surfaces, strict=True):
         part = scene[name]
         z = part.mesh.vertices[part.mesh.triangles[part.mesh.triangles_of(surface)]][..., 2] + part.pose.translation[2]
         spans.append((z.min(), z.max()))
@@ -375,8 +383,8 @@ def test_planes_are_exact_whatever_bores_are_cut_into_them(solid, pose, overlap)
     """Planes that overlap by less than the facets of a bore in them sag, 48 µm here, clash all the same."""
     deep = clash(m.scene({"a": (BORED, AT_HOME), "b": (solid, pose(overlap))}, **COARSE))
     assert max(deflections(m.shape(BORED, **COARSE))) > 4e-5
-    clashes = [p for p in deep["pairs"] if p["kind"] == "clash"]
-    assert clashes and max(p["depth"] for p in clashes) == pytest.approx(overlap, abs=1e-8)
+    clashes = [p for p in deep if p.kind == "clash"]
+    assert clashes and max(p.depth for p in clashes) == pytest.approx(overlap, abs=1e-8)
     assert kinds(clash(m.scene({"a": (BORED, AT_HOME), "b": (solid, pose(0.0))}, **COARSE))) <= {"contact"}
     meant = clash(m.scene({"a": (BORED, AT_HOME), "b": (solid, pose(overlap))}, **COARSE), authorised=[("a", "b")])
     assert kinds(meant) <= {"contact", "authorised"}
@@ -407,8 +415,8 @@ def test_a_curved_border_still_strays_within_its_plane(solid, pose):
 
 def worst(parts, clearance=1e-3, **options):
     """The gravest row of the two parts of a scene."""
-    (pair,) = document(clash(m.scene(parts, **options), clearance))["pairs"]
-    return pair
+    (pair,) = by_parts(clash(m.scene(parts, **options), clearance))
+    return pair.worst
 
 
 def curved(case, gap):
@@ -459,13 +467,13 @@ CURVED = (
 @pytest.mark.parametrize("case", CURVED)
 def test_curved_faces_are_judged_by_their_surfaces(case, gap, deflection):
     found = worst(curved(case, gap), deflection=deflection)
-    assert found["kind"] == ("clash" if gap < 0.0 else "clearance")
-    assert found["distance"] - found["depth"] == pytest.approx(gap, abs=2e-8)
-    low, high = found["interval"]
+    assert found.kind == ("clash" if gap < 0.0 else "clearance")
+    assert found.distance - found.depth == pytest.approx(gap, abs=2e-8)
+    low, high = found.interval
     assert low - 1e-8 <= gap <= high + 1e-8 and high - low < 2e-8
-    assert found["distance"] <= max(gap, 0.0) + 1e-9, "a clearance is never overstated"
+    assert found.distance <= max(gap, 0.0) + 1e-9, "a clearance is never overstated"
     if gap < 0.0:
-        assert "mm deep" in table({"pairs": [found]}) and ".." not in table({"pairs": [found]})
+        assert "mm deep" in table([found]) and ".." not in table([found])
 
 
 @pytest.mark.parametrize("case", CURVED)
@@ -480,7 +488,7 @@ def test_parts_that_overlap_sideways_only_touch_end_to_end():
     beside = {"a": post, "b": (post, at(0.012 - 3e-5, 0.0, 0.01))}
     assert kinds(clash(m.scene(beside), 1e-4)) == {"contact"}
     level = {"a": post, "b": (post, at(0.012 - 3e-5))}
-    assert worst(level)["depth"] == pytest.approx(3e-5, abs=1e-9)
+    assert worst(level).depth == pytest.approx(3e-5, abs=1e-9)
 
 
 def freeform(scene):

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from collision.numeric.kernel import compilation
 from collision.numeric.kernel_cache import kept
 from tests.vpframe.terminal import Terminal as Screen
-from vpframe.app.progress import Progress, Watch, fitted, report, say
+from vpframe.app.progress import Progress, Watch, fitted, report
+from vpframe.app.progress import Terminal as Console
 from vpframe.console import FEW, LEAST, WINDOW, Remaining, duration
 from vpframe.session import pace
 from vpframe.studies.run import _Rate
@@ -65,13 +66,6 @@ def test_time_left_is_in_proportion():
     assert len(fitted(progress.line(5.0), 12)) == 12
 
 
-def test_over_counts_items():
-    progress = Progress("work", Terminal())
-    seen = [(item, progress.line(1.0)) for item in progress.over([10, 20, 30, 40], "files")]
-    assert [item for item, _ in seen] == [10, 20, 30, 40]
-    assert [line.split("]")[1].split("%")[0].strip() for _, line in seen] == ["0", "25", "50", "75"]
-
-
 def test_the_rate_is_that_of_the_last_seconds():
     remaining = Remaining()
     fast = [remaining.seconds(t, 0.05 * t) for t in np.arange(0.1, 10.0, 0.1)]  # the first half in ten seconds
@@ -109,7 +103,7 @@ def test_one_line_at_a_time_the_innermost():
         with Progress("inner", stream, delay=0.0):
             while "inner" not in stream.getvalue():
                 time.sleep(0.01)
-            watch = Watch(lambda: "watched", stream, delay=0.0, always=True)
+            watch = Watch(lambda: "watched", stream, delay=0.0)
             with watch:
                 begun = len(stream.getvalue())
                 time.sleep(0.5)
@@ -126,22 +120,6 @@ def test_durations_as_people_say_them(seconds, text):
     assert duration(seconds) == text
 
 
-def test_a_watch_speaks_only_of_a_piece_of_work_that_takes_long():
-    stream = Terminal()
-    watch = Watch(lambda: "a long step", stream, delay=0.05)
-    for _ in range(1000):
-        with watch:
-            pass
-    assert stream.getvalue() == ""
-    with watch:
-        until = time.monotonic() + 5.0
-        while "a long step" not in stream.getvalue() and time.monotonic() < until:
-            time.sleep(0.01)
-    watch.close()
-    assert "a long step" in stream.getvalue()
-    assert stream.getvalue().endswith("\r\x1b[K")
-
-
 def test_a_watch_is_silent_without_a_terminal():
     stream = io.StringIO()
     with Watch(lambda: "a long step", stream, delay=0.0):
@@ -156,14 +134,14 @@ def test_an_error_inside_passes_through():
 
 def test_a_watch_that_is_always_seen_makes_room_for_what_is_printed(capsys):
     stream = Terminal()
-    watch = Watch(lambda: "step 7", stream, delay=0.01, always=True)
+    watch = Watch(lambda: "step 7", stream, delay=0.01)
     with watch:
         pass
     until = time.monotonic() + 5.0
     while "step 7" not in stream.getvalue() and time.monotonic() < until:
         time.sleep(0.01)
     assert stream.getvalue().endswith("step 7")
-    say("an event")
+    Console().say("an event")
     assert capsys.readouterr().out == "an event\n"
     watch.close()
     assert "step 7\r\x1b[K" in stream.getvalue()
@@ -194,7 +172,7 @@ def test_time_of_compiling_is_not_time_of_the_work():
             time.sleep(0.2)
         progress(0.5)
         left = progress.line(10.2)
-    assert left.endswith("50 %  10 s left") and progress._line.compiled >= 0.2
+    assert left.endswith("50 %  10 s left") and progress.compiled >= 0.2
 
 
 def test_a_line_that_is_too_long_loses_its_bar_before_its_words() -> None:
@@ -205,7 +183,9 @@ def test_a_line_that_is_too_long_loses_its_bar_before_its_words() -> None:
 
 SPEAKING = """
 import sys, threading, time, warnings
-from vpframe.app.progress import Progress, Terminal, Watch, say, warn
+from vpframe.app.progress import Progress, Terminal, Watch
+
+say, warn = Terminal().say, Terminal().warn
 
 def speak(who):
     for n in range(60):
@@ -215,7 +195,7 @@ def speak(who):
          lambda: sys.stdout.writelines([text[:4], text[4:], "\\n"])][n % 5]()
 
 steps = 0
-watch = Watch(lambda: f"the step {steps} of the task, which is a long text for a line", delay=0.05, always=True)
+watch = Watch(lambda: f"the step {steps} of the task, which is a long text for a line", delay=0.05)
 with watch, Progress("loading Gehäuse 组件装配图纸.step", delay=0.0) as outer:
     outer(0.2, "meshing " + "long name " * 20)
     speak("a")
@@ -305,8 +285,8 @@ def test_a_terminal_that_is_gone_ends_nothing(tmp_path: Path) -> None:
 
     with Progress("work", Gone(), delay=0.0) as progress:
         time.sleep(0.3)
-        assert progress._thread.is_alive()
-    assert progress._line.quiet
+        progress(0.5, "goes on")
+    assert progress.quiet
 
 
 def reported(pieces: list[tuple[float, float]], step: float = 0.1) -> Iterator[tuple[float, float, float | None]]:

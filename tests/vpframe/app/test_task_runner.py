@@ -15,8 +15,9 @@ import pytest
 
 from vpframe.app import scaffold as first_task
 from vpframe.app import task_runner as study
+from vpframe.app.options import load
 from vpframe.errors import VpframeError
-from vpframe.session.checkpoint import Journal
+from vpframe.session.checkpoint import CODEC, Journal
 
 ROOT = Path(__file__).parents[3]
 SCENE = """
@@ -136,7 +137,7 @@ def test_a_new_task_of_which_nothing_comes_out_says_what_to_change(tmp_path) -> 
     m.write_step(
         tmp_path / "shut.step", {"shell": shell, "cube": m.box(0.018, 0.018, 0.018).translated(0.011, 0.011, 0.011)}
     )
-    scene = study.loaded(tmp_path / "shut.step")
+    scene = load(tmp_path / "shut.step")
     scene["shell"].fixed = True
     stops = first_task.new_task(tmp_path / "first.py", scene, tmp_path / "shut.step")
     assert "cube" in stops
@@ -169,7 +170,7 @@ def test_a_new_task_of_many_parts_with_odd_names_runs(tmp_path, kind: str, named
         z = {"enclosed": 0.011, "pressed": 0.036, "loose": 0.04}[kind]
         parts[name] = m.box(size, size, size).translated(x + 0.001, y + 0.001, z)
     m.write_step(tmp_path / "odd.step", {"block": block, **parts})
-    part = None if named is None else list(study.loaded(tmp_path / "odd.step").names)[named + 1]
+    part = None if named is None else list(load(tmp_path / "odd.step").names)[named + 1]
     stops = study.new_task(tmp_path / "first.py", tmp_path / "odd.step", part=part, budget=2.0)
     assert bool(stops) == (kind == "enclosed") or kind == "pressed"
     assert study.run_task(tmp_path / "first.py") == 0
@@ -265,7 +266,7 @@ def test_a_new_task_removes_what_stands_in_the_way_of_a_named_part(tmp_path) -> 
          "lid": m.box(0.04, 0.04, 0.004).translated(0.0, 0.0, 0.04)},
     )  # fmt: skip
     path = tmp_path / "first.py"
-    scene = study.loaded(tmp_path / "cup.step")
+    scene = load(tmp_path / "cup.step")
     scene["cup"].fixed = True
     assert first_task.new_task(path, scene, tmp_path / "cup.step", "cube") == ""
     assert '    hand.remove(["lid", "cube"])\n    session.expect_free("cube")' in path.read_text()
@@ -297,7 +298,8 @@ def test_ctrl_c_ends_cleanly_with_recording_and_report_of_what_was_done(tmp_path
 
 def last_saved(journal: Path) -> list[bytes]:
     """Poses of all parts at the last save of a run."""
-    return [pose.homogeneous.tobytes() for pose in Journal(journal, {}, resume=True).restore()["poses"]]
+    _, _, state = CODEC.decode(Journal(journal, {}, resume=True).saved)
+    return [pose.tobytes() for pose in state.poses]
 
 
 @pytest.mark.slow

@@ -12,7 +12,9 @@ import pytest
 
 from collision.numeric import kernel_cache
 from collision.numeric.kernel import compilation
+from tests.vpframe.test_processes import wait_until_gone
 from vpframe import warm_up
+from vpframe.importers import guarded
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = """
@@ -108,12 +110,16 @@ def test_none_where_nothing_is_kept_or_there_is_one_core(commands, monkeypatch):
 
 
 def test_they_end_with_the_process_that_started_them(tmp_path):
-    helper = share("session", 1, tmp_path)
-    while not list(tmp_path.rglob("*.lock")):  # it compiles
-        assert helper.poll() is None
+    starts = "import subprocess, sys\nfrom vpframe.processes import environment, with_parent\n"
+    starts += "subprocess.run(with_parent('vpframe.warm_up', 'session', '1'), env=environment())"
+    first = subprocess.Popen([sys.executable, "-c", starts], env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)})
+    while not list(tmp_path.rglob("*.lock")):  # the second process compiles
+        assert first.poll() is None
         time.sleep(0.01)
-    helper.stdin.close()
-    assert helper.wait(timeout=20.0) == 0
+    (helper,) = set(guarded._family(first.pid)) - {first.pid}
+    first.kill()
+    first.wait()
+    assert wait_until_gone(helper)
     assert not list(tmp_path.rglob("*.done"))
 
 

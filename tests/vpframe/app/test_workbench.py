@@ -21,7 +21,6 @@ import vpframe as vp
 from tests.vpframe.bench_model import write_bench
 from vpframe.app.task_runner import run_task
 from vpframe.app.workbench import Workbench
-from vpframe.hands.dragging import along_freedom
 from vpframe.outputs import SCRIPT, Output
 from vpframe.session.requests import Request
 from vpframe.session.session import Session
@@ -160,14 +159,14 @@ def test_where_steps_take_long_a_drag_goes_less_far_in_each_and_arrives(
 
 def test_undo_and_redo_are_exact_and_redo_ends_with_the_next_deed(bench: Workbench) -> None:
     grab(bench)
-    before = bench.session.state.save()
+    before = bench.session.save()
     drag(bench, (0.01, 0.0, 0.05), (0.02, 0.0, 0.06))
-    after = bench.session.state.save()
+    after = bench.session.save()
     ask(bench, "undo")
-    assert bench.session.state.save() == before
+    assert bench.session.save() == before
     assert bench.session.frame is not None and bench.session.frame.poses["peg"].homogeneous[0, 3] == 0.0
     ask(bench, "redo")
-    assert bench.session.state.save() == after
+    assert bench.session.save() == after
     ask(bench, "undo")
     ask(bench, "release")
     ask(bench, "redo")
@@ -231,7 +230,7 @@ def test_as_much_is_undone_as_there_is_room_for(bench: Workbench, monkeypatch: p
 
 
 def test_what_fails_leaves_no_trace(bench: Workbench) -> None:
-    before = bench.session.state.save()
+    before = bench.session.save()
     ask(bench, "grab", part=99, level=0, surface=-1)
     assert "no such part" in said(bench)
     ask(bench, "grab", part=1, level=0, surface=99)
@@ -245,7 +244,7 @@ def test_what_fails_leaves_no_trace(bench: Workbench) -> None:
     ask(bench, "slide", along="axis", distance=0.01)  # nothing holds it: there is no axis
     assert len(bench.done) == 1
     ask(bench, "undo")
-    assert bench.session.state.save() == before
+    assert bench.session.save() == before
 
 
 def test_one_page_holds_at_a_time_and_a_page_that_goes_lets_go(bench: Workbench) -> None:
@@ -295,30 +294,6 @@ def test_the_script_is_written_after_each_statement(model: Path, tmp_path: Path)
     end = bench.session.scene["peg"].pose.translation[2]
     assert end == pytest.approx(0.0555, abs=1e-9)
     assert run_task(tmp_path / "task.py") == 0
-
-
-@pytest.mark.parametrize(
-    ("twists", "to", "expected"),
-    [
-        (None, (1.0, 2.0, 3.0), (0.9, 2.0, 3.0)),  # a plain shift of the point (0.1, 0, 0)
-        ([[0, 0, 1, 0, 0, 0]], (1.0, 2.0, 3.0), (0.0, 0.0, 3.0)),  # prismatic
-        ([], (1.0, 2.0, 3.0), (0.0, 0.0, 0.0)),  # rigid
-    ],
-)
-def test_a_dragged_point_goes_as_near_as_its_freedom_allows(twists, to, expected) -> None:
-    basis = None if twists is None else np.array(twists, dtype=float).reshape(-1, 6).T
-    goal = along_freedom(vp.pose_from([0, 0, 0, 0, 0, 0, 1]), np.array([0.1, 0.0, 0.0]), np.array(to), basis, 0.1)
-    assert goal.translation == pytest.approx(expected)
-    assert np.allclose(goal.rotation, np.eye(3))
-
-
-def test_a_dragged_hinge_turns_towards_the_mouse() -> None:
-    basis = np.array([[0, 0, 0, 0, 0, 1.0]]).T
-    pose = vp.pose_from([0, 0, 0, 0, 0, 0, 1])
-    for _ in range(20):  # of a quarter of a radian at most
-        pose = along_freedom(pose, np.array([0.1, 0.0, 0.0]), np.array([0.0, 3.0, 1.0]), basis, 0.1)
-    assert pose.rotation @ [1.0, 0.0, 0.0] == pytest.approx([0.0, 1.0, 0.0], abs=1e-3)
-    assert pose.translation == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
 
 
 @pytest.mark.slow

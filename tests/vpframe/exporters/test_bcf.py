@@ -6,6 +6,7 @@ import datetime
 import io
 import re
 import zipfile
+from dataclasses import replace
 from xml.etree import ElementTree as xml
 
 import numpy as np
@@ -144,9 +145,8 @@ def clashing() -> vp.Scene:
 def test_every_file_is_as_the_schema_has_it(tmp_path):
     scene = clashing()
     found = clash.clash(scene)
-    for pair in found["pairs"]:
-        if pair["parts"] == ["can", "ball"]:
-            pair.update(status="accepted", remark="a rattle\nis meant")
+    accepted = {"status": "accepted", "remark": "a rattle\nis meant"}
+    found = [replace(row, **accepted) if row.parts == ("can", "ball") else row for row in found]
     left = vp.write_bcf(tmp_path / "out.bcf", scene, found, author="someone@example.org")
     assert left == ["1 pairs of kind contact: no clashes"]
     with zipfile.ZipFile(tmp_path / "out.bcf") as archive:
@@ -193,7 +193,7 @@ def test_a_view_looks_at_the_place_of_the_clash(tmp_path):
     scene = clashing()
     found = clash.clash(scene)
     vp.write_bcf(tmp_path / "out.bcf", scene, found)
-    worst = next(p for p in found["pairs"] if p["kind"] == "clash")
+    worst = next(p for p in found if p.kind == "clash")
     with zipfile.ZipFile(tmp_path / "out.bcf") as archive:
         views = [xml.fromstring(archive.read(n)) for n in archive.namelist() if n.endswith(".bcfv")]
     view = next(v for v in views if "frame/B" in [c.text for c in v.iter("AuthoringToolId")]).find("OrthogonalCamera")
@@ -203,7 +203,7 @@ def test_a_view_looks_at_the_place_of_the_clash(tmp_path):
 
     forward, up = vector("CameraDirection"), vector("CameraUpVector")
     assert np.linalg.norm(forward) == pytest.approx(1.0) and abs(forward @ up) < 1e-12
-    away = np.array(worst["point"]) - vector("CameraViewPoint")
+    away = np.array(worst.point) - vector("CameraViewPoint")
     across = away - (away @ forward) * forward
     assert away @ forward > 0.0 and np.linalg.norm(across) < float(view.find("ViewToWorldScale").text)
 

@@ -27,7 +27,7 @@ def answers(scene: vp.Scene) -> tuple[Any, Any]:
             return {k: rounded(v) for k, v in value.items() if k not in ("point", "why", "reason")}
         return [rounded(v) for v in value] if isinstance(value, list | tuple) else value
 
-    return rounded(mates.mates(scene)), rounded(clash.clash(scene)["pairs"])
+    return rounded(mates.mates(scene).document()), rounded([row.document() for row in clash.clash(scene)])
 
 
 @st.composite
@@ -85,8 +85,8 @@ def test_a_moved_state_has_the_mates_of_where_it_stands(tmp_path):
     plate = m.box(0.04, 0.04, 0.01) - m.cylinder(0.005, 0.01).translated(0.02, 0.02)
     at = pin.SE3(np.eye(3), np.array([0.02, 0.02, -0.005]))
     first = vp.load(m.write_step(tmp_path / "first.step", {"plate": plate, "pin": (m.cylinder(0.005, 0.02), at)}))
-    assert [c["kind"] for c in mates.mates(first)["constraints"]] == ["concentric"]
+    assert [c.kind for c in mates.mates(first).constraints] == ["concentric"]
     first["pin"].pose = pin.SE3(np.eye(3), np.array([0.02, 0.02, 0.1]))
     first.export(tmp_path / "second.step")
     second = vp.load(tmp_path / "second.step")
-    assert mates.mates(second)["constraints"] == [] and answers(second) == answers(first)
+    assert mates.mates(second).constraints == () and answers(second) == answers(first)

@@ -157,7 +157,7 @@ def test_access_is_what_a_plain_distance_says(angle: float) -> None:
         scene = Scene([Part("left", m.shape(left), turn), Part("right", m.shape(right), turn)])
         with Session(scene) as session:
             tip, axis = turn.act(np.array([0.0, 0.0, OFF])), turn.rotation[:, 2]
-            met = Access(session, SMALL).obstacles(tip, axis)
+            met = Access(session.scene, session.tolerance, SMALL).obstacles(tip, axis)
             assert met == (() if free else ("left", "right"))
 
 

@@ -67,7 +67,7 @@ def test_the_way_back_from_far_away_is_not_refused() -> None:
     session, hand = opened()
     home = pin.SE3(session.scene["cube"].pose)
     hand.speed = 500.0
-    session.state.start()
+    session.engine.start()
     for _ in range(6):
         hand.move_by((0.0, 0.0, 8.0))
     assert hand.move_to(home)

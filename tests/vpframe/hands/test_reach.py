@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from collision import SurfaceMesh
-from vpframe.hands.reach import nearest_on_triangles, surface_distances
+from vpframe.hands.reach import surface_distances
 from vpframe.scene.boxes import half_size
 
 
@@ -16,9 +16,10 @@ def test_nearest_points_are_no_farther_than_any_sample() -> None:
     inside = u + v <= 1.0
     weights = np.stack([1 - u - v, u, v], axis=1)[inside]
     triangles = rng.normal(size=(200, 3, 3))
+    mesh = SurfaceMesh(triangles.reshape(-1, 3), np.arange(600).reshape(-1, 3), np.arange(200))
     for point in rng.normal(scale=1.5, size=(20, 3)):
-        near = nearest_on_triangles(point, triangles)
-        distance = np.linalg.norm(near - point, axis=1)
+        distance, near = surface_distances(mesh, pin.SE3.Identity(), point)
+        np.testing.assert_allclose(np.linalg.norm(near - point, axis=1), distance, atol=1e-15)
         sampled = np.linalg.norm(weights @ triangles - point, axis=2).min(axis=1)
         assert (distance <= sampled + 1e-12).all()
         assert (sampled - distance <= 0.1).all()

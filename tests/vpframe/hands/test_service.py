@@ -8,7 +8,8 @@ import pytest
 
 from tests.vpframe.bench_scene import at
 from vpframe.errors import TaskError, UnknownPartError
-from vpframe.hands import constraint, service
+from vpframe.hands import constraint
+from vpframe.hands import hand as hands
 from vpframe.scene import modelling as m
 from vpframe.scene.scene import Part, Scene
 from vpframe.session import rules
@@ -186,7 +187,7 @@ def test_what_does_not_come_out_straight_takes_the_way_that_is_planned_and_comes
         session.expect_free("key")
         assert hand.refit("key")
         session.expect_at("key", home, within=1e-6)
-    monkeypatch.setattr(service, "SEARCH", 1.0)
+    monkeypatch.setattr(hands, "SEARCH", 1.0)
     with Session(ledge(shut=True)) as session:
         session.step()
         with pytest.raises(TaskError, match=r"remove: key, 1 of 1: .*key stopped after 10.*; no other way out"):

@@ -7,18 +7,12 @@ import pinocchio as pin
 import pytest
 
 from physics import BodyError, Gravity, SpringHand
-from tests.vpframe.bench_scene import SEAT, at, scene
+from tests.vpframe.bench_scene import SEAT, at, holding, scene
 from vpframe.errors import TaskError, VpframeError
-from vpframe.hands import Assist, Spline, candidate, clearance, constraint, contact
+from vpframe.hands import Spline, constraint
 from vpframe.scene import modelling
 from vpframe.session import rules
 from vpframe.session.session import Session
-
-
-def holding(session: Session, part: str = "peg"):
-    hand = session.hand(at=session.scene[part].pose.translation + np.array([0.0, 0.0, 0.03]))
-    hand.grab(part)
-    return hand
 
 
 def test_insert_finds_the_bore_and_seats_the_peg() -> None:
@@ -60,45 +54,6 @@ def test_follow_goes_through_the_poses_of_a_path() -> None:
         turned = pin.SE3(pin.exp3(np.array([0.0, 0.0, 1.0])), here.translation + np.array([0.05, 0.05, 0.05]))
         assert hand.follow(Spline([here, at(0.09, -0.03, 0.10), turned], speed=0.2))
         session.expect_at("peg", turned, within=1e-9, angle=1e-6)
-
-
-def test_conditions_end_a_motion_when_they_hold() -> None:
-    with Session(scene(), rule=rules.leave_all) as session:
-        hand = holding(session, "cube")
-        outcome = hand.slide("down", until=clearance < 0.005)
-        assert outcome.reason == "clearance < 5 mm"
-        assert 0.0 < session.clearance("cube") < 0.005
-        assert hand.slide("down", until=contact | constraint()).reason == "contact or constraint of any kind"
-        assert session.touching("cube") == {"table": (5,)} or set(session.touching("cube")) == {"table"}
-        assert hand.wait(0.1)
-        assert not hand.slide("up", distance=0.01, until=contact & ~contact, required=False)
-
-
-def test_snap_accepts_the_best_candidate_within_the_assists_reach() -> None:
-    with Session(scene(), rule=rules.leave_all) as session:
-        hand = holding(session)
-        assert not hand.assist.snap
-        with pytest.raises(TaskError, match="set the reach first"):
-            hand.snap()
-        hand.assist = Assist(snap=0.003)
-        hand.move_to(SEAT + np.array([0.0015, 0.0, 0.0165]))
-        assert hand.wait(0.5, until=candidate("concentric"))
-        outcome = hand.snap("concentric")
-        assert outcome.reason == "snapped: concentric"
-        np.testing.assert_allclose(session.scene["peg"].pose.translation[:2], 0.0, atol=1e-9)
-
-
-def test_locks_hold_axes_and_orientation() -> None:
-    with Session(scene(), rule=rules.leave_all) as session:
-        hand = holding(session)
-        begin = session.scene["peg"].pose.copy()
-        hand.assist = Assist(lock="xz", hold_orientation=True)
-        goal = pin.SE3(pin.exp3(np.array([0.0, 0.3, 0.0])), begin.translation + np.array([0.02, 0.03, 0.04]))
-        assert hand.move_to(goal)
-        np.testing.assert_allclose(session.scene["peg"].pose.translation - begin.translation, [0, 0.03, 0], atol=1e-9)
-        np.testing.assert_allclose(session.scene["peg"].pose.rotation, begin.rotation, atol=1e-12)
-    with pytest.raises(TaskError, match="letters x, y, z"):
-        Assist(lock="w")
 
 
 def test_a_part_with_gravity_falls_when_let_go_and_comes_to_rest() -> None:

@@ -11,10 +11,10 @@ import pytest
 SCRIPT = """
 import json, os, signal, sys, time
 import numpy as np
-from vpframe.importers import crew
+from vpframe.importers import crew, limits
 from vpframe.importers.raw import RawFace, RawScene, RawShape
 
-crew.SECONDS, crew.SECONDS_OF_UNIT = 0.3, 0.0
+limits.SHAPE_SECONDS, limits.SHAPE_SECONDS_OF_FACE = 0.3, 0.0
 
 def make(number, mesher, tell):
     tell(0.5)

@@ -22,7 +22,7 @@ from OCP.IGESControl import IGESControl_Writer
 
 import vpframe as vp
 from tests.vpframe.importers.test_meshes import PRIMITIVE, write_glb
-from vpframe.importers import cad, guarded, meshes
+from vpframe.importers import cad, guarded, limits
 from vpframe.importers.checks import iges_damage
 from vpframe.importers.step_text import scan
 from vpframe.scene import modelling as m
@@ -182,7 +182,7 @@ def test_a_mesh_that_takes_too_much_memory_or_time_is_one_line(tmp_path, monkeyp
     path = written(tmp_path / "a.obj", BOX_OBJ)
     stand_in(tmp_path, monkeypatch, "while True: pass")
     assert "no answer within 0.2 s of processor time" in fault(path, timeout=0.2)
-    monkeypatch.setattr(meshes, "MEMORY", 100_000_000)
+    monkeypatch.setattr(limits, "MESH_MEMORY", 100_000_000)
     stand_in(tmp_path, monkeypatch, "x = bytes([1]) * 200_000_000; time.sleep(60)")
     assert "more than 0.1 GB of memory are needed" in fault(path)
 
@@ -375,7 +375,7 @@ def test_a_kernel_that_always_crashes_hangs_or_gives_up_is_one_line(tmp_path, st
 
 
 def test_the_memory_of_this_process_is_not_taken_for_that_of_a_reader_that_crashes(tmp_path, step, monkeypatch):
-    monkeypatch.setattr(guarded, "CROWDED", 100e6 / cad.MEMORY)
+    monkeypatch.setattr(limits, "CROWDED", 100e6 / limits.CAD_MEMORY)
     assert 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > 110e6
     stand_in(tmp_path, monkeypatch, "os.kill(os.getpid(), signal.SIGSEGV)")
     assert "SIGSEGV" in fault(step)
@@ -471,7 +471,7 @@ def running(pid: int) -> bool:
 
 def test_a_shape_that_takes_too_much_memory_is_named_and_the_rest_is_read(tmp_path, monkeypatch):
     path = m.write_step(tmp_path / "a.step", {"box": m.box(0.01, 0.01, 0.01), "ball": m.sphere(0.1)})
-    monkeypatch.setattr(cad, "MEMORY", 1200 << 20)
+    monkeypatch.setattr(limits, "CAD_MEMORY", 1200 << 20)
     scene = vp.load(path, deflection=1e-7)
     assert scene.names == ("box",)
     (note,) = scene.notes
@@ -479,9 +479,9 @@ def test_a_shape_that_takes_too_much_memory_is_named_and_the_rest_is_read(tmp_pa
 
 
 def test_the_limit_of_time_grows_with_the_file_and_is_told(tmp_path, step, monkeypatch):
-    assert cad.time_limit(1000) == cad.time_limit(1_000_000) == 60.0
-    assert cad.time_limit(50_000_000) == 3000.0
-    monkeypatch.setattr(cad, "time_limit", lambda size: 0.5 + 0.0 * size)
+    assert limits.of_cad(1000).seconds == limits.of_cad(1_000_000).seconds == 60.0
+    assert limits.of_cad(50_000_000).seconds == 3000.0
+    monkeypatch.setattr(limits, "CAD_SECONDS", 0.5)
     stand_in(tmp_path, monkeypatch, "say(fraction=0.2, text='reading'); time.sleep(60)")
     message = fault(step)
     assert (

@@ -13,7 +13,8 @@ import trimesh
 
 import vpframe as vp
 from vpframe.importers import guarded
-from vpframe.importers.guarded import Limits, Outcome
+from vpframe.importers.guarded import Outcome
+from vpframe.importers.limits import Limits
 
 pytestmark = pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="needs /proc")
 

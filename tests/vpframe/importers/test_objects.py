@@ -113,7 +113,7 @@ def test_build123d_parts_keep_tree_labels_colours_exact_shapes_and_joints(tmp_pa
     assert [(s.kind, s.parts) for s in scene.statements] == [
         ("concentric", ("base", "shaft")), ("coplanar", ("base", "shaft")),
     ]  # fmt: skip
-    joints = {p["name"]: p["neighbours"] for p in mates.mates(scene)["parts"]}
+    joints = {p["name"]: p["neighbours"] for p in mates.mates(scene).document()["parts"]}
     assert joints["shaft"] == [{"part": "base", "joint": "revolute", "freedom": 1}]
     left = scene.export(tmp_path / "out.step")
     assert left == ("joint of base and shaft (concentric)", "joint of base and shaft (coplanar)")
@@ -161,7 +161,7 @@ def test_urdf_links_are_parts_its_joints_statements_and_its_inertias_count(robot
     assert inertia.mass == 2.0 and inertia.lever == pytest.approx([-0.09, 0.0, 0.0])
     r = pin.rpy.rpyToMatrix(0.0, 0.0, 0.3)
     assert inertia.inertia == pytest.approx(r @ np.diag([0.01, 0.02, 0.025]) @ r.T)
-    joints = {p["name"]: p for p in mates.mates(scene)["parts"]}
+    joints = {p["name"]: p for p in mates.mates(scene).document()["parts"]}
     assert joints["arm"]["neighbours"] == [
         {"part": "base", "joint": "revolute", "freedom": 1},
         {"part": "tool", "joint": "cylindrical", "freedom": 2},  # slide and spin, through a link without geometry
@@ -216,7 +216,7 @@ def test_mjcf_bodies_are_parts_and_its_joints_statements(tmp_path):
     assert scene["a"].pose.translation == pytest.approx([0.0, 0.0, 0.1]) and scene["a"].color == (0.0, 1.0, 0.0, 1.0)
     assert sorted(s.geometry.kind for s in scene["a"].surfaces) == ["cylinder", "plane", "plane"]
     assert scene["b"].inertia.mass == pytest.approx(0.5) and scene["world"].fixed
-    joints = {p["name"]: p["neighbours"] for p in mates.mates(scene)["parts"]}
+    joints = {p["name"]: p["neighbours"] for p in mates.mates(scene).document()["parts"]}
     assert joints["a"] == [
         {"part": "world", "joint": "revolute", "freedom": 1}, {"part": "b", "joint": "prismatic", "freedom": 1},
     ]  # fmt: skip

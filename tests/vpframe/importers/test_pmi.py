@@ -106,11 +106,11 @@ def test_classes_of_bores_and_shafts_are_read_and_hold_for_what_is_drawn_at_nomi
     assert "LIMITS_AND_FITS('H','hole','7'" in path.read_text()
     scene = vp.load(path)
     assert sizes(scene) == {"block": ["Ø8 H7"], "pin": ["Ø8 g6"]} and scene.notes == ()
-    document = mates.mates(scene)
+    document = mates.mates(scene).document()
     assert [(s["part"], s["size"], s["holds"], [x["part"] for x in s["mates"]]) for s in document["sizes"]] == [
         ("block", "Ø8 H7", True, ["pin"]), ("pin", "Ø8 g6", True, ["block"]),
     ]  # fmt: skip
-    assert "block · face 6 · Ø8 H7: fits pin" in mates.table(document)
+    assert "block · face 6 · Ø8 H7: fits pin" in mates.table(mates.mates(scene))
 
 
 def test_a_clearance_that_the_classes_do_not_allow_is_told(tmp_path):
@@ -118,7 +118,7 @@ def test_a_clearance_that_the_classes_do_not_allow_is_told(tmp_path):
     for radius, holds in ((0.003990, True), (0.003950, False)):
         parts = {"block": (block(), fit("H", 7)), "pin": (m.cylinder(radius, 0.03), fit("g", 6))}
         scene = vp.load(write(tmp_path / "a.step", parts))
-        found = {s["part"]: s for s in mates.mates(scene)["sizes"]}
+        found = {s["part"]: s for s in mates.mates(scene).document()["sizes"]}
         assert found["block"]["holds"] is holds
         if not holds:
             assert "clearance 0.1000 mm on the diameter, H7/g6 allows 0.005 … 0.029" in found["block"]["why"]
@@ -128,7 +128,7 @@ def test_a_clearance_that_the_classes_do_not_allow_is_told(tmp_path):
 def test_a_toleranced_bore_without_its_shaft_is_told(tmp_path):
     away = m.cylinder(0.004, 0.03).translated(0.1)
     scene = vp.load(write(tmp_path / "a.step", {"block": (block(), fit("H", 7)), "pin": (away, None)}))
-    (found,) = mates.mates(scene)["sizes"]
+    (found,) = mates.mates(scene).document()["sizes"]
     assert not found["holds"] and found["why"] == "nothing is fitted to it"
 
 
@@ -137,7 +137,7 @@ def test_deviations_are_read_and_the_drawn_size_is_held_to_them(tmp_path):
     scene = vp.load(write(tmp_path / "a.step", parts))
     (size,) = [s.size for s in scene["block"].surfaces if s.size]
     assert (size.nominal, size.lower, size.upper) == pytest.approx((0.008, -5e-6, 15e-6))
-    assert str(size) == "Ø8 +0.015/-0.005" and mates.mates(scene)["sizes"][0]["holds"]
+    assert str(size) == "Ø8 +0.015/-0.005" and mates.mates(scene).document()["sizes"][0]["holds"]
 
 
 def test_deviations_whose_signs_the_kernel_loses_are_named_not_guessed(tmp_path):

@@ -11,8 +11,8 @@ import vpframe as vp
 from collision.numeric.kernel import compilation, kernel
 from vpframe.planning import assembly as planning_assembly
 from vpframe.planning.assembly import Assembly, Budget, BudgetError, working
-from vpframe.planning.document import document, table
-from vpframe.planning.plan import _Plan
+from vpframe.planning.document import document, reason, table
+from vpframe.planning.plan import PlanOptions, _Plan
 from vpframe.planning.verdict import Removal
 from vpframe.scene.modelling import box
 from vpframe.scene.modelling import scene as scene_of
@@ -112,7 +112,7 @@ def test_a_share_that_ends_ends_what_it_is_of_only_where_that_is_used_up_too():
     with pytest.raises(BudgetError, match="1 s of processor time"):
         share.ask()
     budget.give_back(share)
-    assert budget.by_clock and not budget.ended and budget.asked == 1
+    assert budget.by_clock and not budget.ended and budget.used == 1
     budget.ask()
     budget.take(7.0)  # of workers
     clock[0] = 4.0
@@ -176,9 +176,7 @@ def test_the_headline_is_a_proof_where_all_that_it_is_about_stays():
 def test_a_proof_does_not_outlive_its_state():
     """What a search found of a part is forgotten once one of the parts that it names comes out."""
     scene = cases.latched_box()
-    plan = _Plan(
-        Assembly(scene), None, ["box"], (), 0.0, "free", Budget(600.0), 0, lambda f, t: None, lambda p, t: None
-    )
+    plan = _Plan(Assembly(scene), None, PlanOptions(base=["box"], budget=600.0))
     content, lid = (scene.index("content"),), (scene.index("lid"),)
     plan.results = {
         content: Removal(("content",), "enclosed", holders=("box", "lid")),
@@ -190,3 +188,16 @@ def test_a_proof_does_not_outlive_its_state():
     known = plan.ways.of(lid, [])[0]
     plan._take(known, set(range(len(scene))), set(range(len(scene))))
     assert content not in plan.results and (1,) in plan.results
+
+
+def test_a_part_that_is_not_found_to_come_out_names_the_last_contact_and_the_budget_used():
+    found = vp.planning.removal(cases.linked_rings(), "two", budget=0.3)
+    assert found.verdict == "not found" and found.seconds > 0.0
+    (part, surface, by, other), *_ = found.last
+    assert (part, by) == ("two", "one")
+    assert f"; stopped last: surface {surface} of two at surface {other} of one" in reason(found)
+    free = found.tried[-1]
+    assert free.way == "free" and free.stopped_by == ("one",) and free.surfaces == found.last
+    plan = vp.planning.disassembly(cases.linked_rings(), "two", budget=0.3, base=["one"])
+    assert plan.seconds > 0.0
+    assert f"  used {plan.seconds:.3g} of 0.3 s of processor time, {plan.budget.used} of 150 questions" in table(plan)

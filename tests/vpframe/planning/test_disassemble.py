@@ -99,7 +99,7 @@ def test_one_part_the_fewest_removals_and_a_no(model, capsys):
     [
         (["--part", "nutt"], "did you mean 'nut'"),
         (["--part", "base", "--base", "base"], "name another base"),
-        (["--budget", "soon"], "60s or 5min"),
+        (["--budget", "soon"], "write a number with one of s, ms, min, h"),
         (["--authorise", "nut"], "as A:B"),
         (["--ignore", "nut:nutt"], "did you mean 'nut'"),
         (["--ignore", "nut:nut"], "name two different ones"),

@@ -142,7 +142,7 @@ def test_pushes_in_a_turned_frame_deepen_nothing_but_for_rounding():
         pushes.add(0, [reached], stop)
     assert sum(node.normals.size > 0 for node in pushes.nodes) > 20  # it was stopped
     for node in pushes.nodes:
-        way = ways.Way("free", ways.AXES[0], (node.at, node.at))
+        way = ways.RemovalPath("free", ways.AXES[0], (node.at, node.at))
         assert deepest_beyond(scene, Removal(("cube",), "removable", way), poses=1) <= PRESSED
 
 

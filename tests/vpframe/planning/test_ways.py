@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import vpframe as vp
 from vpframe.planning.assembly import translation, turned
 from vpframe.planning.document import document, table
-from vpframe.planning.ways import AXES, Way
+from vpframe.planning.ways import AXES, RemovalPath
 
 LONG = 600.0
 
@@ -66,7 +66,7 @@ def test_the_legs_together_are_the_way(rows, radius):
         x[:3] *= kind != "turn"
         x[3:] *= kind != "slide"
         knots.append(pin.exp6(x) * knots[-1])
-    way = Way("free", AXES[0], tuple(knots), middle=np.array([0.3, -0.2, 0.1]), radius=radius)
+    way = RemovalPath("free", AXES[0], tuple(knots), middle=np.array([0.3, -0.2, 0.1]), radius=radius)
     at = pin.SE3.Identity()
     for leg in way.legs:
         at = of_leg(leg) * at
@@ -77,9 +77,9 @@ def test_legs_that_continue_each_other_are_one_and_long_ways_are_told_in_short()
     origin, axis = np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
     knots = [turned(origin, axis, 0.3 * k, 0.001 * k) for k in range(5)]
     knots += [translation(0.02 * k * axis) * knots[4] for k in range(1, 4)]
-    way = Way("slide", AXES[0], tuple(knots))
+    way = RemovalPath("slide", AXES[0], tuple(knots))
     assert [round(leg.angle, 9) for leg in way.legs] == [1.2, 0.0]
     assert way.text == "slide 4 mm along (0, 0, 1), turning 68.8° about (0, 0, 1), then slide 60 mm along (0, 0, 1)"
     zigzag = [translation(np.array([0.01 * (k % 2), 0.01 * k, 0.0])) for k in range(12)]
-    text = Way("free", AXES[0], tuple(zigzag)).text
+    text = RemovalPath("free", AXES[0], tuple(zigzag)).text
     assert text.count("then") == 6 and "then 5 more legs, then slide" in text

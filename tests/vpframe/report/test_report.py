@@ -16,7 +16,7 @@ from vpframe.analysis.clash_status import ClashKey
 from vpframe.errors import VpframeError
 from vpframe.events import ConstraintView, Event, Frame
 from vpframe.report import SessionLog, SweptVolume, plots, write
-from vpframe.report.page import STANDING
+from vpframe.report.page import INITIAL
 from vpframe.report.where import least_gap
 from vpframe.scene.scene import Part, Scene, Shape
 
@@ -477,7 +477,7 @@ def test_what_lasts_from_beginning_to_end_is_counted_and_what_changed_comes_firs
 
 def test_what_the_assembly_is_from_the_beginning_is_folded_before_what_happens(tmp_path):
     frames = pressing_frames(4)
-    found = [Event(1, 1 / 60, kind, ("plate", "rod"), (), f"{kind} {n}") for n in range(3) for kind in STANDING]
+    found = [Event(1, 1 / 60, kind, ("plate", "rod"), (), f"{kind} {n}") for n in range(3) for kind in INITIAL]
     later = Event(2, 2 / 60, "accepted", ("plate", "rod"), (), "accepted later")
     grabbed = Event(1, 1 / 60, "grabbed", ("rod",), (), "hand holds rod")
     frames = [replace(f, events=e) for f, e in zip(frames, [(), (*found, grabbed), (later,), ()], strict=True)]

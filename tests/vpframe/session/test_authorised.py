@@ -116,9 +116,9 @@ def test_both_words_outlive_a_reset_and_a_saved_state():
     with vp.Session(scene, rule=rules.leave_all) as session:
         session.authorise("key", "block")
         session.ignore("lid")
-        saved = session.state.save()
+        saved = session.save()
     with vp.Session(scene, rule=rules.leave_all) as session:
-        session.state.restore(saved)
+        session.restore(saved)
         assert session.authorised == [("block", "key")]
         assert sorted(session.ignored) == [("block", "lid"), ("key", "lid")]
         session.reset()

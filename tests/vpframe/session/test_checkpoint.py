@@ -10,6 +10,7 @@ import sys
 import zlib
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from vpframe.scene import modelling
 from vpframe.scene.scene import Scene
 from vpframe.session.checkpoint import CODEC, CheckpointError, Journal
 from vpframe.session.session import Session
+from vpframe.session.state import State, StateError
 
 RUN = {"script": "a", "model": "b"}
 
@@ -29,9 +31,14 @@ RUN = {"script": "a", "model": "b"}
 def write(path, steps: int, every: int = 10) -> None:
     journal = Journal(path, RUN, every=every)
     for k in range(steps):
-        if journal.append(bytes([k]), {"step": k}):
-            journal.save({"after": k})
+        journal.advance(bytes([k]), {"step": k}, partial(CODEC.encode, {"after": k}))
     journal.close()
+
+
+def after(journal: Journal) -> int:
+    """The step after which the state of the journal was saved."""
+    assert journal.saved is not None
+    return CODEC.decode(journal.saved)["after"]
 
 
 def test_a_resumed_journal_replays_up_to_the_last_save_and_goes_on(tmp_path) -> None:
@@ -40,15 +47,19 @@ def test_a_resumed_journal_replays_up_to_the_last_save_and_goes_on(tmp_path) -> 
     journal = Journal(path, RUN, resume=True, every=10)
     for k in range(20):
         assert journal.replaying
-        assert journal.replay(bytes([k])) == {"step": k}
+        assert journal.recorded(bytes([k])) == {"step": k}
+        journal.advance(bytes([k]), None, bytes)
     assert not journal.replaying
-    assert journal.restore() == {"after": 19}
-    due = [journal.append(bytes([k]), {"step": k}) for k in range(20, 30)]
-    assert due == [False] * 9 + [True]
-    journal.save({"after": 29})
+    assert after(journal) == 19
+    due: list[int] = []
+    for k in range(20, 30):
+        journal.advance(bytes([k]), {"step": k}, lambda k=k: due.append(k) or CODEC.encode({"after": k}))
+    assert due == [29]
     journal.close()
     again = Journal(path, RUN, resume=True, every=10)
-    assert [again.replay(bytes([k]))["step"] for k in range(30)] == list(range(30))
+    for k in range(30):
+        assert again.recorded(bytes([k])) == {"step": k}
+        again.advance(bytes([k]), None, bytes)
     again.close()
 
 
@@ -61,10 +72,9 @@ def test_any_cut_of_the_file_resumes_from_the_save_before_it(tmp_path) -> None:
         path.write_bytes(data[:cut])
         journal = Journal(path, RUN, resume=True)
         steps = len(journal.past)
-        saved = journal.restore()
         journal.close()
         assert steps in (0, 10, 20)
-        assert saved == ({"after": steps - 1} if steps else None)
+        assert after(journal) == steps - 1 if steps else journal.saved is None
         seen.add(steps)
     assert seen == {0, 10, 20}
 
@@ -84,9 +94,10 @@ def test_another_question_than_before_is_an_error_that_names_the_step(tmp_path) 
     path = tmp_path / "run.journal"
     write(path, 12)
     journal = Journal(path, RUN, resume=True)
-    journal.replay(bytes([0]))
+    journal.recorded(bytes([0]))
+    journal.advance(bytes([0]), None, bytes)
     with pytest.raises(CheckpointError, match="step 2") as caught:
-        journal.replay(b"other")
+        journal.recorded(b"other")
     assert caught.value.step == 2
     journal.close()
 
@@ -150,16 +161,18 @@ def test_a_checkpoint_of_pickles_is_refused_unread(tmp_path) -> None:
     with pytest.raises(CheckpointError, match=r"^[^\n]*run\.journal: a checkpoint of an older version[^\n]*$"):
         Journal(path, RUN, resume=True)
     assert not harm.exists()
-    for tag in (b"HEAD", b"STEP", b"SAVE"):
+    for tag in (b"HEAD", b"STEP"):
         write(path, 12)
         rewrite(path, tag, payload)
         with (
             pytest.raises(CheckpointError, match=r"^[^\n]*run\.journal: damaged[^\n]*; run it without --resume$"),
             contextlib.closing(Journal(path, RUN, resume=True)) as journal,
         ):
-            journal.replay(bytes([0]))
-            journal.restore()
+            journal.recorded(bytes([0]))
         assert not harm.exists()
+    with Session(resting()) as session, pytest.raises(StateError, match="damaged"):
+        session.restore(payload)
+    assert not harm.exists()
 
 
 def test_a_damaged_beginning_is_said_and_nothing_is_overwritten(tmp_path) -> None:
@@ -186,14 +199,13 @@ def test_no_room_is_one_line_and_what_was_written_is_kept(tmp_path) -> None:
     code = f"""
 import resource, signal
 from tests.vpframe.session.test_checkpoint import RUN
-from vpframe.session.checkpoint import Journal
+from vpframe.session.checkpoint import CODEC, Journal
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 journal = Journal({str(path)!r}, RUN, every=10)
 resource.setrlimit(resource.RLIMIT_FSIZE, (4000, resource.RLIM_INFINITY))
 try:
     for k in range(1000):
-        if journal.append(bytes([k % 256]), {{"step": k}}):
-            journal.save({{"after": k}})
+        journal.advance(bytes([k % 256]), {{"step": k}}, lambda: CODEC.encode({{"after": k}}))
 except Exception as error:
     print(type(error).__name__, error)
 journal.close()
@@ -204,7 +216,7 @@ journal.close()
     assert done.stdout == f"CheckpointError {path}: cannot be written: File too large\n", done.stderr
     journal = Journal(path, RUN, resume=True)
     kept = len(journal.past)
-    assert kept >= 10 and journal.restore() == {"after": kept - 1}
+    assert kept >= 10 and after(journal) == kept - 1
     journal.close()
 
 
@@ -213,30 +225,29 @@ journal.close()
 
 def spoilt(path, change) -> None:
     """Change the saved state of a journal."""
-    state = CODEC.decode(next(content for tag, content in reversed(records(path)) if tag == b"SAVE"))
-    change(state)
-    rewrite(path, b"SAVE", CODEC.encode(state))
+    schema, names, state = CODEC.decode(next(content for tag, content in reversed(records(path)) if tag == b"SAVE"))
+    rewrite(path, b"SAVE", CODEC.encode((schema, names, change(state) or state)))
 
 
-def world(state) -> dict:
-    return state["dynamics"]["world"]
+def world(state: State) -> dict[str, Any]:
+    return state.dynamics.world
 
 
-def set_item(name: str, value: Any) -> Callable[[dict], None]:
-    return lambda state: state.__setitem__(name, value)
+def values(**changed: Any) -> Callable[[State], State]:
+    return lambda state: replace(state, values=replace(state.values, **changed))
 
 
 CHANGES = {
-    "a state that is none": lambda state: state.clear(),
-    "one pose too few": lambda state: state["poses"].pop(),
-    "a pose that is none": lambda state: state["poses"].__setitem__(0, "here"),
-    "rows of another type": set_item("rows", np.zeros(3)),
-    "a row of an object far away": lambda state: state.__setitem__("colliding", np.array([[10**9, 0, 1, 0]], np.int32)),
-    "a row of a surface far away": lambda state: state.__setitem__("colliding", np.array([[0, 0, 1, -7]], np.int32)),
-    "an active part far away": lambda state: state["active"].add(99),
-    "constraints that are none": lambda state: state["mates"]["accepted"].__setitem__(0, "concentric"),
-    "mates that are none": set_item("mates", []),
-    "no bodies": set_item("dynamics", None),
+    "a state that is none": lambda state: {"poses": []},
+    "one pose too few": lambda state: replace(state, poses=state.poses[1:]),
+    "poses that are none": lambda state: replace(state, poses="here"),
+    "rows of another type": values(rows=np.zeros(3)),
+    "a row of an object far away": values(colliding=np.array([[10**9, 0, 1, 0]], np.int32)),
+    "a row of a surface far away": values(colliding=np.array([[0, 0, 1, -7]], np.int32)),
+    "an active part far away": values(held=frozenset([99])),
+    "constraints that are none": lambda state: state.mates.accepted.__setitem__(0, "concentric"),
+    "mates that are none": lambda state: replace(state, mates=[]),
+    "no bodies": lambda state: replace(state, dynamics=None),
     "bodies of another shape": lambda state: world(state).__setitem__("center", np.zeros((9, 3))),
     "bodies of another type": lambda state: world(state).__setitem__("kind", np.zeros(3)),
     "near pairs far away": lambda state: world(state)["near"].update(pairs=np.array([[10**9, 0, 1, 0]])),
@@ -289,7 +300,7 @@ def test_a_state_that_does_not_fit_the_scene_is_one_line(journal_of_a_run, tmp_p
 
 
 @pytest.mark.parametrize(
-    "field", [{"colliding": np.array([[9, 0, 9, 0]], np.int32)}, {"freedom": {"nobody": 1}}, {"mates": {"ids": {}}}]
+    "field", [{"colliding": np.array([[9, 0, 9, 0]], np.int32)}, {"freedom": {"nobody": 1}}, {"mates": 7}]
 )
 def test_a_step_that_does_not_fit_the_scene_is_one_line(journal_of_a_run, tmp_path, field) -> None:
     path = tmp_path / "run.journal"

@@ -37,8 +37,8 @@ def test_the_clearance_of_every_step_is_that_of_all_pairs() -> None:
     """Against distances of all other parts, without boxes: while parts move, are carried, and after a way back."""
 
     def brute() -> float:
-        session.state.start()
-        find, held = session.state.collision.clearance, session.state.held
+        session.engine.start()
+        find, held = session.engine.collision.clearance, session.engine.held
         mates = {b for c in session.constraints for b in c.parts}
         others = [j for j, name in enumerate(session.scene.names) if j not in held and name not in mates - {"peg"}]
         return min(float(find(i, j)["distance"][0]) for i in held for j in others)

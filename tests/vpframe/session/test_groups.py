@@ -34,8 +34,8 @@ class Counted:
         self.unknowns: list[int] = []
         self.pairs: list[int] = []
         self.matched = 0
-        state = session.state
-        state.start()
+        engine = session.engine
+        engine.start()
 
         class Recorded(god_object.Step):
             def __init__(step, unknowns: Unknowns, *rest: object) -> None:
@@ -43,7 +43,7 @@ class Counted:
                 super().__init__(unknowns, *rest)  # type: ignore[arg-type]
 
         monkeypatch.setattr("constraints.motion.motion.Step", Recorded)
-        near, matches = state.collision._near, state.mates.recogniser.matches
+        near, matches = engine.collision._near, engine.mates.recogniser.matches
 
         def counted_near(*args: object) -> object:
             keys = near(*args)  # type: ignore[arg-type]
@@ -54,8 +54,8 @@ class Counted:
             self.matched += 1
             return matches(*args)  # type: ignore[arg-type]
 
-        monkeypatch.setattr(state.collision, "_near", counted_near)
-        monkeypatch.setattr(state.mates.recogniser, "matches", counted_matches)
+        monkeypatch.setattr(engine.collision, "_near", counted_near)
+        monkeypatch.setattr(engine.mates.recogniser, "matches", counted_matches)
 
 
 @pytest.mark.parametrize("parts", [2, pytest.param(64, marks=pytest.mark.slow)])
@@ -113,13 +113,13 @@ def test_a_step_begins_and_ends_a_group_in_any_order_of_save_and_restore() -> No
         hand = session.hand(at=(0.03, 0.03, 0.02))
         hand.grab("board")
         hand.move_by((0.0, 0.0, 0.03))
-        state = session.state
-        kept, carried = state.save(), state.motion.groups.seats.keys()
+        engine = session.engine
+        kept, carried = engine.save(), engine.motion.groups.seats.keys()
         assert len(carried) == 5
         hand.move_by((0.01, 0.0, 0.0))
         there = {name: part.pose.homogeneous.copy() for name, part in session.scene.items()}
-        state.restore(kept)
-        assert state.motion.groups.seats.keys() == carried
+        engine.restore(kept)
+        assert engine.motion.groups.seats.keys() == carried
         hand.move_by((0.01, 0.0, 0.0))
         assert all((part.pose.homogeneous == there[name]).all() for name, part in session.scene.items())
 

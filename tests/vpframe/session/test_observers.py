@@ -40,7 +40,7 @@ def carried(observers: list[vp.Observer]) -> list[bytes]:
         hand = session.hand(at=(0.06, 0.0, 0.07))
         hand.grab("peg")
         hand.move_by((0.0, 0.0, 0.03))
-        return [session.state.save(), session.scene["peg"].pose.homogeneous.tobytes()]
+        return [session.save(), session.scene["peg"].pose.homogeneous.tobytes()]
 
 
 def test_whatever_an_observer_does_the_session_stays_as_it_is() -> None:

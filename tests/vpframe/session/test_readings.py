@@ -77,10 +77,10 @@ def test_what_a_hand_carries_has_its_velocity() -> None:
         assert v.linear[0] > 0.1
         assert np.abs(v.angular).max() < 1e-9
         assert session.contacts("tool") == ()
-        saved = session.state.save()
+        saved = session.save()
         session.run(0.1)
         assert session.velocity("tool") != v
-        session.state.restore(saved)
+        session.restore(saved)
         assert session.velocity("tool") == v
 
 

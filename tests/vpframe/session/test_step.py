@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -85,10 +86,10 @@ def told(session: Session) -> list[tuple[Any, ...]]:
 
 def refused(session: Session, error: type[BaseException]) -> None:
     """A step fails, and leaves everything as it was."""
-    before = session.state.save(), told(session), session.frame, session.trail(session.scene.names[1])
+    before = session.save(), told(session), session.frame, session.trail(session.scene.names[1])
     with pytest.raises(error):
         session.step()
-    assert session.state.save() == before[0]
+    assert session.save() == before[0]
     assert told(session) == before[1]
     assert session.frame is before[2]
     after = session.trail(session.scene.names[1])
@@ -97,7 +98,7 @@ def refused(session: Session, error: type[BaseException]) -> None:
 
 @contextmanager
 def interrupted(after: int) -> Iterator[list[int]]:
-    """KeyboardInterrupt at that line of ours; in the list how many there were."""
+    """Ctrl-C at that line of ours; in the list how many there were."""
     lines = [0]
 
     def line(frame: FrameType, event: str, argument: Any) -> Any:
@@ -105,18 +106,19 @@ def interrupted(after: int) -> Iterator[list[int]]:
             lines[0] += 1
             if lines[0] == after:
                 sys.settrace(None)
-                raise KeyboardInterrupt
+                signal.raise_signal(signal.SIGINT)
         return line
 
     def call(frame: FrameType, event: str, argument: Any) -> Any:
         return line if frame.f_code.co_filename.startswith(OURS) else None
 
-    before = sys.gettrace()
+    before, handler = sys.gettrace(), signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.settrace(call)
     try:
         yield lines
     finally:
         sys.settrace(before)
+        signal.signal(signal.SIGINT, handler)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -137,18 +139,18 @@ def test_an_interrupt_anywhere_leaves_all_or_nothing(maker: Callable[..., Sessio
         with interrupted(-1) as lines:  # how many lines the step has
             plain.step()
         for _ in range(4):
-            before, events = tried.state.save(), told(tried)
+            before, events = tried.save(), told(tried)
             with interrupted(rng.randint(1, lines[0])), suppress(KeyboardInterrupt):
                 tried.step()
             if tried.step_count == plain.step_count:  # it came after the step was done, or not at all
                 done += 1
                 break
             undone += 1
-            assert tried.state.save() == before
+            assert tried.save() == before
             assert told(tried) == events
         else:
             tried.step()
-        assert tried.state.save() == plain.state.save()
+        assert tried.save() == plain.save()
         assert told(tried) == told(plain)
     assert undone > 40
     assert done < undone / 4
@@ -175,7 +177,7 @@ def test_each_stage_may_fail_at_its_end(
             refused(session, Broken)
         session.step()
         plain.step()
-        assert session.state.save() == plain.state.save()
+        assert session.save() == plain.save()
         assert told(session) == told(plain)
 
 
@@ -196,7 +198,7 @@ def test_a_behaviour_that_raises() -> None:
         fails.broken = True
         refused(session, physics.BehaviourError)
         fails.broken = False
-    assert session.state.save() == plain.state.save()
+    assert session.save() == plain.save()
     assert told(session) == told(plain)
 
 
@@ -219,7 +221,7 @@ def test_a_rule_that_raises_on_the_way() -> None:
         except Broken:
             assert len(failed) == count + 1
             session.step()
-        assert session.state.save() == plain.state.save()
+        assert session.save() == plain.save()
     assert "concentric" in failed
     assert told(session) == told(plain)
 
@@ -234,14 +236,14 @@ def test_what_the_script_decided_is_still_to_be_done() -> None:
             session.step()
         session.accept(session.candidates[0])
     session, plain = sessions
-    saved = session.state.save()
+    saved = session.save()
     with interrupted(400), pytest.raises(KeyboardInterrupt):
         session.step()
-    assert session.state.save() == saved
-    assert len(session.state.decisions) == 1
+    assert session.save() == saved
+    assert len(session.engine.decisions) == 1
     session.step()
     plain.step()
-    assert session.constraints and session.state.save() == plain.state.save()
+    assert session.constraints and session.save() == plain.save()
 
 
 def test_a_decision_that_cannot_be_done_fails_one_step_only() -> None:
@@ -258,7 +260,7 @@ def test_a_decision_that_cannot_be_done_fails_one_step_only() -> None:
     session.accept(good)
     with pytest.raises(TaskError, match="refuse: no candidate has id"):
         session.step()
-    assert [d.verb for d in session.state.decisions] == ["accept"]
+    assert [d.verb for d in session.engine.decisions] == ["accept"]
     session.step()
     assert [c.id for c in session.constraints] == [good.id]
 
@@ -299,7 +301,7 @@ def test_an_interrupted_run_resumes_as_if_it_had_not_been(tmp_path: Path) -> Non
                 continue
         session.step()
         plain.step()
-    assert session.state.save() == plain.state.save()
+    assert session.save() == plain.save()
     session.close()
     resumed = falling(checkpoint=path, resume=True)
     assert resumed._journal is not None
@@ -342,11 +344,11 @@ def test_reset_empties_hands_and_undoes_mates() -> None:
 
 def test_a_state_of_another_scene_is_refused() -> None:
     session, other = put_in(), falling()
-    saved = session.state.save()
-    for wrong in (other.state.save(), saved[:-9], b"", saved.replace(b'"step"', b'"stop"')):
+    saved = session.save()
+    for wrong in (other.save(), saved[:-9], b"", saved.replace(b'"State"', b'"Stats"')):
         with pytest.raises(StateError):
-            session.state.restore(wrong)
-        assert session.state.save() == saved
+            session.restore(wrong)
+        assert session.save() == saved
 
 
 def test_the_pose_of_a_part_in_a_session_is_the_sessions() -> None:
@@ -377,7 +379,7 @@ def test_colliding_surfaces_are_those_of_a_query_of_their_own() -> None:
 
         def checked() -> Frame:
             frame = advanced()
-            expected = session.state.collision.colliding_surfaces()
+            expected = session.engine.collision.colliding_surfaces()
             assert frame.colliding.tolist() == sorted(expected.tolist())
             sizes.add(len(expected))
             return frame

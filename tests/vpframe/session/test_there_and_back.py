@@ -313,7 +313,7 @@ def test_ends_of_fingers_pass_the_tops_beside_them(back: bool) -> None:
     scene = Scene([Part("housing", housing, HERE), Part("key", key, HERE)])
     with Session(scene, rule=rules.leave_all) as session:
         session.step()
-        motion = session.state.motion
+        motion = session.engine.motion
         drawn = Drawn(motion.collision, motion.walls, [HERE, HERE])
         motion.collision.set_poses([1], [there])
         assert passable(motion.collision, motion.walls, drawn, [HERE, there], {1: end}, motion.tolerance)

@@ -65,14 +65,13 @@ def packed(pose: pin.SE3) -> np.ndarray:
 
 
 def test_parts_that_move_together_are_kept_together(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As one by one, over the end of a block and back to a mark."""
+    """As one by one, over the end of a block and back to the step before."""
     monkeypatch.setattr(trails, "ROWS", 100)
     rng, one, many = np.random.default_rng(3), Trails(), Trails()
     for step in range(60):
         poses = [pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)) for _ in range(7)]
-        mark = many.mark()
         many.add(step, range(7), np.concatenate([packed(pose) for pose in poses[::-1]]))
-        many.undo(mark)
+        many.rewind(step - 1)
         many.add(step, range(7), np.concatenate([packed(pose) for pose in poses]))
         for part, pose in enumerate(poses):
             one.add(step, [part], packed(pose))

@@ -122,6 +122,33 @@ def test_a_task_that_does_not_repeat_itself_is_found_out(tmp_path: Path) -> None
     assert "the task does not repeat itself" in (tmp_path / "runs" / "index.html").read_text()
 
 
+IGNORING = """
+import numpy as np, pinocchio as pin
+from vpframe.studies import Uniform
+from vpframe.scene.scene import Part, Scene
+from tests.vpframe.studies.scripts import cube
+
+VARIANTS = {"x": Uniform(0.0, 1.0)}
+
+def scene(v):
+    one = cube().parts[0]
+    return Scene([one.copy("hose"), one.copy("clamp", pin.SE3(np.eye(3), np.array([0.005, 0.0, 0.0])))])
+
+def task(session, v):
+    session.ignore("hose", "clamp")
+    session.run(0.04)
+"""
+
+
+def test_pairs_that_may_pass_through_each_other_are_named(tmp_path: Path) -> None:
+    done = study(written(tmp_path, IGNORING), "--samples", 3, "--jobs", 1, "--out", tmp_path / "runs")
+    assert done.returncode == 0, done.stderr
+    assert "3 of 3 variants can be done: 100.00 %" in done.stdout
+    assert "; 3 of them: ignores hose–clamp" in done.stdout
+    assert "ignores hose–clamp" in (tmp_path / "runs" / "index.html").read_text()
+    assert "ignores hose–clamp" in (tmp_path / "runs" / "results.csv").read_text()
+
+
 HANGS_AGAIN = (
     HEAD
     + """
@@ -238,7 +265,7 @@ BAD = [
     (ENDINGS, ("--grid", 10**9), "6,000,000,000 variants; a study has at least one, and at most 1,000,000"),
     (ENDINGS, ("--retries", "-1"), "--timeout and --jobs must be positive, --retries not negative"),
     (ENDINGS, ("--timeout", "soon"), "'soon' is not a time; write a number with one of s, ms, min, h: 120s"),
-    (ENDINGS, ("--timeout", "0"), "--timeout and --jobs must be positive, --retries not negative"),
+    (ENDINGS, ("--timeout", "0"), "--timeout: time '0': give more than 0"),
     (ENDINGS, ("--jobs", "0"), "--timeout and --jobs must be positive, --retries not negative"),
     (ENDINGS, ("--sobol", "--grid"), "--sobol is a way to sample; leave out --grid"),
     (ENDINGS, ("--samples", 3, "--grid"), "not allowed with argument"),

@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
+from tests.benchmarks import bench_page
 from tests.vpframe.browser import PROGRAM
 from tests.vpframe.watching import fake_session, hostile_frames, hostile_scene
 from vpframe import planning
-from vpframe.app import bench_page
 from vpframe.report import SessionLog, plan_page, write
 from vpframe.scene.scene import Part, Scene
 from vpframe.studies import report as study_report

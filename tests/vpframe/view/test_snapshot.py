@@ -13,6 +13,7 @@ from vpframe.view import palette, snapshot
 from vpframe.view.camera import Camera, frame_scene, look_at
 from vpframe.view.display import display_mesh
 from vpframe.view.raster import fill_triangles, shade_faces
+from vpframe.view.snapshot import Look
 from vpframe.view.symbols import frame_symbols
 
 
@@ -131,7 +132,7 @@ def test_nearer_part_hides_the_farther_one_and_opacity_lets_it_through():
     camera = Camera(np.array([0.0, 0.0, 10.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), radius=1.0)
 
     def seen(opacity):
-        image = snapshot.render(scene, None, [("far", 5)], (80, 80), camera, opacity=opacity)
+        image = snapshot.render(scene, None, [("far", 5)], (80, 80), camera, look=Look(opacity))
         return near(image, palette.COLLIDING, 0.3).mean()
 
     assert seen({}) == 0.0
@@ -145,9 +146,10 @@ def test_a_ghost_is_drawn_as_if_it_were_the_only_one():
     camera = Camera(np.array([0.0, 0.0, 10.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), radius=2.0)
     none = dict.fromkeys(scene.names, 0.0)
     seen = {
-        name: snapshot.render(scene, None, [], (160, 80), camera, opacity={**none, name: 0.4}) for name in scene.names
+        name: snapshot.render(scene, None, [], (160, 80), camera, look=Look({**none, name: 0.4}))
+        for name in scene.names
     }
-    together = snapshot.render(scene, None, [], (160, 80), camera, opacity=dict.fromkeys(scene.names, 0.4))
+    together = snapshot.render(scene, None, [], (160, 80), camera, look=Look(dict.fromkeys(scene.names, 0.4)))
     for name, columns in zip(scene.names, (slice(0, 55), slice(55, 105), slice(105, 160)), strict=True):
         np.testing.assert_array_equal(together[:, columns], seen[name][:, columns])
 
@@ -157,12 +159,12 @@ def test_section_opens_a_solid_and_fills_the_cut():
     scene = Scene([Part("box", box(), place())])
     camera = Camera(np.array([0.0, -10.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]), radius=1.0)
     cut = ([0.0, 0.0, 0.25], [0.0, 0.0, 1.0])
-    whole = snapshot.render(scene, size=(80, 80), camera=camera, colors=tints)
-    lower = snapshot.render(scene, size=(80, 80), camera=camera, colors=tints, section=cut)
+    whole = snapshot.render(scene, size=(80, 80), camera=camera, look=Look(colors=tints))
+    lower = snapshot.render(scene, size=(80, 80), camera=camera, look=Look(colors=tints, section=cut))
     blue = [near(image, tints["box"], 0.25) for image in (whole, lower)]
     assert blue[1].sum() / blue[0].sum() == pytest.approx(0.75, abs=0.05)
     facing = ([0.0, 0.0, 0.0], [0.0, -1.0, 0.0])  # the half towards the eye is taken away: its fill is seen instead
-    filled = snapshot.render(scene, size=(80, 80), camera=camera, colors=tints, section=facing)
+    filled = snapshot.render(scene, size=(80, 80), camera=camera, look=Look(colors=tints, section=facing))
     assert near(filled, tints["box"], 0.25).sum() == pytest.approx(blue[0].sum(), rel=0.1)
 
 
@@ -174,7 +176,7 @@ def test_a_filled_cut_hides_what_is_inside_the_solid_behind_it():
 
     def seen(y):
         cut = ([0.0, y, 0.0], [0.0, -1.0, 0.0])
-        image = snapshot.render(scene, size=(100, 100), camera=camera, colors=colors, section=cut)
+        image = snapshot.render(scene, size=(100, 100), camera=camera, look=Look(colors=colors, section=cut))
         return near(image, colors["block"], 0.25)[50, 30], near(image, colors["inner"], 0.25)[50, 50]
 
     assert seen(0.0) == (True, False)  # the plane passes in front of the inner part
@@ -271,9 +273,9 @@ def test_camera_of_a_moved_part_follows_the_pose_given():
 def test_what_is_out_of_the_picture_changes_nothing_in_it(section):
     scene = pressing_scene()
     camera, marked = frame_scene(scene), [("rod", 1), ("plate", 5)]
-    alone = snapshot.render(scene, {}, marked, (120, 90), camera, opacity={"plate": 0.4}, section=section)
+    alone = snapshot.render(scene, {}, marked, (120, 90), camera, look=Look({"plate": 0.4}, section=section))
     for k, corner in enumerate(np.array([[1, 1, 0], [-1, 1, 0], [0, -1, 1], [0, 0, -1]]) * 20 * camera.radius):
         scene.add(Part(f"far_{k}", box((0.05, 0.05, 0.05)), place(*corner)))
     faint = {"plate": 0.4, "far_0": 0.5, "far_1": 0.5}
-    among = snapshot.render(scene, {}, [*marked, ("far_2", 3)], (120, 90), camera, opacity=faint, section=section)
+    among = snapshot.render(scene, {}, [*marked, ("far_2", 3)], (120, 90), camera, look=Look(faint, section=section))
     np.testing.assert_array_equal(among, alone)

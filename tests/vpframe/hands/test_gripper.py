@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from vpframe.errors import TaskError
-from vpframe.hands import service
+from vpframe.hands import hand as hands
 from vpframe.scene import modelling as m
 from vpframe.scene.names import holders, obstacles_words
 from vpframe.scene.scene import Part, Scene
@@ -39,7 +39,7 @@ def pump(fixed: tuple[str, ...] = ("housing",), turned: np.ndarray = UPRIGHT) ->
 
 
 def refusal(scene: Scene, part: str, monkeypatch: pytest.MonkeyPatch, **how: object) -> str:
-    monkeypatch.setattr(service, "SEARCH", 0.01)  # another way out is not looked for
+    monkeypatch.setattr(hands, "SEARCH", 0.01)  # another way out is not looked for
     with Session(scene) as session, pytest.raises(TaskError) as failed:
         session.hand().remove(part, **how)
     return str(failed.value).partition("; no other way out")[0]

@@ -27,14 +27,14 @@ def origins(log: SessionLog, found: Mapping[ClashKey, Depth]) -> dict[ClashKey, 
     begun: dict[tuple[str, str], frozenset[tuple[int, int]]] = {}
     out = {}
     for key, clash in log.clashes.items():
-        standing = clash.unmoved
-        if not standing and clash.first.step <= log.first_step:  # nothing was recorded before the first step
+        unmoved = clash.unmoved
+        if not unmoved and clash.first.step <= log.first_step:  # nothing was recorded before the first step
             a, b = key.part_a, key.part_b
             if (a, b) not in begun:
                 pairs = colliding_surfaces(log.scene[a].mesh, log.scene[b].mesh, log.start[a].actInv(log.start[b]))
                 begun[a, b] = frozenset(map(tuple, pairs.tolist()))
-            standing = (key.surface_a, key.surface_b) in begun[a, b]
+            unmoved = (key.surface_a, key.surface_b) in begun[a, b]
         depth = found.get(key)
         deeper = depth is not None and depth.clashes and depth.depth > depth.first + depth.slack
-        out[key] = BEFORE if standing and not deeper else TASK
+        out[key] = BEFORE if unmoved and not deeper else TASK
     return out

@@ -96,7 +96,7 @@ def bits(world):
         return repr(value).encode()
 
     poses = [world.collision.pose(i).homogeneous.tobytes() for i in world.collision.objects]
-    return flat(dict(world.state().data)) + b"".join(poses)
+    return flat(world.save()) + b"".join(poses)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -168,7 +168,7 @@ def test_whatever_is_done_is_undone(seed, before, does):
     for _ in range(before):
         world.step(0.02)
     saved, poses = bits(world), {i: world.collision.pose(i).homogeneous for i in world.collision.objects}
-    mark = world.mark()
+    mark = world.snapshot
     for _ in range(2):  # a mark is good more than once
         for what in does:
             if what == "step":
@@ -193,7 +193,7 @@ def test_whatever_is_done_is_undone(seed, before, does):
                 world.set_joints(world._joints[:1])
             elif what == "static":
                 world.set_pose(0, at(z=-0.3))
-        world.rollback(mark)
+        world.snapshot = mark
         assert bits(world) == saved
         assert all((world.collision.pose(i).homogeneous == pose).all() for i, pose in poses.items())
     world.step(0.02)
@@ -208,9 +208,9 @@ def test_a_mark_of_a_world_at_rest_costs_nothing():
     for _ in range(80):
         world.step(0.01)
     assert world.awake == ()
-    first = world.mark()
+    first = world.snapshot
     world.step(0.01)
-    second = world.mark()
+    second = world.snapshot
     assert second.motion is first.motion and second.model is first.model and second.time > first.time
 
 
