@@ -65,10 +65,13 @@ def test_a_process_that_ends_between_two_samples_is_held_to_its_limit(tmp_path, 
 def test_a_mesh_that_is_read_between_two_samples_is_late(tmp_path, monkeypatch):
     monkeypatch.setattr(guarded, "SAMPLING", 60.0)
     monkeypatch.setenv("VPFRAME_CACHE", str(tmp_path / "cache"))
-    trimesh.creation.box((0.01, 0.02, 0.03)).export(tmp_path / "a.stl")
+    path = tmp_path / "a.obj"
+    trimesh.creation.box((0.01, 0.02, 0.03)).export(path)
+    with path.open("a", encoding="ascii") as file:  # some 0.2 s of reading: /proc counts in steps of 0.01 s
+        file.write("# a comment\n" * 1_000_000)
     with pytest.raises(vp.LoadError, match=r"no answer within 0\.\d+ s of processor time"):
-        vp.load(tmp_path / "a.stl", timeout=1e-3)
-    assert len(vp.load(tmp_path / "a.stl", timeout=20.0)) == 1
+        vp.load(path, timeout=1e-3)
+    assert len(vp.load(path, timeout=20.0)) == 1
 
 
 def test_a_process_among_busy_ones_has_its_whole_processor_time(tmp_path, monkeypatch):
