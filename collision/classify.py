@@ -64,6 +64,8 @@ class PairClass:
     reason: Reason = Reason.NONE
     inner: int | None = None
     """the object that lies inside the other"""
+    bound: float = 0.0
+    """m: no point of two surfaces that meet is deeper by more than the precision of depths"""
     open: tuple[int, ...] = ()
     """objects that are not closed, where the kind of a row of the two depends on what is inside"""
 
@@ -117,27 +119,32 @@ def classify(
     neighbours = manager.object_pairs(objects, wanted + 2.0 * max(most.values(), default=0.0)).tolist()
     contacts = [manager.pair_contacts(i, j, wanted + most[i] + most[j]) for i, j in neighbours]
     meeting = [pair for pair, rows in zip(neighbours, contacts, strict=True) if (rows["distance"] == 0.0).any()]
-    penetrations = iter(manager.penetrations(meeting, tell))
+
+
+    def nearness(i: int, j: int) -> NDArray[np.float64]:
+        return tolerance + slack[i][:, None] + slack[j][None, :]
+
+    penetrations = iter(manager.penetrations(meeting, tell, nearness))
     for (i, j), rows in zip(neighbours, contacts, strict=True):
-        nearness = tolerance + slack[i][:, None] + slack[j][None, :]
+        limits = nearness(i, j)
         depths = {}
         if (rows["distance"] == 0.0).any():
             depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in next(penetrations)}
         pairs: list[PairClass] = []
         for row in rows:
             surfaces = int(row["surface_a"]), int(row["surface_b"])
-            distance, near = float(row["distance"]), float(nearness[surfaces])
+            distance, near = float(row["distance"]), float(limits[surfaces])
             if distance > wanted + near - tolerance:
                 continue
             deep = depths.get(surfaces)
-            depth = 0.0 if deep is None else float(deep["depth"])
+            depth, bound = (0.0, 0.0) if deep is None else (float(deep["depth"]), float(deep["bound"]))
             kind: Kind = "clash" if depth > near else "contact" if distance <= tolerance else "clearance"
             if kind == "clash" and ((i, j) in meant or (i, surfaces[0], j, surfaces[1]) in meant):
                 kind = "authorised"
             witness = deep["point"] if deep is not None else (row["point_a"] + row["point_b"]) / 2
-            pairs.append(PairClass(kind, (i, j), surfaces, distance, depth, np.array(witness)))
+            pairs.append(PairClass(kind, (i, j), surfaces, distance, depth, np.array(witness), bound=bound))
         if not any(pair.kind in INSIDE for pair in pairs):
-            whole = _as_a_whole(manager, i, j, bool(depths), float(nearness.max()), (i, j) in meant)
+            whole = _as_a_whole(manager, i, j, bool(depths), float(limits.max()), (i, j) in meant)
             if whole is not None:
                 pairs.insert(0, whole)
         if any(pair.kind in INSIDE for pair in pairs):

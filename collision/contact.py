@@ -47,6 +47,7 @@ PENETRATION_DTYPE = np.dtype(
         ("object_b", np.int32),
         ("surface_b", np.int32),
         ("depth", np.float64),  # m, 0 where the surfaces only touch
+        ("bound", np.float64),  # m, no point is deeper by more than the precision of depths
         ("direction", np.float64, 3),  # 1, world frame: b moved along it by `depth` has the deepest point out of a
         ("point", np.float64, 3),  # the deepest point, world frame, m
     ]

@@ -270,11 +270,15 @@ class CollisionManager(Objects):
         return penetration(self, i, j)
 
     def penetrations(
-        self, pairs: Iterable[Sequence[int]], tell: Callable[[float], None] = lambda fraction: None
+        self,
+        pairs: Iterable[Sequence[int]],
+        tell: Callable[[float], None] = lambda fraction: None,
+        limit: Callable[[int, int], ArrayLike] = lambda i, j: 0.0,
     ) -> list[NDArray[Any]]:
-        """Return the rows of `penetration` of each pair of objects, computed on all cores.
+        """Return the rows of `penetration` of each pair (i, j) of objects, i < j, computed on all cores.
 
-        tell: called with the fraction done, in [0, 1), after each pair. An exception that it raises ends the work.
+        limit: m, of two objects, by surface of i and surface of j, or one for all: depths above it are told from those
+        below, and need not be known better than to this where that takes long; see `query.penetration`. tell: called with the fraction done, in [0, 1), after each pair. An exception that it raises ends the work.
         """
         from collision.query.penetration import penetration
         from collision.solid import solid_of
@@ -285,7 +289,7 @@ class CollisionManager(Objects):
         found: list[NDArray[Any]] = []
         pool = ThreadPoolExecutor(os.cpu_count(), "penetration")
         try:
-            for rows in pool.map(lambda pair: penetration(self, *pair), wanted):
+            for rows in pool.map(lambda pair: penetration(self, *pair, limit(*pair)), wanted):
                 tell(len(found) / len(wanted))
                 found.append(rows)
         finally:

@@ -23,7 +23,7 @@ from collision.bvh.traverse import QueryWorkspace, fresh_node, near_surfaces, ne
 from collision.errors import CollisionError
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import EntryPoint, inline_kernel, kernel
-from collision.numeric.vectors import cross, norm, sub
+from collision.numeric.vectors import cross, sub, unit
 from collision.query.intersection import ALL_ENABLED, Intersect, triangle_pair_meets
 from collision.triangle.distance import common_point
 
@@ -96,9 +96,7 @@ def pair_contact(pair, pose):
 
 @inline_kernel
 def _normal(t):
-    n = cross(sub(t[1], t[0]), sub(t[2], t[0]))
-    length = norm(n)
-    return (n[0] / length, n[1] / length, n[2] / length) if length > 1e-300 else (0.0, 0.0, 0.0)
+    return unit(cross(sub(t[1], t[0]), sub(t[2], t[0])))
 
 
 def last_surfaces(pair: MeshPair, mesh_a: SurfaceMesh, mesh_b: SurfaceMesh) -> tuple[int, int] | None:

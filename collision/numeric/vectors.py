@@ -44,6 +44,13 @@ def norm(u):
 
 
 @inner_kernel
+def unit(u):
+    """u / |u|, or zero of a u that is."""
+    length = norm(u)
+    return (u[0] / length, u[1] / length, u[2] / length) if length > 1e-300 else (0.0, 0.0, 0.0)
+
+
+@inner_kernel
 def rotated(rotation, u):
     """R u, of an array (3, 3)."""
     return (

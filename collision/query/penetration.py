@@ -11,7 +11,8 @@ for closed meshes; an open mesh counts as the boundary of what lies behind it, a
 decides (see `collision.query.signed_distance`).
 
 Depths are found by branch and bound, from below: none is deeper than what is returned by more than `Tolerance.depth`
-(1 %) of it and of `Tolerance.linear`, unless `BUDGET` ended the search. What is searched are the hierarchies of s and
+(1 %) of it and of `Tolerance.linear`, unless `BUDGET` ended the search, or `SETTLED` pieces settled what the
+caller wants to know, see `penetration`; an upper bound is returned as well. What is searched are the hierarchies of s and
 of t, and below their packets triangles that are cut in two. Each piece has an upper bound of the depth of its points;
 the piece of the greatest bound is opened next, until no bound is above the deepest point seen by more than the
 precision. Both directions are one search: the deepest point of either rules out pieces of both. A point of s in B
@@ -37,7 +38,7 @@ import threading
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from collision.bvh.build import bvh_of
 from collision.bvh.layout import LANES, NODE, PACKET, PREPARED, Bvh
@@ -65,6 +66,8 @@ if TYPE_CHECKING:
 
 BUDGET: Final = 20000
 """pieces opened for a pair of surfaces; beyond it the deepest point seen counts"""
+SETTLED: Final = 512
+"""pieces opened for a pair of surfaces from which on the search may end before its precision is reached"""
 TURN: Final = 32
 """pieces opened in one direction before the other is considered again"""
 TIE: Final = 1.0 + 64.0 * 2.0**-52
@@ -169,8 +172,8 @@ class Search(NamedTuple):
 
     way: Direction
     best: Any
-    """(8,) float64: greatest depth known, its point, the nearest point of the solid's surface; m, in the frame of the
-    solid; `Direction.side` of that solid"""
+    """(9,) float64: greatest depth known, its point, the nearest point of the solid's surface; m, in the frame of the
+    solid; `Direction.side` of that solid; at the end a depth that none exceeds by more than the precision"""
     surface: Any
     """of the solid"""
     relative: Any
@@ -617,11 +620,12 @@ def _greatest_bound(pieces):
 
 
 @kernel
-def deepest(one, other, pairs, limits, out):
-    """Fill `out` (n, 8), see `Search.best`, with the deepest points of pairs of surfaces behind one another.
+def deepest(one, other, pairs, limit, limits, out):
+    """Fill `out` (n, 9), see `Search.best`, with the deepest points of pairs of surfaces behind one another.
 
     one, other: the two `Direction`s; `one.query` has the first mesh. pairs: (n, 2) int32 surface of the first mesh, of
-    the second. limits: (3,) float64, relative (1), precision (m), pieces opened for a pair. Returns the pieces opened.
+    the second. limit: (n,) m, as `penetration` takes it. limits: (4,) float64, relative
+    (1), precision (m), `BUDGET` and `SETTLED`. Returns the pieces opened.
     """
     total, guess = 0, 0.0
     for k in range(len(pairs)):
@@ -639,6 +643,11 @@ def deepest(one, other, pairs, limits, out):
             if now == 0 and opened > 0:
                 break
             opened += max(now, 1)
+            bound = max(_greatest_bound(one.pieces), _greatest_bound(other.pieces))
+            within = limit[k] + (out[k, 0] if out[k, 0] > limit[k] else 0.0)
+            if opened >= limits[3] and bound <= within:
+                break
+        out[k, 8] = max(_greatest_bound(one.pieces), _greatest_bound(other.pieces), out[k, 0])
         total += opened
         guess = out[k, 0]  # neighbours are often as deep: what is not as deep is not cut before the deepest is known
     return total
@@ -649,10 +658,12 @@ def deepest(one, other, pairs, limits, out):
 _deepest_points = EntryPoint(deepest)
 
 
-def penetration(objects: Objects, i: int, j: int) -> NDArray[Any]:
+def penetration(objects: Objects, i: int, j: int, limit: ArrayLike = 0.0) -> NDArray[Any]:
     """Depth and direction of every pair of surfaces of two objects that meet: PENETRATION_DTYPE rows.
 
-    Ignored pairs of surfaces are left out.
+    Ignored pairs of surfaces are left out. limit: m, by surface of i (the lower id) and surface of j, or one for all: a
+    search of more than `SETTLED` pieces ends when no point can be deeper than this, or when one is and none can be
+    deeper by more than this.
     """
     objects.ignored(i, j)  # raises, unless there are both, and two
     i, j = min(i, j), max(i, j)
@@ -662,7 +673,8 @@ def penetration(objects: Objects, i: int, j: int) -> NDArray[Any]:
     rows["object_a"], rows["surface_a"], rows["object_b"], rows["surface_b"] = i, surfaces[:, 0], j, surfaces[:, 1]
     if not len(rows):
         return rows
-    found = deepest_points(objects, (mesh_a, mesh_b), pose, surfaces)
+    limits = np.broadcast_to(limit, (mesh_a.n_surfaces, mesh_b.n_surfaces))
+    found = deepest_points(objects, (mesh_a, mesh_b), pose, surfaces, limits[surfaces[:, 0], surfaces[:, 1]])
     swapped = found[:, 7] == 1.0
     ends = found[:, 1:7].reshape(-1, 2, 3)
     if swapped.any():
@@ -672,7 +684,7 @@ def penetration(objects: Objects, i: int, j: int) -> NDArray[Any]:
     for k in np.flatnonzero(length <= objects.tolerance.solver).tolist():
         contact = clearance_at(mesh_a, mesh_b, pose, *surfaces[k].tolist())
         out[k], length[k], ends[k, 0] = _normal(mesh_a, int(contact["triangle_a"][0])), 1.0, contact["point_a"][0]
-    rows["depth"] = found[:, 0]
+    rows["depth"], rows["bound"] = found[:, 0], found[:, 8]
     rows["direction"] = out / length[:, None] @ world.rotation.T
     rows["point"] = ends[:, 0] @ world.rotation.T + world.translation
     return rows
@@ -686,18 +698,23 @@ def _normal(mesh: SurfaceMesh, triangle: int) -> NDArray[np.float64]:
 
 
 def deepest_points(
-    objects: Objects, meshes: tuple[SurfaceMesh, SurfaceMesh], pose: pin.SE3, pairs: NDArray[np.int32]
+    objects: Objects,
+    meshes: tuple[SurfaceMesh, SurfaceMesh],
+    pose: pin.SE3,
+    pairs: NDArray[np.int32],
+    limit: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Return (n, 8) rows of `Search.best` of pairs of surfaces (n, 2), whether or not they meet.
+    """Return (n, 9) rows of `Search.best` of pairs of surfaces (n, 2), whether or not they meet.
 
-    pose: of the second mesh in the frame of the first. objects: their tolerance is the precision.
+    pose: of the second mesh in the frame of the first. objects: their tolerance is the precision. limit: (n,) m, as
+    for `penetration`.
     """
     a, b = meshes
     ways = _direction(a, b, pose, 0), _direction(b, a, pose.inverse(), 1)
     relative = objects.tolerance.depth
-    limits = np.array([relative, relative * objects.tolerance.linear, BUDGET])
-    out = np.empty((len(pairs), 8))
-    _deepest_points.call(*ways, np.ascontiguousarray(pairs, np.int32), limits, out)
+    limits = np.array([relative, relative * objects.tolerance.linear, BUDGET, SETTLED])
+    out, settled = np.empty((len(pairs), 9)), np.zeros(len(pairs)) if limit is None else limit
+    _deepest_points.call(*ways, np.ascontiguousarray(pairs, np.int32), settled, limits, out)
     return out
 
 

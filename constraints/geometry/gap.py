@@ -631,22 +631,66 @@ def _borders(a, f, b, g, low, high, out):  # pragma: no cover - compiled
 
 @inner_kernel
 def _depth(b, f, k, s, y, x):  # pragma: no cover - compiled
-    """How deep x lies behind the faces at place s (0 … 1) of side k of face f, or 0; the sum of their normals at y."""
+    """How deep x lies behind the faces at place s (0 … 1) of side k of face f, or 0; how deep behind f; the outward
+    normals at y of f and of its neighbour."""
     sense = b.sense[f]
     d, _, _, _, _, _ = _field(b.geometry[f], x)
     _, n, _, _, _, _ = _field(b.geometry[f], y)
     n = (sense * n[0], sense * n[1], sense * n[2])
-    g, depth = b.sides[k, 2], max(0.0, -sense * d)
+    g, own = b.sides[k, 2], max(0.0, -sense * d)
+    depth = own
     corner = b.sides[k, 0] if s < 1e-6 else (b.sides[k, 1] if s > 1.0 - 1e-6 else -1)
     for i in range(b.first_side[f], b.first_side[f + 1]):  # in a corner the face of the next side counts as well
         if i == k or b.sides[i, 0] == corner or b.sides[i, 1] == corner:
             h = b.sides[i, 2]
             if h < 0 or b.geometry[h, 0] == FREEFORM:
-                return 0.0, n
+                return 0.0, own, n, n
             d, _, _, _, _, _ = _field(b.geometry[h], x)
             depth = max(0.0, min(depth, -b.sense[h] * d))
     _, m, _, _, _, _ = _field(b.geometry[g], y)
-    return depth, along(n, b.sense[g], m)
+    sense = b.sense[g]
+    return depth, own, n, (sense * m[0], sense * m[1], sense * m[2])
+
+
+@inner_kernel
+def _between(n, m, w):  # pragma: no cover - compiled
+    """Whether the unit vector w lies between the unit vectors n and m, to `TANGENT`, or they are tangent."""
+    c = dot(n, m)
+    s, t = dot(n, w), dot(m, w)
+    limit = -TANGENT * (1.0 - c * c)
+    return s - c * t >= limit and t - c * s >= limit
+
+
+@inner_kernel
+def _behind_both(a, f, h, x):  # pragma: no cover - compiled
+    """How deep x lies behind the surfaces of the faces f and h, negative in front of either; and behind f."""
+    d, _, _, _, _, _ = _field(a.geometry[f], x)
+    e, _, _, _, _, _ = _field(a.geometry[h], x)
+    return min(-a.sense[f] * d, -a.sense[h] * e), -a.sense[f] * d
+
+
+@inner_kernel
+def _reaches_in(a, f, k, b, g, j):  # pragma: no cover - compiled
+    """Whether the border of face g at its side j reaches behind face f and its neighbour at side k, f being as near."""
+    h = a.sides[k, 2]
+    if h < 0 or a.geometry[h, 0] == FREEFORM:
+        return False
+    p, c = row(b.vertices, b.sides[j, 0]), sub(row(b.vertices, b.sides[j, 1]), row(b.vertices, b.sides[j, 0]))
+    kind, gb = b.sides[j, 3], b.geometry[g]
+    hb = b.geometry[b.sides[j, 2]] if kind == CURVE else gb
+    s, t = 0.0, 1.0
+    for _ in range(60):  # a ternary search: behind two surfaces a curve is deepest in one place
+        third = (t - s) / 3.0
+        before, _ = _behind_both(a, f, h, _on_curve(gb, hb, kind, along(p, s + third, c)))
+        after, _ = _behind_both(a, f, h, _on_curve(gb, hb, kind, along(p, t - third, c)))
+        s, t = (s + third, t) if after > before else (s, t - third)
+    x = _on_curve(gb, hb, kind, along(p, 0.5 * (s + t), c))
+    depth, own = _behind_both(a, f, h, x)
+    if depth <= SAME or own > depth + SAME:
+        return False
+    d, n, _, _, _, _ = _field(a.geometry[f], x)
+    inside, _, _, _ = _member(a, f, along(x, -d, n))
+    return inside != 0
 
 
 @inner_kernel
@@ -687,12 +731,19 @@ def _two_sides(a, f, k, b, g, j, s, t, low, high, out):  # pragma: no cover - co
     w, _ = _radial(sub(py, px), (0.0, 0.0, 1.0))
     error = _doubt(a, k, w) + _doubt(b, j, w)
     if low <= 0.0:
-        first, n = _depth(b, g, j, bt, py, px)
-        second, m = _depth(a, f, k, at, px, py)
-        if max(first, second) > SAME and dot(n, m) < 0.0:
+        first, behind_g, n, n2 = _depth(b, g, j, bt, py, px)
+        second, behind_f, m, m2 = _depth(a, f, k, at, px, py)
+        depth = 0.0
+        overlap = max(first, second) > SAME and dot(along(n, 1.0, n2), along(m, 1.0, m2)) < 0.0
+        if overlap:  # as deep as these faces, unless their neighbours are nearer
+            depth = max(first if behind_g <= first + SAME else 0.0, second if behind_f <= second + SAME else 0.0)
+        elif best > SAME and not (_between(m, m2, w) and _between(n, n2, (-w[0], -w[1], -w[2]))):
+            overlap = _reaches_in(a, f, k, b, g, j) or _reaches_in(b, g, j, a, f, k)  # beside these nearest points
+        if overlap:
             # the deepest point near two edges that overlap is not stationary: it is as far from two faces; but none is
             # deeper than the deepest point of one face behind the whole surface of its partner
-            _offer(out, low, high, max(low, out[5]), -max(first, second), along(px, 0.5, sub(py, px)))
+            most = -depth if depth > SAME else best + error
+            _offer(out, low, high, max(low, min(out[5], most)), most, along(px, 0.5, sub(py, px)))
             return
     if best - error < out[1]:
         _offer(out, low, high, best - error, best + error, along(px, 0.5, sub(py, px)))

@@ -51,7 +51,8 @@ def overlap_notes(scene: Scene, tolerance: Tolerance | None = None) -> tuple[str
             world.add(body, pin.SE3.Identity())
         pairs = np.unique(world.colliding_surfaces()[:, [0, 2]], axis=0).tolist()
         hidden = limits.linear + 2.0 * float(deflections(shape).max(initial=0.0))
-        depths = [float(rows["depth"].max(initial=0.0)) for rows in world.penetrations(pairs)]
+        found = world.penetrations(pairs, limit=lambda *_, hidden=hidden: hidden)
+        depths = [float(rows["depth"].max(initial=0.0)) for rows in found]
         deep = [depth for depth in depths if depth > hidden]
         if deep:
             others = f" (and {len(names) - 1} more of its shape)" if len(names) > 1 else ""

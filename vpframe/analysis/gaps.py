@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -13,7 +15,7 @@ from collision.classify import PairClass
 from constraints.geometry import gap as analytic
 from constraints.geometry.surfaces import Freeform
 from vpframe.analysis.fits import Verdict
-from vpframe.scene.scene import Scene, Shape
+from vpframe.scene.scene import Scene, Shape, Surface
 
 Array = NDArray[np.float64]
 EXACT = 1e-9
@@ -60,24 +62,36 @@ def gaps_of(
     """
     placed: dict[int, analytic.Faces] = {}
     out: dict[tuple[int, ...], Gap] = {}
+    curved: list[PairClass] = []
     for pair in pairs:
         if pair.surfaces is None:
             continue
         low, high = facet_bounds(pair, sags)
-        point, depth = np.asarray(pair.witness), pair.depth
-        faces = [scene.parts[i].surfaces[s] for i, s in zip(pair.objects, pair.surfaces, strict=True)]
-        if high - low > EXACT and low <= nearest and not any(isinstance(face.geometry, Freeform) for face in faces):
+        out[(*pair.objects, *pair.surfaces)] = Gap(low, high, pair.depth, np.asarray(pair.witness))
+        kinds = (type(face.geometry) for face in _surfaces(scene, pair))
+        if high - low > EXACT and low <= nearest and Freeform not in kinds:
+            curved.append(pair)
             for i in pair.objects:
                 if i not in placed:
                     placed[i] = analytic.moved(_faces(scene.parts[i].shape, sags[i]), scene.parts[i].pose)
-            (i, j), (s, t) = pair.objects, pair.surfaces
-            searched = min(low, low - SEARCH * pair.depth)
-            least, most, point = analytic.gap(placed[i], s, placed[j], t, searched, high, point)
-            if (least, most) != (searched, high):
-                fitted = sum(face.residual for face in faces)
-                low, high, depth = least - fitted, most + fitted, max(0.0, -most)
-        out[(*pair.objects, *pair.surfaces)] = Gap(low, high, depth, point)
+
+    def exact(pair: PairClass) -> None:
+        (i, j), (s, t) = pair.objects, pair.surfaces or ()
+        key = i, j, s, t
+        known = out[key]
+        searched = min(known.low, known.low - SEARCH * pair.depth)
+        least, most, point = analytic.gap(placed[i], s, placed[j], t, searched, known.high, known.point)
+        if (least, most) != (searched, known.high):
+            fitted = sum(face.residual for face in _surfaces(scene, pair))
+            out[key] = Gap(least - fitted, most + fitted, max(0.0, -most), point)
+
+    with ThreadPoolExecutor(os.cpu_count(), "gaps") as pool:
+        list(pool.map(exact, curved))
     return out
+
+
+def _surfaces(scene: Scene, pair: PairClass) -> list[Surface]:
+    return [scene.parts[i].surfaces[s] for i, s in zip(pair.objects, pair.surfaces or (), strict=True)]
 
 
 def facet_bounds(pair: PairClass, sags: Sequence[Array]) -> tuple[float, float]:
@@ -86,7 +100,7 @@ def facet_bounds(pair: PairClass, sags: Sequence[Array]) -> tuple[float, float]:
     slack = sum(float(sags[i][s]) for i, s in zip(pair.objects, pair.surfaces, strict=True))
     if pair.distance > 0.0:
         return pair.distance - slack, pair.distance + slack
-    return -pair.depth - slack, -pair.depth + slack
+    return -pair.bound - slack, -pair.depth + slack
 
 
 def _faces(shape: Shape, deflections: Array) -> analytic.Faces:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 import subprocess
 import sys
 import time
@@ -19,6 +18,7 @@ from vpframe.app import options
 from vpframe.app.options import INTERRUPTED
 from vpframe.errors import TaskError
 from vpframe.outputs import Output, OutputFolder
+from vpframe.processes import environment
 
 if TYPE_CHECKING:
     from vpframe.scene.scene import Scene
@@ -115,10 +115,8 @@ def load(directory: Path) -> Scene:
     imports took half of the time of a warm run.
     """
     path = directory / MODEL
-    root = str(Path(__file__).resolve().parents[2])
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))}
-    quiet = subprocess.DEVNULL
-    with subprocess.Popen([sys.executable, "-P", "-c", _BUILD, path], env=environment, stderr=quiet) as building:
+    command = [sys.executable, "-P", "-c", _BUILD, path]
+    with subprocess.Popen(command, env=environment(), stderr=subprocess.DEVNULL) as building:
         for name in _NEEDED_LATER:
             importlib.import_module(name)
     if building.returncode:

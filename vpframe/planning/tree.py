@@ -25,7 +25,7 @@ from collision import MeshPair, SurfaceMesh, colliding_surfaces, last_surfaces, 
 from collision.mesh_pair import pair_contact, pair_intersects
 from collision.numeric.kernel import EntryPoint, inner_kernel, kernel
 from collision.numeric.rigid_transforms import screw_pose, unrotate
-from collision.numeric.vectors import cross, dot, norm, sub
+from collision.numeric.vectors import cross, dot, norm, sub, unit
 from constraints.freedom.escape import EscapeCone
 from vpframe.planning import ways
 from vpframe.planning.assembly import Assembly, Budget, BudgetError, translation
@@ -135,12 +135,6 @@ def meets_within(pair, tree, n):
         if _meets(pair, tree):
             return True
     return False
-
-
-@inner_kernel
-def _unit(v):
-    length = norm(v)
-    return (v[0] / length, v[1] / length, v[2] / length) if length > 1e-300 else (0.0, 0.0, 0.0)
 
 
 @inner_kernel
@@ -413,7 +407,7 @@ def _way_out(tree, guide):
         c = guide.exits[int(_draw(tree) * len(guide.exits))]
         d = c[0], c[1], c[2]
     else:
-        d = _unit(normal_sample(tree))
+        d = unit(normal_sample(tree))
     pose, far = tree.pose[node], guide.length
     for k in range(3):
         tree.out[k] = d[k]

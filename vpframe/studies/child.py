@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from vpframe.errors import VpframeError
+from vpframe.processes import environment
 from vpframe.studies.job import Job
 from vpframe.studies.variants import Variant
 
@@ -67,14 +68,12 @@ class Child:
     """One process of `vpframe.studies.runner` that has read the script."""
 
     def __init__(self, script: Path) -> None:
-        root = str(Path(__file__).resolve().parents[2])
-        environment = {**os.environ, **dict.fromkeys(_THREADS, "1"), "PYTHONHASHSEED": "0"}
-        environment["PYTHONPATH"] = os.pathsep.join(filter(None, [root, environment.get("PYTHONPATH")]))
         self._output = _unnamed_file()
         with ctrl_c_blocked():
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "vpframe.studies.runner", str(script), str(os.getpid())],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._output, env=environment, bufsize=0,
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._output, bufsize=0,
+                env={**environment(), **dict.fromkeys(_THREADS, "1"), "PYTHONHASHSEED": "0"},
             )  # fmt: skip
         self.name = f"{os.uname().nodename}:{self.process.pid}"
         self._script = script
