@@ -71,12 +71,13 @@ class PairClass:
 
     def words(self, names: Sequence[str] | None = None) -> str:
         """Return the reason as a sentence; empty if there is none. names: of all objects, by id."""
+        if self.reason is Reason.NONE:
+            return ""
         first, second = (f"object {i}" if names is None else names[i] for i in self.objects)
         if self.reason is Reason.INSIDE:
             inner, outer = (first, second) if self.inner == self.objects[0] else (second, first)
             return f"{inner} lies wholly inside {outer}"
-        common = f"{first} and {second} have material in common though their surfaces only touch"
-        return common if self.reason is Reason.COMMON else ""
+        return f"{first} and {second} have material in common though their surfaces only touch"
 
 
 def classify(
@@ -119,7 +120,6 @@ def classify(
     neighbours = manager.object_pairs(objects, wanted + 2.0 * max(most.values(), default=0.0)).tolist()
     contacts = [manager.pair_contacts(i, j, wanted + most[i] + most[j]) for i, j in neighbours]
     meeting = [pair for pair, rows in zip(neighbours, contacts, strict=True) if (rows["distance"] == 0.0).any()]
-
 
     def nearness(i: int, j: int) -> NDArray[np.float64]:
         return tolerance + slack[i][:, None] + slack[j][None, :]

@@ -278,7 +278,8 @@ class CollisionManager(Objects):
         """Return the rows of `penetration` of each pair (i, j) of objects, i < j, computed on all cores.
 
         limit: m, of two objects, by surface of i and surface of j, or one for all: depths above it are told from those
-        below, and need not be known better than to this where that takes long; see `query.penetration`. tell: called with the fraction done, in [0, 1), after each pair. An exception that it raises ends the work.
+        below, and need not be known better than to this where that takes long; see `query.penetration`. tell: called
+        with the fraction done, in [0, 1), after each pair. An exception that it raises ends the work.
         """
         from collision.query.penetration import penetration
         from collision.solid import solid_of
@@ -289,7 +290,7 @@ class CollisionManager(Objects):
         found: list[NDArray[Any]] = []
         pool = ThreadPoolExecutor(os.cpu_count(), "penetration")
         try:
-            for rows in pool.map(lambda pair: penetration(self, *pair, limit(*pair)), wanted):
+            for rows in pool.map(lambda pair: penetration(self, pair[0], pair[1], limit(*pair)), wanted):
                 tell(len(found) / len(wanted))
                 found.append(rows)
         finally:

@@ -11,9 +11,9 @@ for closed meshes; an open mesh counts as the boundary of what lies behind it, a
 decides (see `collision.query.signed_distance`).
 
 Depths are found by branch and bound, from below: none is deeper than what is returned by more than `Tolerance.depth`
-(1 %) of it and of `Tolerance.linear`, unless `BUDGET` ended the search, or `SETTLED` pieces settled what the
-caller wants to know, see `penetration`; an upper bound is returned as well. What is searched are the hierarchies of s and
-of t, and below their packets triangles that are cut in two. Each piece has an upper bound of the depth of its points;
+(1 %) of it and of `Tolerance.linear`, unless `BUDGET` ended the search, or `SETTLED` pieces settled what the caller
+wants to know, see `penetration`; an upper bound is returned as well. What is searched are the hierarchies of s and of
+t, and below their packets triangles that are cut in two. Each piece has an upper bound of the depth of its points;
 the piece of the greatest bound is opened next, until no bound is above the deepest point seen by more than the
 precision. Both directions are one search: the deepest point of either rules out pieces of both. A point of s in B
 counts only if it is deeper than those of t in A by more than the precision.

@@ -86,6 +86,7 @@ def test_it_works_from_an_empty_environment(interpreter: str, built: tuple[Path,
     assert "report     vpframe-demo/report/index.html" in command(vpframe, "demo", cwd=tmp_path)
     assert (tmp_path / "vpframe-demo" / "report" / "index.html").exists()
     command(vpframe, "clash", "vpframe-demo/shaft_and_housing.step", cwd=tmp_path)
+    assert not command(vpframe, "bench", "collision", cwd=tmp_path, code=2), "benchmarks are in a clone only"
     (tmp_path / "insert.py").write_text(TASK)
     assert "done:" in command(vpframe, "run", "insert.py", cwd=tmp_path)
     typed = tmp_path / "typed_task.py"

@@ -195,11 +195,10 @@ class Browser:
         self.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
 
     def picture(self) -> np.ndarray:
-        """(h, w, 3) uint8 of what is on the screen, once it is at rest."""
+        """(h, w, 3) uint8 of what is on the screen, once it is at rest, or after three seconds."""
         self.settle()
-        self.wait(
-            "typeof painter === 'undefined' || painter.rested || Date.now() > (window.patience ??= Date.now() + 3000)"
-        )
+        self.run("window.patience = Date.now() + 3000")
+        self.wait("typeof painter === 'undefined' || painter.rested || Date.now() > patience")
         data = self.call("Page.captureScreenshot", format="png")["data"]
         return np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB"))
 

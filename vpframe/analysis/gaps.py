@@ -76,8 +76,7 @@ def gaps_of(
                     placed[i] = analytic.moved(_faces(scene.parts[i].shape, sags[i]), scene.parts[i].pose)
 
     def exact(pair: PairClass) -> None:
-        (i, j), (s, t) = pair.objects, pair.surfaces or ()
-        key = i, j, s, t
+        key = i, j, s, t = *pair.objects, *(pair.surfaces or (-1, -1))
         known = out[key]
         searched = min(known.low, known.low - SEARCH * pair.depth)
         least, most, point = analytic.gap(placed[i], s, placed[j], t, searched, known.high, known.point)

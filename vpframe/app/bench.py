@@ -1,8 +1,8 @@
-"""Import of benchmark suites: `tests/benchmarks/bench_<suite>.py`, from a checkout or an installed wheel."""
+"""Import of benchmark suites: `tests/benchmarks/bench_<suite>.py`, of a clone; what is installed has none."""
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import inspect
 import math
 import sys
@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from vpframe.errors import VpframeError
 
 T = TypeVar("T")
-_PLACES = (Path(__file__).parents[2] / "tests" / "benchmarks", Path(__file__).parents[1] / "_benchmarks")
+FOLDER = Path(__file__).parents[2] / "tests" / "benchmarks"
 
 
 def suite(name: str) -> ModuleType:
@@ -22,19 +22,9 @@ def suite(name: str) -> ModuleType:
 
     "page" is the module that writes results of suites as a page.
     """
-    for folder in _PLACES:
-        path = folder / f"bench_{name}.py"
-        if path.is_file():
-            # a suite imports its neighbours by name
-            if str(folder) not in sys.path:
-                sys.path.insert(0, str(folder))
-            spec = importlib.util.spec_from_file_location(path.stem, path)
-            assert spec is not None and spec.loader is not None
-            module = importlib.util.module_from_spec(spec)
-            sys.modules[path.stem] = module
-            spec.loader.exec_module(module)
-            return module
-    raise VpframeError(f"benchmark suite {name!r} is not part of this installation; run it from a checkout")
+    if str(FOLDER) not in sys.path:  # a suite imports its neighbours by name
+        sys.path.insert(0, str(FOLDER))
+    return importlib.import_module(f"bench_{name}")
 
 
 def chosen(cases: Mapping[str, T], only: Sequence[str]) -> dict[str, T]:

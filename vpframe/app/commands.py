@@ -237,6 +237,8 @@ def bench(arguments: Namespace) -> int:
     from vpframe.app import bench
     from vpframe.errors import VpframeError
 
+    if not bench.FOLDER.is_dir():
+        raise UsageError("the benchmarks are not installed; clone the project and run `vpframe bench` from the clone")
     if arguments.all and arguments.suite:
         raise UsageError(f"--all is every suite; leave out {arguments.suite}")
     if (arguments.only or arguments.number or arguments.corpus) and not arguments.suite:

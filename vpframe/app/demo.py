@@ -115,7 +115,7 @@ def load(directory: Path) -> Scene:
     imports took half of the time of a warm run.
     """
     path = directory / MODEL
-    command = [sys.executable, "-P", "-c", _BUILD, path]
+    command = [sys.executable, "-P", "-c", _BUILD, str(path)]
     with subprocess.Popen(command, env=environment(), stderr=subprocess.DEVNULL) as building:
         for name in _NEEDED_LATER:
             importlib.import_module(name)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import stat
 import struct
 from pathlib import Path
+from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +25,6 @@ LARGEST = 1_000_000_000
 FARTHEST = 1e6
 """maximum distance from the origin, m: beyond it rounding errors reach a micrometre"""
 
-_ROOT = re.compile(rb"(?:\s*<(?:\?[^>]*\?|!--.*?--|!DOCTYPE[^>]*)>)*\s*<([A-Za-z_][\w.-]*)", re.DOTALL)
-"""an XML file up to its first element"""
 _VERTEX = re.compile(rb"^v[ \t]", re.MULTILINE)
 _SHORT_VERTEX = re.compile(rb"^v[ \t]+(\S+(?:[ \t]+\S+)?)[ \t\r]*$", re.MULTILINE)
 
@@ -111,9 +111,8 @@ def content_of(data: bytes) -> str | None:
         return "glb"
     if re.match(rb"(DBRep_DrawableShape|CASCADE Topology|Open CASCADE Topology)", head):
         return "brep"
-    if head.startswith(b"<"):
-        root = _ROOT.match(data.lstrip(b"\xef\xbb\xbf \t\r\n"))
-        return {b"robot": "urdf", b"mujoco": "mjcf"}.get(root[1]) if root else None
+    if head.startswith((b"<", b"\xff\xfe", b"\xfe\xff")):
+        return {"robot": "urdf", "mujoco": "mjcf"}.get(_root(data.lstrip(b" \t\r\n")))
     if head.startswith((b"ply\n", b"ply\r")):
         return "ply"
     if is_binary_stl(data) or (head.startswith(b"solid") and b"facet" in data[:4096]):
@@ -122,6 +121,20 @@ def content_of(data: bytes) -> str | None:
     if len(line) >= 73 and line[72:73] == b"S" and line[73:80].strip(b" 0") == b"1":
         return "iges"
     return None
+
+
+def _root(data: bytes) -> str:
+    """Return the name of an XML file's first element; empty if there is none."""
+    parser, names = expat.ParserCreate(), []
+
+    def begin(name: str, _: object) -> None:
+        names.append(name)
+        raise StopIteration  # nothing behind it is read
+
+    parser.StartElementHandler = begin
+    with contextlib.suppress(expat.ExpatError, StopIteration, LookupError, ValueError):
+        parser.Parse(data, True)
+    return names[0] if names else ""
 
 
 def is_binary_stl(data: bytes) -> bool:

@@ -56,7 +56,7 @@ _MILLIMETRES_ABOVE = 2.0
 few are below two millimetres"""
 
 
-@dataclass
+@dataclass(eq=False)
 class Piece:
     """A unit of the file: an object, a group or the triangles of a material."""
 
@@ -352,7 +352,8 @@ def _glb_header(data: bytes) -> dict[str, Any]:
         raise UnreadableError(f"its JSON is damaged ({error}); export it again") from None
     if not isinstance(header, dict):
         raise UnreadableError("its JSON is no object; export it again")
-    compressed = [e for e in header.get("extensionsRequired", []) if "compression" in str(e)]
+    required = header.get("extensionsRequired")
+    compressed = [e for e in required if "compression" in str(e)] if isinstance(required, list) else []
     if compressed:
         raise UnreadableError(f"{compressed[0]} is not read; export it again, without compression")
     return header

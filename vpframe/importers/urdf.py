@@ -58,12 +58,20 @@ def _why(raw: RawScene) -> str:
     return f" ({raw.notes[0]})" if raw.notes else ""
 
 
+class _Tree(xml.TreeBuilder):
+    """Builds the tree of a file that has no document type, which could declare entities without end."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+
+    def doctype(self, *_: str | None) -> None:
+        raise LoadError(f"{self._path}: has a document type, which no URDF needs; remove it", str(self._path))
+
+
 def _parsed(path: Path) -> xml.Element:
-    data = path.read_bytes()
-    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
-        raise LoadError(f"{path}: has a document type, which no URDF needs; remove it", str(path))
     try:
-        root = xml.fromstring(data)
+        root = xml.fromstring(path.read_bytes(), xml.XMLParser(target=_Tree(path)))
     except xml.ParseError as error:
         raise LoadError(
             f"{path}: is no well-formed XML ({error}); if it is xacro, expand it first", str(path)
@@ -160,17 +168,22 @@ def _bounded(joint: xml.Element) -> bool:
 
 
 def _materials(robot: xml.Element) -> dict[str, Color]:
-    found = {}
-    for material in robot.iter("material"):
-        color = material.find("color")
-        values = [] if color is None else color.get("rgba", "").split()
-        if len(values) == 4:
-            try:
-                r, g, b, a = map(float, values)
-            except ValueError:
-                continue
-            found[material.get("name", "")] = (r, g, b, a)
+    """Return the colour of each name, that of the robot's own material before one inside a link."""
+    found: dict[str, Color] = {}
+    for material in (*robot.findall("material"), *robot.iter("material")):
+        name, color = material.get("name", ""), _color(material)
+        if name and color is not None:
+            found.setdefault(name, color)
     return found
+
+
+def _color(material: xml.Element) -> Color | None:
+    color = material.find("color")
+    try:
+        r, g, b, a = map(float, () if color is None else color.get("rgba", "").split())
+    except ValueError:
+        return None
+    return r, g, b, a
 
 
 def _shown(link: xml.Element) -> list[xml.Element]:
@@ -213,7 +226,7 @@ class _Shapes:
         for element in _shown(link):
             placed = pose * _origin(self.path, element)
             material = element.find("material")
-            color = None if material is None else self.colors.get(material.get("name", ""))
+            color = None if material is None else _color(material) or self.colors.get(material.get("name", ""))
             try:
                 made += self._parts(element.find("geometry"), placed, color)
             except VpframeError as error:

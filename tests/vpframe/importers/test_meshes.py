@@ -412,6 +412,21 @@ def test_objects_of_one_name_of_an_obj_file_are_parts(tmp_path, names, material)
     assert sorted(name[:1] for name in scene.names if name != "a") <= sorted(name[:1] or "a" for name in names)
 
 
+def test_open_objects_of_one_name_of_an_obj_file_are_parts(tmp_path):
+    text = []
+    for i in range(3):
+        text += [f"v {x + i} {y} {z}" for x, y, z in BOX.vertices] + ["o lid"]
+        text += ["f {} {} {}".format(*(f + 1 + 8 * i)) for f in BOX.faces[:-2]]
+    (tmp_path / "a.obj").write_text("\n".join(text))
+    scene = vp.load(tmp_path / "a.obj", unit="m")
+    assert len(scene) == 3 and not any(part.shape.closed for part in scene.parts)
+
+
+@pytest.mark.parametrize("required", [3, None, "KHR_x", {"a": 1}, [None, 2]])
+def test_required_extensions_of_a_glb_file_that_are_no_names_are_passed_over(tmp_path, required):
+    assert len(vp.load(write_glb(tmp_path / "a.glb", extensionsRequired=required))) == 1
+
+
 @pytest.mark.parametrize("mesh", ["x", None, [0], 0.5, True, {"mesh": 0}])
 def test_a_node_of_a_glb_file_whose_mesh_is_no_number_is_noted(tmp_path, mesh):
     nodes = [{"mesh": 0, "name": "box"}, {"mesh": mesh, "name": "odd"}]

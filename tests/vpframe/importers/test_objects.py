@@ -207,6 +207,35 @@ def test_a_bad_urdf_is_one_clear_line(robot, change, words):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-8-sig"])
+def test_a_document_type_is_found_in_every_encoding(robot, encoding):
+    entities = '<!DOCTYPE a [<!ENTITY b "1">]>'
+    robot.write_bytes(f'<?xml version="1.0"?>{entities}{URDF}'.encode(encoding))
+    with pytest.raises(vp.LoadError, match="has a document type"):
+        vp.load(robot)
+    robot.write_bytes(URDF.encode(encoding))
+    assert "arm" in vp.load(robot).names
+
+
+def test_a_colour_inside_a_link_is_its_own(tmp_path):
+    links = "".join(
+        f'<link name="{name}"><visual><geometry><sphere radius="0.1"/></geometry>'
+        f'<material name="{material}">{color}</material></visual></link>'
+        f'<joint name="{name}_" type="fixed"><parent link="base"/><child link="{name}"/></joint>'
+        for name, material, color in (
+            ("a", "", '<color rgba="1 0 0 1"/>'), ("b", "", '<color rgba="0 1 0 1"/>'),
+            ("c", "red", '<color rgba="0 0 1 1"/>'), ("d", "red", ""), ("e", "none", ""),
+        )
+    )  # fmt: skip
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    base = '<link name="base"><visual><geometry><sphere radius="0.1"/></geometry></visual></link>'
+    (tmp_path / "a.urdf").write_text(f'<robot name="r">{base}{links}{red}</robot>')
+    scene = vp.load(tmp_path / "a.urdf")
+    colors = {name: scene[name].color for name in "abcde"}
+    red, green, blue = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)
+    assert colors == {"a": red, "b": green, "c": blue, "d": red, "e": scene["base"].color}
+
+
 def test_mjcf_bodies_are_parts_and_its_joints_statements(tmp_path):
     pytest.importorskip("mujoco")
     path = tmp_path / "model.xml"
