@@ -5,9 +5,6 @@ their objects have moved, and a tree is rebuilt when its groups have grown too l
 both trees; the others are not tested against each other. If few objects have moved, only those are tested.
 """
 
-# mypy: disable-error-code="call-arg, var-annotated"
-# (numba's intrinsics take one argument less than they are written with)
-
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -23,14 +20,14 @@ from collision.numeric.rigid_transforms import relative_poses, take_pose, take_p
 from collision.numeric.simd import lowest, overlapping
 
 OFFSET: Final = 64.0 * 2.0**-53
-"""1: rounding of a moved vertex, of a relative pose and of a box in the world, a unit of the coordinates"""
+"""1: rounding error of a moved vertex, a relative pose and a box in the world, per unit of the coordinates"""
 SKEW: Final = 8.0
-"""1: shift of a vertex by a rotation that is not orthogonal, a unit of |RᵀR - I| and of the coordinates: triangles are
-tested with b moved into a's frame by a's transposed rotation, boxes and spheres in the world frame"""
+"""1: shift of a vertex by a rotation that is not orthogonal, per unit of |RᵀR - I| and of the coordinates: triangles
+are tested with b moved into a's frame by a's transposed rotation, boxes and spheres in the world frame"""
 GROWN: Final = 1.5
 """1: a tree is rebuilt when its groups of eight objects have grown by more than this factor"""
 FEW: Final = 4
-"""if at most one object in so many has moved, only those are tested"""
+"""if at most one object in this number has moved, only the moved ones are tested"""
 
 
 class ObjectArrays(NamedTuple):
@@ -49,7 +46,7 @@ class ObjectArrays(NamedTuple):
     movable: Any
     """(n,) bool"""
     group: Any
-    """(n,) int64: objects of one number move as one and are no pairs; -1 for objects of no group"""
+    """(n,) int64: number of the object's group, -1 for none; objects of one group are not paired"""
 
 
 class ObjectTree(NamedTuple):
@@ -95,7 +92,7 @@ class BroadPhase:
         self._found = np.empty(64, np.int64)
         self._none = np.empty(0, np.bool_)
         self._keys: NDArray[np.int64] | None = None
-        """keys of the pairs within 0; None if they do not hold, except for objects that are stale"""
+        """keys of the pairs whose boxes and spheres meet, valid for objects that are not stale; None if unknown"""
 
     def rebuild(self, ids: NDArray[np.int64], bodies: ObjectArrays) -> None:
         """Rebuild both trees with the objects of these ids, (n,)."""
@@ -106,14 +103,14 @@ class BroadPhase:
         self._keys = None
 
     def set_groups(self, bodies: ObjectArrays, groups: Iterable[Iterable[int]]) -> None:
-        """Leave out the pairs within each of these groups of objects, and no others."""
+        """Leave out the pairs within each of these groups of objects; replaces earlier groups."""
         bodies.group[:] = -1
         for number, group in enumerate(groups):
             bodies.group[list(group)] = number
         self._keys = None
 
     def place(self, bodies: ObjectArrays, i: int, matrix: NDArray[np.float64], rigid: float) -> bool:
-        """Set the pose of object i to a (4, 4) matrix; return False, nothing changed, if it is no rigid motion."""
+        """Set the pose of object i to a (4, 4) matrix; return False, without a change, if it is no rigid motion."""
         return bool(_place.call(bodies, i, matrix, rigid))
 
     def packed(self, matrices: NDArray[np.float64], rigid: float) -> tuple[NDArray[np.float64], int]:
@@ -288,7 +285,7 @@ def follow_tree(bodies, tree, formed):
 
 @kernel
 def follow(bodies, movers, fixed, formed):
-    """Refit both trees; bits 1 and 2 of the result: whether the groups of either have grown too large.
+    """Refit both trees; return 1 if the groups of `movers` have grown too large, plus 2 for those of `fixed`.
 
     formed: the trees have just been built.
     """
@@ -308,10 +305,10 @@ def boxes_and_spheres_meet(i, j, box, radius, within):
 
 @inline_kernel
 def near_in_tree(bodies, i, after, tree, within, chosen, stack, keys, n):
-    """Append to the n `keys` the pairs of i with objects from index `after` of a tree on; return their new number.
+    """Append the pairs of i with objects from index `after` of a tree on to the n `keys`; return their new number.
 
-    A pair of two chosen objects is added for the lower id, or for the movable one. Pairs are counted beyond the end of
-    `keys`.
+    A pair of two chosen objects is added for the lower id, or for the movable one. Pairs beyond the end of `keys` are
+    only counted.
     """
     box, ids, starts = bodies.box, tree.ids, tree.starts
     x0, y0, z0 = below(box[i, 0] - within), below(box[i, 1] - within), below(box[i, 2] - within)

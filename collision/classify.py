@@ -1,23 +1,24 @@
-"""Clash, contact, clearance, containment: the relations of two parts that digital mock-up tools report.
+"""Classification of pairs of parts as digital mock-up tools report them: clash, contact, clearance, containment.
 
 With the tolerance tol = `Tolerance.linear` + the deflections of the two tessellations, two surfaces are in
 
-- clash, if they meet and reach deeper than tol into one another (see `collision.query.penetration`);
+- clash, if their penetration depth (see `collision.query.penetration`) is above tol;
 - contact, if they meet less deeply, or are at most `Tolerance.linear` apart: flush faces, a faceted bolt in its bore;
-- clearance, if they are farther apart than that, but their true surfaces may be nearer than the wanted clearance: the
-  distance of the triangles less the two deflections is.
+- clearance, if they are farther apart, but the distance of the triangles minus the two deflections is less than the
+  wanted clearance.
 
 Two parts are in containment if one lies wholly inside the other. Two parts whose surfaces only touch, but which have
-material in common, clash as a whole: two identical parts in one place do. The winding number decides what lies inside a
-mesh that is not closed, such as a part that lost a face; `open` of such a row has the open mesh.
+material in common, clash as a whole, as two identical parts in one place. The winding number decides what lies inside a
+mesh that is not closed, such as a part that lost a face; `open` of such a row names the open mesh.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Final, Literal
+from types import MappingProxyType
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,16 +29,16 @@ from collision.mesh import SurfaceMesh
 
 Kind = Literal["clash", "containment", "contact", "clearance", "authorised"]
 KINDS: tuple[Kind, ...] = ("clash", "containment", "authorised", "contact", "clearance")
-"""from the gravest to the least"""
+"""from the most severe to the least"""
 
 INSIDE: Final = ("clash", "containment", "authorised")
-"""kinds that depend on what is inside"""
+"""kinds that depend on the interior of the parts"""
 SAMPLES: Final = 512
-"""Triangles a part below whose middles common material is looked for, the largest first."""
+"""largest triangles of a part, behind whose centroids the search for common material takes its points"""
 
 
 class Reason(StrEnum):
-    """Why two objects as a whole are classified as they are."""
+    """Reason of the classification of two objects as a whole."""
 
     NONE = ""
     INSIDE = "inside"
@@ -54,20 +55,20 @@ class PairClass:
     objects: tuple[int, int]
     """the lower id first"""
     surfaces: tuple[int, int] | None
-    """a surface of either; None where the kind is the parts' as a whole: containment, coincident parts"""
+    """one surface of each object; None if the row is for the parts as a whole: containment, coincident parts"""
     distance: float
-    """m; 0 where surfaces meet"""
+    """m; 0 if the surfaces intersect"""
     depth: float
-    """m, the penetration depth; 0 if they do not penetrate"""
+    """m, the penetration depth; 0 without penetration"""
     witness: NDArray[np.float64]
-    """(3,) world frame: the deepest point, or the middle between the nearest points"""
+    """(3,) m, world frame: the deepest point, or the middle between the nearest points"""
     reason: Reason = Reason.NONE
     inner: int | None = None
     """the object that lies inside the other"""
     bound: float = 0.0
-    """m: no point of two surfaces that meet is deeper by more than the precision of depths"""
+    """m: upper bound of the penetration depth, up to the precision of depths"""
     open: tuple[int, ...] = ()
-    """objects that are not closed, where the kind of a row of the two depends on what is inside"""
+    """objects that are not closed, if the kind of a row of the two depends on their interior"""
 
     def words(self, names: Sequence[str] | None = None) -> str:
         """Return the reason as a sentence; empty if there is none. names: of all objects, by id."""
@@ -86,76 +87,115 @@ def classify(
     deflection: float | Sequence[ArrayLike] = 0.0,
     authorised: Iterable[Sequence[int]] = (),
     objects: Iterable[int] | None = None,
-    tell: Callable[[float], None] = lambda fraction: None,
 ) -> list[PairClass]:
     """Return every pair of surfaces, and of parts, that clashes, touches or comes within the clearance.
 
     Parameters
     ----------
-    clearance: m, wanted between parts.
-    deflection: m, by which the tessellations of two surfaces may be off the true ones, both together; or for every
-        object the deflections of its surfaces, one each.
-    authorised: pairs of objects (i, j), or of surfaces (i, surface of i, j, surface of j), whose clash is meant, such
-        as a press fit: they are listed as "authorised".
+    clearance: wanted distance of parts, m.
+    deflection: m, sum of the deflections of the tessellations of two surfaces; or for each object those of its
+        surfaces.
+    authorised: pairs of objects (i, j), or of surfaces (i, surface of i, j, surface of j), whose clash is intended,
+        such as a press fit: their kind is "authorised".
     objects: only pairs with at least one of these; None for all.
-    tell: called with the fraction done, in [0, 1), after each pair of objects that meet.
 
     Returns
     -------
-    Rows sorted by objects, that of the parts as a whole (surfaces None) before those of their surfaces.
+    Rows sorted by objects; the row of the parts as a whole (surfaces None) precedes those of their surfaces.
 
     Raises
     ------
     CollisionError: a clearance or deflection that is negative or not finite; an authorised pair that is neither.
     """
-    from collision.solid import solid_of
+    near = near_pairs(manager, clearance, deflection, objects)
+    return [pair for pairs in near.classified(authorised) for pair in pairs]
 
+
+@dataclass(frozen=True, eq=False)
+class NearPairs:
+    """Pairs of objects that are near one another, with what is known before depths are."""
+
+    manager: CollisionManager
+    wanted: float
+    """m"""
+    slack: dict[int, NDArray[np.float64]]
+    """deflection of each surface, m, by object"""
+    pairs: list[tuple[int, int]]
+    """sorted"""
+    contacts: list[NDArray[Any]]
+    """CONTACT_DTYPE rows, of each pair"""
+
+    def classified(
+        self,
+        authorised: Iterable[Sequence[int]] = (),
+        settled: Mapping[tuple[int, int], Sequence[tuple[Sequence[int], Sequence[int]]]] = MappingProxyType({}),
+    ) -> Iterator[list[PairClass]]:
+        """Yield the rows of `classify` of each pair of objects, in order, as soon as depths up to it are known.
+
+        settled: of two objects (i, j) surfaces of i, and surfaces of j that are known not to clash with them: how deep
+            they are is not searched.
+        """
+        from collision.solid import solid_of
+
+        manager, wanted, tolerance = self.manager, self.wanted, self.manager.tolerance.linear
+        meant = _authorised(authorised)
+
+        def nearness(i: int, j: int) -> NDArray[np.float64]:
+            return np.asarray(tolerance + self.slack[i][:, None] + self.slack[j][None, :])
+
+        def limit(i: int, j: int) -> NDArray[np.float64]:
+            limits = nearness(i, j)
+            for first, second in settled.get((i, j), ()):
+                limits[np.ix_(np.array(first, np.int64), np.array(second, np.int64))] = np.inf
+            return limits
+
+        meets = [bool((rows["distance"] == 0.0).any()) for rows in self.contacts]
+        penetrations = manager.penetrations([pair for pair, met in zip(self.pairs, meets, strict=True) if met], limit)
+        for (i, j), rows, met in zip(self.pairs, self.contacts, meets, strict=True):
+            limits = nearness(i, j)
+            found = next(penetrations) if met else ()
+            depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in found}
+            pairs: list[PairClass] = []
+            for row in rows:
+                surfaces = int(row["surface_a"]), int(row["surface_b"])
+                distance, near = float(row["distance"]), float(limits[surfaces])
+                if distance > wanted + near - tolerance:
+                    continue
+                deep = depths.get(surfaces)
+                depth, bound = (0.0, 0.0) if deep is None else (float(deep["depth"]), float(deep["bound"]))
+                kind: Kind = "clash" if depth > near else "contact" if distance <= tolerance else "clearance"
+                if kind == "clash" and ((i, j) in meant or (i, surfaces[0], j, surfaces[1]) in meant):
+                    kind = "authorised"
+                witness = deep["point"] if deep is not None else (row["point_a"] + row["point_b"]) / 2
+                pairs.append(PairClass(kind, (i, j), surfaces, distance, depth, np.array(witness), bound=bound))
+            if not any(pair.kind in INSIDE for pair in pairs):
+                whole = _as_a_whole(manager, i, j, met, float(limits.max()), (i, j) in meant)
+                if whole is not None:
+                    pairs.insert(0, whole)
+            if any(pair.kind in INSIDE for pair in pairs):
+                gaps = tuple(k for k in (i, j) if not solid_of(manager.mesh(k)).closed)
+                pairs = [replace(pair, open=gaps) if pair.kind in INSIDE else pair for pair in pairs]
+            yield pairs
+
+
+def near_pairs(
+    manager: CollisionManager,
+    clearance: float = 0.0,
+    deflection: float | Sequence[ArrayLike] = 0.0,
+    objects: Iterable[int] | None = None,
+) -> NearPairs:
+    """Return the pairs of objects that `classify` judges; its arguments and errors."""
     if not 0.0 <= clearance < np.inf:
         raise CollisionError(f"clearance is {clearance!r}; give a finite length of at least 0 m")
-    slack, tolerance = _deflections(manager, deflection), manager.tolerance.linear
-    meant = _authorised(authorised)
-    found: list[PairClass] = []
-    wanted = max(tolerance, clearance)
+    slack, wanted = _deflections(manager, deflection), max(manager.tolerance.linear, clearance)
     most = {i: float(given.max(initial=0.0)) for i, given in slack.items()}
-    neighbours = manager.object_pairs(objects, wanted + 2.0 * max(most.values(), default=0.0)).tolist()
-    contacts = [manager.pair_contacts(i, j, wanted + most[i] + most[j]) for i, j in neighbours]
-    meeting = [pair for pair, rows in zip(neighbours, contacts, strict=True) if (rows["distance"] == 0.0).any()]
-
-    def nearness(i: int, j: int) -> NDArray[np.float64]:
-        return tolerance + slack[i][:, None] + slack[j][None, :]
-
-    penetrations = iter(manager.penetrations(meeting, tell, nearness))
-    for (i, j), rows in zip(neighbours, contacts, strict=True):
-        limits = nearness(i, j)
-        depths = {}
-        if (rows["distance"] == 0.0).any():
-            depths = {(int(p["surface_a"]), int(p["surface_b"])): p for p in next(penetrations)}
-        pairs: list[PairClass] = []
-        for row in rows:
-            surfaces = int(row["surface_a"]), int(row["surface_b"])
-            distance, near = float(row["distance"]), float(limits[surfaces])
-            if distance > wanted + near - tolerance:
-                continue
-            deep = depths.get(surfaces)
-            depth, bound = (0.0, 0.0) if deep is None else (float(deep["depth"]), float(deep["bound"]))
-            kind: Kind = "clash" if depth > near else "contact" if distance <= tolerance else "clearance"
-            if kind == "clash" and ((i, j) in meant or (i, surfaces[0], j, surfaces[1]) in meant):
-                kind = "authorised"
-            witness = deep["point"] if deep is not None else (row["point_a"] + row["point_b"]) / 2
-            pairs.append(PairClass(kind, (i, j), surfaces, distance, depth, np.array(witness), bound=bound))
-        if not any(pair.kind in INSIDE for pair in pairs):
-            whole = _as_a_whole(manager, i, j, bool(depths), float(limits.max()), (i, j) in meant)
-            if whole is not None:
-                pairs.insert(0, whole)
-        if any(pair.kind in INSIDE for pair in pairs):
-            gaps = tuple(k for k in (i, j) if not solid_of(manager.mesh(k)).closed)
-            pairs = [replace(pair, open=gaps) if pair.kind in INSIDE else pair for pair in pairs]
-        found += pairs
-    return found
+    pairs = manager.object_pairs(objects, wanted + 2.0 * max(most.values(), default=0.0)).tolist()
+    contacts = [manager.pair_contacts(i, j, wanted + most[i] + most[j]) for i, j in pairs]
+    return NearPairs(manager, wanted, slack, [(i, j) for i, j in pairs], contacts)
 
 
 def _deflections(manager: CollisionManager, deflection: float | Sequence[ArrayLike]) -> dict[int, NDArray[np.float64]]:
-    """The deflection of every surface, by object; half of one that is given for both surfaces of a pair."""
+    """The deflections of the surfaces of each object, m; half of one number given for both surfaces of a pair."""
     out = {}
     for i in manager.objects:
         given = deflection / 2.0 if isinstance(deflection, (int, float)) else deflection[i]
@@ -202,12 +242,8 @@ def _as_a_whole(
                     manager.pose(outer).act(points[deepest]), Reason.INSIDE, inner,
                 )  # fmt: skip
         return None
-    points = np.concatenate(
-        [
-            _below_the_surface(mesh_i, near),
-            _below_the_surface(mesh_j, near) @ pose.rotation.T + pose.translation,
-        ]
-    )
+    below_j = _below_the_surface(mesh_j, near) @ pose.rotation.T + pose.translation
+    points = np.concatenate([_below_the_surface(mesh_i, near), below_j])
     there = (points - pose.translation) @ pose.rotation
     deep = _may_be_deeper(mesh_i, points, near) & _may_be_deeper(mesh_j, there, near)
     points, there = points[deep], there[deep]
@@ -227,8 +263,8 @@ def _as_a_whole(
 
 
 def _may_be_deeper(mesh: SurfaceMesh, points: NDArray[np.float64], near: float) -> NDArray[np.bool_]:
-    """Whether points (n, 3) may be deeper than `near` (m) behind a mesh: none of a closed mesh is nearer to a side of
-    its bounding box, for on the way to that side the mesh is left."""
+    """Whether points (n, 3), m, may be deeper than `near` (m) behind a mesh: not if the mesh is closed and a point is
+    nearer to a side of its bounding box."""
     from collision.solid import solid_of
 
     if not solid_of(mesh).closed:
@@ -240,7 +276,7 @@ def _may_be_deeper(mesh: SurfaceMesh, points: NDArray[np.float64], near: float) 
 
 
 def _below_the_surface(mesh: SurfaceMesh, near: float) -> NDArray[np.float64]:
-    """Points behind the middles of the largest triangles, at depths from 2·near up to half the mesh's size."""
+    """(n, 3) points behind the centroids of the largest triangles, m, at depths from 2·near to half the mesh's size."""
     corners = mesh.vertices[mesh.triangles]
     n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(n, axis=1)

@@ -1,4 +1,4 @@
-"""Results of queries: rows of contacts and of penetrations, and the first impact of a motion."""
+"""Results of queries: rows of contacts and of penetrations, first impact of a motion."""
 
 from __future__ import annotations
 
@@ -25,19 +25,24 @@ CONTACT_DTYPE = np.dtype(
         ("triangle_b", np.int32),
     ]
 )
-"""One row a surface pair, `object_a < object_b`, rows sorted by the four ids."""
+"""one row per pair of surfaces, `object_a < object_b`, sorted by the four ids"""
 _WHOLE = np.dtype((np.void, CONTACT_DTYPE.itemsize))
 
 
 def joined(blocks: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Contact rows of several blocks, one after another (numpy would copy them field by field)."""
+    """Concatenate contact rows; faster than numpy, which copies them field by field."""
     whole = [block.view(_WHOLE) for block in blocks]
     return (np.concatenate(whole) if whole else np.empty(0, _WHOLE)).view(CONTACT_DTYPE)
 
 
 def picked(rows: NDArray[Any], which: NDArray[Any]) -> NDArray[Any]:
-    """A copy of contact rows by a mask (n,) or by places (k,)."""
+    """Return a copy of the contact rows chosen by a mask (n,) or by indices (k,)."""
     return rows.view(_WHOLE)[which].view(CONTACT_DTYPE)
+
+
+def surfaces_of(rows: NDArray[Any]) -> NDArray[np.int32]:
+    """(k, 4) object, surface, object, surface of contact rows: a view of them."""
+    return rows.view(np.int32).reshape(-1, CONTACT_DTYPE.itemsize // 4)[:, :4]
 
 
 PENETRATION_DTYPE = np.dtype(
@@ -47,20 +52,20 @@ PENETRATION_DTYPE = np.dtype(
         ("object_b", np.int32),
         ("surface_b", np.int32),
         ("depth", np.float64),  # m, 0 where the surfaces only touch
-        ("bound", np.float64),  # m, no point is deeper by more than the precision of depths
-        ("direction", np.float64, 3),  # 1, world frame: b moved along it by `depth` has the deepest point out of a
+        ("bound", np.float64),  # m, upper bound of the depth, up to the precision of depths
+        ("direction", np.float64, 3),  # 1, world frame: moving b along it by `depth` takes the deepest point out of a
         ("point", np.float64, 3),  # the deepest point, world frame, m
     ]
 )
-"""One row a pair of surfaces that intersect, `object_a < object_b`, rows sorted by the four ids."""
+"""one row per pair of surfaces that intersect, `object_a < object_b`, sorted by the four ids"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeOfImpact:
-    """The first impact of objects on their way to target poses."""
+    """First impact of objects that move to target poses."""
 
     t: float
-    """1, in [0, 1]: part of the motion before the impact; 1 without one"""
+    """1, in [0, 1]: fraction of the motion before the impact; 1 without one"""
     contacts: NDArray[Any]
     """CONTACT_DTYPE rows of the pairs of surfaces that stop the motion, at time t, world frame; empty without impact"""
     poses: Mapping[int, pin.SE3]
@@ -74,5 +79,4 @@ class TimeOfImpact:
     @property
     def rows(self) -> NDArray[np.int32]:
         """Return (k, 4) int32 object, surface, object, surface of the pairs that stop the motion, sorted."""
-        names = ("object_a", "surface_a", "object_b", "surface_b")
-        return np.stack([self.contacts[name] for name in names], axis=1).astype(np.int32).reshape(-1, 4)
+        return surfaces_of(self.contacts).copy()

@@ -9,6 +9,11 @@ from types import ModuleType
 from typing import Any
 
 
+def modules(names: Mapping[str, str]) -> dict[str, str]:
+    """Return the module of each public name. names: by module, the names that it defines, separated by spaces."""
+    return {name: module for module, listed in names.items() for name in listed.split()}
+
+
 def attributes(package: str, places: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return `__getattr__` and `__dir__` for a package: `__getattr__, __dir__ = attributes(__name__, {…})`.
 

@@ -1,9 +1,9 @@
-"""`CollisionManager`: the questions about objects at poses, and the answers kept between them."""
+"""`CollisionManager`: queries of objects at poses, with results cached between queries."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
@@ -25,26 +25,29 @@ if TYPE_CHECKING:
 
     from collision.contact import TimeOfImpact
 
+SAME_PLACE = 2.0**-30
+"""m and 1: relative poses of instances that differ by less are one, for depths"""
 CHECK_EVERY = 64
-"""one answer in so many is compared with the oracle where `cross_check` is True"""
+"""`cross_check=True` compares every result of this number with the oracle"""
 
 
 class CollisionManager(Objects):
-    """Objects, each a `SurfaceMesh` at a pose, and what they are to each other.
+    """Objects, each a `SurfaceMesh` at a pose: their intersections, distances, depths and times of impact.
 
     Parameters
     ----------
-    tolerance: what counts as near, and which poses are rigid motions; verdicts are exact and do not depend on it.
-    method: how colliding surfaces are found, see `colliding_surfaces`.
-    cross_check: True compares every 64th answer about a pair of objects with the oracle, n every n-th; see
+    tolerance: distance of surfaces in contact, and accepted error of poses; intersections are exact and independent of
+        it.
+    method: of finding colliding surfaces, see `colliding_surfaces`.
+    cross_check: True compares every 64th result for a pair of objects with the oracle, n every n-th; see
         `collision.reference.oracle`.
 
     Raises
     ------
     CollisionError: an unknown method, a negative `cross_check`.
 
-    Left out of every answer, except where a method says so, are pairs of objects of which neither is movable, and what
-    `ignore` and `ignore_surfaces` name. Rows are sorted by the ids of their objects and surfaces; objects i < j.
+    Results leave out, unless a method says otherwise, pairs of objects neither of which is movable, and the pairs given
+    to `ignore` and `ignore_surfaces`. Rows are sorted by the ids of their objects and surfaces; objects i < j.
     """
 
     def __init__(
@@ -60,9 +63,9 @@ class CollisionManager(Objects):
         from collision.narrow_phase import NarrowPhase
 
         self._narrow = NarrowPhase()
-        self._shapes = False  # whether any object is or was no mesh
-        self._last: tuple[int, NDArray[np.int32]] | None = None  # revision and rows of the last answer about all
-        self._statistics = Statistics()  # of queries outside the narrow phase, less what was before a reset
+        self._shapes = False  # whether any object is or was a shape without triangles
+        self._last: tuple[int, NDArray[np.int32]] | None = None  # revision and rows of the last query of all objects
+        self._statistics = Statistics()  # of queries outside the narrow phase, less the counts before a reset
         self._answers = 0
 
     def add(self, mesh: SurfaceMesh, pose: pin.SE3 | ArrayLike, movable: bool = True) -> int:
@@ -72,10 +75,10 @@ class CollisionManager(Objects):
         return i
 
     def add_shape(self, shape: Any, pose: pin.SE3 | ArrayLike, movable: bool = True, name: str | None = None) -> int:
-        """Add a solid that is no mesh, a coal primitive, convex hull, height field or octree, as one surface.
+        """Add a coal primitive, convex hull, height field or octree as an object of one surface; return its id.
 
-        Returns its id. Answers about it are coal's, not exact; it has no penetration, contains nothing and is not
-        swept. A height field becomes a mesh, to which none of this applies.
+        Its queries are coal's, not exact; it has no penetration, contains nothing and is not swept. A height field
+        becomes a mesh, to which none of this applies.
 
         Raises
         ------
@@ -88,13 +91,13 @@ class CollisionManager(Objects):
         self._narrow.forget(outdated)
 
     def forget_nearest(self) -> None:
-        """Make contacts and clearances depend on the poses and on the queries from now on alone, to the bit.
+        """Make contacts and clearances independent of earlier queries, bit for bit.
 
-        Otherwise, of triangles that are equally near to rounding, a query finds those next to its last answer.
+        Otherwise, among triangles that are equally near up to rounding, a query finds those next to its last result.
         """
         self._narrow.forget_nearest()
 
-    # --- which surfaces collide, and which are near ------------------------------------------------------------------
+    # --- colliding and near surfaces ---------------------------------------------------------------------------------
 
     def object_pairs(self, objects: Iterable[int] | None = None, within: float = 0.0) -> NDArray[np.int32]:
         """Return (n, 2) pairs of objects whose boxes and spheres come within `within` metres: the broad phase.
@@ -130,14 +133,14 @@ class CollisionManager(Objects):
 
         objects: only pairs with at least one of these; None for all.
 
-        Pairs of objects of which neither has moved since the last call are not tested again. With enough others, two
-        threads share them; answers do not depend on it.
+        Pairs of objects neither of which has moved since the last call are not tested again. Two threads share the
+        others if they are many; results do not depend on it.
         """
         if objects is None and self._last is not None and self._last[0] == self._revision:
             return self._last[1].copy()
         keys = self._near(objects).tolist()
         rows = self._rows(keys, self._intersecting, self._examined, self.method == "bvh")
-        if len(self._narrow.pairs) > 4 * len(keys) + 1024 and objects is None:  # most pairs kept have long moved apart
+        if len(self._narrow.pairs) > 4 * len(keys) + 1024 and objects is None:  # most cached pairs have moved apart
             near = set(keys)
             self._narrow.forget(lambda i, j: key_of(i, j) not in near)
         answer = np.concatenate(rows) if len(rows) > 1 else rows[0].copy() if rows else np.empty((0, 4), np.int32)
@@ -152,7 +155,7 @@ class CollisionManager(Objects):
         self, keys: list[int], of_meshes: Callable[[list[int]], list[NDArray[Any]]],
         of_pair: Callable[[int, int], NDArray[Any]], bvh: bool = True,
     ) -> list[NDArray[Any]]:  # fmt: skip
-        """The rows of each pair of objects: of two meshes by hierarchies, if `bvh`, of the others one by one."""
+        """The rows of each pair of objects: pairs of meshes by `of_meshes` if `bvh`, the others one by one."""
         if bvh and not self._shapes:
             return of_meshes(keys)
         meshes = [key for key in keys if bvh and not self._has_shape(*ids_of(key))]
@@ -163,9 +166,8 @@ class CollisionManager(Objects):
         return isinstance(self._meshes[i], ShapeMesh) or isinstance(self._meshes[j], ShapeMesh)
 
     def _intersecting(self, keys: list[int]) -> list[NDArray[np.int32]]:
-        return self._narrow.intersecting(
-            keys, self._meshes, self._version.data, self._bodies.pose, self.enabled_surfaces
-        )  # fmt: skip
+        poses, enabled = self._bodies.pose, self.enabled_surfaces
+        return self._narrow.intersecting(keys, self._meshes, self._version.data, poses, enabled)
 
     def _examined(self, i: int, j: int) -> NDArray[np.int32]:
         """The rows of a pair of objects by another method than the hierarchy."""
@@ -193,8 +195,8 @@ class CollisionManager(Objects):
         """Return all pairs of surfaces at a distance of at most `within` metres, `CONTACT_DTYPE` rows, world frame.
 
         objects: only pairs with at least one of these; None for all. The distance of two surfaces is 0 if and only if
-        `colliding_surfaces` has them; both witness points are then one point that they have in common. A positive
-        distance carries the rounding of float64 in the frame of object_a, about 1e-15 of the coordinates.
+        `colliding_surfaces` returns them; both witness points are then one common point. A positive distance has the
+        rounding error of float64 in the frame of object_a, about 1e-15 of the coordinates.
 
         Raises
         ------
@@ -231,13 +233,13 @@ class CollisionManager(Objects):
             rows[point] = rows[point] @ pose.rotation.T + pose.translation
         return rows
 
-    # --- about two objects -------------------------------------------------------------------------------------------
+    # --- queries of two objects --------------------------------------------------------------------------------------
 
     def clearance(self, i: int, j: int, surface_i: int | None = None, surface_j: int | None = None) -> NDArray[Any]:
         """Return one `CONTACT_DTYPE` row: the least distance of two objects, or of a surface of either, world frame.
 
-        `object_a` is the lower of the two ids. Ignored pairs have a clearance too. The distance is that of the
-        surfaces: 0 where they intersect, positive for an object wholly inside another (see `contains`).
+        `object_a` is the lower of the two ids. Ignored pairs are included. The distance is that of the surfaces: 0 if
+        they intersect, positive for an object wholly inside another (see `contains`).
 
         Raises
         ------
@@ -270,16 +272,14 @@ class CollisionManager(Objects):
         return penetration(self, i, j)
 
     def penetrations(
-        self,
-        pairs: Iterable[Sequence[int]],
-        tell: Callable[[float], None] = lambda fraction: None,
-        limit: Callable[[int, int], ArrayLike] = lambda i, j: 0.0,
-    ) -> list[NDArray[Any]]:
-        """Return the rows of `penetration` of each pair (i, j) of objects, i < j, computed on all cores.
+        self, pairs: Iterable[Sequence[int]], limit: Callable[[int, int], ArrayLike] = lambda i, j: 0.0
+    ) -> Iterator[NDArray[Any]]:
+        """Yield the rows of `penetration` of each pair (i, j) of objects, i < j, computed on all cores meanwhile.
+
+        Instances of two meshes that are placed alike relative to one another share what is found.
 
         limit: m, of two objects, by surface of i and surface of j, or one for all: depths above it are told from those
-        below, and need not be known better than to this where that takes long; see `query.penetration`. tell: called
-        with the fraction done, in [0, 1), after each pair. An exception that it raises ends the work.
+        below, and need not be known better than to this where that takes long; see `query.penetration`.
         """
         from collision.query.penetration import penetration
         from collision.solid import solid_of
@@ -287,23 +287,33 @@ class CollisionManager(Objects):
         wanted = [(i, j) for i, j in pairs]
         for k in sorted({k for pair in wanted for k in pair}):
             solid_of(self.mesh(k))  # derived once, not by two threads
-        found: list[NDArray[Any]] = []
+        limits = [np.asarray(limit(i, j), np.float64) for i, j in wanted]
+        alike: dict[Any, list[int]] = {}
+        for k, (i, j) in enumerate(wanted):
+            placed = np.round(self.relative_pose(i, j).homogeneous / SAME_PLACE) + 0.0  # no -0
+            alike.setdefault((self.mesh(i), self.mesh(j), placed.tobytes(), limits[k].tobytes()), []).append(k)
+
+        def of_group(members: list[int]) -> list[NDArray[Any]]:
+            known: dict[tuple[int, int], NDArray[np.float64]] = {}
+            return [penetration(self, *wanted[k], limits[k], known) for k in members]
+
         pool = ThreadPoolExecutor(os.cpu_count(), "penetration")
         try:
-            for rows in pool.map(lambda pair: penetration(self, pair[0], pair[1], limit(*pair)), wanted):
-                tell(len(found) / len(wanted))
-                found.append(rows)
+            groups = [(members, pool.submit(of_group, members)) for members in alike.values()]
+            place = {k: (group, n) for members, group in groups for n, k in enumerate(members)}
+            for k in range(len(wanted)):
+                group, n = place[k]
+                yield group.result()[n]
         finally:
             pool.shutdown(cancel_futures=True)
-        return found
 
     def signed_distances(
         self, i: int, j: int, surfaces: ArrayLike, within: float = 0.0, at: pin.SE3 | None = None
     ) -> NDArray[np.float64]:
-        """Return (n,) signed distances, m, of pairs (n, 2) of surfaces of i and of j; `within` where they are more.
+        """Return (n,) signed distances, m, at most `within`, of pairs (n, 2) of surfaces of i and of j.
 
-        Negative where surfaces meet: minus the shortest translation that parts two of their triangles. at: the pose of
-        j in the frame of i, where it is not that of now. Ignored pairs have a distance too.
+        Negative where surfaces meet: minus the shortest translation that separates two of their triangles. at: pose of
+        j in the frame of i instead of the present one. Ignored pairs are included.
         """
         from collision.bvh.build import bvh_of
         from collision.query.signed_distance import signed_distances_of
@@ -312,16 +322,16 @@ class CollisionManager(Objects):
         return signed_distances_of(bvh_of(self.mesh(i)), bvh_of(self.mesh(j)), pose, np.asarray(surfaces), within)
 
     def time_of_impact(self, moves: Mapping[int, pin.SE3], deflection: float = 0.0) -> TimeOfImpact:
-        """Return the first impact on the way of objects to their target poses; see `query.time_of_impact`."""
+        """Return the first impact while objects move to their target poses; see `query.time_of_impact`."""
         from collision.query.time_of_impact import time_of_impact
 
         return time_of_impact(self, moves, deflection)
 
-    # --- what the queries cost ---------------------------------------------------------------------------------------
+    # --- counts ------------------------------------------------------------------------------------------------------
 
     @property
     def statistics(self) -> Statistics:
-        """Counts of all queries since the beginning, or since `reset_statistics()`."""
+        """Counts of all queries since construction, or since `reset_statistics()`."""
         return self._statistics + self._narrow.statistics
 
     def reset_statistics(self) -> None:

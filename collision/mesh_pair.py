@@ -1,13 +1,10 @@
-"""Intersection tests of one pair of meshes at many poses, also from kernels: what a sampling motion planner needs.
+"""Intersection tests of one pair of meshes at many poses, also from kernels, as for sampling motion planners.
 
     pair = prepare_pair(mesh_a, mesh_b)
     intersecting = intersect_at(pair, poses)    # (n,) bool
 
 A kernel takes the pair as an argument and calls `pair_intersects(pair, pose)` and `pair_contact(pair, pose)`.
 """
-
-# mypy: disable-error-code="call-arg, var-annotated"
-# (numba's intrinsics take one argument less than they are written with)
 
 from __future__ import annotations
 
@@ -37,7 +34,7 @@ class MeshPair(NamedTuple):
     enabled: Any
     """(surfaces of a · surfaces of b,) uint8, 0 for pairs of surfaces that are not tested; empty if all are"""
     last: Any
-    """(1,) int64: the triangles that intersected last, tested first; -1 for none"""
+    """(1,) int64: the triangles that intersected last (see `Intersect`), tested first; -1 for none"""
 
 
 def prepare_pair(mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, enabled: NDArray[np.uint8] | None = None) -> MeshPair:

@@ -25,9 +25,9 @@ def colliding_surfaces(
     ----------
     pose_ab: pose of b in a's frame, `pinocchio.SE3` or (4, 4), m.
     method: "bvh", two bounding volume hierarchies; "oaabb", the paper's algorithm with overlap boxes; "brute", without
-        them; "coal", the oracle. All but "coal", which works in floating point, give the same answer, bit for bit: the
-        exact one for the float64 coordinates of a and of b moved once by the pose.
-    tolerance: its `rigid` says which poses are accepted, its `gjk` is coal's precision.
+        them; "coal", the oracle. All but "coal", which works in floating point, return the same result, the exact one
+        for the float64 coordinates of a and of b moved once by the pose.
+    tolerance: `rigid` is the accepted error of the pose, `gjk` coal's precision.
 
     Returns
     -------

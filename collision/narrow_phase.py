@@ -1,7 +1,7 @@
-"""The narrow phase: a cache of the pairs of objects that have come near, and their queries on two threads.
+"""The narrow phase: queries of pairs of objects on two threads, with a cache of the results.
 
-A pair of which neither object has moved since its last query is not tested again; of the others the triangles that
-intersected, or were nearest, are tested first. Answers do not depend on the number of threads.
+A pair of objects neither of which has moved since its last query is not tested again; for the others the triangles that
+intersected, or were nearest, are tested first. Results do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from collision.bvh.build import build, bvh_of
 from collision.bvh.layout import LANES, Bvh
 from collision.bvh.traverse import QueryWorkspace, counts_of, large_enough
 from collision.contact import CONTACT_DTYPE
-from collision.query.distance import clearance_of, contacts_of, lanes_of, with_surfaces
-from collision.query.intersection import ALL_ENABLED, NO_TRIANGLES, intersect_of
+from collision.query.distance import clearance_entry, contacts_entry, lanes_of, with_surfaces
+from collision.query.intersection import ALL_ENABLED, NO_TRIANGLES, intersect_entry
 from collision.statistics import Statistics
 
 MOST_CACHED: Final = 1 << 16
-"""pairs of surfaces beyond which no triangles are kept for a pair of objects"""
+"""pairs of surfaces above which no triangles are kept for a pair of objects"""
 WORTH_A_THREAD: Final = 2e-3
-"""s: queries that take longer together are shared by two threads"""
+"""s: queries that take longer in total are shared by two threads"""
 NO_ROWS: Final = np.empty((0, 4), np.int32)
 Enabled = Callable[[int, int], NDArray[np.uint8] | None]
-"""(ka, kb), 0 for the pairs of surfaces of two objects that are left out; None if none is"""
+"""callback(i, j): (ka, kb), 0 for the pairs of surfaces to leave out; None if all are enabled"""
 
 
 class PairCache:
-    """A pair of objects: its last answers, their versions, and which triangles intersected or were nearest."""
+    """Cache of a pair of objects: last results, their versions, and the triangles that intersected or were nearest."""
 
     __slots__ = (
         "a", "age", "b", "contacts", "enabled", "i", "j", "met", "near", "nearest", "rows", "version", "within",
@@ -50,20 +50,20 @@ class PairCache:
         """(k, 4) object, surface, object, surface"""
         self.contacts: NDArray[Any] = np.empty(0, CONTACT_DTYPE)
         self.within = (-1, -1.0)
-        """the version, and the distance (m), of `contacts`"""
+        """version and distance (m) for which `contacts` holds"""
         self.version = -1
-        """how often both had been moved when `rows` was made"""
+        """sum of the versions of both objects for which `rows` holds"""
         self.age = -1
-        """how often `NarrowPhase.forget_nearest` had been called when `near`, `nearest` and `contacts` were made"""
+        """`NarrowPhase._age` for which `near`, `nearest` and `contacts` hold"""
 
     def table(self) -> NDArray[np.int64]:
-        """Return a table for two triangles a pair of surfaces, empty if there are more than MOST_CACHED."""
+        """Return a table of two triangles for each pair of surfaces, empty for more than MOST_CACHED pairs."""
         pairs = len(self.a.root) * len(self.b.root)
         return np.full(pairs, -1, np.int64) if pairs <= MOST_CACHED else NO_TRIANGLES
 
 
 class NarrowPhase:
-    """The cache of the pairs of objects that have come near, and the workspaces of two threads; a copy is empty."""
+    """Cache of the pairs of objects queried so far, and the workspaces of two threads; a copy is empty."""
 
     def __init__(self) -> None:
         self.pairs: dict[int, PairCache] = {}
@@ -71,7 +71,7 @@ class NarrowPhase:
         self._workspaces: list[QueryWorkspace | None] = [None, None]
         self._sizes = 1, 1
         self._age = 0
-        self._pace = [0.1 * WORTH_A_THREAD] * 2  # s a pair, of either query, when last measured
+        self._pace = [0.1 * WORTH_A_THREAD] * 2  # s per pair, of `intersecting` and of `contacts`, as last measured
 
     def __reduce__(self) -> tuple[Any, ...]:
         return NarrowPhase, ()
@@ -80,9 +80,9 @@ class NarrowPhase:
         self, keys: list[int], meshes: Sequence[Any], version: Sequence[int], poses: NDArray[np.float64],
         enabled: Enabled,
     ) -> list[NDArray[np.int32]]:  # fmt: skip
-        """Return (k, 4) object, surface, object, surface of the surfaces that intersect, for each pair; read-only.
+        """Return for each pair (k, 4) object, surface, object, surface: the surfaces that intersect. Read-only.
 
-        version: how often each object has been moved. poses: (n, 12), world frame, m.
+        keys: 2³²·i + j of the pairs. version: of each object, changed by each move. poses: (n, 12), world frame, m.
         """
         pairs = self.pairs
         self._add(keys, meshes, enabled)
@@ -94,7 +94,8 @@ class NarrowPhase:
         self, keys: list[int], meshes: Sequence[Any], version: Sequence[int], poses: NDArray[np.float64],
         enabled: Enabled, within: float,
     ) -> list[NDArray[Any]]:  # fmt: skip
-        """Return CONTACT_DTYPE rows of the surfaces at most `within` (m) apart, or a little more; read-only."""
+        """Return for each pair the CONTACT_DTYPE rows of surfaces at most `within` (m), or somewhat more, apart.
+        Read-only."""
         pairs = self.pairs
         self._add(keys, meshes, enabled)
         moved = []
@@ -117,15 +118,15 @@ class NarrowPhase:
             last = pair.nearest[surfaces] = lanes_of(pair.a, pair.b, *surfaces)
         ws = self._workspaces[0] = large_enough(self._workspaces[0], *self._sizes)
         rows = np.zeros(1, CONTACT_DTYPE)
-        clearance_of(pair.a, pair.b, ws, poses, pair.i, pair.j, np.inf, last, rows)
+        clearance_entry.call(pair.a, pair.b, ws, poses, pair.i, pair.j, np.inf, last, rows)
         return with_surfaces(rows, meshes[pair.i], meshes[pair.j])
 
     def forget_nearest(self) -> None:
-        """Forget contacts and nearest triangles: of equally near ones, a query finds those next to the last answer."""
+        """Drop contacts and nearest triangles: among equally near triangles, results depend on the last query."""
         self._age += 1
 
     def _current(self, pair: PairCache) -> PairCache:
-        """Return a pair, with nothing in it that is to be forgotten."""
+        """Return a pair without results dropped by `forget_nearest`."""
         if pair.age != self._age:
             pair.near, pair.nearest, pair.within, pair.age = NO_TRIANGLES, {}, (-1, -1.0), self._age
         return pair
@@ -148,9 +149,9 @@ class NarrowPhase:
         self, query: int, work: Callable[..., None], pairs: list[PairCache], version: Sequence[int],
         poses: NDArray[np.float64],
     ) -> None:  # fmt: skip
-        """Run a query for these pairs, on two threads if they would take long at the pace of the last of several.
+        """Run query number `query` for these pairs, on two threads if it would take long at the pace last measured.
 
-        Each thread takes the next pair, so that a thread that gets no processor keeps nobody waiting.
+        Each thread takes the next pair, so that a thread that gets no processor delays nothing.
         """
         if len(pairs) < 2:
             work(pairs, 0, version, poses)
@@ -176,7 +177,7 @@ class NarrowPhase:
             if not len(pair.met):
                 pair.met = pair.table()
             while True:
-                found = intersect_of(pair.a, pair.b, ws, poses, pair.i, pair.j, pair.met, pair.enabled)
+                found = intersect_entry.call(pair.a, pair.b, ws, poses, pair.i, pair.j, pair.met, pair.enabled)
                 if found >= 0:
                     break
                 ws = self._workspaces[thread] = large_enough(ws, *self._sizes, pairs=~found)
@@ -193,7 +194,8 @@ class NarrowPhase:
             while True:
                 if len(rows) != len(ws.pairs):
                     rows = np.empty(len(ws.pairs), CONTACT_DTYPE)
-                found = contacts_of(pair.a, pair.b, ws, poses, pair.i, pair.j, within, pair.enabled, pair.near, rows)
+                given = pair.a, pair.b, ws, poses, pair.i, pair.j, within, pair.enabled, pair.near, rows
+                found = contacts_entry.call(*given)
                 if found >= 0:
                     break
                 ws = self._workspaces[thread] = large_enough(ws, *self._sizes, pairs=~found)
@@ -214,4 +216,4 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, "collision")
 
 
-os.register_at_fork(after_in_child=_pool.cache_clear)  # its thread is not in the child, where a result never came
+os.register_at_fork(after_in_child=_pool.cache_clear)  # the child has the pool, but not its thread

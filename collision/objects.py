@@ -1,4 +1,4 @@
-"""`Objects`: meshes at poses, by id, and which pairs of them, and of their surfaces, are enabled."""
+"""`Objects`: meshes at poses, by id, and the pairs of them, and of their surfaces, that are enabled."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class ObjectsState(NamedTuple):
-    """What moves and settings change, at one instant, see `Objects.snapshot`."""
+    """Poses, groups and ignored pairs at one instant, see `Objects.snapshot`."""
 
     poses: NDArray[np.float64]
     """(n, 12) rotation by rows, translation in m"""
@@ -36,9 +36,9 @@ class Objects:
 
     Parameters
     ----------
-    tolerance: what counts as near, and which poses are rigid motions.
+    tolerance: distance of surfaces in contact, and accepted error of poses.
 
-    An object's id is its place in the order of adding, and stays its own when others are removed.
+    An object's id is its place in the order of adding; it does not change when others are removed.
     """
 
     def __init__(self, tolerance: Tolerance | None = None) -> None:
@@ -46,20 +46,20 @@ class Objects:
 
         self.tolerance = tolerance if tolerance is not None else Tolerance()
         self.checked = replace(self.tolerance, rigid=np.inf)
-        """the tolerance for poses of one object in another's frame: each was checked when it was set"""
+        """the tolerance for relative poses, which are not checked: the objects' poses were, when they were set"""
         self._meshes: list[SurfaceMesh | None] = []
         self._bodies = bodies_for(16)
         self._version = np.zeros(16, np.int64)
-        self._moves = 0  # how often any object was moved: the source of versions, so that none is given twice
+        self._moves = 0  # number of moves so far: the last version given
         self._posed: tuple[int, tuple[pin.SE3, ...], NDArray[np.int64]] = (-1, (), self._version[:0])
-        self._given: tuple[int, dict[int, pin.SE3]] = -1, {}  # version and copies of poses that `set_poses` took
-        self._revision = 0  # how often anything was changed
+        self._given: tuple[int, dict[int, pin.SE3]] = -1, {}  # version and copies of poses given to `set_poses`
+        self._revision = 0  # number of changes so far
         self._broad = BroadPhase()
         self._changed = True  # whether objects were added or removed since the broad phase was last rebuilt
         self._ignored: frozenset[int] = frozenset()  # keys of pairs
         self._ignored_surfaces: dict[tuple[int, int], frozenset[tuple[int, int]]] = {}
-        self._shared = False  # whether a snapshot has the table above, so that it is copied before it changes
-        self._enabled: dict[tuple[int, int], NDArray[np.uint8]] = {}  # the same as tables, made when needed
+        self._shared = False  # whether a snapshot holds the table above, which is then copied before a change
+        self._enabled: dict[tuple[int, int], NDArray[np.uint8]] = {}  # `_ignored_surfaces` as masks, made when needed
 
     # --- objects -----------------------------------------------------------------------------------------------------
 
@@ -69,7 +69,7 @@ class Objects:
         Parameters
         ----------
         pose: `pinocchio.SE3` or (4, 4), in the world frame, m.
-        movable: whether it may move. Pairs of objects of which neither is movable are left out of every answer.
+        movable: whether it may move. Pairs of objects neither of which is movable are left out of every result.
 
         Raises
         ------
@@ -106,7 +106,7 @@ class Objects:
         self._forget(lambda a, b: i in (a, b))
 
     def _forget(self, outdated: Callable[[int, int], bool]) -> None:
-        """Drop what a subclass has kept of pairs (a, b), a < b, of objects that are outdated."""
+        """Drop cached results of the outdated pairs (a, b), a < b, of objects; extended by subclasses."""
         self._revision += 1
 
     @property
@@ -209,7 +209,7 @@ class Objects:
         Parameters
         ----------
         poses: n `pinocchio.SE3` or (4, 4), or one array (n, 4, 4).
-        what: how an error calls an object.
+        what: name of an object in errors.
 
         Raises
         ------
@@ -234,7 +234,7 @@ class Objects:
 
     @property
     def versions(self) -> NDArray[np.int64]:
-        """(n,) by id: a number that changes whenever the object moves, and never repeats. Read only."""
+        """(n,) by id: a number that changes whenever the object moves, never to an earlier value. Read only."""
         return self._version[: len(self._meshes)]
 
     @property
@@ -263,9 +263,9 @@ class Objects:
 
     @property
     def snapshot(self) -> ObjectsState:
-        """Poses, groups and ignored pairs at this instant; assigning it takes back later changes of them.
+        """Poses, groups and ignored pairs at this instant; assigning it undoes later changes of them.
 
-        An object that moved in between gets a version that it never had. Objects must not be added or removed.
+        An object that moved in between gets a new version. Objects must not be added or removed in between.
         """
         self._shared = True
         group = self._bodies.group[: len(self._meshes)].copy()
@@ -286,12 +286,12 @@ class Objects:
         self._forget(lambda i, j: True)
 
     def relative_pose(self, i: int, j: int) -> pin.SE3:
-        """Return the pose of object j in the frame of object i, by which queries move the vertices of j once."""
+        """Return the pose of object j in the frame of object i, by which queries move the vertices of j."""
         self.mesh(i), self.mesh(j)
         return _poses.unpack(self._broad.relative_poses(self._bodies.pose, np.array([[i, j]], np.int32))[0])
 
     def world_boxes(self) -> NDArray[np.float64]:
-        """Return (n, 6) least and greatest corners, m, of boxes in the world frame that hold the objects, by id.
+        """Return (n, 6) least and greatest corners, m, of boxes in the world frame that contain the objects, by id.
 
         They are inflated by more than all rounding.
         """
@@ -305,10 +305,10 @@ class Objects:
             self._broad.rebuild(np.array(self.objects, np.int64), self._bodies)
             self._changed = False
 
-    # --- which pairs are enabled -------------------------------------------------------------------------------------
+    # --- enabled pairs -----------------------------------------------------------------------------------------------
 
     def ignore(self, i: int, j: int) -> None:
-        """Leave a pair of objects out of every answer until `enable(i, j)`."""
+        """Leave a pair of objects out of every result until `enable(i, j)`."""
         self._ignored |= {key_of(*self._pair(i, j))}
         self._revision += 1
 
@@ -318,9 +318,9 @@ class Objects:
         self._revision += 1
 
     def set_groups(self, groups: Iterable[Iterable[int]]) -> None:
-        """Leave pairs of objects within each of these groups, which move as one, out of every answer.
+        """Leave pairs of objects within each of these groups, which move as one, out of every result.
 
-        The groups replace those set before; with none, all pairs are enabled again.
+        The groups replace those set before; without groups all pairs are enabled again.
 
         Raises
         ------
@@ -335,7 +335,7 @@ class Objects:
         self._revision += 1
 
     def ignore_surfaces(self, i: int, surfaces_i: Iterable[int], j: int, surfaces_j: Iterable[int]) -> None:
-        """Leave every pair of a surface of i among `surfaces_i` and one of j among `surfaces_j` out of every answer."""
+        """Leave every pair of a surface of i in `surfaces_i` and one of j in `surfaces_j` out of every result."""
         pairs = self._products(i, surfaces_i, j, surfaces_j)
         self._leave_out(i, j, self.ignored_surfaces(i, j) | pairs, pairs, 0)
 
@@ -347,7 +347,7 @@ class Objects:
     def _leave_out(
         self, i: int, j: int, surfaces: frozenset[tuple[int, int]], changed: frozenset[tuple[int, int]], enabled: int
     ) -> None:
-        """Set which pairs of surfaces of i and j are left out; those that `changed` become `enabled` (0 or 1)."""
+        """Set the pairs of surfaces of i and j to leave out; those in `changed` become `enabled` (0 or 1)."""
         if self._shared:
             self._ignored_surfaces, self._shared = dict(self._ignored_surfaces), False
         pair = self._pair(i, j)
@@ -377,7 +377,7 @@ class Objects:
         return self._ignored_surfaces.get(self._pair(i, j), frozenset())
 
     def enabled_surfaces(self, i: int, j: int) -> NDArray[np.uint8] | None:
-        """Return (ki, kj) uint8, 0 for each pair of surfaces of i and j that is left out; None if none is."""
+        """Return (ki, kj) uint8, 0 for each pair of surfaces of i and j to leave out; None if all are enabled."""
         left_out = self._ignored_surfaces.get(self._pair(i, j))
         if not left_out:
             return None
@@ -411,7 +411,7 @@ class Objects:
 def _with(
     table: NDArray[np.uint8], pairs: frozenset[tuple[int, int]], ascending: bool, enabled: int
 ) -> NDArray[np.uint8]:
-    """A copy of a table of enabled pairs of surfaces, read only, in which `pairs` (low, high) are `enabled` or not."""
+    """A read-only copy of a table of enabled pairs of surfaces in which `pairs` (low, high) are set to `enabled`."""
     table = table.copy()
     if pairs:
         low, high = np.array(list(pairs)).T

@@ -1,4 +1,4 @@
-"""Poses as callers give them, checked: packed into (12,) float64, the rotation by rows, then the translation, m."""
+"""Checking and packing of poses: (12,) float64, the rotation by rows, then the translation, m."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ def pack(pose: Any, who: str, object_id: int | None = None, rigid: float = Toler
 
     Parameters
     ----------
-    who: what the error calls the owner of the pose.
-    object_id: the owner's id, for the error.
-    rigid: greatest entry of |RᵀR - I| that is accepted.
+    who: name of the pose's owner in errors.
+    object_id: id of the owner, in errors.
+    rigid: greatest accepted entry of |RᵀR - I|.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def pack_rigid(pose: Any) -> NDArray[np.float64]:
 
 
 def frames(pose: Any = None) -> NDArray[np.float64]:
-    """Return (2, 12): the identity, and the packed `pinocchio.SE3`, or zeros where it is to be filled in."""
+    """Return (2, 12): the identity, and the packed `pinocchio.SE3`, or zeros for the caller to fill in."""
     out = np.zeros((2, 12))
     out[0, 0] = out[0, 4] = out[0, 8] = 1.0
     if pose is not None:

@@ -21,7 +21,7 @@ SLIVER: Final = 1e-3
 ROUNDING: Final = 1e-12
 """1: … or below this part of its coordinates"""
 FOLD: Final = 0.2
-"""1: a shorter pseudonormal, the sum of unit normals or a unit of angle, belongs to a fold of less than 12°"""
+"""1: a shorter pseudonormal (sum of unit normals, or per unit of angle) belongs to a fold of less than 12°"""
 
 
 class SolidMesh(NamedTuple):
@@ -32,11 +32,11 @@ class SolidMesh(NamedTuple):
     """(21 m,) float64: seven pseudonormals a triangle. The sums of the unit normals at the edges ab, bc, ca; their sums
     about the corners, each weighted by its angle there; the unit normal, 0 for a triangle of no area"""
     sure: Any
-    """(7 m,) bool: whether the sign of a distance may be taken from each of them. Not from those of slivers and folds,
-    whose normals are rounding or turned over, nor where the surface ends or meets itself in an edge or a vertex"""
+    """(7 m,) bool: whether the sign of a distance may be taken from each pseudonormal. Not from those of slivers and
+    folds, whose normals are unreliable, nor at the rim of the mesh or where it meets itself in an edge or a vertex"""
     cluster: Any
-    """(7 lanes,) float64: of the triangles below each lane the vector area, m², a middle, m, and the radius about it;
-    radius -1 for an empty lane"""
+    """(7 lanes,) float64: vector area, m², centre, m, and radius about it, m, of the triangles below each lane; radius
+    -1 for an empty lane"""
     seeds: Any
     """(s,) int32: one vertex of each of the s connected shells"""
     surface: Any

@@ -1,4 +1,4 @@
-"""The one place where epsilons live."""
+"""All tolerances of the packages, in one dataclass."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from collision.errors import CollisionError
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What counts as equal. Every package takes its epsilons from here; a user may set any of them.
+    """Tolerances of geometry, solving and contact. Every package takes its epsilons from here; a user may set any.
 
-    Collision verdicts do not depend on it (they are exact); nearness, recognition and solving do.
+    Intersection is exact and does not depend on them; nearness, recognition and solving do.
 
     Raises
     ------
@@ -26,7 +26,7 @@ class Tolerance:
     fit: float = 1e-5
     """m: vertices whose distance to an analytic surface is below this lie on it."""
     fit_relative: float = 1e-3
-    """1: … and below this part of their extent, so that a tiny freeform face does not pass for a plane."""
+    """1: … and below this part of their extent, so that a tiny freeform face is not taken for a plane."""
     facet: float = 0.25
     """rad: a triangle's normal and its surface's (at the triangle's middle) differ by less."""
     flat: float = 1e-2
@@ -41,31 +41,31 @@ class Tolerance:
     """1: … or looser by this share of the shaft's diameter, up to 4 mm: screws in clearance holes (ISO 273)"""
     press_fit: str = "s7"
     """ISO 286 class of the tightest shaft in a hole H: its greatest interference, for the diameter of the bore, is the
-    most by which a shaft may be larger than its bore and be a press fit; beyond it they clash. u8 allows more."""
+    greatest of a press fit; beyond it shaft and bore clash. u8 allows more."""
     fit_class: str = ""
-    """ISO 286 class, such as H7/g6, that a shaft and its bore have to make; empty for `clearance` alone"""
+    """ISO 286 class, such as H7/g6, required of a shaft and its bore; empty for `clearance` alone"""
     rigid: float = 1e-6
     """1: greatest |RᵀR - I| entry of a rotation that counts as rigid."""
     slop: float = 0.1
-    """1: share of `linear` by which surfaces in contact may come nearer as they slide, and a sweep's stop may be off"""
+    """1: fraction of `linear` by which surfaces in contact may approach while sliding; precision of a sweep's stop"""
     gjk: float = 1e-10
     """m: precision of coal's GJK (at its default of 1e-6 it reports contacts of surfaces that do not touch)"""
     oracle: float = 1e-8
-    """1: error bound of coal's verdicts, a unit of the parts' size"""
+    """1: error bound of coal's distances, per unit of the parts' size"""
     depth: float = 1e-2
-    """1: depths of penetration are found to within this part of themselves and of `linear`"""
+    """1: precision of penetration depths, as a fraction of themselves and of `linear`"""
     solver: float = 1e-12
     """m, rad: residual at which a constraint counts as satisfied by the solver."""
     satisfied: float = 1e-9
     """m, rad: residual below which moving parts obey a constraint"""
     conflict: float = 1e-7
-    """m, rad: constraints that miss each other by more contradict; below it is what files and fits leave."""
+    """m, rad: constraints of a greater residual contradict each other; a smaller one is the error of files and fits"""
     lower_pair: float = 1e-6
     """rad: within it directions are parallel and axes meet, when a joint is named by its twists."""
     rank: float = 1e-9
     """1: singular values below this times the largest count as zero."""
     reach: float = 1e-3
-    """m: how far from exact a mate may be and still be offered; 0 judges an assembly as it stands"""
+    """m: greatest deviation of a mate that is offered; 0 assesses an assembly as drawn"""
     reach_angular: float = 0.0175
     """rad: the same for directions (one degree)"""
     release: float = 2.0
@@ -95,4 +95,4 @@ class Tolerance:
 
 
 DEFAULT: Final = Tolerance()
-"""what holds where no other is given"""
+"""the tolerance used if none is given"""

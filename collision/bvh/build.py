@@ -1,8 +1,8 @@
-"""Building a `Bvh`: object-median splits along the longest axis, in blocks of 8, 64, 512 … items.
+"""Construction of a `Bvh`: object-median splits along the longest axis, in blocks of 8, 64, 512 … items.
 
-Ericson, *Real-Time Collision Detection*, 2005, 6.2. Whole blocks make every node full but the last of its level, so
-that the number of nodes is known before any is made, and eight consecutive blocks of one size are a block of the next.
-Built at first need and kept on the mesh: `bvh_of(mesh)`.
+Ericson, *Real-Time Collision Detection*, 2005, 6.2. With whole blocks every node is full but the last of its level, so
+that the number of nodes is known in advance, and eight consecutive blocks of one size form a block of the next size.
+`bvh_of(mesh)` builds the hierarchy at the first call and keeps it on the mesh.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from collision.numeric.kernel import inner_kernel, kernel
 from collision.reference.shape import triangles_needed
 
 THREADS: Final = 2
-"""threads that build hierarchies; the result does not depend on it"""
+"""threads that build hierarchies; the result does not depend on their number"""
 WORTH_THREADS: Final = 4096
-"""triangles of one mesh from which on its surfaces are shared out"""
+"""triangles of a mesh above which its surfaces are built on several threads"""
 
 
 def bvh_of(mesh: SurfaceMesh) -> Bvh:
-    """The mesh's hierarchy, built at the first call and kept on the mesh.
+    """Return the mesh's hierarchy, built at the first call and kept on the mesh.
 
     Raises
     ------
@@ -43,25 +43,21 @@ def bvh_of(mesh: SurfaceMesh) -> Bvh:
 
 
 def build(meshes: Iterable[SurfaceMesh]) -> None:
-    """Build the hierarchies that meshes do not have yet, on `THREADS` threads: meshes, or the surfaces of a mesh."""
+    """Build the missing hierarchies of meshes on `THREADS` threads, which share the meshes, or a mesh's surfaces."""
     missing = list({id(mesh): mesh for mesh in meshes if "bvh" not in mesh._cache}.values())
     if len(missing) == 1:
         _build(missing[0], THREADS if missing[0].n_triangles > WORTH_THREADS else 1)
     elif missing:
         largest_first = sorted(missing, key=lambda mesh: -mesh.n_triangles)
-        # every thread has its share from the beginning: to hand meshes over one by one takes what threads gain
-        _on_threads(_build_share, [largest_first[t::THREADS] for t in range(THREADS)])
-
-
-def _build_share(meshes: list[SurfaceMesh]) -> None:
-    for mesh in meshes:
-        _build(mesh, 1)
+        # fixed shares: handing meshes over one by one costs as much as the threads gain
+        shares = [largest_first[t::THREADS] for t in range(THREADS)]
+        _on_threads(lambda share: [_build(mesh, 1) for mesh in share], shares)  # type: ignore[func-returns-value]
 
 
 def bounds_of(mesh: SurfaceMesh) -> NDArray[np.float64]:
-    """(7,) m: the box of the mesh's triangles, and the radius of the sphere about its centre that holds them.
+    """Return (7,) m: the box of the mesh's triangles, and the radius of the sphere about its centre that holds them.
 
-    Kept on the mesh; takes no hierarchy.
+    Computed at the first call and kept on the mesh; needs no hierarchy.
     """
     bounds: NDArray[np.float64] | None = mesh._cache.get("bounds")
     if bounds is None:
@@ -73,7 +69,7 @@ def bounds_of(mesh: SurfaceMesh) -> NDArray[np.float64]:
 
 
 def nodes_over(boxes: int | NDArray[np.integer]) -> Any:
-    """Nodes of all levels over so many boxes, up to one node; a box alone needs none. An array gives an array."""
+    """Return the number of nodes of all levels above that many boxes; 0 for a single box. Elementwise for an array."""
     boxes = np.asarray(boxes, np.int64)
     total = np.zeros_like(boxes)
     while (boxes > 1).any():
@@ -197,7 +193,7 @@ def longest_axis(centre, item, lo, hi):
 
 @kernel(allocates=True)
 def order_groups(item, centre):
-    """Permute `item` so that 8, 64, 512 … in a row lie close together, by their centres (3, n)."""
+    """Permute `item` so that each block of 8, 64, 512 … consecutive items is compact, by their centres (3, n)."""
     key = np.empty(len(item))
     stack = np.empty((128, 2), np.int64)
     stack[0, 0], stack[0, 1] = 0, len(item)
@@ -250,7 +246,7 @@ def rounded_up(x):
 
 @inner_kernel
 def hold_children(bvh, lane, node):
-    """Make the box in a lane that of the eight boxes of a node, which becomes its child."""
+    """Set the box in a lane to the union of the eight boxes of a node, and the node as its child."""
     to, at = NODE * (lane // LANES) + lane % LANES, NODE * node
     size = np.float32(0.0)
     for d in range(3):
@@ -265,7 +261,7 @@ def hold_children(bvh, lane, node):
 
 @inner_kernel
 def add_levels(bvh, node, nodes, surface):
-    """Make the levels over a level of `nodes` nodes from `node` on, of one surface or of several (-1); the top node."""
+    """Build the levels above `nodes` consecutive nodes of one surface, or of several (-1); return the top node."""
     while nodes > 1:
         above = node + nodes
         for i in range(nodes):
@@ -278,7 +274,7 @@ def add_levels(bvh, node, nodes, surface):
 
 @inner_kernel
 def add_packet(vertices, bvh, lane, packet, begin, end):
-    """Make the packet of the triangles from `begin` to `end` - 1 and its box in a lane."""
+    """Build the packet of the triangles `begin` … `end` - 1, and its box in a lane."""
     boxes, corner = bvh.boxes, bvh.corner
     to = NODE * (lane // LANES) + lane % LANES
     bvh.child[lane], bvh.first[packet] = ~packet, begin
@@ -303,8 +299,8 @@ def add_packet(vertices, bvh, lane, packet, begin, end):
 
 @kernel(allocates=True)
 def build_surfaces(vertices, triangles, by_surface, start, plan, bvh, place_from, place_to):
-    """Build the subtrees of the surfaces at the places `place_from` … `place_to` - 1 of the plan, but for their lanes'
-    part in the nodes above."""
+    """Build the subtrees of the surfaces at the places `place_from` … `place_to` - 1 of the plan; the nodes above them
+    are left to `close_top`."""
     one = len(plan) == 1
     for place in range(place_from, place_to):
         s, triangle, packet, node = plan[place]
@@ -338,7 +334,7 @@ def build_surfaces(vertices, triangles, by_surface, start, plan, bvh, place_from
 
 @kernel(allocates=True)
 def close_top(bvh):
-    """Make the nodes over the surfaces, once those are built, and end the list of packets."""
+    """Build the nodes above the surfaces, whose subtrees must exist, and end the list of packets."""
     bvh.first[len(bvh.first) - 1] = len(bvh.order)
     k = len(bvh.root)
     if k > 1:

@@ -1,12 +1,12 @@
-"""How a bounding volume hierarchy lies in memory: nodes of eight boxes, packets of eight triangles, no pointers.
+"""Memory layout of a bounding volume hierarchy: nodes of eight boxes, packets of eight triangles, no pointers.
 
 A box is named by its lane: lane = 8·node + (0 … 7). Node 0 has one box, that of the mesh, in lane 0. Below it come the
 nodes over the surfaces, eight children each, and below every surface's lane the nodes over its triangles, so that each
 subtree holds one surface. `child[lane]` is the node of the eight boxes below a box, or ~p for the packet p of up to
 eight triangles; triangles are numbered in leaf order, packet p has those from `first[p]` to `first[p + 1]` - 1.
 
-Boxes are about the centre of the mesh's box and rounded outwards; the triangles of a packet are about the centre of
-their box (as float32 has it), so that float32 resolves them to 1e-7 of the packet's size, wherever it lies.
+Coordinates of boxes are relative to the centre of the mesh's box and rounded outwards; those of a packet's triangles
+are relative to the centre of their box in float32, so that float32 resolves them to 1e-7 of the packet's size.
 """
 
 from __future__ import annotations
@@ -50,5 +50,5 @@ class Bvh(NamedTuple):
 
 
 def nbytes(bvh: Bvh) -> int:
-    """Bytes that a hierarchy takes beside its mesh."""
+    """Return the size of a hierarchy in bytes, without the vertices, which it shares with its mesh."""
     return sum(array.nbytes for name, array in zip(bvh._fields, bvh, strict=True) if name != "vertices")

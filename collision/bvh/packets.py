@@ -1,7 +1,4 @@
-"""Two packets of triangles: which pairs may be within a distance of each other, eight a time in float32."""
-
-# mypy: disable-error-code="call-arg, var-annotated"
-# (numba's intrinsics take one argument less than they are written with)
+"""Pairs of triangles of two packets that may be within a distance of each other, eight at a time in float32."""
 
 from __future__ import annotations
 
@@ -13,46 +10,42 @@ from collision.bvh.traverse import (
     box_at,
     corner_of,
     fresh_packets,
+    middle_and_half,
     moved_corner,
     packet_errors,
     reached,
 )
 from collision.numeric.kernel import inline_kernel
 from collision.numeric.simd import edges_cross, edges_near, lowest, triangles_near
+from collision.numeric.vectors import along
 
 
 @inline_kernel
 def box_middle(bvh, lane):
-    """(middle, half the edges) of the box in a lane, in the mesh's frame, m."""
-    at, boxes, frame = box_at(lane), bvh.boxes, bvh.frame
-    x0, x1 = np.float64(boxes[at]), np.float64(boxes[at + 3 * LANES])
-    y0, y1 = np.float64(boxes[at + LANES]), np.float64(boxes[at + 4 * LANES])
-    z0, z1 = np.float64(boxes[at + 2 * LANES]), np.float64(boxes[at + 5 * LANES])
-    return (
-        (frame[0] + 0.5 * (x0 + x1), frame[1] + 0.5 * (y0 + y1), frame[2] + 0.5 * (z0 + z1)),
-        (0.5 * (x1 - x0), 0.5 * (y1 - y0), 0.5 * (z1 - z0)),
-    )
+    """(middle, half edges), each (x, y, z), of the box in a lane, in the mesh's frame, m."""
+    middle, half = middle_and_half(bvh.boxes, box_at(lane))
+    return along(bvh.frame, 1.0, middle), half
 
 
 @inline_kernel
 def triangle_of(a, t):
-    """The corners of triangle t of a, in leaf order."""
+    """The corners of triangle t of a, in leaf order, m."""
     return corner_of(a, 3 * t), corner_of(a, 3 * t + 1), corner_of(a, 3 * t + 2)
 
 
 @inline_kernel
 def moved_triangle(b, t, matrix):
-    """The same of b in a's frame."""
+    """The corners of triangle t of b, in leaf order, moved into a's frame by `matrix`, m."""
     return moved_corner(b, 3 * t, matrix), moved_corner(b, 3 * t + 1, matrix), moved_corner(b, 3 * t + 2, matrix)
 
 
 @inline_kernel
 def near_triangles(a, b, ws, lane_a, lane_b, limit, direction, meeting):
-    """Bit 8·j + i: whether the signed distance of triangle i of a packet of a from triangle j of one of b may be at
-    most `limit` (float32, m); `ws.bounds[8 + 8·j + i]` is how little it can be.
+    """Bits of the pairs of triangles of two packets whose signed distance may be at most `limit` (float32, m).
 
-    direction: (x, y, z) float32, one along which they may be apart, or 0. meeting: whether triangles that meet are of
-    interest; for those that are apart the bounds are better without.
+    Bit 8·j + i is for triangle i of a's packet and j of b's; `ws.bounds[8 + 8·j + i]` is a lower bound of their signed
+    distance. direction: (x, y, z) float32, a candidate for a separating direction, or 0. meeting: also bound the depth
+    of triangles that meet, at the price of weaker bounds for those that are apart.
     """
     p, q = ~np.int64(a.child[lane_a]), ~np.int64(b.child[lane_b])
     fresh_packets(a, b, ws, p, q)
@@ -76,7 +69,7 @@ def near_triangles(a, b, ws, lane_a, lane_b, limit, direction, meeting):
 
 @inline_kernel
 def nearest_of(ws, bits):
-    """The bit of the pair of triangles of least bound."""
+    """The bit, of those set, whose pair of triangles has the least bound."""
     i, rest, bounds = lowest(bits), bits & (bits - 1), ws.bounds[LANES:]
     while rest != 0:
         if bounds[lowest(rest)] < bounds[i]:

@@ -1,7 +1,7 @@
-"""Walks of one hierarchy: a point or a triangle stands in the place of the second, as a box in lane 0 of `ws.moved`.
+"""Traversal of one hierarchy against a single box, that of a point or a triangle, in lane 0 of `ws.moved`.
 
-Such tasks take (a, a) for the two hierarchies and `ALONE` for the lane of b. They have `children_of_a`, and neither
-`children` nor `children_of_b`.
+A task of this kind is called with (a, a) for the two hierarchies and `ALONE` for the lane of b. It has `children_of_a`,
+but neither `children` nor `children_of_b`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from collision.bvh.layout import LANES
 from collision.numeric.kernel import inline_kernel, inner_kernel
 
 ALONE: Final = 0xFFFFFFFF
-"""the lane of the one box"""
+"""lane of the single box"""
 
 
 def below_packets_alone(task, bvh, lane):
-    """`is_bottom` of tasks about one hierarchy."""
+    """`is_bottom` of tasks for one hierarchy."""
     return lane == ALONE or bvh.child[lane] < 0
 
 
@@ -32,6 +32,6 @@ def _place(frame, moved, d, low, high):
 
 @inline_kernel
 def place_box(bvh, ws, low, high):
-    """Make the box from `low` to `high`, (x, y, z) in the mesh's frame, m, the one that stands for b."""
+    """Set the single box to that from `low` to `high`, (x, y, z) in the mesh's frame, m, rounded outwards."""
     for d in range(3):
         _place(bvh.frame, ws.moved, d, low[d], high[d])

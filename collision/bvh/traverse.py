@@ -1,24 +1,21 @@
-"""The traversal of two hierarchies, written once: a query is a task that is given to it.
+"""Traversal of two hierarchies: one walk for all queries, each of which is a task given to it.
 
-A task is a NamedTuple of what a query knows: limits, and arrays for what it finds. Its operations are methods of its
-class, resolved when the kernel that uses it is compiled (numba's `overload`):
+A task is a NamedTuple of the limits of a query and of arrays for its results. Its operations are methods of its class,
+resolved when the kernel that uses it is compiled (numba's `overload`):
 
 - `is_bottom(self, bvh, lane)`: whether a box is not opened further; by default, whether a packet is below it;
 - `children(self, ws, boxes, at, others, at_other)`: the node bound. Bit k of the result is set if the k-th of eight
-  boxes and the other box may hold what is looked for; `ws.bounds[k]` may be given a lower bound of how near, deep or
-  soon. Where the two hierarchies differ: `children_of_a(self, a, b, ws, node, lane_b)`, `children_of_b(self, a, b, ws,
-  lane_a, node)`;
+  boxes and the other box may contain a result; it may write a lower bound of the distance, depth or time to
+  `ws.bounds[k]`. A task that treats the two hierarchies differently has instead `children_of_a(self, a, b, ws, node,
+  lane_b)` and `children_of_b(self, a, b, ws, lane_a, node)`;
 - `visit(self, a, b, ws, lane_a, lane_b)`: the leaf visit, for two boxes that are both at the bottom. True ends the
   walk;
-- `is_open(self, ws, bound)`: whether a pair of that bound still matters when it is taken from the stack.
+- `is_open(self, ws, bound)`: whether a pair with this bound may still contain a result when it is popped.
 
-`walk` goes depth first, `walk_nearest` the same with the child of least bound first. Nodes of b are moved into a's
-frame, once a query and only when they are visited; their boxes are inflated by more than all rounding, of float32 here
-and of the float64 vertices that decide in the end. So every bound is conservative.
+`walk` traverses depth first; `walk_nearest` does so too and opens the child of least bound first. Nodes of b are moved
+into a's frame once per query, when they are first visited; their boxes are inflated by more than the rounding of
+float32 here and of the float64 vertices in the exact tests. So every bound is conservative.
 """
-
-# mypy: disable-error-code="call-arg, var-annotated"
-# (numba's intrinsics take one argument less than they are written with)
 
 from __future__ import annotations
 
@@ -32,16 +29,16 @@ from collision.bvh.layout import LANES, NODE, PREPARED, Bvh
 from collision.bvh.single import below_packets_alone
 from collision.numeric.kernel import inline_kernel, inner_kernel
 from collision.numeric.predicates import FALLBACKS, WORKSPACE
-from collision.numeric.rigid_transforms import transform
+from collision.numeric.rigid_transforms import rotate, transform
 from collision.numeric.simd import MOTION, lowest, move_boxes, near_lane, prepare_triangles, reaching, turn_triangles
 
 INLINE: Final[Any] = {"nogil": True, "_nrt": False, "error_model": "numpy", "forceinline": True}
 STACK: Final = 64 * 24
-"""pairs of boxes on the stack: up to eight at each step down either tree"""
+"""capacity of the stack of pairs of boxes: up to eight at each level of either tree"""
 
 
 class Pose(NamedTuple):
-    """The pose of b in a's frame, as `start` has prepared it."""
+    """The pose of b in a's frame, prepared by `start`."""
 
     matrix: Any
     """(15,) float64: rotation by rows, translation; then the translation that takes boxes about b's centre to boxes
@@ -51,7 +48,7 @@ class Pose(NamedTuple):
 
 
 class QueryWorkspace(NamedTuple):
-    """What a thread's queries work in; never part of an answer. One a thread, see `workspace`."""
+    """Arrays that the queries of one thread write to; never part of a result. See `workspace`."""
 
     pose: Pose
     moved: Any
@@ -61,11 +58,11 @@ class QueryWorkspace(NamedTuple):
     prepared: Any
     """(168 packets of a,) float32: prepared packets of a"""
     fresh_nodes: Any
-    """(nodes of b,) int64: the question for which a node was moved"""
+    """(nodes of b,) int64: number of the query in which each node was last moved"""
     fresh_b: Any
-    """(packets of b,) int64: the question for which a packet was turned"""
+    """(packets of b,) int64: number of the query in which each packet was last turned"""
     fresh_a: Any
-    """(packets of a,) int64: the question for which a packet was prepared"""
+    """(packets of a,) int64: number of the query in which each packet was last prepared"""
     stack: Any
     """int64: pairs of lanes"""
     keys: Any
@@ -73,7 +70,7 @@ class QueryWorkspace(NamedTuple):
     bounds: Any
     """(74,) float32: bounds of the children of a node, of 64 pairs of triangles, and `NearestTriangles.limit`"""
     floats: Any
-    """(11,) float64: what a `NearestTriangles` finds"""
+    """(11,) float64: `NearestTriangles.best`"""
     pairs: Any
     """int64: pairs of surfaces, surface of a · surfaces of b + surface of b"""
     rows: Any
@@ -85,12 +82,15 @@ class QueryWorkspace(NamedTuple):
 
 
 OBJECT_PAIRS, SURFACE_BOXES, TRIANGLE_BOXES, TRIANGLES, QUESTION, FOUND, MET = range(7)
-"""places in `Workspace.counts`: those of `Statistics`, the number of the question, and of the pairs of surfaces
-found"""
+"""places in `QueryWorkspace.counts`: the first four fields of `Statistics`; the number of the query; of the pairs of
+surfaces found; the triangles that `Intersect` found"""
 
 
 def new_workspace(nodes: int, packets: int, pairs: int, before: QueryWorkspace | None = None) -> QueryWorkspace:
-    """A workspace for so many nodes and packets a mesh and so many pairs of surfaces; counts go on from `before`."""
+    """Return a workspace for these numbers of nodes and packets per mesh, and of pairs of surfaces.
+
+    before: an earlier workspace, whose counts are continued.
+    """
     counts, exact = (np.zeros(7, np.int64), np.zeros(WORKSPACE)) if before is None else (before.counts, before.exact)
     return QueryWorkspace(
         Pose(np.empty(15), np.empty(MOTION, np.float32)),
@@ -112,7 +112,7 @@ def new_workspace(nodes: int, packets: int, pairs: int, before: QueryWorkspace |
 
 
 def large_enough(ws: QueryWorkspace | None, nodes: int = 1, packets: int = 1, pairs: int = 64) -> QueryWorkspace:
-    """The given workspace, or a larger one in its place where it is too small."""
+    """Return the given workspace, or a larger one if it is too small."""
     if ws is None:
         return new_workspace(nodes, packets, pairs)
     has = len(ws.fresh_nodes), len(ws.fresh_a), len(ws.pairs)
@@ -129,18 +129,18 @@ _local = _Local()
 
 
 def workspace(nodes: int = 1, packets: int = 1, pairs: int = 64) -> QueryWorkspace:
-    """This thread's workspace, large enough."""
+    """Return this thread's workspace, enlarged to these sizes if need be."""
     ws = _local.workspace = large_enough(_local.workspace, nodes, packets, pairs)
     return ws
 
 
 def workspace_for(a: Bvh, b: Bvh) -> QueryWorkspace:
-    """This thread's workspace, large enough for two hierarchies."""
+    """Return this thread's workspace, large enough for two hierarchies."""
     return workspace(max(len(a.child), len(b.child)) // LANES, max(len(a.first), len(b.first)) - 1)
 
 
 def counts_of(ws: QueryWorkspace) -> tuple[int, ...]:
-    """The five counts of `Statistics`, of all questions of a thread so far."""
+    """Return the five counts of `Statistics`, of all queries of a thread so far."""
     return (*ws.counts[:4].tolist(), int(ws.exact[FALLBACKS]))
 
 
@@ -152,15 +152,15 @@ def is_bottom(task, bvh, lane):
 
 
 def children(task, ws, boxes, at, others, at_other):
-    """Bits: which of the eight boxes at `at` may matter with the box at `at_other`, in a's frame."""
+    """Bits: which of the eight boxes at `at` may contain a result with the box at `at_other`, in a's frame."""
 
 
 def children_of_a(task, a, b, ws, node, lane_b):
-    """Bits: which boxes of a node of a may matter with a box of b."""
+    """Bits: which boxes of a node of a may contain a result with a box of b."""
 
 
 def children_of_b(task, a, b, ws, lane_a, node):
-    """Bits: which boxes of a node of b, which is moved, may matter with a box of a."""
+    """Bits: which boxes of a moved node of b may contain a result with a box of a."""
 
 
 def visit(task, a, b, ws, lane_a, lane_b):
@@ -168,7 +168,7 @@ def visit(task, a, b, ws, lane_a, lane_b):
 
 
 def is_open(task, ws, bound):
-    """Whether a pair of that bound still matters."""
+    """Whether a pair with this bound may still contain a result."""
 
 
 def below_packets(task, bvh, lane):
@@ -187,13 +187,13 @@ def pairs_with_b(task, a, b, ws, lane_a, node):
 
 
 def no_children(task, a, b, ws, lane_a, node):
-    """`children_of_b` of a task about one hierarchy: never called, for the one box is at the bottom."""
+    """`children_of_b` of a task for one hierarchy: never called, since the single box is at the bottom."""
     return 0
 
 
 _OF_TWO = {"is_bottom": below_packets, "children_of_a": pairs_with_a, "children_of_b": pairs_with_b}
 _OF_ONE = {"is_bottom": below_packets_alone, "children_of_b": no_children}
-"""operations that a class of tasks need not have; of one hierarchy are those without `children` and `children_of_b`"""
+"""default operations; a task with neither `children` nor `children_of_b` is one for a single hierarchy"""
 
 
 def _operation(stub: Any) -> None:
@@ -216,13 +216,13 @@ for _stub in (is_bottom, children, children_of_a, children_of_b, visit, is_open)
 
 @inline_kernel
 def box_at(lane):
-    """Where in `boxes` the first number of the box in a lane is."""
+    """The place in `boxes` of the first number of the box in a lane."""
     return NODE * (lane >> 3) + (lane & 7)
 
 
 @inline_kernel
 def fresh_node(b, ws, node):
-    """Move a node of b into a's frame, if this question has not done so."""
+    """Move a node of b into a's frame, unless this query has done so."""
     question = ws.counts[QUESTION]
     if ws.fresh_nodes[node] != question:
         ws.fresh_nodes[node] = question
@@ -231,7 +231,7 @@ def fresh_node(b, ws, node):
 
 @inline_kernel
 def open_pair(task, a, b, ws, lane_a, lane_b, bottom_a, bottom_b):
-    """Open the larger box of a pair that is not at the bottom: (bits of its children, first pair, step to the next)."""
+    """Open the larger box of a pair that is not at the bottom: (bits of its children, first child pair, stride)."""
     if bottom_b or (not bottom_a and a.size[lane_a] >= b.size[lane_b]):
         node = np.int64(a.child[lane_a])
         return children_of_a(task, a, b, ws, node, lane_b), (node << 35) | lane_b, 1 << 32
@@ -242,7 +242,7 @@ def open_pair(task, a, b, ws, lane_a, lane_b, bottom_a, bottom_b):
 
 @inline_kernel
 def walk(task, a, b, ws, lane_a, lane_b):
-    """Visit the pairs at the bottom below two boxes, depth first; whether a visit ended it."""
+    """Visit the pairs at the bottom below two boxes, depth first; return whether a visit ended the walk."""
     stack = ws.stack
     stack[0] = (np.int64(lane_a) << 32) | lane_b
     depth = 1
@@ -265,7 +265,10 @@ def walk(task, a, b, ws, lane_a, lane_b):
 
 @inline_kernel
 def walk_nearest(task, a, b, ws, lane_a, lane_b, bound):
-    """The same, of the children of a pair the one of least bound first; what a visit has ruled out is left out."""
+    """`walk` that opens the child of least bound first and skips pairs that are no longer open.
+
+    bound: of the first pair.
+    """
     stack, keys, bounds = ws.stack, ws.keys, ws.bounds
     stack[0], keys[0] = (np.int64(lane_a) << 32) | lane_b, bound
     depth = 1
@@ -294,7 +297,7 @@ def walk_nearest(task, a, b, ws, lane_a, lane_b, bound):
     return False
 
 
-# --- what queries begin with -----------------------------------------------------------------------------------------
+# --- the start of a query --------------------------------------------------------------------------------------------
 
 
 @inner_kernel
@@ -321,7 +324,7 @@ def prepare_motion(pose, frame_a, frame_b):
 
 @inline_kernel
 def start(a, b, ws):
-    """Begin a question about a and b at the pose in `ws.pose.matrix[:12]`: number it, move the box of b."""
+    """Start a query of a and b at the pose in `ws.pose.matrix[:12]`: number it, move the box of b."""
     ws.counts[QUESTION] += 1
     ws.counts[OBJECT_PAIRS] += 1
     prepare_motion(ws.pose, a.frame, b.frame)
@@ -331,7 +334,7 @@ def start(a, b, ws):
 
 @inline_kernel
 def fresh_packets(a, b, ws, p, q):
-    """Prepare packet p of a and turn packet q of b, if this question has not done so."""
+    """Prepare packet p of a and turn packet q of b, unless this query has done so."""
     question = ws.counts[QUESTION]
     if ws.fresh_a[p] != question:
         ws.fresh_a[p] = question
@@ -343,31 +346,27 @@ def fresh_packets(a, b, ws, p, q):
 
 @inline_kernel
 def middle_and_half(boxes, at):
-    """(middle, half the edge) along one axis of the box whose least coordinate is `boxes[at]`."""
-    low, high = boxes[at], boxes[at + 3 * LANES]
-    return 0.5 * (np.float64(low) + np.float64(high)), np.float32(0.5) * (high - low)
+    """(middle, half edges), each (x, y, z) float64, m, of the box whose first number is `boxes[at]`."""
+    x0, x1 = np.float64(boxes[at]), np.float64(boxes[at + 3 * LANES])
+    y0, y1 = np.float64(boxes[at + LANES]), np.float64(boxes[at + 4 * LANES])
+    z0, z1 = np.float64(boxes[at + 2 * LANES]), np.float64(boxes[at + 5 * LANES])
+    return (0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1)), (0.5 * (x1 - x0), 0.5 * (y1 - y0), 0.5 * (z1 - z0))
 
 
 @inline_kernel
 def packet_errors(a, b, ws, lane_a, lane_b):
-    """Of two packets, float32: shift of b's and half the box of a's, (x, y, z); error bounds (off, kf, kp, k).
+    """Shift of b's packet and half the box of a's, (x, y, z), and error bounds (off, kf, kp, k), all float32.
 
-    Both packets are about the centre of a's box; b's is turned, and shifted. Coordinates there are off by at most
-    10 roundings of float32 of the packets' size (those of b turned and shifted) and by what the float64 vertices are
-    off; differences by `off`. With e, f, w off by `off` an entry, their determinant is off by no more than
+    Coordinates are relative to the centre of a's box; b's packet is turned, then shifted. The error of a coordinate is
+    at most 10 roundings of float32 of the packets' size plus the error of the float64 vertices; `off` bounds that of a
+    difference. If every entry of e, f, w has an error of `off`, that of their determinant is at most
     off·(|e||f| + |f||w| + |w||e|) in sum norms, each enlarged by 2·off; its rounding adds less than 2·off·|e||f|, and
-    1 % is for the rounding of the bound: kf·(|e| + |f|) + kp·|e||f| + k.
+    1 % covers the rounding of the bound: kf·(|e| + |f|) + kp·|e||f| + k.
     """
-    m, at_a, at_b = ws.pose.matrix, box_at(lane_a), box_at(lane_b)
-    ax, hx = middle_and_half(a.boxes, at_a)
-    ay, hy = middle_and_half(a.boxes, at_a + LANES)
-    az, hz = middle_and_half(a.boxes, at_a + 2 * LANES)
-    bx, _ = middle_and_half(b.boxes, at_b)
-    by, _ = middle_and_half(b.boxes, at_b + LANES)
-    bz, _ = middle_and_half(b.boxes, at_b + 2 * LANES)
-    sx = np.float32(m[0] * bx + m[1] * by + m[2] * bz + (m[12] - ax))
-    sy = np.float32(m[3] * bx + m[4] * by + m[5] * bz + (m[13] - ay))
-    sz = np.float32(m[6] * bx + m[7] * by + m[8] * bz + (m[14] - az))
+    m = ws.pose.matrix
+    (ax, ay, az), (hx, hy, hz) = middle_and_half(a.boxes, box_at(lane_a))
+    x, y, z = rotate(m, middle_and_half(b.boxes, box_at(lane_b))[0])
+    sx, sy, sz = np.float32(x + (m[12] - ax)), np.float32(y + (m[13] - ay)), np.float32(z + (m[14] - az))
     size_a, size_b = a.size[lane_a], b.size[lane_b]
     half, shift = np.float32(0.5) * size_a + np.float32(0.9) * size_b, abs(sx) + abs(sy) + abs(sz)
     # where boxes do not overlap the shift may be large against the packets
@@ -376,13 +375,13 @@ def packet_errors(a, b, ws, lane_a, lane_b):
     kf = np.float32(1.01) * off * (reach + np.float32(6.0) * off)
     kp = np.float32(3.03) * off
     k = np.float32(1.01) * off * off * (np.float32(4.0) * reach + np.float32(12.0) * off)
-    return (sx, sy, sz), (hx, hy, hz), (off, kf, kp, k)
+    return (sx, sy, sz), (np.float32(hx), np.float32(hy), np.float32(hz)), (off, kf, kp, k)
 
 
 @inline_kernel
 def reached(ws, q, shift, half, reach):
-    """Bits: which triangles of packet q of b, turned and shifted, come with their boxes within `reach` (float32, m) of
-    the box of half edges `half` about the origin."""
+    """Bits: which triangles of packet q of b, turned and shifted, have boxes within `reach` (float32, m) of the box of
+    half edges `half` about the origin."""
     return reaching(
         ws.turned, PREPARED * q,
         -half[0] - shift[0] - reach, -half[1] - shift[1] - reach, -half[2] - shift[2] - reach,
@@ -399,12 +398,18 @@ def corner_of(a, i):
 
 @inline_kernel
 def moved_corner(b, i, matrix):
-    """The same of b in a's frame: the arithmetic by which all methods move vertices."""
+    """The vertex of b at place i of `Bvh.corner` in a's frame, m, by the arithmetic with which all methods move it."""
     return transform(matrix, corner_of(b, i))
 
 
+@inner_kernel
+def float_limit(x):
+    """A finite float32 not below x."""
+    return np.float32(min(x + 2.0**-20 * abs(x) + 1e-37, 3e38))
+
+
 class Surfaces(NamedTuple):
-    """Task: pairs of surfaces whose boxes come near, into `ws.pairs`; how many there are, into `ws.counts[FOUND]`."""
+    """Task: write the pairs of surfaces whose boxes are near to `ws.pairs`, and their number to `ws.counts[FOUND]`."""
 
     limit: Any
     """float32, m²: the greatest squared distance of the boxes, at most 3e38"""
@@ -429,12 +434,12 @@ class Surfaces(NamedTuple):
 
 @inline_kernel
 def near_surfaces(a, b, ws, limit):
-    """Fill `ws.pairs` with the pairs of surfaces whose boxes are within `limit` (squared, m²); how many there are.
+    """Fill `ws.pairs` with the pairs of surfaces whose boxes are within `limit` (squared, m²); return their number.
 
-    If there are more than `ws.pairs` can hold, its content is undefined; the caller must call again with a longer one.
+    If they are more than `ws.pairs` can hold, its content is undefined; the caller must call again with a longer one.
     """
     ws.counts[FOUND] = 0
-    task = Surfaces(np.float32(min(limit * (1.0 + 2.0**-20) + 1e-37, 3e38)))
+    task = Surfaces(float_limit(limit))
     if len(a.root) > 1 or len(b.root) > 1:
         walk(task, a, b, ws, 0, 0)
         return ws.counts[FOUND]

@@ -1,4 +1,4 @@
-"""A point and a triangle: the nearest point, and the solid angle."""
+"""Nearest point of a triangle, and its solid angle."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from collision.numeric.kernel import inner_kernel
 from collision.numeric.vectors import along, cross, dot, norm, sub
 
 SURE: Final = 1e12
-"""1: the side of an edge on which a point lies is sure if the squared area is above 1/SURE of the squared size"""
+"""1: the side of an edge on which a point lies is reliable if the squared area is above 1/SURE of the squared size"""
 
 
 @inner_kernel
 def solid_angle(a, b, c):
-    """sr, the signed solid angle of a triangle seen from the origin: positive from behind.
+    """Signed solid angle, sr, of a triangle seen from the origin: positive from behind.
 
     Van Oosterom & Strackee, "The Solid Angle of a Plane Triangle", 1983.
     """
@@ -25,10 +25,10 @@ def solid_angle(a, b, c):
 
 @inner_kernel
 def closest_on_triangle(p, a, b, c):
-    """(nearest point, where it lies: 0 … 2 on the edge ab, bc, ca, 3 … 5 in the corner a, b, c, 6 inside).
+    """(nearest point, feature on which it lies: 0 … 2 the edge ab, bc, ca, 3 … 5 the corner a, b, c, 6 the face).
 
-    A point whose foot is outside the triangle is nearest to an edge that it lies beyond; where rounding might hide such
-    an edge, as of a sliver, all three are compared.
+    If the foot of p is outside the triangle, only the edges that p lies beyond are compared; for a sliver, where
+    rounding makes the side unreliable, all three.
     """
     ab, ac, ap = sub(b, a), sub(c, a), sub(p, a)
     n = cross(ab, ac)

@@ -1,12 +1,12 @@
-"""Exact signs: on which side of a plane, or of a line, a point lies, for float64 coordinates as given.
+"""Exact orientation predicates: the side of a plane, or of a line, on which a point lies, for float64 coordinates.
 
 A floating-point filter decides first: the determinant in float64 and an a-priori error bound. A determinant within the
 bound is computed without error as an expansion, a sum of floats that do not overlap (Shewchuk, "Adaptive Precision
-Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997; figure numbers are his). Exact as long as no
-product over- or underflows: coordinates of magnitude 0, or from 1e-70 to 1e70.
+Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997; figure numbers refer to it). Exact as long as no
+product over- or underflows: coordinates are 0 or of magnitude 1e-70 to 1e70.
 
-Kernels without fastmath: a fused multiply-add would break the error-free transformations. They share a workspace `w` of
-`WORKSPACE` float64, one a thread; `w[FALLBACKS]` counts the signs that needed exact arithmetic.
+The kernels do not use fastmath: a fused multiply-add would break the error-free transformations. They share a workspace
+`w` of `WORKSPACE` float64 per thread; `w[FALLBACKS]` counts the signs that needed exact arithmetic.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.kernel import inline_kernel, inner_kernel, kernel
 from collision.numeric.vectors import sub
 
 WORKSPACE: Final = 1024
-"""float64 a thread needs"""
+"""length of a workspace, float64"""
 FALLBACKS: Final = WORKSPACE - 1
 """index in the workspace of the number of exact evaluations"""
 
@@ -28,9 +28,9 @@ SPLITTER: Final = 134217729.0  # 2^27 + 1
 ORIENT2D: Final = (3.0 + 16.0 * 2.0**-53) * 2.0**-53  # Shewchuk's ccwerrboundA
 ORIENT3D: Final = (7.0 + 56.0 * 2.0**-53) * 2.0**-53  # Shewchuk's o3derrboundA
 TINY: Final = 1e-280
-"""An error bound below this may have lost bits to underflow; a bound of 0 is right, since every product is 0."""
+"""an error bound below this may have lost bits to underflow; 0 is exact, since then every product is 0"""
 
-# Offsets in the workspace; each part is as long as the longest expansion in it.
+# offsets in the workspace; each part is as long as its longest expansion
 _DIFFERENCE: Final = 0
 _LEFT: Final = 32
 _RIGHT: Final = 48
@@ -49,17 +49,9 @@ def workspace() -> NDArray[np.float64]:
     return np.zeros(WORKSPACE)
 
 
-@inner_kernel
-def _difference(w, h, a, b):
-    """Place a - b at `w[h]` without error; return its length, 0 … 2 (figure 6, Two-Diff)."""
-    x = a - b
-    bv = a - x
-    av = x + bv
-    y = (a - av) + (bv - b)
-    n = 0
-    if y != 0.0:
-        w[h] = y
-        n = 1
+@inline_kernel
+def _append(w, h, n, x):
+    """Append x to the expansion of length n at `w[h]`, unless it is 0; return the new length."""
     if x != 0.0:
         w[h + n] = x
         n += 1
@@ -67,16 +59,21 @@ def _difference(w, h, a, b):
 
 
 @inner_kernel
+def _difference(w, h, a, b):
+    """Write a - b without error to `w[h]`; return its length, 0 … 2 (figure 6, Two-Diff)."""
+    x = a - b
+    bv = a - x
+    av = x + bv
+    return _append(w, h, _append(w, h, 0, (a - av) + (bv - b)), x)
+
+
+@inner_kernel
 def _sum(w, e, ne, f, nf, sign, h):
-    """Place e + sign·f at `w[h]`, zeros left out; return its length (figure 8, Fast-Expansion-Sum)."""
-    if ne == 0:
-        for i in range(nf):
-            w[h + i] = sign * w[f + i]
-        return nf
-    if nf == 0:
-        for i in range(ne):
-            w[h + i] = w[e + i]
-        return ne
+    """Write e + sign·f to `w[h]` without zeros; return its length (figure 8, Fast-Expansion-Sum)."""
+    if ne == 0 or nf == 0:
+        for i in range(ne + nf):
+            w[h + i] = w[e + i] if nf == 0 else sign * w[f + i]
+        return ne + nf
     i, j, n = 0, 0, 0
     q = 0.0
     for step in range(ne + nf):
@@ -92,20 +89,14 @@ def _sum(w, e, ne, f, nf, sign, h):
         s = q + g  # Two-Sum
         gv = s - q
         qv = s - gv
-        r = (q - qv) + (g - gv)
+        n = _append(w, h, n, (q - qv) + (g - gv))
         q = s
-        if r != 0.0:
-            w[h + n] = r
-            n += 1
-    if q != 0.0:
-        w[h + n] = q
-        n += 1
-    return n
+    return _append(w, h, n, q)
 
 
 @inner_kernel
 def _scale(w, e, ne, b, h):
-    """Place e·b at `w[h]`, zeros left out; return its length, at most 2·ne (figure 13, Scale-Expansion)."""
+    """Write e·b to `w[h]` without zeros; return its length, at most 2·ne (figure 13, Scale-Expansion)."""
     c = SPLITTER * b
     b_high = c - (c - b)
     b_low = b - b_high
@@ -120,31 +111,20 @@ def _scale(w, e, ne, b, h):
         r = low * b_low - (((p - high * b_high) - low * b_high) - high * b_low)  # Two-Product
         if i == 0:
             q = p
-            if r != 0.0:
-                w[h + n] = r
-                n += 1
+            n = _append(w, h, n, r)
             continue
         s = q + r
         rv = s - q
         qv = s - rv
-        error = (q - qv) + (r - rv)
-        if error != 0.0:
-            w[h + n] = error
-            n += 1
+        n = _append(w, h, n, (q - qv) + (r - rv))
         q = p + s  # |p| >= |s|: Fast-Two-Sum
-        error = s - (q - p)
-        if error != 0.0:
-            w[h + n] = error
-            n += 1
-    if q != 0.0:
-        w[h + n] = q
-        n += 1
-    return n
+        n = _append(w, h, n, s - (q - p))
+    return _append(w, h, n, q)
 
 
 @inner_kernel
 def _product(w, e, ne, f, nf, h):
-    """Place e·f at `w[h]`, where f has at most two components and e at most sixteen; return its length."""
+    """Write e·f to `w[h]`, where f has at most two components and e at most sixteen; return its length."""
     n = 0
     for i in range(nf):
         m = _scale(w, e, ne, w[f + i], _SCALED)
@@ -162,8 +142,19 @@ def _sign(w, e, ne):
     return 1 if w[e + ne - 1] > 0.0 else -1
 
 
+@inline_kernel
+def _filtered(det, bound):
+    """Return the sign of a determinant with an error bound, 2 if it is within the bound."""
+    if bound == 0.0:
+        return 0
+    if bound > TINY and abs(det) > bound:
+        return 1 if det > 0.0 else -1
+    return 2
+
+
 @inner_kernel
 def _orient2d_exact(ax, ay, bx, by, cx, cy, w):
+    """The sign of `orient2d` by expansions."""
     w[FALLBACKS] += 1.0
     d = _DIFFERENCE
     n0 = _difference(w, d, ax, cx)
@@ -180,27 +171,19 @@ def orient2d(ax, ay, bx, by, cx, cy, w):
     """Return 1 if a, b, c turn left, -1 if right, 0 if collinear."""
     left = (ax - cx) * (by - cy)
     right = (ay - cy) * (bx - cx)
-    det = left - right
-    bound = ORIENT2D * (abs(left) + abs(right))
-    if bound == 0.0:
-        return 0
-    if bound > TINY:
-        if det > bound:
-            return 1
-        if -det > bound:
-            return -1
-    return _orient2d_exact(ax, ay, bx, by, cx, cy, w)
+    sign = _filtered(left - right, ORIENT2D * (abs(left) + abs(right)))
+    return _orient2d_exact(ax, ay, bx, by, cx, cy, w) if sign == 2 else sign
 
 
 @inner_kernel
 def _entries(w, i, j, h):
-    """Place the product of the differences i and j at `w[h]`; return its length."""
+    """Write the product of the differences i and j to `w[h]`; return its length."""
     return _product(w, _DIFFERENCE + 2 * i, int(w[_LENGTH + i]), _DIFFERENCE + 2 * j, int(w[_LENGTH + j]), h)
 
 
 @inner_kernel
 def _orient3d_exact(a, b, c, d, w):
-    # loops, not three terms written out: the compiler would write out every step of each
+    """The sign of `orient3d` by expansions: a loop, because three written terms would be inlined three times."""
     w[FALLBACKS] += 1.0
     for i in range(3):
         w[_GIVEN + i], w[_GIVEN + 3 + i], w[_GIVEN + 6 + i], w[_GIVEN + 9 + i] = a[i], b[i], c[i], d[i]
@@ -222,7 +205,7 @@ def _orient3d_exact(a, b, c, d, w):
 
 @kernel
 def orient3d(a, b, c, d, w):
-    """Return the sign of det[a - d, b - d, c - d], of points (x, y, z).
+    """Return the sign of det[a - d, b - d, c - d] of points (x, y, z).
 
     1 if d lies below the plane of a, b, c (from above, a, b, c turn left), -1 if above, 0 if coplanar.
     """
@@ -234,11 +217,5 @@ def orient3d(a, b, c, d, w):
     bound = ORIENT3D * (
         (abs(bc) + abs(cb)) * abs(adz) + (abs(ca) + abs(ac)) * abs(bdz) + (abs(ab) + abs(ba)) * abs(cdz)
     )
-    if bound == 0.0:
-        return 0
-    if bound > TINY:
-        if det > bound:
-            return 1
-        if -det > bound:
-            return -1
-    return _orient3d_exact(a, b, c, d, w)
+    sign = _filtered(det, bound)
+    return _orient3d_exact(a, b, c, d, w) if sign == 2 else sign

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from collision.numeric.kernel import inline_kernel, inner_kernel, kernel
+from collision.numeric.vectors import cross, dot
 
 
 @inner_kernel
@@ -17,11 +18,7 @@ def take_pose(matrix, rigid, pose):
             off = max(off, abs(product - (1.0 if d == e else 0.0)))
         if not np.isfinite(matrix[d, 3]) or matrix[3, d] != 0.0:
             return False
-    det = (
-        matrix[0, 0] * (matrix[1, 1] * matrix[2, 2] - matrix[1, 2] * matrix[2, 1])
-        + matrix[0, 1] * (matrix[1, 2] * matrix[2, 0] - matrix[1, 0] * matrix[2, 2])
-        + matrix[0, 2] * (matrix[1, 0] * matrix[2, 1] - matrix[1, 1] * matrix[2, 0])
-    )
+    det = dot(matrix[0], cross(matrix[1], matrix[2]))
     if not (off <= rigid and 0.0 < det < np.inf and matrix[3, 3] == 1.0):  # NaN: det > 0 is false
         return False
     for d in range(3):
@@ -89,8 +86,8 @@ def relative_poses(pose, pairs, out):
 
 @inner_kernel
 def screw_pose(screw, t, out):
-    """Fill `out` (12,) with the pose at time t on a screw (18,): the pose at t = 0, then the body twist (v, w) over the
-    unit of time (Rodrigues' formula)."""
+    """Fill `out` (12,) with the pose at time t on a screw (18,): the pose at t = 0, then the body twist (v, w) per unit
+    of time (Rodrigues' formula)."""
     pose, twist = screw[:12], screw[12:]
     wx, wy, wz = twist[3] * t, twist[4] * t, twist[5] * t
     angle = np.sqrt(wx * wx + wy * wy + wz * wz)

@@ -1,4 +1,4 @@
-"""Vectors as kernels take them: tuples (x, y, z), which live in registers."""
+"""Vectors in kernels: tuples (x, y, z), which live in registers."""
 
 from __future__ import annotations
 
@@ -32,6 +32,12 @@ def along(a, s, u):
 
 
 @inner_kernel
+def scaled(s, u):
+    """s·u."""
+    return (s * u[0], s * u[1], s * u[2])
+
+
+@inner_kernel
 def greatest(u):
     """The greatest magnitude among the components."""
     return max(abs(u[0]), abs(u[1]), abs(u[2]))
@@ -45,14 +51,14 @@ def norm(u):
 
 @inner_kernel
 def unit(u):
-    """u / |u|, or zero of a u that is."""
+    """u / |u|, or zero if u is zero."""
     length = norm(u)
     return (u[0] / length, u[1] / length, u[2] / length) if length > 1e-300 else (0.0, 0.0, 0.0)
 
 
 @inner_kernel
 def rotated(rotation, u):
-    """R u, of an array (3, 3)."""
+    """R u, of an array R (3, 3)."""
     return (
         rotation[0, 0] * u[0] + rotation[0, 1] * u[1] + rotation[0, 2] * u[2],
         rotation[1, 0] * u[0] + rotation[1, 1] * u[1] + rotation[1, 2] * u[2],

@@ -10,8 +10,10 @@ motions here instead of infinitesimal ones).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -43,6 +45,12 @@ GRAZES = 64
 """contacts grazed on a leg before it counts as stopped"""
 STILL = 1e-3
 """1: of the tolerance: triangles that move less along their normal on a leg are not part of the front"""
+SOON = 16.0
+"""1: of the tolerance: travel after which a face that has passed through the face that it touched is seen inside"""
+FEW = 64
+"""vertices of a mesh that are kept without its convex hull being computed"""
+MOST_EXTENTS = 4096
+"""directions along which extents are kept"""
 SIDES = 8
 """directions perpendicular to a straight path along which shadows are compared"""
 
@@ -124,7 +132,11 @@ class Sweeps:
         self.meshes, self.poses, self.tolerance, self.excuse = tuple(meshes), tuple(poses), tolerance, excuse
         self.count = 0
         """legs swept so far"""
-        self._corners = [np.ascontiguousarray(m.vertices[np.unique(m.triangles)]) for m in self.meshes]
+        hulls: dict[int, Array] = {id(m): _hull(m) for m in self.meshes}
+        self._corners = [hulls[id(m)] for m in self.meshes]
+        self._placed = np.concatenate([self.corners(i) for i in range(len(self.meshes))] or [np.zeros((0, 3))])
+        self._first = np.cumsum([0, *map(len, self._corners)])[:-1]
+        """of each object, its first row of `_placed`"""
         self._worlds: dict[tuple[Any, ...], CollisionManager] = {}
         pressed = tolerance.slop * tolerance.linear
         self._precision = CollisionManager(replace(tolerance, linear=pressed / tolerance.depth))
@@ -134,7 +146,7 @@ class Sweeps:
         self._depths_met: dict[tuple[int, int], dict[tuple[int, int], float]] = {}
         self._overlaps: dict[tuple[Any, ...], SurfacePairs] = {}
         self._begins: dict[tuple[Any, ...], bool] = {}
-        self._extents: dict[tuple[int, bytes], tuple[float, float]] = {}
+        self._extents: dict[bytes, Array] = {}
         self._turns: dict[int, tuple[Sequence[pin.SE3], Any, dict[int, Array]]] = {}
         """by identity of knots: the knots, their screw axis, and by object its profile about it"""
 
@@ -147,14 +159,22 @@ class Sweeps:
 
     def extent(self, i: int, direction: Array) -> tuple[float, float]:
         """(least, greatest) coordinate of object i at its initial pose along a world direction (3,), m."""
-        key = i, np.ascontiguousarray(direction).tobytes()
+        low, high = self.extents(direction)[:, i].tolist()
+        return low, high
+
+    def extents(self, direction: Array) -> Array:
+        """(2, n) least and greatest coordinates of all objects at their initial poses along a direction, m. Cached."""
+        key = np.ascontiguousarray(direction).tobytes()
         if key not in self._extents:
-            heights = self._corners[i] @ (self.poses[i].rotation.T @ direction) + self.poses[i].translation @ direction
-            self._extents[key] = float(heights.min()), float(heights.max())
+            if len(self._extents) >= MOST_EXTENTS:
+                self._extents.clear()
+            heights = self._placed @ direction
+            reduced = (ufunc.reduceat(heights, self._first) for ufunc in (np.minimum, np.maximum))
+            self._extents[key] = np.stack(list(reduced))
         return self._extents[key]
 
     def corners(self, i: int) -> Array:
-        """(n, 3) vertices of object i at its initial pose, world, m."""
+        """(n, 3) vertices of the convex hull of object i at its initial pose, world, m."""
         return np.asarray(self._corners[i] @ self.poses[i].rotation.T + self.poses[i].translation)
 
     def length_until_apart(self, i: int, j: int, direction: Array) -> float:
@@ -163,11 +183,30 @@ class Sweeps:
 
     def shadows_meet(self, i: int, j: int, direction: Array) -> bool:
         """Whether j may lie in the shadow of i along a direction; False is certain, and i then passes j."""
-        return all(
-            self.extent(i, side)[0] <= self.extent(j, side)[1] + self.tolerance.linear
-            and self.extent(j, side)[0] <= self.extent(i, side)[1] + self.tolerance.linear
-            for side in _across(direction)
-        )
+        return bool(self._shadowed(i, direction)[j])
+
+    def _shadowed(self, i: int, direction: Array) -> NDArray[np.bool_]:
+        """(n,) the objects whose shadows may meet that of i."""
+        out = np.ones(len(self.meshes), bool)
+        for side in _across(direction):
+            low, high = self.extents(side)
+            out &= (low[i] <= high + self.tolerance.linear) & (low <= high[i] + self.tolerance.linear)
+        return out
+
+    def ahead(self, i: int, direction: Array) -> NDArray[np.intp]:
+        """The objects that i may meet on a straight path along a direction; it certainly passes all others."""
+        low, high = self.extents(direction)
+        out = self._shadowed(i, direction) & (high > low[i])
+        out[i] = False
+        return np.flatnonzero(out)
+
+    def beside(self, i: int, knots: Sequence[pin.SE3]) -> NDArray[np.intp]:
+        """The objects whose boxes meet the box of i on a path; it certainly passes all others."""
+        low, high = self._whole_box(i, knots)
+        lows, highs = np.stack([self.extents(axis) for axis in np.eye(3)], axis=2)
+        out = (low <= highs).all(axis=1) & (lows <= high).all(axis=1)
+        out[i] = False
+        return np.flatnonzero(out)
 
     def stop(
         self, i: int, j: int, knots: Sequence[pin.SE3], besides: tuple[SurfacePairs, ...] = (), graze: bool = True
@@ -207,7 +246,7 @@ class Sweeps:
             key = i, j, left_out
             whole = _Swept(i, j, self._world(*key), self._depths_of, lambda: self.depths(i, j), key)
             found = self._swept(whole, start, end, graze)
-            if fits and graze and self._pass_unseen(i, j, start, end, found, left_out):
+            if graze and self._pass_unseen(i, j, start, end, found, left_out):
                 return self._at_once(i, j, start, left_out)
             return found
         seen_from_j = self._shrinks(i, j, 0, start, end, left_out)
@@ -304,18 +343,17 @@ class Sweeps:
         self, i: int, j: int, start: pin.SE3, end: pin.SE3, found: tuple[float, NDArray[Any]] | None,
         left_out: tuple[SurfacePairs, ...],
     ) -> bool:  # fmt: skip
-        """Whether faces that touch at the start of a leg are inside the other object at its end.
+        """Whether faces that touch at the start of a leg are inside the other object soon after, or at its end.
 
-        Distances do not show that two faces have passed through each other, and the intersecting surfaces beside them
-        may be excluded.
+        Distances do not show that two faces have passed through each other: faces of one outline meet nothing beyond,
+        and the intersecting surfaces beside them may be excluded.
         """
         world = self._world(i, j, left_out)
         world.set_pose(0, start * self.poses[i])
         rows = world.contacts(self.tolerance.linear)
-        at = _reached(start, end, found)
         for side, name in enumerate(("surface_a", "surface_b")) if len(rows) else ():
             front = self._front(i, j, side, start, end, left_out, rows[name])
-            if front is not None and self._is_inside(i, j, front, at):
+            if front is not None and self._comes_inside(i, j, front, start, end, found):
                 return True
         return False
 
@@ -340,7 +378,7 @@ class Sweeps:
         drawn = {pair: d for pair, d in triangle_depths(world).items() if d <= self.tolerance.linear}
         swept = _Swept(i, j, world, triangle_depths, lambda: drawn, None, front)
         found = self._swept(swept, start, end, True)
-        if front.excused and self._is_inside(i, j, front, _reached(start, end, found)):
+        if self._comes_inside(i, j, front, start, end, found):
             return self._at_once(i, j, start, left_out)
         return found
 
@@ -368,6 +406,21 @@ class Sweeps:
         place = {s: k for k, s in enumerate(of.tolist())}
         excused = [(tuple(place[s] for s in mine if s in place), theirs) for mine, theirs in pairings]
         return _Front(side, part, solid, triangles, of, tuple(pair for pair in excused if pair[0]))
+
+    def _comes_inside(
+        self, i: int, j: int, front: _Front, start: pin.SE3, end: pin.SE3, found: tuple[float, NDArray[Any]] | None
+    ) -> bool:
+        """Whether part of a front that begins outside the other object is inside it soon after, or where it stops."""
+        import pinocchio as pin
+
+        reached = _reached(start, end, found)
+        if self._is_inside(i, j, front, reached):
+            return True
+        speed = self._speed(i, start, end)
+        soon = SOON * self.tolerance.linear / speed if speed > 0.0 else 1.0
+        if soon >= (1.0 if found is None else found[0]):
+            return False
+        return self._is_inside(i, j, front, start * pin.exp6(pin.log6(start.actInv(end)) * soon))
 
     def _is_inside(self, i: int, j: int, front: _Front, at: pin.SE3) -> bool:
         """Whether part of a front is deeper inside the other object than the tolerance, i displaced by `at`."""
@@ -588,9 +641,29 @@ def _none() -> NDArray[Any]:
     return np.empty(0, CONTACT_DTYPE)
 
 
-def _across(direction: Array) -> Iterable[Array]:
+def _hull(mesh: SurfaceMesh) -> Array:
+    """(n, 3) vertices of the convex hull of a mesh's triangles; all vertices where they are few or flat."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    corners = mesh.vertices[np.unique(mesh.triangles)]
+    if len(corners) > FEW:
+        with suppress(QhullError):
+            corners = corners[ConvexHull(corners).vertices]
+    return np.ascontiguousarray(corners)
+
+
+@lru_cache(MOST_EXTENTS)
+def _sides(direction: tuple[float, ...]) -> tuple[Array, ...]:
+    return tuple(_around(np.array(direction)))
+
+
+def _across(direction: Array) -> tuple[Array, ...]:
     """SIDES unit vectors perpendicular to a unit direction, over half a circle; the same for -direction."""
     d = direction if tuple(direction) > tuple(-direction) else -direction
+    return _sides(tuple(d.tolist()))
+
+
+def _around(d: Array) -> Iterable[Array]:
     u = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
     u /= np.linalg.norm(u)
     v = np.cross(d, u)

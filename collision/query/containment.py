@@ -1,14 +1,10 @@
-"""Whether a point is inside a mesh, and whether one object lies wholly inside another.
+"""Containment of points in a mesh, and of one object in another.
 
 A point is inside a mesh if its generalised winding number is above 1/2: the sum of the triangles' signed solid angles
 over 4π (Jacobson et al., "Robust Inside-Outside Segmentation using Generalized Winding Numbers", 2013). No ray is cast,
 so no ray can hit an edge. Overlapping closed shells count as their union; an inner shell with its normals turned
-inwards is a cavity. The surface on which the winding number is 1/2 takes the place of an open mesh's missing faces; a
-sheet bounds nothing.
+inwards is a cavity. An open mesh is closed by the surface on which the winding number is 1/2; a sheet bounds nothing.
 """
-
-# mypy: disable-error-code="call-arg, var-annotated"
-# (numba's intrinsics take one argument less than they are written with)
 
 from __future__ import annotations
 
@@ -30,14 +26,14 @@ from collision.query.intersection import intersecting
 from collision.solid import SolidMesh, solid_of
 
 FAR: Final = ((2.0, 0.25), (4.0, 0.03), (np.inf, 0.0))
-"""1: from how many radii on a cluster of triangles is seen as a dipole, and how far from 1/2 winding numbers are then
-sure (errors measured, of open and closed meshes: 0.07 and 0.008)"""
+"""(distance of a cluster of triangles, in its radii, above which it counts as a dipole; error bound of winding numbers
+then). Errors measured for open and closed meshes: 0.07 and 0.008"""
 MOUTH: Final = 0.01
-"""1: an open mesh winds about what is inside by this more than 1/2, so that its mouth, where that is 1/2, is outside"""
+"""1: winding number above 1/2 from which on a point is inside an open mesh, so that its mouth is outside"""
 
 
 class SolidQuery(NamedTuple):
-    """A solid, and the workspace of queries about points and it; one a thread."""
+    """A solid and the workspace for queries of points against it, for one thread."""
 
     solid: SolidMesh
     ws: QueryWorkspace
@@ -48,7 +44,7 @@ class SolidQuery(NamedTuple):
 
 
 def query_about(mesh: SurfaceMesh) -> SolidQuery:
-    """Return the query of the solid that a mesh bounds; raises as `solid_of`."""
+    """Return the query for the solid that a mesh bounds; raises as `solid_of`."""
     solid = solid_of(mesh)
     return SolidQuery(solid, workspace_for(solid.bvh, solid.bvh), np.zeros(4), np.zeros(2, np.int64))
 
@@ -57,18 +53,18 @@ def query_about(mesh: SurfaceMesh) -> SolidQuery:
 
 
 class Winding(NamedTuple):
-    """Task: sum the solid angles of all triangles about a point, those of far clusters as dipoles."""
+    """Task: sum the solid angles of all triangles at a point; distant clusters count as dipoles."""
 
     point: Any
     far: Any
-    """1: how many of its radii a cluster must be away"""
+    """1: distance of a cluster, in its radii, above which it counts as a dipole"""
     cluster: Any
     """as in `SolidMesh`"""
     total: Any
     """(1,) float64, sr"""
 
     def children_of_a(self, a, b, ws, node, lane_b):
-        """Add the solid angles of the clusters of a node that are far enough; return the bits of the others."""
+        """Add the solid angles of the distant clusters of a node; return the bits of the others."""
         bits = 0
         for k in range(LANES):
             at = 7 * (LANES * node + k)

@@ -1,13 +1,10 @@
-"""How far surfaces and parts are apart, and where: nearest boxes first, then triangles.
+"""Distances of surfaces and parts with their witness points: nearest boxes first, then triangles.
 
-Distances are those of the triangles. Two surfaces are at distance 0 if and only if the exact test says that they meet;
-a positive distance carries the rounding of float64 arithmetic in a's frame (about 1e-15 of the coordinates). Boxes and
-float32 triangles may only rule out what is farther than the nearest triangles known; the nearest triangles of the
-last query are tested first.
+Distances are those of the triangles. Two surfaces are at distance 0 if and only if they intersect by the exact test; a
+positive distance has the rounding error of float64 arithmetic in a's frame (about 1e-15 of the coordinates). Boxes and
+float32 bounds of triangles only exclude what is farther than the nearest triangles so far; the nearest triangles of
+the last query are tested first.
 """
-
-# mypy: disable-error-code="call-arg, var-annotated"
-# (numba's intrinsics take one argument less than they are written with)
 
 from __future__ import annotations
 
@@ -24,6 +21,7 @@ from collision.bvh.traverse import (
     SURFACE_BOXES,
     TRIANGLE_BOXES,
     TRIANGLES,
+    float_limit,
     fresh_node,
     near_surfaces,
     sort,
@@ -44,19 +42,19 @@ from collision.triangle.distance import ROUNDING, closest_features, common_point
 from collision.triangle.intersection import triangles_meet
 
 TINIEST: Final = float(np.finfo(np.float64).tiny)
-"""m: the distance of triangles that do not meet is never 0"""
+"""m: least distance returned for triangles that do not intersect"""
 
 
 class NearestTriangles(NamedTuple):
-    """Task: the nearest two triangles."""
+    """Task: find the nearest two triangles."""
 
     best: Any
-    """(11,) float64, m: distance, or what it must be below; point of a, point of b, both in a's frame; the rounding of
-    distances; the unit vector from the one point to the other, or 0"""
+    """(11,) float64, m: least distance so far, or its upper limit; point of a, point of b, both in a's frame; rounding
+    error of distances; unit vector from the point of a to that of b, or 0"""
     limit: Any
-    """(2,) float32: the greatest squared distance (m²), and distance (m), that still matters, rounded up"""
+    """(2,) float32: greatest squared distance (m²), and distance (m), still to be searched, rounded up"""
     hit: Any
-    """(1,) int64: 2^32·(triangle of a) + triangle of b, in leaf order; -1 as long as nothing is within `best[0]`"""
+    """(1,) int64: 2^32·(triangle of a) + triangle of b, in leaf order; -1 while none is within `best[0]`"""
 
     def children(self, ws, boxes, at, others, at_other):
         """Bits: which boxes of a node come within the limit of a box of the other hierarchy."""
@@ -64,7 +62,7 @@ class NearestTriangles(NamedTuple):
         return near_lane(boxes, at, others, at_other, self.limit[0], ws.bounds)
 
     def is_open(self, ws, bound):
-        """Whether a pair of boxes of this squared distance (m²) still matters."""
+        """Whether a pair of boxes of this squared distance (m²) may hold nearer triangles."""
         return bound <= self.limit[0]
 
     def visit(self, a, b, ws, lane_a, lane_b):
@@ -85,19 +83,18 @@ class NearestTriangles(NamedTuple):
 
 @inline_kernel
 def set_limit(task):
-    """Set `task.limit` after `task.best[0]`.
+    """Set `task.limit` from `task.best[0]`.
 
-    Beyond a gap that rounding explains nothing meets, and to rounding nothing there is nearer than what is known.
+    Triangles farther apart than rounding do not intersect, and one nearer by less than rounding is no improvement.
     """
     bound, rounding = task.best[0], task.best[7]
     reach = bound - rounding if task.hit[0] >= 0 and bound > 4.0 * rounding else bound + rounding
-    task.limit[0] = np.float32(min(reach * reach * (1.0 + 2.0**-20) + 1e-37, 3e38))
-    task.limit[1] = np.float32(min(reach * (1.0 + 2.0**-20) + 1e-37, 3e38))
+    task.limit[0], task.limit[1] = float_limit(reach * reach), float_limit(reach)
 
 
 @inline_kernel
 def look_at_triangles(task, a, b, ws, ta, tb):
-    """Update `task` with triangles ta of a and tb of b, in leaf order; return whether they meet."""
+    """Update `task` with triangles ta of a and tb of b, in leaf order; return whether they intersect."""
     best = task.best
     bound, rounding = best[0], best[7]
     (u, v, w), (p, q, r) = triangle_of(a, ta), moved_triangle(b, tb, ws.pose.matrix)
@@ -109,7 +106,7 @@ def look_at_triangles(task, a, b, ws, ta, tb):
     if square > (bound + rounding) * (bound + rounding):
         return False
     ws.counts[TRIANGLES] += 1
-    # boxes that rounding cannot bring together hold no triangles that meet
+    # triangles intersect only if their boxes are within rounding of each other
     if square <= rounding * rounding and triangles_meet(u, v, w, p, q, r, ws.exact):
         x = common_point(u, v, w, p, q, r)
         best[0], task.hit[0] = 0.0, (ta << 32) | tb
@@ -119,11 +116,11 @@ def look_at_triangles(task, a, b, ws, ta, tb):
     if bound == 0.0:
         return False
     if task.hit[0] >= 0 and bound > 4.0 * rounding and planes_part((u, v, w), (p, q, r), bound - rounding):
-        return False  # to rounding no nearer than what is known, as all pairs of triangles of parallel faces
+        return False  # no nearer by more than rounding: the case of all pairs of triangles of two parallel faces
     d2, x, y = closest_features(u, v, w, p, q, r)
     distance = max(np.sqrt(d2), TINIEST)
     better = distance < bound or (distance == bound and task.hit[0] < 0)
-    if better or task.hit[0] < 0:  # what lies beyond the bound has neighbours that do so along the same direction
+    if better or task.hit[0] < 0:  # the neighbours of a distant triangle are often distant along the same direction
         for d in range(3):
             best[8 + d] = (y[d] - x[d]) / distance if distance > 1e-140 else 0.0  # else squares may have underflowed
     if better:
@@ -136,7 +133,7 @@ def look_at_triangles(task, a, b, ws, ta, tb):
 
 @inline_kernel
 def rounding_of(a, b, matrix):
-    """m: how far a distance of points may be off, by their coordinates and the rotation's own error."""
+    """Error bound of a distance of points, m, from the size of their coordinates and the error of the rotation."""
     reach, off = max(a.frame[6], b.frame[6]), 0.0
     for i in range(3):
         reach = max(reach, abs(matrix[9 + i]))
@@ -150,7 +147,7 @@ def rounding_of(a, b, matrix):
 
 @inline_kernel
 def nearest_triangles(task, a, b, ws, lane_a, lane_b, last):
-    """Find the nearest triangles below two boxes within `task.best[0]`; whether there are any.
+    """Find the nearest triangles below two boxes within `task.best[0]`; return whether there are any.
 
     last: (1,) int64, the nearest triangles of the last query, -1 for none; updated. (0,) if they are not kept.
     """
@@ -162,7 +159,7 @@ def nearest_triangles(task, a, b, ws, lane_a, lane_b, last):
         meet = look_at_triangles(task, a, b, ws, last[0] >> 32, last[0] & 0xFFFFFFFF)
     if not meet:
         fresh_node(b, ws, lane_b >> 3)
-        if walk(Intersect(task.hit), a, b, ws, lane_a, lane_b):  # what meets is found sooner without distances
+        if walk(Intersect(task.hit), a, b, ws, lane_a, lane_b):  # intersections are found sooner without distances
             look_at_triangles(task, a, b, ws, task.hit[0] >> 32, task.hit[0] & 0xFFFFFFFF)
         else:
             walk_nearest(task, a, b, ws, lane_a, lane_b, np.float32(0.0))
@@ -173,7 +170,7 @@ def nearest_triangles(task, a, b, ws, lane_a, lane_b, last):
 
 @inline_kernel
 def set_row(task, a, b, world, i, j, row):
-    """Write what `task` found into a row of CONTACT_DTYPE, the points moved by the pose `world` of a."""
+    """Write the result of `task` to a row of CONTACT_DTYPE, its points moved by the pose `world` of a."""
     best, ta, tb = task.best, task.hit[0] >> 32, task.hit[0] & 0xFFFFFFFF
     row.object_a, row.object_b, row.distance = i, j, best[0]
     row.triangle_a, row.triangle_b = a.order[ta], b.order[tb]
@@ -188,9 +185,9 @@ def contacts(a, b, ws, poses, i, j, within, enabled, near, rows):
     apart.
 
     Sorted by surface of i, surface of j. poses: (n, 12), of the objects in the world. enabled: (ka·kb,) uint8, 0 for
-    pairs of surfaces that are left out; (0,) where none is. near: (ka·kb,) int64, the nearest triangles of
-    the last query, -1 for none; (0,) if they are not kept. Returns the number of rows, or ~n if `ws.pairs` and `rows`
-    must be long enough for n pairs of surfaces.
+    pairs of surfaces to leave out; (0,) enables all. near: (ka·kb,) int64, the nearest triangles of the last query, -1
+    for none; (0,) if they are not kept. Returns the number of rows, or ~n if `ws.pairs` and `rows` must be able to hold
+    n pairs of surfaces.
     """
     relative_pose(poses[i], poses[j], ws.pose.matrix)
     start(a, b, ws)
@@ -218,10 +215,11 @@ def contacts(a, b, ws, poses, i, j, within, enabled, near, rows):
 
 @kernel
 def clearance(a, b, ws, poses, i, j, bound, last, rows):
-    """Fill `rows[0]` (CONTACT_DTYPE, world frame) with the nearest triangles of objects i and j; 1, or 0 for none.
+    """Fill `rows[0]` (CONTACT_DTYPE, world frame) with the nearest triangles of objects i and j; return 1, or 0 for
+    none within `bound` (m).
 
-    bound: m, only what is within it is looked for. last: (3,) int64, the box of either (lane 0, or that of a surface)
-    and the nearest triangles of the last query, or -1. The row's surfaces are those of its triangles.
+    last: (3,) int64, the lane of each object (0, or that of a surface) and the nearest triangles of the last query, or
+    -1. The surfaces of the row are not filled in.
     """
     relative_pose(poses[i], poses[j], ws.pose.matrix)
     start(a, b, ws)
@@ -234,19 +232,7 @@ def clearance(a, b, ws, poses, i, j, bound, last, rows):
     return 1
 
 
-_contacts, _clearance = EntryPoint(contacts), EntryPoint(clearance)
-
-
-def contacts_of(*arguments: Any) -> int:
-    """`contacts`."""
-    found: int = _contacts.call(*arguments)
-    return found
-
-
-def clearance_of(*arguments: Any) -> int:
-    """`clearance`."""
-    found: int = _clearance.call(*arguments)
-    return found
+contacts_entry, clearance_entry = EntryPoint(contacts), EntryPoint(clearance)
 
 
 def contacts_at(
@@ -274,7 +260,7 @@ def contacts_between(
     while True:
         ws = workspace_for(a, b)
         rows = np.zeros(len(ws.pairs), CONTACT_DTYPE)
-        found = contacts_of(a, b, ws, poses, 0, 1, within, mask, NO_TRIANGLES, rows)
+        found = contacts_entry.call(a, b, ws, poses, 0, 1, within, mask, NO_TRIANGLES, rows)
         if found >= 0:
             return rows[:found]
         workspace(pairs=~found)
@@ -286,16 +272,16 @@ def clearance_at(
 ) -> NDArray[Any]:  # fmt: skip
     """Return one CONTACT_DTYPE row, in a's frame, of the nearest triangles within `bound` (m), or no row.
 
-    pose_ab: `pinocchio.SE3`, of b in a's frame. A mesh wholly inside another has the distance of their surfaces.
+    pose_ab: `pinocchio.SE3`, of b in a's frame. For a mesh wholly inside another it is the distance of their surfaces.
     """
     a, b, rows = bvh_of(mesh_a), bvh_of(mesh_b), np.zeros(1, CONTACT_DTYPE)
     last = lanes_of(a, b, surface_a, surface_b)
-    found = clearance_of(a, b, workspace_for(a, b), frames(pose_ab), 0, 1, float(bound), last, rows)
+    found = clearance_entry.call(a, b, workspace_for(a, b), frames(pose_ab), 0, 1, float(bound), last, rows)
     return with_surfaces(rows[:found], mesh_a, mesh_b)
 
 
 def lanes_of(a: Bvh, b: Bvh, surface_a: int | None, surface_b: int | None) -> NDArray[np.int64]:
-    """Return `last` of `clearance` for a first query about two meshes, or a surface of either."""
+    """Return the `last` of `clearance` for the first query of two meshes, or of a surface of either."""
     lane_a = 0 if surface_a is None else int(a.root[surface_a])
     lane_b = 0 if surface_b is None else int(b.root[surface_b])
     return np.array([lane_a, lane_b, -1], np.int64)

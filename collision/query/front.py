@@ -1,9 +1,9 @@
-"""The front of a mesh on a screw: the triangles that move outwards, through which alone it comes into fresh material.
+"""The front of a mesh on a screw: the triangles that move outwards, the only ones that can enter new material.
 
-Of two solids of which the first moves, their common part can gain material of the second only through the boundary of
-the first that moves along its outward normal n. On a screw the velocity V of a point is constant in the frame of its
-body, and V·n is linear over a triangle; so the front, where V·n > 0, is the same all along the screw. As long as no
-part of the front is inside the second solid, what the two have in common only shrinks, seen from the second.
+If the first of two solids moves, their intersection can gain material of the second only through the part of the
+first's boundary that moves along its outward normal n. On a screw the velocity V of a point is constant in the frame of
+its body, and V·n is linear over a triangle; so the front, where V·n > 0, is the same all along the screw. As long as no
+part of the front is inside the second solid, the intersection, as a part of the second solid, only shrinks.
 """
 
 from __future__ import annotations
@@ -24,17 +24,16 @@ from collision.solid import is_closed
 
 Array = NDArray[np.float64]
 PLACES = np.array([[1, 1, 1], [8, 1, 1], [1, 8, 1], [1, 1, 8]]) / np.array([[3.0], [10.0], [10.0], [10.0]])
-"""barycentric, of the points at which a triangle is looked for inside a solid"""
+"""(4, 3) barycentric coordinates of the points of a triangle that are tested for being inside a solid"""
 
 
 def front_of(
     mesh: SurfaceMesh, linear: Array, angular: Array, least: float, among: NDArray[np.int64] | None = None
 ) -> NDArray[np.int64]:
-    """Return the triangles of which a point goes farther than `least` m along their outward normal in unit time.
+    """Return the triangles with a point that moves more than `least` m along their outward normal in unit time.
 
-    linear, angular: (3,) velocity of the point at the origin, m, and angular velocity, rad, in the mesh's frame. Of a
-    mesh that is not closed, and so has no outside, all triangles are front. among: triangles that are looked at; None:
-    all.
+    linear, angular: (3,) velocity of the point at the origin, m, and angular velocity, rad, in the mesh's frame. A mesh
+    that is not closed has no outside: all its triangles are front. among: the triangles considered; None for all.
     """
     among = np.arange(mesh.n_triangles) if among is None else among
     if not is_closed(mesh):
@@ -48,14 +47,17 @@ def front_of(
 
 
 def part_of(mesh: SurfaceMesh, triangles: NDArray[np.integer]) -> tuple[SurfaceMesh, NDArray[np.int32]]:
-    """Return the mesh of some triangles, and (k,) the surface of the whole mesh that each of its surfaces is of."""
+    """Return the mesh of some triangles, and (k,) the surfaces of the whole mesh to which its surfaces belong."""
     surfaces, of = np.unique(mesh.surface_of_triangle[triangles], return_inverse=True)
     return SurfaceMesh(mesh.vertices, mesh.triangles[triangles], of.reshape(-1), mesh.name), surfaces
 
 
 def triangle_depths(objects: Objects) -> dict[tuple[int, int], float]:
-    """m by surface of object 0 and of object 1 that meet: the longest of the shortest translations that part two of
-    their triangles, which is never more than the depth of the solids there. Ignored pairs are left out."""
+    """Return depths, m, by surface of object 0 and of object 1 that intersect; ignored pairs are left out.
+
+    The depth of two triangles is the shortest translation that separates them, that of two surfaces the greatest of
+    their triangles; it is never more than the penetration depth of the solids there.
+    """
     pairs = enabled_pairs(objects, 0, 1)
     if not len(pairs):
         return {}
@@ -67,10 +69,10 @@ def triangle_depths(objects: Objects) -> dict[tuple[int, int], float]:
 def buried(
     part: SurfaceMesh, solid: SurfaceMesh, pose: Any, depth: float, excused: Iterable[tuple[Any, Any]] = ()
 ) -> NDArray[np.int32]:
-    """Return the surfaces of `part` that reach deeper than `depth` m into a solid.
+    """Return the surfaces of `part` with a test point deeper than `depth` m inside a solid.
 
-    pose: `pinocchio.SE3` of the part in the solid's frame. excused: (surfaces of the part, surfaces of the solid): a
-    point of the former may lie behind the latter, if these are nearest to it.
+    pose: `pinocchio.SE3` of the part in the solid's frame. excused: (surfaces of the part, surfaces of the solid); a
+    point of the former does not count if one of the latter is the surface nearest to it.
     """
     corners = part.vertices[part.triangles] @ pose.rotation.T + pose.translation
     points = np.einsum("pc,tcd->tpd", PLACES, corners).reshape(-1, 3)

@@ -1,12 +1,9 @@
-"""Which surfaces intersect, exactly: eight boxes at a time, then triangles.
+"""Exact intersection of surfaces: boxes eight at a time, then triangles.
 
 A floating-point filter in float32 rejects triangles that are apart by more than its error bound; the exact test decides
-the others. A pair of surfaces is done at its first two triangles that intersect; these are kept, and tested first in
-the next query.
+the others. The test of a pair of surfaces ends at the first two triangles that intersect; these are kept, and tested
+first in the next query.
 """
-
-# mypy: disable-error-code="call-arg, var-annotated"
-# (numba's intrinsics take one argument less than they are written with)
 
 from __future__ import annotations
 
@@ -17,15 +14,14 @@ from numpy.typing import NDArray
 
 from collision.bvh.build import bvh_of
 from collision.bvh.layout import LANES, PREPARED
+from collision.bvh.packets import moved_triangle, triangle_of
 from collision.bvh.traverse import (
     MET,
     TRIANGLE_BOXES,
     TRIANGLES,
     QueryWorkspace,
-    corner_of,
     fresh_node,
     fresh_packets,
-    moved_corner,
     near_surfaces,
     packet_errors,
     reached,
@@ -44,15 +40,15 @@ from collision.poses import frames, pack
 from collision.triangle.intersection import triangles_meet
 
 NO_TRIANGLES: Final = np.empty(0, np.int64)
-"""in place of a table of triangles, where none is kept"""
+"""passed instead of a table of triangles if none is kept"""
 ALL_ENABLED: Final = np.empty(0, np.uint8)
-"""in place of a table of enabled pairs of surfaces, where all are; read-only as those of `Objects`, for numba compiles
-a kernel once more for an array that is not"""
+"""passed instead of a table of enabled pairs of surfaces if all are enabled; read-only like those of `Objects`, since
+numba would compile kernels once more for a writable array"""
 ALL_ENABLED.setflags(write=False)
 
 
 class Intersect(NamedTuple):
-    """Task: find two triangles that intersect; place 2³²·(that of a) + (that of b), in leaf order, in `met`."""
+    """Task: find two triangles that intersect; write 2³²·(triangle of a) + triangle of b, in leaf order, to `met`."""
 
     met: Any
     """(1,) int64"""
@@ -88,23 +84,20 @@ class Intersect(NamedTuple):
 
 @inline_kernel
 def triangle_pair_meets(a, b, ws, ta, tb):
-    """Whether triangle ta of a intersects triangle tb of b, moved; both in leaf order. Exact."""
+    """Whether triangle ta of a intersects the moved triangle tb of b, both in leaf order. Exact."""
     ws.counts[TRIANGLES] += 1
-    m = ws.pose.matrix
-    return triangles_meet(
-        corner_of(a, 3 * ta), corner_of(a, 3 * ta + 1), corner_of(a, 3 * ta + 2),
-        moved_corner(b, 3 * tb, m), moved_corner(b, 3 * tb + 1, m), moved_corner(b, 3 * tb + 2, m), ws.exact,
-    )  # fmt: skip
+    (u, v, w), (p, q, r) = triangle_of(a, ta), moved_triangle(b, tb, ws.pose.matrix)
+    return triangles_meet(u, v, w, p, q, r, ws.exact)
 
 
 @inline_kernel
 def intersecting_surfaces(a, b, ws, met, enabled):
-    """Fill `ws.pairs` with the pairs of surfaces that intersect, sorted; return their number n, or ~n if `ws.pairs`
-    must be long enough for n pairs.
+    """Fill `ws.pairs` with the pairs of surfaces that intersect, sorted; return their number, or ~n if `ws.pairs` must
+    be able to hold n pairs.
 
-    b is at the pose in `ws.pose.matrix[:12]`. met: (ka·kb,) int64, the two triangles of each pair of surfaces that
-    intersected in the last query, -1 for none; tested first, and updated; or `NO_TRIANGLES`. enabled: (ka·kb,) uint8, 0
-    for pairs of surfaces to leave out; or `ALL_ENABLED`.
+    b is at the pose in `ws.pose.matrix[:12]`. met: (ka·kb,) int64, for each pair of surfaces the triangles that
+    intersected in the last query (see `Intersect`), -1 for none; tested first, and updated; or `NO_TRIANGLES`. enabled:
+    (ka·kb,) uint8, 0 for pairs of surfaces to leave out; or `ALL_ENABLED`.
     """
     start(a, b, ws)
     near = near_surfaces(a, b, ws, 0.0)
@@ -147,17 +140,11 @@ def intersect(a, b, ws, poses, i, j, met, enabled):
 
 # --- from Python -----------------------------------------------------------------------------------------------------
 
-_intersect, _take_poses = EntryPoint(intersect), EntryPoint(take_poses)
-
-
-def intersect_of(*arguments: Any) -> int:
-    """`intersect`."""
-    found: int = _intersect.call(*arguments)
-    return found
+intersect_entry, _take_poses = EntryPoint(intersect), EntryPoint(take_poses)
 
 
 def enabled_pairs(objects: Objects, i: int, j: int) -> NDArray[np.int32]:
-    """Return (k, 2): the pairs of surfaces of two objects that intersect and are not left out, sorted."""
+    """Return (k, 2) int32, sorted: the enabled pairs of surfaces of two objects that intersect."""
     pairs = intersecting(objects.mesh(i), objects.mesh(j), objects.relative_pose(i, j), objects.checked.rigid)[0]
     enabled = objects.enabled_surfaces(i, j)
     return pairs if enabled is None else pairs[enabled[pairs[:, 0], pairs[:, 1]] != 0]
@@ -176,7 +163,7 @@ def intersecting(
         poses[1] = pack(pose_ab, f"pose of {mesh_b.name} in {mesh_a.name}", rigid=rigid)
     while True:
         ws = workspace_for(a, b)
-        found = intersect_of(a, b, ws, poses, 0, 1, NO_TRIANGLES, ALL_ENABLED)
+        found = intersect_entry.call(a, b, ws, poses, 0, 1, NO_TRIANGLES, ALL_ENABLED)
         if found >= 0:
             return ws.rows[:found, 1::2].copy(), ws
         workspace(pairs=~found)

@@ -29,9 +29,6 @@ of it has its nearest boundary point on s: the distance to a triangle of s is ne
 another triangle of the boundary never above the linear function through its values in the corners.
 """
 
-# mypy: disable-error-code="call-arg, var-annotated"
-# (numba's intrinsics take one argument less than they are written with)
-
 from __future__ import annotations
 
 import threading
@@ -44,7 +41,7 @@ from collision.bvh.build import bvh_of
 from collision.bvh.layout import LANES, NODE, PACKET, PREPARED, Bvh
 from collision.bvh.packets import box_middle, triangle_of
 from collision.bvh.single import ALONE, place_box
-from collision.bvh.traverse import QUESTION, box_at, corner_of, moved_corner, walk
+from collision.bvh.traverse import QUESTION, box_at, corner_of, float_limit, moved_corner, walk
 from collision.contact import PENETRATION_DTYPE
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import EntryPoint, inline_kernel, inner_kernel, kernel
@@ -56,7 +53,7 @@ from collision.poses import pack_rigid
 from collision.query.containment import SolidQuery, query_about, winds
 from collision.query.distance import clearance_at
 from collision.query.intersection import enabled_pairs
-from collision.query.signed_distance import depth_at, float_limit, nearest, nearest_on, triangle_bounds
+from collision.query.signed_distance import depth_at, nearest, nearest_on, triangle_bounds
 from collision.triangle.distance import planes_part
 from collision.triangle.intersection import triangles_meet
 
@@ -70,10 +67,11 @@ SETTLED: Final = 512
 """pieces opened for a pair of surfaces from which on the search may end before its precision is reached"""
 TURN: Final = 32
 """pieces opened in one direction before the other is considered again"""
-TIE: Final = 1.0 + 64.0 * 2.0**-52
-"""squared distances that differ by no more than their rounding (some 30 operations each) are of one nearest point"""
-BEYOND: Final = 2.0**-44
-"""1: … and a triangle is surely not the nearest if it is farther than another by this part of the distance"""
+BEYOND: Final = 2.0**-46
+"""1: a triangle that is farther than another by this part of the coordinates is surely not the nearest …"""
+TIE: Final = 2.0**-44
+"""1: … and one that is farther by no more than this part is as near, but for rounding; above `BEYOND`, so that small
+pieces are either left out or seen"""
 STEEP: Final = 0.7
 """1: cosine of the angle between two sides from which on they count as almost parallel when a triangle is cut"""
 NEAR_END: Final = 0.05
@@ -202,6 +200,12 @@ def _nearest_below(query, lane, p, bound):
     return nearest(query, lane, p, bound)
 
 
+@inline_kernel
+def _coordinates(bvh, p):
+    """m: the size of the coordinates of p and a mesh, to which the rounding of distances is in proportion."""
+    return abs(p[0]) + abs(p[1]) + abs(p[2]) + bvh.frame[6]
+
+
 @inner_kernel
 def _see(search, p, depth, t):
     """Record p if it is the deepest point so far and its nearest triangle t, or one as near, is on the surface.
@@ -212,7 +216,7 @@ def _see(search, p, depth, t):
     bvh = query.solid.bvh
     if query.solid.surface[t] == search.surface:
         q, _ = nearest_on(bvh, t, p)
-    elif _nearest_below(query, np.int64(bvh.root[search.surface]), p, TIE * depth * depth) >= 0:
+    elif _nearest_below(query, np.int64(bvh.root[search.surface]), p, (depth + TIE * _coordinates(bvh, p)) ** 2) >= 0:
         q = query.value[1], query.value[2], query.value[3]
     else:
         return
@@ -293,6 +297,8 @@ class MayBeNearest(NamedTuple):
     """p, q, r less the middle"""
     far: Any
     """distances of p, q, r from each of three triangles of the boundary that are not below the lane"""
+    margin: Any
+    """m: by which a distance is surely greater than another"""
 
     def children_of_a(self, a, b, ws, node, lane_b):
         """Bits: which boxes of a node come within the reach of the middle, and may hold the nearest triangle."""
@@ -305,7 +311,7 @@ class MayBeNearest(NamedTuple):
                 max(v - half[1], min(y, v + half[1])),
                 max(w - half[2], min(z, w + half[2])),
             )
-            if _never_nearest(self.middle, self.corners, self.far, norm(sub(self.middle, q)), q):
+            if _never_nearest(self.middle, self.corners, self.far, norm(sub(self.middle, q)), q, self.margin):
                 bits &= ~(rest & -rest)
             rest &= rest - 1
         return bits
@@ -319,13 +325,15 @@ class MayBeNearest(NamedTuple):
             if ws.bounds[k] < self.reach:
                 q, _ = nearest_on(a, first + k, self.middle)
                 apart = norm(sub(self.middle, q))
-                if apart < self.reach and not _never_nearest(self.middle, self.corners, self.far, apart, q):
+                if apart < self.reach and not _never_nearest(
+                    self.middle, self.corners, self.far, apart, q, self.margin
+                ):
                     return True
         return False
 
 
 @inner_kernel
-def _never_nearest(middle, corners, far, apart, q):
+def _never_nearest(middle, corners, far, apart, q, margin):
     """Whether a triangle or box of which q, `apart` away, is nearest to the middle is nowhere as near as one of three
     triangles.
 
@@ -338,7 +346,7 @@ def _never_nearest(middle, corners, far, apart, q):
     tangent = apart + dot(g, corners[0]), apart + dot(g, corners[1]), apart + dot(g, corners[2])
     for i in range(3):
         f = far[i]
-        if min(tangent[0] - f[0], tangent[1] - f[1], tangent[2] - f[2]) > BEYOND * apart:
+        if min(tangent[0] - f[0], tangent[1] - f[1], tangent[2] - f[2]) > margin:
             return True
     return False
 
@@ -351,7 +359,7 @@ def _may_be_nearest(query, surface, p, q, r, far, bound):
     radius = max(norm(corners[0]), norm(corners[1]), norm(corners[2]))
     bvh = query.solid.bvh
     place_box(bvh, query.ws, c, c)
-    task = MayBeNearest(c, radius + bound, corners, far)
+    task = MayBeNearest(c, radius + bound, corners, far, BEYOND * _coordinates(bvh, c))
     return walk(task, bvh, bvh, query.ws, np.int64(bvh.root[surface]), ALONE)
 
 
@@ -658,23 +666,49 @@ def deepest(one, other, pairs, limit, limits, out):
 _deepest_points = EntryPoint(deepest)
 
 
-def penetration(objects: Objects, i: int, j: int, limit: ArrayLike = 0.0) -> NDArray[Any]:
+def penetration(
+    objects: Objects,
+    i: int,
+    j: int,
+    limit: ArrayLike = 0.0,
+    known: dict[tuple[int, int], NDArray[np.float64]] | None = None,
+) -> NDArray[Any]:
     """Depth and direction of every pair of surfaces of two objects that meet: PENETRATION_DTYPE rows.
 
     Ignored pairs of surfaces are left out. limit: m, by surface of i (the lower id) and surface of j, or one for all: a
     search of more than `SETTLED` pieces ends when no point can be deeper than this, or when one is and none can be
-    deeper by more than this.
+    deeper by more than this; nothing is searched where it is infinite. known: what was found, by pair of surfaces, of
+    instances of the same meshes that are placed so relative to one another; what is found is added.
     """
     objects.ignored(i, j)  # raises, unless there are both, and two
     i, j = min(i, j), max(i, j)
-    mesh_a, mesh_b = objects.mesh(i), objects.mesh(j)
+    meshes = objects.mesh(i), objects.mesh(j)
     world, pose, surfaces = objects.pose(i), objects.relative_pose(i, j), enabled_pairs(objects, i, j)
+    limits = np.broadcast_to(limit, (meshes[0].n_surfaces, meshes[1].n_surfaces))
+    surfaces = surfaces[np.isfinite(limits[surfaces[:, 0], surfaces[:, 1]])]
     rows = np.zeros(len(surfaces), PENETRATION_DTYPE)
     rows["object_a"], rows["surface_a"], rows["object_b"], rows["surface_b"] = i, surfaces[:, 0], j, surfaces[:, 1]
-    if not len(rows):
-        return rows
-    limits = np.broadcast_to(limit, (mesh_a.n_surfaces, mesh_b.n_surfaces))
-    found = deepest_points(objects, (mesh_a, mesh_b), pose, surfaces, limits[surfaces[:, 0], surfaces[:, 1]])
+    known, keys = {} if known is None else known, list(map(tuple, surfaces.tolist()))
+    new = surfaces[[key not in known for key in keys]]
+    known.update(
+        zip(map(tuple, new.tolist()), _found(objects, meshes, pose, new, limits[new[:, 0], new[:, 1]]), strict=True)
+    )
+    if keys:
+        found = np.stack([known[key] for key in keys])
+        rows["depth"], rows["bound"] = found[:, 0], found[:, 1]
+        rows["direction"] = found[:, 2:5] @ world.rotation.T
+        rows["point"] = found[:, 5:] @ world.rotation.T + world.translation
+    return rows
+
+
+def _found(
+    objects: Objects, meshes: tuple[SurfaceMesh, SurfaceMesh], pose: pin.SE3, surfaces: NDArray[np.int32],
+    limits: NDArray[np.float64],
+) -> NDArray[np.float64]:  # fmt: skip
+    """(n, 8) depth and bound (m), unit direction and deepest point (m) in the first mesh's frame, of pairs (n, 2)."""
+    if not len(surfaces):
+        return np.empty((0, 8))
+    found = deepest_points(objects, meshes, pose, surfaces, limits)
     swapped = found[:, 7] == 1.0
     ends = found[:, 1:7].reshape(-1, 2, 3)
     if swapped.any():
@@ -682,12 +716,9 @@ def penetration(objects: Objects, i: int, j: int, limit: ArrayLike = 0.0) -> NDA
     out = (ends[:, 1] - ends[:, 0]) * np.where(swapped, -1.0, 1.0)[:, None]
     length = np.sqrt(np.einsum("kd,kd->k", out, out))
     for k in np.flatnonzero(length <= objects.tolerance.solver).tolist():
-        contact = clearance_at(mesh_a, mesh_b, pose, *surfaces[k].tolist())
-        out[k], length[k], ends[k, 0] = _normal(mesh_a, int(contact["triangle_a"][0])), 1.0, contact["point_a"][0]
-    rows["depth"], rows["bound"] = found[:, 0], found[:, 8]
-    rows["direction"] = out / length[:, None] @ world.rotation.T
-    rows["point"] = ends[:, 0] @ world.rotation.T + world.translation
-    return rows
+        contact = clearance_at(*meshes, pose, *surfaces[k].tolist())
+        out[k], length[k], ends[k, 0] = _normal(meshes[0], int(contact["triangle_a"][0])), 1.0, contact["point_a"][0]
+    return np.column_stack([found[:, 0], found[:, 8], out / length[:, None], ends[:, 0]])
 
 
 def _normal(mesh: SurfaceMesh, triangle: int) -> NDArray[np.float64]:

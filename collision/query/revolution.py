@@ -1,8 +1,8 @@
-"""Distances while an object turns about an axis and moves along it, as a screw does in its hole, bounded from below.
+"""Lower bounds of distances while an object turns about an axis and moves along it, as a screw in its hole.
 
-Whatever the angle between two points, they are no nearer to each other than their places in the half plane of radius
-and height about the axis. A turning object keeps these but for its travel along the axis, so that a whole way is
-bounded at once; a sweep takes steps no longer than the gap is wide, all along the arcs that the surface goes.
+The distance of two points is at least that of their places in the half plane of radius and height about the axis,
+whatever the angle between them. Turning keeps radius and height, so that one test bounds a whole path, where a sweep
+would take steps no longer than the gap all along the arcs.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 SAME = 1e-12
-"""how far directions may differ, and points over the objects' size, that count as the same"""
+"""1: greatest difference of equal directions, and of equal points as a part of the objects' size"""
 PAIRS = 1 << 20
-"""pairs of triangles that are looked at in one go"""
+"""pairs of triangles compared in one array operation"""
 
 
 def screw_axis(knots: Sequence[pin.SE3], size: float) -> tuple[Array, Array, tuple[float, float]] | None:
-    """Origin (3,), direction (3,) of the one axis that displacements turn about and move along, and the least and
-    greatest of how far they move, m; None where there is no such axis. size: of what is displaced, m."""
+    """Return the common screw axis of displacements: origin (3,), direction (3,), (least, greatest) travel along it, m;
+    None if there is none. size: of the displaced object, m."""
     import pinocchio as pin
 
     way = np.asarray(pin.log6(knots[0].actInv(knots[1])))
@@ -46,7 +46,7 @@ def screw_axis(knots: Sequence[pin.SE3], size: float) -> tuple[Array, Array, tup
 
 
 def profile(mesh: SurfaceMesh, pose: pin.SE3, origin: Array, axis: Array) -> Array:
-    """(n, 4) least and greatest radius of each triangle, placed, about an axis, and height along it; m."""
+    """Return (n, 4), m: least and greatest radius about an axis, and height along it, of each triangle at a pose."""
     corners = mesh.vertices[mesh.triangles] @ pose.rotation.T + (pose.translation - origin)
     heights = corners @ axis
     u = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
@@ -68,7 +68,7 @@ def least_gaps(
     travel: tuple[float, float],
     within: float,
 ) -> Array:
-    """(a, b) lower bounds, at most `within`, of the distances of surfaces of both objects on the whole path, m.
+    """Return (a, b) lower bounds, m, at most `within`, of the distances of the surfaces of two objects on a path.
 
     profiles: of both objects about the axis. travel: least and greatest displacement along it, m.
     """
@@ -91,7 +91,7 @@ def least_gaps(
 
 
 def _gaps(a: Array, b: Array) -> Array:
-    """(n, m) distances of rectangles (n, 4), (m, 4), each least and greatest of both coordinates."""
+    """(n, m) distances of rectangles (n, 4) and (m, 4): least and greatest first, then second coordinate."""
     apart = [
         np.maximum(0.0, np.maximum(a[:, None, k] - b[None, :, k + 1], b[None, :, k] - a[:, None, k + 1]))
         for k in (0, 2)

@@ -1,12 +1,9 @@
-"""Signed distances of points from a solid: how far its boundary is, and on which side of it they lie.
+"""Signed distances of points from a solid, and of two surfaces from each other.
 
-The pseudonormal of the nearest feature gives the side, which is right for any closed mesh without
-self-intersections (Bærentzen & Aanæs, "Signed Distance Computation Using the Angle Weighted Pseudonormal", 2005); by
-the winding number where that normal is not sure: in slivers and folds, and where an open mesh ends.
+The side of a point is that of the pseudonormal of the nearest feature, which is right for any closed mesh without
+self-intersections (Bærentzen & Aanæs, "Signed Distance Computation Using the Angle Weighted Pseudonormal", 2005). Where
+that normal is unreliable, in slivers and folds and at the rim of an open mesh, the winding number decides.
 """
-
-# mypy: disable-error-code="call-arg, var-annotated"
-# (numba's intrinsics take one argument less than they are written with)
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from collision.bvh.layout import LANES, NODE, PACKET, Bvh
 from collision.bvh.packets import box_middle, moved_triangle, near_triangles, nearest_of, triangle_of
 from collision.bvh.single import ALONE, place_box
-from collision.bvh.traverse import TRIANGLES, corner_of, fresh_node, start, walk_nearest, workspace_for
+from collision.bvh.traverse import TRIANGLES, corner_of, float_limit, fresh_node, start, walk_nearest, workspace_for
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import EntryPoint, inline_kernel, inner_kernel, kernel
 from collision.numeric.point_triangle import closest_on_triangle
@@ -29,11 +26,11 @@ from collision.query.distance import rounding_of
 from collision.triangle.motion import STILL, pair_step
 
 FAR: Final = 1e12
-"""1: a packet is not looked at in float32 from a distance of this many of its sizes"""
+"""1: float32 bounds are not computed for points farther from a packet than this many of its sizes"""
 
 
 class Nearest(NamedTuple):
-    """Task: the triangle nearest to a point, of those nearer than is known."""
+    """Task: find the triangle nearest to a point, within the distance in `value`."""
 
     point: Any
     value: Any
@@ -72,16 +69,10 @@ class Nearest(NamedTuple):
                 self.place[0], self.place[1] = t, feature
 
 
-@inner_kernel
-def float_limit(square):
-    """A float32 not below a squared distance."""
-    return np.float32(min(square * (1.0 + 2.0**-20) + 1e-37, 3e38))
-
-
 @inline_kernel
 def triangle_bounds(bvh, ws, lane, point):
-    """Place in `ws.bounds` lower bounds of the distances (m) of a point from the triangles of a packet, NaN where there
-    is none."""
+    """Write lower bounds of the distances (m) of a point from the triangles of a packet to `ws.bounds`, NaN in an empty
+    lane."""
     middle, _ = box_middle(bvh, lane)
     x, size = sub(point, middle), np.float64(bvh.size[lane])
     reach = abs(x[0]) + abs(x[1]) + abs(x[2])
@@ -102,14 +93,16 @@ def triangle_bounds(bvh, ws, lane, point):
 
 @inline_kernel
 def nearest_on(bvh, t, p):
-    """(point of triangle t nearest to p, the feature it lies on), see `closest_on_triangle`."""
+    """(point of triangle t nearest to p, feature), see `closest_on_triangle`; t in leaf order."""
     return closest_on_triangle(p, corner_of(bvh, 3 * t), corner_of(bvh, 3 * t + 1), corner_of(bvh, 3 * t + 2))
 
 
 @inline_kernel
 def nearest(query, lane, p, bound):
-    """Place in `query.value` and `query.place` the triangle below a lane that is nearest to p, if its squared distance
-    is below `bound` (m²), else triangle -1. Returns the triangle."""
+    """Return the triangle below a lane that is nearest to p, -1 if none is within `bound` (squared, m²).
+
+    `query.value` and `query.place` get its squared distance, nearest point and feature.
+    """
     query.value[0], query.place[0] = bound, -1
     bvh = query.solid.bvh
     place_box(bvh, query.ws, p, p)
@@ -119,8 +112,10 @@ def nearest(query, lane, p, bound):
 
 @inner_kernel
 def depth_at(query, p, guess):
-    """(depth of p behind the solid's boundary, m, negative before it; nearest triangle), by way of the triangle
-    `guess`."""
+    """(depth of p behind the solid's boundary, m, negative in front of it; nearest triangle).
+
+    guess: a triangle whose distance is the first upper bound.
+    """
     solid, t = query.solid, guess
     q, feature = nearest_on(solid.bvh, guess, p)
     w = sub(p, q)
@@ -140,29 +135,30 @@ def depth_at(query, p, guess):
 
 
 class SignedDistance(NamedTuple):
-    """Task: the least signed distance of two surfaces' triangles: their distance, or where they meet minus the shortest
-    translation that parts the two triangles."""
+    """Task: find the least signed distance of two surfaces' triangles: their distance, or where they meet minus the
+    shortest translation that separates the two triangles."""
 
     least: Any
-    """(2,) float64, m: the least signed distance; how far a float64 distance may be off"""
+    """(2,) float64, m: the least signed distance so far; error bound of a float64 distance"""
 
     def children(self, ws, boxes, at, others, at_other):
         """Bits: which boxes of a node may be at a lesser signed distance from a box of the other hierarchy."""
-        return signed_lane(boxes, at, others, at_other, _signed_limit(self.least), ws.bounds)
+        return signed_lane(boxes, at, others, at_other, float_limit(self.least[0] + self.least[1]), ws.bounds)
 
     def is_open(self, ws, bound):
-        """Whether a pair of boxes of this signed distance (m) still matters."""
+        """Whether a pair of boxes of this signed distance (m) may hold a lesser one."""
         return bound <= self.least[0] + self.least[1]
 
     def visit(self, a, b, ws, lane_a, lane_b):
         """Lower `self.least` by the triangles of two packets, those of the least bounds first."""
         least, m, rounding, still = self.least, ws.pose.matrix, self.least[1], np.float32(0.0)
-        bits = near_triangles(a, b, ws, lane_a, lane_b, _signed_limit(least), (still, still, still), True)
+        limit = float_limit(least[0] + rounding)
+        bits = near_triangles(a, b, ws, lane_a, lane_b, limit, (still, still, still), True)
         first_a, first_b = np.int64(a.first[~a.child[lane_a]]), np.int64(b.first[~b.child[lane_b]])
         while bits != 0:
             i = nearest_of(ws, bits)
             bits &= ~(np.int64(1) << i)
-            if ws.bounds[LANES + i] > _signed_limit(least):
+            if ws.bounds[LANES + i] > float_limit(least[0] + rounding):
                 break
             one, other = triangle_of(a, first_a + (i & 7)), moved_triangle(b, first_b + (i >> 3), m)
             if boxes_apart(one, other) >= least[0]:
@@ -174,15 +170,8 @@ class SignedDistance(NamedTuple):
 
 
 @inner_kernel
-def _signed_limit(least):
-    """A float32 not below a signed distance and its error."""
-    x = least[0] + least[1]
-    return np.float32(min(x + 2.0**-22 * abs(x) + 1e-37, 3e38))
-
-
-@inner_kernel
 def boxes_apart(one, other):
-    """m: how far the boxes of two triangles are apart along an axis, negative where they overlap along all."""
+    """Greatest gap of the boxes of two triangles along an axis, m; negative if they overlap."""
     (a, b, c), (p, q, r) = one, other
     gap = -np.inf
     for d in range(3):
@@ -192,8 +181,10 @@ def boxes_apart(one, other):
 
 @inner_kernel
 def least_signed_distance(a, b, ws, pair, within, least):
-    """The signed distance (m) of a pair of surfaces, surface of a · surfaces of b + surface of b, or `within` where it
-    is more; after `start`. least: see `SignedDistance`."""
+    """The signed distance (m) of a pair of surfaces, at most `within`; `start` must have been called.
+
+    pair: surface of a · surfaces of b + surface of b. least: see `SignedDistance`.
+    """
     lane_a, lane_b = np.int64(a.root[pair // len(b.root)]), np.int64(b.root[pair % len(b.root)])
     least[0] = within
     fresh_node(b, ws, lane_b >> 3)
@@ -203,8 +194,8 @@ def least_signed_distance(a, b, ws, pair, within, least):
 
 @kernel
 def signed_distances_of_pairs(a, b, ws, pairs, within, out, least):
-    """Fill `out` (n,) with the signed distances (m) of pairs (n, 2) of surfaces, or `within` where they are more, b at
-    the pose in `ws.pose.matrix[:12]`; least: see `SignedDistance`."""
+    """Fill `out` (n,) with the signed distances (m), at most `within`, of pairs (n, 2) of surfaces; b is at the pose in
+    `ws.pose.matrix[:12]`. least: see `SignedDistance`."""
     start(a, b, ws)
     least[1] = rounding_of(a, b, ws.pose.matrix)
     for k in range(len(pairs)):
@@ -213,7 +204,7 @@ def signed_distances_of_pairs(a, b, ws, pairs, within, out, least):
 
 @kernel
 def depths_at(query, points, out):
-    """`depth_at` of points (n, 3), into `out` (n,)."""
+    """Fill `out` (n,) with `depth_at` of points (n, 3), m."""
     t = np.int64(0)
     for i in range(len(points)):
         out[i], t = depth_at(query, (points[i, 0], points[i, 1], points[i, 2]), t)
@@ -226,8 +217,8 @@ _signed_distances = EntryPoint(signed_distances_of_pairs)
 def signed_distances_of(
     a: Bvh, b: Bvh, pose: NDArray[np.float64], pairs: NDArray[np.integer], within: float
 ) -> NDArray[np.float64]:
-    """(n,) signed distances (m) of pairs (n, 2) of surfaces, b at a (12,) pose in a's frame; `within` (at least 0)
-    where they are more. Negative where they meet: minus the shortest translation that parts two triangles."""
+    """Return (n,) signed distances, m, at most `within` (>= 0), of pairs (n, 2) of surfaces; b at a (12,) pose in a's
+    frame. Negative where they meet: minus the shortest translation that separates two triangles."""
     ws, out = workspace_for(a, b), np.empty(len(pairs))
     ws.pose.matrix[:12] = pose
     pairs = np.ascontiguousarray(pairs, np.int64)
@@ -236,10 +227,10 @@ def signed_distances_of(
 
 
 def signed_distances(mesh: SurfaceMesh, points: ArrayLike) -> NDArray[np.float64]:
-    """(n,) distances in m of points (n, 3), in the mesh's frame, to the mesh: negative behind the nearest surface.
+    """Return (n,) distances, m, of points (n, 3), in the mesh's frame, from the mesh: negative behind it.
 
     For a closed mesh without self-intersections, behind is inside; where the nearest point lies in a sliver or a fold,
-    or where an open mesh ends, the winding number decides.
+    or at the rim of an open mesh, the winding number decides.
     """
     p = np.array(points, np.float64).reshape(-1, 3)
     out = np.empty(len(p))

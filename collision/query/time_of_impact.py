@@ -1,28 +1,25 @@
-"""The first time of impact along a motion: nothing thin is passed, at any speed.
+"""First time of impact along a motion; thin objects are not passed, at any speed.
 
-Each object that moves goes from its pose to its target along one screw, the SE(3) geodesic: at time t in [0, 1] it is
-at T0·exp(t·log(T0⁻¹·T1)); all move at once. Contact is when the distance of two surfaces falls to the tolerance.
+Each moving object goes from its pose to its target along one screw, the SE(3) geodesic: at time t in [0, 1] it is at
+T0·exp(t·log(T0⁻¹·T1)); all move at once. Two surfaces come into contact when their distance falls to the tolerance.
 
-- Never late: before the time that is returned no two surfaces that were apart have met.
+- Never late: before the time returned no two surfaces that were apart have met.
 - Early by no more than the tolerance: at that time two surfaces are within `Tolerance.linear` of each other.
 
-Surfaces in contact at the start, at most the tolerance apart, could not part if contact alone stopped them. Such a pair
-stops the motion only if it approaches. Its signed distance (that of the triangles, and where they meet minus the
-shortest translation that parts the two triangles) may shrink by `Tolerance.slop`, a tenth of the tolerance, below what
-it is at the start, so that surfaces slide; a pair that is pressed further stops the motion before it has begun to. The
-time is the last at which it had not got there, to within one and a half times that tenth. However often it is repeated,
-a pair that is not deeper already is let no deeper than the tolerance, or than the deflection if that is given: the
-tessellations of a shaft and its bore reach into each other by as much while the surfaces fit. Triangles smaller than
-that depth are the one thing that may be passed, by the very pair of surfaces that is in contact already.
+Surfaces in contact at the start, at most the tolerance apart, could not separate if contact alone stopped them. Such a
+pair stops the motion only if its surfaces approach each other. Its signed distance (that of the triangles, and where
+they meet minus the shortest translation that separates the two triangles) may fall by `Tolerance.slop`, a tenth of the
+tolerance, below its value at the start, so that surfaces can slide. The level reached then stops the motion; the time
+returned is the last above it, to within 1.5 slops. However often motions are repeated, a pair that is not deeper at
+the start gets no deeper than the tolerance, or than `deflection` if that is given: the tessellations of a shaft and its
+bore penetrate each other by that much though the surfaces fit. Only triangles smaller than that depth may be passed,
+and only by the pair of surfaces that is already in contact.
 
-Conservative advancement: the least time for which any pair of boxes or of triangles surely stays apart
-(`collision.triangle.motion`) is the step, found best first (Tang, Kim & Manocha, "C²A: Controlled Conservative
-Advancement", ICRA 2009; here the direction of a certificate is any separating one, and its second-order term lets
-motion along a surface be distinguished from motion towards it).
+Conservative advancement: the step is the least of the times for which pairs of boxes or triangles are known to stay
+apart (`collision.triangle.motion`), found best first (Tang, Kim & Manocha, "C²A: Controlled Conservative Advancement",
+ICRA 2009; here any separating direction makes a certificate, and its second-order term distinguishes motion along a
+surface from motion towards it).
 """
-
-# mypy: disable-error-code="call-arg, var-annotated"
-# (numba's intrinsics take one argument less than they are written with)
 
 from __future__ import annotations
 
@@ -42,6 +39,7 @@ from collision.bvh.traverse import (
     TRIANGLE_BOXES,
     TRIANGLES,
     box_at,
+    float_limit,
     fresh_packets,
     near_surfaces,
     start,
@@ -56,7 +54,7 @@ from collision.numeric.rigid_transforms import relative_pose, rotate, screw_pose
 from collision.numeric.simd import RATES, TERMS, apart_lane_a, apart_lane_b, lowest, perhaps_nearing
 from collision.numeric.vectors import along, cross, norm, sub
 from collision.objects import Objects
-from collision.query.distance import clearance_of, contacts_between, lanes_of, rounding_of
+from collision.query.distance import clearance_entry, contacts_between, lanes_of, rounding_of
 from collision.query.intersection import ALL_ENABLED
 from collision.query.signed_distance import least_signed_distance, signed_distances_of
 from collision.reference.shape import ShapeMesh
@@ -67,36 +65,37 @@ if TYPE_CHECKING:
 
 
 ROUNDING: Final = 64.0 * 2.0**-53
-"""of a box moved by a pose: three products and three sums a coordinate, and the pose's own error, generously"""
+"""1: generous error bound of a box moved by a pose, per unit of the coordinates: six operations and the pose's error"""
 LESS: Final = 1.0 - 2.0**-20
-"""1: … of the time a pair holds is the step, so that what holds as long but for rounding needs no second look"""
+"""1: factor from the certified time of a pair to the step, so that pairs equal up to rounding are not tested again"""
 EARLY: Final = 2.0**-10
-"""1: part of the motion"""
+"""1: time up to which the first advancement of a pair has priority"""
 STEPS = 20000
-"""advancements after which a pair counts as in contact at the time reached: a guard that stays on the safe side"""
+"""advancements after which a pair counts as in contact at the time reached, which is safe"""
 
 
 # --- kernels ---------------------------------------------------------------------------------------------------------
 
 
 class Sweep(NamedTuple):
-    """Task: how long all pairs of triangles surely stay above the signed distances at which they stop."""
+    """Task: find a time for which all pairs of triangles stay above the signed distances that stop the motion."""
 
     level: Any
-    """(ka·kb,) float64, m: where a pair of surfaces stops the motion, -inf where it never does; (0,): all at
+    """(ka·kb,) float64, m: signed distance at which a pair of surfaces stops the motion, -inf for never; (0,): all at
     `tolerance`"""
     tolerance: Any
+    """m"""
     slop: Any
-    """m: steps aim half of it below a pair's own level, the whole below the others': the level is crossed, never by
-    more than that"""
+    """m: steps aim at half of it below a pair's own level, at the whole below `tolerance`, so that the level is crossed
+    by at most that"""
     rates: Any
     """(RATES,) float32, see `simd.RATES`"""
     motion: Any
     """(15,) float64: see `_set_rates`"""
     step: Any
-    """(2,) float64: for which all pairs looked at hold; how far a float64 distance may be off, m"""
+    """(2,) float64: time certified for all pairs visited so far; error bound of a float64 distance, m"""
     hit: Any
-    """(4,) int64: surfaces and lanes of the pair that holds least long"""
+    """(4,) int64: surfaces and lanes of the pair with the shortest time"""
     terms: Any
     """(TERMS,) float32, see `simd.perhaps_nearing`"""
 
@@ -106,34 +105,26 @@ class Sweep(NamedTuple):
 
     def children_of_a(self, a, b, ws, node, lane_b):
         """Bits: which boxes of a node of a may come near a box of b within the step."""
-        s, u = a.surface[LANES * node], b.surface[lane_b]
-        if s != a.surface[LANES * node + 1]:  # an empty lane has -1, a node of one lane is of surfaces
-            s = -1
-        stop, aim = _stops(self.level, _pair_of(b, s, u), self.tolerance, self.slop)
+        stop, aim = _stops(self, b, _node_surface(a, node), b.surface[lane_b])
         if stop == -np.inf:
             return 0
         ws.counts[TRIANGLE_BOXES] += LANES
-        return apart_lane_a(
-            a.boxes, NODE * node, ws.moved, box_at(lane_b), self.rates, _up(aim), _up(self.step[0]), ws.bounds
-        )
+        aim, until = float_limit(aim), float_limit(self.step[0])
+        return apart_lane_a(a.boxes, NODE * node, ws.moved, box_at(lane_b), self.rates, aim, until, ws.bounds)
 
     def children_of_b(self, a, b, ws, lane_a, node):
         """Bits: which boxes of a node of b may come near a box of a within the step."""
-        s, u = a.surface[lane_a], b.surface[LANES * node]
-        if u != b.surface[LANES * node + 1]:
-            u = -1
-        stop, aim = _stops(self.level, _pair_of(b, s, u), self.tolerance, self.slop)
+        stop, aim = _stops(self, b, a.surface[lane_a], _node_surface(b, node))
         if stop == -np.inf:
             return 0
         ws.counts[TRIANGLE_BOXES] += LANES
-        return apart_lane_b(
-            ws.moved, NODE * node, a.boxes, box_at(lane_a), self.rates, _up(aim), _up(self.step[0]), ws.bounds
-        )
+        aim, until = float_limit(aim), float_limit(self.step[0])
+        return apart_lane_b(ws.moved, NODE * node, a.boxes, box_at(lane_a), self.rates, aim, until, ws.bounds)
 
     def visit(self, a, b, ws, lane_a, lane_b):
-        """Shorten the step by the triangles of two packets; whether any are at their level now."""
+        """Shorten the step by the triangles of two packets; return whether any are at their level now."""
         s, u = a.surface[lane_a], b.surface[lane_b]
-        level, aim = _stops(self.level, _pair_of(b, s, u), self.tolerance, self.slop)
+        level, aim = _stops(self, b, s, u)
         if level == -np.inf:
             return False
         m, rounding = ws.pose.matrix, self.step[1]
@@ -147,7 +138,7 @@ class Sweep(NamedTuple):
         _set_terms(self, a, b, ws, lane_a, lane_b, most, aim)
         first_a, first_b = np.int64(a.first[p]), np.int64(b.first[q])
         for tb in range(first_b, np.int64(b.first[q + 1])):
-            self.terms[9], at, to = _up(step), PREPARED * p, PREPARED * q + tb - first_b
+            self.terms[9], at, to = float_limit(step), PREPARED * p, PREPARED * q + tb - first_b
             ws.counts[TRIANGLE_BOXES] += LANES
             bits = perhaps_nearing(ws.prepared, at, ws.turned, to, self.rates, self.terms)
             if bits == 0:
@@ -169,12 +160,16 @@ class Sweep(NamedTuple):
         return False
 
 
-@inner_kernel
-def _stops(level, pair, tolerance, slop):
-    """(signed distance at which a pair of surfaces stops, or of boxes of several, pair -1; what steps aim at)."""
-    if pair >= 0 and len(level) > 0 and level[pair] < tolerance:
-        return level[pair], level[pair] - 0.5 * slop
-    return tolerance, tolerance - slop  # no level lies above, which is safe for boxes of several surfaces
+@inline_kernel
+def _stops(task, b, s, u):
+    """(signed distance at which surfaces s of a and u of b stop the motion, signed distance that steps aim at).
+
+    s, u: -1 for boxes of several surfaces, for which the greatest level, `tolerance`, is safe.
+    """
+    pair = _pair_of(b, s, u)
+    if pair >= 0 and len(task.level) > 0 and task.level[pair] < task.tolerance:
+        return task.level[pair], task.level[pair] - 0.5 * task.slop
+    return task.tolerance, task.tolerance - task.slop
 
 
 @inline_kernel
@@ -183,15 +178,16 @@ def _pair_of(b, s, u):
     return np.int64(s) * len(b.root) + u if s >= 0 and u >= 0 else np.int64(-1)
 
 
-@inner_kernel
-def _up(x):
-    """A float32 not below x."""
-    return np.float32(x + 2.0**-22 * abs(x) + 1e-37)
+@inline_kernel
+def _node_surface(bvh, node):
+    """The surface of all boxes of a node, -1 for several; a node with one box is above the surfaces."""
+    s = bvh.surface[LANES * node]
+    return s if s == bvh.surface[LANES * node + 1] else np.int32(-1)
 
 
 @inline_kernel
 def _motion_of(matrix, motion, middle, half):
-    """The `RelativeMotion` of the points of a box of b."""
+    """The `RelativeMotion` of the points of a box of b; middle, half: its middle and half edges in b's frame, m."""
     x = transform(matrix, middle)
     velocity, turn, turn_a = _vector(motion, 0), _vector(motion, 3), _vector(motion, 6)
     u, own = cross(turn, x), cross(_vector(motion, 12), middle)
@@ -210,8 +206,8 @@ def _vector(x, at):
 def _set_terms(task, a, b, ws, lane_a, lane_b, most, aim):
     """Fill the task's terms for two packets, all but the last. most: bound of the acceleration.
 
-    The error bound: 20 roundings of float32 of coordinates about the middle of a's box, and what float64 vertices are
-    off, along any direction.
+    The error bound along any direction: 20 roundings of float32 of coordinates about the middle of a's box, plus the
+    error of the float64 vertices.
     """
     m, motion, terms = ws.pose.matrix, task.motion, task.terms
     at_a, _ = box_middle(a, lane_a)
@@ -222,7 +218,7 @@ def _set_terms(task, a, b, ws, lane_a, lane_b, most, aim):
         terms[d], terms[3 + d] = shift[d], motion[d] + velocity[d]
     size = a.size[lane_a] + b.size[lane_b] + abs(shift[0]) + abs(shift[1]) + abs(shift[2])
     terms[6] = 4.0 * (20.0 * 2.0**-24 * size + ws.pose.motion[22])
-    terms[7], terms[8] = _up(most), _up(aim)
+    terms[7], terms[8] = float_limit(most), float_limit(aim)
 
 
 @inner_kernel
@@ -237,7 +233,7 @@ def _set_rates(a_frame, b_frame, matrix, screws, task):
     moved, turned = rotate(matrix, v), rotate(matrix, w)
     wa, at = _vector(twist_a, 3), _vector(matrix, 9)
     dw = sub(turned, wa)
-    own = sub(moved, cross(turned, at))  # of the point of b that is at a's origin
+    own = sub(moved, cross(turned, at))  # velocity of the point of b at a's origin
     dv = sub(own, _vector(twist_a, 0))
     for d in range(3):
         motion[d], motion[3 + d], motion[6 + d] = dv[d], dw[d], wa[d]
@@ -250,22 +246,21 @@ def _set_rates(a_frame, b_frame, matrix, screws, task):
         rates[d], rates[3 + d] = dv[d] + velocity[d], dw[d]
         rates[6 + d], rates[9 + d] = own[d] + of_dw[d], turned[d]
         e, f = (d + 1) % 3, (d + 2) % 3
-        rates[15 + d] = _up(np.sqrt(wa[e] * wa[e] + wa[f] * wa[f]))
-        rates[18 + d] = _up(np.sqrt(dw[e] * dw[e] + dw[f] * dw[f]) + bend)
+        rates[15 + d] = float_limit(np.sqrt(wa[e] * wa[e] + wa[f] * wa[f]))
+        rates[18 + d] = float_limit(np.sqrt(dw[e] * dw[e] + dw[f] * dw[f]) + bend)
         speed += abs(dv[d]) + abs(velocity[d]) + abs(own[d]) + abs(of_dw[d])
         extent += abs(at[d]) + a_frame[3 + d] + abs(centre[d]) + 2.0 * (b_frame[3 + d] + abs(b_frame[d]))
-    rates[12], rates[13], rates[14] = _up(norm(dw)), _up(norm(w)), _up(norm(wa))
-    rates[21] = _up(norm(dw) + bend)
-    rates[22] = _up(2.0**-19 * (speed + (norm(dw) + norm(turned)) * extent) + 1e-30)
+    rates[12], rates[13], rates[14] = float_limit(norm(dw)), float_limit(norm(w)), float_limit(norm(wa))
+    rates[21] = float_limit(norm(dw) + bend)
+    rates[22] = float_limit(2.0**-19 * (speed + (norm(dw) + norm(turned)) * extent) + 1e-30)
 
 
 class SweepWorkspace(NamedTuple):
-    """What the advancement of a pair of objects works in, and where it stands."""
+    """Arrays and state of the advancement of a pair of objects."""
 
     task: Sweep
-    """its `level` (surfaces of a · surfaces of b,) and `hit` are the pair's own, as `found` is"""
     poses: Any
-    """(2, 12) float64"""
+    """(2, 12) float64: of a and b at the time reached, m"""
     least: Any
     """(2,) float64, m: see `SignedDistance`"""
     found: Any
@@ -273,14 +268,14 @@ class SweepWorkspace(NamedTuple):
 
 
 REACHED, BEFORE, STATE, LEVELS, TAKEN = range(5)
-"""places in `SweepWorkspace.found`: no pair of surfaces is at its level before this time; the time an advancement
-earlier; NEW, UNDER_WAY, STOPPED or PASSED; whether `Sweep.level` is in use; number of advancements"""
+"""places in `SweepWorkspace.found`: time before which no pair of surfaces is at its level; that of the advancement
+before; NEW, UNDER_WAY, STOPPED or PASSED; whether `Sweep.level` is in use; number of advancements"""
 NEW, UNDER_WAY, STOPPED, PASSED = 0.0, 1.0, 2.0, 3.0
 
 
 @inline_kernel
 def _move_to(a, b, ws, screws, t, work):
-    """Begin a question about a and b at a time; `task.step[1]` and `least[1]` become its rounding."""
+    """Start a query of a and b at time t; `task.step[1]` and `least[1]` become its rounding error."""
     screw_pose(screws[0], t, work.poses[0])
     screw_pose(screws[1], t, work.poses[1])
     relative_pose(work.poses[0], work.poses[1], ws.pose.matrix)
@@ -290,9 +285,9 @@ def _move_to(a, b, ws, screws, t, work):
 
 @inner_kernel
 def _set_levels(a, b, ws, near, limits, enabled, work):
-    """Fill `work.task.level`: pairs of surfaces in contact, of the first `near` of `ws.pairs`, have one of their own.
+    """Fill `work.task.level`; the pairs of surfaces in contact, among the first `near` of `ws.pairs`, get their own.
 
-    A motion that is shorter than what a pair may come nearer does not bring it to its level, so it need not be known.
+    A pair that the motion cannot bring to its level gets -inf: its signed distance is not computed.
     """
     task, kb = work.task, len(b.root)
     until, deflection = limits[0], limits[2]
@@ -301,15 +296,15 @@ def _set_levels(a, b, ws, near, limits, enabled, work):
         task.level[pair] = -np.inf if len(enabled) > 0 and enabled[pair] == 0 else tolerance
     frame = b.frame
     motion = _motion_of(ws.pose.matrix, task.motion, _vector(frame, 0), _vector(frame, 3))
-    way = until * motion.fastest * (1.0 + 1e-9) + 4.0 * work.least[1]
+    travel = until * motion.fastest * (1.0 + 1e-9) + 4.0 * work.least[1]
     for k in range(near):
         pair = ws.pairs[k]
         if task.level[pair] == -np.inf:
             continue
-        if way < 0.01 * slop:
+        if travel < 0.01 * slop:
             task.level[pair] = -np.inf
             continue
-        short = way < slop
+        short = travel < slop
         within = slop - tolerance if short else tolerance * (1.0 + 2.0**-50)
         depth = least_signed_distance(a, b, ws, pair, within, work.least)
         if short and depth >= within:
@@ -321,10 +316,11 @@ def _set_levels(a, b, ws, near, limits, enabled, work):
 
 @inner_kernel
 def _last_above(a, b, ws, screws, before, pair, work):
-    """A time from `before` on at which the signed distance of a pair of surfaces is above its level by little.
+    """A time from `before` on at which the signed distance of a pair of surfaces is above its level by at most 1.5
+    slops, by bisection.
 
-    It is above at `before`, and at or below at the time found; in between nothing gets below what the advancement held
-    to.
+    It is above its level at `before`, and at most at it at `work.found[REACHED]`; in between every pair stays above
+    the signed distance that the advancement aimed at.
     """
     level, slop, time = work.task.level[pair], work.task.slop, work.found[REACHED]
     within, middle, apart = max(0.0, level + 2.0 * slop), before, np.inf
@@ -342,13 +338,13 @@ def _last_above(a, b, ws, screws, before, pair, work):
 
 @kernel
 def advance(a, b, ws, screws, limits, enabled, work):
-    """Advance a pair of objects until it is STOPPED, has PASSED `until`, or what it reached is later than `lead`.
+    """Advance a pair of objects until it is STOPPED, has PASSED `until`, or the time reached is later than `lead`.
 
-    screws: (2, 18) float64, pose at t = 0 and body twist (v, w) over the unit of time, of a and of b. limits: (4,)
-    float64, until, lead, deflection (m), advancements after which the pair counts as stopped where it is. enabled:
-    (ka·kb,) uint8, 0 for pairs of surfaces that are left out; (0,) where none is. work: NEW, or as the last call left
-    it. The surfaces that stop the motion are the first two numbers of `work.task.hit`. Returns the length that
-    `ws.pairs` must have, or 0 if it has.
+    screws: (2, 18) float64, pose at t = 0 and body twist (v, w) per unit of time, of a and of b. limits: (4,) float64,
+    until, lead, deflection (m), advancements after which the pair counts as stopped at the time reached. enabled:
+    (ka·kb,) uint8, 0 for pairs of surfaces to leave out; (0,) enables all. work: NEW, or as left by the last call. The
+    surfaces that stop the motion are the first two numbers of `work.task.hit`. Returns the length that `ws.pairs` must
+    have, 0 if it is long enough.
     """
     task, found, hit = work.task, work.found, work.task.hit
     until, lead, at_start = limits[0], limits[1], found[STATE] == NEW
@@ -375,7 +371,7 @@ def advance(a, b, ws, screws, limits, enabled, work):
             _set_rates(a.frame, b.frame, ws.pose.matrix, screws, task)
         task.step[0] = until - t
         last_a, last_b = hit[2], hit[3]
-        # the pair that limited the last step is likely to limit this one: visited first, it rules out many others
+        # the pair that limited the last step often limits this one: visited first, it excludes many others
         for k in range(0 if last_a >= 0 else 1, 2):
             if k == 1:
                 last_a, last_b = 0, 0
@@ -404,14 +400,14 @@ _advance = EntryPoint(advance)
 
 
 def time_of_impact(objects: Objects, moves: Mapping[int, Any], deflection: float = 0.0) -> TimeOfImpact:
-    """The first impact while the objects `moves` go from their poses to their targets, all at once.
+    """Return the first impact while the objects in `moves` go from their poses to their targets, all at once.
 
     Parameters
     ----------
-    moves: target pose (`pinocchio.SE3` or (4, 4)) by object; whatever is not named stays where it is.
-    deflection: m, how deep surfaces in contact at the start may reach into each other because of their tessellation.
+    moves: target pose (`pinocchio.SE3` or (4, 4)) by object; other objects do not move.
+    deflection: m, depth by which surfaces in contact at the start may penetrate each other because of tessellation.
 
-    Ignored pairs of objects and of surfaces stop nothing.
+    Ignored pairs of objects and of surfaces do not stop a motion.
 
     Raises
     ------
@@ -423,15 +419,15 @@ def time_of_impact(objects: Objects, moves: Mapping[int, Any], deflection: float
     ends = objects.packed(list(moves), list(moves.values()), "target of object")
     starts = objects.packed_poses()
     screws = {i: _screw(starts[i], end) for i, end in zip(moves, ends, strict=True)}
-    ways = [_Way(objects, pair) for pair in _pairs(objects, screws, ends)]
-    first = _first_impact(ways, screws, starts, deflection)
-    stops = [way for way in ways if way.found[STATE] == STOPPED and way.found[REACHED] == first]
+    pairs = [_Advancement(objects, pair) for pair in _pairs(objects, screws, ends)]
+    first = _first_impact(pairs, screws, starts, deflection)
+    stops = [pair for pair in pairs if pair.found[STATE] == STOPPED and pair.found[REACHED] == first]
     at_first = {i: _at(screws[i], first) for i in sorted(moves)}
-    rows = joined([_contacts(way, at_first) for way in stops])
+    rows = joined([_contacts(pair, at_first) for pair in stops])
     return TimeOfImpact(first, rows, at_first)
 
 
-class _Way:
+class _Advancement:
     """A pair of objects on their screws, and the time up to which it does not stop the motion."""
 
     def __init__(self, objects: Objects, pair: tuple[int, int]) -> None:
@@ -444,7 +440,7 @@ class _Way:
         self.found = np.zeros(5)
 
     def begin(self, screws: Mapping[int, NDArray[np.float64]], starts: NDArray[np.float64]) -> None:
-        """Make what `advance` works in. starts: (n, 12) poses of all objects; what has no screw stays there."""
+        """Allocate the arrays of `advance`. starts: (n, 12) poses of all objects; those without a screw do not move."""
         self.screws = np.zeros((2, 18))
         for screw, k in zip(self.screws, self.pair, strict=True):
             if k in screws:
@@ -459,7 +455,7 @@ class _Way:
         self.work = SweepWorkspace(task, np.empty((2, 12)), np.empty(2), self.found)
 
     def advance(self, until: float, lead: float, deflection: float) -> float:
-        """Advance it, see `advance`; its state."""
+        """Advance the pair, see `advance`; return its state."""
         a, b, limits = self.a, self.b, np.array([until, lead, deflection, STEPS])
         mask = ALL_ENABLED if self.enabled is None else self.enabled.ravel()
         while wanted := _advance.call(a, b, workspace_for(a, b), self.screws, limits, mask, self.work):
@@ -468,26 +464,27 @@ class _Way:
 
 
 def _first_impact(
-    ways: list[_Way], screws: Mapping[int, NDArray[np.float64]], starts: NDArray[np.float64], deflection: float
-) -> float:
-    """Advance pairs, the one of least time first, until the first impact is known; its time, 1 without one.
+    pairs: list[_Advancement], screws: Mapping[int, NDArray[np.float64]], starts: NDArray[np.float64],
+    deflection: float,
+) -> float:  # fmt: skip
+    """Advance pairs in the order of the times reached until the first impact is known; return its time, 1 without one.
 
-    Unstarted pairs have time 0, but a pair that is held back before `EARLY` is advanced to its end first: if a motion
-    is stopped at once, the pairs after the one that stops it are not computed.
+    Unstarted pairs have time `EARLY`: a pair below it is advanced first, so that if a motion is stopped at once, the
+    pairs after the one that stops it are not computed.
     """
-    first, queue = 1.0, [(EARLY, k) for k in range(len(ways))]
+    first, queue = 1.0, [(EARLY, k) for k in range(len(pairs))]
     while queue and first > 0.0:
         reached, k = heappop(queue)
-        way = ways[k]
-        if way.found[STATE] == NEW:
-            way.begin(screws, starts)
+        pair = pairs[k]
+        if pair.found[STATE] == NEW:
+            pair.begin(screws, starts)
         elif reached > first:
             continue
-        state = way.advance(first, queue[0][0] if queue else 1.0, deflection)
+        state = pair.advance(first, queue[0][0] if queue else 1.0, deflection)
         if state == UNDER_WAY:
-            heappush(queue, (float(way.found[REACHED]), k))
+            heappush(queue, (float(pair.found[REACHED]), k))
         elif state == STOPPED:
-            first = min(first, float(way.found[REACHED]))
+            first = min(first, float(pair.found[REACHED]))
     return first
 
 
@@ -509,7 +506,7 @@ def _at(screw: NDArray[np.float64], t: float) -> pin.SE3:
 def _pairs(
     objects: Objects, screws: Mapping[int, NDArray[np.float64]], ends: NDArray[np.float64]
 ) -> list[tuple[int, int]]:
-    """Pairs i < j of which one moves, that are enabled, and whose ways come near each other."""
+    """Enabled pairs i < j of objects, at least one of them moving, whose swept boxes come near each other."""
     known, box, linear = frozenset(objects.objects), objects.world_boxes().copy(), objects.tolerance.linear
     for i, end in zip(screws, ends.tolist(), strict=True):
         x0, y0, z0, x1, y1, z1, _ = bounds_of(objects.mesh(i)).tolist()
@@ -532,7 +529,7 @@ def _pairs(
 
 
 def _sagitta(twist: list[float], center: tuple[float, float, float], radius: float) -> float:
-    """How far points of a ball stray from their chords on the screw: each turns about its axis by |w|."""
+    """Bound of the distance (m) of points of a ball from their chords on a screw: each turns about its axis by |w|."""
     vx, vy, vz, wx, wy, wz = twist
     turn = math.sqrt(wx * wx + wy * wy + wz * wz)
     if turn == 0.0:
@@ -544,30 +541,30 @@ def _sagitta(twist: list[float], center: tuple[float, float, float], radius: flo
     return (arm / turn + radius) * (1.0 - math.cos(0.5 * min(turn, math.pi)))
 
 
-def _contacts(way: _Way, at_first: Mapping[int, pin.SE3]) -> NDArray[Any]:
-    """The pairs of surfaces that stop two objects: the one found, and those that come into contact with it.
+def _contacts(pair: _Advancement, at_first: Mapping[int, pin.SE3]) -> NDArray[Any]:
+    """The pairs of surfaces that stop two objects: the one found, and those that come into contact at the same time.
 
     at_first: poses of the moving objects at the time of impact.
     """
-    (i, j), a, b, linear = way.pair, way.a, way.b, way.objects.tolerance.linear
-    s, t = (int(k) for k in way.work.task.hit[:2])
+    (i, j), a, b, linear = pair.pair, pair.a, pair.b, pair.objects.tolerance.linear
+    s, t = (int(k) for k in pair.work.task.hit[:2])
     shape = len(a.root), len(b.root)
-    mask = np.ones(shape, np.uint8) if way.enabled is None else way.enabled.copy()
-    if way.found[LEVELS]:
-        level = way.work.task.level.reshape(shape)
+    mask = np.ones(shape, np.uint8) if pair.enabled is None else pair.enabled.copy()
+    if pair.found[LEVELS]:
+        level = pair.work.task.level.reshape(shape)
         unknown = np.argwhere((level == -np.inf) & (mask != 0))
         mask[level < linear] = 0
-        if len(unknown):  # the motion was too short for them
-            start = poses.pack_rigid(way.objects.relative_pose(i, j))
+        if len(unknown):  # `_set_levels` did not compute their signed distances
+            start = poses.pack_rigid(pair.objects.relative_pose(i, j))
             depths = signed_distances_of(a, b, start, unknown, float(np.nextafter(linear, np.inf)))
             mask[tuple(unknown[depths > linear].T)] = 1
     mask[s, t] = 0
-    where = way.screws[:, :12].copy()
-    for pose, k in zip(where, way.pair, strict=True):
+    where = pair.screws[:, :12].copy()
+    for pose, k in zip(where, pair.pair, strict=True):
         if k in at_first:
             pose[:] = poses.pack_rigid(at_first[k])
     nearest = np.zeros(1, CONTACT_DTYPE)
-    clearance_of(a, b, workspace_for(a, b), where, 0, 1, np.inf, lanes_of(a, b, s, t), nearest)
+    clearance_entry.call(a, b, workspace_for(a, b), where, 0, 1, np.inf, lanes_of(a, b, s, t), nearest)
     nearest["surface_a"], nearest["surface_b"] = s, t
     rows = joined([contacts_between(a, b, where, linear, mask), nearest])
     rows["object_a"], rows["object_b"] = i, j

@@ -1,12 +1,12 @@
 """The algorithm of Figueiredo and Fernando for two objects, with overlap boxes (OAABB) and without, and its counts.
 
-Stage 2 pairs surfaces, stage 3 the triangles of each pair of surfaces. With OAABBs, stage 2 pairs only surfaces that
-reach into the overlap of the two objects' boxes, and stage 3 only triangles that reach into the overlap of the two
-surfaces' boxes. Without, all surfaces are paired, and all triangles of surfaces whose boxes overlap. Both end a pair of
-surfaces at its first two triangles that intersect.
+Stage 2 pairs surfaces, stage 3 the triangles of each pair of surfaces. With OAABBs, stage 2 pairs only surfaces whose
+boxes overlap the intersection of the two objects' boxes, and stage 3 only triangles whose boxes overlap the
+intersection of the two surfaces' boxes. Without, all surfaces are paired, and all triangles of surfaces whose boxes
+overlap. Both end the test of a pair of surfaces at the first two triangles that intersect.
 
-A box is a row (least x, y, z, greatest x, y, z), closed: boxes that touch overlap. Boxes are made of the coordinates
-that are tested, so they need no inflation.
+A box is a row (least x, y, z, greatest x, y, z), closed: boxes that touch overlap. Boxes are computed from the
+coordinates that are tested, so they need no inflation.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from collision.mesh import SurfaceMesh
 from collision.numeric.kernel import kernel
 from collision.numeric.predicates import FALLBACKS, workspace
+from collision.numeric.rigid_transforms import transform
 from collision.numeric.vectors import row
 from collision.poses import pack
 from collision.reference.shape import triangles_needed
@@ -27,7 +28,7 @@ from collision.triangle.intersection import triangles_meet
 
 
 class Soup(NamedTuple):
-    """A mesh as the algorithm takes it: m triangles by surface, those of surface s at `start[s]` … `start[s + 1]`."""
+    """Input of the algorithm: m triangles sorted by surface, those of surface s at `start[s]` … `start[s + 1]` - 1."""
 
     vertices: Any
     """(n, 3) float64, m"""
@@ -76,14 +77,10 @@ def plain_pairs(a, given, pose, clip, w, counts):
 
     a, given: each a `Soup` in its own frame. clip: use OAABBs. counts: see `Statistics`.
     """
-    b = Soup(
-        np.empty(given.vertices.shape),
-        given.corner,
-        given.start,
-        np.empty(given.box.shape),
-        np.empty(given.group.shape),
-    )
-    transform(given.vertices, pose, b.vertices)
+    vertices, box, group = np.empty(given.vertices.shape), np.empty(given.box.shape), np.empty(given.group.shape)
+    b = Soup(vertices, given.corner, given.start, box, group)
+    for i in range(len(vertices)):
+        vertices[i, 0], vertices[i, 1], vertices[i, 2] = transform(pose, row(given.vertices, i))
     triangle_boxes(b.vertices, b.corner, b.box)
     group_boxes(b.box, b.start, b.group)
     ka, kb, whole = len(a.group), len(b.group), np.empty((3, 6))
@@ -119,7 +116,8 @@ def plain_pairs(a, given, pose, clip, w, counts):
 
 @kernel(allocates=True)
 def _clip(boxes, begin, end, common, clip, inside, counts, counter):
-    """Fill `inside` with the boxes begin … end - 1 that overlap the OAABB `common`, all unless `clip`; how many."""
+    """Fill `inside` with the boxes begin … end - 1 that overlap the OAABB `common`, or all unless `clip`; return their
+    number."""
     n = 0
     for i in range(begin, end):
         if not clip or overlap(boxes, i, common, 0):
@@ -147,21 +145,8 @@ def _any_meet(a, inside_a, b, inside_b, w, counts):
 
 @kernel(allocates=True)
 def _triangle(soup, t):
-    return (
-        row(soup.vertices, soup.corner[t, 0]),
-        row(soup.vertices, soup.corner[t, 1]),
-        row(soup.vertices, soup.corner[t, 2]),
-    )
-
-
-@kernel(allocates=True)
-def transform(vertices, pose, out):
-    """Fill `out` with `vertices` (n, 3) moved by the (12,) pose, in the order of operations of all methods."""
-    for i in range(len(vertices)):
-        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
-        out[i, 0] = pose[0] * x + pose[1] * y + pose[2] * z + pose[9]
-        out[i, 1] = pose[3] * x + pose[4] * y + pose[5] * z + pose[10]
-        out[i, 2] = pose[6] * x + pose[7] * y + pose[8] * z + pose[11]
+    x, corner = soup.vertices, soup.corner
+    return row(x, corner[t, 0]), row(x, corner[t, 1]), row(x, corner[t, 2])
 
 
 @kernel(allocates=True)
@@ -191,14 +176,10 @@ def group_boxes(boxes, start, out):
 @kernel(allocates=True)
 def overlap(a, i, b, j):
     """Whether the boxes `a[i]` and `b[j]` have a point in common."""
-    return (
-        a[i, 0] <= b[j, 3]
-        and b[j, 0] <= a[i, 3]
-        and a[i, 1] <= b[j, 4]
-        and b[j, 1] <= a[i, 4]
-        and a[i, 2] <= b[j, 5]
-        and b[j, 2] <= a[i, 5]
-    )
+    meet = True
+    for d in range(3):
+        meet = meet and a[i, d] <= b[j, d + 3] and b[j, d] <= a[i, d + 3]
+    return meet
 
 
 @kernel(allocates=True)

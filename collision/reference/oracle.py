@@ -1,9 +1,8 @@
-"""coal behind the same interface: a reference for our answers, and the queries of shapes that are no meshes.
+"""coal behind the same interface: a reference for exact results, and the queries of shapes without triangles.
 
-coal decides in floating point, triangle against triangle by GJK. Its tolerance is set to 1e-10: at its default of 1e-6
-it reports contacts of triangles that do not touch. Meshes are checked when they are made, and poses by
-`collision.poses`, before they reach coal: a bad index would end the interpreter there, and a pose with NaN would count
-as a collision.
+coal tests triangles in floating point by GJK. Its tolerance is set to 1e-10: at its default of 1e-6 it reports contacts
+of triangles that do not touch. Meshes are checked when they are made, and poses by `collision.poses`, before they reach
+coal, where a bad index would crash the interpreter, and a pose with NaN would count as a collision.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from collision.reference.shape import ShapeMesh
 from collision.tolerance import DEFAULT, Tolerance
 
 ROUNDING: Final = 64.0 * 2.0**-53
-"""1: bound of the rounding of a box moved by a pose, a unit of its coordinates"""
+"""1: bound of the rounding error of a box moved by a pose, per unit of its coordinates"""
 
 
 class OracleError(CollisionError):
@@ -111,10 +110,10 @@ def cross_check(
     mesh_a: SurfaceMesh, mesh_b: SurfaceMesh, pose_ab: Any, ours: NDArray[np.int32],
     directory: str | Path | None = None, tolerance: Tolerance = DEFAULT, enabled: NDArray[np.uint8] | None = None,
 ) -> None:  # fmt: skip
-    """Compare an answer with coal's.
+    """Compare a result with coal's.
 
-    ours: (k, 2), as `colliding_surfaces`. enabled: (ka, kb), 0 for pairs of surfaces that are left out. Pairs of
-    surfaces whose signed distance is within coal's error bound (`tolerance.oracle` of the parts' size) may differ.
+    ours: (k, 2), as `colliding_surfaces`. enabled: (ka, kb), 0 for pairs of surfaces to leave out. Pairs of surfaces
+    whose signed distance is within coal's error bound (`tolerance.oracle` of the parts' size) may differ.
 
     Raises
     ------

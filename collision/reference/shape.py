@@ -1,4 +1,4 @@
-"""Shapes that are no triangle meshes as objects: coal's primitives, convex hulls, height fields and octrees."""
+"""Objects that are not triangle meshes: coal's primitives, convex hulls, height fields and octrees."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ def triangles_needed(mesh: SurfaceMesh) -> None:
 def mesh_of_shape(shape: Any, name: str | None = None) -> SurfaceMesh:
     """Return the object for a coal shape: a `ShapeMesh`, or a closed mesh for a height field.
 
-    coal has neither a test nor a distance of a height field and a mesh. As a mesh of one surface, from its heights down
-    to its least height, a height field has exact answers to every query.
+    coal can neither test nor measure a height field against a mesh. As a mesh of one surface, from its heights down to
+    its least height, a height field is treated exactly by every query.
     """
     import coal
 

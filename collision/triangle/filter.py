@@ -1,4 +1,4 @@
-"""Do two triangles meet, wherever float64 can tell: most pairs are settled here, with no call and few branches.
+"""Floating-point filter of the intersection of two triangles: most pairs are decided here, with few branches.
 
 The six signs of `collision.triangle.intersection` share two normals: with o, e, f the first corner and two edges of a
 triangle, the sign of a point x is that of (x - o) · (e × f), whose error is at most `ORIENT3D` times the same sum of
@@ -24,7 +24,7 @@ def _minus(a, b):
 
 @inner_kernel(forceinline=True)
 def _plane(e, f):
-    """e × f, and what its terms add up to in absolute value."""
+    """(e × f, the sums of the absolute values of its terms)."""
     yz, zy = e[1] * f[2], e[2] * f[1]
     zx, xz = e[2] * f[0], e[0] * f[2]
     xy, yx = e[0] * f[1], e[1] * f[0]
@@ -42,7 +42,10 @@ def _above(d, plane):
 
 @inner_kernel(forceinline=True)
 def _turned(p, q, r, sp, sq, sr):
-    """A triangle turned, keeping its sense, until p is alone on its side, and that side; no sign may be 0."""
+    """The corners of a triangle, permuted cyclically so that the first is alone on its side, and the sign of that side.
+
+    sp, sq, sr: signs of the corners, none of them 0.
+    """
     if sp == sq:
         return r, p, q, sr
     if sp == sr:
@@ -52,8 +55,11 @@ def _turned(p, q, r, sp, sq, sr):
 
 @inner_kernel(forceinline=True)
 def arranged(one, s, other, t):
-    """Both triangles rotated until p is alone on its side of the second plane, the second mirrored until that side is
-    the positive one: Guigue & Devillers' canonical form. s, t: the signs of the corners, none of them 0."""
+    """The corners of both triangles in Guigue & Devillers' canonical form: each permuted cyclically so that its first
+    corner is alone on its side of the other's plane, and mirrored so that the side is the positive one.
+
+    s, t: signs of the corners of `one` and `other`, none of them 0.
+    """
     p1, q1, r1, sp = _turned(one[0], one[1], one[2], s[0], s[1], s[2])
     p2, q2, r2, tp = _turned(other[0], other[1], other[2], t[0], t[1], t[2])
     if sp < 0:
@@ -65,10 +71,9 @@ def arranged(one, s, other, t):
 
 @inner_kernel
 def verdict(p1, q1, r1, p2, q2, r2):
-    """Whether the closed triangles p1 q1 r1 and p2 q2 r2 have a point in common: `MEET`, `APART` or `UNCERTAIN`.
+    """Whether the closed triangles p1 q1 r1 and p2 q2 r2 intersect: `MEET`, `APART` or `UNCERTAIN`.
 
-    Guigue & Devillers' test, as `polygons.triangles_meet` has it, for triangles of which no corner is too near the
-    other's plane.
+    Guigue & Devillers' test, as in `triangle.intersection`; uncertain if a corner is too near the other's plane.
     """
     plane = _plane(_minus(q2, p2), _minus(r2, p2))
     sp, sq, sr = _above(_minus(p1, p2), plane), _above(_minus(q1, p2), plane), _above(_minus(r1, p2), plane)
@@ -80,7 +85,7 @@ def verdict(p1, q1, r1, p2, q2, r2):
         return APART
     if sp * sq * sr * tp * tq * tr == 0:
         return UNCERTAIN
-    # its orient3d, which is positive below, is the other sign
+    # `orient3d` has the opposite sign
     p1, q1, r1, p2, q2, r2 = arranged((p1, q1, r1), (-sp, -sq, -sr), (p2, q2, r2), (-tp, -tq, -tr))
     between = _minus(p2, p1)
     left = _above(between, _plane(_minus(q1, p1), _minus(q2, p1)))

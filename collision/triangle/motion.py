@@ -1,16 +1,16 @@
-"""How long two triangles that move surely stay apart, and their signed distance.
+"""Lower bounds of the time for which two moving triangles stay apart, and their signed distance.
 
-At a time t every pair of triangles, or of boxes that hold them, yields a certificate: a direction n in a's frame along
-which it is separated by g, the speed s at which b's points can close that gap at t, and a bound k of how fast that
-speed can grow. The pair then stays apart for as long as s·dt + k·dt²/2 < g.
+At a time t every pair of triangles, or of boxes that contain them, has a certificate: a direction n in a's frame along
+which the pair is separated by g, the speed s at which b's points can close that gap at t, and a bound k of the growth
+rate of that speed. The pair then stays apart for as long as s·dt + k·dt²/2 < g.
 
-Both objects move along screws: body twists (v, w) are constant over t in [0, 1]. A point x of b, in a's frame, moves
-with u = dv + dw × x, dw = R·w_b - w_a. In the world, where dw is constant, du/dt = dw × (the velocity x has by b's own
-motion, of constant length), and a's frame turns with w_a; so for n fixed in a's frame
+Both objects move along screws: body twists (v, w) are constant over t in [0, 1]. A point x of b, in a's frame, has the
+velocity u = dv + dw × x, dw = R·w_b - w_a. In the world, where dw is constant, du/dt is dw × (velocity of x by b's own
+motion, which has constant length), and a's frame turns with w_a; so for n fixed in a's frame
 
     |n·du/dt| <= |n × w_a|·|u| + (|n × dw| + |w_a × dw|)·|v_b + w_b × x_b|
 
-where |w_a × dw| bounds how far dw can turn in a's frame within the unit of time.
+where |w_a × dw| bounds the rotation of dw in a's frame within the unit of time.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from collision.numeric.kernel import inner_kernel
-from collision.numeric.vectors import cross, dot, norm, sub
+from collision.numeric.vectors import cross, dot, norm, scaled, sub
 from collision.triangle.distance import closest_features
 from collision.triangle.intersection import triangles_meet
 
@@ -35,18 +35,18 @@ def _safe(g, s, k):
 
 
 class RelativeMotion(NamedTuple):
-    """How triangles of b move against a, in a's frame; the unit of time is that of the motion."""
+    """Motion of the triangles of b relative to a, in a's frame; the unit of time is the whole motion."""
 
     velocity: Any
-    """(x, y, z) m: of the point of b at a's origin"""
+    """(x, y, z) m: velocity of the point of b at a's origin"""
     turn: Any
     """(x, y, z) rad: angular velocity of b against a"""
     turn_a: Any
     """(x, y, z) rad: angular velocity of a"""
     fastest: Any
-    """m: a bound of the speed of b's points against a at any time"""
+    """m: bound of the speed of b's points relative to a at any time"""
     own: Any
-    """m: a bound of their speed by b's own motion"""
+    """m: bound of their speed by b's own motion"""
 
 
 STILL: Final = RelativeMotion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
@@ -60,9 +60,9 @@ def _range(n, triangle):
 
 @inner_kernel
 def _hold(n, offset, triangle, motion, aim):
-    """How long a triangle that moves surely stays more than `aim` beyond the plane n·x = `offset`.
+    """Lower bound of the time for which a moving triangle stays more than `aim` beyond the plane n·x = `offset`.
 
-    Each corner closes the gap by its own speed: what is far beyond may come fast, as a large triangle that turns.
+    The speed is taken at each corner: a distant corner of a large turning triangle may be fast.
     """
     turn, turn_a = motion.turn, motion.turn_a
     if turn == turn_a == (0.0, 0.0, 0.0):
@@ -81,11 +81,11 @@ def _hold(n, offset, triangle, motion, aim):
 
 @inner_kernel
 def separation(one, other, motion, aim, enough):
-    """(separation of two triangles, how long it surely stays above `aim`), over their normals and products of edges.
+    """(separation of two triangles, lower bound of the time for which it stays above `aim`).
 
-    The separation is the greatest over these axes. For triangles that meet it is minus the length of the shortest
-    translation that parts them, 0 for triangles in one plane. It holds as long as along the axis that holds longest.
-    Ends with the first axis that shows it to be above `aim`, and to stay there for `enough`.
+    The separation is the greatest over both normals and all cross products of edges. For triangles that meet it is
+    minus the length of the shortest translation that separates them, 0 for coplanar ones. The time is the longest over
+    the axes; the search ends with the first axis along which it is at least `enough`.
     """
     (a, b, c), (p, q, r) = one, other
     ours, theirs = (sub(b, a), sub(c, b), sub(a, c)), (sub(q, p), sub(r, q), sub(p, r))
@@ -100,8 +100,7 @@ def separation(one, other, motion, aim, enough):
         length = norm(n)
         if length == 0.0:
             continue
-        scale = 1.0 / length
-        n = (scale * n[0], scale * n[1], scale * n[2])
+        n = scaled(1.0 / length, n)
         low_a, high_a = _range(n, one)
         low_b, high_b = _range(n, other)
         ahead, behind = low_b - high_a, low_a - high_b
@@ -109,20 +108,21 @@ def separation(one, other, motion, aim, enough):
         if ahead > aim:
             hold = max(hold, _hold(n, high_a, other, motion, aim))
         if behind > aim:
-            hold = max(hold, _hold((-n[0], -n[1], -n[2]), -low_a, other, motion, aim))
+            hold = max(hold, _hold(scaled(-1.0, n), -low_a, other, motion, aim))
         if best > aim and hold >= enough:
             break
     if best == -np.inf:
-        best = 0.0  # points or parallel segments, which meet in a point or along a line
+        best = 0.0  # degenerate to points or parallel segments
     return best, hold
 
 
 @inner_kernel
 def pair_step(one, other, motion, aim, enough, touching, work):
-    """(signed distance of two triangles, how long it surely stays above `aim`); less exact if that is `enough`.
+    """(signed distance of two triangles, lower bound of the time for which it stays above `aim`).
 
-    Signed distance: the distance, or the separation where they meet or are nearer than `touching` (m), below which
-    float64 no longer resolves the direction from one witness point to the second.
+    The signed distance is their distance, or their separation if they meet or are nearer than `touching` (m), below
+    which float64 does not resolve the direction between the witness points; or, if the time is at least `enough`, a
+    lower bound of it. work: workspace of `numeric.predicates`.
     """
     s, hold = separation(one, other, motion, aim, enough)
     (a, b, c), (p, q, r) = one, other
@@ -133,8 +133,7 @@ def pair_step(one, other, motion, aim, enough, touching, work):
     if d <= touching:
         return s, hold
     if d > aim:
-        n = sub(y, x)
-        n = (n[0] / d, n[1] / d, n[2] / d)
+        n = scaled(1.0 / d, sub(y, x))
         _, offset = _range(n, one)
         hold = max(hold, _hold(n, offset, other, motion, aim))
     return d, hold

@@ -1,7 +1,5 @@
 """Pairs of triangles made to break floating-point tests; (n, 6, 3) arrays of corners. Shared by the tests."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

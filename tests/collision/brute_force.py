@@ -1,7 +1,5 @@
 """Slow and obviously right: meshes for tests, and the distance of triangles by numpy over all features."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
@@ -185,3 +183,16 @@ def signed_distances(a: Array, b: Array) -> Array:
         gap = np.maximum(along_b.min(-1) - along_a.max(-1), along_a.min(-1) - along_b.max(-1))
         parted = np.where(length > 0.0, np.maximum(parted, gap), parted)
     return np.where(distance > 0.0, distance, np.where(np.isfinite(parted), np.minimum(parted, 0.0), 0.0))
+
+
+def without_lid() -> SurfaceMesh:
+    mesh = box(1.0, 1.0, 1.0)
+    keep = mesh.surface_of_triangle != 5
+    return SurfaceMesh(mesh.vertices, mesh.triangles[keep], mesh.surface_of_triangle[keep], name="open box")
+
+
+def hollow(outer: float, inner: float) -> SurfaceMesh:
+    a, b = box(outer, outer, outer), box(inner, inner, inner)
+    triangles = np.concatenate([a.triangles, b.triangles[:, ::-1] + len(a.vertices)])
+    surface = np.concatenate([a.surface_of_triangle, b.surface_of_triangle + 6])
+    return SurfaceMesh(np.concatenate([a.vertices, b.vertices]), triangles, surface, name="hollow box")

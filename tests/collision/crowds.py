@@ -1,7 +1,5 @@
 """Managers of many objects anywhere, and their answers pair by pair."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np
@@ -12,10 +10,6 @@ from collision import (
     colliding_surfaces,
 )
 from tests.collision import shapes
-
-
-def at(x: float, y: float = 0.0, z: float = 0.0) -> pin.SE3:
-    return pin.SE3(np.eye(3), np.array([x, y, z]))
 
 
 def anywhere(rng: np.random.Generator, spread: float) -> pin.SE3:

@@ -1,7 +1,5 @@
 """The truth for triangles: arithmetic on Python integers, slow and obviously right. Shared by the tests."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import product
 from math import lcm

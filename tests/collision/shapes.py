@@ -1,10 +1,14 @@
 """Meshes the tests use, made of a few numbers."""
 
-from __future__ import annotations
-
 import numpy as np
+import pinocchio as pin
 
 from collision import SurfaceMesh
+
+
+def at(x: float, y: float = 0.0, z: float = 0.0) -> pin.SE3:
+    return pin.SE3(np.eye(3), np.array([x, y, z]))
+
 
 QUADS = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
 

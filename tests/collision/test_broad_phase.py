@@ -1,7 +1,5 @@
 """The broad phase: pairs of objects against boxes and spheres one by one."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np
@@ -13,7 +11,8 @@ from collision import (
     colliding_surfaces,
 )
 from tests.collision import shapes
-from tests.collision.crowds import anywhere, at, crowd, one_by_one
+from tests.collision.crowds import anywhere, crowd, one_by_one
+from tests.collision.shapes import at
 
 
 def bounds(manager: CollisionManager, i: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:

@@ -1,21 +1,16 @@
 """Clash, contact, clearance and containment on parts whose relation is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from collision import CollisionError, CollisionManager, SurfaceMesh
-from collision.classify import KINDS, PairClass, Reason, _as_a_whole, _below_the_surface, classify
+from collision.classify import KINDS, PairClass, Reason, _as_a_whole, _below_the_surface, classify, near_pairs
 from collision.query.containment import inside
 from collision.query.signed_distance import signed_distances
 from collision.solid import is_closed
 from tests.collision.brute_force import box, sphere, turned, with_slivers
-
-
-def at(x: float, y: float = 0.0, z: float = 0.0) -> pin.SE3:
-    return pin.SE3(np.eye(3), np.array([x, y, z]))
+from tests.collision.shapes import at
 
 
 def pipe(length: float = 2.0, outer: float = 0.5, inner: float = 0.4, sectors: int = 24) -> SurfaceMesh:
@@ -234,17 +229,43 @@ def test_penetrations_of_many_pairs_are_those_of_each() -> None:
         world.add(sphere(0.5, 10), pin.SE3(pin.exp3(rng.normal(size=3)), 0.6 * rng.normal(size=3)))
     pairs = [(int(i), int(j)) for i, j in world.object_pairs()]
     assert len(pairs) > 10
-    done: list[float] = []
-    for pair, rows in zip(pairs, world.penetrations(pairs, done.append), strict=True):
+    for pair, rows in zip(pairs, world.penetrations(pairs), strict=True):
         np.testing.assert_array_equal(rows, world.penetration(*pair))
-    assert done == [k / len(pairs) for k in range(len(pairs))]
 
 
-def test_what_a_callback_raises_ends_penetrations() -> None:
+def test_instances_placed_alike_are_as_deep_as_each_alone() -> None:
+    rng = np.random.default_rng(5)
+    world, plate, pin_ = CollisionManager(), box(1, 1, 0.2), sphere(0.3, 8)
+    inner = pin.SE3(pin.exp3(rng.normal(size=3)), np.array([0.1, 0.05, 0.3]))
+    for _ in range(5):
+        outer = pin.SE3(pin.exp3(rng.normal(size=3)), 20.0 * rng.normal(size=3))
+        world.add(plate, outer)
+        world.add(pin_, outer * inner)
+    world.add(pin_, world.pose(0) * inner * at(0, 0, 0.01))
+    pairs = [(i, i + 1) for i in range(0, 10, 2)] + [(0, 10)]
+    for pair, rows in zip(pairs, world.penetrations(pairs), strict=True):
+        alone = world.penetration(*pair)
+        assert rows["depth"].max() > 0.05
+        for name in rows.dtype.names:
+            np.testing.assert_allclose(rows[name], alone[name], rtol=0.0, atol=1e-8)
+
+
+def test_how_deep_settled_surfaces_are_is_not_searched() -> None:
+    world = two(box(1, 1, 1), box(1, 1, 1), at(0.2, 0.1, 0.9))
+    near = near_pairs(world)
+    (every,) = near.classified()
+    (pair,) = near.pairs
+    deep = [p for p in every if p.kind == "clash" and p.surfaces is not None]
+    s, t = deep[0].surfaces
+    (rest,) = near.classified(settled={pair: [([s], [t])]})
+    assert [(p.kind, p.depth) for p in rest if p.surfaces == (s, t)] == [("contact", 0.0)]
+    others = [(p.surfaces, p.kind, p.depth) for p in every if p.surfaces != (s, t)]
+    assert [(p.surfaces, p.kind, p.depth) for p in rest if p.surfaces != (s, t)] == others
+
+
+def test_penetrations_that_nobody_waits_for_end() -> None:
     world = two(sphere(0.5, 10), sphere(0.5, 10), at(0.3))
-
-    def stop(fraction: float) -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        world.penetrations([(0, 1)] * 3, stop)
+    rows = world.penetrations([(0, 1)] * 3)
+    assert len(next(rows)) == 1
+    rows.close()
+    assert next(rows, None) is None

@@ -1,7 +1,5 @@
 """What the first import and the first question do."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Objects of one group are no pairs; contact rows within less than was asked are picked from those there are."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -10,10 +10,11 @@ import pytest
 
 import collision
 import constraints
+import physics
 import vpframe
 
 
-@pytest.mark.parametrize("package", [collision, constraints, vpframe], ids=lambda package: package.__name__)
+@pytest.mark.parametrize("package", [collision, constraints, physics, vpframe], ids=lambda package: package.__name__)
 def test_every_name_is_found_and_listed(package: ModuleType) -> None:
     assert dir(package) == sorted(package.__all__)
     for name in package.__all__:

@@ -1,7 +1,5 @@
 """`CollisionManager`: what it holds, what it leaves out, and its answers against pairs asked one by one."""
 
-from __future__ import annotations
-
 import copy
 
 import coal
@@ -19,7 +17,8 @@ from collision import (
 )
 from collision.methods import METHODS, Method
 from tests.collision import shapes
-from tests.collision.crowds import anywhere, at, crowd, one_by_one
+from tests.collision.crowds import anywhere, crowd, one_by_one
+from tests.collision.shapes import at
 
 
 def test_all_pairs_against_pairs_one_by_one() -> None:

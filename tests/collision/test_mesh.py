@@ -1,7 +1,5 @@
 """A mesh and its copies."""
 
-from __future__ import annotations
-
 import copy
 import gc
 import pickle

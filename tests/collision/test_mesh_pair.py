@@ -1,7 +1,5 @@
 """A prepared pair answers at every pose as `colliding_surfaces` does, of the enabled surfaces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """What a manager remembers changes no answer: along motions that glide, shake, jump, press and go back."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

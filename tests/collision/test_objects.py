@@ -1,7 +1,5 @@
 """`Objects`: ids, poses, and which pairs are enabled."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,7 +10,8 @@ from collision import (
     UnknownObjectError,
 )
 from tests.collision import shapes
-from tests.collision.crowds import anywhere, at, crowd, one_by_one
+from tests.collision.crowds import anywhere, crowd, one_by_one
+from tests.collision.shapes import at
 
 
 def test_poses_are_kept_and_changed() -> None:

@@ -1,7 +1,5 @@
 """Poses as callers give them: packed and unpacked, and refused by the same rule as in kernels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

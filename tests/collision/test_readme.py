@@ -1,7 +1,5 @@
 """The page that a stranger reads runs as it stands."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

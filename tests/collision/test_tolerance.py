@@ -1,7 +1,5 @@
 """The one value that holds the epsilons."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from typing import Any
 

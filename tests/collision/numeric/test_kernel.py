@@ -1,7 +1,5 @@
 """Kernels and inner kernels: their signatures, and what they may return."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

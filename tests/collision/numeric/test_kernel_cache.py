@@ -1,7 +1,5 @@
 """Kernels are compiled once, kept between runs, and never answer for code that has changed."""
 
-from __future__ import annotations
-
 import ast
 import os
 import resource

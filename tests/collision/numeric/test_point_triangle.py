@@ -1,7 +1,5 @@
 """The point of a triangle nearest to a point, against rational arithmetic."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Orientation of three and four points, against integer arithmetic."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from collision.numeric.predicates import FALLBACKS, orient2d, orient3d, workspace

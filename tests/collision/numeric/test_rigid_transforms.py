@@ -1,7 +1,5 @@
 """Rigid transforms of many objects against those of each."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.collision.crowds import anywhere

@@ -1,7 +1,5 @@
 """Bounds in float32 against the same in float64: what eight lanes rule out is never there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,33 +7,13 @@ from numba import njit
 
 from collision import SurfaceMesh
 from collision.bvh.build import bvh_of
-from collision.bvh.packets import near_triangles
 from collision.bvh.traverse import fresh_packets, start, workspace_for
 from collision.numeric.point_triangle import closest_on_triangle
 from collision.numeric.simd import RATES, TERMS, apart_lane_a, apart_lane_b, perhaps_nearing
 from collision.query.signed_distance import triangle_bounds
 from collision.query.time_of_impact import Sweep, _set_rates, _set_terms
-from collision.triangle.distance import closest_features
 from tests.collision.brute_force import signed_distances
-
-
-def packet(rng: np.random.Generator, scale: float, place: float, slivers: bool = False) -> SurfaceMesh:
-    """Eight triangles, some of them slivers or of no area."""
-    corners = rng.normal(size=(8, 3, 3)) * scale * 10.0 ** rng.uniform(-3.0, 0.0, (8, 1, 1)) + rng.normal(
-        size=(8, 1, 3)
-    ) * scale * rng.uniform(0.0, 2.0)
-    if slivers:
-        corners[::3, 2] = corners[::3, 0] + (corners[::3, 1] - corners[::3, 0]) * rng.uniform(-0.5, 1.5, (3, 1))
-        corners[::3, 2] += rng.normal(size=(3, 3)) * scale * 10.0 ** rng.uniform(-12.0, -3.0, (3, 1))
-    return SurfaceMesh((corners + place * rng.normal(size=3)).reshape(-1, 3), np.arange(24).reshape(8, 3))
-
-
-def in_leaf_order(mesh: SurfaceMesh) -> np.ndarray:
-    return mesh.vertices[mesh.triangles[bvh_of(mesh).order]]
-
-
-def relative(rng: np.random.Generator, reach: float) -> pin.SE3:
-    return pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3) * reach)
+from tests.collision.packets import distances_between, in_leaf_order, kept_and_bounds, packet, relative
 
 
 @njit
@@ -49,19 +27,6 @@ def distances_from(corners, p, out):
         a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
         q, _ = closest_on_triangle((p[0], p[1], p[2]), (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2]))
         out[i] = np.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2 + (q[2] - p[2]) ** 2)
-
-
-@njit
-def distances_between(corners, others, out):
-    for i in range(len(corners)):
-        a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
-        for j in range(len(others)):
-            p, q, r = others[j, 0], others[j, 1], others[j, 2]
-            square, _, _ = closest_features(
-                (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2]),
-                (p[0], p[1], p[2]), (q[0], q[1], q[2]), (r[0], r[1], r[2]),
-            )  # fmt: skip
-            out[i, j] = np.sqrt(square)
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e-3, 1.0, 1e6])
@@ -80,41 +45,6 @@ def test_distances_of_points_are_never_above_and_are_close(scale: float) -> None
         well = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         well = well > 1e-2 * size * size
         assert (ws.bounds[:8][well] >= exact[well] - 1e-3 * size - 1e-3 * exact[well]).all()
-
-
-@njit
-def near_pairs_of_packets(a, b, ws, distance, along, meeting):
-    start(a, b, ws)
-    direction = np.float32(along[0]), np.float32(along[1]), np.float32(along[2])
-    ws.bounds[8:72] = np.inf
-    return near_triangles(a, b, ws, 0, 0, np.float32(distance), direction, meeting)
-
-
-def kept_and_bounds(
-    one: SurfaceMesh, other: SurfaceMesh, pose: pin.SE3, distance: float, along: np.ndarray, meeting: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """(8, 8) which pairs may be within the distance, and the lower bounds."""
-    a, b = bvh_of(one), bvh_of(other)
-    ws = workspace_for(a, b)
-    ws.pose.matrix[:12] = [*pose.rotation.ravel(), *pose.translation]
-    bits = near_pairs_of_packets(a, b, ws, distance, along, meeting) & (2**64 - 1)
-    kept = np.array([[bits >> (8 * j + i) & 1 == 1 for j in range(8)] for i in range(8)])
-    return kept, ws.bounds[8:72].reshape(8, 8).T.astype(float)
-
-
-@pytest.mark.parametrize("meeting", [False, True])
-def test_pairs_of_triangles_that_are_left_out_are_farther_apart(meeting: bool) -> None:
-    rng = np.random.default_rng(1)
-    exact, left = np.empty((8, 8)), 0
-    for _ in range(600):
-        one, other = (packet(rng, 1e-2, 1e-1, slivers=k == 1) for k in range(2))
-        pose, along = relative(rng, 0.05), rng.normal(size=3) * (rng.random() < 0.5)
-        distances_between(in_leaf_order(one), in_leaf_order(other) @ pose.rotation.T + pose.translation, exact)
-        distance = float(np.quantile(exact, rng.random()))
-        kept, _ = kept_and_bounds(one, other, pose, distance * (1.0 + 1e-6), along, meeting)
-        assert (exact[~kept] > distance).all()
-        left += int((~kept).sum())
-    assert left > 2000
 
 
 def in_contact(rng: np.random.Generator, scale: float, place: float) -> tuple[SurfaceMesh, SurfaceMesh, pin.SE3]:

@@ -1,7 +1,5 @@
 """Contacts and clearance against brute force over all pairs of triangles, closed forms, and the exact verdict."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Depth and direction against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,12 +8,9 @@ from collision import CollisionManager, SurfaceMesh, Tolerance
 from collision.query.containment import inside
 from collision.query.penetration import deepest_points, penetration
 from tests.collision.brute_force import box, point_distances, sphere, turned
+from tests.collision.shapes import at
 
 TILT = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 2.0, -0.3]))
-
-
-def at(x: float, y: float = 0.0, z: float = 0.0) -> pin.SE3:
-    return pin.SE3(np.eye(3), np.array([x, y, z]))
 
 
 @pytest.mark.parametrize("cells", [1, 5])
@@ -199,3 +194,25 @@ def test_what_a_mesh_does_not_wind_about_is_not_deep_in_it() -> None:
     world.add(box(0.1, 0.1, 0.1), TILT * at(0.2 + 0.04, 0.0, 0.7))
     depths = penetration(world, 0, 1)["depth"]
     assert depths.max() == pytest.approx(0.01, abs=1e-12)
+
+
+def test_points_as_near_to_two_surfaces_are_behind_either() -> None:
+    """A face begins in the plane beyond which the reentrant edge that two surfaces share is no longer nearest."""
+    outline = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+    corners = np.array([[x, y, z] for z in (0, 4) for x, y in outline], dtype=np.float64)
+    ends = [(0, c, b) for b, c in ((1, 2), (2, 3), (3, 4), (4, 5))]
+    triangles = [*ends, *((6 + c, 6 + b, 6 + a) for a, b, c in ends)]
+    triangles += [t for i in range(6) for j in [(i + 1) % 6] for t in ((i, j, 6 + j), (i, 6 + j, 6 + i))]
+    surfaces = np.array([0] * 4 + [1] * 4 + [2 + i for i in range(6) for _ in range(2)])
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        pose = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3) * 10 ** rng.uniform(1, 3))
+        solid = SurfaceMesh(corners @ pose.rotation.T + pose.translation, np.array(triangles), surfaces)
+        face = rng.uniform([0.75, 0.75, 1.9], [0.98, 0.98, 2.1], size=(3, 3))
+        face[:, 0] = 1.0, 1.0, face[2, 0] + 0.3
+        tip = face.mean(axis=0) + np.array([0.05, 0.0, 0.05])
+        sides = np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])
+        outward = np.cross(face[1] - face[0], face[2] - face[0]) @ (tip - face[0]) < 0.0
+        body = SurfaceMesh(np.vstack([face, tip]), sides if outward else sides[:, ::-1], np.array([0, 1, 1, 1]))
+        found = deepest_points(CollisionManager(), (solid, body), pose, np.array([[5, 0]], np.int32))
+        assert found[0, 0] == pytest.approx((1.0 - face[:2, 1]).max(), rel=0.011)

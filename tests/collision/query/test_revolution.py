@@ -1,7 +1,5 @@
 """Bounds of distances while an object turns, held to distances measured on the way."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Time of impact against sub-sampling, closed forms, and what a hand does to walls, bores and thin plates."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

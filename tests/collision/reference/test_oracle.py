@@ -1,7 +1,5 @@
 """coal behind the same interface: agreement, and a disagreement that can be reproduced."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -11,10 +9,7 @@ from collision.query.distance import contacts_at
 from collision.reference import oracle as oracle_module
 from collision.reference.oracle import OracleError, cross_check, reproduce
 from tests.collision.brute_force import box, random_soup, sphere
-
-
-def at(x: float, y: float = 0.0, z: float = 0.0) -> pin.SE3:
-    return pin.SE3(np.eye(3), np.array([x, y, z]))
+from tests.collision.shapes import at
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -1,13 +1,10 @@
 """Shapes that are no meshes: their answers, their copies, and what is refused."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 
 import coal
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from collision import CollisionError, CollisionManager, SurfaceMesh, colliding_surfaces
@@ -15,10 +12,7 @@ from collision.query.containment import inside
 from collision.reference.shape import mesh_of_shape
 from collision.solid import is_closed
 from tests.collision.brute_force import box
-
-
-def at(x: float, y: float = 0.0, z: float = 0.0) -> pin.SE3:
-    return pin.SE3(np.eye(3), np.array([x, y, z]))
+from tests.collision.shapes import at
 
 
 def hull() -> coal.Convex:

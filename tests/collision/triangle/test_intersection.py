@@ -1,7 +1,5 @@
 """Triangle against triangle, held to integer arithmetic, to libigl and to what symmetry demands."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numba import njit

@@ -150,3 +150,36 @@ def test_what_stays_clear_of_a_turn_changes_no_stop(seed: int) -> None:
     assert (a is None) == (b is None)
     if a is not None and b is not None:
         assert a.leg + a.t == pytest.approx(b.leg + b.t, abs=1e-3)  # a sweep ends within its slop
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**31))
+def test_only_what_is_ahead_or_beside_may_stop_a_path(seed: int) -> None:
+    """Every object that stops a straight path is among those ahead, and every one that stops any path beside it."""
+    rng = np.random.default_rng(seed)
+    meshes = [block(-size / 2, size / 2) for size in rng.uniform(0.003, 0.02, (7, 3))]
+    poses = [pin.SE3(pin.exp3(rng.uniform(-1.0, 1.0, 3)), rng.uniform(-0.03, 0.03, 3)) for _ in meshes]
+    many = Sweeps(meshes, poses, TOLERANCE)
+    direction = rng.normal(size=3)
+    direction = AXES[rng.integers(6)] if rng.random() < 0.5 else direction / np.linalg.norm(direction)
+    knots = pin.SE3.Identity(), pin.SE3(pin.exp3(rng.uniform(-1.0, 1.0, 3)), rng.uniform(-0.03, 0.03, 3))
+    ahead, beside = many.ahead(0, direction).tolist(), many.beside(0, knots).tolist()
+    assert 0 not in ahead and 0 not in beside
+    corners = [mesh.vertices @ pose.rotation.T + pose.translation for mesh, pose in zip(meshes, poses, strict=True)]
+    for j in range(1, len(meshes)):
+        far = max(0.0, float((corners[j] @ direction).max() - (corners[0] @ direction).min())) + 1e-3
+        straight = pin.SE3.Identity(), pin.SE3(np.eye(3), far * direction)
+        assert j in ahead or many.stop(0, j, straight) is None
+        assert j in beside or many.stop(0, j, knots) is None
+        assert np.allclose(many.extent(j, direction), [(corners[j] @ direction).min(), (corners[j] @ direction).max()])
+
+
+def test_the_hull_of_a_mesh_has_its_extents():
+    rng = np.random.default_rng(0)
+    pieces = [block(p, p + rng.uniform(0.001, 0.01, 3)) for p in rng.uniform(-0.02, 0.02, (30, 3))]
+    mesh, pose = joined(pieces), pin.SE3(pin.exp3(rng.uniform(-1.0, 1.0, 3)), rng.uniform(-0.1, 0.1, 3))
+    one = Sweeps([mesh], [pose], TOLERANCE)
+    assert len(one.corners(0)) < len(mesh.vertices)
+    for direction in rng.normal(size=(50, 3)):
+        heights = (mesh.vertices @ pose.rotation.T + pose.translation) @ direction
+        assert np.allclose(one.extent(0, direction), [heights.min(), heights.max()], rtol=0.0, atol=1e-14)

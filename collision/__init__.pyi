@@ -1,0 +1,26 @@
+# written by tests/release/stub.py
+from collision.classify import PairClass as PairClass
+from collision.classify import classify as classify
+from collision.contact import CONTACT_DTYPE as CONTACT_DTYPE
+from collision.contact import PENETRATION_DTYPE as PENETRATION_DTYPE
+from collision.contact import TimeOfImpact as TimeOfImpact
+from collision.errors import CollisionError as CollisionError
+from collision.errors import MeshError as MeshError
+from collision.errors import PoseError as PoseError
+from collision.errors import UnknownObjectError as UnknownObjectError
+from collision.manager import CollisionManager as CollisionManager
+from collision.mesh import SurfaceMesh as SurfaceMesh
+from collision.mesh_pair import MeshPair as MeshPair
+from collision.mesh_pair import intersect_at as intersect_at
+from collision.mesh_pair import last_surfaces as last_surfaces
+from collision.mesh_pair import prepare_pair as prepare_pair
+from collision.methods import colliding_surfaces as colliding_surfaces
+from collision.objects import ObjectsState as ObjectsState
+from collision.query.blocking import Stop as Stop
+from collision.query.blocking import SurfacePairs as SurfacePairs
+from collision.query.blocking import Sweeps as Sweeps
+from collision.query.containment import inside as inside
+from collision.query.front import buried as buried
+from collision.query.signed_distance import signed_distances as signed_distances
+from collision.statistics import Statistics as Statistics
+from collision.tolerance import Tolerance as Tolerance
