@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -92,6 +92,10 @@ class ConstraintsState:
     """ids accepted since the last update"""
 
 
+_TABLES = {"_ids": "ids", "candidates": "candidates", "accepted": "accepted", "refused": "refused", "_pulled": "pulled"}
+"""attributes of a `ConstraintManager` that are fields of a `ConstraintsState`"""
+
+
 @dataclass(frozen=True, eq=False)
 class InForce:
     """The constraints in force at one moment, and quantities derived from them at first use."""
@@ -148,11 +152,29 @@ class InForce:
         return {}
 
 
-@lru_cache(maxsize=16)
-def _limits(tolerance: Tolerance) -> tuple[Limits, Limits, Limits]:
-    """Within which a candidate is offered, stays offered, and what is in force still overlaps."""
-    keep = Limits.keep(tolerance)
-    return Limits.offer(tolerance), keep, replace(keep, linear=np.inf, angular=np.pi / 2)
+class Ranges(NamedTuple):
+    """How far surfaces may be from each other, by a tolerance."""
+
+    tolerance: Tolerance
+    offer: Limits
+    """within which a candidate is offered"""
+    keep: Limits
+    """within which it stays offered"""
+    overlapping: Limits
+    """within which what is in force still overlaps"""
+    offered: float
+    """m: how near surfaces are that are offered a constraint"""
+    kept: float
+    """m: how near they are as long as it stays offered"""
+
+    @classmethod
+    def of(cls, tolerance: Tolerance, recogniser: Recogniser) -> Ranges:
+        """The ranges of a tolerance, among the features of a recogniser."""
+        offer, keep, t = Limits.offer(tolerance), Limits.keep(tolerance), tolerance
+        widest, as_far = recogniser.widest(offer), t.release * max(t.linear, t.reach)
+        offered = max(offer.clearance, float(np.hypot(widest, offer.linear)))
+        kept = max(offered, t.release * t.clearance, as_far, float(np.hypot(widest, as_far)))
+        return cls(t, offer, keep, replace(keep, linear=np.inf, angular=np.pi / 2), offered, kept)
 
 
 def _borne(candidate: Candidate, body: int, poses: Sequence[pin.SE3], force: ArrayLike) -> float:
@@ -211,7 +233,7 @@ class ConstraintManager:
         self.refused: dict[int, Candidate] = {}
         """refused until their parts part, by id"""
         self.groups: Groups = ALONE
-        """what is carried (see `Motion.carry`): among bodies that move as one nothing is looked at"""
+        """what is carried (see `ConstrainedMotion.carry`): among bodies that move as one nothing is looked at"""
         self.drawn: tuple[pin.SE3, ...] = ()
         """poses of all bodies in the assembly as drawn; none if not known"""
         self.assisted = False
@@ -227,16 +249,15 @@ class ConstraintManager:
         self._known_pulls: tuple[Any, tuple[tuple[int, ...], Pulls]] = None, ((), Pulls((), ()))
         self._known_pairs: dict[int, tuple[NDArray[np.int64], dict[Pair, None]]] = {}
         self._attention = Attention()
-        self._known_widest: tuple[tuple[float, ...], float] = ((), 0.0)
+        self._known_ranges: Ranges | None = None
 
     @property
-    def _widest(self) -> float:
-        """m: how far apart the faces of a fit may be; kept for one tolerance at a time."""
-        t = self.tolerance
-        asked = (t.linear, t.clearance, t.clearance_relative)
-        if self._known_widest[0] != asked:
-            self._known_widest = asked, self.recogniser.widest(Limits.offer(t))
-        return self._known_widest[1]
+    def ranges(self) -> Ranges:
+        """How far surfaces may be from each other by the present tolerance."""
+        known = self._known_ranges
+        if known is None or known.tolerance is not self.tolerance:
+            known = self._known_ranges = Ranges.of(self.tolerance, self.recogniser)
+        return known
 
     @property
     def within(self) -> float:
@@ -244,17 +265,7 @@ class ConstraintManager:
 
         More as long as there are candidates: they are withdrawn farther away than they are offered.
         """
-        if not (self.candidates or self.refused or self._pulled):
-            return self._reach
-        t = self.tolerance
-        as_far = t.release * max(t.linear, t.reach)
-        return max(self._reach, t.release * t.clearance, as_far, float(np.hypot(self._widest, as_far)))
-
-    @property
-    def _reach(self) -> float:
-        """m: how far apart surfaces may be that are offered a constraint."""
-        offer = _limits(self.tolerance)[0]
-        return max(offer.clearance, float(np.hypot(self._widest, offer.linear)))
+        return self.ranges.kept if self.candidates or self.refused or self._pulled else self.ranges.offered
 
     @property
     def in_force(self) -> InForce:
@@ -358,8 +369,8 @@ class ConstraintManager:
         frame, of which the part that a constraint bears counts against its `break_force` (faces bear what parts them,
         an axis what is across it); or a number, which counts in full. versions: (n,) one number a body, another one
         whenever its pose may be (`CollisionManager.versions`); without, poses are compared. goals: the poses in which
-        motions of hands end, by body; begun: those of them whose motion begins. Faces that are apart at its end part
-        when it begins, though no pull gets as far as `break_distance`.
+        motions of hands end, by held body; begun: those of them whose motion begins. Faces that are apart at its end
+        part when it begins, though no pull gets as far as `break_distance`.
 
         Returns the changes since the last call, decisions of `accept`, `refuse` and `remove` first. Only bodies that
         moved, whose rows are other ones, or about which something was decided are looked at: the rest is as it was.
@@ -375,7 +386,7 @@ class ConstraintManager:
             poses,
             wanted or {},
             force or {},
-            {b: pose for b, pose in (goals or {}).items() if b in begun},
+            self.groups.with_carried({b: pose for b, pose in (goals or {}).items() if b in begun}),
         )
         about |= self._attention.noted().union(*(candidate.bodies for candidate in self._pulled.values()))
         asked = frozenset(self._unproven)
@@ -394,9 +405,8 @@ class ConstraintManager:
         force: Mapping[int, ArrayLike],
         goals: Mapping[int, pin.SE3],
     ) -> None:
-        overlapping = _limits(self.tolerance)[2]
         ids, pairs, kinds = self._matched(about)
-        found = self.recogniser.verdicts.kinds("in force", pairs, poses, overlapping, PAIRINGS)
+        found = self.recogniser.verdicts.kinds("in force", pairs, poses, self.ranges.overlapping, PAIRINGS)
         if found != kinds or force:
             gone = {id for id, kind, now in zip(ids, kinds, found, strict=True) if kind != now}
             for id in self.in_force.about(about, self.groups):
@@ -542,12 +552,11 @@ class ConstraintManager:
         goals: Mapping[int, pin.SE3],
     ) -> None:
         t, recogniser, within = self.tolerance, self.recogniser, self.groups.within
-        offer, keep, _ = _limits(t)
+        offer, keep, reach = self.ranges.offer, self.ranges.keep, self.ranges.offered
         contacts = self._between_groups(contacts, rows_about(contacts["object_a"], contacts["object_b"], about))
         codes = recogniser.codes(contacts)
         distance = contacts["distance"]
         near = self._pairs(0, codes[distance <= self.within])
-        reach = self._reach
         offered = self._pairs(1, codes[distance <= reach])
         mine = [(id, c) for id, c in self.candidates.items() if not (about.isdisjoint(c.bodies) or within(c.bodies))]
         kinds = recogniser.verdicts.kinds("offered", tuple(c.key[:4] for _, c in mine), poses, keep, PAIRINGS)
@@ -563,6 +572,7 @@ class ConstraintManager:
                 if c.bodies in together or about.isdisjoint(c.bodies) or within(c.bodies)
             }
             at = [wanted.get(i, pose) for i, pose in enumerate(poses)] if self._pulled else poses
+            goals = self.groups.with_carried(goals) if self._pulled else {}
             ends = [goals.get(i, pose) for i, pose in enumerate(at)] if goals else at
             for id, candidate in [(i, c) for i, c in self._pulled.items() if not within(c.bodies)]:
                 if goals and candidate.bodies in together and _opening(candidate, ends) > t.linear:
@@ -635,7 +645,7 @@ class ConstraintManager:
         if match.kind in ("concentric", "screw"):
             if match.residual <= exact + max(match.fit or 0.0, 0.0):
                 return False
-            limits, key = Limits.offer(self.tolerance), (*pair, match.kind)
+            limits, key = self.ranges.offer, (*pair, match.kind)
             was = self.recogniser.match(key, before, limits)
             goal = self.recogniser.match(key, [wanted.get(i, pose) for i, pose in enumerate(poses)], limits)
             if was is None or goal is None:
@@ -666,7 +676,7 @@ class ConstraintManager:
             self._own("_ids")[*pair, match.kind] = id
         if self._is_known((*pair, match.kind)):
             return
-        candidate = self.recogniser.candidate(pair, match, near, Limits.offer(self.tolerance), poses)
+        candidate = self.recogniser.candidate(pair, match, near, self.ranges.offer, poses)
         if self._off_where_wanted(candidate, wanted, poses) > self.tolerance.linear:
             self._attention.note(candidate.bodies)
             return
@@ -741,23 +751,17 @@ class ConstraintManager:
 
         Its dicts and lists must not be changed. Features, rules and settings are not in it.
         """
-        self._shared |= {"_ids", "candidates", "accepted", "refused", "_pulled"}
+        self._shared |= _TABLES.keys()
+        tables = {name: getattr(self, own) for own, name in _TABLES.items()}
         return ConstraintsState(
-            self._ids,
-            self.candidates,
-            self.accepted,
-            self.refused,
-            self._pulled,
-            tuple(self._pending),
-            self._poses,
-            tuple(self._unproven),
+            **tables, pending=tuple(self._pending), poses=self._poses, unproven=tuple(self._unproven)
         )
 
     @snapshot.setter
     def snapshot(self, there: ConstraintsState) -> None:
-        self._shared |= {"_ids", "candidates", "accepted", "refused", "_pulled"}
-        self._ids, self.candidates, self.accepted = there.ids, there.candidates, there.accepted
-        self.refused, self._pulled = there.refused, there.pulled
+        self._shared |= _TABLES.keys()
+        for own, name in _TABLES.items():
+            setattr(self, own, getattr(there, name))
         self._pending, self._unproven = list(there.pending), list(there.unproven)
         self._poses = there.poses
         self.drop_caches()

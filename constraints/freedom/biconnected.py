@@ -1,7 +1,7 @@
-"""Blocks: the biconnected components of the constraint graph, whose motions are independent of one another.
+"""Blocks: the biconnected components of the constraint graph, whose motions are independent of each other.
 
 Nodes are bodies (all fixed bodies are one node, the ground), edges are constraints. A block is a single pair, or loops
-that share more than one body. The freedom of an assembly is the sum over its blocks, and each block is small.
+that share more than one body. The freedom of an assembly is the sum over its blocks, most of which are small.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ GROUND = -1
 
 @dataclass(frozen=True)
 class Block:
-    """One biconnected component, hung from `root`."""
+    """One biconnected component, attached to `root`."""
 
     root: int
-    """body (or GROUND) through which the block hangs from the rest"""
+    """body (or GROUND) that connects the block to the rest"""
     bodies: tuple[int, ...]
     """the others, ascending"""
     constraints: tuple[int, ...]
@@ -27,10 +27,10 @@ class Block:
 
 
 def blocks(constraints: Sequence[Constraint | None], fixed: Iterable[int]) -> tuple[Block, ...]:
-    """Blocks in an order in which each one's root is the ground, a base body, or in an earlier block.
+    """Return the blocks in an order in which each root is the ground, a base body, or in an earlier block.
 
-    Components without a fixed body hang from their lowest body. Constraints between fixed bodies are in no block; None
-    holds a place.
+    The root of a component without a fixed body is its lowest body. Constraints between fixed bodies are in no block,
+    nor is None in place of a constraint.
     """
     held = set(fixed)
     neighbours: dict[int, dict[int, list[int]]] = {}
@@ -45,15 +45,15 @@ def blocks(constraints: Sequence[Constraint | None], fixed: Iterable[int]) -> tu
     depth: dict[int, int] = {}
     for start in sorted(neighbours):
         if start not in depth:
-            found += _hang(start, neighbours, depth)
+            found += _blocks_from(start, neighbours, depth)
     return tuple(found)
 
 
-def _hang(start: int, neighbours: dict[int, dict[int, list[int]]], depth: dict[int, int]) -> list[Block]:
+def _blocks_from(start: int, neighbours: dict[int, dict[int, list[int]]], depth: dict[int, int]) -> list[Block]:
     """Blocks of the component of `start`, by depth-first search (Hopcroft and Tarjan 1973), without recursion."""
     low: dict[int, int] = {start: 0}
     depth[start] = 0
-    trail: list[tuple[int, int]] = []  # edges of blocks not closed yet
+    trail: list[tuple[int, int]] = []  # edges of blocks not yet complete
     stack = [(start, start, iter(sorted(neighbours[start])))]
     out: list[Block] = []
     while stack:
@@ -83,4 +83,4 @@ def _hang(start: int, neighbours: dict[int, dict[int, list[int]]], depth: dict[i
                 bodies = tuple(sorted({x for e in edges for x in e} - {parent}))
                 members = tuple(sorted(i for a, b in edges for i in neighbours[a][b]))
                 out.append(Block(parent, bodies, members))
-    return out[::-1]  # a block closes after those that hang from it
+    return out[::-1]  # a block is completed after those attached to it

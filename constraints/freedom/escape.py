@@ -1,13 +1,13 @@
-"""The escape cone of a body: the first motions that contacts leave it, and the proof that there is none.
+"""The escape cone of a body: the first-order motions that its contacts allow, and the proof that there is none.
 
 At a contact point p (3,) with the unit normal n out of the fixed body, the moving body's twist (v, w) obeys
 n·(v + w × p) >= 0. If only the zero twist obeys all rows the body is locked: every gap function is smooth, so the pose
-is isolated among those that do not penetrate (first-order form closure: Rimon & Burdick, "Mobility of Bodies in
-Contact", IEEE Trans. Robotics and Automation 14, 1998). By Farkas' lemma that is so exactly if the rows have rank six
-and positive multipliers with which they add up to zero; these are checked in rational arithmetic.
+is isolated among those without penetration (first-order form closure: Rimon & Burdick, "Mobility of Bodies in
+Contact", IEEE Trans. Robotics and Automation 14, 1998). By Farkas' lemma this holds if and only if the rows have rank
+six and positive multipliers with which they add up to zero; these are checked in rational arithmetic.
 
-The proof takes surfaces within a tolerance for touching. Of a body that is locked, every unit twist drives some row
-below minus `margin`, so what such gaps leave it is about tolerance / margin.
+The proof assumes contact of surfaces within a tolerance. Every unit twist of a locked body makes some row less than
+minus `margin`, so that gaps within the tolerance leave it a motion of about tolerance / margin.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from constraints.geometry.surfaces import Freeform, Geometry, Plane
 Array = NDArray[np.float64]
 
 INSIDE: Final = np.array([[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]])
-"""barycentric coordinates of the points of a facet that are looked at: inside it, near its corners"""
+"""barycentric coordinates of the tested points of a facet: inside it, near its corners"""
 FACING: Final = 1e-6
-"""1: two surfaces touch where their normals add up to less"""
+"""1: greatest sum of the unit normals of two surfaces in contact"""
 MARGIN: Final = 1e-3
-"""1: below it a lock hangs on errors of the rows, and is not claimed"""
+"""1: a lock of a smaller margin depends on errors of the rows, and is not reported"""
 MOST_ROWS: Final = 400
-"""rows that a linear program is given at most; those beyond only narrow the cone"""
+"""greatest number of rows of a linear program; the others would only narrow the cone"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +52,15 @@ class Patch:
 def contact_patch(
     moving: Feature, pose: pin.SE3, fixed: Feature, fixed_pose: pin.SE3, tolerance: float
 ) -> Patch | None:
-    """Points at which two features touch within `tolerance` m over an area, and normals; None where they do not.
+    """Return points at which two features touch within `tolerance` m over an area, and normals; None without contact.
 
-    Of planes face to face they are the farthest points of the area that they share. Of round surfaces they are points
-    inside facets of either that lie on the other: each is a contact, and there may be more.
+    For planes face to face these are the farthest points of the shared area; for round surfaces, points inside facets
+    of one that lie on the other: each is a contact, and there may be more.
     """
     surfaces = moving.surfaces[0], fixed.surfaces[0]
     m, s = moving.geometry.transformed(pose), fixed.geometry.transformed(fixed_pose)
     if isinstance(m, Freeform) or isinstance(s, Freeform) or max(moving.residual, fixed.residual) > tolerance:
-        return None  # what is fitted to a mesh is not known as exactly as a touch is
+        return None  # a fit to a mesh is less accurate than a contact requires
     mine, theirs = _triangles(moving, pose), _triangles(fixed, fixed_pose)
     if isinstance(m, Plane) and isinstance(s, Plane):
         if np.linalg.norm(m.normal + s.normal) > 1e-4 or abs(float(s.distance(m.origin)[0])) > 1e-2:
@@ -80,7 +80,7 @@ def contact_patch(
 
 
 def _inner_points(triangles: Array, geometry: Geometry) -> Array:
-    """(n, 3) points inside facets, moved onto the surface that they stand for."""
+    """(n, 3) points inside facets, projected onto the analytic surface."""
     facet = np.einsum("kc,tcd->tkd", INSIDE, triangles).reshape(-1, 3)
     return np.asarray(facet - geometry.distance(facet)[:, None] * geometry.normals(facet))
 
@@ -88,14 +88,14 @@ def _inner_points(triangles: Array, geometry: Geometry) -> Array:
 def _touches(
     points: Array, other: Array, m: Geometry, s: Geometry, sense_m: int, sense_s: int, tolerance: float
 ) -> NDArray[np.bool_]:
-    """(n,) which points lie on both surfaces, materials on either side, inside one of the facets (t, 3, 3)."""
+    """(n,) bool: points on both surfaces, between their materials, and inside one of the facets (t, 3, 3)."""
     out = np.maximum(np.abs(m.distance(points)), np.abs(s.distance(points))) <= tolerance
     outward = sense_s * s.normals(points)
     out &= np.linalg.norm(outward + sense_m * m.normals(points), axis=1) <= FACING
     if out.any():
-        sag = float(np.abs(s.distance(other.mean(axis=1))).max()) + tolerance
+        deflection = float(np.abs(s.distance(other.mean(axis=1))).max()) + tolerance
         for k in np.flatnonzero(out).tolist():
-            out[k] = _over(points[k], outward[k], other, 2.0 * sag)
+            out[k] = _over(points[k], outward[k], other, 2.0 * deflection)
     return out
 
 
@@ -120,19 +120,19 @@ def _over(p: Array, n: Array, triangles: Array, reach: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Lock:
-    """The proof that contacts leave a body no motion."""
+    """Proof that contacts allow a body no motion."""
 
     multipliers: tuple[Fraction, ...]
     """positive: with them the rows add up to exactly zero"""
     rows: tuple[int, ...]
-    """which rows of the cone they belong to; these have rank six"""
+    """the rows of the cone to which they belong, of rank six"""
     margin: float
-    """1: each twist whose greatest entry is 1, turns in units of the cone's length, closes some gap by at least this"""
+    """1: every twist of greatest entry 1, turns scaled by the cone's length, closes some gap by at least this"""
 
 
 @dataclass(frozen=True, eq=False)
 class EscapeCone:
-    """The twists (v, w / length) about `center` that contacts leave a body, {x : rows x >= 0}."""
+    """The twists (v, w·length) about `center` that contacts allow a body, {x : rows x >= 0}."""
 
     rows: Array
     """(n, 6)"""
@@ -143,12 +143,12 @@ class EscapeCone:
 
     @classmethod
     def of(cls, points: Array, normals: Array, center: Array, length: float) -> EscapeCone:
-        """The cone of contacts at points (n, 3) with normals (n, 3), world, about a center and in units of a length."""
+        """Return the cone of contacts at points (n, 3) with normals (n, 3), world, about a center (3,), m."""
         arm = np.cross(points - center, normals) / length
         return cls(np.hstack([normals, arm]).reshape(-1, 6), np.asarray(center, np.float64), float(length))
 
     def lock(self) -> Lock | None:
-        """The proof that only the zero twist is in the cone; None where there is another, or the proof fails."""
+        """Return the proof that the cone contains only the zero twist; None if it does not, or the proof fails."""
         if len(self.rows) < 7 or np.linalg.matrix_rank(self.rows, tol=MARGIN) < 6:
             return None
         chosen = self._spanning()
@@ -162,7 +162,7 @@ class EscapeCone:
         return None if multipliers is None else Lock(multipliers, tuple(chosen), margin)
 
     def _spanning(self) -> list[int] | None:
-        """Few rows of which non-negative sums reach every vector; None if there are none."""
+        """A few rows whose non-negative combinations span all vectors; None if there are none."""
         from scipy.optimize import linprog
 
         kept = self._spread()
@@ -178,7 +178,7 @@ class EscapeCone:
         return sorted(used)
 
     def _spread(self) -> NDArray[np.int64]:
-        """Places of at most MOST_ROWS different rows, evenly taken."""
+        """Indices of at most MOST_ROWS different rows, evenly spaced."""
         _, first = np.unique(np.round(self.rows, 9), axis=0, return_index=True)
         first = np.sort(first)
         if len(first) > MOST_ROWS:
@@ -186,9 +186,9 @@ class EscapeCone:
         return first
 
     def directions(self) -> tuple[Array, ...]:
-        """Unit translations (3,) in the cone that span it: its extreme rays, and their middle; none if there are none.
+        """Return unit translations (3,) that span the translations in the cone: its extreme rays, and their mean.
 
-        Of few different normals: where more than 40 meet the body, of 40 evenly taken (the cone of these is wider).
+        At most 40 evenly spaced different normals are used; the cone of a part of them is wider.
         """
         normals = np.unique(np.round(self.rows[:, :3], 9), axis=0) + 0.0
         if len(normals) > 40:
@@ -210,8 +210,7 @@ class EscapeCone:
         return tuple(ray / np.linalg.norm(ray) + 0.0 for ray in inside)
 
     def twists(self) -> tuple[Array, ...]:
-        """Some twists (6,) (v, w), world, about `center`, in the cone: of its part within |x| <= 1 the farthest along
-        each axis, either way."""
+        """Return twists (6,) (v, w) in the cone, world, about `center`: the farthest along each axis with |x| <= 1."""
         from scipy.optimize import linprog
 
         out: list[Array] = []
@@ -230,7 +229,7 @@ class EscapeCone:
 
 
 def _margin(rows: Array) -> float:
-    """The least, over x with greatest entry 1, of how far some row x falls below zero."""
+    """The least, over x of greatest entry 1, of the greatest -row·x."""
     from scipy.optimize import linprog
 
     least = np.inf
@@ -248,7 +247,7 @@ def _margin(rows: Array) -> float:
 
 
 def _multipliers(rows: Array) -> tuple[Fraction, ...] | None:
-    """Positive rational numbers with which the rows, taken as the rationals that they are, add up to exactly zero."""
+    """Positive rational multipliers with which the rows, as exact rationals, add up to zero; None if not found."""
     from scipy.linalg import qr
     from scipy.optimize import linprog
 
@@ -262,51 +261,36 @@ def _multipliers(rows: Array) -> tuple[Fraction, ...] | None:
     for k in others:
         out[k] = Fraction(float(found.x[k]))
     right = [-sum((out[k] * exact[k][d] for k in others), Fraction(0)) for d in range(6)]
-    solved = _solve([[exact[k][d] for k in basis] for d in range(6)], right)
-    if solved is None:
+    solved, rank = _reduced([[exact[k][d] for k in basis] + [right[d]] for d in range(6)])
+    if rank < 6:
         return None
-    for k, x in zip(basis, solved, strict=True):
-        out[k] = x
+    for d, k in enumerate(basis):
+        out[k] = solved[d][6] / solved[d][d]
     return tuple(out) if holds(rows, out) else None
 
 
 def holds(rows: Array, multipliers: Sequence[Fraction]) -> bool:
-    """Whether multipliers prove that only x = 0 has rows x >= 0: positive, sum zero, rank six. Exact."""
+    """Whether multipliers prove exactly that only x = 0 has rows x >= 0: positive, sum zero, rank six."""
     if len(rows) != len(multipliers) or not all(x > 0 for x in multipliers):
         return False
     exact = [[Fraction(float(x)) for x in row] for row in rows]
     for d in range(6):
         if sum((x * row[d] for x, row in zip(multipliers, exact, strict=True)), Fraction(0)) != 0:
             return False
-    return _rank(exact) == 6
+    return _reduced(exact)[1] == 6
 
 
-def _rank(matrix: list[list[Fraction]]) -> int:
+def _reduced(matrix: list[list[Fraction]]) -> tuple[list[list[Fraction]], int]:
+    """A matrix with its first six columns diagonal as far as possible (Gauss-Jordan), and the rank of these."""
     rows, rank = [list(row) for row in matrix], 0
     for column in range(6):
         pivot = next((k for k in range(rank, len(rows)) if rows[k][column] != 0), None)
         if pivot is None:
             continue
         rows[rank], rows[pivot] = rows[pivot], rows[rank]
-        for k in range(rank + 1, len(rows)):
+        for k in range(len(rows)):
             factor = rows[k][column] / rows[rank][column]
-            if factor:
+            if k != rank and factor:
                 rows[k] = [x - factor * y for x, y in zip(rows[k], rows[rank], strict=True)]
         rank += 1
-    return rank
-
-
-def _solve(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fraction] | None:
-    """The solution of a square system, None where it is singular."""
-    n = len(right)
-    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
-    for column in range(n):
-        pivot = next((k for k in range(column, n) if rows[k][column] != 0), None)
-        if pivot is None:
-            return None
-        rows[column], rows[pivot] = rows[pivot], rows[column]
-        for k in range(n):
-            if k != column and rows[k][column] != 0:
-                factor = rows[k][column] / rows[column][column]
-                rows[k] = [x - factor * y for x, y in zip(rows[k], rows[column], strict=True)]
-    return [rows[k][n] / rows[k][k] for k in range(n)]
+    return rows, rank

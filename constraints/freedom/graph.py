@@ -1,7 +1,7 @@
-"""The assembly relationship graph: parts and features as nodes, constraints as edges; what hangs together, and on what.
+"""The assembly graph: parts and features as nodes, constraints as edges; its subassemblies and rigid links.
 
-After Lee and Gossard's hierarchical mating graphs (CAD 17, 1985): two parts that no constraint chain joins belong to
-different subassemblies; parts that cannot move against each other form one rigid link of the mechanism.
+After Lee and Gossard's hierarchical mating graphs (CAD 17, 1985): two parts not connected by constraints belong to
+different subassemblies; parts that cannot move relative to each other form one rigid link of the mechanism.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from constraints.solve.system import Poses, components
 
 @dataclass(frozen=True, eq=False)
 class AssemblyGraph:
-    """Parts, and the constraints between them, at poses where these hold.
+    """Parts, and the constraints between them, at poses where the constraints hold.
 
     Parameters
     ----------
     constraints: the edges.
     poses: of every part, by body id.
-    base: ids of the parts that stand still.
-    labels: names of the parts for people, by body id; ids where missing.
+    base: ids of the fixed parts.
+    labels: names of the parts, by body id; ids if missing.
     """
 
     constraints: tuple[Constraint, ...]
@@ -46,7 +46,7 @@ class AssemblyGraph:
         labels: Mapping[int, str] | Sequence[str] = (),
         tolerance: Tolerance | None = None,
     ) -> AssemblyGraph:
-        """The graph of an assembly; `labels` also as a sequence in the order of the ids."""
+        """Return the graph of an assembly; `labels` also as a sequence in the order of the ids."""
         names = dict(labels) if isinstance(labels, Mapping) else dict(enumerate(labels))
         return cls(tuple(constraints), poses, tuple(sorted(set(base))), names, tolerance or Tolerance())
 
@@ -56,7 +56,7 @@ class AssemblyGraph:
         return tuple(sorted(self.poses)) if isinstance(self.poses, Mapping) else tuple(range(len(self.poses)))
 
     def label(self, body: int) -> str:
-        """Name of a part for people."""
+        """Return the name of a part."""
         return self.labels.get(body, str(body))
 
     @cached_property
@@ -66,13 +66,13 @@ class AssemblyGraph:
 
     @cached_property
     def subassemblies(self) -> tuple[tuple[int, ...], ...]:
-        """Parts joined by chains of constraints, single parts included; the base's parts count as joined."""
+        """Parts connected by constraints, single parts included; the base's parts count as connected."""
         edges = [c.bodies for c in self.constraints]
         return components(self.bodies, edges + [(self.base[0], b) for b in self.base[1:]])
 
     @cached_property
     def links(self) -> tuple[tuple[int, ...], ...]:
-        """Parts that cannot move against each other, as groups; the base's group first, and in it the base."""
+        """Groups of parts that cannot move relative to each other; the base's group first, and in it the base."""
         rigid = [pair for pair, freedom in self.mobility.pairs.items() if freedom.freedom == 0]
         still = [b for b, freedom in self.mobility.parts.items() if freedom.freedom == 0]
         if self.base:
@@ -82,7 +82,7 @@ class AssemblyGraph:
         return tuple(sorted(ranked, key=lambda g: (g[0] not in self.base, g)))
 
     def to_json(self) -> dict[str, Any]:
-        """Parts, features, constraints and subassemblies as one JSON document; lengths in metres."""
+        """Return parts, features, constraints and subassemblies as one JSON document; lengths in metres."""
         parts = self.mobility.parts
         features = {
             (b, s): {"part": self.label(b), "surfaces": list(s), "type": f.kind}
@@ -119,7 +119,7 @@ class AssemblyGraph:
         return float(np.abs(rows[~c.angular]).max(initial=0.0))
 
     def to_dot(self) -> str:
-        """The graph in GraphViz' language: a box a part (the base doubled), an edge a constraint."""
+        """Return the graph in GraphViz' language: boxes for parts (double for the base), edges for constraints."""
         lines = ["graph assembly {", "  node [shape=box, fontname=Helvetica];", "  edge [fontname=Helvetica];"]
         for b in self.bodies:
             joint = "base" if b in self.base else self.mobility.parts[b].joint

@@ -1,4 +1,4 @@
-"""Lower pairs: name and frame of the joint whose motions a space of twists spans.
+"""Lower pairs: name and frame of the joint whose motions span a space of twists.
 
 The motions of a lower pair form a subgroup of SE(3) (Hervé, Mechanism and Machine Theory 13, 1978). Its twists are
 recognised by the rank of their angular part, their pitch and the point that their axes share.
@@ -14,11 +14,11 @@ import pinocchio as pin
 from constraints.solve.system import Array
 
 SUBGROUPS = ("rigid", "revolute", "prismatic", "screw", "cylindrical", "planar", "spherical", "translational", "free")
-"""Names whose instantaneous motions, wherever they are the same all along, compose to a motion of the same name."""
+"""names whose motions form a subgroup of SE(3)"""
 
 
 def orthonormal(columns: Array, threshold: float) -> Array:
-    """Orthonormal basis (n, k) of the columns' span, singular values up to `threshold` left out."""
+    """Return an orthonormal basis (n, k) of the columns' span, without singular values up to `threshold`."""
     if columns.shape[1] == 0:
         return columns
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
@@ -26,10 +26,10 @@ def orthonormal(columns: Array, threshold: float) -> Array:
 
 
 def name_joint(twists: Array, length: float, across: float) -> str:
-    """Lower pair of the space spanned by `twists` (6, f), linear first.
+    """Return the name of the lower pair of the space spanned by `twists` (6, f), linear first.
 
-    `length` (m) scales pitches and offsets; within `across` (rad, or of a length) directions are parallel, axes meet
-    and pitches vanish.
+    length: m, scale of pitches and offsets. across: rad, or fraction of `length`, within which directions are parallel,
+    axes meet and pitches vanish.
 
     "rigid", "revolute", "prismatic", "screw", "cylindrical", "universal", "planar", "spherical",
     "translational", "free", else "n-dof".
@@ -69,7 +69,7 @@ def _meet(turning: Array, across: float) -> bool:
 
 
 def _center(turning: Array) -> tuple[Array, float]:
-    """The point c (3,) nearest to all axes of motions (6, k) that turn, and the greatest error of v = c × ω."""
+    """(point c (3,) nearest to the axes of turning motions (6, k), greatest error of v = c × ω)."""
     rows = [np.array([[0.0, w[2], -w[1]], [-w[2], 0.0, w[0]], [w[1], -w[0], 0.0]]) for w in turning[3:].T]
     a, b = np.vstack(rows), turning[:3].T.ravel()
     c = np.linalg.lstsq(a, b, rcond=None)[0]
@@ -89,7 +89,7 @@ class LowerPair:
 
 
 def lower_pair(twists: Array, length: float, across: float) -> LowerPair | None:
-    """The lower pair of the space spanned by `twists` (6, f), see `name_joint`; None if it is none of `LowerPair`'s."""
+    """Return the lower pair of the space spanned by `twists` (6, f), see `name_joint`; None if it is not one."""
     name = name_joint(twists, length, across)
     if name in ("rigid", "free"):
         return LowerPair(name, pin.SE3.Identity())
@@ -107,7 +107,7 @@ def lower_pair(twists: Array, length: float, across: float) -> LowerPair | None:
 
 
 def frame_along(z: Array, origin: Array) -> pin.SE3:
-    """A frame at `origin` (3,) with its third axis along `z` (3,), which need not be a unit vector."""
+    """Return a frame at `origin` (3,) with its third axis along `z` (3,), of any length."""
     z = z / np.linalg.norm(z)
     x = np.eye(3)[int(np.argmin(np.abs(z)))]
     x = x - (x @ z) * z
@@ -116,7 +116,7 @@ def frame_along(z: Array, origin: Array) -> pin.SE3:
 
 
 def joint_model(name: str, pitch: float = 0.0) -> pin.JointModel:
-    """Pinocchio's joint for a lower pair of that name, along and about z of its frame; a free flyer for any other.
+    """Return Pinocchio's joint for a lower pair, along and about z of its frame; a free flyer for any other name.
 
     pitch: m a radian, of a screw.
     """

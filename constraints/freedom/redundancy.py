@@ -1,8 +1,8 @@
-"""Redundant and conflicting constraints, named in the user's terms.
+"""Redundant and conflicting constraints, with explanations in the user's terms.
 
-Redundant: a constraint whose rows lie, at the solved pose, in the span of the rows of constraints before it; the ones
-that imply it are the circuit it closes in the rows kept so far. Conflicting: an irreducible set, none of which can be
-left out without the rest holding, found by deletion (Chinneck and Dravnieks, ORSA J. Computing 3, 1991).
+Redundant: a constraint whose rows lie, at the solved pose, in the span of the rows of constraints before it; those that
+imply it are the ones with a weight in that combination. Conflicting: an irreducible infeasible set, all proper subsets
+of which can hold, found by deletion (Chinneck and Dravnieks, ORSA J. Computing 3, 1991).
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from constraints.solve.system import System, build
 
 Names = Mapping[int, str] | Sequence[str] | None
 STEPS = 30
-"""Gauss-Newton steps, at most, that bring the last constraint of a conflict nearer"""
+"""greatest number of Gauss-Newton steps that reduce the residual of the last constraint of a conflict"""
 WEIGHT = 1e-6
-"""1: a row with less weight than this in another has no part in it"""
+"""1: a row with less weight in a combination does not count"""
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
@@ -36,18 +36,18 @@ class Redundancy:
     """A constraint that earlier ones imply in whole or in part."""
 
     constraint: int
-    """its place in the sequence given"""
+    """its index in the given sequence"""
     implied: int
-    """how many of its equations follow"""
+    """number of its equations that are implied"""
     equations: int
-    """of how many"""
+    """number of its equations"""
     by: tuple[int, ...]
-    """places of the constraints they follow from, ascending"""
+    """indices of the constraints that imply them, ascending"""
     text: str
 
     @property
     def wholly(self) -> bool:
-        """Whether it could be left out and nothing would change."""
+        """Whether all its equations are implied."""
         return self.implied == self.equations
 
 
@@ -56,16 +56,16 @@ class Conflict:
     """Constraints that cannot hold together, while any proper subset can."""
 
     constraints: tuple[int, ...]
-    """places in the sequence given, ascending"""
+    """indices in the given sequence, ascending"""
     off: float
-    """how far the last one is from true when the others hold"""
+    """residual of the last one while the others hold"""
     unit: str
     """"m" or "rad\""""
     text: str
 
 
 def labels(constraints: Sequence[Constraint], names: Names) -> list[str]:
-    """A text for each: "concentric between bolt_2 and plate", with faces (or place) where a pair has several."""
+    """Return a text for each: "concentric between bolt_2 and plate", with faces (or index) if a pair has several."""
     texts = [f"{c.kind} between {_name(c.bodies[0], names)} and {_name(c.bodies[1], names)}" for c in constraints]
     counts = Counter(texts)
     for i, c in enumerate(constraints):
@@ -95,9 +95,9 @@ def redundancies(
     tolerance: Tolerance,
     texts: Sequence[str],
 ) -> list[Redundancy]:
-    """Redundant constraints of one system, in the order given; earlier ones are kept, conflicting ones left out.
+    """Return the redundant constraints of one system, in the given order; `without`: conflicting ones, left out.
 
-    A row within `threshold` of the span of earlier rows lies in it.
+    A row within `threshold` of the span of earlier rows counts as lying in it.
     """
     members = [i for i in system.members if i not in without]
     poses, _ = _holds(constraints, members, system, at, tolerance)
@@ -111,11 +111,11 @@ def redundancies(
     out: list[Redundancy] = []
     for c in members:
         mine = owner == c
-        said = mine & (place < 0)
-        if said.any():
-            by = np.unique(kept[(np.abs(weights[said]) > max(WEIGHT, 1e3 * threshold)).any(axis=0)])
+        implied = mine & (place < 0)
+        if implied.any():
+            by = np.unique(kept[(np.abs(weights[implied]) > max(WEIGHT, 1e3 * threshold)).any(axis=0)])
             by = by[by != c]
-            out.append(_redundancy(c, int(said.sum()), int(mine.sum()), tuple(by.tolist()), texts))
+            out.append(_redundancy(c, int(implied.sum()), int(mine.sum()), tuple(by.tolist()), texts))
     return out
 
 
@@ -136,7 +136,7 @@ def conflicts(
     tolerance: Tolerance,
     texts: Sequence[str],
 ) -> tuple[Conflict, ...]:
-    """Irreducible sets of constraints that cannot hold together; the last of each gives way. Widest first."""
+    """Return irreducible sets of constraints that cannot hold together, by falling residual of the last of each."""
     out: list[Conflict] = []
     for i, c in enumerate(constraints):
         if fixed.issuperset(c.bodies):
@@ -155,7 +155,7 @@ def conflicts(
             core = _irreducible(constraints, members, system, poses, tolerance)
             off, unit, nearest = _miss(constraints, core, system, poses, tolerance)
             if off <= tolerance.conflict:  # no contradiction, but a start from which the solver gets stuck
-                if tuple(core) in stuck:  # leave it aside, and look at the others
+                if tuple(core) in stuck:  # continue without its last constraint
                     members.remove(core[-1])
                 stuck.add(tuple(core))
                 poses, holds = _holds(constraints, members, system, nearest, tolerance)
@@ -222,9 +222,9 @@ def _irreducible(
     at: Mapping[int, pin.SE3],
     tolerance: Tolerance,
 ) -> list[int]:
-    """A subset that cannot hold, while every subset of it can: each member is dropped if the rest still cannot."""
+    """A subset that cannot hold while its proper subsets can: members are removed while the rest still cannot."""
     core = list(members)
-    # At a least-squares pose Jᵀr = 0: only rows with a residual take part, so most members drop out at once.
+    # at a least-squares pose Jᵀr = 0: only rows with a residual contribute, so most members can be removed at once
     strained = [i for i in core if _worst(constraints[i], at)[0] > 1e-3 * tolerance.conflict]
     if strained and not _holds(constraints, strained, system, at, tolerance)[1]:
         core = strained
@@ -242,7 +242,7 @@ def _holds(
     at: Mapping[int, pin.SE3],
     tolerance: Tolerance,
 ) -> tuple[dict[int, pin.SE3], bool]:
-    """Poses after solving these members alone, and whether they hold."""
+    """(poses after solving these members alone, whether they hold)."""
     poses = dict(at)
     if not members:
         return poses, True
@@ -254,7 +254,7 @@ def _holds(
 
 
 def _worst(constraint: Constraint, at: Mapping[int, pin.SE3]) -> tuple[float, str]:
-    """The equation farthest from true: a length, unless an angle carries the features farther."""
+    """(greatest residual, its unit): a length, unless an angle displaces the features by more."""
     r = constraint.residual(at[constraint.bodies[0]], at[constraint.bodies[1]])
     found = {False: 0.0, True: 0.0}
     for start, stop in pairwise([*constraint.compiled.start, len(r)]):

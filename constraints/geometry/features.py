@@ -108,7 +108,7 @@ def _clusters(
 ) -> list[list[int]]:
     """Faces of one kind and sense, largest first, each put to the first cluster on whose surface it lies.
 
-    The largest face's geometry stands for its cluster, so that tolerances do not add up along a chain of faces.
+    The largest face's geometry represents its cluster, so that tolerances do not add up along a chain of faces.
     """
     order = sorted(members, key=lambda s: (-faces[s].area, s))
     kind = geometries[members[0]].kind

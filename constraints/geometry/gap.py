@@ -13,9 +13,6 @@ if it lies in both faces. Which side of a curved border a point lies on is decid
 chords. What the facets and their deflection rule out is left out.
 """
 
-# mypy: disable-error-code="call-arg, var-annotated"
-# (numba's intrinsics take one argument less than they are written with)
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -71,7 +68,7 @@ class Faces(NamedTuple):
     """(n + 1,) where each face's sides begin"""
     inward: Array
     """(k, 3) unit: from each side into its face, in the plane of its triangle"""
-    sag: Array
+    deflection: Array
     """(k,) bound of the distance between each side and the border's curve"""
 
 
@@ -106,8 +103,8 @@ def faces_of(
     inward = np.cross(normals[border // 3], chord)
     inward /= np.maximum(np.linalg.norm(inward, axis=1), TINY)[:, None]
     used = np.unique(np.repeat(owner, 3) * len(mesh.vertices) + start)
-    kind, sag = np.empty(len(border), np.int64), np.empty(len(border))
-    _sides(rows, deflections, mesh.vertices, own, other, a, b, kind, sag)
+    kind, deflection = np.empty(len(border), np.int64), np.empty(len(border))
+    _sides(rows, deflections, mesh.vertices, own, other, a, b, kind, deflection)
     return Faces(
         rows,
         np.array(senses, dtype=np.float64),
@@ -119,7 +116,7 @@ def faces_of(
         np.ascontiguousarray(np.stack([a, b, other, kind], axis=1)),
         np.searchsorted(own, np.arange(n + 1)).astype(np.int64),
         np.ascontiguousarray(inward),
-        sag,
+        deflection,
     )
 
 
@@ -242,14 +239,14 @@ def _on_curve(g, h, kind, x):  # pragma: no cover - compiled
 
 
 @kernel
-def _sides(geometry, deflections, vertices, own, other, a, b, kind, sag):  # pragma: no cover - compiled
+def _sides(geometry, deflections, vertices, own, other, a, b, kind, deflection):  # pragma: no cover - compiled
     """Classify the sides of borders, and bound their distance from the curves that they are chords of."""
     for k in range(len(own)):
         f, g = own[k], other[k]
-        kind[k], sag[k] = UNKNOWN, deflections[f]
+        kind[k], deflection[k] = UNKNOWN, deflections[f]
         if g < 0:
             continue
-        sag[k] = max(deflections[f], deflections[g])
+        deflection[k] = max(deflections[f], deflections[g])
         if geometry[f, 0] == FREEFORM or geometry[g, 0] == FREEFORM:
             continue
         p, q = row(vertices, a[k]), row(vertices, b[k])
@@ -257,12 +254,14 @@ def _sides(geometry, deflections, vertices, own, other, a, b, kind, sag):  # pra
         d, n, _, _, _, _ = _field(geometry[f], x)
         e, m, _, _, _, _ = _field(geometry[g], x)
         if abs(d) <= SAME and abs(e) <= SAME:
-            kind[k], sag[k] = STRAIGHT, 0.0
+            kind[k], deflection[k] = STRAIGHT, 0.0
         elif norm(cross(n, m)) < TANGENT:
             kind[k] = SMOOTH
         else:
             kind[k] = CURVE
-            sag[k] = min(1.5 * norm(sub(_on_curve(geometry[f], geometry[g], CURVE, x), x)) + SAME, norm(sub(q, p)))
+            deflection[k] = min(
+                1.5 * norm(sub(_on_curve(geometry[f], geometry[g], CURVE, x), x)) + SAME, norm(sub(q, p))
+            )
 
 
 @inner_kernel
@@ -277,7 +276,7 @@ def _beyond(faces, f, k, x):  # pragma: no cover - compiled
         _, n, _, _, _, _ = _field(g, along(p, 0.5, sub(q, p)))
         d, _, _, _, _, _ = _field(g, x)
         return (-d if dot(n, m) > 0.0 else d), SAME
-    return -dot(sub(x, p), m), SAME if kind == STRAIGHT else faces.sag[k]
+    return -dot(sub(x, p), m), SAME if kind == STRAIGHT else faces.deflection[k]
 
 
 @inner_kernel
@@ -320,7 +319,7 @@ def _member(faces, f, x):  # pragma: no cover - compiled
     _, n, _, _, _, _ = _field(faces.geometry[f], x)
     w = sub(x, y)
     aside = norm(along(w, -dot(w, n), n))
-    widest = faces.sag[side] if twin < 0 else max(faces.sag[side], faces.sag[twin])
+    widest = faces.deflection[side] if twin < 0 else max(faces.deflection[side], faces.deflection[twin])
     if aside > 2.0 * widest + SAME:
         return (1 if within < near - 1e-13 else 0), side, twin, near
     out, exact = _beyond(faces, f, side, x)
@@ -542,12 +541,12 @@ def _rate(a, f, k, chord, sign, gb, x):  # pragma: no cover - compiled
 
 
 @inner_kernel
-def _doubt(a, k, w):  # pragma: no cover - compiled
+def _curve_error(a, k, w):  # pragma: no cover - compiled
     """How exactly points on the border at side k are known in the direction w, m."""
     kind = a.sides[k, 3]
     if kind == SMOOTH:  # it strays within the common tangent plane
-        return a.sag[k] * abs(dot(w, row(a.inward, k)))
-    return a.sag[k] if kind == UNKNOWN else 0.0
+        return a.deflection[k] * abs(dot(w, row(a.inward, k)))
+    return a.deflection[k] if kind == UNKNOWN else 0.0
 
 
 @inner_kernel
@@ -584,7 +583,7 @@ def _border(a, f, k, b, g, low, high, out):  # pragma: no cover - compiled
     x = _on_curve(ga, gj, kind, along(p, t, chord))
     d, n, _, _, _, _ = _field(gb, x)
     value = sign * d
-    error = _doubt(a, k, n)
+    error = _curve_error(a, k, n)
     out[5] = min(out[5], value - error)
     if value + error < low - SAME or value - error > high + SAME or value - error >= out[1]:
         return
@@ -617,8 +616,9 @@ def _borders(a, f, b, g, low, high, out):  # pragma: no cover - compiled
         start, _, _, _, _, _ = _field(gb, p)
         end, _, _, _, _, _ = _field(gb, q)
         middle, _, s, _, t, _ = _field(gb, along(p, 0.5, chord))
-        # between samples it changes by the square of their spacing times the curvatures, that of the border's in `sag`
-        change = dot(chord, chord) * max(abs(s), abs(t)) / 16.0 + 2.0 * a.sag[k]
+        # between samples the gap changes by the square of their spacing times the curvatures; `deflection` bounds the
+        # border's own
+        change = dot(chord, chord) * max(abs(s), abs(t)) / 16.0 + 2.0 * a.deflection[k]
         if low > 0.0:
             least, most = min(abs(start), abs(middle), abs(end)), max(abs(start), abs(middle), abs(end))
         else:
@@ -729,7 +729,7 @@ def _two_sides(a, f, k, b, g, j, s, t, low, high, out):  # pragma: no cover - co
         if length < best:
             best, px, py, at, bt = length, x, y, s, t
     w, _ = _radial(sub(py, px), (0.0, 0.0, 1.0))
-    error = _doubt(a, k, w) + _doubt(b, j, w)
+    error = _curve_error(a, k, w) + _curve_error(b, j, w)
     if low <= 0.0:
         first, behind_g, n, n2 = _depth(b, g, j, bt, py, px)
         second, behind_f, m, m2 = _depth(a, f, k, at, px, py)
@@ -775,14 +775,14 @@ def _edges(a, f, b, g, low, high, out):  # pragma: no cover - compiled
     far = (-np.inf, -np.inf, -np.inf)
     widest = 0.0
     for j in range(b.first_side[g], b.first_side[g + 1]):
-        widest = max(widest, b.sag[j])
+        widest = max(widest, b.deflection[j])
         for v in (b.sides[j, 0], b.sides[j, 1]):
             q = row(b.vertices, v)
             box = (min(box[0], q[0]), min(box[1], q[1]), min(box[2], q[2]))
             far = (max(far[0], q[0]), max(far[1], q[1]), max(far[2], q[2]))
     for k in range(a.first_side[f], a.first_side[f + 1]):
         p, p2 = row(a.vertices, a.sides[k, 0]), row(a.vertices, a.sides[k, 1])
-        limit = reach + a.sag[k] + widest
+        limit = reach + a.deflection[k] + widest
         apart = False
         for i in range(3):
             apart |= min(p[i], p2[i]) > far[i] + limit or max(p[i], p2[i]) < box[i] - limit
@@ -791,7 +791,7 @@ def _edges(a, f, b, g, low, high, out):  # pragma: no cover - compiled
         u = sub(p2, p)
         for j in range(b.first_side[g], b.first_side[g + 1]):
             q, q2 = row(b.vertices, b.sides[j, 0]), row(b.vertices, b.sides[j, 1])
-            limit = (min(reach, out[1]) if low > 0.0 else reach) + a.sag[k] + b.sag[j] + SAME
+            limit = (min(reach, out[1]) if low > 0.0 else reach) + a.deflection[k] + b.deflection[j] + SAME
             apart = False
             for i in range(3):
                 apart |= min(p[i], p2[i]) > max(q[i], q2[i]) + limit or max(p[i], p2[i]) < min(q[i], q2[i]) - limit

@@ -1,4 +1,4 @@
-"""What a round solid surface and the hollow one around it are to each other: clearance, contact, press fit or clash.
+"""Classifies a round solid surface in a hollow one: clearance, contact, press fit or clash.
 
 Recognition, clash, constrained motion and planning all call `round_fit`, through `Limits.round_fit`: a pair of surfaces
 is the same to each of them.
@@ -13,7 +13,7 @@ from constraints.geometry.words import millimetres
 
 RoundFitKind = Literal["clearance", "contact", "press fit", "clash"]
 ROUNDING = 1e-12
-"""m: to which lengths are compared"""
+"""m: differences of lengths below it are rounding"""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def press_fit_words(interference: float) -> str:
 
 
 def round_fit(clearance: float, offset: float, most: float, linear: float) -> RoundFit:
-    """Return what two round surfaces are to each other.
+    """Return the class of fit of two round surfaces.
 
     Parameters
     ----------

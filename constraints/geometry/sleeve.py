@@ -28,7 +28,7 @@ def sleeve(
     meshes: tuple[SurfaceMesh, SurfaceMesh],
     slack: float,
 ) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
-    """Faces of a candidate's first body that cannot meet those of the second while it holds, and the latter.
+    """Return faces of a candidate's first body, and faces of its second, that cannot intersect while it holds.
 
     features: of every body. meshes: of the candidate's two bodies. slack: m, see `faces_within`. None for candidates
     that are neither a shaft in a bore nor planes face to face.
@@ -88,7 +88,7 @@ def _flat(mesh: SurfaceMesh, cylinder: Cylinder) -> Array:
 
 
 def _from_origin(triangles: Array) -> Array:
-    """(m,) distance of plane triangles (m, 3, 2) from the origin; 0 where they hold it."""
+    """(m,) distance of plane triangles (m, 3, 2) from the origin; 0 where they contain it."""
     start = triangles
     edge = np.roll(triangles, -1, axis=1) - triangles
     length = (edge * edge).sum(axis=2)

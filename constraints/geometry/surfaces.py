@@ -21,6 +21,8 @@ LARGEST = 1e15
 """m: lengths and coordinates beyond it are refused (a tenth of a light year): their squares would swamp all others"""
 
 
+PLACES = ("origin", "apex", "center")
+"""fields that are points"""
 DIRECTIONS = ("axis", "normal", "direction")
 """fields of which only the direction counts"""
 
@@ -74,7 +76,16 @@ def cross(u: Vector, v: Vector) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """An analytic surface. Subclasses are frozen values; compare by their fields."""
+    """An analytic surface. Subclasses are frozen values; compare by their fields.
+
+    Fields named in `PLACES` are points (3,) in m, those in `DIRECTIONS` are made unit vectors (3,), all others are
+    positive numbers. GeometryError says which field is none.
+    """
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            read = _vector if field.name in PLACES else _direction if field.name in DIRECTIONS else _positive
+            object.__setattr__(self, field.name, read(getattr(self, field.name), field.name))
 
     @property
     def kind(self) -> str:
@@ -94,9 +105,9 @@ class Geometry:
         changed = {}
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.name in ("origin", "apex", "center"):
+            if field.name in PLACES:
                 value = pose.act(np.array(value))
-            elif field.name in ("normal", "axis"):
+            elif field.name in DIRECTIONS:
                 value = pose.rotation @ value
             changed[field.name] = value
         return type(self)(**changed)
@@ -108,10 +119,6 @@ class Plane(Geometry):
 
     origin: Vector
     normal: Vector
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "origin", _vector(self.origin, "origin"))
-        object.__setattr__(self, "normal", _direction(self.normal, "normal"))
 
     def distance(self, points: ArrayLike) -> Vector:
         return (np.atleast_2d(points) - self.origin) @ self.normal
@@ -149,11 +156,6 @@ class Cylinder(Geometry):
     axis: Vector
     radius: float
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "origin", _vector(self.origin, "origin"))
-        object.__setattr__(self, "axis", _direction(self.axis, "axis"))
-        object.__setattr__(self, "radius", _positive(self.radius, "radius"))
-
     def distance(self, points: ArrayLike) -> Vector:
         return _radial(points, self.origin, self.axis)[2] - self.radius
 
@@ -170,12 +172,9 @@ class Cone(Geometry):
     half_angle: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "apex", _vector(self.apex, "apex"))
-        object.__setattr__(self, "axis", _direction(self.axis, "axis"))
-        angle = _positive(self.half_angle, "half_angle")
-        if angle >= np.pi / 2:
-            raise GeometryError(f"half_angle is {angle}; give one below π/2", "half_angle")
-        object.__setattr__(self, "half_angle", angle)
+        super().__post_init__()
+        if self.half_angle >= np.pi / 2:
+            raise GeometryError(f"half_angle is {self.half_angle}; give one below π/2", "half_angle")
 
     def distance(self, points: ArrayLike) -> Vector:
         height, _, rho = _radial(points, self.apex, self.axis)
@@ -195,10 +194,6 @@ class Sphere(Geometry):
     center: Vector
     radius: float
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "center", _vector(self.center, "center"))
-        object.__setattr__(self, "radius", _positive(self.radius, "radius"))
-
     def distance(self, points: ArrayLike) -> Vector:
         return np.linalg.norm(np.atleast_2d(points) - self.center, axis=1) - self.radius
 
@@ -216,12 +211,6 @@ class Torus(Geometry):
     axis: Vector
     major: float
     minor: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "center", _vector(self.center, "center"))
-        object.__setattr__(self, "axis", _direction(self.axis, "axis"))
-        object.__setattr__(self, "major", _positive(self.major, "major"))
-        object.__setattr__(self, "minor", _positive(self.minor, "minor"))
 
     def distance(self, points: ArrayLike) -> Vector:
         height, _, rho = _radial(points, self.center, self.axis)

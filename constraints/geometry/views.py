@@ -1,4 +1,4 @@
-"""A feature where it is now, and what the rules of recognition may let pass."""
+"""A feature at its present pose, and the limits within which a rule of recognition accepts a pair."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ G = TypeVar("G", bound=Geometry, covariant=True)
 
 @dataclass(frozen=True)
 class Limits:
-    """What a rule may let pass."""
+    """Limits within which a rule of recognition accepts a pair."""
 
     linear: float
     """m, on offsets and gaps"""
@@ -53,12 +53,12 @@ class Limits:
 
     @classmethod
     def offer(cls, tolerance: Tolerance) -> Limits:
-        """What is needed for a candidate to be offered."""
+        """Limits within which a candidate is offered."""
         return cls._at(tolerance, tolerance.reach, tolerance.reach_angular, max(tolerance.linear, tolerance.reach))
 
     @classmethod
     def keep(cls, tolerance: Tolerance) -> Limits:
-        """What is needed for it to stay: wider, so that a shaking hand makes nothing come and go."""
+        """Limits within which it stays: wider, so that small motions do not drop and offer it again and again."""
         r = tolerance.release
         return cls._at(tolerance, r * tolerance.reach, r * tolerance.reach_angular, tolerance.linear)
 
@@ -88,7 +88,7 @@ class Limits:
         return clearance <= self.clearance and self.round_fit(radius, clearance).kind != "clash"
 
     def round_fit(self, radius: float, clearance: float, offset: float = 0.0) -> RoundFit:
-        """What a round surface and the hollow one of `radius` around it are to each other, off its axis by `offset`."""
+        """Classify a round surface in a hollow one of `radius`, with their axes or centres `offset` (m) apart."""
         return round_fit(clearance, offset, self.most_interference(radius), self.slack)
 
     def most_interference(self, radius: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 def millimetres(x: float) -> str:
-    """A length as a person reads it; below a picometre nothing is left to say."""
+    """A length (m) as text with its unit; lengths below a picometre are "0 mm"."""
     if abs(x) < 1e-12:
         return "0 mm"
     return f"{x * 1e3:.4g} mm" if abs(x) >= 1e-4 else f"{x * 1e6:.3g} µm"

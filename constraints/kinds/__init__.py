@@ -1,4 +1,9 @@
-"""The kinds of constraint, one small class a file."""
+"""The kinds of constraint, one small class a file.
+
+A kind is a frozen dataclass that names its equations; residual, Jacobian and freedom follow from them.
+May use `geometry`, and the equations of `solve`.
+Start with `concentric` (twelve lines), then `base` and `equations`; CONTRIBUTING.md has the steps to add one.
+"""
 
 from constraints.kinds.against import Against
 from constraints.kinds.angle import Angle

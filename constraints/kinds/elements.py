@@ -6,18 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from constraints.errors import GeometryError
-from constraints.geometry.surfaces import (
-    Cone,
-    Cylinder,
-    Geometry,
-    Plane,
-    Sphere,
-    Torus,
-    Vector,
-    _direction,
-    _positive,
-    _vector,
-)
+from constraints.geometry.surfaces import PLACES, Cone, Cylinder, Geometry, Plane, Sphere, Torus, Vector
 from constraints.kinds.equations import Array, element
 
 if TYPE_CHECKING:
@@ -31,19 +20,12 @@ class Line(Geometry):
     origin: Vector
     axis: Vector
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "origin", _vector(self.origin, "origin"))
-        object.__setattr__(self, "axis", _direction(self.axis, "axis"))
-
 
 @dataclass(frozen=True, eq=False)
 class Point(Geometry):
     """A vertex."""
 
     center: Vector
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "center", _vector(self.center, "center"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +35,6 @@ class Circle(Geometry):
     center: Vector
     axis: Vector
     radius: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "center", _vector(self.center, "center"))
-        object.__setattr__(self, "axis", _direction(self.axis, "axis"))
-        object.__setattr__(self, "radius", _positive(self.radius, "radius"))
 
 
 def axis_of(constraint: Constraint, body: int) -> Array:
@@ -84,7 +61,7 @@ def direction_of(constraint: Constraint, body: int) -> Array:
 
 
 def _origin(feature: Geometry) -> Vector:
-    for name in ("origin", "apex", "center"):
+    for name in PLACES:
         if hasattr(feature, name):
             return getattr(feature, name)
     raise GeometryError(f"a {feature.kind} has no place", "features")

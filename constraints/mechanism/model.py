@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One degree of freedom: a turn about, a slide along, or a screw on a line."""
+    """One degree of freedom: rotation about a line, translation along it, or a screw motion on it."""
 
     kind: str
     """"revolute", "prismatic" or "screw\""""
@@ -76,11 +76,11 @@ class Mechanism:
     joints: tuple[Joint, ...]
     """of the spanning tree, parents before children"""
     loops: tuple[Joint, ...]
-    """beside the tree, as many as it takes"""
+    """joints beyond the tree, each closing a loop"""
     freedom: int
-    """degrees of freedom of the whole where it stood"""
+    """degrees of freedom of the assembly at those poses"""
     notes: tuple[str, ...] = ()
-    """contacts that no joint can stand for"""
+    """contacts that no joint represents"""
 
     def link_name(self, link: int) -> str:
         """Name of a link: that of its first body."""

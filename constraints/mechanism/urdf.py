@@ -104,7 +104,7 @@ def _chain(robot: xml.Element, joint: Joint, start: tuple[xml.Element, pin.SE3])
 
 
 def _axis(joint: xml.Element) -> None:
-    """Along z, as far as one likes: contacts end a motion, not numbers. ("continuous" has other coordinates.)"""
+    """Axis z, with limits beyond any motion: contacts end it. (The type "continuous" has other coordinates.)"""
     xml.SubElement(joint, "axis", xyz="0 0 1")
     xml.SubElement(joint, "limit", lower="-1e6", upper="1e6", effort="1e9", velocity="1e9")
 

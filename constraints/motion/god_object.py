@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -19,10 +18,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CONTACT_DTYPE, Tolerance
+from collision.contact import surfaces_of
 from constraints.motion.passage import Drawn, Sweeping, passable
 from constraints.motion.quadratic_program import UNMOVED, UndecidedError, minimum, quadratic_program
 from constraints.motion.unknowns import Unknowns
-from constraints.motion.walls import Walls
+from constraints.motion.walls import NOT_SEARCHED, Searched, Walls
 from constraints.recognition.mated import MatedSurfaces
 from constraints.solve.allowed import allowed
 from constraints.solve.solver import solve
@@ -41,8 +41,6 @@ FINE = 1e-2
 """Of `Tolerance.linear`: a step ends where going on would move no point farther; a hand moves on before it matters."""
 FOLLOW = 1e-6
 """Weight of moving the other bodies as if they were of one piece with the held one, against 1 of obeying the hand."""
-NAMES = ("object_a", "surface_a", "object_b", "surface_b")
-
 
 Barrier = Callable[[Sequence[pin.SE3], Mapping[int, pin.SE3]], tuple[float, NDArray[Any]] | None]
 """(poses of all bodies, targets to which some go along one screw each) -> how far they get, in [0, 1), and the contact
@@ -59,8 +57,7 @@ class Swept(Sweeping, Protocol):
     def ignored_surfaces(self, i: int, j: int) -> frozenset[tuple[int, int]]: ...
 
 
-@dataclass(frozen=True, eq=False)
-class MotionResult:
+class MotionResult(NamedTuple):
     """The result of one step: poses, contacts, and what is left of the motion."""
 
     poses: Mapping[int, pin.SE3]
@@ -77,8 +74,7 @@ class MotionResult:
     """poses that the bodies went through before `poses`, in order; one screw motion leads from each to the next"""
 
 
-@dataclass(frozen=True, eq=False)
-class Linear:
+class Linear(NamedTuple):
     """The constraints linearised at some poses: residual (m,), and the motions x = origin + basis·y that they allow."""
 
     unknowns: Unknowns
@@ -98,8 +94,7 @@ class Linear:
         return cls(unknowns, key, residual, *allowed(residual, jacobian))
 
 
-@dataclass(frozen=True, eq=False)
-class Aim:
+class Aim(NamedTuple):
     """The objective ½ yᵀHy + gᵀy of the hand over the motions x = origin + basis·y that the constraints allow."""
 
     origin: Array
@@ -121,8 +116,7 @@ class Aim:
         return self.origin + self.basis @ (slide @ np.linalg.solve(hessian, -slide.T @ self.gradient))
 
 
-@dataclass(frozen=True, eq=False)
-class Proposal:
+class Proposal(NamedTuple):
     """The motion that one pass plans."""
 
     x: Array
@@ -181,6 +175,8 @@ class Surroundings(NamedTuple):
     solving: Tolerance
     """how exactly the constraints must hold"""
     barrier: Barrier
+    searched: Searched = NOT_SEARCHED
+    """contacts of the bodies where the step begins"""
 
 
 class Step:
@@ -193,7 +189,10 @@ class Step:
         """known: linearisation at the end of the step before. home: whether all bodies are wanted where they are drawn:
         the constraints hold there as they do in the drawing."""
         self.unknowns, self.wanted, self.bodies = unknowns, dict(wanted), unknowns.bodies
-        self.drawn, self.collision, self.walls, self.mated, self.tolerance, self.solving, self.barrier = around
+        (
+            self.drawn, self.collision, self.walls, self.mated, self.tolerance, self.solving, self.barrier,
+            self.searched,
+        ) = around  # fmt: skip
         self.home = home
         self.poses: list[pin.SE3] = list(poses)
         self.acting: list[NDArray[Any]] = []
@@ -245,7 +244,8 @@ class Step:
             self.refused = {}
             if not proposal.covered or len(proposal.rows) or self.barrier(self.poses, target):
                 planned = target
-                target, hit = self._sweep(planned, proposal.rows)
+                with self._flush_ignored():
+                    target, hit = self._sweep(planned, proposal.rows)
                 if hit is not None:
                     self.refused = planned
                     self.acting.append(hit)
@@ -379,7 +379,8 @@ class Step:
         margin = MARGIN * self.tolerance.linear
         # a long motion is not looked at to its end: beyond a few reaches the sweep finds what it meets
         reach = min(unknowns.closing(x), 5.0 * self.tolerance.reach) + 2.0 * margin
-        rows = self.walls.near(reach, unknowns.place, self.poses)
+        rows = self.walls.near(reach, unknowns.place, self.poses, self.searched)
+        self.searched = NOT_SEARCHED
         active, pressed = np.zeros(0, np.int64), np.zeros((0, unknowns.n))
         lifts = False
         if len(rows) and basis.shape[1]:
@@ -406,18 +407,17 @@ class Step:
     def _inequalities(self, rows: NDArray[Any]) -> tuple[Array, Array]:
         """C (k, n) and gap (k,): the gap of each pair of surfaces grows by C x, to first order."""
         normals, gaps = self.walls.parted(rows, self.poses)
-        for row in rows[np.isinf(gaps)]:
-            names = tuple(int(row[name]) for name in NAMES)
-            if self.mated.beside(*names):
-                self.flush.add(names)
+        for a, s, b, t in surfaces_of(rows)[np.isinf(gaps)].tolist():
+            if self.mated.beside(a, s, b, t):
+                self.flush.add((a, s, b, t))
         return self.unknowns.gap_rows(rows, normals, self.poses), gaps
 
     def _remember(self, rows: NDArray[Any], hit: NDArray[Any], there: Mapping[int, pin.SE3]) -> None:
         """Keep where hollow surfaces stop this pass, foreseen (`rows`) and met (`hit`, bodies `there`), for those to
         come: a pair has one witness at a time, and a shaft pressed into a trough would go from facet to facet.
         """
-        pairs = set(zip(*(hit[name].tolist() for name in NAMES), strict=True))
-        again = [pair in pairs for pair in zip(*(rows[name].tolist() for name in NAMES), strict=True)]
+        pairs = set(map(tuple, surfaces_of(hit).tolist()))
+        again = [pair in pairs for pair in map(tuple, surfaces_of(rows).tolist())]
         at = [there.get(i, pose) for i, pose in enumerate(self.poses)]
         for block, poses in ((rows[np.array(again, bool)], self.poses), (hit, at)):
             hollow, normals = self.walls.hollow(block, poses)
@@ -438,17 +438,13 @@ class Step:
     def _followed(self, target: Mapping[int, pin.SE3]) -> dict[int, pin.SE3]:
         return self.unknowns.groups.followed(target, self.poses)
 
-    def _sweep(self, target: dict[int, pin.SE3], rows: NDArray[Any]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
-        """How far along the screws to `target` the bodies get, and what stopped them; `rows` were foreseen.
-
-        Faces that run on flush from one part to the other across a mate (the rims of two flanges) meet all along its
-        edge, and cannot go deeper while it holds; bodies that move apart on two screws would jam there by rounding.
-        """
-        with self._flush_ignored():
-            return self._advance(target, rows)
-
     @contextmanager
     def _flush_ignored(self) -> Iterator[None]:
+        """Leave out faces that run on flush from one part to the other across a mate (the rims of two flanges).
+
+        They meet all along its edge, and cannot go deeper while it holds; bodies that move apart on two screws would
+        jam there by rounding.
+        """
         collision = self.collision
         flush = [(a, s, b, t) for a, s, b, t in sorted(self.flush) if (s, t) not in collision.ignored_surfaces(a, b)]
         for a, s, b, t in flush:
@@ -459,9 +455,8 @@ class Step:
             for a, s, b, t in flush:
                 collision.enable_surfaces(a, (s,), b, (t,))
 
-    def _advance(
-        self, target: dict[int, pin.SE3], rows: NDArray[Any]
-    ) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
+    def _sweep(self, target: dict[int, pin.SE3], rows: NDArray[Any]) -> tuple[dict[int, pin.SE3], NDArray[Any] | None]:
+        """How far along the screws to `target` the bodies get, and what stopped them; `rows` were foreseen."""
         hit = None
         for _ in range(3):
             found, stop = self.collision.time_of_impact(target), self.barrier(self.poses, target)
@@ -515,5 +510,5 @@ def _latest(rows: Sequence[NDArray[Any]]) -> NDArray[Any]:
     if not rows:
         return np.empty(0, CONTACT_DTYPE)
     every = np.concatenate(rows) if len(rows) > 1 else rows[0]
-    last = {key: k for k, key in enumerate(zip(*(every[name].tolist() for name in NAMES), strict=True))}
+    last = {pair: k for k, pair in enumerate(map(tuple, surfaces_of(every).tolist()))}
     return every[[last[key] for key in sorted(last)]]

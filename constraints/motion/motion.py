@@ -1,7 +1,7 @@
 """Constrained motion: a hand wants a pose, the part goes to the nearest one that constraints and solid bodies allow.
 
-`Motion` is the door: it keeps collision in step with the constraints and what of one step serves the next. A step
-itself is `constraints.motion.god_object`; what is near is `constraints.motion.walls`, what the constraints allow
+`ConstrainedMotion` is the door: it keeps collision in step with the constraints and what of one step serves the next. A
+step itself is `constraints.motion.god_object`; what is near is `constraints.motion.walls`, what the constraints allow
 `constraints.motion.unknowns`, and what they keep out of collision `constraints.recognition.mated`.
 """
 
@@ -21,7 +21,7 @@ from constraints.manager import ConstraintManager
 from constraints.motion.god_object import Barrier, Linear, MotionResult, Step, Surroundings, Swept, open_way
 from constraints.motion.passage import Drawn
 from constraints.motion.unknowns import Unknowns
-from constraints.motion.walls import Walls
+from constraints.motion.walls import NOT_SEARCHED, Searched, Walls
 from constraints.recognition.mated import Ignoring, MatedSurfaces
 from constraints.solve.groups import Groups
 
@@ -35,7 +35,7 @@ class Solids(Swept, Ignoring, Protocol):
     def penetration(self, i: int, j: int) -> NDArray[Any]: ...
 
 
-class Motion:
+class ConstrainedMotion:
     """Moves held parts and what hangs on them.
 
     Keeps the poses of `collision` up to date, and tells it to leave out the surfaces that a constraint in force mates
@@ -86,12 +86,14 @@ class Motion:
         poses: Sequence[pin.SE3],
         movable: Iterable[int],
         carried: Mapping[int, Sequence[int]] | None = None,
+        searched: Searched = NOT_SEARCHED,
     ) -> MotionResult:
         """Move the bodies in `wanted` towards the poses given, and with them what their constraints take along.
 
         wanted: target pose of each held body. poses: of all bodies, now. movable: ids that may move (held ones
         included); everything else stands still. carried: by held body those that it carries, see `carry`; None leaves
-        that as it is.
+        that as it is. searched: contacts of all bodies that may move, as collision has them at these poses; they are
+        used, and not searched again, if the search went far enough.
 
         Raises ConstraintsError for a pose that is not finite, or a body that is carried twice or carried and held.
         """
@@ -121,7 +123,7 @@ class Motion:
             self.redraw(poses)
         assert self._drawn is not None
         around = Surroundings(
-            self._drawn, self.collision, self.walls, self.mated, self.tolerance, self.solving, self.barrier
+            self._drawn, self.collision, self.walls, self.mated, self.tolerance, self.solving, self.barrier, searched
         )
         step = Step(self._unknowns[1], wanted, poses, self._linear, around, self._home(wanted, poses))
         result = step.run()
@@ -149,9 +151,7 @@ class Motion:
 
         The constraints must hold there within `Tolerance.linear`; none of them may be stated.
         """
-        moved = dict(wanted)
-        for held, pose in wanted.items():
-            moved |= self.groups.carried(held, pose)
+        moved = self.groups.with_carried(wanted)
         mates = self.constraints
         candidates = [mates.accepted[id].candidate for id in mates.in_force.about(moved.keys(), self.groups)]
         if not candidates or any(c.stated or not mates.wanted_as_drawn(c, moved, poses) for c in candidates):
@@ -228,3 +228,7 @@ class Motion:
             center = 0.5 * (v.min(axis=0) + v.max(axis=0))
             known = self._shape[body] = (center, float(np.sqrt(((v - center) ** 2).sum(axis=1).max())))
         return known
+
+
+Motion = ConstrainedMotion
+"""the name in the package's face"""

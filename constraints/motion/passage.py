@@ -16,10 +16,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import Tolerance
+from collision.contact import surfaces_of
 from constraints.motion.walls import Near, Surfaces, Walls
 from constraints.recognition.mated import adjacent_surfaces
 
-NAMES = ("object_a", "surface_a", "object_b", "surface_b")
 MOST_CONTACTS = 64
 """Sweeps of a passage for each `STRIDE` of it: each continues past the surfaces that came into contact before."""
 STRIDE = 5e-4
@@ -211,4 +211,4 @@ def _farthest(drawn: Drawn, poses: Sequence[pin.SE3], target: Mapping[int, pin.S
 
 
 def _pairs(rows: NDArray[Any]) -> set[Surfaces]:
-    return set(zip(*(rows[name].tolist() for name in NAMES), strict=True))
+    return set(map(tuple, surfaces_of(rows).tolist()))

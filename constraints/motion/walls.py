@@ -6,13 +6,14 @@ A pair of facing planes gives a row a corner of the area they share: one witness
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import SurfaceMesh, Tolerance
+from collision import CONTACT_DTYPE, SurfaceMesh, Tolerance
+from collision.contact import picked, surfaces_of
 from constraints.geometry.overlap import FacingArea, facing_area
 from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere
 from constraints.geometry.views import FeatureView, Limits
@@ -35,6 +36,18 @@ class Near(Protocol):
     def contacts(self, within: float = 0.0, objects: Iterable[int] | None = None) -> NDArray[Any]: ...
 
 
+class Searched(NamedTuple):
+    """The result of a search for contacts."""
+
+    rows: NDArray[Any]
+    """as `contacts` returns them for the bodies that move, or for more"""
+    within: float = -1.0
+    """m"""
+
+
+NOT_SEARCHED = Searched(np.empty(0, CONTACT_DTYPE))
+
+
 class Walls:
     """Looks for what is near, with the features that the surfaces belong to."""
 
@@ -44,15 +57,23 @@ class Walls:
         self.tolerance = tolerance
         self._borders: dict[tuple[int, int], float] = {}
 
-    def near(self, reach: float, bodies: Iterable[int], poses: Sequence[pin.SE3]) -> NDArray[Any]:
+    def near(
+        self, reach: float, bodies: Iterable[int], poses: Sequence[pin.SE3], known: Searched = NOT_SEARCHED
+    ) -> NDArray[Any]:
         """Contact rows of `bodies` with all others within `reach` m, those of facing planes as one a corner.
+
+        known: a search at these poses, which is used if it went as far.
 
         Planes that are back to back, as those of plates that lie on each other, are left out: their solids meet before.
         """
-        rows = self.collision.contacts(reach, bodies)
-        names = ("object_a", "surface_a", "object_b", "surface_b", "distance")
+        if known.within >= reach:
+            rows = picked(known.rows, known.rows["distance"] <= reach)
+        else:
+            rows = self.collision.contacts(reach, bodies)
         shared, counts = {}, np.ones(len(rows), int)
-        for k, (a, sa, b, sb, distance) in enumerate(zip(*(rows[name].tolist() for name in names), strict=True)):
+        for k, ((a, sa, b, sb), distance) in enumerate(
+            zip(surfaces_of(rows).tolist(), rows["distance"].tolist(), strict=True)
+        ):
             found = self._shared(a, sa, b, sb, distance, poses)
             if found is None:
                 continue
@@ -154,8 +175,7 @@ class Walls:
         Faces that share strips no wider than `slop` pass each other. So do those that share no more than a strip along
         their border, as wide (m) as `strip` has it of a pair: the end of a shaft and the mouth of its bore.
         """
-        for row in rows:
-            a, sa, b, sb = (int(row[name]) for name in ("object_a", "surface_a", "object_b", "surface_b"))
+        for a, sa, b, sb in surfaces_of(rows).tolist():
             found = self._shared(a, sa, b, sb, 0.0, poses)
             region, normal = found or (None, None)
             if region is None or normal is None:

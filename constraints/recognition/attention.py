@@ -1,26 +1,32 @@
-"""Which bodies a `ConstraintManager` looks at in an update: those for which the answer may have changed.
+"""Selection of the bodies that a `ConstraintManager` examines in an update: those whose result may have changed.
 
-The answer for a pair of bodies depends on their poses, the contact rows between them, the limits and the wanted kinds,
-and the decisions about them. Where none of these has changed, the answer has not; of 2,000 parts a hand moves one.
+The result for a pair of bodies depends on their poses, the contact rows between them, the limits and the wanted kinds,
+and the decisions about them. If none of these has changed, neither has the result; of 2,000 parts a hand moves one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-COLUMNS = ["object_a", "surface_a", "object_b", "surface_b", "distance"]
-"""of contact rows: what recognition reads of them"""
-Rows = tuple[NDArray[Any], ...]
-"""contact rows by these columns"""
+from collision.contact import surfaces_of
+
+
+class Rows(NamedTuple):
+    """What recognition reads of contact rows."""
+
+    surfaces: NDArray[np.int32]
+    """(n, 4) object, surface, object, surface"""
+    distance: NDArray[np.float64]
+    """(n,) m"""
 
 
 class Attention:
-    """Remembers, by value, what the last update looked at."""
+    """Input of the last update, kept by value."""
 
     def __init__(self) -> None:
         self._known = False
@@ -28,32 +34,32 @@ class Attention:
         self._count = 0
         self._poses: list[pin.SE3] = []
         self._versions: NDArray[np.int64] | None = None
-        self._rows: Rows = ()
+        self._rows = Rows(np.zeros((0, 4), np.int32), np.zeros(0))
         self._noted: set[int] = set()
 
     def note(self, bodies: Iterable[int]) -> None:
-        """Something was decided or found out about these."""
+        """Have the next update examine these bodies, about which something was decided or found."""
         self._noted.update(bodies)
 
     def noted(self) -> frozenset[int]:
-        """What was noted since `begin`, which the next update looks at too."""
+        """Return the bodies noted since `begin`, which the next update examines too."""
         return frozenset(self._noted)
 
     def forget(self) -> None:
-        """Have the next update look at everything."""
+        """Have the next update examine all bodies."""
         self._known = False
 
     def begin(
         self, context: Hashable, poses: Sequence[pin.SE3], contacts: NDArray[Any],
         versions: NDArray[np.int64] | None = None,
     ) -> set[int]:  # fmt: skip
-        """The bodies to look at. An update that does not come to `end` makes the next one look at everything.
+        """Return the bodies to examine. If an update does not reach `end`, the next one examines all bodies.
 
-        context: all else that the answer depends on. poses: one a body. contacts: rows of `collision.CONTACT_DTYPE`.
-        versions: (n,) numbers that are others where a pose may be another; without, poses are compared.
+        context: everything else that the result depends on. poses: of each body. contacts: rows of
+        `collision.CONTACT_DTYPE`. versions: (n,) pose versions, which change with the poses; None: poses are compared.
         """
         known, self._known = self._known and context == self._context and len(poses) == self._count, False
-        rows = tuple(np.ascontiguousarray(contacts[name]) for name in COLUMNS)
+        rows = Rows(surfaces_of(contacts).copy(), contacts["distance"].copy())
         if known and versions is not None and self._versions is not None:
             about = set(np.flatnonzero(versions[: len(poses)] != self._versions).tolist())
         elif known and versions is None and self._versions is None:
@@ -69,12 +75,12 @@ class Attention:
         return about
 
     def end(self) -> None:
-        """The update has looked at all that `begin` named."""
+        """Confirm that the update has examined all bodies that `begin` returned."""
         self._known = True
 
 
 def rows_about(a: NDArray[Any], b: NDArray[Any], bodies: Collection[int]) -> NDArray[np.bool_]:
-    """(n,) which pairs of bodies a (n,) and b (n,) have one of `bodies`."""
+    """Return (n,) bool: which pairs of bodies a (n,) and b (n,) contain one of `bodies`."""
     if len(bodies) == 1 or not len(a):  # most often
         only = next(iter(bodies), -1)
         one: NDArray[np.bool_] = (a == only) | (b == only)
@@ -86,20 +92,20 @@ def rows_about(a: NDArray[Any], b: NDArray[Any], bodies: Collection[int]) -> NDA
 
 
 def _not_about(rows: Rows, bodies: Collection[int]) -> Rows:
-    keep = ~rows_about(rows[0], rows[2], bodies)
-    if not keep.any():
-        return tuple(column[:0] for column in rows)
-    return tuple(column[keep] for column in rows)
+    if not len(rows.surfaces):
+        return rows
+    keep = ~rows_about(rows.surfaces[:, 0], rows.surfaces[:, 2], bodies)
+    return Rows(rows.surfaces[keep], rows.distance[keep])
 
 
 def _differing(old: Rows, new: Rows) -> set[int]:
-    """Bodies of the rows that are in one of the two only, or not as often."""
-    if len(old[0]) == len(new[0]) and all((a == b).all() for a, b in zip(old, new, strict=True)):
+    """Bodies of the rows that do not occur equally often in both."""
+    sizes = len(old.distance), len(new.distance)
+    if sizes[0] == sizes[1] and (old.surfaces == new.surfaces).all() and (old.distance == new.distance).all():
         return set()
-    both = np.empty(len(old[0]) + len(new[0]), [(name, c.dtype) for name, c in zip(COLUMNS, new, strict=True)])
-    for name, was, now in zip(COLUMNS, old, new, strict=True):
-        both[name] = np.concatenate([was, now])
-    rows, which = np.unique(both, return_inverse=True)
-    times = np.bincount(which, weights=np.repeat([1.0, -1.0], [len(old[0]), len(new[0])]))
-    other = rows[times != 0.0]
-    return {*other["object_a"].tolist(), *other["object_b"].tolist()}
+    both = np.empty(sum(sizes), [("surfaces", np.int32, 4), ("distance", np.float64)])
+    both["surfaces"] = np.concatenate([old.surfaces, new.surfaces])
+    both["distance"] = np.concatenate([old.distance, new.distance])
+    _, first, which = np.unique(both, return_index=True, return_inverse=True)
+    times = np.bincount(which, weights=np.repeat([1.0, -1.0], sizes))
+    return set(both["surfaces"][first[times != 0.0]][:, ::2].ravel().tolist())

@@ -1,4 +1,4 @@
-"""`Candidate`: a constraint that two touching features could mean, with the reasons for it."""
+"""`Candidate`: a constraint offered for two features in contact, with the reasons for it."""
 
 from __future__ import annotations
 
@@ -25,45 +25,45 @@ from constraints.kinds import (
 )
 
 Pair = tuple[int, int, int, int]
-"""body a, feature of a, body b, feature of b; a < b (of what is stated, as the caller has it)"""
+"""body a, feature of a, body b, feature of b; a < b, or in the caller's order for stated candidates"""
 Key = tuple[int, int, int, int, str]
-"""the same, and the kind: what a candidate is known by"""
+"""a pair and the kind: the identity of a candidate"""
 
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """What one rule of the pairing table found out about two features."""
+    """Result of a rule of the pairing table for two features."""
 
     kind: str
     """"against", "concentric", …: the name of the constraint kind"""
     residual: float
-    """m: how far the two surfaces are from coinciding as the kind asks, over the region they share"""
+    """m: greatest deviation from the constraint over the region that the surfaces share"""
     angle: float
-    """rad: the same for directions"""
+    """rad: deviation of the directions"""
     fit: float | None
-    """m: radius of the hollow surface minus that of the solid one (negative: interference); None where none exists"""
+    """m: radius of the hollow surface minus that of the solid one (negative: interference); None for other surfaces"""
     overlap: float
-    """m² for planes, m along the axis for round surfaces: what the two share now"""
+    """m² for planes, m along the axis for round surfaces: the shared region"""
     share: float
     """1: `overlap` over the smaller of the two features, at most 1"""
     closed: bool
-    """whether the hollow feature holds the other on all sides, so that only sliding out parts them"""
+    """whether the hollow feature encloses the solid one on all sides, so that they separate only along the axis"""
     approach: Vector
-    """(3,) world, unit: the way body a moves to come deeper into the mate"""
+    """(3,) world, unit: direction in which body a moves deeper into the mate"""
     origin: Vector
-    """(3,) world: where the mate is"""
+    """(3,) world, m: place of the mate"""
     local: Vector
-    """(3,) the same place in the frame of body a"""
+    """(3,) m: the same place in the frame of body a"""
     direction: Vector
     """(3,) world, unit: normal or axis"""
     size: float
     """m: radius, or half the width of the shared area"""
     words: str
-    """what was found, in a few words"""
+    """description of the match"""
     parameters: dict[str, Any] = field(default_factory=dict)
-    """what the constraint kind needs to know besides the two features"""
+    """parameters of the constraint kind"""
     features: tuple[Geometry, Geometry] | None = None
-    """what the constraint is between, in the bodies' frames, where it is not the two features but edges of theirs"""
+    """elements that are constrained, in the bodies' frames, if they are edges or vertices instead of the features"""
     press: float = 0.0
     """m, radial: interference of a press fit; 0 for anything else"""
 
@@ -72,11 +72,11 @@ KINDS: dict[str, type[Constraint]] = {
     kind.kind: kind
     for kind in (Against, Concentric, Conical, Contact, Coplanar, Groove, Screw, Spherical, Tangent, Toroidal)
 }
-"""The constraint class of each kind that recognition offers."""
+"""constraint class of each kind that recognition offers"""
 
 
 def known_kinds(kinds: Iterable[str]) -> frozenset[str]:
-    """The names as a set; ConstraintsError for one that recognition does not offer."""
+    """Return the names as a set; raises ConstraintsError for a kind that recognition does not offer."""
     wanted = frozenset(kinds)
     if not wanted <= KINDS.keys():
         raise ConstraintsError(
@@ -87,22 +87,22 @@ def known_kinds(kinds: Iterable[str]) -> frozenset[str]:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A constraint offered for one pair of features. Bodies are object ids, features are places in the body's list."""
+    """A constraint offered for one pair of features. Bodies are object ids, features indices in the body's list."""
 
     key: Key
     match: Match
     constraint: Constraint
-    """what accepting the candidate sets up"""
+    """the constraint that is in force once the candidate is accepted"""
     near: tuple[tuple[int, int, float], ...]
-    """pairs of their faces that are as near as the match has the features: of a, of b, and the distance (m)"""
+    """pairs of faces that are near according to the match: face of a, face of b, distance (m)"""
     score: float
     """0 … 1: mean of closeness (1 - residual / limit) and `match.share`; ranks candidates"""
     why: str
-    """one line: what touches, what fits, how exactly"""
+    """one line: contact, fit and accuracy"""
     pitch: float | None = None
-    """m a turn, where the pair is a thread"""
+    """m per turn, for a thread"""
     stated: bool = False
-    """whether the caller stated it (see `constraints.kinds.stated`), rather than contact"""
+    """whether it was stated by the caller (see `constraints.kinds.stated`) and not recognised from contact"""
 
     @property
     def kind(self) -> str:
@@ -116,12 +116,12 @@ class Candidate:
 
     @property
     def contacts(self) -> int:
-        """How many pairs of their faces are near each other."""
+        """Number of pairs of faces that are near each other."""
         return len(self.near)
 
     @property
     def geometries(self) -> tuple[Geometry, Geometry]:
-        """Of the two features, each in its body's frame."""
+        """The two analytic surfaces, each in its body's frame."""
         return self.constraint.features
 
     @property
@@ -135,7 +135,7 @@ class Candidate:
         return self.match.residual
 
     def engaged(self, poses: Sequence[pin.SE3]) -> Candidate:
-        """The same with a thread's phase taken as it is at `poses`; other kinds have none."""
+        """Return the candidate with a thread's phase set to that at `poses`; other kinds are unchanged."""
         c = self.constraint
         if not isinstance(c, Screw):
             return self

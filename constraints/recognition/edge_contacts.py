@@ -1,8 +1,8 @@
-"""Contacts in an edge or a vertex, and flush faces: candidates for an assembly as it stands, on request.
+"""Contacts in an edge or a vertex, and flush faces: candidates for an assembly as drawn, on request.
 
 For two features that touch but neither fit nor are tangent, the boundary of each is compared with the surface of the
 other. Contacts that a better candidate of the same two bodies implies are left out: the edges of a box on a plate touch
-it too, but the plane contact already states that.
+it too, but the contact of the planes implies that.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from constraints.kinds.elements import Circle, Line, Point
 from constraints.recognition.candidate import Match, Pair
 
 CORNER = 0.7
-"""rad: an edge that turns by less than this is a polygon for a curve, not a corner"""
+"""rad: an edge that turns by less is part of a polygon that approximates a curve, not a corner"""
 CROSSING = 0.1
-"""1: sine of the angle from which two edges cross"""
+"""1: sine of the least angle between crossing edges"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def coplanar(a: FeatureView, b: FeatureView, limits: Limits) -> EdgeContact | No
 
 
 def _shared(first: Array, second: Array, slack: float) -> Array:
-    """The two farthest points (2, 3) of what two sets of sides (k, 2, 3) share; (0, 3) where that is nothing."""
+    """The two farthest points (2, 3) of the overlap of two sets of sides (k, 2, 3); (0, 3) without overlap."""
     points = [np.zeros((0, 3))]
     for start, end in first:
         length = float(np.linalg.norm(end - start))
@@ -84,7 +84,7 @@ def _shared(first: Array, second: Array, slack: float) -> Array:
 
 
 def _farthest(points: Array) -> Array:
-    """Two points far apart, ends of a straight set; the one there is if they are all alike."""
+    """(2, 3) two points far apart: the ends, if the points lie on a line."""
     if not len(points):
         return points
     one = points[int(np.argmax(np.linalg.norm(points - points[0], axis=1)))]
@@ -93,7 +93,7 @@ def _farthest(points: Array) -> Array:
 
 
 def on_surface(edged: FeatureView, carrier: FeatureView, limits: Limits) -> EdgeContact | None:
-    """An edge in a plane, a rim on a plane, a vertex on any surface; features in the order edged, carrier."""
+    """Contact of an edge or a rim with a plane, or of a vertex with any surface; the first feature has the edge."""
     surface, segments = carrier.geometry, edged.sides
     if not len(segments):
         return None
@@ -137,7 +137,7 @@ def _rim(surface: Cylinder | Cone, point: Vector) -> Circle:
 
 
 def _at(point: Vector, segments: Array, slack: float) -> Array:
-    """(k, 3) unit directions of the boundary's sides away from one of its vertices."""
+    """(k, 3) unit directions of the boundary's sides that start at one of its vertices."""
     out = []
     for one, other in ((0, 1), (1, 0)):
         here = np.linalg.norm(segments[:, one] - point, axis=1) <= slack
@@ -153,7 +153,7 @@ def _corner(point: Vector, segments: Array, slack: float) -> bool:
 
 
 def _chord(points: Array, segments: Array) -> bool:
-    """Whether an edge is one side of a polygon that stands for a curve: it turns but little at both its ends."""
+    """Whether an edge is one side of a polygon that approximates a curve: it turns little at both its ends."""
     length = float(np.linalg.norm(points[1] - points[0]))
     turns = []
     for point in points:
@@ -164,7 +164,7 @@ def _chord(points: Array, segments: Array) -> bool:
 
 
 def crossing(a: FeatureView, b: FeatureView, limits: Limits) -> EdgeContact | None:
-    """Two straight edges that cross, or a straight edge across a shaft, in a point inside both."""
+    """Contact of two straight edges that cross, or of a straight edge across a shaft, in a point inside both."""
     for first, second in ((a, b), (b, a)):
         if isinstance(first.geometry, Cylinder) and isinstance(second.geometry, Plane) and first.feature.sense > 0:
             found = _across_shaft(first, second, limits)
@@ -193,13 +193,13 @@ def crossing(a: FeatureView, b: FeatureView, limits: Limits) -> EdgeContact | No
 
 
 def _within(sides: Array, others: Array, slack: float) -> Array:
-    """The sides (k, 2, 3) whose boxes reach into the box of the others."""
+    """The sides (k, 2, 3) whose boxes overlap the box of the others."""
     low, high = others.min(axis=(0, 1)) - slack, others.max(axis=(0, 1)) + slack
     return sides[((sides.max(axis=1) >= low) & (sides.min(axis=1) <= high)).all(axis=1)]
 
 
 def _inside(s: Array, length: Array, slack: float) -> NDArray[np.bool_]:
-    """Whether points at s (1: of the length) lie between the ends of a side, and on neither."""
+    """Whether points at s (fraction of the length) lie between the ends of a side, and on neither."""
     margin = 10.0 * slack / length
     return (margin < s) & (s < 1.0 - margin)
 
@@ -226,26 +226,25 @@ def _across_shaft(shaft: FeatureView[Cylinder], edged: FeatureView, limits: Limi
 
 
 def _swapped(t: EdgeContact) -> EdgeContact:
-    """The same with a and b exchanged."""
+    """The contact with a and b exchanged."""
     return EdgeContact(t.kind, (t.features[1], t.features[0]), t.points, t.gap, -t.normal, t.words, t.slack)
 
 
 def edge_contact(a: FeatureView, b: FeatureView, limits: Limits) -> EdgeContact | None:
-    """Contact of two features that neither fit nor are tangent; None if they touch in no way known here."""
+    """Return the contact of two features that neither fit nor are tangent; None without one of the known types."""
     flush = coplanar(a, b, limits)
     if flush is not None:
         return flush
-    ways: list[EdgeContact] = []
     first, second = on_surface(a, b, limits), on_surface(b, a, limits)
-    ways += [first] if first is not None else []
-    ways += [_swapped(second)] if second is not None else []
-    cross = crossing(a, b, limits) if not ways else None
-    ways += [cross] if cross is not None else []
-    return max(ways, key=lambda t: t.length, default=None)
+    if first is None and second is None:
+        return crossing(a, b, limits)
+    if first is None or (second is not None and second.length > first.length):
+        return _swapped(second) if second is not None else None
+    return first
 
 
 def as_match(t: EdgeContact, a: FeatureView, b: FeatureView, limits: Limits) -> Match:
-    """The contact as a `Match` with `share` 0, so that it ranks below fits."""
+    """Return the contact as a `Match` with `share` 0, so that it ranks below fits."""
     middle = t.points.mean(axis=0)
     return Match(
         kind=t.kind,
@@ -270,9 +269,9 @@ def without_implied_contacts(
     better: Iterable[tuple[Pair, float | None]],
     view: Callable[[int, int], FeatureView],
 ) -> list[tuple[Pair, EdgeContact]]:
-    """The contacts that no match and no longer contact of the same two bodies implies; flush faces are always kept.
+    """Return the contacts that no match and no longer contact of the same two bodies implies; flush faces are kept.
 
-    better: pairs of features with a match, and the fit (m) of round ones. view: of (body, feature), in the world.
+    better: pairs of features with a match, and the fit (m) of round ones. view: callback(body, feature), in the world.
     """
     covers: dict[tuple[int, int], list[tuple[FeatureView, FeatureView, float]]] = {}
     for (a, fa, b, fb), fit in better:

@@ -1,9 +1,9 @@
-"""Least-squares analytic surfaces through points that lie on one (the vertices of a face do).
+"""Least-squares fits of analytic surfaces to points on one surface, such as the vertices of a face.
 
-A first guess comes from points and normals in closed form; `refine` then takes the orthogonal distances down by
-Levenberg-Marquardt. Every distance here is unchanged when surface and points move together, so moving the surface by
-a small twist (v, w) about the origin changes the distance of a point p with normal n by -n·v - (p×n)·w: one Jacobian
-serves all kinds, with a column more for each radius or angle.
+A first guess is computed from points and normals in closed form; `refine` then minimises the orthogonal distances by
+Levenberg-Marquardt. Distances do not change when surface and points move together, so moving the surface by a small
+twist (v, w) about the origin changes the distance of a point p with normal n by -n·v - (p×n)·w: one Jacobian serves
+all kinds, with an additional column for each radius or angle.
 """
 
 from __future__ import annotations
@@ -22,20 +22,19 @@ from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Spher
 Array = NDArray[np.float64]
 
 KINDS = ("plane", "cylinder", "cone", "sphere", "torus")
-"""in the order in which they are tried: the simplest that fits is taken"""
-
+"""in the order in which they are tried: the first that fits is taken"""
 
 _FEW = 200
-"""points that a fit is first tried on"""
+"""points that a fit is tried on first"""
 
 
 class FitError(ConstraintsError):
-    """Points that determine no surface of the wanted kind (too few, or degenerate)."""
+    """Points that do not determine a surface of the wanted kind (too few, or degenerate)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A surface through points, and how well it goes through them."""
+    """A surface fitted to points."""
 
     geometry: Geometry
     residual: float
@@ -49,20 +48,20 @@ def fit_surface(
     tolerance: Tolerance | None = None,
     kinds: Sequence[str] = KINDS,
 ) -> Fit | None:
-    """The simplest analytic surface within tolerance of all points, or None.
+    """Return the simplest analytic surface within tolerance of all points, or None.
 
     Parameters
     ----------
     points: (n, 3) m, on the true surface.
-    bases, normals: (m, 3) m and (m, 3): places and rough normals there, of any length, which is their weight (the area
-        vectors of the face's triangles at their centroids serve). They start the fit, and it must agree with them.
+    bases, normals: (m, 3) m and (m, 3): places and approximate normals there, weighted by their lengths, such as the
+        centroids and area vectors of the face's triangles. They start the fit, and it must agree with them.
     tolerance: `fit` and `fit_relative` (of the points' extent) bound the residual.
-    kinds: what to try, in order.
+    kinds: to try, in this order.
     """
     p = np.asarray(points, dtype=np.float64)
     limits = tolerance or Tolerance()
     limit = allowed(p, limits)
-    few = p[:: -(-len(p) // _FEW)]  # what does not fit a part of the points does not fit them all
+    few = p[:: -(-len(p) // _FEW)]  # a surface that does not fit some of the points does not fit all
     for kind in kinds:
         if len(p) < _ENOUGH[kind]:
             continue
@@ -79,20 +78,22 @@ def fit_surface(
 
 
 def _faces_along(geometry: Geometry, bases: ArrayLike, normals: ArrayLike, limits: Tolerance) -> bool:
-    """Whether the rough normals are, on the whole, the surface's: the corners of a cube lie on a sphere, too."""
+    """Whether the approximate normals agree with the surface's: the corners of a cube lie on a sphere, too."""
     n = np.asarray(normals, dtype=np.float64)
     along = np.abs(np.einsum("ij,ij->i", geometry.normals(bases), n)).sum()
     return bool(along >= np.cos(limits.facet) * np.linalg.norm(n, axis=1).sum())
 
 
 def allowed(points: Array, tolerance: Tolerance) -> float:
-    """m: the residual a fit to `points` may have."""
+    """Return the greatest residual of a fit to `points`, m."""
     return min(tolerance.fit, tolerance.fit_relative * float(np.linalg.norm(np.ptp(points, axis=0))))
 
 
 def fit_kind(kind: str, points: ArrayLike, bases: ArrayLike, normals: ArrayLike, iterations: int = 40) -> Fit:
-    """The least-squares surface of one kind; raises FitError when there is none. Arguments as for `fit_surface`,
-    `iterations` as for `refine`."""
+    """Return the least-squares surface of one kind; raises FitError if there is none.
+
+    Arguments as for `fit_surface`, `iterations` as for `refine`.
+    """
     p = np.asarray(points, dtype=np.float64)
     center = p.mean(axis=0)
     scale = float(np.linalg.norm(np.ptp(p, axis=0)))
@@ -105,10 +106,10 @@ def fit_kind(kind: str, points: ArrayLike, bases: ArrayLike, normals: ArrayLike,
 
 
 def refine(geometry: Geometry, points: ArrayLike, iterations: int = 40) -> Geometry:
-    """`geometry` moved and resized to the least sum of squared distances to `points` (n, 3), m.
+    """Return `geometry` moved and resized to the least sum of squared distances to `points` (n, 3), m.
 
-    Levenberg-Marquardt in coordinates of unit size; the damping fixes what distances do not determine (a cylinder
-    slides freely along its axis). The origin of a plane or a cylinder is moved beside the points' middle.
+    Levenberg-Marquardt in coordinates of unit size; the damping fixes parameters that distances do not determine (the
+    position of a cylinder along its axis). The origin of a plane or a cylinder is moved next to the points' mean.
     """
     given = np.asarray(points, dtype=np.float64)
     center, scale = given.mean(axis=0), float(np.linalg.norm(np.ptp(given, axis=0)))
@@ -132,7 +133,7 @@ def refine(geometry: Geometry, points: ArrayLike, iterations: int = 40) -> Geome
                     continue
                 break
         if damping > 1e-3 or cost < 1e-28 * len(p):
-            break  # nothing is gained however short the step, or only rounding is left
+            break  # even a short step gains nothing, or only rounding is left
         damping *= 100.0
     return _centred(_scaled(best, scale, center), given)
 
@@ -164,14 +165,14 @@ def _jacobian(geometry: Geometry, points: Array) -> Array:
 
 
 def crossed(a: Array, b: Array) -> Array:
-    """Products along the last axis; what np.cross does, without its care for other shapes, which takes longer."""
+    """Return the vector products along the last axis, faster than `np.cross`, which handles other shapes."""
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
     u, v, w = b[..., 0], b[..., 1], b[..., 2]
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
 def _stepped(geometry: Geometry, step: Array) -> Geometry | None:
-    """The geometry after a step of `_jacobian`'s columns; None where there is none (a negative radius)."""
+    """The geometry after a step in the columns of `_jacobian`; None if it is invalid (a negative radius)."""
     moved = geometry.transformed(pin.SE3(pin.exp3(step[3:6]), step[:3]))
     sizes = [f.name for f in fields(moved) if f.name in ("radius", "half_angle", "major", "minor")]
     try:
@@ -227,7 +228,7 @@ def _guess_sphere(points: Array, bases: Array, normals: Array) -> Geometry:
 
 
 def _guess_cylinder(points: Array, bases: Array, normals: Array) -> Geometry:
-    """Axis at right angles to the normals, or along the points' spread: whichever circle fits best."""
+    """Cylinder whose axis is perpendicular to the normals, or a principal axis of the points: the best circle."""
     candidates = [*np.linalg.svd(normals, full_matrices=False)[2], *np.linalg.svd(points, full_matrices=False)[2]]
     best: tuple[float, Cylinder] | None = None
     for axis in candidates:
@@ -247,7 +248,7 @@ def _guess_cylinder(points: Array, bases: Array, normals: Array) -> Geometry:
 
 
 def _guess_cone(points: Array, bases: Array, normals: Array) -> Geometry:
-    """Normals of a cone end on a circle about its axis; its tangent planes meet in the apex."""
+    """Cone whose unit normals lie on a circle about its axis, and whose tangent planes meet in the apex."""
     weight = np.linalg.norm(normals, axis=1)
     if np.count_nonzero(weight) < 3:
         raise FitError("fewer than three tangent planes determine no cone; give more normals")
@@ -265,9 +266,8 @@ def _guess_cone(points: Array, bases: Array, normals: Array) -> Geometry:
 
 
 def _guess_torus(points: Array, bases: Array, normals: Array) -> Geometry:
-    """The normals of a surface of revolution meet its axis: the axis is the line all of them intersect, found as a
-    linear complex (Pottmann & Randrup, Computing 60 (1998) 307); in the half plane of radius and height the meridian
-    is a circle."""
+    """Torus whose axis all normals intersect, found as a linear complex (Pottmann & Randrup, Computing 60 (1998) 307);
+    in the half plane of radius and height the meridian is a circle."""
     weight = np.linalg.norm(normals, axis=1)
     n = normals / np.maximum(weight, np.finfo(float).tiny)[:, None]
     lines = np.hstack([np.cross(bases, n), n]) * np.sqrt(weight / weight.sum())[:, None]
@@ -292,4 +292,4 @@ _GUESS: dict[str, Callable[[Array, Array, Array], Geometry]] = {
     "torus": _guess_torus,
 }
 _ENOUGH = {"plane": 3, "cylinder": 6, "sphere": 6, "cone": 8, "torus": 10}
-"""points below which a fit says nothing: one more than determine the surface, or what a face's mesh has at least"""
+"""least number of points of a meaningful fit: more than determine the surface, or the least that a face's mesh has"""

@@ -1,9 +1,9 @@
-"""Filter of matches that other matches imply.
+"""Removal of matches that other matches imply.
 
-- One thread is one screw: crests in roots, and flanks seen as cylinders, lie on its axis too.
-- Beside a fit of the same two bodies on the same axis a looser one beyond `Limits.clearance` (a screw's head in its
-  counterbore) says nothing, and neither does one of two bodies between which a third is the sleeve.
-- A fillet's tangency to a plane that the two bodies share already.
+- The matches of a thread's crests, roots and flanks on the axis of its screw.
+- A fit looser than `Limits.clearance` (a screw's head in its counterbore), if the same two bodies have a closer fit on
+  the same axis, or a third body is the sleeve between them.
+- The tangency of a fillet to a plane that the two bodies share already.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ def without_implied(
     threads: Mapping[tuple[int, int], float],
     limits: Limits,
 ) -> list[Found]:
-    """The matches of `found` that no other implies, in the given order.
+    """Return the matches of `found` that no other implies, in the given order.
 
-    found: matches of any bodies at one moment. features: of every body. threads: pitches by (body, feature).
+    found: matches of any bodies at one time. features: of every body. threads: pitches by (body, feature).
     """
     by_bodies: dict[tuple[int, int], list[Found]] = {}
     for pair, match in found:
         by_bodies.setdefault((pair[0], pair[2]), []).append((pair, match))
     screws = {bodies: _screws(group, threads, limits) for bodies, group in by_bodies.items()}
 
-    def said(pair: Pair, match: Match) -> bool:
+    def implied(pair: Pair, match: Match) -> bool:
         bodies = pair[0], pair[2]
         if match.kind == "screw":
             return (pair, match) not in screws[bodies]
@@ -48,11 +48,11 @@ def without_implied(
             return any(_in_plane_of(other, match, limits) for _, other in by_bodies[bodies])
         return False
 
-    return [(pair, match) for pair, match in found if not said(pair, match)]
+    return [(pair, match) for pair, match in found if not implied(pair, match)]
 
 
 def _screws(group: Sequence[Found], threads: Mapping[tuple[int, int], float], limits: Limits) -> list[Found]:
-    """One screw an axis: of both threads where both are known, else the longest."""
+    """One screw for each axis: that of two known threads, else the longest."""
     kept: list[Found] = []
 
     def rank(item: Found) -> tuple[int, float, Pair]:
@@ -70,7 +70,7 @@ def _is_loose(match: Match, limits: Limits) -> bool:
 
 
 def _coaxial(m: Match, n: Match, limits: Limits) -> bool:
-    """Whether two axes coincide within the play of their fits."""
+    """Whether two axes coincide within the clearance of their fits."""
     air = max(m.fit or 0.0, 0.0) + max(n.fit or 0.0, 0.0)
     aside = cross(n.origin - m.origin, m.direction)
     return norm(cross(m.direction, n.direction)) <= 2.0 * limits.angular and norm(aside) <= 2.0 * limits.linear + air
@@ -88,10 +88,10 @@ def _in_a_sleeve(
     features: Sequence[Sequence[Feature]],
     limits: Limits,
 ) -> bool:
-    """Whether a third body lies between, with the shaft in its own bore and itself in the bore, where these overlap."""
+    """Whether a third body is a sleeve between shaft and bore: a closer fit with either where their lengths overlap."""
 
     def in_order(p: Pair) -> tuple[int, int]:
-        """The body of the shaft, the body of the bore."""
+        """(body of the shaft, body of the bore)."""
         return (p[0], p[2]) if features[p[0]][p[1]].sense > 0 else (p[2], p[0])
 
     closer = {
@@ -115,7 +115,7 @@ def _has_plane(pair: Pair, features: Sequence[Sequence[Feature]]) -> bool:
 
 
 def _in_plane_of(m: Match, n: Match, limits: Limits) -> bool:
-    """Whether m is an against in whose plane the tangency n lies."""
+    """Whether m is an "against" in whose plane the tangency n lies."""
     return (
         m.kind == "against"
         and norm(cross(m.direction, n.direction)) <= 2.0 * limits.angular

@@ -18,7 +18,7 @@ FINE_STEPS = (
     3.0, 6.0, 10.0, 14.0, 18.0, 24.0, 30.0, 40.0, 50.0, 65.0, 80.0, 100.0, 120.0, 140.0, 160.0, 180.0, 200.0, 225.0,
     250.0, 280.0, 315.0, 355.0, 400.0, 450.0, 500.0,
 )  # fmt: skip
-"""mm: the same, of the deviations r, s and u"""
+"""mm: greatest size of each step, for the deviations r, s and u"""
 LEAST = 1.0
 """mm: the least size"""
 GRADES = {
@@ -39,24 +39,19 @@ DEVIATIONS = {
     "g": (2, 4, 5, 6, 7, 9, 10, 12, 14, 15, 17, 18, 20),
     "h": (0,) * 13,
 }
-"""letter -> how far the upper limit of a shaft lies below the nominal size, and the lower one of a hole above, µm"""
+"""letter -> µm by which the upper limit of a shaft lies below the nominal size, and the lower limit of a hole above"""
 ABOVE = {
     "k": (0, 1, 1, 1, 2, 2, 2, 3, 3, 4, 4, 4, 5),
     "m": (2, 4, 6, 7, 8, 9, 11, 13, 15, 17, 20, 21, 23),
     "n": (4, 8, 10, 12, 15, 17, 20, 23, 27, 31, 34, 37, 40),
     "p": (6, 12, 15, 18, 22, 26, 32, 37, 43, 50, 56, 62, 68),
-    "r": (
-        10, 15, 19, 23, 23, 28, 28, 34, 34, 41, 43, 51, 54, 63, 65, 68, 77, 80, 84, 94, 98, 108, 114, 126, 132,
-    ),
-    "s": (
-        14, 19, 23, 28, 28, 35, 35, 43, 43, 53, 59, 71, 79, 92, 100, 108, 122, 130, 140, 158, 170, 190, 208, 232, 252,
-    ),
-    "u": (
-        18, 23, 28, 33, 33, 41, 48, 60, 70, 87, 102, 124, 144, 170, 190, 210, 236, 258, 284, 315, 350, 390, 435, 490,
-        540,
-    ),
+    "r": (10, 15, 19, 23, 23, 28, 28, 34, 34, 41, 43, 51, 54, 63, 65, 68, 77, 80, 84, 94, 98, 108, 114, 126, 132),
+    "s": (14, 19, 23, 28, 28, 35, 35, 43, 43, 53, 59, 71, 79, 92, 100, 108, 122, 130, 140, 158, 170, 190, 208, 232,
+          252),
+    "u": (18, 23, 28, 33, 33, 41, 48, 60, 70, 87, 102, 124, 144, 170, 190, 210, 236, 258, 284, 315, 350, 390, 435, 490,
+          540),
 }  # fmt: skip
-"""letter -> how far the lower limit of a shaft lies above the nominal size, µm; by `FINE_STEPS` for r, s and u"""
+"""letter -> µm by which the lower limit of a shaft lies above the nominal size; by `FINE_STEPS` for r, s and u"""
 K_GRADES = range(4, 8)
 """grades in which k lies above the nominal size; in the others its lower limit is the nominal size"""
 CLASS = re.compile(r"([D-H])(\d+)/([d-hkmnprsu])(\d+)")
@@ -79,13 +74,13 @@ class FitClass:
     most: float
 
     def allows(self, clearance: float, slack: float) -> bool:
-        """Whether a diametral clearance (m) is in the class, or drawn at nominal size (none at all), within `slack`."""
+        """Whether a diametral clearance (m) is in the class, or 0 (drawn at nominal size), within `slack` (m)."""
         return self.least - slack <= clearance <= self.most + slack or abs(clearance) <= slack
 
 
 @lru_cache(maxsize=4096)
 def fit_class(name: str, diameter: float) -> FitClass:
-    """The class `name` (a hole of D … H, a shaft of d … h, k, m, n, p, r, s or u, grades 5 … 12) at a diameter (m).
+    """Return a class (a hole of D … H, a shaft of d … h, k, m, n, p, r, s or u, grades 5 … 12) at a diameter (m).
 
     Raises FitClassError for other names, and for diameters outside 1 … 500 mm.
     """
@@ -103,7 +98,7 @@ def fit_class(name: str, diameter: float) -> FitClass:
 
 
 def _highest(letter: str, grade: int, size: float) -> int:
-    """µm: upper limit of a shaft of `size` mm above the nominal size."""
+    """Upper limit of a shaft of `size` mm above the nominal size, µm."""
     step = bisect_left(STEPS, size)
     if letter in DEVIATIONS:
         return -DEVIATIONS[letter][step]
@@ -113,9 +108,9 @@ def _highest(letter: str, grade: int, size: float) -> int:
 
 @lru_cache(maxsize=4096)
 def greatest_interference(shaft: str, diameter: float) -> float:
-    """Greatest diametral interference (m, at least 0) of a shaft class, such as s7, in a hole H of this diameter (m).
+    """Return the greatest diametral interference (m, at least 0) of a shaft class, such as s7, in a hole H.
 
-    Below 1 mm and above 500 mm the nearest size in the tables counts. Raises FitClassError for unknown classes.
+    Below 1 mm and above 500 mm the nearest size in the tables is used. Raises FitClassError for unknown classes.
     """
     size = min(max(diameter, 1e-3 * LEAST), 1e-3 * STEPS[-1])
     try:

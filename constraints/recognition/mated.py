@@ -1,7 +1,7 @@
-"""Which surfaces a constraint in force keeps out of collision: the two it mates, and the faces beside each of them.
+"""Surfaces that constraints in force exclude from collision: the two mated ones, and the faces adjacent to them.
 
-The faces next to a mated one meet the other part only along the rim, where facets would overlap. Everything else of
-both parts stays solid.
+The faces next to a mated one meet the other part only along the rim, where facets would overlap. All other surfaces of
+both parts stay solid.
 """
 
 from __future__ import annotations
@@ -20,9 +20,7 @@ from constraints.manager import ConstraintManager
 from constraints.recognition.candidate import Candidate
 
 Pairing = tuple[int, tuple[int, ...], int, tuple[int, ...]]
-"""Body a, surfaces of it, body b, surfaces of it: each of the first with each of the second."""
-
-
+"""body a, surfaces of a, body b, surfaces of b: each of the first with each of the second"""
 Faces = tuple[int, ...]
 
 
@@ -35,7 +33,7 @@ class Ignoring(Protocol):
 
 
 class MatedSurfaces:
-    """Tells collision which surfaces to leave out, as constraints come and go."""
+    """Keeps the surfaces that collision ignores up to date with the constraints in force."""
 
     def __init__(self, collision: Ignoring, constraints: ConstraintManager, tolerance: Tolerance) -> None:
         self.collision = collision
@@ -45,9 +43,15 @@ class MatedSurfaces:
         self._of: dict[int, Candidate] = {}
         self._mated: dict[int, tuple[Pairing, ...]] = {}
         self._beside: dict[int, Pairing] = {}
+        self._always: dict[tuple[int, int], list[Pairing]] = {}
+
+    def leave_out(self, row: Pairing) -> None:
+        """Leave surfaces out whatever constraints come and go: of an overlap that is meant."""
+        self._always.setdefault((min(row[0], row[2]), max(row[0], row[2])), []).append(row)
+        self.collision.ignore_surfaces(*row)
 
     def sync(self) -> None:
-        """Bring collision up to date with the constraints in force."""
+        """Update the surfaces that collision ignores."""
         in_force = self.constraints.in_force
         if self._synced is in_force:
             return
@@ -76,12 +80,14 @@ class MatedSurfaces:
         for id in [*fresh, *(i for i, c in now.items() if enabled and c.bodies in enabled)]:
             for row in mated[id]:
                 self.collision.ignore_surfaces(*row)
+        for row in (row for a, b in enabled for row in self._always.get((min(a, b), max(a, b)), ())):
+            self.collision.ignore_surfaces(*row)
         self._of, self._mated, self._beside, self._synced = now, mated, beside, in_force
 
     def _sleeve(self, candidate: Candidate, known: dict[Hashable, tuple[Faces, Faces] | None]) -> tuple[Pairing, ...]:
         """The faces that cannot meet while a shaft shares its bore's axis, or planes are face to face.
 
-        known: faces found for the same two meshes and features; of four hundred equal bolts one is computed.
+        known: results by meshes and features, so that of four hundred equal bolts one is computed.
         """
         a, fa, b, fb, kind = candidate.key
         meshes = self.collision.mesh(a), self.collision.mesh(b)
@@ -98,7 +104,7 @@ class MatedSurfaces:
 
 
 def adjacent_surfaces(mesh: SurfaceMesh, surfaces: Iterable[int]) -> tuple[int, ...]:
-    """Surfaces that share a vertex position with one of `surfaces`, these left out; ascending."""
+    """Return the other surfaces that share a vertex position with one of `surfaces`, ascending."""
     table = mesh._cache.get("surface_adjacency")
     if table is None:
         table = mesh._cache["surface_adjacency"] = _adjacency(mesh)

@@ -1,7 +1,7 @@
-"""Shafts and bores that overlap and are no fit: larger than a press fit allows, or off the axis into the wall.
+"""Clashes of shafts and bores: a shaft larger than a press fit allows, or one off the axis and in the wall.
 
-Facets hide such overlaps up to their deflection, and deeper ones cross elsewhere than in the bore. Radii and axes tell
-them, where both surfaces and their material are.
+Facets hide such overlaps up to their deflection, and deeper ones may intersect elsewhere. Here they are found from
+radii and axes, where both surfaces and their material exist.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from constraints.recognition.recognise import Recogniser
 
 Segments = tuple[NDArray[np.float64], NDArray[np.float64]]
 OFF_AXIS = 0.25
-"""1: of the radius of a bore"""
+"""1: greatest offset of the axes, as a fraction of the bore's radius"""
 ROUND, ALONG = 48, 7
-"""places about the axis and along it at which both surfaces are looked for"""
+"""places about the axis and along it at which both surfaces are tested for"""
 SPARSE = 16
-"""one of so many of these places is checked for common material first"""
+"""one place in this number is tested for common material first"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +41,11 @@ class Misfit:
     pair: Pair
     fit: RoundFit
     faces: tuple[tuple[int, int], ...]
-    """faces of the first body and of the second that are as near as they overlap"""
+    """faces of the first and of the second body that are nearer than the overlap"""
     line: tuple[NDArray[np.float64], NDArray[np.float64]]
     """(3,) m, (3,) unit, world: middle of the shared length, and axis"""
     length: float
-    """m: that they share along it"""
+    """m: shared length along the axis"""
     why: str
 
 
@@ -53,7 +53,7 @@ class Cylinders(NamedTuple):
     """Cylinders of one body, in the world."""
 
     place: NDArray[np.int64]
-    """(n,) among its features"""
+    """(n,) index of the feature"""
     origin: NDArray[np.float64]
     axis: NDArray[np.float64]
     radius: NDArray[np.float64]
@@ -68,14 +68,14 @@ def misfits(
     limits: Limits,
     slack: Sequence[float],
 ) -> tuple[Misfit, ...]:
-    """Return the shafts in bores that clash, of bodies that are near each other.
+    """Return the shafts in bores that clash, among bodies that are near each other.
 
-    Farther off the axis than `OFF_AXIS` they are left to their facets, which cross.
+    Those farther off the axis than `OFF_AXIS` are left to collision: their facets intersect.
 
     Parameters
     ----------
-    contacts: rows of `collision.CONTACT_DTYPE` between the bodies. limits: as the assembly stands. slack: m, by body,
-        the greatest deflection of its facets.
+    contacts: rows of `collision.CONTACT_DTYPE` between the bodies. limits: without reach, for an assembly as drawn.
+    slack: m, by body, greatest deflection of its facets.
     """
     out = []
     codes = recogniser.codes(contacts)
@@ -103,7 +103,7 @@ def misfits(
             if match is None or match.fit is None:
                 continue
             fit = limits.round_fit(radius, match.fit, match.residual)
-            beside = match.overlap <= max(-fit.gap, limits.slack)  # the end of the one in the mouth of the other
+            beside = match.overlap <= max(-fit.gap, limits.slack)  # only the ends overlap
             at = None if fit.kind != "clash" or beside else _meeting(solid, hollow, match, limits)
             if at is None or (-fit.gap > hidden and not _common(at, (meshes[a], meshes[b]), (poses[a], poses[b]))):
                 continue
@@ -136,12 +136,12 @@ def _cylinders(recogniser: Recogniser, body: int, pose: pin.SE3) -> Cylinders:
 
 
 def _coaxial(first: Cylinders, second: Cylinders, hidden: float, limits: Limits) -> list[tuple[int, int]]:
-    """Places of a solid and a hollow cylinder on one axis that overlap, by less than half the radius."""
+    """Features of pairs of a solid and a hollow cylinder on one axis that overlap by less than half the radius."""
     turn = np.linalg.norm(np.cross(first.axis[:, None], second.axis[None]), axis=2)
     aside = np.linalg.norm(np.cross(second.origin[None] - first.origin[:, None], first.axis[:, None]), axis=2)
     larger = first.sense[:, None] * (first.radius[:, None] - second.radius[None])
     facing = first.sense[:, None] != second.sense[None]
-    # the offset is measured where both are; their origins may be a way off, along axes that are nearly parallel
+    # the rule measures the offset where both are; the origins may be distant along axes that are nearly parallel
     length = np.linalg.norm(second.origin[None] - first.origin[:, None], axis=2)
     reach = hidden + OFF_AXIS * second.radius[None] + np.abs(larger) + length * limits.angular
     found = facing & (turn <= limits.angular) & (aside <= reach)
@@ -152,8 +152,8 @@ def _coaxial(first: Cylinders, second: Cylinders, hidden: float, limits: Limits)
 def _meeting(
     solid: FeatureView[Cylinder], hollow: FeatureView[Cylinder], match: Match, limits: Limits
 ) -> Segments | None:
-    """Points of the bore (n, 3), m, world, and those of the shaft above them, where both surfaces are there and the
-    shaft is larger; None if there are none."""
+    """Points of the bore (n, 3), m, world, and the opposite ones of the shaft, where both surfaces exist and the shaft
+    is larger; None without such points."""
     s, h = solid.geometry, hollow.geometry
     u = perpendicular(h.axis)
     v = cross(h.axis, u)
@@ -171,10 +171,10 @@ def _meeting(
 
 
 def _common(at: Segments, meshes: tuple[SurfaceMesh, SurfaceMesh], poses: tuple[pin.SE3, pin.SE3]) -> bool:
-    """Whether two bodies have material in common all the way from a bore to a shaft: a bush in a ring has not, though
-    the ring is larger than the bore of the bush."""
+    """Whether two bodies have common material all the way from a bore to a shaft. A bush in a ring has none, though the
+    ring is larger than the bore of the bush."""
     bore, shaft = at
-    for chosen in (slice(None, None, SPARSE), slice(None)):  # where there is material in common, few points show it
+    for chosen in (slice(None, None, SPARSE), slice(None)):  # a few points are often enough
         start, way = bore[chosen], shaft[chosen] - bore[chosen]
         for t, k in product((0.5, 0.25, 0.75), (0, 1)):
             points = start + t * way - poses[k].translation

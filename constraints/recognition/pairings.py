@@ -1,21 +1,20 @@
-"""The pairing table: which two features mean which constraint, and how well they do.
+"""The pairing table: the constraint kinds of pairs of features, and the rules that measure them.
 
-One row a pair of surface types; the rule measures the two features where they are and returns a `Match`, or None
-when they are out of limits. Names follow Mukherjee, Sacks and Joskowicz (contact pairs) and the mates of D-Cubed
-and SolidWorks.
+One row for each pair of surface types; the rule measures the two features at their poses and returns a `Match`, or
+None out of limits. Names follow Mukherjee, Sacks and Joskowicz (contact pairs) and the mates of D-Cubed and SolidWorks.
 
 ===================  =====================  ==============  =========================================================
-solid surface        the other              kind            measured
+solid surface        other surface          kind            measured
 ===================  =====================  ==============  =========================================================
 plane                plane, facing          against         gap over the shared area
-cylinder             hollow cylinder        screw           offset of the axes, where the two stand for a metric thread,
+cylinder             hollow cylinder        screw           offset of the axes, if the two represent a metric thread,
                                                             with evidence (`constraints.recognition.thread_evidence`)
 cylinder             hollow cylinder        concentric      offset of the axes over the shared length, radial fit
 cone                 hollow cone            conical         offset of the apexes across the surface, half angles
 sphere               hollow sphere          spherical       offset of the centres, radial fit
 torus                hollow torus           toroidal        offset of the centres, axes, radial fit
 sphere               hollow cylinder, torus groove          offset of the centre from the groove's, radial fit
-cylinder, cone,      plane                  tangent         gap at the line or point where they come nearest
+cylinder, cone,      plane                  tangent         gap at the nearest line or point
 sphere, torus
 cylinder             cylinder               tangent         gap: outside or inside where parallel, else crossed
 sphere               cylinder, cone, torus, tangent         gap, outside or inside
@@ -49,12 +48,12 @@ def _gap_words(gap: float) -> str:
 
 
 def line_angle(u: Vector, v: Vector) -> float:
-    """Angle (rad) between two lines along u and v, accurate near 0."""
+    """Return the angle (rad) between two lines along u and v, accurate near 0."""
     return float(np.arctan2(norm(cross(u, v)), abs(u @ v)))
 
 
 def against(a: FeatureView[Plane], b: FeatureView[Plane], limits: Limits) -> Match | None:
-    """Two planes that face each other and share a real area."""
+    """Return the match of two planes that face each other and share an area."""
     p, q = a.geometry, b.geometry
     angle = line_angle(p.normal, q.normal)
     if p.normal @ q.normal >= 0.0 or angle > limits.angular:
@@ -65,7 +64,7 @@ def against(a: FeatureView[Plane], b: FeatureView[Plane], limits: Limits) -> Mat
     if region.area <= min(limits.strip, 0.1 * width) * width:
         return None
     gap = float((q.origin - region.centroid) @ q.normal / (p.normal @ q.normal))
-    # a slight tilt of large faces is judged by `angle`; as it stands (no reach) the whole region must be flush
+    # `angle` limits a slight tilt of large faces; without reach the whole region must be flush
     residual = max(abs(region.gap_min), abs(region.gap_max)) if angle <= limits.linear / width else abs(gap)
     if residual > limits.linear:
         return None
@@ -89,7 +88,7 @@ def against(a: FeatureView[Plane], b: FeatureView[Plane], limits: Limits) -> Mat
 
 
 class _Seat(NamedTuple):
-    """Where a solid surface of revolution sits in a hollow one."""
+    """Position of a solid surface of revolution in a hollow one."""
 
     origin: Vector
     """(3,) world"""
@@ -106,11 +105,11 @@ class _Seat(NamedTuple):
     smaller: float
     """m: length of the shorter of the two"""
     open: float
-    """rad: greatest angle about the axis that the hollow one does not cover"""
+    """rad: greatest angle about the axis that the hollow surface does not cover"""
 
 
 def _round(kind: str, solid: FeatureView, hollow: FeatureView, seat: _Seat, fit: RoundFit, words: str) -> Match:
-    """A match of two surfaces of revolution."""
+    """The match of two surfaces of revolution."""
     origin, axis, overlap, smaller = seat.origin, seat.axis, seat.overlap, seat.smaller
     along = float((hollow.center - solid.center) @ axis)
     return Match(
@@ -132,7 +131,7 @@ def _round(kind: str, solid: FeatureView, hollow: FeatureView, seat: _Seat, fit:
 
 
 def concentric(solid: FeatureView[Cylinder], hollow: FeatureView[Cylinder], limits: Limits) -> Match | None:
-    """A solid cylinder in a hollow one: radii fit, axes coincide, lengths overlap."""
+    """Return the match of a solid cylinder in a hollow one: radii fit, axes coincide, lengths overlap."""
     s, h = solid.geometry, hollow.geometry
     fit = h.radius - s.radius
     angle = line_angle(s.axis, h.axis)
@@ -164,12 +163,12 @@ def concentric(solid: FeatureView[Cylinder], hollow: FeatureView[Cylinder], limi
 
 
 def _kept(offset: float, limits: Limits) -> float:
-    """m: the offset of two axes or centres, 0 where the constraint takes it away."""
+    """Offset of two axes or centres, m; 0 if the constraint removes it."""
     return offset if offset <= limits.slack else 0.0
 
 
 def over(overlap: float) -> str:
-    """Words for the length (m) by which two surfaces overlap along their axis; negative where their ends are apart."""
+    """Return words for the overlap (m) of two surfaces along their axis; negative for the gap between their ends."""
     length = millimetres(abs(overlap))
     if length == millimetres(0.0):
         return ", end to end"
@@ -177,7 +176,7 @@ def over(overlap: float) -> str:
 
 
 def screw(solid: FeatureView[Cylinder], hollow: FeatureView[Cylinder], limits: Limits) -> Match | None:
-    """A screw in its tapped hole, both drawn as plain cylinders: on one axis, overlapping by the depth of a thread."""
+    """Return the match of a screw in its tapped hole, drawn as coaxial cylinders that overlap by a thread's depth."""
     s, h, thread = solid.geometry, hollow.geometry, limits.thread
     if thread is None:
         return None
@@ -192,23 +191,23 @@ def screw(solid: FeatureView[Cylinder], hollow: FeatureView[Cylinder], limits: L
 
 
 def of_thread(limits: Limits, radius: float) -> Limits:
-    """The limits for a screw of `radius` (m) in its tapped hole: larger than that by the depth of the thread."""
+    """Return the limits for a screw of `radius` (m) in its tapped hole, which is smaller by the depth of the thread."""
     return replace(limits, interference=radius, fit_class="")
 
 
 def conical(solid: FeatureView[Cone], hollow: FeatureView[Cone], limits: Limits) -> Match | None:
-    """A solid cone in a hollow one of the same half angle, pushed home."""
+    """Return the match of a solid cone seated in a hollow one of the same half angle."""
     s, h = solid.geometry, hollow.geometry
     angle = line_angle(s.axis, h.axis)
     flare = abs(s.half_angle - h.half_angle)
     if s.axis @ h.axis <= 0.0 or max(angle, flare) > limits.angular:
         return None
     along = float((s.apex - h.apex) @ h.axis)
-    fit = along * float(np.sin(h.half_angle))  # an apex further in leaves that much air across the surface
+    fit = along * float(np.sin(h.half_angle))  # gap across the surface for this distance of the apexes
     overlap, low, high = shared_height(solid.extent.spans + along, hollow.extent.spans)
     if overlap <= limits.overlap:
         return None
-    height = 0.5 * (low + high)  # offset of the axes where the surfaces meet: the apexes may lie far off
+    height = 0.5 * (low + high)  # the offset of the axes is measured where the surfaces meet, not at distant apexes
     middle = h.apex + height * h.axis
     offset = float(np.linalg.norm(s.apex + (height - along) / (s.axis @ h.axis) * s.axis - middle))
     residual = max(offset, abs(fit))
@@ -217,13 +216,13 @@ def conical(solid: FeatureView[Cone], hollow: FeatureView[Cone], limits: Limits)
     smaller = min(solid.extent.length, hollow.extent.length)
     size = height * float(np.tan(h.half_angle))
     words = f"cones of half angle {np.degrees(h.half_angle):.4g}°{over(overlap)}"
-    found = round_fit(fit, 0.0, 0.0, limits.slack)  # how far it is pushed home, which is no press fit
+    found = round_fit(fit, 0.0, 0.0, limits.slack)  # the axial position of a cone is no press fit
     seat = _Seat(middle, h.axis, size, residual, max(angle, flare), overlap, smaller, hollow.extent.open)
     return _round("conical", solid, hollow, seat, found, words)
 
 
 def spherical(solid: FeatureView[Sphere], hollow: FeatureView[Sphere], limits: Limits) -> Match | None:
-    """A ball in its socket."""
+    """Return the match of a ball in its socket."""
     s, h = solid.geometry, hollow.geometry
     fit = h.radius - s.radius
     offset = float(np.linalg.norm(s.center - h.center))
@@ -241,7 +240,7 @@ def spherical(solid: FeatureView[Sphere], hollow: FeatureView[Sphere], limits: L
 
 
 def toroidal(solid: FeatureView[Torus], hollow: FeatureView[Torus], limits: Limits) -> Match | None:
-    """A ring in its groove."""
+    """Return the match of a ring in its groove."""
     s, h = solid.geometry, hollow.geometry
     fit = h.minor - s.minor
     angle = line_angle(s.axis, h.axis)
@@ -261,17 +260,17 @@ def toroidal(solid: FeatureView[Torus], hollow: FeatureView[Torus], limits: Limi
 def groove(
     ball: FeatureView[Sphere], hollow: FeatureView[Cylinder] | FeatureView[Torus], limits: Limits
 ) -> Match | None:
-    """A ball in a groove of its own radius, straight or around an axis."""
+    """Return the match of a ball in a groove of its radius, straight or about an axis."""
     s, h = ball.geometry, hollow.geometry
     fit = _radius(h) - s.radius
-    way = np.asarray(h.normals(s.center)[0])
+    normal = np.asarray(h.normals(s.center)[0])
     offset = float(h.distance(s.center)[0]) + _radius(h)  # of the centre from the groove's centre line
-    middle = s.center - offset * way
+    middle = s.center - offset * normal
     if not limits.snug(_radius(h), fit) or offset > limits.linear + max(fit, 0.0):
         return None
     triangles = hollow.triangles
     if not reached(middle[None], triangles, _radius(h) + 2.0 * deflection(h, triangles) + limits.linear)[0]:
-        return None  # the groove ends before
+        return None  # beyond the end of the groove
     axis = h.axis if isinstance(h, Cylinder) else np.cross(h.axis, middle - h.center) / h.major
     what = "straight" if isinstance(h, Cylinder) else f"ring Ø{2e3 * h.major:.6g} mm"
     words = (
@@ -284,7 +283,7 @@ def groove(
 
 
 def _radius(geometry: Geometry) -> float:
-    """m: radius of curvature where a ball lies in it; infinite where it widens (a cone)."""
+    """Radius of curvature of a surface that encloses a ball, m; infinite for a cone, which widens."""
     match geometry:
         case Cylinder() | Sphere():
             return geometry.radius
@@ -294,10 +293,13 @@ def _radius(geometry: Geometry) -> float:
 
 
 def tangent(first: FeatureView, second: FeatureView, limits: Limits) -> Match | None:
-    """Surfaces that touch along a line or in a point, where both really are; `second` is solid."""
+    """Return the match of surfaces that touch along a line or in a point which the faces of both reach.
+
+    second: solid.
+    """
     hollow = first.feature.sense < 0
     if hollow and _radius(first.geometry) - _radius(second.geometry) <= limits.clearance:
-        return None  # that near it is a fit, good or bad
+        return None  # radii this similar make a fit, good or bad
     rule = TANGENCIES[type(first.geometry), type(second.geometry)]
     touch = rule(first.geometry, second.geometry, _span(first, second), hollow)
     if touch is None or abs(touch.gap) > limits.linear or touch.angle > limits.angular:
@@ -314,7 +316,7 @@ def tangent(first: FeatureView, second: FeatureView, limits: Limits) -> Match | 
     middle = points.mean(axis=0)
     length = float(np.linalg.norm(points[-1] - points[0]))
     if len(touch.points) > 1 and length < limits.linear:
-        return None  # the end of a line touches: an edge contact, not a tangency
+        return None  # only the end of the line touches: an edge contact, not a tangency
     where = f"along {millimetres(length)}" if len(touch.points) > 1 else "in a point"
     return Match(
         kind="tangent",
@@ -337,7 +339,7 @@ def tangent(first: FeatureView, second: FeatureView, limits: Limits) -> Match | 
 
 
 def _span(first: FeatureView, second: FeatureView) -> tuple[float, float]:
-    """m: heights along the second's axis between which a line contact may lie: of a cylinder only beside the first."""
+    """(low, high) heights along the second's axis of a possible line contact, m; of a cylinder only near the first."""
     low, high = float(second.extent.spans[0, 0]), float(second.extent.spans[-1, 1])
     g = second.geometry
     if isinstance(g, Cylinder):
@@ -352,26 +354,26 @@ S = TypeVar("S", bound=Geometry)
 
 @dataclass(frozen=True)
 class Pairing(Generic[F, S]):
-    """A row of the table."""
+    """A row of the pairing table."""
 
     kind: str
     first: type[F]
     second: type[S]
     senses: tuple[tuple[int, int], ...]
-    """the senses of the first and the second that fit: +1 solid, -1 hollow"""
+    """senses of the first and the second feature: +1 solid, -1 hollow"""
     rule: Callable[[FeatureView[F], FeatureView[S], Limits], Match | None]
     """called with the features in the order of the row"""
 
     def match(self, a: FeatureView, b: FeatureView, limits: Limits) -> Match | None:
-        """What the rule says of two features, whichever comes first; None where they are not of this row."""
-        if self.speaks_of(a, b):
+        """Return the match of two features in either order; None without one, or if the row does not apply."""
+        if self.applies_to(a, b):
             return self.rule(a, b, limits)
-        if not self.speaks_of(b, a):
+        if not self.applies_to(b, a):
             return None
         found = self.rule(b, a, limits)
         return found and replace(found, approach=-found.approach, local=a.pose.actInv(found.origin))
 
-    def speaks_of(self, a: FeatureView, b: FeatureView) -> bool:
+    def applies_to(self, a: FeatureView, b: FeatureView) -> bool:
         """Whether two features, in this order, are of this row's types and senses."""
         first, second = a.feature, b.feature
         return self.fits_types((type(first.geometry), first.sense), (type(second.geometry), second.sense))
@@ -404,19 +406,15 @@ PAIRINGS: tuple[Pairing[Any, Any], ...] = (
     Pairing("tangent", Sphere, Sphere, _ON_OR_IN, tangent),
 )
 FITS = ("against", "concentric", "conical", "groove", "screw", "spherical", "toroidal")
-"""Kinds whose surfaces coincide: what is offered to a hand, which would not want every tangency on its way."""
-
-
+"""kinds whose surfaces coincide, offered to hands, which pass many tangencies on their paths"""
 DEFAULT_KINDS = (*FITS, "tangent")
 """kinds that `recognise` offers by default"""
-STANDING = DEFAULT_KINDS
-"""the same; its name in older scripts"""
 SLIGHT = ("contact", "coplanar")
-"""Kinds that two bodies often make without being meant to: edges and vertices that touch, faces that lie flush."""
+"""kinds that are often unintended: edges and vertices that touch, flush faces"""
 
 
 def rows_for(kinds: Set[str]) -> tuple[Pairing[Any, Any], ...]:
-    """The rows of the table up to the last of these kinds: a row counts only where none before it fits."""
+    """Return the rows of the table up to the last of these kinds: a row counts only if none before it matches."""
     last = max((n for n, row in enumerate(PAIRINGS, 1) if row.kind in kinds), default=0)
     return PAIRINGS[:last]
 
@@ -424,7 +422,7 @@ def rows_for(kinds: Set[str]) -> tuple[Pairing[Any, Any], ...]:
 def matches(
     a: FeatureView, b: FeatureView, limits: Limits, rows: Sequence[Pairing[Any, Any]] = PAIRINGS
 ) -> Match | None:
-    """The match of two features by the first row of the table that fits; None where no row does.
+    """Return the match of two features by the first row of the table that matches; None if none does.
 
     rows: the first rows of the table, see `rows_for`.
     """
@@ -436,5 +434,5 @@ def matches(
 
 @cache
 def _rows_of(n: int, a: tuple[type, int], b: tuple[type, int]) -> tuple[Pairing[Any, Any], ...]:
-    """Those of the first n rows of the table that are of two features' types and senses, in either order."""
+    """The rows among the first n of the table that apply to two features' types and senses, in either order."""
     return tuple(row for row in PAIRINGS[:n] if row.fits_types(a, b) or row.fits_types(b, a))

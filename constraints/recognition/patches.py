@@ -113,19 +113,6 @@ def fit_packed(samples: Samples, patches: Patches, limit: float, iterations: int
     return out
 
 
-def refined(geometry: Geometry, points: Array, iterations: int = 40) -> Geometry | None:
-    """Return a surface moved and resized to the least sum of squared distances to `points` (n, 3), m, as `fits.refine`.
-
-    None if the points determine none.
-    """
-    work = workspace(len(points), 1)
-    number = NUMBERS[geometry.kind]
-    work.best[:] = numbers_of(geometry)
-    if len(points) < 3 or not refine_at(number, points, np.arange(len(points)), len(points), iterations, work):
-        return None
-    return geometry_of(number, work.best)
-
-
 def numbers_of(geometry: Geometry) -> Array:
     """(8,) origin, axis and sizes of a surface; the inverse of `geometry_of`."""
     match geometry:

@@ -1,7 +1,7 @@
-"""Pairs of features that can make no match, rejected by arrays: most pairs of neighbours with many faces are such.
+"""Fast rejection of pairs of features that cannot match, by array operations; most pairs of neighbours are such.
 
-Each test is a necessary condition of a rule in `constraints.recognition.pairings`, weakened by `ROUNDING`. What passes
-is measured by the rule itself, so that the filter never changes a result.
+Each test is a necessary condition of a rule in `constraints.recognition.pairings`, weakened by `ROUNDING`. Pairs that
+pass are measured by the rule itself, so that the filter never changes a result.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from constraints.recognition.pairings import PAIRINGS
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 ROUNDING = 1e-9
-"""m, rad, and 1: of the greatest coordinate times 1e-3"""
+"""m, rad, and 1 per 1e3 m of the greatest coordinate"""
 PLANE, CYLINDER, CONE = range(3)
 TYPES = (Plane, Cylinder, Cone, Sphere, Torus)
 MATCHED = np.array(
@@ -28,7 +28,7 @@ MATCHED = np.array(
            for t in (1, -1)] for q in TYPES] for s in (1, -1)] for p in TYPES
     ]
 )  # fmt: skip
-"""(type, 0 solid or 1 hollow, type, 0 or 1): whether a row of the table speaks of the two features"""
+"""(type, 0 solid or 1 hollow, type, 0 or 1): whether a row of the table applies to the two features"""
 
 
 class Placed(NamedTuple):
@@ -45,11 +45,11 @@ class Placed(NamedTuple):
     size: Array
     """(n,) radius, m, or half angle of a cone, rad"""
     middle: Array
-    """(n,) height along the axis in the middle of what the faces cover, m"""
+    """(n,) height along the axis of the middle of the faces, m"""
     half: Array
-    """(n,) half the length of that, m"""
+    """(n,) half the length of the faces along the axis, m"""
     center: Array
-    """(n, 3) centre of a ball that holds the faces"""
+    """(n, 3) centre of a ball that contains the faces"""
     radius: Array
     """(n,) m: its radius"""
     off: Array
@@ -57,7 +57,7 @@ class Placed(NamedTuple):
 
     @classmethod
     def of(cls, extents: list[Extent]) -> Placed:
-        """The features of extents, each in the frame of its own body."""
+        """Return the features of extents, each in the frame of its own body."""
         rows = []
         for extent in extents:
             feature = extent.feature
@@ -77,7 +77,7 @@ class Placed(NamedTuple):
         return cls._make((type_, hollow, t[:, 2:5], t[:, 5:8], *t[:, 8:11].T, t[:, 11:14], *t[:, 14:].T))
 
     def moved(self, rotations: Array, translations: Array) -> Placed:
-        """The same after motions (n, 3, 3), (n, 3)."""
+        """Return the features after motions (n, 3, 3), (n, 3)."""
 
         def turned(vectors: Array) -> Array:
             return np.einsum("nij,nj->ni", rotations, vectors)
@@ -86,12 +86,12 @@ class Placed(NamedTuple):
         return self._replace(origin=turned(self.origin) + translations, axis=turned(self.axis), center=center)
 
     def at(self, places: NDArray[np.int64]) -> Placed:
-        """Those at some places."""
+        """Return the features at some indices."""
         return Placed._make(column[places] for column in self)
 
 
 class Bounds(NamedTuple):
-    """What a match may be off by, rounding included."""
+    """Limits of a match, rounding included."""
 
     linear: float
     """m, on offsets and gaps"""
@@ -107,9 +107,9 @@ class Bounds(NamedTuple):
 
 
 def may_match(a: Placed, b: Placed, limits: Limits, clearance: float = 0.0) -> Mask:
-    """(n,) whether two features may match within the limits; False where they surely do not.
+    """Return (n,) bool: whether two features may match within the limits; False is certain.
 
-    a, b: the first and the second feature of n pairs, in the world. clearance: m, radial: that of the loosest thread.
+    a, b: first and second features of n pairs, in the world. clearance: radial clearance of the loosest thread, m.
     """
     out = np.asarray(MATCHED[a.type, a.hollow, b.type, b.hollow])
     if not (np.isfinite(limits.linear) and np.isfinite(limits.overlap)):
@@ -133,7 +133,7 @@ def _dot(u: Array, v: Array) -> Array:
 
 
 def _aside(vectors: Array, axes: Array) -> Array:
-    """(n,) lengths of the parts of vectors at right angles to unit axes."""
+    """(n,) lengths of the components of vectors perpendicular to unit axes."""
     return np.linalg.norm(np.cross(vectors, axes), axis=1)
 
 
@@ -142,21 +142,19 @@ def _midpoint(p: Placed) -> Array:
 
 
 def _reach_each_other(a: Placed, b: Placed, bounds: Bounds) -> Mask:
-    """Whether the faces of two features may both reach the place where their surfaces touch.
-
-    Each does within twice its deflection, `linear` and the gap.
-    """
+    """Whether the faces of both features may reach the place where their surfaces touch: each within twice its
+    deflection, `linear` and the gap."""
     deflections = sum(_deflection(p) + p.off for p in (a, b))
     return np.linalg.norm(a.center - b.center, axis=1) <= a.radius + b.radius + 2.0 * deflections + 4.0 * bounds.linear
 
 
 def _deflection(p: Placed) -> Array:
-    """(n,) m: an upper bound of how far the centroids of facets are off their surface, but for `off`."""
+    """(n,) m: upper bound of the distance of facets' centroids from their surface, apart from `off`."""
     return np.where(p.type == CONE, p.radius, np.minimum(p.radius, p.size))  # 0 for planes, of size 0
 
 
 def _planes(p: Placed, q: Placed, bounds: Bounds) -> Mask:
-    """Against: they face each other, near enough, and overlap seen along the normal of the first."""
+    """Against: the planes face each other, are near, and overlap along the normal of the first."""
     sine, apart = _aside(p.axis, q.axis), q.center - p.center
     height = _dot(apart, p.axis)
     off = 3.0 * (p.off + q.off)
@@ -170,7 +168,7 @@ def _planes(p: Placed, q: Placed, bounds: Bounds) -> Mask:
 
 
 def _plane_cylinder(p: Placed, c: Placed, bounds: Bounds) -> Mask:
-    """Tangent: the gap at the middle of the line, which is at most `_stray` beyond the faces."""
+    """Tangent: small gap at the middle of the line, which ends at most `_stray` beyond the faces."""
     sine = np.abs(_dot(c.axis, p.axis))
     gap = _dot(_midpoint(c) - p.origin, p.axis) - c.size
     near = np.abs(gap) <= bounds.linear + sine * (c.half + _stray(c, bounds))
@@ -178,7 +176,7 @@ def _plane_cylinder(p: Placed, c: Placed, bounds: Bounds) -> Mask:
 
 
 def _stray(c: Placed, bounds: Bounds) -> Array:
-    """(n,) m: how far beyond a cylinder's faces a point may be that they reach."""
+    """(n,) m: greatest distance beyond a cylinder's faces of a point that counts as reached."""
     return 2.0 * (_deflection(c) + c.off + bounds.linear)
 
 
@@ -189,7 +187,7 @@ def _plane_cone(p: Placed, c: Placed, bounds: Bounds) -> Mask:
 
 
 def _cylinders(a: Placed, b: Placed, bounds: Bounds) -> Mask:
-    """Concentric, a screw, or tangent: along a line, or where the axes cross."""
+    """Concentric, screw, or tangent along a line or at crossed axes."""
     solid, other = _chosen(b.hollow == 1, a, b), _chosen(b.hollow == 1, b, a)  # of two solid ones the second is `solid`
     hollow = other.hollow == 1
     cross = np.cross(solid.axis, other.axis)
@@ -216,7 +214,7 @@ def _cylinders(a: Placed, b: Placed, bounds: Bounds) -> Mask:
 
 
 def _chosen(where: Mask, a: Placed, b: Placed) -> Placed:
-    """The features of a where the mask (n,) is set, else those of b."""
+    """The features of a where the mask (n,) is True, else those of b."""
     both = zip(a, b, strict=True)
     return Placed._make(np.where(where[:, None] if x.ndim == 2 else where, x, y) for x, y in both)
 
@@ -227,4 +225,4 @@ RULES: dict[tuple[int, int], Callable[[Placed, Placed, Bounds], Mask]] = {
     (PLANE, CONE): _plane_cone,
     (CYLINDER, CYLINDER): _cylinders,
 }
-"""necessary conditions by types; features of other types, which are few, are measured"""
+"""necessary conditions by types; pairs of other types, which are few, always pass"""

@@ -1,4 +1,4 @@
-"""`Pulls`: how far hands pull constraints apart, of many in one go."""
+"""`Pulls`: distances by which hands pull constraints apart, for many constraints in one call."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from constraints.solve.together import Together
 
 Array = NDArray[np.float64]
 LEAN = float(np.sin(np.radians(0.5)))
-"""of a pull, that parts two faces: less is a pull along them, not off them; a screw's lead parts its head by more"""
+"""1: least ratio of the opening of two faces to a pull that counts as separating them; a smaller one slides along them,
+and a screw's lead lifts its head by more"""
 
 
 class Pulls:
-    """Some candidates in force, as arrays.
+    """Candidates in force, as arrays.
 
     Parameters
     ----------
-    distances: (k,) m, to which each may be pulled apart.
+    distances: (k,) m, by which each may be pulled apart before it is removed.
     """
 
     def __init__(self, candidates: Sequence[Candidate], distances: Sequence[float]) -> None:
@@ -45,10 +46,10 @@ class Pulls:
         self._a, self._b = np.array([(place[a], place[b]) for a, b in bodies], np.int64).reshape(-1, 2).T
 
     def apart(self, at: Sequence[pin.SE3], poses: Sequence[pin.SE3]) -> tuple[Array, Array]:
-        """(k,) m and (k,) rad that each is pulled apart by hands that want bodies from their `poses` to be `at`.
+        """Return (k,) m and (k,) rad by which hands that want bodies to go from `poses` to `at` pull each apart.
 
-        Of faces only a pull that parts them counts, but then all of it, and turns at the faces' size: wedged between
-        slanted faces a part goes no way before these give way, and a screw does not turn before its head comes off.
+        For two faces only a pull that separates them counts, but then its whole length, and turns at the faces' size: a
+        part wedged between slanted faces cannot move until both contacts release, nor a screw turn until its head does.
         """
         together, k = self.together, len(self.distances)
         now, before = together.gather(at), together.gather(poses)
@@ -74,7 +75,10 @@ def _sum_residuals(of_row, linear, residual, distance, turn):  # pragma: no cove
 
 @kernel
 def _part_faces(faces, a, b, local, sizes, limits, rotation, translation, rotation_0, translation_0, distance):
-    """Set `distance` (k,) m of faces by how far they are parted, at poses now and, ending in 0, before the pull."""
+    """Set the `distance` (k,) m of pairs of faces to their opening.
+
+    rotation, translation: poses after the pull; rotation_0, translation_0: before it.
+    """
     for m in range(len(faces)):
         k, i, j = faces[m], a[m], b[m]
         place = _place(local[m], rotation, translation, i, j)
@@ -84,7 +88,7 @@ def _part_faces(faces, a, b, local, sizes, limits, rotation, translation, rotati
             distance[k] = np.inf
             continue
         opening = -dot(place, q) / facing
-        if opening > LEAN * limits[k]:  # else no pull is as long as its limit and parts the faces
+        if opening > LEAN * limits[k]:  # else no pull that separates the faces is as long as its limit
             trace = 0.0
             for x in range(3):
                 for y in range(3):
@@ -97,12 +101,12 @@ def _part_faces(faces, a, b, local, sizes, limits, rotation, translation, rotati
             pull = norm(sub(place, _place(local[m], rotation_0, translation_0, i, j))) + sizes[m] * angle
             if opening > LEAN * pull:
                 opening = max(opening, pull)
-        distance[k] = max(0.0, opening)  # only parting counts: pressing together is what the faces are for
+        distance[k] = max(0.0, opening)  # pressing the faces together does not count
 
 
 @inner_kernel
 def _place(local, rotation, translation, i, j):  # pragma: no cover - compiled
-    """m, world: place of the first face, of body i, from the second, of body j."""
+    """Vector from the second face, of body j, to the first, of body i, m, world."""
     x, y = rotated(rotation[i], local[1]), rotated(rotation[j], local[3])
     s, t = translation[i], translation[j]
     return x[0] + s[0] - y[0] - t[0], x[1] + s[1] - y[1] - t[1], x[2] + s[2] - y[2] - t[2]

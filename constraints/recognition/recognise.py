@@ -1,8 +1,8 @@
-"""Recognition: contacts between surfaces become candidates for constraints, one a pair of features.
+"""Recognition: from contacts between surfaces to candidates for constraints, one for each pair of features.
 
-Only what touches counts (Iacob, Mitrouchev and Léon: collisions between surfaces, not between their boxes): a pair
-of features without a contact row is never looked at. Whether the two fit is then judged on their analytic
-geometry, so faceting neither hides a clearance nor invents one.
+Only contact counts (Iacob, Mitrouchev and Léon: collisions between surfaces, not between their boxes): a pair of
+features without a contact row is never examined. Whether the two fit is decided on their analytic geometry, so that
+facets neither hide a clearance nor create one.
 """
 
 from __future__ import annotations
@@ -35,19 +35,18 @@ Near = tuple[int, int, float]
 Pairs = dict[Pair, list[Near]]
 """the faces that are near each other, by pair of features"""
 
-
 FLANK = 0.25
-"""Of a pitch: how much the mean radii of two threads that fit each other may differ."""
+"""1: greatest difference of the mean radii of two threads that fit each other, as a fraction of the pitch"""
 
 
 class Recogniser:
-    """Knows the features of every body; measures pairs of them at given poses.
+    """Measures pairs of features of bodies at given poses.
 
     Parameters
     ----------
-    features: one sequence of `Feature` a body, in the order of the object ids.
-    threads: pitch (m a turn, positive for right-handed) of features that are threads, by (body, feature).
-    named: by body, the words of its name that speak of threads (`constraints.recognition.thread_evidence`).
+    features: one sequence of `Feature` for each body, in the order of the object ids.
+    threads: pitch (m per turn, positive for right-handed) of features that are threads, by (body, feature).
+    named: by body, the words of its name that indicate threads (`constraints.recognition.thread_evidence`).
     """
 
     def __init__(
@@ -69,17 +68,17 @@ class Recogniser:
         self._first_feature = np.cumsum([0, *(len(fs) for fs in self.features)])
         self._n_surfaces = np.array([max(table, default=-1) + 1 for table in self._of_surface], np.int64)
         self._first_surface = np.cumsum(np.append(0, self._n_surfaces))
-        self._numbers = np.full(self._first_surface[-1] + 1, -1)  # of the surfaces' features; the last of none
+        self._numbers = np.full(self._first_surface[-1] + 1, -1)  # of the surfaces' features; the last stays -1
         for body, table in enumerate(self._of_surface):
             for surface, feature in table.items():
                 self._numbers[self._first_surface[body] + surface] = self._first_feature[body] + feature
 
     def feature_of(self, body: int, surface: int) -> int | None:
-        """Place of the feature a face belongs to; None for faces without analytic geometry."""
+        """Return the index of the feature to which a face belongs; None for faces without analytic geometry."""
         return self._of_surface[body].get(surface)
 
     def near(self, contacts: NDArray[Any], within: float = np.inf) -> Pairs:
-        """The pairs of features with contact rows at a distance of at most `within`, and these distances."""
+        """Return the near faces, at most `within` (m) apart, of each pair of features with contact rows."""
         codes = self.codes(contacts)
         chosen = (codes >= 0) & (contacts["distance"] <= within)
         found: dict[int, list[Near]] = {}
@@ -89,7 +88,7 @@ class Recogniser:
         return {self.pair(code): near for code, near in found.items()}
 
     def codes(self, contacts: NDArray[Any]) -> NDArray[np.int64]:
-        """(n,) one number for the pair of features of each contact row, ascending as `Pair`; -1 where there is none."""
+        """Return (n,): a number for the pair of features of each contact row, in the order of `Pair`; -1 for none."""
         if not len(contacts):
             return np.zeros(0, np.int64)
         sides = []
@@ -102,17 +101,17 @@ class Recogniser:
         return np.where((sides[0] >= 0) & (sides[1] >= 0), sides[0] << 32 | sides[1], -1)
 
     def code(self, pair: Pair) -> int:
-        """The number of a pair of features in `codes`."""
+        """Return the number of a pair of features in `codes`."""
         a, fa, b, fb = pair
         return int(self._first_feature[a] + fa) << 32 | int(self._first_feature[b] + fb)
 
     def pair(self, code: int) -> Pair:
-        """The pair of features of a number that `codes` gave."""
+        """Return the pair of features of a number from `codes`."""
         a, b = (int(np.searchsorted(self._first_feature, k, "right")) - 1 for k in (code >> 32, code & 0xFFFFFFFF))
         return a, (code >> 32) - int(self._first_feature[a]), b, (code & 0xFFFFFFFF) - int(self._first_feature[b])
 
     def likely(self, codes: NDArray[np.int64], poses: Sequence[pin.SE3], limits: Limits) -> NDArray[np.int64]:
-        """Those of some numbers from `codes` whose features may match at `poses`: by far not all neighbours do."""
+        """Return the numbers from `codes` whose features may match at `poses`; most neighbours cannot."""
         used, places = np.unique(np.stack([codes >> 32, codes & 0xFFFFFFFF]), return_inverse=True)
         bodies = np.searchsorted(self._first_feature, used, "right") - 1
         own = used - self._first_feature[bodies]
@@ -124,9 +123,9 @@ class Recogniser:
         return codes[may_match(first, second, limits, loosest)]
 
     def widest(self, limits: Limits) -> float:
-        """Greatest difference of radii (m) at which one of the shafts fits one of the bores, or makes a thread with it.
+        """Return the greatest difference of radii (m) of a shaft and a bore that fit each other or are a thread.
 
-        Their faces may be as far apart: contacts are needed up to that distance.
+        Their faces may be that far apart: contacts are needed up to this distance.
         """
         radii: dict[int, set[float]] = {1: set(), -1: set()}
         for feature in (feature for own in self.features for feature in own):
@@ -141,28 +140,28 @@ class Recogniser:
         return float(np.abs(clearance[fits]).max(initial=0.0))
 
     def within(self, limits: Limits) -> float:
-        """m: how near contacts recognition needs under these limits."""
+        """Return the distance, m, up to which recognition needs contacts under these limits."""
         return max(limits.clearance, float(np.hypot(self.widest(limits), limits.linear)))
 
     def view(self, body: int, feature: int, pose: pin.SE3) -> FeatureView:
-        """A feature where it is when its body is at `pose`."""
+        """Return a feature with its body at `pose`."""
         at, known = _bytes(pose), self._views.get((body, feature))
-        if known is None or known[0] != at:  # a feature is compared with many others
+        if known is None or known[0] != at:  # kept, since a feature is compared with many others
             known = self._views[body, feature] = at, FeatureView(self._extent(body, feature), pin.SE3(pose))
         return known[1]
 
     def matches(
         self, pair: Pair, poses: Sequence[pin.SE3], limits: Limits, rows: tuple[Pairing[Any, Any], ...] = PAIRINGS
     ) -> Match | None:
-        """The match of two features at `poses`, a screw for a thread and its nut; None where they make none.
+        """Return the match of two features at `poses`, a screw for a thread and its nut; None without one.
 
-        rows: of the table of pairings; others are not looked at.
+        rows: the rows of the pairing table that apply.
         """
         a, fa, b, fb = pair
         state = (_bytes(poses[a]), _bytes(poses[b]))
         key = (pair, limits, len(rows))
         known = self._known.get(key)
-        if known is not None and known[0] == state:  # most pairs stand still from one step to the next
+        if known is not None and known[0] == state:  # most pairs do not move in a step
             return known[1]
         pitch = self.pitch(pair)
         limits = self.limits_of(pair, limits)
@@ -174,21 +173,21 @@ class Recogniser:
         return found
 
     def match(self, key: Key, poses: Sequence[pin.SE3], limits: Limits) -> Match | None:
-        """The match of the kind and the two features of `key` at `poses`; None where they are out of limits."""
+        """Return the match of the kind and the two features of `key` at `poses`; None if it is out of limits."""
         found = self.matches(key[:4], poses, limits)
         return found if found is not None and found.kind == key[4] else None
 
     def limits_of(self, pair: Pair, limits: Limits) -> Limits:
-        """The limits for a pair: flanks of threads meet though mean radii differ, as crests are cut differently."""
+        """Return the limits for a pair: the mean radii of two threads may differ by more, since crests are cut off."""
         pitch = self.pitch(pair)
         if pitch is None:
             thread = self.drawn_thread(pair)
             return limits if thread is None else replace(limits, thread=thread)
-        play = FLANK * abs(pitch)
-        return replace(limits, clearance=max(limits.clearance, play), interference=play, fit_class="")
+        depth = FLANK * abs(pitch)
+        return replace(limits, clearance=max(limits.clearance, depth), interference=depth, fit_class="")
 
     def drawn_thread(self, pair: Pair) -> DrawnThread | None:
-        """The metric thread that two features, drawn as plain cylinders, stand for; None without evidence."""
+        """Return the metric thread that two features, drawn as plain cylinders, represent; None without evidence."""
         if pair not in self._drawn:
             a, fa, b, fb = pair
             first, second = self.features[a], self.features[b]
@@ -201,7 +200,7 @@ class Recogniser:
         return self._drawn[pair]
 
     def pitch(self, pair: Pair) -> float | None:
-        """m a turn, where two features are threads of one pitch, or one is a thread that reaches into the other."""
+        """Return the pitch, m per turn, of two threads of equal pitch, or of a thread that reaches into a cylinder."""
         a, fa, b, fb = pair
         first, second = self.threads.get((a, fa)), self.threads.get((b, fb))
         if first is not None and second is not None:
@@ -215,7 +214,7 @@ class Recogniser:
     def candidate(
         self, pair: Pair, match: Match, near: Sequence[Near], limits: Limits, poses: Sequence[pin.SE3]
     ) -> Candidate:
-        """The candidate that `match` amounts to, with its score and reasons; `near` has the contacts of the pair."""
+        """Return the candidate for a match, with its score and reasons. near: contacts of the pair."""
         a, fa, b, fb = pair
         first, second = self.features[a][fa], self.features[b][fb]
         closeness = max(0.0, 1.0 - match.residual / (limits.linear + max(match.fit or 0.0, 0.0)))
@@ -261,20 +260,20 @@ class Recogniser:
         implied: bool = False,
         tell: Callable[[float], None] = lambda fraction: None,
     ) -> tuple[Candidate, ...]:
-        """Candidates for constraints between bodies that touch: one a pair of features, by falling score, then by key.
+        """Return candidates for constraints between bodies in contact, one for each pair of features, best score first.
 
         Parameters
         ----------
-        poses: one `pin.SE3` a body, body to world.
+        poses: `pin.SE3` of each body, body to world.
         contacts: (n,) rows of `collision.CONTACT_DTYPE`, from `CollisionManager.contacts(within=…)`, up to `within` at
-            least, so that the faces of a loose fit are among them.
-        tolerance: `reach` and `reach_angular` say how far from exact a mate may be; `replace(t, reach=0.0,
-            reach_angular=0.0)` judges an assembly as it stands.
+            least, so that they include the faces of a loose fit.
+        tolerance: `reach` and `reach_angular` are the greatest deviation of a mate; `replace(t, reach=0.0,
+            reach_angular=0.0)` assesses an assembly as drawn.
         kinds: only these kinds; None for all of `pairings.DEFAULT_KINDS`. With "contact" or "coplanar" among them
-            (`pairings.SLIGHT`) edges and vertices that touch within `tolerance.linear` count too, and faces that lie
-            flush: ranked below fits, and left out where a fit of the same two bodies implies them.
+            (`pairings.SLIGHT`) also edges and vertices that touch within `tolerance.linear`, and flush faces: ranked
+            below fits, and left out if a fit of the same two bodies implies them.
         implied: whether candidates that others imply are returned (see `constraints.recognition.implied`).
-        tell: receives the fraction done, before each pair of features.
+        tell: callback(fraction done), before each pair of features.
         """
         limits = Limits.offer(tolerance)
         wanted = known_kinds(DEFAULT_KINDS if kinds is None else kinds)
@@ -320,7 +319,7 @@ def _bytes(pose: pin.SE3) -> bytes:
 
 
 def contacts_within(features: Sequence[Sequence[Feature]], tolerance: Tolerance) -> float:
-    """m: how near contacts `recognise` needs of these features, under this tolerance."""
+    """Return the distance, m, up to which `recognise` needs contacts of these features under this tolerance."""
     return Recogniser(features).within(Limits.offer(tolerance))
 
 
@@ -335,7 +334,7 @@ def recognise(
     kinds: Iterable[str] | None = None,
     implied: bool = False,
 ) -> tuple[Candidate, ...]:
-    """Candidates for constraints between bodies that touch, best score first.
+    """Return candidates for constraints between bodies in contact, best score first.
 
     features, threads, named: see `Recogniser`; poses, contacts, tolerance, kinds, implied: see `Recogniser.candidates`.
     """

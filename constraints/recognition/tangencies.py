@@ -1,4 +1,4 @@
-"""Tangency rules of the pairing table: where two analytic surfaces touch along a line or in a point.
+"""Tangency rules of the pairing table: contact of two analytic surfaces along a line or in a point.
 
 Each rule returns the nearest points of the two surfaces, their signed gap (negative is interference) and the points of
 the contact. A tangency counts only if the triangles of both features reach one of these points.
@@ -16,17 +16,17 @@ from constraints.geometry.surfaces import Cone, Cylinder, Geometry, Plane, Spher
 
 Array = NDArray[np.float64]
 SAMPLES = 17
-"""Points tried along a line contact."""
+"""points tested along a line contact"""
 
 
 @dataclass(frozen=True, eq=False)
 class NearestPoints:
-    """Two analytic surfaces at their nearest."""
+    """Nearest points of two analytic surfaces."""
 
     gap: float
     """m: distance along the common normal, negative where they interfere"""
     angle: float
-    """rad: how far from the direction that makes it a tangency"""
+    """rad: deviation from the direction in which the surfaces are tangent"""
     points: Array
     """(k, 3) world: a point contact, or points along the line"""
     normal: Vector
@@ -36,7 +36,7 @@ class NearestPoints:
 
 
 def plane_cylinder(p: Plane, c: Cylinder, span: tuple[float, float], hollow: bool) -> NearestPoints:
-    """Along a line parallel to the axis."""
+    """Nearest line of a plane and a cylinder, parallel to the cylinder's axis."""
     angle = abs(float(np.arcsin(np.clip(c.axis @ p.normal, -1.0, 1.0))))
     heights = np.linspace(*span, SAMPLES)
     line = c.origin + heights[:, None] * c.axis - c.radius * p.normal
@@ -45,13 +45,13 @@ def plane_cylinder(p: Plane, c: Cylinder, span: tuple[float, float], hollow: boo
 
 
 def plane_sphere(p: Plane, s: Sphere, span: tuple[float, float], hollow: bool) -> NearestPoints:
-    """In a point."""
+    """Nearest point of a plane and a sphere."""
     gap = float((s.center - p.origin) @ p.normal) - s.radius
     return NearestPoints(gap, 0.0, (s.center - s.radius * p.normal)[None], p.normal, "outside")
 
 
 def plane_cone(p: Plane, c: Cone, span: tuple[float, float], hollow: bool) -> NearestPoints:
-    """Along a line through the apex: the cone lies on its side."""
+    """Nearest line of a plane and a cone that lies on its side, through the apex."""
     lean = float(np.arcsin(np.clip(c.axis @ p.normal, -1.0, 1.0)))
     flat = c.axis - (c.axis @ p.normal) * p.normal
     length = float(np.linalg.norm(flat))
@@ -62,7 +62,7 @@ def plane_cone(p: Plane, c: Cone, span: tuple[float, float], hollow: bool) -> Ne
 
 
 def plane_torus(p: Plane, t: Torus, span: tuple[float, float], hollow: bool) -> NearestPoints:
-    """In a point of the rim, or around it where the ring lies flat."""
+    """Nearest point of a plane and a torus, or the nearest circle if the ring lies flat."""
     out = p.normal - (p.normal @ t.axis) * t.axis
     length = float(np.linalg.norm(out))
     if length > 1e-6:
@@ -77,11 +77,11 @@ def plane_torus(p: Plane, t: Torus, span: tuple[float, float], hollow: bool) -> 
 
 
 def cylinder_cylinder(a: Cylinder, b: Cylinder, span: tuple[float, float], hollow: bool) -> NearestPoints | None:
-    """Along a line where the axes are parallel, in a point where they cross."""
+    """Nearest line of two cylinders with parallel axes, nearest point of two with crossed axes."""
     cross = np.cross(a.axis, b.axis)
     sine = float(np.linalg.norm(cross))
     shift = b.origin - a.origin
-    if sine < 0.1:  # parallel, within what an angular limit may allow; `span` is of the solid one, b
+    if sine < 0.1:  # parallel within any angular limit; `span` belongs to the solid one, b
         middle = shift + 0.5 * (span[0] + span[1]) * b.axis
         out = middle - (middle @ a.axis) * a.axis
         distance = float(np.linalg.norm(out))
@@ -106,7 +106,7 @@ def cylinder_cylinder(a: Cylinder, b: Cylinder, span: tuple[float, float], hollo
 def ball(
     nearest: Callable[[Geometry, Vector], tuple[float, Vector]],
 ) -> Callable[[Geometry, Sphere, tuple[float, float], bool], NearestPoints | None]:
-    """The rule of a ball on or in a surface; `nearest` gives distance from its skeleton's wall and the way out."""
+    """Return the rule for a ball on or in a surface; nearest: callback(surface, point), signed distance and normal."""
 
     def rule(a: Geometry, s: Sphere, span: tuple[float, float], hollow: bool) -> NearestPoints | None:
         distance, out = nearest(a, s.center)
@@ -136,4 +136,4 @@ TANGENCIES: dict[tuple[type[Geometry], type[Geometry]], Rule] = {
     (Torus, Sphere): ball(_wall),
     (Sphere, Sphere): ball(_wall),
 }
-"""By the types of the larger or simpler surface and of the solid one that touches it."""
+"""by the types of the larger or simpler surface and of the solid surface that touches it"""

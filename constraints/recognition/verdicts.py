@@ -1,8 +1,8 @@
-"""What pairs of features mean to each other, measured anew only when they have moved far enough for it to change.
+"""Cache of the constraint kinds of pairs of features, measured again only once a result may have changed.
 
-A verdict is the kind that a pair of features makes, or none. With it comes its margin: the distance that the points of
-the one feature may go, seen from the other, before the verdict can change (Lipschitz bounds on gap, angle, offset and
-overlap, as in conservative advancement). A pair that slides along its mate is measured once in many steps.
+A verdict is the kind of a pair of features, or None. Its margin is the distance that the points of one feature may
+move, relative to the other, before the verdict can change (Lipschitz bounds on gap, angle, offset and overlap, as in
+conservative advancement). A pair that slides along its mate is measured once in many steps.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from constraints.recognition.pairings import Pairing, line_angle, of_thread
 
 Array = NDArray[np.float64]
 SAFE = 0.9
-"""of a margin, against rounding"""
+"""1: fraction of a margin that is used, against rounding"""
 TILT = 0.1
-"""rad: beyond it no bound is known of how long an overlap lasts"""
+"""rad: tilt above which there is no bound of the change of an overlap"""
 
 
 class KeptVerdict(NamedTuple):
@@ -36,13 +36,13 @@ class KeptVerdict(NamedTuple):
     """(3,) of a ball about both features, in the frame of body b"""
     radius: float
     seat: Array
-    """(4, 4) pose of b in a when it was measured"""
+    """(4, 4) pose of b in a's frame when it was measured"""
     margin: float
-    """m: how far any point of the ball may go from there, seen from a, before the verdict may change"""
+    """m: distance that any point of the ball may move from there, in a's frame, before the verdict may change"""
 
 
-class Question:
-    """The verdicts on pairs that are queried in every step, as arrays, one row a pair."""
+class VerdictTable:
+    """The verdicts of pairs that are queried in every step, as arrays with one row for each pair."""
 
     def __init__(self, pairs: Sequence[Pair], known: Sequence[KeptVerdict | None]) -> None:
         self.pairs = list(pairs)
@@ -58,16 +58,16 @@ class Question:
                 self.set(k, verdict)
 
     def set(self, k: int, verdict: KeptVerdict) -> None:
-        """Take a verdict in."""
+        """Set the verdict in row k."""
         self.kinds[k] = verdict.kind
         self.center[k], self.radius[k], self.seat[k], self.margin[k] = verdict[1:]
 
     def at(self, poses: Sequence[pin.SE3]) -> Array:
-        """(n, 4, 4) the poses of `bodies`."""
+        """Return (n, 4, 4): the poses of `bodies`."""
         return np.array([poses[body].homogeneous for body in self.bodies]).reshape(-1, 4, 4)
 
     def stale(self, at: Array) -> NDArray[np.int64]:
-        """Places of the pairs that have moved beyond their margin, or were never measured. at: what `at` returns."""
+        """Return the rows of the pairs that have moved beyond their margin, or were never measured. at: see `at`."""
         out = np.empty(len(self.pairs), np.bool_)
         _beyond(self.a, self.b, at, self.center, self.radius, self.seat, self.margin, out)
         return np.flatnonzero(out)
@@ -84,70 +84,70 @@ class Measures(Protocol):
 
 
 class Verdicts:
-    """Keeps the verdicts of one recogniser."""
+    """Verdicts of one recogniser."""
 
     def __init__(self, recogniser: Measures) -> None:
         self.recogniser = recogniser
         self._known: dict[tuple[Pair, Limits, int], KeptVerdict] = {}
         self._planes: dict[Pair, tuple[float, ...] | None] = {}
-        self._questions: dict[str, tuple[Any, Question]] = {}
+        self._tables: dict[str, tuple[Any, VerdictTable]] = {}
 
     def forget(self) -> None:
-        """Draw up all questions anew: one may have been interrupted while it was answered."""
-        self._questions = {}
+        """Drop all tables: one may have been interrupted while it was updated."""
+        self._tables = {}
 
     def kinds(
         self, name: str, pairs: Sequence[Pair], poses: Sequence[pin.SE3], limits: Limits,
         rows: tuple[Pairing[Any, Any], ...],
     ) -> list[str | None]:  # fmt: skip
-        """The kind that each pair makes at `poses`, None where none; `name` tells apart who asks again and again."""
+        """Return the kind of each pair at `poses`, None without match. name: of the table kept between calls."""
         key = (pairs, limits, len(rows))
-        known = self._questions.get(name)
+        known = self._tables.get(name)
         if known is None or known[0] != key:
-            question = Question(pairs, [self._known.get((pair, limits, len(rows))) for pair in pairs])
-            known = self._questions[name] = key, question
-        question = known[1]
-        if not question.pairs:
+            table = VerdictTable(pairs, [self._known.get((pair, limits, len(rows))) for pair in pairs])
+            known = self._tables[name] = key, table
+        table = known[1]
+        if not table.pairs:
             return []
-        at = question.at(poses)
-        stale = question.stale(at).tolist()
+        at = table.at(poses)
+        stale = table.stale(at).tolist()
         if [row.kind for row in rows if row.first is row.second is Plane] == ["against"]:
-            stale = self._settle_planes(question, stale, at, limits, len(rows))
+            stale = self._skip_planes(table, stale, at, limits, len(rows))
         for k in stale:
-            pair = question.pairs[k]
+            pair = table.pairs[k]
             found = self.recogniser.matches(pair, poses, limits, rows)
             a, fa, b, fb = pair
             first, second = self.recogniser.view(a, fa, poses[a]), self.recogniser.view(b, fb, poses[b])
             center, radius = _ball(first, second)
             seat = poses[a].actInv(poses[b]).homogeneous
-            room = margin(found, first, second, radius, self.recogniser.limits_of(pair, limits), rows)
-            verdict = KeptVerdict(None if found is None else found.kind, center, radius, seat, SAFE * room)
+            safe = margin(found, first, second, radius, self.recogniser.limits_of(pair, limits), rows)
+            verdict = KeptVerdict(None if found is None else found.kind, center, radius, seat, SAFE * safe)
             self._known[pair, limits, len(rows)] = verdict
-            question.set(k, verdict)
-        return question.kinds
+            table.set(k, verdict)
+        return table.kinds
 
-    def _settle_planes(
-        self, question: Question, stale: Sequence[int], at: Array, limits: Limits, rows: int
+    def _skip_planes(
+        self, table: VerdictTable, stale: Sequence[int], at: Array, limits: Limits, rows: int
     ) -> list[int]:
-        """Settle the pairs of planes that are turned or apart too far to face each other; return the other places.
+        """Set the verdict None of pairs of planes too tilted or too distant to face each other; return the other rows.
 
-        These are most pairs of parts with many plane faces, and take a few operations on arrays together.
+        Most pairs of planes of two parts are such; a few array operations handle all of them.
         """
-        planes = {k: row for k in stale if (row := self._planes_of(question.pairs[k])) is not None}
+        planes = {k: row for k in stale if (row := self._planes_of(table.pairs[k])) is not None}
         if not planes:
             return list(stale)
-        places, table = list(planes), np.array(list(planes.values()))
-        seat, radius, room = _planes_apart(table, at[question.a[places]], at[question.b[places]], limits)
-        for j in np.flatnonzero(room > 0.0).tolist():
+        places, numbers = list(planes), np.array(list(planes.values()))
+        seat, radius, safe = _planes_apart(numbers, at[table.a[places]], at[table.b[places]], limits)
+        for j in np.flatnonzero(safe > 0.0).tolist():
             k = places[j]
-            verdict = KeptVerdict(None, table[j, 17:], float(radius[j]), seat[j], SAFE * float(room[j]))
-            self._known[question.pairs[k], limits, rows] = verdict
-            question.set(k, verdict)
+            verdict = KeptVerdict(None, numbers[j, 17:], float(radius[j]), seat[j], SAFE * float(safe[j]))
+            self._known[table.pairs[k], limits, rows] = verdict
+            table.set(k, verdict)
             del planes[k]
-        return [k for k in stale if k in planes or self._planes_of(question.pairs[k]) is None]
+        return [k for k in stale if k in planes or self._planes_of(table.pairs[k]) is None]
 
     def _planes_of(self, pair: Pair) -> tuple[float, ...] | None:
-        """Of two planes of solids, each in the frame of its body: normals, origins, the balls that hold them."""
+        """Normals, origins and bounding balls of two planes of solids, each in its body's frame; None for others."""
         if pair not in self._planes:
             a, fa, b, fb = pair
             first, second = (self.recogniser.view(i, f, pin.SE3.Identity()) for i, f in ((a, fa), (b, fb)))
@@ -163,7 +163,7 @@ def _planes_apart(planes: Array, first: Array, second: Array, limits: Limits) ->
     """Seats (n, 4, 4), radii (n,) and margins (n,), m, as in `KeptVerdict`, of planes that do not face each other.
 
     planes: (n, 20), see `Verdicts._planes_of`. first, second: (n, 4, 4) poses of the bodies. The margin is a lower
-    bound of how far any point goes until the two can face each other, as in `_against`; 0 if they may already.
+    bound of the travel of any point until the two can face each other, as in `_against`; 0 if they already may.
     """
     n, p, m, q = planes[:, 0:3], planes[:, 3:6], planes[:, 6:9], planes[:, 9:12]
     r, s, c, d = planes[:, 12], planes[:, 13], planes[:, 14:17], planes[:, 17:20]
@@ -189,7 +189,7 @@ def _planes_apart(planes: Array, first: Array, second: Array, limits: Limits) ->
 
 
 def _ball(first: FeatureView[Any], second: FeatureView[Any]) -> tuple[Array, float]:
-    """Centre (3,) in the frame of the second's body and radius of a ball that holds both features and their axes."""
+    """Centre (3,) in the frame of the second body, and radius, of a ball that contains both features and their axes."""
     (c, r), (d, s) = first.extent.ball, second.extent.ball
     away = second.pose.actInv(first.pose.act(c)) - d
     return d, max(s, float(np.sqrt(away @ away)) + r)
@@ -203,11 +203,10 @@ def margin(
     limits: Limits,
     rows: Sequence[Pairing[Any, Any]],
 ) -> float:
-    """m: how far any point of a ball of `radius` about both features may go before the verdict `found` may change.
-
-    0 where no bound is known: such a pair is measured at every step.
+    """Return the distance, m, that any point of a ball of `radius` about both features may move before the verdict
+    `found` may change; 0 without a bound, so that the pair is measured in every step.
     """
-    mine = [row for row in rows if row.speaks_of(a, b) or row.speaks_of(b, a)]
+    mine = [row for row in rows if row.applies_to(a, b) or row.applies_to(b, a)]
     if not mine:
         return np.inf
     types = type(a.geometry), type(b.geometry)
@@ -229,7 +228,7 @@ def margin(
 
 
 def _chord(angle: float) -> float:
-    """How far a turn by an angle (rad, at most π) takes a point at distance 1 from its axis."""
+    """Chord of an arc of radius 1 and an angle (rad, at most π)."""
     return 2.0 * float(np.sin(0.5 * min(max(angle, 0.0), np.pi)))
 
 
@@ -248,15 +247,15 @@ def _against(found: Match | None, a: FeatureView[Plane], b: FeatureView[Plane], 
     beside = np.inf if np.isinf(limits.linear) else limits.linear - abs(height) - tilt
     sides = small.extent.sides
     length = float(np.sqrt(((sides[:, 1] - sides[:, 0]) ** 2).sum(axis=1)).sum())
-    # moved by d, what two regions share loses what lies within d of the boundary of one of them, of length L: at most
-    # 2 L d + π d² a corner; seen at a slant that differs by TILT it is smaller by 2 %
+    # moved by d, the overlap of two regions loses at most what lies within d of the boundary, of length L, of one of
+    # them: 2 L d + π d² per corner; a change of the slant by TILT reduces it by 2 %
     spare = 0.97 * found.overlap - min(limits.strip, 0.1 * width) * width
     shared = min(spare / (3.0 * length), length / (np.pi * len(sides))) if length > 0.0 else 0.0
     return max(0.0, min(turn, beside, shared))
 
 
 def _apart(first: Array, second: Array, normal: Array) -> float:
-    """m: how far apart two sets of triangles are along one of two directions in the plane."""
+    """Greatest gap of two sets of triangles along two directions in the plane, m, at least 0."""
     u = perpendicular(normal)
     best = 0.0
     for direction in (u, cross(normal, u)):
@@ -291,7 +290,7 @@ def _concentric(
 
 @kernel
 def _beyond(a, b, at, center, radius, seat, margin, out):  # pragma: no cover - compiled
-    """Set out (k,): whether a point of the ball about `center` (k, 3) may have gone farther than its margin (k,).
+    """Set out (k,): whether a point of the ball about `center` (k, 3) may have moved farther than its margin (k,).
 
     at (n, 4, 4): poses of bodies. seat (k, 4, 4): of b[k] in the frame of a[k], when the margin was measured.
     """

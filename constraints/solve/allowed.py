@@ -1,4 +1,4 @@
-"""The solutions of a few linear equations: the one of least norm, and a basis of all others."""
+"""Solutions of a few linear equations: the solution of least norm, and a basis of the null space."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from collision.numeric.kernel import kernel
 
 Array = NDArray[np.float64]
 DEPENDENT = 1e-7
-"""1: singular values of the rows below this times the largest say nothing of their own"""
+"""1: singular values below this times the largest count as 0"""
 SMALL = 48
-"""unknowns up to which the rotations of Jacobi are quicker than LAPACK"""
+"""unknowns up to which Jacobi rotations are faster than LAPACK"""
 NOTHING = 1e-15
-"""1: columns shorter than this times the longest are rounding"""
+"""1: columns shorter than this times the longest are rounding errors"""
 
 
 def allowed(residual: Array, jacobian: Array) -> tuple[Array, Array]:
-    """The x of J x = -r, in the sense of least squares, as x = origin + basis·y: (n,) and (n, k), orthonormal.
+    """Return the least-squares solutions x = origin + basis·y of J x = -r: (n,) and (n, k), orthonormal.
 
-    residual (m,), jacobian (m, n). Singular values from a QR decomposition of [J r] and one-sided rotations of its
-    triangle (Drmač and Veselić 2008); of many unknowns, LAPACK's of the triangle.
+    residual (m,), jacobian (m, n). Singular values from a QR decomposition of [J r] and one-sided Jacobi rotations of
+    its triangle (Drmač and Veselić 2008); for many unknowns, LAPACK's of the triangle.
     """
     m, n = jacobian.shape
     if not m:
@@ -39,20 +39,20 @@ def allowed(residual: Array, jacobian: Array) -> tuple[Array, Array]:
 
 @kernel
 def _allowed(a, origin, v):  # pragma: no cover - compiled
-    """Of a (m, n + 1) = [J r], m >= n: fill origin (n,), turn v (n, n), the identity, into singular vectors; the rank.
+    """Fill origin (n,) and turn v (n, n), the identity, into the singular vectors of J, a (m, n + 1) = [J r], m >= n.
 
-    The first columns of v are those of singular values that count. `a` is written to.
+    Returns the rank; the first columns of v belong to the singular values that count. `a` is overwritten.
     """
     m, n = a.shape[0], a.shape[1] - 1
     size = 0.0
     for i in range(m):
         for j in range(n):
             size += a[i, j] * a[i, j]
-    for k in range(n):  # Householder: J becomes its triangle, r the part of it that the columns reach
+    for k in range(n):  # Householder: J becomes its triangle R, r becomes Qᵀr
         length = 0.0
         for i in range(k, m):
             length += a[i, k] * a[i, k]
-        if length <= NOTHING * NOTHING * size:  # rounding, of which squares may vanish
+        if length <= NOTHING * NOTHING * size:  # rounding errors, whose squares may underflow
             for i in range(k, m):
                 a[i, k] = 0.0
             continue

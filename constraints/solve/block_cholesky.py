@@ -1,4 +1,4 @@
-"""Block-sparse Cholesky factorisation of JᵀJ, in blocks of 6×6: the order of elimination, and numba kernels."""
+"""Block-sparse Cholesky factorisation of JᵀJ, in blocks of 6×6: elimination order and kernels."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Elimination:
     """Symbolic block Cholesky factorisation over movable bodies (blocks of 6), by minimum degree.
 
     Block k is the diagonal of column k; off-diagonal blocks follow, column by column. `update` lists, for each column
-    and each pair (i >= j) of its rows, the block that L_ik L_jkᵀ is taken from.
+    and each pair (i >= j) of its rows, the block from which L_ik L_jkᵀ is subtracted.
     """
 
     position: Ints
@@ -36,7 +36,7 @@ class Elimination:
 
 
 def eliminate(n: int, edges: Iterable[tuple[int, int]]) -> Elimination:
-    """Minimum-degree elimination of n bodies with these edges; ties go to the lower slot."""
+    """Return the minimum-degree elimination of n bodies with these edges; ties go to the lower slot."""
     neighbours: list[set[int]] = [set() for _ in range(n)]
     for a, b in edges:
         neighbours[a].add(b)
@@ -67,20 +67,13 @@ def eliminate(n: int, edges: Iterable[tuple[int, int]]) -> Elimination:
         rows = row[column[k] : column[k + 1]]
         update += [i if i == j else block_of[i, j] for x, i in enumerate(rows) for j in rows[: x + 1]]
         update_start.append(len(update))
-    ints = np.int64
-    return Elimination(
-        position,
-        np.array(column, ints),
-        np.array(row, ints),
-        np.array(update, ints),
-        np.array(update_start, ints),
-        block_of,
-    )
+    columns_of, rows_of, updates, starts = (np.array(x, np.int64) for x in (column, row, update, update_start))
+    return Elimination(position, columns_of, rows_of, updates, starts, block_of)
 
 
 @inner_kernel
 def _factor_block(blocks, k):
-    """In-place Cholesky factor (lower) of the 6×6 diagonal block k; False where it is not positive."""
+    """Factor the 6×6 diagonal block k in place (Cholesky, lower); return False if it is not positive definite."""
     D = blocks[k]
     for j in range(6):
         x = D[j, j]
@@ -100,7 +93,7 @@ def _factor_block(blocks, k):
 
 @kernel
 def factor(blocks, column, row, update, update_start):
-    """In-place block Cholesky H = L Lᵀ; False where H is not positive definite. blocks (b, 6, 6): see `Elimination`."""
+    """Factor H = L Lᵀ in place; return False if H is not positive definite. blocks (b, 6, 6): see `Elimination`."""
     n = len(column) - 1
     for k in range(n):
         if not _factor_block(blocks, k):
@@ -133,7 +126,7 @@ def factor(blocks, column, row, update, update_start):
 
 @kernel
 def substitute(blocks, column, row, x):
-    """In-place solution of L Lᵀ x = x, x (n, 6) by columns."""
+    """Solve L Lᵀ y = x in place; x (n, 6) by columns."""
     n = len(column) - 1
     for k in range(n):
         D = blocks[k]

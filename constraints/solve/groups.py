@@ -1,4 +1,4 @@
-"""`Groups`: bodies that a held one carries. Each group is one rigid body, and its constraints are its carrier's."""
+"""`Groups`: bodies that move rigidly with a held body, their carrier, whose constraints include theirs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from constraints.kinds.equations import Array, Equation
 
 @dataclass(frozen=True, eq=False)
 class OnCarrier(Constraint):
-    """A constraint of carried bodies as one of their carriers: its equations, in the carriers' frames."""
+    """A constraint of carried bodies, expressed in the frames of their carriers."""
 
     kind: ClassVar[str] = "on carrier"
 
@@ -40,7 +40,7 @@ class OnCarrier(Constraint):
 
 
 def _moved(element: Array, seat: pin.SE3) -> Array:
-    """An element (12,), a point and three directions, in the frame in which its body is at `seat`."""
+    """An element (12,), a point and three directions, in the frame in which its body has the pose `seat`."""
     x = element.reshape(4, 3) @ seat.rotation.T
     x[0] += seat.translation
     return x.ravel()
@@ -48,16 +48,16 @@ def _moved(element: Array, seat: pin.SE3) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """Which bodies are carried, by which, and where they sit."""
+    """The carried bodies, their carriers, and their poses in the carriers' frames."""
 
     seats: Mapping[int, tuple[int, pin.SE3]]
     """carried body -> its carrier, and its pose in the carrier's frame"""
 
     @classmethod
     def of(cls, carried: Mapping[int, Iterable[int]], poses: Sequence[pin.SE3], before: Groups) -> Groups:
-        """The groups of carriers and what they carry: who was carried so `before` sits where it sat.
+        """Return the groups of carriers and carried bodies; a body that was carried so `before` keeps its seat.
 
-        Raises ConstraintsError for a body that is carried twice, or that carries.
+        Raises ConstraintsError for a body that is carried twice, or is a carrier itself.
         """
         seats: dict[int, tuple[int, pin.SE3]] = {}
         for carrier, bodies in sorted(carried.items()):
@@ -72,16 +72,16 @@ class Groups:
         return before if same else cls(seats)
 
     def carrier(self, body: int) -> int:
-        """What carries a body; the body itself where nothing does."""
+        """Return the carrier of a body; the body itself if it is not carried."""
         seat = self.seats.get(body)
         return body if seat is None else seat[0]
 
     def within(self, bodies: tuple[int, int]) -> bool:
-        """Whether two bodies move as one."""
+        """Whether two bodies are in one group."""
         return bool(self.seats) and self.carrier(bodies[0]) == self.carrier(bodies[1])
 
     def carriers(self, count: int) -> NDArray[np.int64]:
-        """(count,) what carries each body, the body itself where nothing does; not to be written to."""
+        """Return (count,): the `carrier` of each body. Read only."""
         known = self._carriers.get(count)
         if known is None:
             known = self._carriers[count] = np.arange(count)
@@ -94,14 +94,14 @@ class Groups:
 
     @cached_property
     def members(self) -> dict[int, tuple[int, ...]]:
-        """Carrier -> all of its group, itself first, the others ascending."""
+        """carrier -> all bodies of its group, itself first, the others ascending."""
         out: dict[int, tuple[int, ...]] = {}
         for body, (carrier, _) in sorted(self.seats.items()):
             out[carrier] = (*out.get(carrier, (carrier,)), body)
         return out
 
     def constraints(self, every: Iterable[Constraint]) -> tuple[Constraint, ...]:
-        """The constraints as those of the carriers; those within a group left out."""
+        """Return the constraints as constraints of the carriers, without those within a group."""
         if not self.seats:
             return tuple(every)
         return tuple(self._taken_over(c) for c in every if not self.within(c.bodies))
@@ -114,7 +114,7 @@ class Groups:
         return OnCarrier((a, b), c.features, c.surfaces, c.size, of=c, seats=(at_a, at_b))
 
     def followed(self, poses: Mapping[int, pin.SE3], before: Sequence[pin.SE3]) -> dict[int, pin.SE3]:
-        """`poses` of carriers, and those that what they carry has with them; `before`, where the carrier stays."""
+        """Return `poses` of carriers, and those of the bodies they carry: as `before`, if the carrier stays."""
         out = dict(poses)
         for carrier, pose in poses.items() if self.seats else ():
             if pose is before[carrier] or pose == before[carrier]:
@@ -123,8 +123,15 @@ class Groups:
                 out |= self.carried(carrier, pose)
         return out
 
+    def with_carried(self, held: Mapping[int, pin.SE3]) -> dict[int, pin.SE3]:
+        """Poses of held bodies, and those that what they carry has with them."""
+        out = dict(held)
+        for body, pose in held.items() if self.seats else ():
+            out |= self.carried(body, pose)
+        return out
+
     def carried(self, carrier: int, pose: pin.SE3) -> dict[int, pin.SE3]:
-        """Poses of what a carrier carries where it has a pose; those of the last pose are kept."""
+        """Return the poses of the bodies carried by a carrier at a pose; the last result is cached."""
         known = self._carried.get(carrier)
         key = pose.homogeneous.tobytes()
         if known is None or known[0] != key:
@@ -139,4 +146,4 @@ class Groups:
 
 
 ALONE = Groups({})
-"""nothing is carried"""
+"""no carried bodies"""

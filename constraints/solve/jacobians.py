@@ -1,20 +1,20 @@
-"""The equations that constraints are made of, each with its analytic Jacobian, as kernels over flat arrays.
+"""The equations of constraints, each with its analytic Jacobian, as kernels over flat arrays.
 
-An equation speaks of one *element* on each body: a point P and an orthonormal frame (E1, E2, D), D the axis or
-normal. With u = P_b - P_a, every row f of every equation is a function of u and of the frames' directions, and so
-its differential is a pair of wrenches: with Ω the bodies' angular and V their linear velocities (world axes)
+An equation relates one *element* of each body: a point P and an orthonormal frame (E1, E2, D), D the axis or normal.
+With u = P_b - P_a, every row f of every equation is a function of u and of the frames' directions, so that its
+differential is a pair of wrenches: with Ω the bodies' angular and V their linear velocities (world axes)
 
     df = g·(V_b + Ω_b × arm_b) - g·(V_a + Ω_a × arm_a) + τ_a·Ω_a + τ_b·Ω_b,       arm = R p,
 
-where g = ∂f/∂u and τ = Σ X × ∂f/∂X over the directions X that the body carries. A kernel below returns only f, g, τ_a
-and τ_b of a row; `evaluate` turns them into rows on local twists (linear first), as Pinocchio has them:
+where g = ∂f/∂u and τ = Σ X × ∂f/∂X over the directions X of the body. The kernels below return f, g, τ_a and τ_b of a
+row; `evaluate` converts them to rows on local twists (linear first), as in Pinocchio:
 
     J_a = [-R_aᵀ g, R_aᵀ (τ_a - arm_a × g)],      J_b = [R_bᵀ g, R_bᵀ (τ_b + arm_b × g)].
 
 Lengths are metres and angles radians; a row is one or the other. Equations of one row hold between limits
 `params[0] <= x <= params[1]`: inside them the row vanishes, equal limits make an equality.
 
-Vectors are tuples of three: unlike views of arrays these stay in registers, and the kernels take two thirds of time.
+Vectors are tuples of three: unlike views of arrays these stay in registers, which saves a third of the time.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 
 from collision.numeric.kernel import inner_kernel, kernel
+from collision.numeric.vectors import along, cross, dot, norm, scaled
 
 COINCIDENT = 0
 ON_LINE = 1
@@ -40,38 +41,17 @@ MESH = 13
 RACK = 14
 
 ROWS = (3, 2, 2, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1)
-"""Rows of each equation, by code."""
+"""rows of each equation, by code"""
 ANGULAR = (False, False, True, True, False, True, False, False, False, False, False, False, False, True, False)
-"""Whether an equation's rows are radians, by code."""
+"""whether an equation's rows are in radians, by code"""
 TWO_PI = 2.0 * math.pi
 NONE = (0.0, 0.0, 0.0)
 
 
 @inner_kernel
-def _dot(x, y):
-    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
-
-
-@inner_kernel
-def _cross(x, y):
-    return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
-
-
-@inner_kernel
-def _scaled(s, x):
-    return s * x[0], s * x[1], s * x[2]
-
-
-@inner_kernel
-def _plus(x, s, y):
-    """x + s y."""
-    return x[0] + s * y[0], x[1] + s * y[1], x[2] + s * y[2]
-
-
-@inner_kernel
 def _turned(R, x):
     """R x, of a tuple of rows."""
-    return _dot(R[0], x), _dot(R[1], x), _dot(R[2], x)
+    return dot(R[0], x), dot(R[1], x), dot(R[2], x)
 
 
 @inner_kernel
@@ -110,19 +90,19 @@ def _element(R, x, e, o):
 
 
 @inner_kernel
-def _along(axis, u):
-    """u·X for a direction X that body a carries."""
-    return _dot(axis, u), axis, _cross(axis, u), NONE
+def _component(axis, u):
+    """u·X for a direction X of body a."""
+    return dot(axis, u), axis, cross(axis, u), NONE
 
 
 @inner_kernel
 def _aligned(A, B, sense):
-    """D_b along sense·D_a: the rotation vector between them, on E1 and E2 (rad); sense 0 takes the nearer one."""
-    c = _dot(A[2], B[2])
+    """Rotation vector from sense·D_a to D_b, on E1 and E2 (rad); sense 0 takes the nearer direction."""
+    c = dot(A[2], B[2])
     s = sense if sense != 0.0 else (1.0 if c >= 0.0 else -1.0)
     c *= s
-    x = -s * _dot(A[1], B[2])
-    y = s * _dot(A[0], B[2])
+    x = -s * dot(A[1], B[2])
+    y = s * dot(A[0], B[2])
     sine = math.sqrt(x * x + y * y)
     theta = math.atan2(sine, c)
     if sine > 1e-4:
@@ -131,18 +111,18 @@ def _aligned(A, B, sense):
     elif c > 0.0:  # series about θ = 0, exact to rounding below 1e-4
         k = 1.0 + theta * theta / 6.0
         dk = -1.0 / 3.0 - 2.0 * theta * theta / 15.0
-    else:  # opposite, where the turn has no direction: take E1, at full length
+    else:  # opposite: the axis of rotation is undefined, take E1
         k, dk = 1.0, 0.0
         x = math.pi
-    tilt = _scaled(dk * s, _cross(B[2], A[2]))
-    first = _plus(_scaled(-k * s, _cross(B[2], A[1])), x, tilt)
-    second = _plus(_scaled(k * s, _cross(B[2], A[0])), y, tilt)
-    return (k * x, NONE, _scaled(-1.0, first), first), (k * y, NONE, _scaled(-1.0, second), second)
+    tilt = scaled(dk * s, cross(B[2], A[2]))
+    first = along(scaled(-k * s, cross(B[2], A[1])), x, tilt)
+    second = along(scaled(k * s, cross(B[2], A[0])), y, tilt)
+    return (k * x, NONE, scaled(-1.0, first), first), (k * y, NONE, scaled(-1.0, second), second)
 
 
 @inner_kernel
 def _oriented(A, B):
-    """The frames coincide: f = log(F_aᵀ F_b) (rad), df = Jlog(f) F_bᵀ (Ω_b - Ω_a)."""
+    """Rotation vector between the frames: f = log(F_aᵀ F_b) (rad), df = Jlog(f) F_bᵀ (Ω_b - Ω_a)."""
     R = (_turned(B, A[0]), _turned(B, A[1]), _turned(B, A[2]))  # A Bᵀ: rows of A, B are the frames' axes
     x = 0.5 * (R[2][1] - R[1][2])
     y = 0.5 * (R[0][2] - R[2][0])
@@ -167,152 +147,152 @@ def _oriented(A, B):
         q = 1.0 / (math.pi * math.pi)
     f = (k * x, k * y, k * z)
     # Jlog = 1 + [f]/2 + q [f]², and [f]² = f fᵀ - |f|²: row i applied to F_bᵀ
-    d = 1.0 - q * _dot(f, f)
-    along = _plus(_plus(_scaled(q * f[0], B[0]), q * f[1], B[1]), q * f[2], B[2])
-    first = _plus(_plus(_plus(_scaled(f[0], along), d, B[0]), -0.5 * f[2], B[1]), 0.5 * f[1], B[2])
-    second = _plus(_plus(_plus(_scaled(f[1], along), d, B[1]), -0.5 * f[0], B[2]), 0.5 * f[2], B[0])
-    third = _plus(_plus(_plus(_scaled(f[2], along), d, B[2]), -0.5 * f[1], B[0]), 0.5 * f[0], B[1])
+    d = 1.0 - q * dot(f, f)
+    mixed = along(along(scaled(q * f[0], B[0]), q * f[1], B[1]), q * f[2], B[2])
+    first = along(along(along(scaled(f[0], mixed), d, B[0]), -0.5 * f[2], B[1]), 0.5 * f[1], B[2])
+    second = along(along(along(scaled(f[1], mixed), d, B[1]), -0.5 * f[0], B[2]), 0.5 * f[2], B[0])
+    third = along(along(along(scaled(f[2], mixed), d, B[2]), -0.5 * f[1], B[0]), 0.5 * f[0], B[1])
     return (
-        (f[0], NONE, _scaled(-1.0, first), first),
-        (f[1], NONE, _scaled(-1.0, second), second),
-        (f[2], NONE, _scaled(-1.0, third), third),
+        (f[0], NONE, scaled(-1.0, first), first),
+        (f[1], NONE, scaled(-1.0, second), second),
+        (f[2], NONE, scaled(-1.0, third), third),
     )
 
 
 @inner_kernel
 def _angle(A, B):
     """Angle between D_a and D_b (rad, 0 … π)."""
-    n = _cross(A[2], B[2])
-    sine = math.sqrt(_dot(n, n))
-    turn = _scaled(1.0 / sine, n) if sine > 0.0 else A[0]
-    return math.atan2(sine, _dot(A[2], B[2])), NONE, _scaled(-1.0, turn), turn
+    n = cross(A[2], B[2])
+    sine = norm(n)
+    turn = scaled(1.0 / sine, n) if sine > 0.0 else A[0]
+    return math.atan2(sine, dot(A[2], B[2])), NONE, scaled(-1.0, turn), turn
 
 
 @inner_kernel
 def _foot(A, u):
-    """Unit vector from the axis of a to the point, at right angles to the axis, and how far it is."""
-    out = _plus(u, -_dot(A[2], u), A[2])
-    rho = math.sqrt(_dot(out, out))
-    return (_scaled(1.0 / rho, out) if rho > 0.0 else A[0]), rho
+    """(unit vector from the axis of a to the point, perpendicular to the axis; distance)."""
+    out = along(u, -dot(A[2], u), A[2])
+    rho = norm(out)
+    return (scaled(1.0 / rho, out) if rho > 0.0 else A[0]), rho
 
 
 @inner_kernel
 def _point_distance(A, u):
     """|u|."""
-    f = math.sqrt(_dot(u, u))
-    return f, (_scaled(1.0 / f, u) if f > 0.0 else A[0]), NONE, NONE
+    f = norm(u)
+    return f, (scaled(1.0 / f, u) if f > 0.0 else A[0]), NONE, NONE
 
 
 @inner_kernel
 def _line_distance(A, u):
     """Distance of P_b from the axis of a."""
     n, f = _foot(A, u)
-    return f, n, _scaled(-_dot(A[2], u), _cross(A[2], n)), NONE
+    return f, n, scaled(-dot(A[2], u), cross(A[2], n)), NONE
 
 
 @inner_kernel
 def _lines_distance(A, B, u, side):
-    """Distance between the axes of a and b along their common normal, positive on `side` (0: whichever it is on)."""
-    n = _cross(A[2], B[2])
-    sine = math.sqrt(_dot(n, n))
-    if sine < 1e-12:  # parallel to rounding: any common normal through the offset serves
+    """Distance between the axes of a and b along their common normal, positive on `side` (0: the present side)."""
+    n = cross(A[2], B[2])
+    sine = norm(n)
+    if sine < 1e-12:  # parallel up to rounding: any normal through the offset is common
         return _line_distance(A, u)
-    n = _scaled(1.0 / sine, n)
-    x = _dot(u, n)
+    n = scaled(1.0 / sine, n)
+    x = dot(u, n)
     s = side if side != 0.0 else (1.0 if x >= 0.0 else -1.0)
-    h = _plus(_scaled(s / sine, u), -x * s / sine, n)
-    return s * x, _scaled(s, n), _cross(A[2], _cross(B[2], h)), _cross(B[2], _cross(h, A[2]))
+    h = along(scaled(s / sine, u), -x * s / sine, n)
+    return s * x, scaled(s, n), cross(A[2], cross(B[2], h)), cross(B[2], cross(h, A[2]))
 
 
 @inner_kernel
 def _cone_distance(A, u, half_angle):
     """Signed distance of P_b from the cone of apex P_a, axis D_a: positive outside."""
     n, rho = _foot(A, u)
-    h = _dot(A[2], u)
+    h = dot(A[2], u)
     c, s = math.cos(half_angle), math.sin(half_angle)
-    torque = _plus(_scaled(-h * c, _cross(A[2], n)), -s, _cross(A[2], u))
-    return rho * c - h * s, _plus(_scaled(c, n), -s, A[2]), torque, NONE
+    torque = along(scaled(-h * c, cross(A[2], n)), -s, cross(A[2], u))
+    return rho * c - h * s, along(scaled(c, n), -s, A[2]), torque, NONE
 
 
 @inner_kernel
 def _torus_distance(A, u, major):
     """Distance of P_b from the circle of radius `major` about D_a through P_a."""
     n, rho = _foot(A, u)
-    h = _dot(A[2], u)
+    h = dot(A[2], u)
     q = math.hypot(rho - major, h)
     if q == 0.0:
         return q, n, NONE, NONE
     x, y = (rho - major) / q, h / q
-    return q, _plus(_scaled(x, n), y, A[2]), _plus(_scaled(-x * h, _cross(A[2], n)), y, _cross(A[2], u)), NONE
+    return q, along(scaled(x, n), y, A[2]), along(scaled(-x * h, cross(A[2], n)), y, cross(A[2], u)), NONE
 
 
 @inner_kernel
 def _rim_height(A, B, u, radius):
     """Height over plane a of the lowest point of the circle of `radius` about D_b through P_b."""
-    n = _cross(A[2], B[2])
-    sine = math.sqrt(_dot(n, n))
-    k = radius * _dot(A[2], B[2]) / sine if sine > 0.0 else 0.0
-    return _dot(A[2], u) - radius * sine, A[2], _plus(_cross(A[2], u), k, n), _scaled(-k, n)
+    n = cross(A[2], B[2])
+    sine = norm(n)
+    k = radius * dot(A[2], B[2]) / sine if sine > 0.0 else 0.0
+    return dot(A[2], u) - radius * sine, A[2], along(cross(A[2], u), k, n), scaled(-k, n)
 
 
 @inner_kernel
 def _wrapped(x, period):
-    """x modulo the period, within half a period of nought."""
+    """x modulo the period, within half a period of 0."""
     return x - period * math.floor(x / period + 0.5)
 
 
 @inner_kernel
 def _turning(x, y):
-    """Slope of atan2(y, x) along its circle: 1 / (x² + y²), nought where the direction is lost."""
+    """Slope of atan2(y, x) along its circle: 1 / (x² + y²), or 0 at the origin."""
     square = x * x + y * y
     return 1.0 / square if square > 0.0 else 0.0
 
 
 @inner_kernel
 def _helix(A, B, u, pitch, offset):
-    """Advance along D_a less pitch times the turn of b's E1 about it, modulo one pitch (m)."""
-    x = _dot(A[0], B[0])
-    y = _dot(A[1], B[0])
-    f = _wrapped(_dot(A[2], u) - offset - pitch * math.atan2(y, x) / TWO_PI, abs(pitch))
+    """Advance along D_a minus pitch times the turn of b's E1 about it, modulo one pitch (m)."""
+    x = dot(A[0], B[0])
+    y = dot(A[1], B[0])
+    f = _wrapped(dot(A[2], u) - offset - pitch * math.atan2(y, x) / TWO_PI, abs(pitch))
     k = -pitch / TWO_PI * _turning(x, y)
-    w = _plus(_scaled(k * x, _cross(B[0], A[1])), -k * y, _cross(B[0], A[0]))
-    return f, A[2], _plus(_cross(A[2], u), -1.0, w), w
+    w = along(scaled(k * x, cross(B[0], A[1])), -k * y, cross(B[0], A[0]))
+    return f, A[2], along(cross(A[2], u), -1.0, w), w
 
 
 @inner_kernel
 def _seen(F, u, k):
-    """Direction of u in the frame F, as an angle about its axis, and k times its slopes by u and by the turn of F."""
-    x, y = _dot(F[0], u), _dot(F[1], u)
+    """(angle of u about the axis of the frame F, k times its derivatives by u and by the rotation of F)."""
+    x, y = dot(F[0], u), dot(F[1], u)
     slope = k * _turning(x, y)
-    by_u = _plus(_scaled(slope * x, F[1]), -slope * y, F[0])
-    by_turn = _plus(_scaled(slope * x, _cross(F[1], u)), -slope * y, _cross(F[0], u))
+    by_u = along(scaled(slope * x, F[1]), -slope * y, F[0])
+    by_turn = along(scaled(slope * x, cross(F[1], u)), -slope * y, cross(F[0], u))
     return math.atan2(y, x), by_u, by_turn
 
 
 @inner_kernel
 def _mesh(A, B, u, teeth_a, teeth_b, sense, offset):
-    """Turn of a plus sense·teeth_b/teeth_a times that of b, both counted from the line of centres, modulo a tooth."""
+    """Turn of a plus sense·teeth_b/teeth_a times that of b, both from the line of centres, modulo a tooth (rad)."""
     ratio = sense * teeth_b / teeth_a
     turn_a, g_a, torque_a = _seen(A, u, -1.0)
-    turn_b, g_b, torque_b = _seen(B, _scaled(-1.0, u), -ratio)
+    turn_b, g_b, torque_b = _seen(B, scaled(-1.0, u), -ratio)
     f = _wrapped(-offset - turn_a - ratio * turn_b, TWO_PI / teeth_a)
-    return f, _plus(g_a, -1.0, g_b), torque_a, torque_b
+    return f, along(g_a, -1.0, g_b), torque_a, torque_b
 
 
 @inner_kernel
 def _rack(A, B, u, radius, teeth, sense, offset):
-    """Travel of rack b along D_b less sense·radius times the turn of pinion a from the normal to the rack (m)."""
-    s = _dot(B[2], u)
-    turn, h, torque_a = _seen(A, _plus(u, -s, B[2]), sense * radius)
+    """Travel of rack b along D_b minus sense·radius times the turn of pinion a from the normal to the rack (m)."""
+    s = dot(B[2], u)
+    turn, h, torque_a = _seen(A, along(u, -s, B[2]), sense * radius)
     f = _wrapped(s + sense * radius * turn - offset, TWO_PI * radius / teeth)
-    along = 1.0 - _dot(h, B[2])
-    torque_b = _plus(_scaled(along, _cross(B[2], u)), -s, _cross(B[2], h))
-    return f, _plus(h, along, B[2]), torque_a, torque_b
+    share = 1.0 - dot(h, B[2])
+    torque_b = along(scaled(share, cross(B[2], u)), -s, cross(B[2], h))
+    return f, along(h, share, B[2]), torque_a, torque_b
 
 
 @inner_kernel
 def _between(low, high, row):
-    """The row of a value that may lie between limits: inside them it says nothing."""
+    """The row of a value with limits, which vanishes between them."""
     f, g, torque_a, torque_b = row
     if f < low:
         return f - low, g, torque_a, torque_b
@@ -320,14 +300,14 @@ def _between(low, high, row):
         return f - high, g, torque_a, torque_b
     if low < high and f == f:
         return 0.0, NONE, NONE, NONE
-    return f - low, g, torque_a, torque_b  # 0, or what is not a number and has to be seen
+    return f - low, g, torque_a, torque_b  # 0, or NaN, which must not be hidden
 
 
 @inner_kernel
 def _single(code, A, B, u, p, e):
-    """The row of an equation that has but one; p[e] are its parameters."""
+    """The row of an equation of one row; p[e] are its parameters."""
     if code == ON_PLANE:
-        row = _along(A[2], u)
+        row = _component(A[2], u)
     elif code == ANGLE:
         row = _angle(A, B)
     elif code == POINT_DISTANCE:
@@ -353,7 +333,7 @@ def _single(code, A, B, u, p, e):
 
 @inner_kernel
 def _state(k, row, r, Ja, Jb):
-    """Keep f in r[k], g and τ_b in Jb[k], τ_a in Ja[k]."""
+    """Store f in r[k], g and τ_b in Jb[k], τ_a in Ja[k]."""
     r[k], g, torque_a, torque_b = row
     Jb[k, 0], Jb[k, 1], Jb[k, 2] = g
     Jb[k, 3], Jb[k, 4], Jb[k, 5] = torque_b
@@ -362,26 +342,21 @@ def _state(k, row, r, Ja, Jb):
 
 @inner_kernel
 def _rows(code, A, B, u, p, e, k, r, Ja, Jb):
-    """State the rows of one equation, from row k on. Returns their number."""
-    if code == COINCIDENT:
-        _state(k, _along(A[0], u), r, Ja, Jb)
-        _state(k + 1, _along(A[1], u), r, Ja, Jb)
-        _state(k + 2, _along(A[2], u), r, Ja, Jb)
-        return 3
-    if code == ON_LINE:
-        _state(k, _along(A[0], u), r, Ja, Jb)
-        _state(k + 1, _along(A[1], u), r, Ja, Jb)
-        return 2
+    """Store the rows of one equation, from row k on; return their number."""
+    if code <= ON_LINE:
+        count = 3 if code == COINCIDENT else 2
+        for i in range(count):
+            _state(k + i, _component(A[i], u), r, Ja, Jb)
+        return count
     if code == ALIGNED:
-        first, second = _aligned(A, B, p[e, 0])
-        _state(k, first, r, Ja, Jb)
-        _state(k + 1, second, r, Ja, Jb)
+        pair = _aligned(A, B, p[e, 0])
+        for i in range(2):
+            _state(k + i, pair[i], r, Ja, Jb)
         return 2
     if code == ORIENTED:
-        first, second, third = _oriented(A, B)
-        _state(k, first, r, Ja, Jb)
-        _state(k + 1, second, r, Ja, Jb)
-        _state(k + 2, third, r, Ja, Jb)
+        rows = _oriented(A, B)
+        for i in range(3):
+            _state(k + i, rows[i], r, Ja, Jb)
         return 3
     _state(k, _single(code, A, B, u, p, e), r, Ja, Jb)
     return 1
@@ -399,15 +374,15 @@ def evaluate(code, body, element, param, start, rotation, translation, r, Ja, Jb
         Ra, Rb = _rows3(rotation, ia), _rows3(rotation, ib)
         arm_a, A = _element(Ra, element, e, 0)
         arm_b, B = _element(Rb, element, e, 12)
-        # centres first: bodies far from the world's origin lie near one another
-        between = _plus(_row3(translation, ib, 0), -1.0, _row3(translation, ia, 0))
-        u = _plus(between, 1.0, _plus(arm_b, -1.0, arm_a))
+        # difference of the centres first: bodies far from the world's origin are near each other
+        between = along(_row3(translation, ib, 0), -1.0, _row3(translation, ia, 0))
+        u = along(between, 1.0, along(arm_b, -1.0, arm_a))
         first = start[e]
         for k in range(first, first + _rows(code[e], A, B, u, param, e, first, r, Ja, Jb)):
             g = _row3(Jb, k, 0)
             va, vb = _turned_back(Ra, g), _turned_back(Rb, g)
-            wa = _turned_back(Ra, _plus(_row3(Ja, k, 3), -1.0, _cross(arm_a, g)))
-            wb = _turned_back(Rb, _plus(_row3(Jb, k, 3), 1.0, _cross(arm_b, g)))
+            wa = _turned_back(Ra, along(_row3(Ja, k, 3), -1.0, cross(arm_a, g)))
+            wb = _turned_back(Rb, along(_row3(Jb, k, 3), 1.0, cross(arm_b, g)))
             Ja[k, 0], Ja[k, 1], Ja[k, 2] = -va[0], -va[1], -va[2]
             Jb[k, 0], Jb[k, 1], Jb[k, 2] = vb
             Ja[k, 3], Ja[k, 4], Ja[k, 5] = wa

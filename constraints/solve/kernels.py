@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt on SE(3)^N, begun again where it goes astray, as numba kernels."""
+"""Levenberg-Marquardt on SE(3)^N with restarts, as numba kernels."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ STATIONARY = 1
 EXHAUSTED = 2
 EPSILON = 2.0**-52
 ASTRAY = 1e-3
-"""rad, or of the parts' length: a least-squares end farther from a solution than this may be a wrong turn"""
+"""rad, or fraction of the parts' length: a greater residual at the end leads to a restart"""
 CAUTION = (1e2, 1e4)
-"""damping of the second and third attempt, over that of the first"""
+"""1: damping of the second and third attempt, relative to the first"""
 BESIDE = 6
-"""attempts after these, from starts pushed by up to PUSH rad (or of a part's size)"""
+"""number of further attempts, from starts displaced by up to PUSH rad (or fractions of a part's size)"""
 STUCK = 4
-"""attempts after these, each from the end of the one before, pushed alike: a bolt upside down in its hole gets stuck
-at right angles to it, where the nearer sense of its axis changes"""
+"""number of further attempts, each from the displaced end of the attempt before: a bolt upside down in its hole gets
+stuck perpendicular to it, where the nearer sense of its axis changes"""
 PUSH = 0.15
 GOLDEN = 0.6180339887498949
 DAMPING_FLOOR = 1e-13
-"""relative to the unit entries of a scaled Jacobian: what keeps a rank-deficient JᵀJ factorisable in float64"""
+"""1: least damping relative to the scaled Jacobian, so that a rank-deficient JᵀJ is factorisable in float64"""
 
 
 @inner_kernel
 def _copy2(x, out):
-    """out = x, both of two dimensions (an array assignment compiles for seconds)."""
+    """out = x, two-dimensional (numba compiles an array assignment for seconds)."""
     for i in range(x.shape[0]):
         for j in range(x.shape[1]):
             out[i, j] = x[i, j]
@@ -40,7 +40,7 @@ def _copy2(x, out):
 
 @inner_kernel
 def _copy3(x, out):
-    """out = x, both of three dimensions."""
+    """out = x, three-dimensional."""
     for i in range(len(x)):
         _copy2(x[i], out[i])
 
@@ -61,7 +61,7 @@ def _add_outer(blocks, b, x, y):
 
 @inner_kernel
 def assemble(body, start, weight, extent, column_of, target, r, Ja, Jb, blocks, gradient):
-    """JᵀJ (blocks) and Jᵀr of the weighed, scaled rows; column_of (n,) body -> column or -1."""
+    """Compute JᵀJ (blocks) and Jᵀr (gradient) of the weighted, scaled rows; column_of (n,): body -> column or -1."""
     for b in range(len(blocks)):
         for i in range(6):
             for j in range(6):
@@ -105,7 +105,7 @@ def _cost(r, weight):
 
 @kernel
 def resolution(element, translation, tolerance):
-    """The residual to reach: `tolerance`, or four roundings of the largest coordinate where that is more."""
+    """The residual at which a system counts as solved: at least four roundings of the largest coordinate."""
     largest = 0.0
     for i in range(len(translation)):
         for j in range(3):
@@ -121,10 +121,10 @@ def levenberg_marquardt(
     code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
     rotation, translation, length, tolerance, max_iterations, caution,
 ):  # fmt: skip
-    """Move the bodies (in place) to where max|r| <= `resolution`, or to the nearest least-squares pose there is.
+    """Move the bodies (in place) until max|r| <= `resolution`, or to a local least-squares pose.
 
     The damping follows the square of the residual (Yamashita and Fukushima, Computing Suppl. 15, 2001): quadratic
-    convergence on consistent systems even where J loses rank, and steps of least norm. `caution` scales it.
+    convergence on consistent systems even if J is rank-deficient, and steps of least norm. `caution` scales it.
     Returns (status, iterations, max|r|).
     """
     m = len(weight)
@@ -198,10 +198,10 @@ def solve_system(
     code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start,
     rotation, translation, length, tolerance, max_iterations,
 ):  # fmt: skip
-    """`levenberg_marquardt`, begun again where it ends far from a solution; the first end that holds is kept.
+    """Run `levenberg_marquardt`, with restarts while it ends far from a solution; the first solution is kept.
 
-    First with more caution, then from poses pushed a little way off (a fixed sequence): a start 30° off may lead into a
-    valley with no solution in it, and one beside it does not. Last from beside where it got stuck.
+    Restarts have more damping, then displaced starts (a fixed sequence): a start 30° off may lead to a local minimum,
+    and one next to it to a solution. The last ones start near the end of the attempt before.
     """
     R, t = rotation.copy(), translation.copy()
     status, iterations, worst = levenberg_marquardt(
@@ -233,7 +233,7 @@ def solve_system(
 
 @inner_kernel(allocates=True)
 def _push_aside(rotation, translation, extent, column_of, n, attempt, new_rotation, new_translation):
-    """Poses a little way off, by multiples of the golden ratio: each attempt others, each run the same."""
+    """Displace poses slightly, by multiples of the golden ratio: different in each attempt, equal in each run."""
     push = np.empty((n, 6))
     for k in range(n):
         for i in range(6):
@@ -251,7 +251,7 @@ def solve_all(
     code, body, element, param, start, weight, extent, column_of, target, column, row, update, update_start, offset,
     length, rotation, translation, tolerance, max_iterations, status, iterations, worst,
 ):  # fmt: skip
-    """`solve_system` on each of k systems packed one after another, `offset` (k + 1, 6): see `system.Plan`."""
+    """Run `solve_system` on each of k packed systems; offset (k + 1, 6): see `system.Plan`."""
     for s in range(len(offset) - 1):
         e, f = offset[s, 0], offset[s + 1, 0]
         m, n = offset[s, 1], offset[s + 1, 1]

@@ -1,9 +1,9 @@
-"""The motions that the equations of a system leave at a pose: the null space of its Jacobian.
+"""Null space of the Jacobian of a system: the instantaneous motions that its equations allow at a pose.
 
-A small system is factorised as it is. In a large one the bodies hang on a tree of pairs; each pair of the tree leaves a
-few motions (one, for a hinge), the twist of every body is a sum of those between it and the ground, and only the pairs
-that close loops are left to be factorised, on as many columns as the tree has motions. A net of 65 hinged bars has 390
-columns one way and 65 the other.
+A small system is factorised directly. A large one is parametrised by a spanning tree of pairs of bodies: each pair of
+the tree allows a few motions (one, for a hinge), the twist of a body is the sum of the motions between it and the
+ground, and only the pairs that close loops are factorised, with one column for each motion of the tree. A net of 65
+hinged bars has 390 columns directly and 65 through the tree.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from constraints.solve.ranks import null_basis, pivoted_qr
 from constraints.solve.system import Array, Ints, System
 
 DENSE = 12
-"""bodies up to which a system is factorised as it is"""
+"""greatest number of bodies of a system that is factorised directly"""
 
 
 def rank_threshold(system: System, worst: float, tolerance: Tolerance) -> float:
-    """Pivots below this times the largest count as zero.
+    """Return the threshold, relative to the largest pivot, below which pivots count as zero.
 
-    `tolerance.rank`; where the constraints are inconsistent (by `worst`, m) their directions are uncertain by as much
-    over a length, up to `tolerance.angular`.
+    It is `tolerance.rank`, or the uncertainty of directions if the constraints are inconsistent (by `worst`, m), up to
+    `tolerance.angular`.
     """
     return max(tolerance.rank, min(8.0 * worst / system.length, tolerance.angular))
 
 
 def null_space(system: System, rotation: Array, translation: Array, tolerance: Tolerance) -> tuple[Array, float, float]:
-    """Orthonormal scaled null space (movable, 6, k) of the Jacobian, the threshold used, and the least pivot kept."""
+    """Return the orthonormal scaled null space (movable, 6, k), the threshold used, and the least pivot kept."""
     bodies = len(system.movable)
     if bodies > DENSE:
         return through_tree(system, rotation, translation, tolerance)
@@ -44,7 +44,7 @@ def null_space(system: System, rotation: Array, translation: Array, tolerance: T
 def through_tree(
     system: System, rotation: Array, translation: Array, tolerance: Tolerance
 ) -> tuple[Array, float, float]:
-    """The same as `null_space`, by the motions of a spanning tree's pairs."""
+    """Return `null_space`, computed from the motions of the pairs of a spanning tree."""
     r, ja, jb = system.evaluate(rotation, translation)
     threshold = rank_threshold(system, float(np.abs(r * system.weight).max()), tolerance)
     equation = np.repeat(np.arange(len(system.code)), np.diff(np.append(system.start, system.rows)))
@@ -58,7 +58,7 @@ def through_tree(
     tree = _spanning_tree(rows_of)
     largest, margin = 0.0, 1.0
     motions: list[Array] = []
-    for parent, child in tree:  # what each pair leaves to the child
+    for parent, child in tree:  # motions of the child that each pair allows
         rows = rows_of[min(parent, child), max(parent, child)]
         jacobian = np.where((pair[rows, 0] == child)[:, None], sides[0][rows], sides[1][rows])
         order, upper, rank, least = pivoted_qr(np.ascontiguousarray(jacobian.T), threshold)
@@ -66,7 +66,7 @@ def through_tree(
         largest, margin = max(largest, abs(float(upper[0, 0]))), min(margin, float(least))
     root = tree[0][0]
     first = np.cumsum([0 if root < 0 else 6, *(m.shape[1] for m in motions)])
-    twist = np.zeros((len(system.bodies), 6, first[-1]))  # of each body, scaled, by the motions of the tree
+    twist = np.zeros((len(system.bodies), 6, first[-1]))  # scaled twist of each body for unit motions of the tree
     if root >= 0:
         twist[root, :, :6] = np.eye(6)
     for k, (parent, child) in enumerate(tree):
@@ -88,7 +88,7 @@ def through_tree(
 
 
 def _rows_of_pairs(system: System, pair: Ints) -> dict[tuple[int, int], Ints]:
-    """Rows of each pair of places in `bodies`, the lower one first; all fixed bodies are place -1."""
+    """Rows of each pair of indices in `bodies`, the lower first; all fixed bodies are -1."""
     node = np.where(system.slot[pair] >= 0, pair, -1)
     low, high = node.min(axis=1), node.max(axis=1)
     order = np.lexsort((np.arange(len(pair)), high, low))
@@ -97,9 +97,9 @@ def _rows_of_pairs(system: System, pair: Ints) -> dict[tuple[int, int], Ints]:
 
 
 def _spanning_tree(rows_of: dict[tuple[int, int], Ints]) -> list[tuple[int, int]]:
-    """(parent, child) pairs, parents first, that reach every body by the pairs of most equations (Prim).
+    """(parent, child) pairs, parents first, of the tree of pairs with most equations (Prim).
 
-    They begin at -1, or at the lowest body where nothing is fixed.
+    The root is -1, or the lowest body if none is fixed.
     """
     neighbours: dict[int, list[tuple[int, int]]] = {}
     for (a, b), rows in rows_of.items():
@@ -122,7 +122,7 @@ def _spanning_tree(rows_of: dict[tuple[int, int], Ints]) -> list[tuple[int, int]
 
 
 def _carried(system: System, rotation: Array, translation: Array, parent: int, child: int) -> Array:
-    """Scaled twist (6, 6) of the child that goes along with the parent as one rigid body."""
+    """(6, 6) map from the scaled twist of the parent to that of the child, if both are one rigid body."""
     turn = rotation[child].T @ rotation[parent]
     x, y, z = rotation[parent].T @ (translation[child] - translation[parent])
     out = np.zeros((6, 6))

@@ -1,4 +1,4 @@
-"""Poses of many bodies as flat arrays, as numba kernels: taken to the bodies' centres and back, moved."""
+"""Kernels for poses of many bodies: referred to the bodies' centres and back, and moved."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def to_centres(pose, place, center, rotation, translation):
 
 @kernel
 def from_centres(rotation, translation, center, pose):
-    """Poses (n, 4, 4) of the bodies from where their centres are: the inverse of `to_centres`."""
+    """Poses (n, 4, 4) of the bodies from the positions of their centres: the inverse of `to_centres`."""
     for i in range(len(center)):
         c = center[i, 0], center[i, 1], center[i, 2]
         for j in range(3):
@@ -36,7 +36,7 @@ def from_centres(rotation, translation, center, pose):
 
 @kernel(allocates=True)
 def move(rotation, translation, extent, column_of, step, new_rotation, new_translation):
-    """Poses after the scaled local step (n, 6): t + R v, R exp(ω), the rotation brought back to orthonormal."""
+    """Poses after the scaled local step (n, 6): t + R v, R exp(ω), with the rotation made orthonormal again."""
     W = np.empty((3, 3))
     for i in range(len(column_of)):
         c = column_of[i]

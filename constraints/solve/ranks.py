@@ -1,6 +1,6 @@
 """Rank-revealing factorisations for blocks of a few hundred columns, as numba kernels.
 
-Kernels of our own rather than LAPACK's, since a threaded BLAS on a busy machine turns 10 ms into seconds at this size.
+They replace LAPACK because a threaded BLAS on a busy machine takes seconds instead of 10 ms at this size.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def pivoted_qr(columns, threshold):
     """QR with column pivoting (Businger and Golub 1965) of the matrix whose columns are rows of `columns` (n, m).
 
     Works in place: rows 0 … rank-1 of `columns` end as the columns of Q. Returns (order (n,), R (rank, n) by pivoted
-    columns, rank, least kept |R_kk| over the largest); a pivot up to `threshold` times the largest is nought.
+    columns, rank, least kept |R_kk| over the largest); a pivot up to `threshold` times the largest counts as 0.
     """
     n, m = columns.shape
     order = np.arange(n)
@@ -57,7 +57,7 @@ def pivoted_qr(columns, threshold):
             for i in range(k):
                 R[i, k], R[i, p] = R[i, p], R[i, k]
         q = columns[k]
-        for i in range(k):  # what rounding left of the columns before
+        for i in range(k):  # rounding errors along the columns before
             d = _dot(columns[i], q, m)
             R[i, k] += d
             for r in range(m):
@@ -84,7 +84,7 @@ def pivoted_qr(columns, threshold):
 
 @kernel(allocates=True)
 def null_basis(order, R, rank):
-    """Null vectors (k, n), one a row, independent but not orthonormal, from `pivoted_qr`."""
+    """Null vectors (k, n) by rows, independent but not orthonormal, from `pivoted_qr`."""
     n = len(order)
     out = np.zeros((n - rank, n))
     for x in range(rank, n):
@@ -100,7 +100,7 @@ def null_basis(order, R, rank):
 
 @kernel(allocates=True)
 def least_norm(columns, rhs, threshold):
-    """Least-squares solution (n,) of least norm of A x = rhs, the columns of A as rows of `columns` (n, m), spoilt."""
+    """Least-squares solution (n,) of least norm of A x = rhs; `columns` (n, m), the rows of Aᵀ, is overwritten."""
     n, m = columns.shape
     order, R, rank, _ = pivoted_qr(columns, threshold)
     left = rhs.copy()
@@ -116,7 +116,7 @@ def least_norm(columns, rhs, threshold):
             s -= R[k, j] * x[order[j]]
         x[order[k]] = s / R[k, k]
     null = null_basis(order, R, rank)
-    for a in range(len(null)):  # made orthonormal, and taken out of x
+    for a in range(len(null)):  # orthonormalised, and removed from x
         v = null[a]
         for _ in range(2):
             for b in range(a):
@@ -134,9 +134,9 @@ def least_norm(columns, rhs, threshold):
 
 @kernel(allocates=True)
 def row_space(rows, threshold):
-    """Which rows of (m, n) unit rows are new, in order, and of which earlier ones the others are combinations.
+    """Find the rows among (m, n) unit rows that are independent of earlier ones, and express the others by them.
 
-    Returns (place (m,): number among the kept rows, or -1; weights (m, rank): of the kept rows in each row left out).
+    Returns (place (m,): number among the kept rows, or -1; weights (m, rank) of the kept rows in each dependent row).
     """
     m, n = rows.shape
     size = min(m, n)

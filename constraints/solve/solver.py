@@ -18,9 +18,9 @@ from constraints.solve.system import Array, Poses, System, plan, scatter
 
 MAX_ITERATIONS = 200
 MAX_POLISHED = 240
-"""columns of the largest system that is polished by a dense decomposition"""
+"""columns of the largest system that is refined by a dense decomposition"""
 ROUNDING = 1e-13
-"""1: pivots below this times the largest are rounding"""
+"""1: pivots below this times the largest are rounding errors"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,14 +28,14 @@ class Solution:
     """The result of `solve`."""
 
     poses: Mapping[int, pin.SE3]
-    """of each movable body that a constraint speaks of; where nothing had to move, the pose that was given"""
+    """of each movable body with a constraint; the given pose if it did not have to move"""
     residual: float
-    """m or rad: greatest row over all constraints that a movable body takes part in"""
+    """m or rad: greatest row of all constraints with a movable body"""
     converged: bool
-    """every row within `tolerance.solver` (or what float64 resolves at the scene's size, if that is more)"""
+    """whether every row is within `tolerance.solver`, or the resolution of float64 at the scene's size"""
     iterations: int
     conflicting: tuple[int, ...] = ()
-    """places of the constraints that do not hold at `poses` (empty if converged); `mobility` says which clash"""
+    """indices of the constraints that do not hold at `poses` (empty if converged); `mobility` finds the conflicts"""
 
 
 def solve(
@@ -44,15 +44,15 @@ def solve(
     movable: Iterable[int],
     tolerance: Tolerance | None = None,
 ) -> Solution:
-    """Move the movable bodies, as little as it takes, until the constraints hold.
+    """Return the nearest poses of the movable bodies at which the constraints hold.
 
-    Only connected components with a movable body are looked at, and of these only the ones that do not hold already
-    are moved. A contradiction ends at the least-squares poses, with `converged` False.
+    Only connected components with a movable body are considered, and only those that do not hold are moved. A
+    contradiction ends at the least-squares poses, with `converged` False.
 
     Parameters
     ----------
-    constraints: any order; a solution does not depend on names, only on this order's rounding.
-    poses: of every body that a constraint names, by id (sequence or mapping); not changed.
+    constraints: in any order, which affects solutions by rounding only.
+    poses: of every body with a constraint, by id (sequence or mapping); not changed.
     movable: ids of the bodies that may move.
 
     Raises
@@ -90,7 +90,7 @@ def solve(
 
 
 def run(system: System, rotation: Array, translation: Array, tolerance: Tolerance) -> tuple[int, int, float]:
-    """Solve one system, poses changed in place: (status, iterations, greatest residual)."""
+    """Solve one system, changing poses in place; return (status, iterations, greatest residual)."""
     e = system.elimination
     state = kernels.solve_system(
         system.code, system.body, system.element, system.param, system.start, system.weight, system.extent,
@@ -103,7 +103,7 @@ def run(system: System, rotation: Array, translation: Array, tolerance: Toleranc
 def _finish(
     system: System, rotation: Array, translation: Array, tolerance: Tolerance, state: tuple[int, int, float]
 ) -> tuple[int, int, float]:
-    """Polish what Levenberg-Marquardt left unsolved, where the system is small enough."""
+    """Refine what Levenberg-Marquardt left unsolved, if the system is small enough."""
     status, iterations, worst = state
     if status == kernels.SOLVED or 6 * len(system.movable) > MAX_POLISHED:
         return state
@@ -115,8 +115,8 @@ def _finish(
 def _polish(system: System, rotation: Array, translation: Array, worst: float, limit: float) -> tuple[int, float]:
     """Gauss-Newton steps of least norm from an orthogonal decomposition, while each halves the residual.
 
-    JᵀJ hides what is weaker than 1e-7 (planes that far from parallel); here anything above rounding is followed, since
-    a step is taken only if it pays.
+    JᵀJ loses singular values below 1e-7 (planes that far from parallel); here all above rounding are used, since a step
+    is taken only if it halves the residual.
     """
     columns = np.argsort(system.elimination.position)
     turned, moved = rotation.copy(), translation.copy()

@@ -1,8 +1,8 @@
-"""`System`: the constraints of one connected component as flat arrays, with the elimination order of its parts.
+"""`System`: the constraints of one connected component as flat arrays, with the elimination order of its bodies.
 
-Each body is referred to the centroid of its own features, and its rotations are measured in metres at the features'
-diameter; rows in radians are weighed by the smaller one of the two bodies. Rank decisions and "nearest" then mean the
-same for a part of 0.1 mm and one of 1 km, and do not depend on where a file put a part's origin.
+Each body is referred to the centroid of its features, and its rotations are measured in metres at the features'
+diameter; rows in radians are weighted by the smaller diameter of the two bodies. So rank decisions and distances of
+poses do not depend on the scale, from 0.1 mm to 1 km, nor on the origin of a part's frame in its file.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ Poses = Sequence[pin.SE3] | Mapping[int, pin.SE3]
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """Constraints that share movable bodies, ready for the kernels."""
+    """Constraints connected through movable bodies, as arrays for the kernels."""
 
     members: tuple[int, ...]
-    """places of its constraints in the sequence it was made from, ascending"""
+    """indices of its constraints in the given sequence, ascending"""
     constraints: tuple[Constraint, ...]
     bodies: tuple[int, ...]
     """ids, ascending; fixed ones included"""
@@ -42,23 +42,23 @@ class System:
     """ids, ascending; slot s of the unknowns is `movable[s]`"""
     code: Ints
     body: Ints
-    """(e, 2) places in `bodies`"""
+    """(e, 2) indices in `bodies`"""
     element: Array
     """(e, 24) relative to the bodies' centres"""
     param: Array
     start: Ints
     owner: Ints
-    """(m,) row -> place in `constraints`"""
+    """(m,) row -> index in `constraints`"""
     angular: NDArray[np.bool_]
     """(m,)"""
     weight: Array
-    """(m,) what makes a row metres"""
+    """(m,) factor that converts a row to metres"""
     center: Array
     """(n, 3) of each body, its frame"""
     extent: Array
     """(n,) m, diameter of each body's features about its centre"""
     slot: Ints
-    """(n,) body -> slot, or -1 where fixed"""
+    """(n,) body -> slot, -1 for fixed bodies"""
     elimination: Elimination
     target: Ints
     """(e,) block of the equation's pair of movable bodies, or -1"""
@@ -70,7 +70,7 @@ class System:
 
     @cached_property
     def columns(self) -> Ints:
-        """(n,) body -> column of the factorisation, or -1 where fixed."""
+        """(n,) body -> column of the factorisation, -1 for fixed bodies."""
         return np.where(self.slot >= 0, self.elimination.position[self.slot], -1)
 
     @cached_property
@@ -79,29 +79,27 @@ class System:
         return float(np.median(self.extent[self.slot >= 0]))
 
     def gather(self, poses: Poses, rigid: float = Tolerance.rigid) -> tuple[Array, Array]:
-        """Rotations (n, 3, 3) and positions of the centres (n, 3) of the bodies."""
+        """Return rotations (n, 3, 3) and positions of the centres (n, 3) of the bodies."""
         return _gather(poses, self.bodies, np.arange(len(self.bodies)), self.center, rigid)
 
     def scatter(self, rotation: Array, translation: Array) -> dict[int, pin.SE3]:
-        """Poses of the movable bodies."""
+        """Return the poses of the movable bodies."""
         matrix = scatter(rotation, translation, self.center)
         return {b: pin.SE3(matrix[i]) for b, i in zip(self.movable, self.moving, strict=True)}
 
     @cached_property
     def moving(self) -> tuple[int, ...]:
-        """Places in `bodies` of the movable ones."""
+        """Indices of the movable bodies in `bodies`."""
         return tuple(np.flatnonzero(self.slot >= 0).tolist())
 
     def evaluate(self, rotation: Array, translation: Array) -> tuple[Array, Array, Array]:
-        """Residual (m,) and both Jacobians (m, 6) on local twists about the centres; unweighed."""
-        r = np.empty(self.rows)
-        ja = np.empty((self.rows, 6))
-        jb = np.empty((self.rows, 6))
+        """Return the unweighted residual (m,) and both Jacobians (m, 6) on local twists about the centres."""
+        r, ja, jb = np.empty(self.rows), np.empty((self.rows, 6)), np.empty((self.rows, 6))
         jacobians.evaluate(self.code, self.body, self.element, self.param, self.start, rotation, translation, r, ja, jb)
         return r, ja, jb
 
     def dense(self, rotation: Array, translation: Array) -> tuple[Array, Array]:
-        """Weighed residual (m,) and Jacobian (m, 6·movable), columns scaled: both in metres."""
+        """Return the weighted residual (m,) and the scaled Jacobian (m, 6·movable), both in metres."""
         r, ja, jb = self.evaluate(rotation, translation)
         jacobian = np.zeros((self.rows, len(self.movable), 6))
         rows = np.arange(self.rows)
@@ -117,7 +115,7 @@ class System:
 
 
 def components(nodes: Iterable[int], edges: Iterable[tuple[int, int]]) -> tuple[tuple[int, ...], ...]:
-    """Connected components of a graph, each ascending, ordered by their least node."""
+    """Return the connected components of a graph, each ascending, ordered by their least node."""
     parent = {n: n for n in nodes}
 
     def find(x: int) -> int:
@@ -136,7 +134,7 @@ def components(nodes: Iterable[int], edges: Iterable[tuple[int, int]]) -> tuple[
 
 
 def connected(constraints: Sequence[Constraint], movable: Iterable[int]) -> list[list[int]]:
-    """Places of the constraints that a movable body takes part in, grouped by connection through movable bodies."""
+    """Return the indices of the constraints with a movable body, grouped by connection through movable bodies."""
     moves = set(movable)
     between = [[body for body in c.bodies if body in moves] for c in constraints]
     label = {
@@ -155,19 +153,19 @@ def connected(constraints: Sequence[Constraint], movable: Iterable[int]) -> list
 
 @lru_cache(maxsize=128)
 def systems(constraints: tuple[Constraint, ...], movable: frozenset[int]) -> tuple[System, ...]:
-    """One `System` a connected component; kept, since the same constraints are solved step after step."""
+    """Return a `System` for each connected component; cached, since the same constraints are solved in every step."""
     return tuple(build(constraints, tuple(group), movable) for group in connected(constraints, movable))
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """All systems of a set of constraints, packed one after another so that one kernel call solves them."""
+    """All systems of a set of constraints, packed so that one kernel call solves them."""
 
     systems: tuple[System, ...]
     bodies: tuple[int, ...]
     """ids, each once"""
     place: Ints
-    """body of each system, in order -> place in `bodies`"""
+    """bodies of the systems, in order -> index in `bodies`"""
     offset: Ints
     """(k + 1, 6) first equation, row, body, column, off-diagonal block and update of each system"""
     length: Array
@@ -176,65 +174,46 @@ class Plan:
     movable: tuple[int, ...]
     """ids of the movable bodies, system by system"""
     moving: Ints
-    """where they are among the bodies of all systems"""
+    """their indices among the bodies of all systems"""
     system: Ints
-    """which system each belongs to"""
+    """the system of each"""
     packed: tuple[NDArray[Any], ...]
-    """what `system_kernels.solve_all` takes before `offset`"""
+    """arguments of `kernels.solve_all` before `offset`"""
 
     def gather(self, poses: Poses, rigid: float = Tolerance.rigid) -> tuple[Array, Array]:
-        """Rotations and positions of the centres, of each system's bodies in order."""
+        """Return rotations and positions of the centres, of each system's bodies in order."""
         return _gather(poses, self.bodies, self.place, self.center, rigid)
 
 
 @lru_cache(maxsize=128)
 def plan(constraints: tuple[Constraint, ...], movable: frozenset[int]) -> Plan:
-    """The plan of one system a connected component; kept."""
+    """Return the plan of all systems; cached."""
     each = systems(constraints, movable)
     bodies = sorted({b for s in each for b in s.bodies})
     where = {b: i for i, b in enumerate(bodies)}
+    e = [s.elimination for s in each]
     sizes = [
-        (
-            len(s.code),
-            s.rows,
-            len(s.bodies),
-            len(s.elimination.column),
-            len(s.elimination.row),
-            len(s.elimination.update),
-        )
-        for s in each
+        (len(s.code), s.rows, len(s.bodies), len(x.column), len(x.row), len(x.update))
+        for s, x in zip(each, e, strict=True)
     ]
-
     offset = np.concatenate([np.zeros((1, 6)), np.cumsum(np.reshape(sizes, (-1, 6)), axis=0)]).astype(np.int64)
 
-    def pack(arrays: Sequence[NDArray[Any]], *shape: int) -> NDArray[Any]:
-        return np.concatenate(arrays) if arrays else np.zeros((0, *shape))
+    def packed(of: Sequence[Any], names: str) -> list[NDArray[Any]]:
+        return [np.concatenate([getattr(x, name) for x in of] or [np.zeros((0, 3))]) for name in names.split()]
 
-    e = [s.elimination for s in each]
     return Plan(
         each,
         tuple(bodies),
         np.array([where[b] for s in each for b in s.bodies], dtype=np.int64),
         offset,
         np.array([s.length for s in each]),
-        pack([s.center for s in each], 3),
+        packed(each, "center")[0],
         tuple(b for s in each for b in s.movable),
         np.array([first + i for s, first in zip(each, offset[:, 2], strict=False) for i in s.moving], dtype=np.int64),
         np.repeat(np.arange(len(each)), [len(s.movable) for s in each]),
         (
-            pack([s.code for s in each]),
-            pack([s.body for s in each]),
-            pack([s.element for s in each]),
-            pack([s.param for s in each]),
-            pack([s.start for s in each]),
-            pack([s.weight for s in each]),
-            pack([s.extent for s in each]),
-            pack([s.columns for s in each]),
-            pack([s.target for s in each]),
-            pack([x.column for x in e]),
-            pack([x.row for x in e]),
-            pack([x.update for x in e]),
-            pack([x.update_start for x in e]),
+            *packed(each, "code body element param start weight extent columns target"),
+            *packed(e, "column row update update_start"),
         ),
     )
 
@@ -266,7 +245,7 @@ def _gather(poses: Poses, bodies: Sequence[int], place: Ints, center: Array, rig
 
 
 def _without(poses: Poses, bodies: Sequence[int]) -> int:
-    """The first body that has no pose."""
+    """The first body without a pose."""
     for b in bodies:
         try:
             poses[b]
@@ -276,7 +255,7 @@ def _without(poses: Poses, bodies: Sequence[int]) -> int:
 
 
 def scatter(rotation: Array, translation: Array, center: Array) -> Array:
-    """Poses (n, 4, 4) of bodies whose centres are at `translation`."""
+    """Return the poses (n, 4, 4) of bodies whose centres are at `translation`."""
     matrix = np.empty((len(center), 4, 4))
     pose_kernels.from_centres(rotation, translation, center, matrix)
     return matrix
@@ -285,7 +264,7 @@ def scatter(rotation: Array, translation: Array, center: Array) -> Array:
 def build(
     constraints: Sequence[Constraint], members: tuple[int, ...], movable: Iterable[int], bounds: bool = True
 ) -> System:
-    """The system of the constraints at places `members`; without `bounds`, of their equalities alone."""
+    """Return the system of the constraints `members` (indices); without `bounds`, of their equalities alone."""
     chosen = tuple(constraints[i] for i in members)
     moves = set(movable)
     ids = sorted({b for c in chosen for b in c.bodies})
@@ -338,7 +317,7 @@ def build(
 
 
 def _extents(n: int, body: Ints, element: Array, radius: Sequence[float]) -> tuple[Array, Array]:
-    """Centre (n, 3) of each body's features and the diameter (n,) that they span about it, m."""
+    """Centre (n, 3) of each body's features and their diameter (n,) about it, m."""
     index = np.concatenate([body[:, 0], body[:, 1]])
     points = np.concatenate([element[:, 0:3], element[:, 12:15]])
     center = np.zeros((n, 3))

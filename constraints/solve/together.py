@@ -1,4 +1,4 @@
-"""`Together`: the residuals of many constraints in one call."""
+"""`Together`: residuals of many constraints in one call."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Together:
 
     @classmethod
     def of(cls, constraints: Sequence[Constraint]) -> Together:
-        """Pack constraints."""
+        """Return constraints packed as arrays."""
         each = [c.compiled for c in constraints]
         bodies = np.array([c.bodies for c in constraints], np.int64).reshape(-1, 2)
         equations, rows = (np.cumsum([0, *counts]) for counts in ([len(x.code) for x in each], [x.rows for x in each]))
@@ -61,7 +61,7 @@ class Together:
         )  # fmt: skip
 
     def subset(self, chosen: Ints) -> Together:
-        """The constraints at these places, ascending."""
+        """Return the constraints at these indices, which must be ascending."""
         counts = np.diff(self.equations)[chosen]
         lengths = np.diff(self.rows)[chosen]
         equations, rows = np.append(0, np.cumsum(counts)), np.append(0, np.cumsum(lengths))
@@ -74,16 +74,16 @@ class Together:
         )  # fmt: skip
 
     def residual(self, poses: Sequence[pin.SE3]) -> Array:
-        """(m,) m or rad, of all rows; `poses` of every body, by id."""
+        """Return (m,), m or rad: all rows at `poses` of every body, by id."""
         return self.residual_at(*self.gather(poses))
 
     def gather(self, poses: Sequence[pin.SE3]) -> tuple[Array, Array]:
-        """Rotations (u, 3, 3) and translations (u, 3) of the bodies `named`."""
+        """Return rotations (u, 3, 3) and translations (u, 3) of the bodies in `named`."""
         at = np.array([poses[i].homogeneous for i in self.named[0]]).reshape(-1, 4, 4)
         return np.ascontiguousarray(at[:, :3, :3]), np.ascontiguousarray(at[:, :3, 3])
 
     def residual_at(self, rotation: Array, translation: Array) -> Array:
-        """`residual`, of bodies that were gathered."""
+        """Return `residual` at poses from `gather`."""
         m = int(self.rows[-1])
         r, ja, jb = np.empty(m), np.empty((m, 6)), np.empty((m, 6))
         jacobians.evaluate(
@@ -93,10 +93,10 @@ class Together:
 
     @cached_property
     def named(self) -> tuple[list[int], Ints]:
-        """Ids of the bodies, each once, and which of them `side` names."""
+        """(ids of the bodies, indices in them of the entries of `side`)."""
         named, place = np.unique(self.side, return_inverse=True)
         return named.tolist(), place.reshape(self.side.shape)
 
     def distance(self, residual: Array) -> Array:
-        """(k,) m: greatest row in metres of each constraint, 0 where it has none; `residual` (m,) of all rows."""
+        """Return (k,) m: greatest row in metres of each constraint, 0 without one. residual: (m,) of all rows."""
         return np.maximum.reduceat(np.append(np.where(self.linear, np.abs(residual), 0.0), 0.0), self.rows[:-1])

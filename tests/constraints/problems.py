@@ -1,7 +1,5 @@
 """Assemblies and linkages whose answer is known, at their solved pose and shaken off it: for tests and benchmarks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,14 +1,17 @@
 """Small bodies of known geometry for the tests: turned parts from a profile, and boxes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from collision import SurfaceMesh
 from constraints.geometry.features import Feature
 from constraints.geometry.surfaces import Cone, Cylinder, Plane, Sphere, Torus
+
+
+def at(x=0.0, y=0.0, z=0.0, rpy=(0.0, 0.0, 0.0)):
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array([x, y, z], float))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,16 +4,11 @@ import pickle
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from collision import CollisionManager, Tolerance
 from constraints import ConstraintManager, ConstraintsError, UnknownConstraintError
-from tests.constraints.shapes import Builder, arc_face, box, flanged_shaft, housing, rectangles, shaft
-
-
-def at(x=0.0, y=0.0, z=0.0, rpy=(0.0, 0.0, 0.0)):
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array([x, y, z], float))
+from tests.constraints.shapes import Builder, arc_face, at, box, flanged_shaft, housing, rectangles, shaft
 
 
 class Bench:

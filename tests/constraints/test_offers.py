@@ -9,8 +9,8 @@ import pytest
 
 from constraints import ConstraintManager
 from constraints.recognition.pairings import FITS
-from tests.constraints.shapes import Body, box, housing, joined, shaft, turned
-from tests.constraints.test_manager import Bench, at
+from tests.constraints.shapes import Body, at, box, housing, joined, shaft, turned
+from tests.constraints.test_manager import Bench
 
 ON = 0.035
 """m: height of the small box that lies on the large one"""

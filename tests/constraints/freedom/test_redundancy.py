@@ -1,7 +1,5 @@
 """Contradictions and repetitions in the user's terms, on assemblies made by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

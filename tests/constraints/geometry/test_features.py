@@ -1,7 +1,5 @@
 """Faces joined to features, on meshes whose faces are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

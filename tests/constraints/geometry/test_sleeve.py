@@ -1,7 +1,5 @@
 """Faces that a shaft and its bore cannot make collide, on turned parts whose answer is plain."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

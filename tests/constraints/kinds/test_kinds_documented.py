@@ -1,7 +1,5 @@
 """docs/constraints.md says of each kind what the code does."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

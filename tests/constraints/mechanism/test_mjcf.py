@@ -8,7 +8,9 @@ from constraints import solve
 from constraints.freedom.graph import AssemblyGraph
 from constraints.mechanism.mjcf import ADVANCE, to_mjcf
 from constraints.mechanism.model import axis_name, mechanism
-from tests.constraints.mechanism.test_model import CASES, at, coordinates, four_bar, frames
+from tests.constraints.mechanism.joints import CASES, frames
+from tests.constraints.mechanism.test_model import coordinates, four_bar
+from tests.constraints.shapes import at
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -4,61 +4,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from constraints import Against, Concentric, Coplanar, Screw, Spherical, solve
+from constraints import solve
 from constraints.freedom.graph import AssemblyGraph
-from constraints.geometry.surfaces import Cylinder, Plane, Sphere
+from constraints.geometry.surfaces import Plane, Sphere
 from constraints.kinds import Tangent
 from constraints.mechanism.model import mechanism
-from constraints.mechanism.urdf import load_urdf, to_urdf
-
-Z = np.array([0.0, 0.0, 1.0])
-
-
-def at(x=0.0, y=0.0, z=0.0, rpy=(0.0, 0.0, 0.0)):
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array([x, y, z], float))
-
-
-def concentric(a, b, at_a, at_b=(0, 0, 0)):
-    return Concentric((a, b), (Cylinder(at_a, Z, 0.01), Cylinder(at_b, Z, 0.01)))
-
-
-def against(a, b, z_a=0.0, z_b=0.0):
-    return Against((a, b), (Plane([0, 0, z_a], Z), Plane([0, 0, z_b], -Z)))
-
-
-def hinge(a, b, at_a, at_b=(0, 0, 0)):
-    return [concentric(a, b, at_a, at_b), against(a, b)]
-
-
-CASES = {
-    "revolute": hinge(0, 1, [0.1, 0, 0]),
-    "cylindrical": [concentric(0, 1, [0.1, 0, 0])],
-    "planar": [against(0, 1)],
-    "spherical": [Spherical((0, 1), (Sphere([0.1, 0, 0], 0.02), Sphere([0, 0, 0], 0.02)))],
-    "screw": [Screw((0, 1), (Cylinder([0.1, 0, 0], Z, 0.01), Cylinder([0, 0, 0], Z, 0.01)), pitch=2e-3)],
-    "screw left-hand": [Screw((0, 1), (Cylinder([0.1, 0, 0], Z, 0.01), Cylinder([0, 0, 0], Z, 0.01)), pitch=-1.5e-3)],
-    "screw left-hand, axes opposed": [
-        Screw((0, 1), (Cylinder([0.1, 0, 0], -Z, 0.01), Cylinder([0, 0, 0], Z, 0.01)), pitch=-1.5e-3).engaged(
-            at(), at(x=0.1)
-        )
-    ],
-    "prismatic": [
-        against(0, 1),
-        Coplanar((0, 1), (Plane([0.1, 0, 0], [1.0, 0, 0]), Plane([0, 0, 0], [1.0, 0, 0]))),
-    ],
-    "free": [],
-}
-
-
-def frames(model, q):
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, q)
-    return {f.name: data.oMf[i] for i, f in enumerate(model.frames)}
-
-
-def both(made, path, **options):
-    path.write_text(to_urdf(made, **options), encoding="utf-8")
-    return made.model(), load_urdf(path)
+from tests.constraints.mechanism.joints import CASES, Z, against, both, concentric, frames, hinge
+from tests.constraints.shapes import at
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -79,21 +31,6 @@ def test_each_lower_pair_moves_alike_in_model_urdf_and_constraints(name, tmp_pat
             assert np.abs(mine[part].homogeneous - theirs[part].homogeneous).max() < 1e-12
         for c in CASES[name]:
             assert np.abs(c.residual(mine["base"], mine["part"])).max() < 1e-12
-
-
-@pytest.mark.parametrize("pitch", [2e-3, -2e-3])
-@pytest.mark.parametrize("down", [False, True])
-def test_a_turn_of_an_exported_screw_advances_it_by_its_pitch_to_its_own_hand(pitch, down, tmp_path):
-    """Positive is right-hand, and the axis may point either way."""
-    axis = -Z if down else Z
-    thread = Cylinder([0, 0, 0], axis, 0.01)
-    made = mechanism(
-        AssemblyGraph.of([Screw((0, 1), (thread, thread), pitch=pitch)], [at(), at()], [0], ["nut", "bolt"])
-    )
-    for model, _ in both(made, tmp_path / "screw.urdf"):
-        bolt = frames(model, np.array([1.0]))["bolt"]
-        turn = pin.log3(bolt.rotation)[2]
-        assert abs(turn) == pytest.approx(1.0) and bolt.translation[2] == pytest.approx(pitch * turn / (2 * np.pi))
 
 
 def four_bar():
@@ -180,18 +117,3 @@ def test_what_is_no_lower_pair_is_left_out_and_noted():
     made = mechanism(AssemblyGraph.of([rolls], [at(), at(z=0.02)], [0], ["plate", "ball"]))
     assert [j.lower_pair for j in made.joints] == ["free"]
     assert "plate--ball: tangent" in made.notes[0] and "left out" in made.notes[0]
-
-
-def test_masses_and_meshes_reach_the_file(tmp_path):
-    poses = [at(), at(x=0.1)]
-    made = mechanism(AssemblyGraph.of(CASES["revolute"], poses, [0], ["base", "arm & <hand>"]))
-    inertia = pin.Inertia(2.0, np.array([0.01, 0.02, 0.03]), np.diag([0.1, 0.2, 0.25]))
-    path = tmp_path / "m.urdf"
-    path.write_text(to_urdf(made, inertias={1: inertia}, meshes={1: "arm.stl"}), encoding="utf-8")
-    model, _ = load_urdf(path)
-    mine, _ = made.model(inertias={1: inertia})
-    for m in (model, mine):
-        q = np.array([0.7])
-        assert pin.computeTotalMass(m) == pytest.approx(2.0)
-        assert pin.crba(m, m.createData(), q)[0, 0] == pytest.approx(0.25 + 2.0 * (0.01**2 + 0.02**2))
-    assert path.read_text(encoding="utf-8").count('filename="arm.stl"') == 2

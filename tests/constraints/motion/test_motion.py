@@ -1,54 +1,14 @@
 """Constrained motion: the nearest allowed pose, nothing passed at any speed, constraints kept without drift."""
 
-from itertools import combinations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from collision import CollisionManager, Tolerance
-from constraints import ConstraintManager, ConstraintsError, Motion, Screw
+from constraints import ConstraintsError, Screw
 from constraints.geometry.surfaces import Cylinder
 from constraints.kinds.stated import stated
-from constraints.motion.quadratic_program import UndecidedError, quadratic_program
-from constraints.recognition.mated import adjacent_surfaces
-from tests.constraints.shapes import Body, box, flanged_shaft, housing, shaft, turned
-
-
-def at(x=0.0, y=0.0, z=0.0, rpy=(0.0, 0.0, 0.0)):
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array([x, y, z], float))
-
-
-class Room:
-    """Bodies, of which number 0 stands still, and a hand on number 1."""
-
-    def __init__(self, bodies: list[Body], poses, accept=True, **options):
-        self.world = CollisionManager()
-        for k, (body, pose) in enumerate(zip(bodies, poses, strict=True)):
-            self.world.add(body.mesh, pose, movable=k > 0)
-        rules = [lambda c: True] if accept else []
-        self.manager = ConstraintManager([b.features for b in bodies], rules=rules, fixed=[0], **options)
-        self.motion = Motion(self.world, self.manager)
-        self.poses = list(poses)
-        self.movable = range(1, len(bodies))
-
-    def move(self, pose, held=1, movable=None, carried=()):
-        movable = self.movable if movable is None else movable
-        result = self.motion.step({held: pose}, self.poses, movable, {held: carried})
-        for i, p in result.poses.items():
-            self.poses[i] = p
-        return result
-
-    def update(self, wanted=None):
-        changes = self.manager.update(self.poses, self.world.contacts(self.manager.within), wanted)
-        self.motion.sync()
-        return [(c.kind, c.candidate.kind) for c in changes]
-
-    def mate(self):
-        """Accept what is there, and let it snap."""
-        self.update()
-        self.move(self.poses[1])
-        return self
+from tests.constraints.motion.room import Room, bored
+from tests.constraints.shapes import at, box, flanged_shaft, housing, turned
 
 
 def test_a_free_part_goes_where_the_hand_wants_it():
@@ -98,23 +58,6 @@ def test_a_shaking_hand_in_a_cage_never_gets_out():
         assert np.abs(room.poses[1].translation - [0, 0, 0.05]).max() < 0.1
 
 
-def bored(clearance=2e-5, z=0.03):
-    return Room([housing(0.01 + clearance), flanged_shaft(phase=0.05)], [at(), at(z=z)]).mate()
-
-
-@pytest.mark.parametrize("clearance", [2e-5, 1e-4, 0.0])
-def test_a_shaft_turns_and_slides_freely_in_its_bore_whatever_the_facets(clearance):
-    room = bored(clearance)
-    assert [c.kind for c in room.manager.constraints] == ["concentric"]
-    for k in range(1, 40):
-        z, turn = 0.03 + 0.02 * np.sin(0.3 * k), 0.2 * k
-        result = room.move(at(x=0.01 * np.sin(k), z=z, rpy=(0.02 * np.cos(k), 0.0, turn)))
-        pose = room.poses[1]
-        assert result.residual < 1e-9 and not result.blocked
-        assert pose.translation[2] == pytest.approx(z, abs=1e-3)
-        assert abs(pin.log3(pose.rotation.T @ pin.rpy.rpyToMatrix(0, 0, turn))[2]) < 0.02
-
-
 def test_a_hand_that_goes_straight_skips_the_turns_of_a_thread_that_is_drawn_plain():
     room = Room([housing(0.0105), flanged_shaft(phase=0.05)], [at(), at(z=0.03)], accept=False)
     axis = Cylinder([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], 0.01)
@@ -148,21 +91,6 @@ def test_accepting_snaps_the_part_into_place():
     result = room.move(room.poses[1])
     assert result.residual < 1e-9
     assert room.poses[1].translation == pytest.approx([0, 0, 0.01], abs=1e-9)
-
-
-def test_the_subassembly_comes_along():
-    """A ring sits on a shaft's flange: held by the shaft, the ring follows; held by the ring, the shaft does."""
-    ring = housing(0.01, 0.01, 0.02)
-    room = Room([box(0.1, 0.1, 0.1), flanged_shaft(), ring], [at(x=1.0), at(), at(z=0.04)])
-    room.update()
-    assert sorted(c.kind for c in room.manager.constraints) == ["against", "concentric"]
-    start = room.poses[1].actInv(room.poses[2])
-    for held, target in ((1, at(x=0.1, y=0.2, rpy=(0.3, 0.2, 0.1))), (2, at(y=-0.1, z=0.3, rpy=(1.0, -0.4, 0.2)))):
-        result = room.move(target, held)
-        assert result.residual < 1e-9 and set(result.poses) == {1, 2}
-        assert np.abs(room.poses[held].homogeneous - target.homogeneous).max() < 1e-6
-        now = room.poses[1].actInv(room.poses[2])
-        assert now.translation == pytest.approx(start.translation, abs=1e-9)
 
 
 def test_a_subassembly_is_stopped_by_what_its_other_end_hits():
@@ -199,35 +127,6 @@ def test_what_is_carried_does_not_drift_when_it_is_blocked(accept):
     assert (room.poses[2].translation[2] < 0.2) != accept  # let go of, it comes only if its constraints bring it
 
 
-def test_a_body_is_carried_once_and_by_a_held_one():
-    room = Room([box(1, 1, 0.01), box(0.1, 0.1, 0.1), box(0.1, 0.1, 0.1)], [at(), at(z=0.2), at(z=0.4)], accept=False)
-    for wanted, carried in (({1: at()}, {1: (1,)}), ({1: at()}, {1: (2, 2)}), ({1: at()}, {2: (1,)})):
-        with pytest.raises(ConstraintsError, match="carried"):
-            room.motion.step(wanted, room.poses, [1, 2], carried)
-
-
-def test_parts_that_may_not_move_hold_the_others():
-    room = Room([box(0.1, 0.1, 0.1), flanged_shaft(), housing(0.01, 0.01, 0.02)], [at(x=1.0), at(), at(z=0.04)])
-    room.update()
-    room.move(at(x=0.1, z=0.5, rpy=(0, 0, 1.0)), held=2, movable=[2])
-    assert room.poses[1] == at()
-    assert room.poses[2].translation == pytest.approx([0, 0, 0.04], abs=1e-9)
-    assert abs(pin.log3(room.poses[2].rotation)[2]) == pytest.approx(1.0, abs=1e-6)
-
-
-def test_removing_a_constraint_in_the_middle_of_a_motion_makes_its_surfaces_solid_again():
-    room = bored(clearance=1e-4)
-    (id,) = room.manager.accepted
-    room.move(at(z=0.025))
-    assert room.world.ignored_surfaces(0, 1)
-    room.manager.remove(id)
-    room.manager.rules.clear()
-    room.move(at(x=0.05, z=0.025))
-    assert not room.world.ignored_surfaces(0, 1)
-    assert abs(room.poses[1].translation[0]) < 3e-4  # the bore holds it
-    assert len(room.world.colliding_surfaces()) == 0
-
-
 def test_same_input_same_bits():
     def run():
         room = bored(clearance=1e-4)
@@ -261,84 +160,6 @@ def test_no_drift_in_a_million_steps():
     assert steps(1_000_000) < 1e-9
 
 
-def test_quadratic_program_against_every_active_set():
-    """Random rows, some of them twice or opposed, some of them without a solution."""
-    rng = np.random.default_rng(2)
-    solved = 0
-    for trial in range(120):
-        n, m = int(rng.integers(1, 5)), int(rng.integers(1, 6))
-        root = rng.normal(size=(n, n))
-        h, g, c = root @ root.T + 0.1 * np.eye(n), rng.normal(size=n), rng.normal(size=(m, n))
-        lower = -rng.uniform(0.0, 1.0, m) + (trial % 3 == 0)
-        if trial % 2:
-            twins = rng.integers(0, m, 3)
-            c = np.vstack([c, c[twins], -c[:1]])
-            lower = np.concatenate([lower, lower[twins] - [0.0, 0.0, 0.1], -lower[:1] - rng.choice([0.0, 0.5, -0.5])])
-        m = len(lower)
-        best = np.inf
-        for size in range(min(n, m) + 1):
-            for active in map(list, combinations(range(m), size)):
-                k = np.block([[h, c[active].T], [c[active], np.zeros((size, size))]])
-                try:
-                    y = np.linalg.solve(k, np.concatenate([-g, lower[active]]))[:n]
-                except np.linalg.LinAlgError:
-                    continue
-                if (c @ y >= lower - 1e-9).all():
-                    best = min(best, 0.5 * y @ h @ y + g @ y)
-        found = quadratic_program(h, g, c, lower)
-        assert (found is None) == (best == np.inf)
-        if found is None:
-            continue
-        solved += 1
-        y, pressed = found
-        assert (c @ y >= lower - 1e-9).all()
-        assert 0.5 * y @ h @ y + g @ y == pytest.approx(best, abs=1e-8)
-        assert all(abs(c[k] @ y - lower[k]) < 1e-8 for k in pressed)
-        force, *_ = np.linalg.lstsq(c[pressed].T, h @ y + g, rcond=None)
-        assert c[pressed].T @ force == pytest.approx(h @ y + g, abs=1e-8)
-    assert 60 < solved < 120
-
-
-def test_a_quadratic_program_without_solution_says_so():
-    c = np.array([[1.0], [-1.0]])
-    assert quadratic_program(np.eye(1), np.zeros(1), c, np.array([1.0, 1.0])) is None
-
-
-def test_a_quadratic_program_that_runs_out_of_changes_is_not_taken_for_one_without_solution():
-    n = 6
-    c, lower = np.eye(n), np.ones(n)  # each row becomes active in turn
-    y, pressed = quadratic_program(np.eye(n), np.zeros(n), c, lower)
-    np.testing.assert_allclose(y, 1.0)
-    assert len(pressed) == n
-    with pytest.raises(UndecidedError, match="6 unknowns is undecided after 3 changes"):
-        quadratic_program(np.eye(n), np.zeros(n), c, lower, most_changes=3)
-
-
-def test_adjacent_surfaces_of_a_turned_part():
-    mesh = flanged_shaft().mesh
-    assert adjacent_surfaces(mesh, [1]) == (0, 2)
-    assert adjacent_surfaces(mesh, [0, 1]) == (2,)
-    assert adjacent_surfaces(box(1, 1, 1).mesh, [0]) == (2, 3, 4, 5)
-    assert adjacent_surfaces(shaft().mesh, [0, 1, 2]) == ()
-
-
-def test_tolerance_sets_the_distance_kept():
-    room = Room([box(1.0, 1.0, 0.02), box(0.04, 0.04, 0.04)], [at(), at(z=0.05)])
-    room.world = CollisionManager(Tolerance(linear=1e-4))
-    for body, pose in ((box(1.0, 1.0, 0.02), at()), (box(0.04, 0.04, 0.04), at(z=0.05))):
-        room.world.add(body.mesh, pose)
-    room.motion = Motion(room.world, room.manager, Tolerance(linear=1e-4))
-    room.move(at(z=0.0))
-    assert 4e-5 < room.poses[1].translation[2] - 0.03 < 4e-4
-
-
-def test_back_faces_of_thin_plates_do_not_count_as_facing():
-    room = Room([box(0.3, 0.3, 1e-3), box(0.1, 0.1, 1e-3)], [at(), at(z=0.0012)], accept=False)
-    for x in np.linspace(0.0, 0.05, 6):
-        room.move(at(x=x, z=0.0))
-        assert room.poses[1].translation == pytest.approx([x, 0.0, 0.00102], abs=2e-6)
-
-
 def test_poses_that_are_none_are_refused_before_anything_moves():
     room = bored()
     before = room.world.pose(1)
@@ -353,16 +174,3 @@ def test_a_hand_that_holds_nothing_moves_nothing():
     room = bored()
     result = room.motion.step({}, room.poses, room.movable)
     assert result.poses == {} and not result.blocked
-
-
-def test_two_hands_on_two_parts():
-    """One hand holds the ring, the other the shaft it sits on; what both want together cannot be, so they share it."""
-    room = Room([box(0.1, 0.1, 0.1), flanged_shaft(), housing(0.01, 0.01, 0.02)], [at(x=1.0), at(), at(z=0.04)])
-    room.update()
-    result = room.motion.step({1: at(x=0.01), 2: at(x=-0.01, z=0.04)}, room.poses, room.movable)
-    assert result.residual < 1e-9
-    assert all(0.001 < shift < 0.019 for shift, _ in result.remaining.values())
-    turned = {1: at(rpy=(0, 0, 0.3)), 2: at(z=0.04, rpy=(0, 0, -0.4))}
-    result = room.motion.step(turned, [room.poses[0], result.poses[1], result.poses[2]], room.movable)
-    for body, pose in turned.items():
-        assert np.abs(pin.log3(result.poses[body].rotation.T @ pose.rotation)).max() < 1e-6

@@ -10,7 +10,7 @@ from collision import CollisionManager, Tolerance
 from constraints import recognise, solve
 from constraints.geometry.surfaces import Plane
 from constraints.recognition.pairings import DEFAULT_KINDS, SLIGHT
-from tests.constraints.shapes import Builder, box, housing, shaft, turned
+from tests.constraints.shapes import Builder, at, box, housing, shaft, turned
 
 EXACT = replace(Tolerance(), reach=0.0, reach_angular=0.0)
 PLATE = box(0.2, 0.2, 0.02)  # its top is z = 0.01
@@ -21,10 +21,6 @@ TURN = pin.rpy.rpyToMatrix(0.5, 0.6, 0.2)
 CORNERS = 0.02 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) @ TURN.T
 LOWEST = CORNERS[np.argmin(CORNERS[:, 2])]
 HALF = 0.02 * np.sqrt(2.0)
-
-
-def at(x=0.0, y=0.0, z=0.0, rpy=(0.0, 0.0, 0.0)):
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array([x, y, z], float))
 
 
 def found(bodies, poses, kinds=(*DEFAULT_KINDS, *SLIGHT)):

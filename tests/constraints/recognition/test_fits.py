@@ -1,7 +1,5 @@
 """Fits against surfaces that are known: exact points in, the surface out; noise in, no worse than the noise out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -10,13 +10,9 @@ from constraints import recognise
 from constraints.geometry.threads import threaded
 from constraints.recognition.recognise import contacts_within
 from tests.constraints.geometry.test_threads import helix
-from tests.constraints.shapes import Builder, arc_face, box, housing, rectangles, shaft, turned
+from tests.constraints.shapes import Builder, arc_face, at, box, housing, rectangles, shaft, turned
 
 EXACT = replace(Tolerance(), reach=0.0, reach_angular=0.0)
-
-
-def at(x=0.0, y=0.0, z=0.0, rpy=(0.0, 0.0, 0.0)):
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array([x, y, z], float))
 
 
 def found(bodies, poses, features=None, **options):

@@ -8,7 +8,7 @@ import pytest
 
 from collision import CollisionManager, Tolerance
 from constraints import recognise
-from constraints.recognition.iso286 import FINE_STEPS, STEPS, FitClassError, _highest, fit_class, greatest_interference
+from constraints.recognition.iso286 import FINE_STEPS, STEPS, FitClassError, fit_class, greatest_interference
 from tests.constraints.shapes import housing, shaft
 
 
@@ -67,7 +67,7 @@ def test_the_greatest_interference_of_a_shaft_in_a_hole_h(shaft, diameter, most)
 def test_fine_and_coarse_steps_agree():
     """Each step of sizes of r, s and u lies in one of the others; deviations grow with the letter and the size."""
     assert set(STEPS) <= set(FINE_STEPS) and sorted(FINE_STEPS) == list(FINE_STEPS)
-    by_size = [[_highest(letter, 7, size) for letter in "hkmnprsu"] for size in FINE_STEPS]
+    by_size = [[greatest_interference(f"{letter}7", 1e-3 * size) for letter in "hkmnprsu"] for size in FINE_STEPS]
     assert all(row == sorted(row) for row in by_size) and all(list(c) == sorted(c) for c in zip(*by_size, strict=True))
 
 

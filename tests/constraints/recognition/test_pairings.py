@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from collision import Tolerance
 from constraints.errors import GeometryError
-from constraints.geometry.surfaces import cross, norm
 from constraints.geometry.views import Extent, FeatureView, Limits
 from constraints.recognition.candidate import KINDS
 from constraints.recognition.pairings import FITS, PAIRINGS, matches, over, rows_for
@@ -191,14 +190,6 @@ def test_as_much_of_the_table_as_tells_some_kinds_says_the_same_of_them(kinds):
                 else:
                     assert part is None or part.kind not in kinds
     assert told == kinds & {"against", "concentric", "tangent"}
-
-
-def test_products_and_lengths_are_those_of_numpy_to_the_bit():
-    rng = np.random.default_rng(0)
-    for _ in range(2000):
-        u, v = rng.normal(size=(2, 3)) * 10.0 ** rng.integers(-9, 9, (2, 1))
-        assert cross(u, v).tolist() == np.cross(u, v).tolist()
-        assert norm(u) == np.linalg.norm(u)
 
 
 def all_features():

@@ -1,7 +1,5 @@
 """Many patches fitted at once, against one after the other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

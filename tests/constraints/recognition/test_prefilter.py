@@ -1,7 +1,5 @@
 """The filter by arrays drops no pair of features that the pairing table matches, and nearly all others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,36 +6,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from collision import CollisionManager, SurfaceMesh, Tolerance
-from constraints import recognise, solve
+from collision import SurfaceMesh, Tolerance
+from constraints import solve
 from constraints.freedom.mobility import mobility
 from constraints.geometry.features import group_features
-from tests.constraints.shapes import (
-    Body,
-    Builder,
-    arc_face,
-    box,
-    flanged_shaft,
-    housing,
-    joined,
-    rectangles,
-    shaft,
-    turned,
-)
-
-EXACT = replace(Tolerance(), reach=0.0, reach_angular=0.0)
-
-
-def at(x=0.0, y=0.0, z=0.0, rpy=(0.0, 0.0, 0.0)):
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array([x, y, z], float))
-
-
-def found(bodies, poses, tolerance=EXACT, **options):
-    world = CollisionManager(tolerance)
-    for body, pose in zip(bodies, poses, strict=True):
-        world.add(body.mesh, pose)
-    rows = world.contacts(max(tolerance.reach, tolerance.clearance))
-    return recognise([b.features for b in bodies], poses, rows, tolerance, **options)
+from tests.constraints.recognition.finding import EXACT, found
+from tests.constraints.shapes import Body, Builder, arc_face, at, box, flanged_shaft, housing, joined, rectangles, shaft
 
 
 def kinds(candidates):
@@ -230,13 +206,6 @@ def test_only_the_kinds_asked_for():
     assert kinds(found(bodies, poses, kinds=["against"])) == ["against"]
 
 
-def test_better_mates_come_first():
-    bodies = [box(0.1, 0.1, 0.02), box(0.05, 0.05, 0.05), box(0.05, 0.05, 0.05)]
-    poses = [at(), at(z=0.035), at(x=0.06, y=0.06, z=0.0352)]
-    scores = [c.score for c in found(bodies, poses, Tolerance())]
-    assert scores[0] == pytest.approx(1.0) and scores == sorted(scores, reverse=True) and scores[-1] < 0.9
-
-
 @pytest.mark.parametrize("clearance", [2e-5, -2e-5])
 def test_fit_is_judged_on_the_surfaces_not_on_their_facets(clearance):
     """20 µm at Ø20 mm vanish in the facets of 32 sections (48 µm of sag), whichever way the facets stand."""
@@ -252,20 +221,3 @@ def test_faces_of_no_type_belong_to_no_mate():
     body = builder.body()
     assert isinstance(body.mesh, SurfaceMesh) and body.features == ()
     assert found([body, box(0.1, 0.1, 0.1)], [at(), at(z=0.05)]) == ()
-
-
-def test_every_candidate_says_why():
-    tapered = turned([(0, 0), (0.01, 0), (0.02, 0.04), (0, 0.04)])
-    seat = turned([(0.01, 0), (0.03, 0), (0.03, 0.04), (0.02, 0.04)])
-    (candidate,) = found([tapered, seat], [at(), at()])
-    assert candidate.kind == "conical" and "half angle 14.04°" in candidate.why and "touch" in candidate.why
-
-
-@pytest.mark.parametrize(
-    ("gap", "words"),
-    [(0.0, "their faces touch"), (5e-6, "their faces touch"), (8.3e-4, "within reach, 0.83 mm apart at the nearest")],
-)
-def test_faces_are_said_to_touch_only_where_they_do(gap, words):
-    (candidate,) = found([box(0.1, 0.1, 0.1), box(0.1, 0.1, 0.1)], [at(), at(z=0.1 + gap)], Tolerance())
-    assert candidate.why.endswith(words)
-    assert ("touch" in candidate.why) == (gap <= Tolerance().linear)

@@ -3,13 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from collision import CollisionManager, Tolerance
 from constraints import recognise
 from constraints.geometry.reach import reached
-from tests.constraints.shapes import Builder, arc_face, box, housing, shaft, turned
+from tests.constraints.shapes import Builder, arc_face, at, box, housing, shaft, turned
 
 EXACT = replace(Tolerance(), reach=0.0, reach_angular=0.0)
 PLATE = box(0.2, 0.2, 0.02)  # its top is z = 0.01
@@ -18,10 +17,6 @@ BALL = turned([(0, -0.02, ("ball", 0.0)), (0, 0.02)], n=48)
 SPIKE = turned([(0, 0), (0.02, 0.06), (0, 0.06)], n=48)  # a cone, apex down
 RING = turned([(0.05, 0.0, ("ring", 0.04, 0.0)), (0.03, 0.0)], n=48)  # the upper half of a torus
 LYING = (np.pi / 2, 0.0, 0.0)
-
-
-def at(x=0.0, y=0.0, z=0.0, rpy=(0.0, 0.0, 0.0)):
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array([x, y, z], float))
 
 
 def found(bodies, poses, tolerance=EXACT):

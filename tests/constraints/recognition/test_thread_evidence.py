@@ -1,7 +1,5 @@
 """What tells a screw in its tapped hole from a dowel in a bore that is too small."""
 
-from __future__ import annotations
-
 import pytest
 
 from constraints.geometry.metric_threads import PITCHES

@@ -1,7 +1,5 @@
 """A verdict that is kept is the one that measuring gives, wherever bodies go; sliding along a mate measures seldom."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from typing import Any

@@ -1,7 +1,5 @@
 """Block Cholesky against numpy, and orders of elimination small enough to see."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The solver: residuals end below 1e-12, what need not move stays, and the solution found is the nearest."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np
@@ -20,7 +18,6 @@ from constraints.kinds import (
     Distance,
     Fixed,
     Gear,
-    Line,
     Offset,
     Parallel,
     Point,
@@ -350,9 +347,3 @@ def test_what_cannot_be_solved_is_named() -> None:
     bad = pin.SE3(np.eye(3), np.array([0.0, np.nan, 0.0]))
     with pytest.raises(ConstraintsError, match="body 3 is not finite"):
         solve([offset], {0: HOME, 3: bad}, [3])
-
-
-def test_a_line_and_its_reverse_are_one_axis() -> None:
-    line, back = Line([0, 0, 0], Z), Line([0, 0, 5], -Z)
-    solution = solve([Concentric(AB, (line, back))], [HOME, turned([1, 0, 0], 0.2, [0.1, 0, 0])], [1])
-    assert solution.converged and solution.poses[1].rotation[2, 2] == pytest.approx(1.0, abs=1e-12)

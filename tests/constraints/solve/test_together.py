@@ -1,7 +1,5 @@
 """Residuals of many constraints in one call are those of each alone, to the bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

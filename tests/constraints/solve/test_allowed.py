@@ -1,7 +1,5 @@
 """Solutions of a few linear equations against numpy's pseudo-inverse and singular values."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -4,8 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.constraints.motion.test_motion import Room, at
-from tests.constraints.shapes import Builder, arc_face, box, flanged_shaft, housing, shaft, turned
+from tests.constraints.motion.room import Room
+from tests.constraints.shapes import Builder, arc_face, at, box, flanged_shaft, housing, shaft, turned
 
 LINEAR = 1e-5
 
