@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from collision import CollisionManager, Tolerance
 from collision.poses import unpack_all
 from constraints.geometry.surfaces import Geometry
-from physics.contact.contact_problem import NO_CONTACTS, Contacts
+from physics.contact.contact_problem import NO_CONTACTS, Contacts, joined
 from physics.contact.depenetration import depenetrate
 from physics.contact.neighbour_list import SLACK, NeighbourList
 from physics.errors import BehaviourError, WorldError
@@ -190,7 +190,7 @@ class World:
         self.refresh()
 
     def _set_reaction(self, i: int, reaction: Reaction, stuff: Material | None) -> None:
-        """Store friction and restitution of an object: its behaviours' where they say them, else its material's."""
+        """Store friction and restitution of an object: of its behaviours where they give them, else of its material."""
         own = (reaction.friction, reaction.restitution)
         number = 0 if stuff is None else self._number_of(stuff.name)
         values = [
@@ -660,7 +660,7 @@ class World:
             ended.append(stepper.advance(batch, before, kept, self.time, dt, wrenches))
         if alone.any():
             stepper.coast(ids[alone], self._forces.constant[ids[alone]], dt)
-        return _joined(ended)
+        return joined(ended) if ended else NO_CONTACTS
 
     def _kinematic(self, ids: ArrayLike) -> Ints:
         """Ids of the kinematic bodies among `ids` that move in this step, ascending."""
@@ -676,7 +676,7 @@ class World:
             self._mechanisms[key] = (poses, ArticulatedBody.build(ids, joints, self._bodies, poses))
         return self._mechanisms[key][1]
 
-    # --- small things -------------------------------------------------------------------------------------------------
+    # --- helpers ------------------------------------------------------------------------------------------------------
 
     def _known(self, object_id: int) -> int:
         if object_id not in self.collision.objects:
@@ -729,9 +729,3 @@ def _copied(value: Any) -> Any:
         grips = {key: copy.copy(v) for key, v in value.items() if isinstance(v, Grip)} if len(value) else {}
         return value | grips
     return value
-
-
-def _joined(contacts: list[Contacts]) -> Contacts:
-    if not contacts:
-        return NO_CONTACTS
-    return Contacts(*(np.concatenate(columns) for columns in zip(*contacts, strict=True)))

@@ -12,16 +12,23 @@ from physics.model.shapes import CYLINDER, SPHERE
 
 # columns of the integer rows
 BODY_A, BODY_B, SURFACE_A, SURFACE_B, FEATURE_A, FEATURE_B = range(6)
-# columns of the real rows
-POINT, NORMAL, GAP = 0, 3, 6
 
 # a feature is numbered by its index times 4 plus its kind; a face, a sphere or a bore is its surface
 VERTEX, EDGE, FACE, RIM = 0, 1, 2, 3
 
 TILT = 1e-6
-"""1: sine of the angle below which a rim lies flat on a face, and its vertices stand for it"""
+"""1: sine of the angle below which a rim lies flat on a face, and its vertices are used in its place"""
 FRONT = 1e-2
 """1: sine of the angle by which material may reach behind a face and still count as in front of it"""
+
+
+@inner_kernel
+def end_of_pair(pairs, first):
+    """The row after the last one of `pairs` (k, 4) that has the objects of row `first`."""
+    last = first + 1
+    while last < len(pairs) and pairs[last, 0] == pairs[first, 0] and pairs[last, 2] == pairs[first, 2]:
+        last += 1
+    return last
 
 
 @inner_kernel
@@ -41,11 +48,14 @@ def _from(rotation, origin, p, out):
 
 @inner_kernel
 def _emit(n, ints, reals, a, b, sa, sb, fa, fb, rotation, origin, p, normal, gap, sign):
-    """Append a row; `p` and `normal` are in the frame (rotation, origin); `sign` -1 turns the normal from a to b round.
+    """Append a contact: integers (6,) bodies, surfaces, features; reals (7,) point, normal from b to a, gap.
 
-    Rows hold a < b and the normal from b to a, so a pair has one way to be written.
+    Point `p` and `normal` are in the frame (rotation, origin) of body b. Where `sign` is -1, a and b change places, so
+    that every row holds a < b.
     """
     if n < ints.shape[0]:
+        if sign < 0.0:
+            a, b, sa, sb, fa, fb = b, a, sb, sa, fb, fa
         ints[n, 0], ints[n, 1], ints[n, 2], ints[n, 3], ints[n, 4], ints[n, 5] = a, b, sa, sb, fa, fb
         for i in range(3):
             reals[n, i] = rotation[i, 0] * p[0] + rotation[i, 1] * p[1] + rotation[i, 2] * p[2] + origin[i]
@@ -59,13 +69,7 @@ def _emit(n, ints, reals, a, b, sa, sb, fa, fb, rotation, origin, p, normal, gap
 @inner_kernel
 def _inside(p, a, b, c, n):
     """Whether `p`, seen along the normal `n`, lies in the triangle (its border counts)."""
-    for e in range(3):
-        if e == 0:
-            u, v = a, b
-        elif e == 1:
-            u, v = b, c
-        else:
-            u, v = c, a
+    for u, v in ((a, b), (b, c), (c, a)):
         ex, ey, ez = v[0] - u[0], v[1] - u[1], v[2] - u[2]
         px, py, pz = p[0] - u[0], p[1] - u[1], p[2] - u[2]
         side = n[0] * (ey * pz - ez * py) + n[1] * (ez * px - ex * pz) + n[2] * (ex * py - ey * px)

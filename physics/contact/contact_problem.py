@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +36,11 @@ WIDER = 1.25
 would shrink slowly"""
 
 NO_CONTACTS = Contacts(np.zeros((0, 6), np.int64), np.zeros((0, 7)), np.zeros((0, 3)))
+
+
+def joined(parts: Iterable[Contacts]) -> Contacts:
+    """The contacts of all parts, in their order; there is at least one part."""
+    return Contacts(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
 @kernel(allocates=True)
@@ -349,7 +355,7 @@ def push_apart(unknowns, contacts, chosen, tolerance):
     """
     m, im, world, inverse_world = unknowns.masses()
     cb, cj, bias, friction = unknowns.rows_of(contacts, chosen)
-    bias[:] = 0.0  # things stand still
+    bias[:] = 0.0  # the bodies are at rest
     gaps = contacts.reals[chosen, 6]
     bias[:, 0] = np.where(gaps < 0.0, WIDER * gaps, gaps)
     move = np.empty((len(unknowns.ids), 6))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from collision import Tolerance
 from physics.contact import contact_problem, impact_energy, penetration_filter
-from physics.contact.contact_problem import NO_CONTACTS, Contacts, MovingBodies, Targets
+from physics.contact.contact_problem import NO_CONTACTS, Contacts, MovingBodies, Targets, joined
 from physics.contact.narrow_phase import find
 from physics.contact.surface_pairs import within
 from physics.joints.rows import assemble, joint_rows
@@ -42,7 +42,7 @@ DEEPEST = 0.3
 
 
 class ContactSet:
-    """Contacts of the bodies as they stand. Holds workspace, pair coefficients and the largest solver residual."""
+    """Contacts of the bodies at their poses. Holds workspace, pair coefficients and the largest solver residual."""
 
     def __init__(self, bodies: Bodies, tolerance: Tolerance) -> None:
         self.bodies = bodies
@@ -388,15 +388,14 @@ class ContactSet:
         contacts.force[:] = kept
 
 
-def rows(contacts: Contacts, mask: NDArray[np.bool_] | slice) -> Contacts:
-    """Copies of the contacts of a mask."""
-    return Contacts(contacts.ints[mask], contacts.reals[mask], contacts.force[mask])
+def rows(contacts: Contacts, which: NDArray[np.bool_] | Ints | slice) -> Contacts:
+    """The contacts of a mask, of row numbers or of a slice."""
+    return Contacts(contacts.ints[which], contacts.reals[which], contacts.force[which])
 
 
 def merged(batch: Batch, parts: list[Contacts]) -> Contacts:
     """Concatenated contacts of parts of a batch, in the order of its islands."""
     if len(parts) == 1:
         return parts[0]
-    ints, reals, force = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    order = np.argsort(batch.of_rows(ints), kind="stable")
-    return Contacts(ints[order], reals[order], force[order])
+    out = joined(parts)
+    return rows(out, np.argsort(batch.of_rows(out.ints), kind="stable"))

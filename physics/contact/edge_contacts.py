@@ -34,7 +34,7 @@ def _outward(ux, uy, uz, wings, k):
 def _flush(ux, uy, uz, wings_a, vx, vy, vz, wings_b, normal):
     """Whether a face at the edge u of a lies flat on one at the edge v of b; then that face's normal, into `normal`.
 
-    The cross product of two edges that are nearly parallel says little about it.
+    The cross product of two nearly parallel edges is too inexact to be a normal.
     """
     for k in range(2):
         ax, ay, az = _outward(ux, uy, uz, wings_a, k)
@@ -52,7 +52,7 @@ BEYOND = 0.1
 
 
 @inner_kernel
-def _goes_on(s, bend, depth):
+def _crosses(s, bend, depth):
     """Whether a crossing at `s` of an edge (0 … 1) is on it or, sunk in by `depth` (in lengths of the edge), just past.
 
     Where a curve of facets bends, a penetrating crossing leaves one edge before it reaches the next.
@@ -134,8 +134,8 @@ def edges_on_edges(
             t = (wx * (uy * nz - uz * ny) + wy * (uz * nx - ux * nz) + wz * (ux * ny - uy * nx)) / nn
             past = s < -1e-9 or s > 1.0 + 1e-9 or t < -1e-9 or t > 1.0 + 1e-9
             if past and not (
-                _goes_on(s, shapes.edge_bend[ea], abs(gap) * np.sqrt(vv / nn))
-                and _goes_on(t, shapes.edge_bend[eb], abs(gap) * np.sqrt(uu / nn))
+                _crosses(s, shapes.edge_bend[ea], abs(gap) * np.sqrt(vv / nn))
+                and _crosses(t, shapes.edge_bend[eb], abs(gap) * np.sqrt(uu / nn))
             ):
                 continue
             normal[0], normal[1], normal[2] = nx / size, ny / size, nz / size
@@ -172,7 +172,7 @@ def edges_on_edges(
             if not listed:
                 continue
             at[0], at[1], at[2] = p0[0] + s * ux, p0[1] + s * uy, p0[2] + s * uz
-            n = _emit(n, ints, reals, a, b, sa, sb, 4 * ea + EDGE, 4 * eb + EDGE, rb, pb, at, normal, gap, 1.0)
+            n = _emit(n, ints, reals, a, b, sa, sb, 4 * ea + EDGE, 4 * eb + EDGE, rb, pb, at, normal, gap, 1)
     return n
 
 
@@ -260,8 +260,6 @@ def edges_on_bars(
                 sa = shapes.edge_surfaces[e, 1]
                 if not _listed(pairs, first, last, sa, sb, side):
                     continue
-            if side == 0:
-                n = _emit(n, ints, reals, a, b, sa, sb, 4 * e + EDGE, 4 * sb + FACE, rb, pb, q, normal, gap, 1.0)
-            else:
-                n = _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, 4 * e + EDGE, rb, pb, q, normal, gap, -1.0)
+            sign = 1 - 2 * side
+            n = _emit(n, ints, reals, a, b, sa, sb, 4 * e + EDGE, 4 * sb + FACE, rb, pb, q, normal, gap, sign)
     return n

@@ -27,6 +27,7 @@ from physics.contact.contact_features import (
     _over,
     _to,
     _union,
+    end_of_pair,
 )
 from physics.contact.edge_contacts import edges_on_bars, edges_on_edges
 from physics.model.shapes import CYLINDER, FACETED, SPHERE
@@ -75,7 +76,7 @@ def _vertices_on_faces(
                 continue
             v = vertices[i]
             front = True
-            # the wall of a bore bends towards a shaft in it: its chords lead into the shaft and say nothing
+            # the wall of a bore curves towards a shaft in it: its chords lead into the shaft, and are no evidence
             bore = (
                 shapes.vertex_bore[v] if shapes.kinds[gb + sb] == CYLINDER and shapes.analytic[gb + sb, 7] > 0 else -1
             )
@@ -96,10 +97,8 @@ def _vertices_on_faces(
             if not front or not _belongs(shapes, pairs, first, last, side, ga + fa, v, sb):
                 continue
             sa = pairs[row, 1 + 2 * side]
-            if side == 0:
-                n = _emit(n, ints, reals, a, b, sa, sb, 4 * v + VERTEX, 4 * sb + FACE, rb, pb, p, normal, gap, 1.0)
-            else:
-                n = _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, 4 * v + VERTEX, rb, pb, p, normal, gap, -1.0)
+            sign = 1 - 2 * side
+            n = _emit(n, ints, reals, a, b, sa, sb, 4 * v + VERTEX, 4 * sb + FACE, rb, pb, p, normal, gap, sign)
     return n
 
 
@@ -130,10 +129,7 @@ def _rims_on_faces(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin, d
         if gap == np.inf:
             continue
         rim = 4 * int(circle[7]) + RIM
-        if sign > 0:
-            n = _emit(n, ints, reals, a, b, sa, sb, rim, 4 * sb + FACE, rb, pb, q, normal, gap, 1.0)
-        else:
-            n = _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, rim, rb, pb, q, normal, gap, -1.0)
+        n = _emit(n, ints, reals, a, b, sa, sb, rim, 4 * sb + FACE, rb, pb, q, normal, gap, sign)
     return n
 
 
@@ -190,9 +186,7 @@ def _ball_on_surface(shapes, a, b, sa, sb, row_a, row_b, ra, pa, rb, pb, margin,
         return n
     for i in range(3):
         p[i] -= (radius + 0.5 * gap) * normal[i]
-    if sign > 0:
-        return _emit(n, ints, reals, a, b, sa, sb, 4 * sa + FACE, 4 * sb + FACE, rb, pb, p, normal, gap, 1.0)
-    return _emit(n, ints, reals, b, a, sb, sa, 4 * sb + FACE, 4 * sa + FACE, rb, pb, p, normal, gap, -1.0)
+    return _emit(n, ints, reals, a, b, sa, sb, 4 * sa + FACE, 4 * sb + FACE, rb, pb, p, normal, gap, sign)
 
 
 @kernel
@@ -210,9 +204,7 @@ def find(pairs, rotations, origins, shape_of, shapes, margins, depths, ints, rea
     first = 0
     while first < pairs.shape[0]:
         a, b = pairs[first, 0], pairs[first, 2]
-        last = first + 1
-        while last < pairs.shape[0] and pairs[last, 0] == a and pairs[last, 2] == b:
-            last += 1
+        last = end_of_pair(pairs, first)
         margin, depth = margins[first], depths[first]
         fa, fb = shape_of[a], shape_of[b]
         ga, gb = shapes.first_surface[fa], shapes.first_surface[fb]

@@ -19,13 +19,13 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SLACK = 2e-3
-"""m: least slack of the list; more where things are fast, so that it lasts some steps"""
+"""m: least slack of the list; more where bodies are fast, so that the list lasts some steps"""
 CROWD = 64
 """bodies: among more, a long list costs more than making it anew"""
 
 
 class NeighbourList:
-    """Pairs of near surfaces of moving objects with everything solid, and the contact shapes of their objects.
+    """Pairs of near surfaces of moving objects and all other solid objects, and the contact shapes of their objects.
 
     geometries: by object id, surfaces that are known analytically (mesh frame).
     """

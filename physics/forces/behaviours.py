@@ -270,7 +270,7 @@ class Motor(Behaviour):
     """A torque about (or, `linear`, a force along) an axis of the object, on a speed governor.
 
     `axis` (3,) and `point` (3,) lie in the mesh frame; `Motor.on` takes them from a joint. The effort is
-    gain · (speed - actual), limited to `limit` (N·m or N); the other side of the joint stands still, or has a motor of
+    gain · (speed - actual), limited to `limit` (N·m or N); the other side of the joint is at rest, or has a motor of
     its own for the reaction.
     """
 

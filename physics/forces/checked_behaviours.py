@@ -36,7 +36,7 @@ class CheckedBehaviours:
     def wrench(self, behaviour: Behaviour, view: View) -> Array:
         """(6,) wrench of a behaviour on the object of the view. BehaviourError if it raises or returns no wrench."""
         i = view.object_id
-        given = self._asked(i, behaviour, "wrench", view)
+        given = self._called(i, behaviour, "wrench", view)
         if given is None:
             return np.zeros(6)
         try:
@@ -51,7 +51,7 @@ class CheckedBehaviours:
 
     def pose(self, i: int, path: Behaviour, time: float) -> pin.SE3 | None:
         """Pose that `path` gives object i at `time`, s; None: the object is free. BehaviourError as for `wrench`."""
-        pose = self._asked(i, path, "pose", time)
+        pose = self._called(i, path, "pose", time)
         return None if pose is None else self.rigid(i, pose, type(path).__name__)
 
     def rigid(self, i: int, pose: object, name: str) -> pin.SE3:
@@ -69,7 +69,7 @@ class CheckedBehaviours:
         """Reaction of object i after all its behaviours. BehaviourError if one raises or returns an impossible one."""
         reaction = Reaction()
         for behaviour in behaviours:
-            reaction = self._asked(i, behaviour, "reaction", reaction)
+            reaction = self._called(i, behaviour, "reaction", reaction)
             name, called = type(behaviour).__name__, self.called(i)
             if not isinstance(reaction, Reaction):
                 raise BehaviourError(f"{called}: {name}.reaction returned {_line(reaction)}, no Reaction", i, name)
@@ -85,7 +85,7 @@ class CheckedBehaviours:
                 raise BehaviourError(text, i, name)
         return reaction
 
-    def _asked(self, i: int, behaviour: Behaviour, question: str, *given: object) -> Any:
+    def _called(self, i: int, behaviour: Behaviour, question: str, *given: object) -> Any:
         try:
             return getattr(behaviour, question)(*given)
         except Exception as error:

@@ -73,7 +73,7 @@ class Forces:
             self.varying[i] = varying
 
     def remove(self, i: int) -> None:
-        """Let nothing act on object i."""
+        """Remove all behaviours of object i."""
         self.set(i, np.zeros(6), (), 0.0)
 
     def set_gravity(self, gravity: Array) -> None:

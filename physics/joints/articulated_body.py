@@ -135,7 +135,7 @@ class ArticulatedBody:
     # --- coordinates --------------------------------------------------------------------------------------------------
 
     def read(self, bodies: Bodies) -> tuple[Array, Array]:
-        """Joint coordinates (nq,) and velocities (nv,) of the bodies as they stand."""
+        """Joint coordinates (nq,) and velocities (nv,) at the bodies' present poses."""
         q = np.empty(self.model.nq)
         v = np.empty(self.model.nv)
         frames = {-1: pin.SE3.Identity()}

@@ -93,7 +93,7 @@ class ArticulatedMotion:
             if slip is None:
                 return False
             if self.fixed is not None and len(slip) == len(v) and not slip.any() and not v.any():
-                break  # it stands
+                break  # at rest
             taken = self._smooth(q, v, end - t, t, slip)
             if taken is None:
                 return False

@@ -41,7 +41,7 @@ class ThreadFriction:
     radius: float
     """m, effective: the mean of the two features' radii"""
     lead: float
-    """m/rad: how far the second body goes along the axis by a turn about it, negative for a left-hand thread"""
+    """m/rad: translation of the second body along the axis per rotation about it, negative for a left-hand thread"""
     flank: float
     """rad, half-angle of the flanks: 0 for a square thread"""
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from collision.numeric.kernel import inner_kernel
-from collision.numeric.vectors import cross
+from collision.numeric.vectors import cross, rotated
 from physics.model.rotations import exponential, matrix, multiply
 
 MOST_TURN = 1e3
@@ -36,15 +36,6 @@ _A = np.array(
 )
 
 
-@inner_kernel(inline="always")
-def _times(m, v):
-    return (
-        m[0, 0] * v[0] + m[0, 1] * v[1] + m[0, 2] * v[2],
-        m[1, 0] * v[0] + m[1, 1] * v[1] + m[1, 2] * v[2],
-        m[2, 0] * v[0] + m[2, 1] * v[1] + m[2, 2] * v[2],
-    )
-
-
 @inner_kernel(allocates=True)
 def _gauss(q, pi, inverse, h):
     """One step of length h: turns `q` (4,) and `pi` (3,) (body axes) in place."""
@@ -58,7 +49,7 @@ def _gauss(q, pi, inverse, h):
     before = np.inf
     for _ in range(60):
         for i in range(3):
-            w = _times(inverse, stages[i])
+            w = rotated(inverse, stages[i])
             omega[i, 0], omega[i, 1], omega[i, 2] = w
             slope[i, 0], slope[i, 1], slope[i, 2] = cross(stages[i], w)
         change = 0.0
@@ -71,7 +62,7 @@ def _gauss(q, pi, inverse, h):
             break  # at rounding, and no longer shrinking
         before = change
     for i in range(3):
-        w = _times(inverse, stages[i])
+        w = rotated(inverse, stages[i])
         omega[i, 0], omega[i, 1], omega[i, 2] = w
         slope[i, 0], slope[i, 1], slope[i, 2] = cross(stages[i], w)
     for j in range(3):
@@ -101,7 +92,7 @@ def _rate(q, u, momentum, inverse, rotation):
     """ω in body axes at the attitude q exp(u), mapped to u's rate by dexp⁻¹ (enough terms for order 4)."""
     p = multiply((q[0], q[1], q[2], q[3]), exponential(u[0], u[1], u[2]))
     matrix(p, rotation)
-    w = np.array(_times(inverse, _times(rotation.T, momentum)))
+    w = np.array(rotated(inverse, rotated(rotation.T, momentum)))
     first = np.array(cross(u, w))
     return w + 0.5 * first + np.array(cross(u, first)) / 12.0
 
@@ -128,8 +119,8 @@ def fly(q, momentum, inverse, h, method):
     """
     rotation = np.empty((3, 3))
     matrix(q, rotation)
-    pi = np.array(_times(rotation.T, momentum))
-    w = _times(inverse, pi)
+    pi = np.array(rotated(rotation.T, momentum))
+    w = rotated(inverse, pi)
     angle = h * np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     if angle == 0.0:
         return
@@ -137,7 +128,7 @@ def fly(q, momentum, inverse, h, method):
         q[0] = q[1] = q[2] = q[3] = np.nan
         return
     if method == 2:
-        w = _times(rotation, w)
+        w = rotated(rotation, w)
         p = multiply(exponential(h * w[0], h * w[1], h * w[2]), (q[0], q[1], q[2], q[3]))
         q[0], q[1], q[2], q[3] = p
         return
@@ -149,25 +140,10 @@ def fly(q, momentum, inverse, h, method):
             _gauss(q, pi, inverse, h / n)
     if method == 0:  # the least turn that takes R π to L: the momentum in the world is then exact as well
         matrix(q, rotation)
-        has = _times(rotation, pi)
+        has = rotated(rotation, pi)
         axis = cross(has, momentum)
         size = momentum[0] * momentum[0] + momentum[1] * momentum[1] + momentum[2] * momentum[2]
         p = multiply(
             exponential(axis[0] / size, axis[1] / size, axis[2] / size), (q[0], q[1], q[2], q[3])
         )  # the sine is the angle: it is below 1e-9
         q[0], q[1], q[2], q[3] = p
-
-
-@inner_kernel(allocates=True)
-def world_inverse(q, inverse, out):
-    """Inverse inertia in world axes R I⁻¹ Rᵀ (3, 3), into `out`."""
-    rotation = np.empty((3, 3))
-    matrix(q, rotation)
-    for i in range(3):
-        for j in range(i, 3):
-            total = 0.0
-            for k in range(3):
-                for m in range(3):
-                    total += rotation[i, k] * inverse[k, m] * rotation[j, m]
-            out[i, j] = total
-            out[j, i] = total

@@ -6,6 +6,7 @@ A shape is made once a mesh, at its first near contact; all shapes of a world li
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from collision import SurfaceMesh
 from collision.numeric.kernel import kernel
+from collision.numeric.vectors import along, cross, dot, sub
 from constraints.geometry.surfaces import Cylinder, Geometry, Sphere
 from physics.model.body import weld
 
@@ -79,11 +81,11 @@ def make_shape(mesh: SurfaceMesh, geometries: Mapping[int, Geometry] | None = No
     triangles = welded[mesh.order]
     surface_of = mesh.surface_of_triangle[mesh.order].astype(np.int64)
     k = mesh.n_surfaces
-    cross = np.cross(
+    product = np.cross(
         vertices[triangles[:, 1]] - vertices[triangles[:, 0]], vertices[triangles[:, 2]] - vertices[triangles[:, 0]]
     )
-    double_area = np.linalg.norm(cross, axis=1)
-    normals = np.divide(cross, double_area[:, None], out=np.zeros_like(cross), where=double_area[:, None] > 0.0)
+    double_area = np.linalg.norm(product, axis=1)
+    normals = np.divide(product, double_area[:, None], out=np.zeros_like(product), where=double_area[:, None] > 0.0)
     kinds, analytic = _analytic(vertices, triangles, normals, double_area, surface_of, k, geometries)
     pairs = np.unique(np.stack([np.repeat(surface_of, 3), triangles.reshape(-1)], axis=1), axis=0)
     boxes = np.empty((k, 6))
@@ -130,7 +132,7 @@ SAMPLES = 256
 """triangles, the largest first, behind which `_wall` looks for the other side"""
 
 
-@kernel(allocates=True)
+@kernel
 def _behind(points, directions, vertices, triangles, normals, beyond):
     """Least distance along a ray, above `beyond` (m), to a triangle that looks the same way (within 25°)."""
     least = np.inf
@@ -138,20 +140,19 @@ def _behind(points, directions, vertices, triangles, normals, beyond):
         p, d = points[i], directions[i]
         for t in range(len(triangles)):
             n = normals[t]
-            along = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
-            if along < 0.9:
+            cosine = dot(n, d)
+            if cosine < 0.9:
                 continue
             a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
-            way = (n[0] * (a[0] - p[0]) + n[1] * (a[1] - p[1]) + n[2] * (a[2] - p[2])) / along
-            if way <= beyond or way >= least:
+            depth = dot(n, sub(a, p)) / cosine
+            if depth <= beyond or depth >= least:
                 continue
-            q = p + way * d
+            q = along(p, depth, d)
             inside = True
-            for e in range(3):
-                u, v = (a, b) if e == 0 else ((b, c) if e == 1 else (c, a))
-                inside = inside and np.sum(n * np.cross(v - u, q - u)) >= 0.0
+            for u, v in ((a, b), (b, c), (c, a)):
+                inside = inside and dot(n, cross(sub(v, u), sub(q, u))) >= 0.0
             if inside:
-                least = way
+                least = depth
     return least
 
 
@@ -331,57 +332,36 @@ class Shapes(NamedTuple):
     i is row `first_surface[i] + s + i` (and vertex v of shape i is row v + i of `neighbour_start`)"""
 
 
-def _rows(shapes: list[ContactShape]) -> Ints:
-    """`vertex_rim` with rows of the packed circles."""
-    out, base = [], 0
-    for shape in shapes:
-        out.append(np.where(shape.vertex_rim >= 0, shape.vertex_rim + base, -1))
-        base += len(shape.circles)
-    return np.concatenate(out)
+COUNTED = {
+    "neighbour_start": "neighbours",
+    "neighbours": "vertices",
+    "triangles": "vertices",
+    "triangle_start": "triangles",
+    "vertex_start": "surface_vertices",
+    "surface_vertices": "vertices",
+    "edge_start": "surface_edges",
+    "surface_edges": "edges",
+    "edges": "vertices",
+    "circle_start": "circles",
+    "vertex_rim": "circles",
+}
+"""arrays that hold indices, and the array into which: in `Shapes` they grow by its rows of the shapes before"""
+
+
+def _offsets(shapes: list[ContactShape], name: str) -> list[int]:
+    """Where each shape's rows of an array begin once the shapes lie one after the other."""
+    return [0, *accumulate(len(getattr(shape, name)) for shape in shapes[:-1])]
 
 
 def pack(shapes: list[ContactShape]) -> Shapes:
-    """Lay shapes one after the other; indices become global."""
-
-    def starts(name: str, items: str) -> Ints:
-        out = []
-        base = 0
-        for shape in shapes:
-            start = getattr(shape, name)
-            out.append(start + base)
-            base += len(getattr(shape, items))
-        return np.concatenate(out)
-
-    def items(name: str, base_of: str | None = None) -> NDArray:
-        out = []
-        base = 0
-        for shape in shapes:
-            out.append(getattr(shape, name) + base if base_of else getattr(shape, name))
-            base += len(getattr(shape, base_of)) if base_of else 0
-        return np.ascontiguousarray(np.concatenate(out))
-
-    return Shapes(
-        vertices=items("vertices"),
-        neighbour_start=starts("neighbour_start", "neighbours"),
-        neighbours=items("neighbours", "vertices"),
-        triangles=items("triangles", "vertices"),
-        normals=items("normals"),
-        triangle_start=starts("triangle_start", "triangles"),
-        vertex_start=starts("vertex_start", "surface_vertices"),
-        surface_vertices=items("surface_vertices", "vertices"),
-        edge_start=starts("edge_start", "surface_edges"),
-        surface_edges=items("surface_edges", "edges"),
-        edges=items("edges", "vertices"),
-        wings=items("wings"),
-        edge_surfaces=items("edge_surfaces"),
-        edge_sense=items("edge_sense"),
-        edge_bend=items("edge_bend"),
-        circle_start=starts("circle_start", "circles"),
-        circles=items("circles"),
-        vertex_rim=_rows(shapes),
-        vertex_bore=items("vertex_bore"),
-        kinds=items("kinds"),
-        analytic=items("analytic"),
-        boxes=items("boxes"),
-        first_surface=np.cumsum([0] + [len(s.kinds) for s in shapes])[:-1].astype(np.int64),
-    )
+    """Lay shapes one after the other; indices become global, and -1, for none, stays."""
+    packed = {}
+    for name in Shapes._fields[:-1]:
+        parts = [getattr(shape, name) for shape in shapes]
+        if name in COUNTED:
+            parts = [
+                np.where(part >= 0, part + base, part)
+                for part, base in zip(parts, _offsets(shapes, COUNTED[name]), strict=True)
+            ]
+        packed[name] = np.ascontiguousarray(np.concatenate(parts))
+    return Shapes(**packed, first_surface=np.array(_offsets(shapes, "kinds"), np.int64))

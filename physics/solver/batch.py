@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collision.numeric.kernel import kernel
+from physics.contact.contact_features import end_of_pair
 from physics.contact.surface_pairs import apart, closing_speed
 from physics.joints.articulated_body import ArticulatedBody
 from physics.joints.rows import JointConstraint
@@ -157,9 +158,7 @@ def _meeting(pairs, rotations, origins, velocity, radius, shape_of, first_surfac
     first = 0
     while first < len(pairs):
         a, b = pairs[first, 0], pairs[first, 2]
-        last = first + 1
-        while last < len(pairs) and pairs[last, 0] == a and pairs[last, 2] == b:
-            last += 1
+        last = end_of_pair(pairs, first)
         speed = closing_speed(velocity, radius, a, b)
         within = dt * speed + spread[a] + spread[b]
         fa, fb = first_surface[shape_of[a]], first_surface[shape_of[b]]

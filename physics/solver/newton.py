@@ -74,17 +74,22 @@ def rows_of_contacts(bodies, reals, centers, jacobian):
 
 
 @inner_kernel
+def _speed(bias, bodies, row, v):
+    """J v + b of one row (12,)."""
+    for side in range(2):
+        body = bodies[side]
+        if body >= 0:
+            for k in range(6):
+                bias += row[6 * side + k] * v[body, k]
+    return bias
+
+
+@inner_kernel
 def _speeds(bodies, jacobian, v, bias, out):
     """J v + b of blocks of rows (c, r, 12), into `out` (c, r)."""
     for c in range(jacobian.shape[0]):
         for i in range(jacobian.shape[1]):
-            total = bias[c, i]
-            for side in range(2):
-                body = bodies[c, side]
-                if body >= 0:
-                    for k in range(6):
-                        total += jacobian[c, i, 6 * side + k] * v[body, k]
-            out[c, i] = total
+            out[c, i] = _speed(bias[c, i], bodies[c], jacobian[c, i], v)
 
 
 @inner_kernel
@@ -102,13 +107,16 @@ def _push(bodies, jacobian, impulse, out):
                         out[body, k] += jacobian[c, i, 6 * side + k] * f
 
 
-@inner_kernel
-def _apply_inverse(inverse_mass, inverse_inertia, w, out):
-    """out (n, 6) = M⁻¹ w."""
-    for b in range(w.shape[0]):
+@inner_kernel(allocates=True)
+def _pushed(free, cb, cj, impulse, jb, jj, jl, inverse_mass, inverse_inertia, v):
+    """v (n, 6) = v* + M⁻¹ Jᵀ λ of all contacts and joints."""
+    w = np.zeros(free.shape)
+    _push(cb, cj, impulse, w)
+    _push(jb, jj, jl, w)
+    for b in range(len(w)):
         for i in range(3):
-            out[b, i] = inverse_mass[b] * w[b, i]
-            out[b, 3 + i] = (
+            v[b, i] = free[b, i] + inverse_mass[b] * w[b, i]
+            v[b, 3 + i] = free[b, 3 + i] + (
                 inverse_inertia[b, i, 0] * w[b, 3]
                 + inverse_inertia[b, i, 1] * w[b, 4]
                 + inverse_inertia[b, i, 2] * w[b, 5]
@@ -201,15 +209,9 @@ def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, weigh
     change = 0.0
     for c in range(jj.shape[0]):
         for i in range(jj.shape[1]):
-            s = jbias[c, i]
-            for side in range(2):
-                b = jb[c, side]
-                if b >= 0:
-                    for k in range(6):
-                        s += jj[c, i, 6 * side + k] * v[b, k]
             if jw[c] == 0.0:
                 continue
-            d = -s / jw[c]
+            d = -_speed(jbias[c, i], jb[c], jj[c, i], v) / jw[c]
             jl[c, i] += d
             change = max(change, abs(d) * jw[c])
             _kick(v, jb[c], jj[c, i], d, inverse_mass, inverse_inertia)
@@ -222,25 +224,13 @@ def _sweep(v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, weigh
                 _sweep_dry(v, inverse_mass, inverse_inertia, cb[c], cj[c], bias[c], mu[c], weight[c], impulse[c]),
             )
             continue
-        s = bias[c, 0]
-        for side in range(2):
-            b = cb[c, side]
-            if b >= 0:
-                for k in range(6):
-                    s += cj[c, 0, 6 * side + k] * v[b, k]
-        new = max(least[c], impulse[c, 0] - s / weight[c])
+        new = max(least[c], impulse[c, 0] - _speed(bias[c, 0], cb[c], cj[c, 0], v) / weight[c])
         d = new - impulse[c, 0]
         impulse[c, 0] = new
         change = max(change, abs(d) * weight[c])
         _kick(v, cb[c], cj[c, 0], d, inverse_mass, inverse_inertia)
-        s1, s2 = bias[c, 1], bias[c, 2]
-        for side in range(2):
-            b = cb[c, side]
-            if b >= 0:
-                for k in range(6):
-                    s1 += cj[c, 1, 6 * side + k] * v[b, k]
-                    s2 += cj[c, 2, 6 * side + k] * v[b, k]
-        y1, y2 = impulse[c, 1] - s1 / weight[c], impulse[c, 2] - s2 / weight[c]
+        y1 = impulse[c, 1] - _speed(bias[c, 1], cb[c], cj[c, 1], v) / weight[c]
+        y2 = impulse[c, 2] - _speed(bias[c, 2], cb[c], cj[c, 2], v) / weight[c]
         size = np.sqrt(y1 * y1 + y2 * y2)
         limit = mu[c] * new
         if size > limit:
@@ -258,13 +248,7 @@ def _sweep_dry(v, inverse_mass, inverse_inertia, bodies, jacobian, bias, mu, wei
     """`_sweep` over one joint with friction."""
     change = 0.0
     for i in range(3):
-        s = bias[i]
-        for side in range(2):
-            b = bodies[side]
-            if b >= 0:
-                for k in range(6):
-                    s += jacobian[i, 6 * side + k] * v[b, k]
-        new = impulse[i] - s / weight
+        new = impulse[i] - _speed(bias[i], bodies, jacobian[i], v) / weight
         if i == 2:
             limit = mu * np.sqrt(impulse[0] * impulse[0] + impulse[1] * impulse[1])
             new = min(max(new, -limit), limit)
@@ -481,12 +465,7 @@ def _solve_joined(
     _effective(jb, jj, inverse_mass, inverse_inertia, jw)
     rho = np.empty(cj.shape[0])
     jrho = np.empty(jj.shape[0])
-    pushed = np.zeros((n, 6))
-    kick = np.empty((n, 6))
-    _push(cb, cj, impulse, pushed)
-    _push(jb, jj, jl, pushed)
-    _apply_inverse(inverse_mass, inverse_inertia, pushed, kick)
-    v += kick
+    _pushed(free, cb, cj, impulse, jb, jj, jl, inverse_mass, inverse_inertia, v)
     scale = max(np.abs(free).max(), 1e-300)
     for c in range(cj.shape[0]):
         scale = max(scale, abs(bias[c, 0]))
@@ -537,11 +516,7 @@ def _solve_joined(
             stiffness = max(1.0, stiffness * 0.01)
             impulse[:] = center
             jl[:] = jcenter
-            pushed[:] = 0.0
-            _push(cb, cj, impulse, pushed)
-            _push(jb, jj, jl, pushed)
-            _apply_inverse(inverse_mass, inverse_inertia, pushed, kick)
-            v[:] = free + kick
+            _pushed(free, cb, cj, impulse, jb, jj, jl, inverse_mass, inverse_inertia, v)
             for _ in range(20):
                 _sweep(
                     v, inverse_mass, inverse_inertia, cb, cj, bias, mu, dry, least, weight, impulse, jb, jj, jbias,

@@ -17,7 +17,7 @@ from collision.numeric.kernel import inner_kernel
 def _prepare(cb, cj, inverse_mass, inverse_inertia):
     """M⁻¹ Jᵀ (c, 3, 12) by rows, and the inverse weights (c, 2) of the normal and of both tangents.
 
-    The tangents' weight is the larger eigenvalue of their block of J M⁻¹ Jᵀ; 0 stands for what no impulse moves.
+    The tangents' weight is the larger eigenvalue of their block of J M⁻¹ Jᵀ; 0 where no impulse moves either body.
     """
     count = cj.shape[0]
     kicks = np.zeros((count, 3, 12))
@@ -114,7 +114,7 @@ def relax(free, v, inverse_mass, inverse_inertia, cb, cj, bias, mu, least, impul
     bodies = np.empty((count, 2), np.int64)
     for c in range(count):
         for side in range(2):
-            bodies[c, side] = cb[c, side] if cb[c, side] >= 0 else n  # a row that nothing moves
+            bodies[c, side] = cb[c, side] if cb[c, side] >= 0 else n  # the last row, of all fixed bodies
     now = np.zeros((n + 1, 6))
     _velocities(free, bodies, kicks, impulse, now)
     before = now.copy()

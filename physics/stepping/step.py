@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from collision import Tolerance
 from collision.numeric.kernel import kernel
-from physics.contact.contact_problem import NO_CONTACTS, Contacts, Targets, match
+from physics.contact.contact_features import end_of_pair
+from physics.contact.contact_problem import NO_CONTACTS, Contacts, Targets, joined, match
 from physics.contact.contact_set import ContactSet, Wrench, merged, rows
 from physics.contact.surface_pairs import closing_speed, separation
 from physics.joints.articulated_body import ArticulatedBody
@@ -169,7 +170,7 @@ class Stepper:
             start.restore(b, redone)
             b.steady[batch.ids], b.rate[batch.ids] = steady[redone], rate[redone]
             ended = self.advance(batch, before, kept, time, dt, wrench)
-            out = Contacts(*(np.concatenate(c) for c in zip(out, ended, strict=True)))
+            out = joined([out, ended])
 
     def advance(self, batch: Batch, before: Contacts, kept: bool, time: float, dt: float, wrench: Wrench) -> Contacts:
         """Move islands from `time` by `dt` seconds; returns the contacts at the end.
@@ -273,7 +274,7 @@ class Stepper:
     def _smooth(
         self, batch: Batch, mechanism: ArticulatedBody, time: float, h: float, wrench: Wrench
     ) -> Contacts | None:
-        """Move an island in joint coordinates by h seconds; None, with nothing moved, if it would touch something."""
+        """Move an island in joint coordinates by h seconds; returns None and moves no body if a contact would begin."""
         b = self.bodies
         start = Saved(b, batch.ids)
         way = self._way(batch, np.array([h]))
@@ -301,7 +302,7 @@ class Stepper:
     def _limit(self, batch: Batch, h: Array, gaps: bool = True) -> Array:
         """(count,) s: the longest sub-step in which no contact is missed, at most h (count,).
 
-        gaps: whether it counts how far things have to go before they meet.
+        gaps: whether the distance that bodies have to move before they meet is added to the allowed motion.
         """
         b = self.bodies
         out = h.copy()
@@ -379,10 +380,9 @@ class Stepper:
                 flags = np.concatenate(
                     [np.stack([touched, off], axis=1)[~own], np.stack([again_touched, again_off], 1)]
                 )
-                ints, reals, force = (np.concatenate(c) for c in zip(rows(after, ~own), again, strict=True))
-                order = np.argsort(batch.of_rows(ints), kind="stable")
-                after = Contacts(ints[order], reals[order], force[order])
-                touched, off = flags[order].T
+                after = joined([rows(after, ~own), again])
+                order = np.argsort(batch.of_rows(after.ints), kind="stable")
+                after, (touched, off) = rows(after, order), flags[order].T
         return after, ~touched
 
     def _matched(self, batch: Batch, now: Contacts, begin: Saved, way: Array):
@@ -449,18 +449,15 @@ class Stepper:
             high, gap = np.where(over, cut, high), np.where(over, g, gap)
             keep_old = early[part.of_rows(after.ints)]
             take_new = over[part.of_rows(trial.ints)] & ~of_done
-            ints, reals, force = (
-                np.concatenate(c) for c in zip(rows(after, keep_old), rows(trial, take_new), strict=True)
-            )
+            after = joined([rows(after, keep_old), rows(trial, take_new)])
             fresh = np.concatenate([fresh[keep_old], trial_fresh[take_new]])
-            after = Contacts(ints, reals, force)
             going = ~done
             part, names = part.part(going), names[going]
             low, high, low_gap, gap = low[going], high[going], low_gap[going], gap[going]
-        ints, reals, force = (np.concatenate(c) for c in zip(*(c for c, _ in found), strict=True))
+        contacts = joined(c for c, _ in found)
         fresh = np.concatenate([f for _, f in found])
-        order = np.argsort(batch.of_rows(ints), kind="stable")
-        return h, Contacts(ints[order], reals[order], force[order]), fresh[order]
+        order = np.argsort(batch.of_rows(contacts.ints), kind="stable")
+        return h, rows(contacts, order), fresh[order]
 
     def _closing(self, batch: Batch, contacts: Contacts, fresh: Mask, gap: Array) -> Array:
         """(count,) m/s: closing speed of the deepest new contact of each island."""
@@ -488,7 +485,7 @@ class Stepper:
         part = batch.part(again)
         rate = 0.5 * (b.rate[part.ids] + self._first_rate[part.ids])
         start.restore(b, again[batch.island])
-        if part.joints:  # the added impulse acts along the joints as they stand at the start (as in RATTLE)
+        if part.joints:  # the added impulse acts along the joints at their poses of the start (as in RATTLE)
             added = rate - self._first_rate[part.ids]
             velocity = b.velocity[part.ids]
             self.contact_set.solve(part, NO_CONTACTS, np.zeros(0, np.int64), added, h, Targets(np.zeros(0)))
@@ -524,7 +521,8 @@ class Stepper:
     def _one_piece_step(self, batch: Batch, now: Contacts, rest: Saved, time: float, t: Array, h: Array, wrench):
         """Moreau's time stepping: move as far as gaps allow, then resolve the rebound of all touching contacts.
 
-        Of the h (count,) seconds only as many as turning leaves exact enough; how many, and the contacts then.
+        Steps at most h (count,) seconds, less where rotation would make the gaps inexact; returns the seconds stepped
+        (count,) and the contacts at their end.
         """
         b = self.bodies
         h = self._limit(batch, h, gaps=False)
@@ -637,9 +635,7 @@ def _limits(pairs, of, velocity, radius, thickness, rotations, origins, shape_of
     first = 0
     while first < len(pairs):
         a, b = pairs[first, 0], pairs[first, 2]
-        last = first + 1
-        while last < len(pairs) and pairs[last, 0] == a and pairs[last, 2] == b:
-            last += 1
+        last = end_of_pair(pairs, first)
         speed = closing_speed(velocity, radius, a, b)
         island = max(of[a], of[b])
         way = 0.25 * min(thickness[a], thickness[b])

@@ -1,7 +1,5 @@
 """The physics tests use the meshes of the physics benchmark."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The benchmark: what it holds for true, its own cases at coarse steps, its ratios, goals, table and plot."""
 
-from __future__ import annotations
-
 import bench_physics as bench
 import numpy as np
 import physics_cases as pc
@@ -100,12 +98,12 @@ def test_joints_of_the_linkages_are_recognised():
     ],
 )
 def test_cases_run_and_are_near_their_truth(run, dt, most, truth):
-    (row,) = bench._ours(run, dt, truth)
+    (row,) = bench.ours_of(run, dt, truth)
     assert row["error"] <= most and row["steps"] > 0 and row["seconds"] > 0.0
 
 
 def test_one_run_of_the_spin_gives_its_rows(truth):
-    rows = list(bench._ours("spin", 0.5, truth))
+    rows = list(bench.ours_of("spin", 0.5, truth))
     assert [r["row"] for r in rows] == [row for row, (case, _) in pc.ROWS.items() if case == "spin"]
     assert rows[0]["error"] < 1e-13 and rows[1]["error"] < 1e-13
 
@@ -137,17 +135,17 @@ ROWS = [
 
 
 def test_ratios_are_taken_at_equal_processor_time():
-    fronts = bench._fronts(ROWS, "mujoco")
+    fronts = bench.fronts_of(ROWS, "mujoco")
     assert [(p["total"], p["peer"]) for p in fronts["roll"]] == [(1.0, 1e-10), (3.0, 1e-10)]
     assert [p["ratio"] for p in fronts["roll"]] == pytest.approx([10.0, 1e-4])  # 1e-16 counts as rounding
     assert fronts["coin roll"][0]["ratio"] == pytest.approx(1e-3)  # it was never as quick: its quickest run
-    assert bench._fronts(ROWS, "drake")["roll"][-1]["peer"] == np.inf
+    assert bench.fronts_of(ROWS, "drake")["roll"][-1]["peer"] == np.inf
 
 
 def test_goals_table_and_plot_come_from_the_rows(tmp_path):
     pytest.importorskip("matplotlib")
-    fronts = {engine: bench._fronts(ROWS, engine) for engine in ("mujoco", "drake")}
-    goals = bench._goals(ROWS, fronts["mujoco"], 2e-9, 1e-3)
+    fronts = {engine: bench.fronts_of(ROWS, engine) for engine in ("mujoco", "drake")}
+    goals = bench.goals_of(ROWS, fronts["mujoco"], 2e-9, 1e-3)
     met = {g["name"]: g["met"] for g in goals}
     assert list(met.values()) == [False, False, False, False, False, False, False, False, False, True]
     assert goals[0]["value"] == 2
@@ -170,7 +168,7 @@ def test_peers_run_what_fits_in_the_processor_time_and_say_what_fails():
                 raise RuntimeError("no such thing\nat all")
             return 1.0 / dt, round(1 / dt), {f"{run} a": dt, f"{run} b": np.inf}
 
-    found = list(physics_peers._all(Peer(), "case", [1e-3, 1e-2], 200.0, ["good", "broken"]))
+    found = list(physics_peers.all_runs_of(Peer(), "case", [1e-3, 1e-2], 200.0, ["good", "broken"]))
     good = [r for r in found if r["method"] == "good"]
     assert sorted({r["dt"] for r in good}) == pytest.approx([1 / 180.0, 1e-2])  # 1e-3 would take five times as long
     assert {r["row"] for r in good} == {"case a", "case b"} and good[1]["error"] is None
@@ -180,7 +178,7 @@ def test_peers_run_what_fits_in_the_processor_time_and_say_what_fails():
 def test_an_engine_that_is_not_installed_says_so(truth, monkeypatch):
     monkeypatch.delenv("VPFRAME_PEERS", raising=False)
     for engine, package in (("mujoco", "mujoco"), ("drake", "pydrake")):
-        answer = bench._peers(engine, [], truth, 0.0, 1.0)
+        answer = bench.peers_of(engine, [], truth, 0.0, 1.0)
         try:
             __import__(package)
         except ImportError:

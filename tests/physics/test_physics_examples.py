@@ -1,7 +1,5 @@
 """Each physics example runs, and what it says is so."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

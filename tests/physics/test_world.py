@@ -1,7 +1,5 @@
 """The world from outside: what falls, rests, slides, bounces, floats and sleeps, against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,7 +8,6 @@ from physics_meshes import at, ball_mesh, box_mesh, room
 from collision import CollisionManager
 from constraints.geometry.surfaces import Sphere
 from physics import (
-    Behaviour,
     BehaviourError,
     Body,
     Buoyancy,
@@ -18,23 +15,13 @@ from physics import (
     Elastic,
     Friction,
     Gravity,
-    ScriptedPath,
     Sleeping,
     Solidity,
     World,
     WorldError,
-    force,
 )
 from physics.forces.behaviours import STANDARD_GRAVITY as G
-
-
-def dropped_box(height=0.5, behaviours=(), **more):
-    manager, _ = room()
-    mesh = box_mesh(0.1, 0.1, 0.1)
-    box = manager.add(mesh, at(z=height))
-    world = World(manager)
-    world.add(box, Body.from_mesh(mesh, 1000.0), [Gravity(), *behaviours], **more)
-    return world, box
+from tests.physics.scenes import dropped_box, goes_on_alike, run
 
 
 def test_free_fall_is_exact():
@@ -139,21 +126,6 @@ def test_balloon_rises_at_terminal_speed_and_rests_under_the_ceiling():
     assert world.touches(balloon)[0].other == ceiling or world.awake == ()
 
 
-def test_a_sleeper_wakes_when_something_comes():
-    world, box = dropped_box(0.05)
-    for _ in range(80):
-        world.step(0.01)
-    assert world.awake == ()
-    other = world.collision.add(box_mesh(0.1, 0.1, 0.1), at(x=0.02, z=0.3))
-    world.add(other, Body.box([0.1] * 3, 1.0), [Gravity()])
-    woken = []
-    for _ in range(30):
-        world.step(0.01)
-        woken.append(box in world.awake)
-    assert not woken[0] and any(woken)
-    assert world.pose(other).translation[2] == pytest.approx(0.15, abs=1e-6)
-
-
 def test_without_solidity_it_falls_through():
     world, box = dropped_box(0.3, [Solidity(False)])
     for _ in range(100):
@@ -161,53 +133,10 @@ def test_without_solidity_it_falls_through():
     assert world.pose(box).translation[2] == pytest.approx(0.3 - 0.5 * G, abs=1e-9)
 
 
-def test_scripted_path_pushes_others():
-    world, box = dropped_box(0.05, [Friction(0.3)])
-    pusher = world.collision.add(box_mesh(0.1, 0.1, 0.1), at(x=-0.2, z=0.06))
-    path = [(0.0, at(x=-0.2, z=0.06)), (1.0, at(x=0.1, z=0.06))]
-    world.add(pusher, Body.box([0.1] * 3, 1.0), [ScriptedPath(path)])
-    for _ in range(100):
-        world.step(0.01)
-    assert world.pose(pusher).isApprox(path[1][1], 1e-12)
-    assert world.pose(box).translation == pytest.approx([0.2, 0, 0.05], abs=1e-6)
-
-
 def test_state_and_restore_give_the_same_future():
-    world, box = dropped_box(0.4, [Elastic(0.4), Friction(0.3)], velocity=[0.5, 0.1, 0, 3, 2, 1])
-    for _ in range(40):
-        world.step(0.01)
-    saved = world.save()
-    first = []
-    for _ in range(40):
-        world.step(0.01)
-        first.append(world.pose(box).homogeneous.tobytes())
-    world.load(saved)
-    second = []
-    for _ in range(40):
-        world.step(0.01)
-        second.append(world.pose(box).homogeneous.tobytes())
-    assert first == second
-
-
-class Faulty(Behaviour):
-    def __init__(self, value, after=0.0):
-        self.value, self.after = value, after
-
-    def wrench(self, view):
-        return self.value if view.time >= self.after else force([0, 0, 0])
-
-
-@pytest.mark.parametrize("value", [[0, 0, np.nan, 0, 0, 0], [1, 2, 3], "up", [np.inf] * 6])
-def test_a_bad_wrench_is_named_before_anything_moves(value):
-    world, box = dropped_box(0.5, [Faulty(value, 0.055)])
-    for _ in range(5):
-        world.step(0.01)
-    before = world.pose(box)
-    with pytest.raises(BehaviourError, match="Faulty") as caught:
-        world.step(0.01)
-        world.step(0.01)
-    assert caught.value.object_id == box and caught.value.behaviour == "Faulty"
-    assert world.pose(box) == before
+    world, _ = dropped_box(0.4, [Elastic(0.4), Friction(0.3)], velocity=[0.5, 0.1, 0, 3, 2, 1])
+    run(world, 0.4)
+    goes_on_alike(world, 40)
 
 
 def test_bad_input_is_named():
@@ -249,34 +178,3 @@ def test_gravity_of_the_world_acts_on_what_is_free_and_says_nothing_else():
     assert world.velocities[own, 2] == pytest.approx(before[own, 2] - 0.1 * G)
     with pytest.raises(WorldError, match="gravity is 'down'"):
         world.gravity = "down"
-
-
-def test_changed_gravity_wakes_what_sleeps():
-    manager, _ = room()
-    mesh = box_mesh(0.1, 0.1, 0.1)
-    box = manager.add(mesh, at(z=0.05))
-    world = World(manager, gravity=(0.0, 0.0, -G))
-    world.add(box, Body.from_mesh(mesh, 1000.0))
-    for _ in range(60):
-        world.step(0.01)
-    assert world.awake == ()
-    world.gravity = (0.0, 0.0, 1.0)
-    world.step(0.01)
-    assert world.pose(box).translation[2] > 0.05
-
-
-def test_contact_wrenches_carry_the_stack_above_them():
-    manager, floor = room()
-    mesh = box_mesh(0.1, 0.1, 0.1)
-    boxes = [manager.add(mesh, at(x=0.2, z=0.05 + 0.1 * k)) for k in range(3)]
-    world = World(manager, gravity=(0.0, 0.0, -G))
-    for box in boxes:
-        world.add(box, Body.from_mesh(mesh, 1000.0), [Sleeping(False)])
-    for _ in range(20):
-        world.step(0.01)
-    pairs, wrenches = world.contact_wrenches()
-    assert pairs.tolist() == [[floor, boxes[0]], [boxes[0], boxes[1]], [boxes[1], boxes[2]]]
-    assert wrenches[:, 2] == pytest.approx([-3 * G, -2 * G, -G], rel=1e-9)
-    assert wrenches[:, 4] == pytest.approx([0.2 * 3 * G, 0.2 * 2 * G, 0.2 * G], rel=1e-9)  # about the world's origin
-    touched = sum((np.cross(t.point, t.impulse) for t in world.touches(boxes[0])), np.zeros(3)) / 0.01
-    assert touched == pytest.approx(wrenches[1, 3:] - wrenches[0, 3:], abs=1e-9)

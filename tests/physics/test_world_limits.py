@@ -1,7 +1,5 @@
 """A step always ends: with a motion, or with one error that names the body, what moves it, and the mend."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

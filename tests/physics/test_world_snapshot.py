@@ -1,7 +1,5 @@
 """Marks and rollback: what fails in the middle of a step, or is undone, leaves the same future as if it never was."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,18 +10,7 @@ from physics_meshes import at, ball_mesh, box_mesh, room
 from constraints.geometry.surfaces import Cylinder, Plane, Sphere
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
-from physics import (
-    Behaviour,
-    BehaviourError,
-    Body,
-    Elastic,
-    Friction,
-    Gravity,
-    ScriptedPath,
-    SpringHand,
-    World,
-    force,
-)
+from physics import Behaviour, BehaviourError, Body, Elastic, Friction, Gravity, ScriptedPath, SpringHand, World, force
 
 
 class FailsOnce(Behaviour):
@@ -170,6 +157,7 @@ def test_whatever_is_done_is_undone(seed, before, does):
     saved, poses = bits(world), {i: world.collision.pose(i).homogeneous for i in world.collision.objects}
     mark = world.snapshot
     for _ in range(2):  # a mark is good more than once
+        grip = True
         for what in does:
             if what == "step":
                 world.step(0.02)
@@ -179,10 +167,12 @@ def test_whatever_is_done_is_undone(seed, before, does):
                 world.set_velocity(loose[1], np.ones(6))
             elif what == "hold":
                 world.hold(held, at(x=0.6, z=1.1))
+                grip = True
             elif what == "spring":
                 world.hold(loose[2], SpringHand(at(z=0.5)))
-            elif what == "let go" and held in world._grips:
+            elif what == "let go" and grip:
                 world.let_go(held)
+                grip = False
             elif what == "wake":
                 world.wake(loose[4])
             elif what == "add":
@@ -190,7 +180,7 @@ def test_whatever_is_done_is_undone(seed, before, does):
             elif what == "remove" and loose[3] in world.poses:
                 world.remove(loose[3])
             elif what == "joints":
-                world.set_joints(world._joints[:1])
+                world.set_joints([])
             elif what == "static":
                 world.set_pose(0, at(z=-0.3))
         world.snapshot = mark
@@ -212,28 +202,3 @@ def test_a_mark_of_a_world_at_rest_costs_nothing():
     world.step(0.01)
     second = world.snapshot
     assert second.motion is first.motion and second.model is first.model and second.time > first.time
-
-
-@pytest.mark.parametrize("by_hand", [True, False])
-def test_what_is_held_still_lets_its_neighbours_sleep(by_hand):
-    """Also with a rotation that a quaternion does not give back to the bit."""
-    world, boxes = None, []
-    manager, _ = room()
-    mesh = box_mesh(0.1, 0.1, 0.1)
-    world = World(manager)
-    turned = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.7123), np.array([0.0, 0.0, 0.05]))
-    held = manager.add(mesh, turned)
-    for i, z in ((held, None), (manager.add(mesh, at(z=0.15)), 0.15)):
-        if by_hand or z is not None:
-            world.add(i, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.5)])
-        boxes.append(i)
-    for _ in range(100):
-        if by_hand:
-            world.hold(held, turned)
-        else:
-            world.set_pose(held, turned)
-        world.step(0.01)
-    assert world.awake == ()
-    (world.hold if by_hand else world.set_pose)(held, pin.SE3(turned.rotation, np.array([0.001, 0.0, 0.05])))
-    world.step(0.01)
-    assert world.awake == (boxes[1],)

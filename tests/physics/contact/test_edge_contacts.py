@@ -1,7 +1,5 @@
 """Edges: across round bars at the bar's radius, wherever its facets are; and of rims of facets, wherever they cross."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

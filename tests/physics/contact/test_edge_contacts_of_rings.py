@@ -1,7 +1,5 @@
 """Coaxial rings with the same facets: every edge of the one meets its like of the other, and none may give way."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
@@ -27,7 +25,10 @@ STARTS = [
 ]
 
 
-def rings(n, part, offset, lean, joined=True):
+ARMED = Body(0.2, [0.01, 0.0, 0.0], np.diag([2e-5, 5e-5, 5e-5]))
+
+
+def rings(n, part, offset, lean, *behaviours, body=ARMED, joined=True):
     """A ring 3 mm above another on one axis, with an arm's weight to one side; the world and the upper one's id."""
     tilt = at(turn=(np.radians(lean), 0.0, 0.0))
     manager = CollisionManager()
@@ -40,8 +41,7 @@ def rings(n, part, offset, lean, joined=True):
     world = World(manager)
     world.add(lower, None, [], known)
     world.add(rod, None, [], {0: Cylinder(np.zeros(3), Z, 0.004)})
-    body = Body(0.2, [0.01, 0.0, 0.0], np.diag([2e-5, 5e-5, 5e-5]))
-    world.add(upper, body, [Gravity(), Sleeping(False)], known)
+    world.add(upper, body, [Gravity(), *behaviours, Sleeping(False)], known)
     if joined:
         world.set_joints([Concentric((rod, upper), (Cylinder(np.zeros(3), Z, 0.004), Cylinder(np.zeros(3), Z, INNER)))])
         manager.ignore(rod, upper)
@@ -50,8 +50,7 @@ def rings(n, part, offset, lean, joined=True):
 
 @pytest.mark.parametrize("n, part, offset, lean, mu", STARTS)
 def test_a_ring_comes_to_rest_on_its_like(n, part, offset, lean, mu):
-    world, upper, tilt, body = rings(n, part, offset, lean)
-    world.add(upper, body, [Gravity(), Friction(mu), Sleeping(False)], world._geometries[upper])
+    world, upper, tilt, body = rings(n, part, offset, lean, Friction(mu))
     energy = [np.inf]
     for _ in range(20):
         world.step(1 / 60)
@@ -64,9 +63,8 @@ def test_a_ring_comes_to_rest_on_its_like(n, part, offset, lean, mu):
 
 def test_a_ring_without_friction_swings_freely_on_its_like():
     """It is a pendulum about the leaning axis: the period is that of its arm, and it turns as high as it began."""
-    world, upper, tilt, body = rings(48, 0.25, 0.0, 8.0)
+    world, upper, tilt, body = rings(48, 0.25, 0.0, 8.0, Friction(0.0))
     world.set_pose(upper, tilt * at(z=HEIGHT, turn=(0.0, 0.0, np.radians(-70.0))))
-    world.add(upper, body, [Gravity(), Friction(0.0), Sleeping(False)], world._geometries[upper])
     turn = []
     dt = 1 / 120
     while world.time < 2.0:
@@ -86,9 +84,8 @@ def test_a_ring_without_friction_swings_freely_on_its_like():
 @pytest.mark.parametrize("turn", [0.0, 1e-9, 3e-4])
 def test_a_ring_slides_down_its_pin_and_rests(turn):
     """No joint: the bore guides it by contact alone, with 20 µm of play."""
-    world, upper, _, _ = rings(48, 0.0, turn, 0.0, joined=False)
-    world.add(upper, Body.from_mesh(tube_mesh(INNER, OUTER, HEIGHT, 48), "steel"), [Gravity(), Friction(0.2)],
-              world._geometries[upper])  # fmt: skip
+    steel = Body.from_mesh(tube_mesh(INNER, OUTER, HEIGHT, 48), "steel")
+    world, upper, _, _ = rings(48, 0.0, turn, 0.0, Friction(0.2), body=steel, joined=False)
     for _ in range(40):
         world.step(1 / 60)
         assert world.pose(upper).translation[2] - HEIGHT > -1e-9

@@ -1,9 +1,5 @@
 """Hands: a pose that is obeyed, a spring of limited force, and what is felt."""
 
-from __future__ import annotations
-
-import pickle
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,17 +8,9 @@ from physics_meshes import at, box_mesh, room
 from constraints.geometry.surfaces import Cylinder, Plane
 from constraints.kinds.concentric import Concentric
 from constraints.kinds.coplanar import Coplanar
-from physics import Body, Friction, Gravity, PhysicsError, SpringHand, World, WorldError
+from physics import Body, Gravity, PhysicsError, SpringHand, World, WorldError
 from physics.forces.behaviours import STANDARD_GRAVITY as G
-
-
-def table(z=0.05):
-    manager, _ = room()
-    mesh = box_mesh(0.1, 0.1, 0.1)
-    box = manager.add(mesh, at(z=z))
-    world = World(manager)
-    world.add(box, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.5)])
-    return world, box
+from tests.physics.scenes import goes_on_alike, run, table
 
 
 def test_held_at_a_pose_it_goes_there_and_let_go_it_falls():
@@ -66,26 +54,6 @@ def test_too_weak_a_hand_lifts_nothing():
     for _ in range(50):
         world.step(0.01)
     assert world.pose(box).translation[2] == pytest.approx(0.05, abs=1e-9)
-
-
-def test_a_held_part_carries_what_lies_on_it():
-    world, box = table()
-    mesh = box_mesh(0.05, 0.05, 0.05)
-    rider = world.collision.add(mesh, at(z=0.125))
-    world.add(rider, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.8)])
-    for k in range(100):
-        world.hold(box, at(x=0.002 * (k + 1), z=0.05 + 0.001 * (k + 1)))
-        world.step(0.01)
-    assert world.pose(rider).translation[2] == pytest.approx(0.125 + 0.1, abs=1e-6)
-    assert world.pose(rider).translation[0] > 0.15
-
-
-def test_held_wrench_of_a_still_carry_is_the_weight():
-    world, box = table(0.3)
-    for _ in range(5):
-        world.hold(box, at(z=0.3))
-        world.step(0.01)
-    assert world.wrench(box)[:3] == pytest.approx([0, 0, G], rel=1e-9)
 
 
 def test_what_cannot_be_held():
@@ -159,16 +127,9 @@ def hinged():
 
 
 def test_a_hinged_part_goes_on_alike_in_another_world():
-    first, i, *_ = hinged()
-    second, *_ = hinged()
-    for _ in range(20):
-        first.step(1 / 60)
-    second.load(pickle.loads(pickle.dumps(first.save())))
-    for _ in range(60):
-        first.step(1 / 60)
-        second.step(1 / 60)
-        assert first.pose(i).homogeneous.tobytes() == second.pose(i).homogeneous.tobytes()
-    assert first.velocity(i).tobytes() == second.velocity(i).tobytes()
+    (first, *_), (second, *_) = hinged(), hinged()
+    run(first, 1 / 3, 1 / 60)
+    goes_on_alike(first, 60, 1 / 60, second)
 
 
 @pytest.mark.parametrize("stiffness", [500.0, 1e9])

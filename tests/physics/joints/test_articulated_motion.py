@@ -1,7 +1,5 @@
 """Recognised joints: pendulum, four-bar, screw, a loop at its singular pose, against closed forms and references."""
 
-from __future__ import annotations
-
 import numpy as np
 import physics_cases as pc
 import pinocchio as pin
@@ -9,20 +7,12 @@ import pytest
 from physics_meshes import at, box_mesh, room
 
 from collision import CollisionManager
-from constraints.geometry.surfaces import Cylinder, Plane
+from constraints.geometry.surfaces import Cylinder
 from constraints.kinds.concentric import Concentric
-from constraints.kinds.coplanar import Coplanar
 from constraints.kinds.screw import Screw
-from physics import Body, Friction, Gravity, ScriptedPath, Sleeping, World
+from physics import Body, Friction, Gravity, Sleeping, World
 from physics.forces.behaviours import STANDARD_GRAVITY as G
-from physics.joints.lower_pair import pair_between
-
-
-def hinge(a, b, at_a, at_b, axis=(0.0, 1.0, 0.0)):
-    return [
-        Concentric((a, b), (Cylinder(at_a, axis, 0.005), Cylinder(at_b, axis, 0.005))),
-        Coplanar((a, b), (Plane(at_a, axis), Plane(at_b, axis))),
-    ]
+from tests.physics.scenes import goes_on_alike, hinge, run
 
 
 def pendulum(angle=1.0):
@@ -88,8 +78,11 @@ def fourbar(crank, joint_set=hinge):
     return world, joints
 
 
+MASSES = [pc.FOURBAR["density"] * length * pc.FOURBAR["width"] ** 2 for length in pc.FOURBAR["bars"]]
+
+
 def total(world):
-    return sum(world.energy(i) + world._body[i].mass * G * world.pose(i).translation[2] for i in (1, 2, 3))
+    return sum(world.energy(i) + MASSES[i - 1] * G * world.pose(i).translation[2] for i in (1, 2, 3))
 
 
 def test_fourbar_with_redundant_constraints_against_one_coordinate():
@@ -172,53 +165,8 @@ def test_joints_and_contacts_together(n):
     assert floor == 0 and np.abs(world.velocity(lid)).max() < 1e-6
 
 
-def test_lower_pairs_are_named():
-    z, o = np.array([0, 0, 1.0]), np.zeros(3)
-    shaft = Concentric((0, 1), (Cylinder(o, z, 0.01), Cylinder(o, z, 0.01)))
-    flush = Coplanar((0, 1), (Plane(o, z), Plane(o, z)))
-    side = Coplanar((0, 1), (Plane(o, [1, 0, 0]), Plane(o, [1, 0, 0])))
-    cases = {
-        "cylindrical": [shaft], "revolute": [shaft, flush], "planar": [flush], "prismatic": [shaft, side],
-        "rigid": [shaft, flush, side],
-    }  # fmt: skip
-    for name, joints in cases.items():
-        assert pair_between(joints, 1, at(), at()).name == name
-
-
 @pytest.mark.parametrize("make", [pendulum, lambda: fourbar(pc.FOURBAR["crank"])], ids=["pendulum", "four-bar"])
 def test_the_same_bits_after_a_snapshot(make):
-    """Restored in the middle, here and in a world made anew, a mechanism goes on bit for bit."""
-
-    def go(world, steps):
-        out = []
-        for _ in range(steps):
-            world.step(0.02)
-            out.append([np.concatenate([p.homogeneous.ravel(), world.velocity(i)]) for i, p in world.poses.items()])
-        return np.array(out)
-
     world = make()[0]
-    go(world, 20)
-    snapshot = world.save()
-    once = go(world, 30)
-    world.load(snapshot)
-    assert np.array_equal(go(world, 30), once)
-    fresh = make()[0]
-    fresh.load(snapshot)
-    assert np.array_equal(go(fresh, 30), once)
-
-
-def test_a_joint_to_what_is_carried_follows_its_speed():
-    """A rod hinged at its end on a block that starts off at 1 m/s turns at 3 v / 2 l."""
-    manager = CollisionManager()
-    block, mesh = box_mesh(0.02, 0.02, 0.02), box_mesh(0.2, 0.002, 0.002)
-    a, rod = manager.add(block, at()), manager.add(mesh, at(x=0.1))
-    manager.ignore(a, rod)
-    world = World(manager)
-    world.add(a, Body.from_mesh(block, 1000.0), [ScriptedPath(lambda t: at(z=t))])
-    world.add(rod, Body.from_mesh(mesh, 1000.0), [])
-    joints = hinge(a, rod, np.zeros(3), np.array([-0.1, 0.0, 0.0]))
-    world.set_joints(joints)
-    for _ in range(100):
-        world.step(1e-4)
-    assert world.velocity(rod)[4] == pytest.approx(1.5 / 0.2, rel=2e-3)
-    assert np.abs(joints[0].residual(world.pose(a), world.pose(rod))).max() < 1e-12
+    run(world, 0.4, 0.02)
+    goes_on_alike(world, 30, 0.02, make()[0])

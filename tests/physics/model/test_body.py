@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from physics_meshes import ball_mesh, box_mesh, cylinder_mesh

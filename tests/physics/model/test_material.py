@@ -1,7 +1,5 @@
 """Materials: friction and restitution of pairs, apart from forces; behaviours of an object come before its material."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,12 +1,9 @@
 """Block-sparse elimination against dense solves, and groups against union by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from physics.solver.block_elimination import SMALL, solve_blocks, structure
-from physics.solver.islands import components
 
 
 def system(n, pairs, seed):
@@ -41,24 +38,3 @@ def test_a_row_of_bodies_fills_nothing_in():
     row = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)
     *_, blocks = structure(n, row)
     assert blocks == n + 2 * (n - 1)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_components_are_those_of_a_flood(seed):
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(1, 40))
-    pairs = rng.integers(-1, n, size=(int(rng.integers(0, n + 3)), 2))
-    label, count = components(n, pairs)
-    expected = np.full(n, -1)
-    number = 0
-    for i in range(n):
-        if expected[i] >= 0:
-            continue
-        todo = [i]
-        while todo:
-            k = todo.pop()
-            if expected[k] < 0:
-                expected[k] = number
-                todo += [int(b if a == k else a) for a, b in pairs if k in (a, b) and min(a, b) >= 0]
-        number += 1
-    assert count == number and label.tolist() == expected.tolist()

@@ -1,7 +1,5 @@
 """The contact solver against the laws it solves, checked row by row, and against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

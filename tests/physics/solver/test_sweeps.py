@@ -1,7 +1,5 @@
 """Accelerated sweeps against the exact solver, on piles of bodies with random contacts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,22 +1,15 @@
 """Hard cases: extreme masses and sizes, fast spin, edges and vertices, jams, deep starts, singular loops."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from physics_meshes import at, ball_mesh, box_mesh, cylinder_mesh, plate_with_hole, room, tube_mesh
 
-from collision import CollisionManager, SurfaceMesh
+from collision import CollisionManager
 from constraints.geometry.surfaces import Cylinder, Sphere
 from physics import Body, Elastic, Friction, Gravity, Sleeping, World
 from physics.forces.behaviours import STANDARD_GRAVITY as G
-
-
-def energy(world, ids):
-    return sum(
-        world.energy(i) + world._body[i].mass * G * (world.pose(i).act(np.array(world._body[i].center))[2]) for i in ids
-    )
+from tests.physics.scenes import energy
 
 
 @pytest.mark.parametrize("heavy_above", [True, False])
@@ -48,21 +41,6 @@ def test_tiny_and_huge_parts_come_to_rest(size):
     assert np.abs(world.velocity(box)[:3]).max() < 1e-6 * size / scale
 
 
-def test_one_radian_a_step_keeps_energy_and_momentum():
-    manager = CollisionManager()
-    part = manager.add(box_mesh(0.1, 0.2, 0.3), at())
-    world = World(manager)
-    body = Body.box([0.1, 0.2, 0.3], 1.0)
-    world.add(part, body, velocity=[0, 0, 0, 30.0, 80.0, 50.0])
-    first = world.energy(part)
-    momentum = body.inertia @ [30.0, 80.0, 50.0]
-    for _ in range(1000):
-        world.step(0.01)
-    assert world.energy(part) == pytest.approx(first, rel=1e-12)
-    r = world.pose(part).rotation
-    assert r @ body.inertia @ r.T @ world.velocity(part)[3:] == pytest.approx(momentum, rel=1e-12)
-
-
 @pytest.mark.parametrize(("restitution", "friction", "slack"), [(0.3, 0.5, 1e-12), (0.3, 0.0, 1e-4), (0.0, 0.5, 1e-4)])
 @pytest.mark.parametrize("turn", [(0, np.pi / 4, 0), (np.arctan(np.sqrt(2.0)), np.pi / 4, 0)])
 def test_landing_on_an_edge_or_a_vertex_never_gains_energy(turn, restitution, friction, slack):
@@ -71,12 +49,13 @@ def test_landing_on_an_edge_or_a_vertex_never_gains_energy(turn, restitution, fr
     mesh = box_mesh(0.1, 0.1, 0.1)
     box = manager.add(mesh, at(z=0.3, turn=turn))
     world = World(manager)
-    world.add(box, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(friction), Elastic(restitution), Sleeping(False)])
-    last = energy(world, [box])
+    body = Body.from_mesh(mesh, 1000.0)
+    world.add(box, body, [Gravity(), Friction(friction), Elastic(restitution), Sleeping(False)])
+    last = energy(world, box, body)
     worst = 0.0
     for _ in range(200):
         world.step(0.01)
-        now = energy(world, [box])
+        now = energy(world, box, body)
         worst = max(worst, now - last)
         last = now
         rotation = world.pose(box).rotation
@@ -115,72 +94,6 @@ def test_wedge_jams():
     assert np.abs(world.pose(box).translation - start).max() < 1e-10
 
 
-def test_a_deep_start_is_resolved_without_an_explosion():
-    manager, _ = room()
-    mesh = box_mesh(0.1, 0.1, 0.1)
-    box = manager.add(mesh, at(z=0.045))  # 5 mm deep
-    world = World(manager)
-    world.add(box, Body.from_mesh(mesh, 1000.0), [Gravity(), Friction(0.5), Sleeping(False)])
-    for _ in range(100):
-        world.step(0.01)
-        assert world.energy(box) < 1e-9
-    assert world.pose(box).translation == pytest.approx([0, 0, 0.05], abs=1e-9)
-
-
-@pytest.mark.parametrize("turn", [(0, 0, 0), (0.3, 0.2, 0.1)])
-@pytest.mark.parametrize("sunk", [0.5, 0.8])
-@pytest.mark.parametrize("mesh", [box_mesh(0.1, 0.1, 0.1), tube_mesh(0.03, 0.05, 0.04), ball_mesh(0.05, 8)])
-def test_what_starts_deep_in_the_floor_is_lifted_out_of_it(mesh, sunk, turn):
-    """Deeper than contacts are looked for: it used to fall through. The work done is that of lifting it, no more."""
-    manager, _ = room()
-    pose = at(turn=turn)
-    heights = (mesh.vertices @ pose.rotation.T)[:, 2]
-    depth = sunk * float(np.ptp(heights))
-    pose.translation = np.array([0.0, 0.0, -heights.min() - depth])
-    part = manager.add(mesh, pose)
-    body = Body.from_mesh(mesh, 1000.0)
-    world = World(manager)
-    world.add(part, body, [Gravity(), Friction(0.5), Sleeping(False)])
-    before = energy(world, [part])
-    last = before + 1.02 * body.mass * G * depth
-    for _ in range(60):
-        world.step(0.01)
-        now = energy(world, [part])
-        assert now <= last + 1e-3 * body.mass * G * 0.05  # for facets that roll and slide, in steps of 10 ms
-        last = now
-    assert (world.pose(part).translation + mesh.vertices @ world.pose(part).rotation.T)[:, 2].min() > -1e-9
-
-
-def test_a_correction_pushes_nothing_through_what_carries_it():
-    """Cups put into one another, the lower on the floor: it stays there, and the upper one is lifted."""
-    profile = [(0.03, 0.0), (0.04, 0.09), (0.038, 0.09), (0.028, 0.002)]
-    turns = 2 * np.pi / 24 * np.arange(24)
-    ring = np.stack([np.cos(turns), np.sin(turns), np.zeros(24)], axis=1)
-    rings = [r * ring + [0, 0, z] for r, z in profile]
-    triangles, surfaces = [], []
-    for k in range(24):
-        m = (k + 1) % 24
-        triangles += [(96, m, k), (97, 72 + k, 72 + m)]
-        surfaces += [0, 1]
-        for j in range(3):
-            a, b = 24 * j, 24 * j + 24
-            triangles += [(a + k, a + m, b + k), (a + m, b + m, b + k)]
-            surfaces += [j + 2] * 2
-    cup = SurfaceMesh(np.vstack([*rings, [[0, 0, 0], [0, 0, 0.002]]]), triangles, surfaces, "cup")
-    body = Body.from_mesh(cup, 1050.0)
-    manager, _ = room()
-    world = World(manager)
-    ids = [manager.add(cup, at(z=0.0201 * k, turn=(0, 0, 0.1 * k))) for k in range(2)]
-    for i in ids:
-        world.add(i, body, [Gravity(), Friction(0.3), Sleeping(False)])
-    for _ in range(60):
-        world.step(0.01)
-    assert body.notes == () and manager.penetration(*ids)["depth"].max(initial=0.0) < 1e-9
-    assert world.pose(ids[0]).translation == pytest.approx(np.zeros(3), abs=1e-9)
-    assert 0.015 < world.pose(ids[1]).translation[2] < 0.03
-    assert max(np.abs(world.velocity(i)).max() for i in ids) < 1e-9
-
-
 @pytest.mark.parametrize("speed", [10.0, 300.0])
 def test_nothing_thin_is_passed_at_any_speed(speed):
     """A 5 mm ball against a 1 mm plate, up to 3 m a step."""
@@ -214,28 +127,6 @@ def test_a_plate_shot_at_a_sheet_at_a_kilometre_a_second(turn, dt):
         assert (world.pose(plate).translation + mesh.vertices @ world.pose(plate).rotation.T)[:, 2].min() > 0.0
     assert world.velocity(plate)[2] > 500.0
     assert world.energy(plate) == pytest.approx(first, rel=1e-12)
-
-
-@pytest.mark.parametrize("gap", [0.0, 1e-7, -1e-7])
-def test_shells_of_one_part_that_touch_are_no_thin_wall(gap):
-    """A table whose eight legs are shells of their own, flush with its top, lands on all of them."""
-    places = [(0.25 * np.cos(a), 0.25 * np.sin(a), 0.2 - gap) for a in np.pi / 4 * np.arange(8)]
-    shells = [(box_mesh(0.6, 0.6, 0.04), (0, 0, 0.42)), *((box_mesh(0.03, 0.03, 0.4), p) for p in places)]
-    vertices = np.vstack([m.vertices + p for m, p in shells])
-    triangles = np.vstack([m.triangles + 8 * k for k, (m, _) in enumerate(shells)])
-    mesh = SurfaceMesh(vertices, triangles, np.repeat(np.arange(6 * len(shells)), 2), "table")
-    manager, _ = room()
-    table = manager.add(mesh, at(z=0.05, turn=(0.05, 0.03, 0.1)))
-    world = World(manager)
-    body = Body.from_mesh(mesh, 700.0)
-    world.add(table, body, [Gravity(), Friction(0.4), Sleeping(False)])
-    for _ in range(100):
-        world.step(0.01)
-    assert world.pose(table).translation[2] == pytest.approx(gap, abs=1e-9)
-    assert np.abs(world.velocity(table)).max() < 1e-9
-    carried = sum(touch.impulse for touch in world.touches(table)) / 0.01
-    assert carried == pytest.approx([0, 0, body.mass * G], abs=1e-6)
-    assert len(world.touches(table)) >= 8
 
 
 @pytest.mark.parametrize("clearance", [5e-5, 5e-6])
@@ -280,47 +171,9 @@ def test_a_ring_on_a_longer_shaft_is_carried_by_it(known):
     assert world.pose(ring).translation[0] > 0.02
 
 
-def test_newtons_cradle_passes_the_blow_on():
-    manager = CollisionManager()
-    world = World(manager)
-    radius = 0.02
-    ids = []
-    for k in range(5):
-        i = manager.add(ball_mesh(radius, 4), at(x=2 * radius * k - (0.05 if k == 0 else 0.0)))
-        world.add(
-            i,
-            Body.sphere(radius, 0.1),
-            [Elastic(1.0), Friction(0.0)],
-            {0: Sphere(np.zeros(3), radius)},
-            velocity=[1.0 if k == 0 else 0.0, 0, 0, 0, 0, 0],
-        )
-        ids.append(i)
-    for _ in range(10):
-        world.step(0.01)
-    assert [world.velocity(i)[0] for i in ids] == pytest.approx([0, 0, 0, 0, 1], abs=1e-12)
-
-
-def test_a_blow_passes_through_sleepers_within_the_step():
-    manager = CollisionManager()
-    world = World(manager)
-    radius = 0.02
-    ids = []
-    for k in range(5):
-        i = manager.add(ball_mesh(radius, 4), at(x=2 * radius * k - (1.0 if k == 0 else 0.0)))
-        world.add(i, Body.sphere(radius, 0.1), [Elastic(1.0), Friction(0.0)], {0: Sphere(np.zeros(3), radius)},
-                  velocity=[1.0 if k == 0 else 0.0, 0, 0, 0, 0, 0])  # fmt: skip
-        ids.append(i)
-    while world.time < 0.9:
-        world.step(0.01)
-    assert world.awake == (ids[0],)
-    while world.time < 1.02:
-        world.step(0.01)
-    assert [world.velocity(i)[0] for i in ids] == pytest.approx([0, 0, 0, 0, 1], abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("count", "steps", "within"),
-    [(3, 3000, 1e-9), pytest.param(2, 1_000_000, 1e-6, marks=pytest.mark.slow)],
+    [(3, 1000, 3e-10), pytest.param(2, 1_000_000, 1e-6, marks=pytest.mark.slow)],
 )
 def test_resting_stack_does_not_creep(count, steps, within):
     manager, _ = room()
@@ -333,18 +186,3 @@ def test_resting_stack_does_not_creep(count, steps, within):
         world.step(0.01)
     for k, i in enumerate(ids):
         assert world.pose(i).translation == pytest.approx([0.01 * k, 0, 0.05 + 0.1 * k], abs=within)
-
-
-def test_idle_parts_sleep_and_cost_no_islands():
-    manager, _ = room(20.0)
-    world = World(manager)
-    mesh = box_mesh(0.1, 0.1, 0.1)
-    for k in range(100):
-        i = manager.add(mesh, at(x=0.2 * (k % 10) - 1, y=0.2 * (k // 10) - 1, z=0.05))
-        world.add(i, Body.from_mesh(mesh, 1000.0), [Gravity()])
-    for _ in range(60):
-        world.step(0.01)
-    assert world.awake == ()
-    poses = {i: p.homogeneous for i, p in world.poses.items()}
-    world.step(0.01)
-    assert all(np.array_equal(p.homogeneous, poses[i]) for i, p in world.poses.items())

@@ -4,8 +4,6 @@ The oracle is independent of the contact points: signed distances of each part's
 to the other's mesh, after every step.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,0 +1,32 @@
+# written by tests/release/stub.py
+# ruff: noqa: I001
+from physics.errors import BehaviourError as BehaviourError
+from physics.errors import BodyError as BodyError
+from physics.errors import PhysicsError as PhysicsError
+from physics.errors import WorldError as WorldError
+from physics.forces.behaviours import Behaviour as Behaviour
+from physics.forces.behaviours import Buoyancy as Buoyancy
+from physics.forces.behaviours import Drag as Drag
+from physics.forces.behaviours import Elastic as Elastic
+from physics.forces.behaviours import Friction as Friction
+from physics.forces.behaviours import Gravity as Gravity
+from physics.forces.behaviours import Magnet as Magnet
+from physics.forces.behaviours import Motor as Motor
+from physics.forces.behaviours import Reaction as Reaction
+from physics.forces.behaviours import ScriptedPath as ScriptedPath
+from physics.forces.behaviours import Sleeping as Sleeping
+from physics.forces.behaviours import Solidity as Solidity
+from physics.forces.behaviours import Spring as Spring
+from physics.forces.behaviours import Touch as Touch
+from physics.forces.behaviours import View as View
+from physics.forces.behaviours import Wind as Wind
+from physics.forces.behaviours import force as force
+from physics.forces.hands import SpringHand as SpringHand
+from physics.model.body import Body as Body
+from physics.model.material import DENSITY as DENSITY
+from physics.model.material import MATERIALS as MATERIALS
+from physics.model.material import Material as Material
+from physics.model.material import PAIRS as PAIRS
+from physics.model.material import Pair as Pair
+from physics.world import Snapshot as Snapshot
+from physics.world import World as World
