@@ -13,27 +13,27 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from vpframe.processes import environment, with_parent
+import numpy as np
 
-if TYPE_CHECKING:
-    from collision import CollisionManager, SurfaceMesh
+import collision
+import constraints
+from collision.numeric import kernel_cache
+from collision.numeric.kernel import compilation
+from vpframe import processes
 
 _helpers: list[subprocess.Popen[bytes]] = []
 
 
 def start(use: str) -> None:
     """Start a process for each share of a use in USES, except for shares that are done."""
-    from collision.numeric import kernel_cache
-
     folder = kernel_cache.folder("vpframe")
     if folder is None or kernel_cache.config.DISABLE_JIT or (os.cpu_count() or 1) < 2:
         return
     for share in range(len(USES[use])):
         if not _done(folder, use, share).exists():
-            command, quiet = with_parent(__name__, use, str(share)), subprocess.DEVNULL
-            _helpers.append(subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, env=environment()))
+            _helpers.append(processes.start(__name__, use, str(share)))
 
 
 def wait() -> None:
@@ -44,9 +44,6 @@ def wait() -> None:
 
 def note_enough(use: str) -> None:
     """Mark all shares of a use as done if this process compiled nothing."""
-    from collision.numeric import kernel_cache
-    from collision.numeric.kernel import compilation
-
     folder = kernel_cache.folder("vpframe")
     if folder is not None and not compilation.kernels:
         for share in range(len(USES[use])):
@@ -55,8 +52,6 @@ def note_enough(use: str) -> None:
 
 def main(use: str, share: int) -> None:
     """Run one share of a use and mark it as done."""
-    from collision.numeric import kernel_cache
-
     for example in USES[use][share]:
         example()
     folder = kernel_cache.folder("vpframe")
@@ -68,31 +63,22 @@ def _done(folder: Path, use: str, share: int) -> Path:
     return folder / f"{use}-{share}.done"
 
 
-def _box(size: float) -> SurfaceMesh:
-    import numpy as np
-
-    from collision import SurfaceMesh
-
+def _box(size: float) -> collision.SurfaceMesh:
     corners = np.array([[x, y, z] for x in (0.0, size) for y in (0.0, size) for z in (0.0, size)])
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
-    return SurfaceMesh(corners, triangles, np.repeat(np.arange(6), 2))
+    return collision.SurfaceMesh(corners, triangles, np.repeat(np.arange(6), 2))
 
 
-def _boxes(gap: float) -> CollisionManager:
+def _boxes(gap: float) -> collision.CollisionManager:
     """Return a world with a box of 10 mm and one of 4 mm at a distance (m)."""
-    import numpy as np
-
-    from collision import CollisionManager
-
-    world = CollisionManager()
+    world = collision.CollisionManager()
     world.add(_box(0.010), np.eye(4))
     world.add(_box(0.004), _shifted(0.010 + gap))
     return world
 
 
-def _shifted(x: float) -> object:
-    import numpy as np
+def _shifted(x: float) -> Any:
     import pinocchio as pin
 
     return pin.SE3(np.eye(3), np.array([x, 0.003, 0.003]))
@@ -108,24 +94,19 @@ def _contacts() -> None:
 def _collisions() -> None:
     world = _boxes(-0.001)
     world.colliding_surfaces()
-    world.set_pose(1, _shifted(0.02))  # type: ignore[arg-type]
+    world.set_pose(1, _shifted(0.02))
     world.colliding_surfaces([1])
 
 
 def _motions() -> None:
-    _boxes(0.005).time_of_impact({1: _shifted(0.005)})  # type: ignore[dict-item]
+    _boxes(0.005).time_of_impact({1: _shifted(0.005)})
 
 
 def _surfaces() -> None:
-    import numpy as np
-
-    from collision import colliding_surfaces
-
-    colliding_surfaces(_box(0.010), _box(0.004), np.eye(4))
+    collision.colliding_surfaces(_box(0.010), _box(0.004), np.eye(4))
 
 
 def _grips() -> None:
-    import numpy as np
     import pinocchio as pin
 
     from vpframe.hands.reach import surface_distances
@@ -145,41 +126,34 @@ def _classes() -> None:
 
 
 def _solutions() -> None:
-    import numpy as np
     import pinocchio as pin
 
-    from collision import Tolerance
-    from constraints import Against, Concentric
     from constraints.freedom.mobility import mobility
     from constraints.geometry.surfaces import Cylinder, Plane
     from constraints.motion.unknowns import Unknowns
 
     z = np.array([0.0, 0.0, 1.0])
     on, bore = Plane(np.zeros(3), z), Cylinder(np.zeros(3), z, 0.01)
-    constraints = (
-        Concentric((0, 1), (bore, bore)),
-        Against((0, 1), (on, Plane(np.zeros(3), -z))),
+    mated = (
+        constraints.Concentric((0, 1), (bore, bore)),
+        constraints.Against((0, 1), (on, Plane(np.zeros(3), -z))),
     )
     poses = [pin.SE3.Identity(), pin.SE3(np.eye(3), np.full(3, 1e-3))]
-    mobility(constraints, poses, [0])
-    unknowns = Unknowns.of(constraints, frozenset({1}), frozenset({1}), lambda body: (np.zeros(3), 0.01))
-    unknowns.linearised(poses, Tolerance().rigid)
+    mobility(mated, poses, [0])
+    unknowns = Unknowns.of(mated, frozenset({1}), frozenset({1}), lambda body: (np.zeros(3), 0.01))
+    unknowns.linearised(poses, collision.Tolerance().rigid)
     rows = np.zeros(1, [("object_a", int), ("object_b", int), ("point_a", float, 3), ("point_b", float, 3)])
     rows["object_b"] = 1
     unknowns.gap_rows(rows, np.zeros((1, 3)), poses)
 
 
 def _programs() -> None:
-    import numpy as np
-
     from constraints.motion.quadratic_program import quadratic_program
 
     quadratic_program(np.eye(2), np.ones(2), np.ones((1, 2)), np.ones(1))
 
 
 def _overlaps() -> None:
-    import numpy as np
-
     from constraints.geometry.overlap import facing_area
 
     z, triangle = np.array([0.0, 0.0, 1.0]), np.eye(3)[None]
@@ -187,8 +161,6 @@ def _overlaps() -> None:
 
 
 def _pictures() -> None:
-    import numpy as np
-
     from vpframe.view import raster
 
     depth, image = np.full((2, 2), -np.inf), np.zeros((2, 2, 3), np.float32)
@@ -209,7 +181,7 @@ def _ways() -> None:
     from vpframe.scene.scene import Part, Scene, Shape
 
     small, large = Shape(_box(0.004), (), ()), Shape(_box(0.010), (), ())
-    scene = Scene([Part("small", small, _shifted(0.0105)), Part("large", large, pin.SE3.Identity())])  # type: ignore[arg-type]
+    scene = Scene([Part("small", small, _shifted(0.0105)), Part("large", large, pin.SE3.Identity())])
     assembly = Assembly(scene)
     cone, _ = ways.cone_of(assembly, (0,), (1,))
     tree.search(assembly, (0,), (1,), cone, Budget(60.0), 0)

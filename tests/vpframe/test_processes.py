@@ -4,11 +4,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
-from vpframe.processes import with_parent
+from tests.vpframe.waiting import is_gone, wait_until
+from vpframe.processes import family, kill, start, with_parent
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 
@@ -29,24 +29,6 @@ time.sleep(600)
 """
 
 
-def is_gone(pid):
-    try:
-        with open(f"/proc/{pid}/stat") as file:
-            return file.read().rsplit(")", 1)[1].split()[0] == "Z"
-    except OSError:
-        return subprocess.run(["ps", "-p", str(pid)], capture_output=True, check=False).returncode != 0
-
-
-def wait_until_gone(pid, seconds=60.0):
-    """Whether a process ends within a time that is long for this machine and short for what it does."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if is_gone(pid):
-            return True
-        time.sleep(0.02)
-    return False
-
-
 @pytest.mark.parametrize("killed", ["after", "before"])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_busy_child_ends_with_its_parent(tmp_path, killed, number):
@@ -63,7 +45,7 @@ def test_a_busy_child_ends_with_its_parent(tmp_path, killed, number):
         assert killed == "before" or not is_gone(child)
         parent.send_signal(number)
         parent.wait()
-        assert wait_until_gone(child)
+        wait_until(lambda: is_gone(child))
     finally:
         parent.kill()
         parent.wait()
@@ -86,3 +68,16 @@ def test_the_module_runs_as_a_program_with_its_arguments(tmp_path):
         command, env={**os.environ, "PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True
     )
     assert child.stdout == "__main__ ['a', 'b']\n"
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="needs /proc")
+def test_a_killed_process_takes_its_descendants_with_it(tmp_path):
+    forks = "if os.fork() == 0:\n    os.fork()\nos.write(1, b'%d\\n' % os.getpid())\ntime.sleep(600)\n"
+    (tmp_path / "forks.py").write_text(f"import os, time\n{forks}")
+    child = start("forks", stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(tmp_path)})
+    others = [int(child.stdout.readline()) for _ in range(3)]
+    assert child.pid in others and set(others) == set(family(child.pid))
+    kill(child)
+    child.communicate(timeout=60)  # nobody holds the pipe
+    wait_until(lambda: all(is_gone(pid) for pid in others))
+    kill(child)  # does nothing

@@ -1,4 +1,10 @@
-"""`load`: read files and objects of other libraries into scenes. Few imports, because the reading process uses it."""
+"""`load`: read files and objects of other libraries into scenes. Few imports, because the reading process uses it.
+
+CAD kernel and mesh readers run in a process of their own, with limits; values come back as arrays (`raw`).
+May use `scene`, `codec`, `processes`, `constraints.geometry` and `collision`.
+Start here with `load`, then `cad` and `_reader` (the way of a STEP file), `build` (from raw arrays to a scene); one
+file for each other format.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from vpframe.errors import LoadError
 from vpframe.importers.checks import checked_format, far_check
 from vpframe.importers.raw import Options
+from vpframe.scene.overlap_rules import read_beside
 from vpframe.scene.units import METRES, NAMES
 
 if TYPE_CHECKING:
@@ -90,6 +97,7 @@ def load(
         raise LoadError(f"{path}: {form.upper()} files name their unit themselves; leave unit= out", str(path))
     from vpframe.importers import build, cache
 
+    rules = read_beside(file)  # first, so that a mistake in them is told at once
     files = _files(file, form)
     chosen = form, deflection, angular, unit, bodies
     key = cache.key_of(files, *chosen) if files else ""
@@ -115,6 +123,7 @@ def load(
             cache.keep(key, raw)
     keep = partial(cache.keep, key) if key and raw.whole else lambda raw: None
     scene = build.scene(raw, str(path), options.within(READING, 1.0).progress, keep)
+    scene.rules = rules
     if progress is not None:
         progress(1.0, "loaded")
     return scene

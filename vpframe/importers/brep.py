@@ -114,7 +114,10 @@ def tessellate(
     numbers = [number for number, (_, corners) in pieces.items() if len(corners)]
     shape, inside = _outwards(shape, faces, numbers, raw)
     raw.brep = brep_bytes(shape)
-    if inside.any() and not (is_open if inside.all() else len(open_edges(raw.triangles[inside]))):
+    if is_open and inside.any() and not inside.all():
+        is_open = bool(len(open_edges(raw.triangles[inside])))
+    raw.sheet = not inside.any() or (not inside.all() and not is_open)
+    if inside.any() and not is_open:
         _bounds(raw, raw.triangles[inside], deflection)
     return raw
 

@@ -221,9 +221,12 @@ def settled(raw: RawShape) -> RawShape:
     border = open_edges(triangles)
     if len(border):
         x, y, z = 1e3 * raw.vertices[border[0]].mean(axis=0)
+        why = "a face is missing or wound the wrong way"
+        if raw.sheet and not any("lost" in note for note in notes):
+            why = "where faces end that belong to no solid in the file"
         notes.append(
-            f"open: at {len(border)} edges, the first near ({x:.6g}, {y:.6g}, {z:.6g}) mm, a face is missing or wound "
-            "the wrong way; its volume, and what is inside it, are estimates"
+            f"open: at {len(border)} edges, the first near ({x:.6g}, {y:.6g}, {z:.6g}) mm, {why}; its volume, and what "
+            "is inside it, are estimates"
         )
     faces = [raw.faces[k] for k in kept]
     return replace(raw, triangles=triangles, face_of_triangle=owners, faces=faces, notes=notes, settled=True)

@@ -178,16 +178,16 @@ def _read_guarded(
         how += f", the limit for {faults.size / limits.MEGABYTE:.1f} MB,"
     if (outcome.late or outcome.memory) and not where:
         damage = f"it is damaged, or takes a coarser deflection{' or a longer timeout' if outcome.late else ''}"
-    raise LoadError(f"{path}: {how} while {outcome.text}; {damage}; {mend}", str(path))
+    raise LoadError(f"{path}: {how} {outcome.where_it_ended()}; {damage}; {mend}", str(path))
 
 
 def _read_once(
     request: dict[str, Any],
-    within: limits.Limits,
+    within: limits.ReadingLimits,
     progress: Progress | None,
     settle: Callable[[RawShape], RawShape],
     faults: _Faults,
-) -> tuple[guarded.Outcome, RawScene | None]:
+) -> tuple[guarded.Reading, RawScene | None]:
     """Run the process once; return its outcome, and on success the raw scene. Shapes are settled meanwhile."""
     worker = ThreadPoolExecutor(1)
     shapes: dict[int, Future[RawShape]] = {}
@@ -198,7 +198,7 @@ def _read_once(
             shapes[number] = worker.submit(lambda: settle(archive.read(archived).shapes[0]))
 
         try:
-            begun = guarded.Outcome(within)
+            begun = guarded.Reading(within)
             outcome = guarded.run({**request, "out": folder}, folder, begun, progress, ready, faults.end_if_refused)
             faults.check_units()
             if not outcome.done:
@@ -233,8 +233,8 @@ def in_kernel(request: dict[str, Any], folder: str, limit: float, size: int) -> 
     folder: temporary folder for its output. limit: s of processor time. size: of its input, bytes.
     """
     whole = {**request, "folders": guarded.package_folders(Path(folder), PACKAGES)}
-    outcome = guarded.run(whole, folder, guarded.Outcome(limits.of_cad(size, limit)))
-    return "" if outcome.done else outcome.error or f"{outcome.how_it_ended()} while {outcome.text}"
+    outcome = guarded.run(whole, folder, guarded.Reading(limits.of_cad(size, limit)))
+    return "" if outcome.done else outcome.error or f"{outcome.how_it_ended()} {outcome.where_it_ended()}"
 
 
 def measure(shapes: Sequence[RawShape]) -> None:
@@ -250,9 +250,9 @@ def measure(shapes: Sequence[RawShape]) -> None:
         folders = guarded.package_folders(Path(folder), PACKAGES)
         request = {"format": "measure", "path": source, "out": folder, "folders": folders}
         done: list[int] = []
-        begun = guarded.Outcome(limits.of_cad(sum(len(each.brep) for each in shapes)))
+        begun = guarded.Reading(limits.of_cad(sum(len(each.brep) for each in shapes)))
         outcome = guarded.run(request, folder, begun, None, done.append)
-        why = "" if outcome.done else f" ({outcome.how_it_ended()} while {outcome.text})"
+        why = "" if outcome.done else f" ({outcome.how_it_ended()} {outcome.where_it_ended()})"
         for number in done:
             found, own = archive.read(os.path.join(folder, f"{number}.archive")).shapes[0], shapes[number]
             own.volume, own.center, own.inertia = found.volume, found.center, found.inertia

@@ -124,7 +124,7 @@ class Crew:
     def _too_large(self, number: int) -> str:
         return f"takes more than {self._limits(number).memory / 1e9:.1f} GB to mesh"
 
-    def _limits(self, number: int) -> limits.Limits:
+    def _limits(self, number: int) -> limits.ReadingLimits:
         return limits.of_shape(self._costs[number], self.memory)
 
     def _fork(self, work: list[tuple[int, bool]]) -> _Worker:

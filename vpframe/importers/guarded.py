@@ -15,13 +15,14 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from vpframe.importers import limits
-from vpframe.importers.limits import Limits
+from vpframe.importers.limits import ReadingLimits
 from vpframe.importers.raw import Progress
+from vpframe.processes import kill, sleeps, usage
 
 READER = Path(__file__).with_name("_reader.py")
 SAMPLING = 0.02
@@ -34,26 +35,29 @@ _BUSY = 10.0
 """s of the clock that count as one of processor time where the system does not report it (no /proc)"""
 
 
-class Outcome:
+class Reading:
     """Last message of the process, and how it ended."""
 
-    def __init__(self, given: Limits, who: str = "the CAD kernel") -> None:
+    def __init__(self, given: ReadingLimits, who: str = "the CAD kernel") -> None:
         self.who = who
         self.text = f"starting {who}"
         self.limits = self._given = given
         self.shape: int | None = None
         self.error: str | None = None
         self.done = self.late = self.memory = False
-        self.code = self.peak = 0
+        self.code = self.peak = self.ready = 0
         self.words = ""
+        self.found: dict[str, int] = {}
 
     def hear(self, message: dict[str, Any], progress: Progress | None, ready: Callable[[int], None]) -> None:
         """Process one message of the process."""
         if "ready" in message:
+            self.ready += 1
             ready(message["ready"])
             return
         if "found" in message:
-            self.limits = self._given.grown(message["found"])
+            self.found = message["found"]
+            self.limits = self._given.grown(self.found)
             return
         if message.get("memory"):
             self.memory = True
@@ -65,6 +69,12 @@ class Outcome:
             self.text = message["text"]
             if progress is not None:
                 progress(message["fraction"], message["text"])
+
+    def where_it_ended(self) -> str:
+        """Describe what the process was doing, and what it had understood of the file."""
+        counts = [f"{self.found[unit]} {unit}" for unit in ("shapes", "faces", "triangles") if unit in self.found]
+        made = f", {self.ready} shapes made" if "shapes" in self.found else ""
+        return f"while {self.text} (understood until then: {', '.join(counts) or 'nothing'}{made})"
 
     def how_it_ended(self) -> str:
         """Describe how the process ended: the limit reached, the crash, or its last words."""
@@ -81,11 +91,11 @@ class Outcome:
 def run(
     request: dict[str, Any],
     folder: str,
-    outcome: Outcome,
+    outcome: Reading,
     progress: Progress | None = None,
     ready: Callable[[int], None] = lambda number: None,
     begun: Callable[[subprocess.Popen[str]], None] = lambda process: None,
-) -> Outcome:
+) -> Reading:
     """Run `READER` with a request until it ends or reaches the limits of `outcome`; return `outcome`.
 
     folder: temporary folder. ready: receives the number of each finished shape archive. begun: receives the process.
@@ -124,7 +134,7 @@ def run(
             outcome.code = process.returncode
         finally:
             over.set()
-            process.kill()
+            kill(process)
             process.communicate()
         words.seek(0)
         outcome.words = words.read()
@@ -134,7 +144,7 @@ def run(
     return outcome
 
 
-def _allow(pid: int, given: Limits) -> None:
+def _allow(pid: int, given: ReadingLimits) -> None:
     """Raise the ceiling of a running process; on Linux."""
     if sys.platform == "linux":
         import resource
@@ -157,14 +167,7 @@ def package_folders(beside: Path, packages: Sequence[str]) -> list[str]:
     return folders
 
 
-class _Usage(NamedTuple):
-    seconds: float
-    """of processor time"""
-    memory: int
-    """resident bytes"""
-
-
-def _watch(process: subprocess.Popen[str], outcome: Outcome, over: threading.Event) -> None:
+def _watch(process: subprocess.Popen[str], outcome: Reading, over: threading.Event) -> None:
     """Kill a process at the limits of `outcome`, in which the peak of its memory is kept.
 
     The last sample is taken when it is `over`: on a busy machine a process can end before any other.
@@ -175,53 +178,18 @@ def _watch(process: subprocess.Popen[str], outcome: Outcome, over: threading.Eve
     while not ended:
         ended = over.is_set()
         now = time.monotonic()
-        usage = _usage(process.pid)
-        if usage is None:
+        used_by = usage(process.pid)
+        if used_by is None:
             used = (now - began) / _BUSY
         else:
-            if usage.seconds <= before and not ended and _sleeps(process.pid):
+            if used_by.seconds <= before and not ended and sleeps(process.pid):
                 slept += min(now - last, SELDOM)  # longer: this process was suspended
-            before, used = max(before, usage.seconds), usage.seconds + slept
-            outcome.peak = max(outcome.peak, usage.memory)
-            outcome.memory |= usage.memory > outcome.limits.memory
+            before, used = max(before, used_by.seconds), used_by.seconds + slept
+            outcome.peak = max(outcome.peak, used_by.memory)
+            outcome.memory |= used_by.memory > outcome.limits.memory
         last = now
         outcome.late = used > outcome.limits.seconds and not outcome.memory
         if outcome.late or outcome.memory:
-            process.kill()
+            kill(process)
             return
-        over.wait(SAMPLING if usage is None or usage.memory > 0.5 * outcome.limits.memory else SELDOM)
-
-
-def _usage(pid: int) -> _Usage | None:
-    """Return what a process and its descendants use; None where the system does not report it."""
-    seconds, memory = 0.0, 0
-    for member in _family(pid):
-        with contextlib.suppress(OSError, IndexError):  # it has ended
-            fields = _stat(f"/proc/{member}/stat")
-            seconds += sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")  # its own, and of ended children
-            memory += int(fields[21]) * os.sysconf("SC_PAGE_SIZE")
-    return _Usage(seconds, memory) if os.path.exists("/proc/self/stat") else None
-
-
-def _sleeps(pid: int) -> bool:
-    """Whether no thread of a process and its descendants is running or ready to run."""
-    for member in _family(pid):
-        with contextlib.suppress(OSError, IndexError):  # it has ended
-            for task in os.listdir(f"/proc/{member}/task"):
-                if _stat(f"/proc/{member}/task/{task}/stat")[0] not in "SZ":
-                    return False
-    return True
-
-
-def _stat(path: str) -> list[str]:
-    """Return the fields of a process or thread from its state on (proc_pid_stat(5))."""
-    return Path(path).read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
-
-
-def _family(pid: int) -> Iterator[int]:
-    """Yield a process and its descendants."""
-    yield pid
-    with contextlib.suppress(OSError):
-        for task in os.listdir(f"/proc/{pid}/task"):
-            for child in Path(f"/proc/{pid}/task/{task}/children").read_text(encoding="ascii").split():
-                yield from _family(int(child))
+        over.wait(SAMPLING if used_by is None or used_by.memory > 0.5 * outcome.limits.memory else SELDOM)

@@ -25,7 +25,7 @@ size"""
 
 
 @dataclass(frozen=True)
-class Limits:
+class ReadingLimits:
     """Limits of a process."""
 
     seconds: float
@@ -35,11 +35,11 @@ class Limits:
     growth: tuple[tuple[str, float, float], ...] = ()
     """(unit, seconds, bytes) added for each unit ("shapes", "faces", …) that the process reports to have found"""
 
-    def grown(self, found: dict[str, int]) -> Limits:
+    def grown(self, found: dict[str, int]) -> ReadingLimits:
         """Return the limits for a file in which `found` (number of each unit) was found."""
         each = [(found.get(unit, 0), seconds, memory) for unit, seconds, memory in self.growth]
         seconds = self.seconds + sum(number * more for number, more, _ in each)
-        return Limits(seconds, self.memory + sum(number * more for number, _, more in each))
+        return ReadingLimits(seconds, self.memory + sum(number * more for number, _, more in each))
 
     @property
     def ceiling(self) -> int:
@@ -47,19 +47,19 @@ class Limits:
         return int(1.12 * self.memory)
 
 
-def of_cad(size: int, timeout: float | None = None) -> Limits:
-    """Limits for CAD files of `size` bytes in all; `timeout`: s instead of the default, which grows."""
+def of_cad(size: int, timeout: float | None = None) -> ReadingLimits:
+    """ReadingLimits for CAD files of `size` bytes in all; `timeout`: s instead of the default, which grows."""
     growth = () if timeout is not None else (("shapes", 1.0, 0.0), ("faces", 0.05, 0.0))
     seconds = CAD_SECONDS * max(1.0, size / MEGABYTE) if timeout is None else timeout
-    return Limits(seconds, CAD_MEMORY + CAD_MEMORY_OF_SIZE * size, (*growth, ("forked", 0.0, 1.0)))
+    return ReadingLimits(seconds, CAD_MEMORY + CAD_MEMORY_OF_SIZE * size, (*growth, ("forked", 0.0, 1.0)))
 
 
-def of_meshes(size: int, timeout: float | None = None) -> Limits:
-    """Limits for mesh files of `size` bytes in all; `timeout`: s instead of the default."""
+def of_meshes(size: int, timeout: float | None = None) -> ReadingLimits:
+    """ReadingLimits for mesh files of `size` bytes in all; `timeout`: s instead of the default."""
     seconds = MESH_SECONDS + MESH_SECONDS_OF_SIZE * size if timeout is None else timeout
-    return Limits(seconds, MESH_MEMORY + MESH_MEMORY_OF_SIZE * size, (("triangles", 1e-4, 1000.0),))
+    return ReadingLimits(seconds, MESH_MEMORY + MESH_MEMORY_OF_SIZE * size, (("triangles", 1e-4, 1000.0),))
 
 
-def of_shape(faces: float, memory: float) -> Limits:
-    """Limits for one shape of so many faces in a process forked from one with a limit of `memory`, bytes."""
-    return Limits(SHAPE_SECONDS + SHAPE_SECONDS_OF_FACE * faces, SHAPE_MEMORY * memory)
+def of_shape(faces: float, memory: float) -> ReadingLimits:
+    """ReadingLimits for one shape of so many faces in a process forked from one with a limit of `memory`, bytes."""
+    return ReadingLimits(SHAPE_SECONDS + SHAPE_SECONDS_OF_FACE * faces, SHAPE_MEMORY * memory)

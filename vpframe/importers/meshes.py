@@ -104,14 +104,14 @@ def _read(tasks: list[dict[str, Any]], options: Options) -> list[RawScene | Load
             "folders": guarded.package_folders(folder_of, PACKAGES),
         }
         with tempfile.TemporaryDirectory(prefix="vpframe-") as folder:
-            outcome = guarded.Outcome(limits.of_meshes(size, options.timeout), "the mesh reader")
+            outcome = guarded.Reading(limits.of_meshes(size, options.timeout), "the mesh reader")
             guarded.run({**request, "out": folder}, folder, outcome, options.progress)
             for i, task in enumerate(left):
                 path, made, refused = task["path"], Path(folder, f"{i}.archive"), Path(folder, f"{i}.error")
                 if made.exists() and (options.timeout is None or not outcome.late):
                     found.append(archive.read(made))
                     continue
-                how = outcome.error or f"{outcome.how_it_ended()} while {outcome.text}"
+                how = outcome.error or f"{outcome.how_it_ended()} {outcome.where_it_ended()}"
                 why = refused.read_text(encoding="utf-8") if refused.exists() else f"{how}; {_MEND}"
                 found.append(LoadError(f"{path}: {why}", str(path)))
                 if not refused.exists():

@@ -93,6 +93,8 @@ class RawShape:
     """False for a bare mesh whose surfaces have not been found: it has one face"""
     bounds: tuple[float, float] | None = None
     """m³ between which the volume of the exact solids must lie; None where they have none (sheets, open solids)"""
+    sheet: bool = False
+    """whether it is open only where the file has faces that belong to no solid"""
 
 
 @dataclass

@@ -1,7 +1,5 @@
 """The second load of a model: the same to the last bit, without the kernel; whatever became of the files meanwhile."""
 
-from __future__ import annotations
-
 import os
 import random
 import subprocess
@@ -13,17 +11,11 @@ import pytest
 import trimesh
 
 import vpframe as vp
+from tests.vpframe.importers.models import model, same
 from vpframe.importers import archive, cache, cad, guarded
 from vpframe.scene import modelling as m
 
 ROOT = Path(vp.__file__).parent.parent
-
-
-@pytest.fixture
-def place(tmp_path, monkeypatch) -> Path:
-    folder = tmp_path / "cache"
-    monkeypatch.setenv(cache.VARIABLE, str(folder))
-    return folder
 
 
 @pytest.fixture
@@ -41,34 +33,6 @@ def runs(monkeypatch) -> list[str]:
     return started
 
 
-def model(path: Path, size: float = 0.06) -> Path:
-    solid = m.box(size, 0.04, 0.02).filleted(0.003) - m.cylinder(0.005, 0.02).translated(0.015, 0.02)
-    pin = m.cylinder(0.005, 0.03) + m.sphere(0.007)
-    return m.write_step(
-        path, {"block": (solid, None, (0.5, 0.2, 0.1), 7850.0), "pin": pin, "pair": ({"pin": pin}, None)}
-    )
-
-
-def same(a: vp.Scene, b: vp.Scene) -> bool:
-    """Whether two scenes are the same to the last bit."""
-    if a.names != b.names or a.all_notes() != b.all_notes():
-        return False
-    for p, q in zip(a.parts, b.parts, strict=True):
-        assert p.pose.homogeneous.tobytes() == q.pose.homogeneous.tobytes()
-        assert (p.color, p.density) == (q.color, q.density)
-        one, other = p.shape, q.shape
-        for array in ("vertices", "triangles", "surface_of_triangle"):
-            assert getattr(one.mesh, array).tobytes() == getattr(other.mesh, array).tobytes()
-        assert repr(one.surfaces) == repr(other.surfaces) and repr(one.features) == repr(other.features)
-        assert [e.surfaces for e in one.edges] == [e.surfaces for e in other.edges]
-        assert [e.points.tobytes() for e in one.edges] == [e.points.tobytes() for e in other.edges]
-        assert repr([e.circle for e in one.edges]) == repr([e.circle for e in other.edges])
-        assert (one.volume, one.closed) == (other.volume, other.closed)
-        assert one.center.tobytes() == other.center.tobytes() and one.inertia.tobytes() == other.inertia.tobytes()
-    shared = [[p.shape is q.shape for q in s.parts for p in s.parts] for s in (a, b)]
-    return shared[0] == shared[1]
-
-
 def test_the_second_load_is_the_first_to_the_last_bit_without_the_kernel(tmp_path, place, runs):
     path = model(tmp_path / "a.step")
     first = vp.load(path)
@@ -77,14 +41,6 @@ def test_the_second_load_is_the_first_to_the_last_bit_without_the_kernel(tmp_pat
     assert same(vp.load(path.rename(tmp_path / "moved" / "a.step")), first)
     assert runs == ["a.step"]
     assert len(list(place.iterdir())) == 1
-
-
-def test_what_was_cached_is_what_is_read_without_a_cache(tmp_path, place, monkeypatch):
-    path = model(tmp_path / "a.step")
-    vp.load(path)
-    cached = vp.load(path)
-    monkeypatch.setenv(cache.VARIABLE, "")
-    assert same(vp.load(path), cached)
 
 
 def test_mass_properties_are_measured_once_when_first_needed(tmp_path, place, monkeypatch):
@@ -198,13 +154,6 @@ def test_a_damaged_entry_is_made_anew(times, tmp_path, place, runs):
         assert entry.read_bytes() != damaged
     assert same(vp.load(path), first)
     assert len(runs) == times + 1
-
-
-def test_an_entry_holds_nothing_that_runs(tmp_path):
-    path = tmp_path / "a.npz"
-    np.savez(path, text=np.array([print], dtype=object))
-    with pytest.raises(archive.ArchiveError, match="damaged"):
-        archive.read(path)
 
 
 def test_what_is_lost_for_want_of_time_is_not_remembered(tmp_path, place, monkeypatch, runs):

@@ -1,7 +1,5 @@
 """Processes forked for the shapes of a file: one that crashes, hangs or grows costs no other shape."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Toleranced sizes of AP242 files, written by OpenCascade, and what recognition is held to by them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

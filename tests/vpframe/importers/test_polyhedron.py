@@ -1,7 +1,5 @@
 """Borders and holes of triangle meshes against definitions and brute force."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
