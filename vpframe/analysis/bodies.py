@@ -8,6 +8,7 @@ import pinocchio as pin
 from collision import CollisionManager, SurfaceMesh, Tolerance
 from collision.mesh import welded
 from physics.model.body import polyhedron
+from vpframe.analysis.pairs import count_words
 from vpframe.scene.deflection import deflections
 from vpframe.scene.scene import Scene, Shape
 
@@ -32,7 +33,7 @@ def shells(mesh: SurfaceMesh) -> list[SurfaceMesh]:
 
 
 def overlap_notes(scene: Scene, tolerance: Tolerance | None = None) -> tuple[str, ...]:
-    """Return a line for each shape whose bodies overlap by more than `tolerance.linear` and their facets' deflections.
+    """Return a line on the shapes whose bodies overlap by more than `tolerance.linear` and their facets' deflections.
 
     Such overlaps are no clashes: a library screw of thirty solids is one rigid part. A body is a shell of positive
     volume; a cavity is none.
@@ -51,13 +52,13 @@ def overlap_notes(scene: Scene, tolerance: Tolerance | None = None) -> tuple[str
             world.add(body, pin.SE3.Identity())
         pairs = np.unique(world.colliding_surfaces()[:, [0, 2]], axis=0).tolist()
         hidden = limits.linear + 2.0 * float(deflections(shape).max(initial=0.0))
-        found = world.penetrations(pairs, limit=lambda *_, hidden=hidden: hidden)
+        found = world.penetrations(pairs, lambda *_, hidden=hidden: hidden)
         depths = [float(rows["depth"].max(initial=0.0)) for rows in found]
         deep = [depth for depth in depths if depth > hidden]
         if deep:
-            others = f" (and {len(names) - 1} more of its shape)" if len(names) > 1 else ""
-            notes.append(
-                f"{names[0]}{others}: {len(deep)} pairs of its {len(bodies)} bodies overlap, at most by "
-                f"{1e3 * max(deep):.3g} mm; they are one rigid part (--bodies split takes them apart)"
-            )
-    return tuple(notes)
+            others = f" and {len(names) - 1} more of its shape" if len(names) > 1 else ""
+            overlaps = f"{count_words(len(deep), f'its {len(bodies)} bodies')} by at most {1e3 * max(deep):.3g} mm"
+            notes.append(f"{names[0]}{others} ({overlaps})")
+    if not notes:
+        return ()
+    return (f"bodies of one rigid part overlap (--bodies split takes them apart): {', '.join(notes)}",)

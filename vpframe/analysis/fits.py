@@ -64,12 +64,18 @@ class Verdict(NamedTuple):
 class FittedPair:
     """Two round surfaces, one in the other."""
 
+    parts: tuple[int, int]
     fit: RoundFit
     why: str
     mated: frozenset[Key]
     """faces of the two features that are near each other"""
-    beside: frozenset[Key]
-    """face pairs that cannot be closer than the two features"""
+    beside: tuple[tuple[int, ...], tuple[int, ...]] = ((), ())
+    """faces of the first part that cannot be closer to those of the second than the two features are"""
+
+    def of(self, keys: Iterable[Key]) -> set[Key]:
+        """Return the keys of faces that are beside one another."""
+        first, second = map(set, self.beside)
+        return {key for key in keys if len(key) == 4 and key[2] in first and key[3] in second}
 
 
 @dataclass(frozen=True)
@@ -202,11 +208,10 @@ def fits_of(
             threads.append(_drawn(candidate, near, radius, candidate.residual - fit))
         elif (found := fit_of(candidate, t)) is not None:
             beside = sleeve(candidate, features, (world.mesh(a), world.mesh(b)), t.fit) or ((), ())
-            others = frozenset((a, b, i, j) for i, j in product(*beside))
-            fits.append(FittedPair(found, candidate.why, near, others))
+            fits.append(FittedPair((a, b), found, candidate.why, near, beside))
     for misfit in analysis.misfits(within):
         a, _, b, _ = misfit.pair
-        fits.append(FittedPair(misfit.fit, misfit.why, frozenset((a, b, i, j) for i, j in misfit.faces), frozenset()))
+        fits.append(FittedPair((a, b), misfit.fit, misfit.why, frozenset((a, b, i, j) for i, j in misfit.faces)))
     return tuple(fits), tuple(threads)
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from threading import Lock
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -15,7 +14,7 @@ from collision.classify import PairClass
 from constraints.geometry import gap as analytic
 from constraints.geometry.surfaces import Freeform
 from vpframe.analysis.fits import Verdict
-from vpframe.scene.scene import Scene, Shape, Surface
+from vpframe.scene.scene import Scene, Shape
 
 Array = NDArray[np.float64]
 EXACT = 1e-9
@@ -49,48 +48,44 @@ class Gap:
         return Verdict(kind, max(self.low, 0.0), self.depth)
 
 
-def gaps_of(
-    scene: Scene, pairs: Iterable[PairClass], sags: Sequence[Array], nearest: float
-) -> dict[tuple[int, ...], Gap]:
-    """Return the gaps of pairs of faces, by parts and surfaces.
+class PlacedFaces:
+    """The trimmed faces of each part of a scene where it stands, derived at first use; several threads may ask."""
 
-    Parameters
-    ----------
-    pairs: of faces, from `classify`.
-    sags: deflection of each surface of each part, m.
+    def __init__(self, scene: Scene, sags: Sequence[Array]) -> None:
+        self.scene, self.sags = scene, sags
+        self._placed: dict[int, analytic.Faces] = {}
+        self._lock = Lock()
+
+    def of(self, part: int) -> analytic.Faces:
+        """Return the faces of a part by its index, world, m."""
+        with self._lock:
+            if part not in self._placed:
+                shape, pose = self.scene.parts[part].shape, self.scene.parts[part].pose
+                self._placed[part] = analytic.moved(_faces(shape, self.sags[part]), pose)
+            return self._placed[part]
+
+
+def gaps_of(placed: PlacedFaces, pairs: Iterable[PairClass], nearest: float) -> dict[tuple[int, ...], Gap]:
+    """Return the gaps of pairs of faces, from `classify`, by parts and surfaces.
+
     nearest: m: gaps that are surely above are not computed exactly.
     """
-    placed: dict[int, analytic.Faces] = {}
     out: dict[tuple[int, ...], Gap] = {}
-    curved: list[PairClass] = []
     for pair in pairs:
         if pair.surfaces is None:
             continue
-        low, high = facet_bounds(pair, sags)
-        out[(*pair.objects, *pair.surfaces)] = Gap(low, high, pair.depth, np.asarray(pair.witness))
-        kinds = (type(face.geometry) for face in _surfaces(scene, pair))
-        if high - low > EXACT and low <= nearest and Freeform not in kinds:
-            curved.append(pair)
-            for i in pair.objects:
-                if i not in placed:
-                    placed[i] = analytic.moved(_faces(scene.parts[i].shape, sags[i]), scene.parts[i].pose)
-
-    def exact(pair: PairClass) -> None:
-        key = i, j, s, t = *pair.objects, *(pair.surfaces or (-1, -1))
-        known = out[key]
-        searched = min(known.low, known.low - SEARCH * pair.depth)
-        least, most, point = analytic.gap(placed[i], s, placed[j], t, searched, known.high, known.point)
-        if (least, most) != (searched, known.high):
-            fitted = sum(face.residual for face in _surfaces(scene, pair))
-            out[key] = Gap(least - fitted, most + fitted, max(0.0, -most), point)
-
-    with ThreadPoolExecutor(os.cpu_count(), "gaps") as pool:
-        list(pool.map(exact, curved))
+        faces = [placed.scene.parts[i].surfaces[s] for i, s in zip(pair.objects, pair.surfaces, strict=True)]
+        low, high = facet_bounds(pair, placed.sags)
+        found = Gap(low, high, pair.depth, np.asarray(pair.witness))
+        if high - low > EXACT and low <= nearest and not any(isinstance(face.geometry, Freeform) for face in faces):
+            (i, j), (s, t) = pair.objects, pair.surfaces
+            searched = min(low, low - SEARCH * pair.depth)
+            least, most, point = analytic.gap(placed.of(i), s, placed.of(j), t, searched, high, found.point)
+            if (least, most) != (searched, high):
+                fitted = sum(face.residual for face in faces)
+                found = Gap(least - fitted, most + fitted, max(0.0, -most), point)
+        out[(*pair.objects, *pair.surfaces)] = found
     return out
-
-
-def _surfaces(scene: Scene, pair: PairClass) -> list[Surface]:
-    return [scene.parts[i].surfaces[s] for i, s in zip(pair.objects, pair.surfaces or (), strict=True)]
 
 
 def facet_bounds(pair: PairClass, sags: Sequence[Array]) -> tuple[float, float]:

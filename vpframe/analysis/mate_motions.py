@@ -1,8 +1,10 @@
 """`Mates`: the fits and threads between the parts of a scene as they stand, and what of them a motion keeps.
 
-Which overlaps are meant is decided here, for plans and sessions alike: the surfaces of a fit or thread are left out of
-the sweeps while a motion keeps the two parts on their common axis; a shaft that clashes with its bore is such a fit if
-the overlap of its pair is authorised, and else lets the two not move against each other.
+What a motion may do to overlaps that are meant is decided here, for plans and sessions alike: the surfaces of a fit or
+thread are left out of the sweeps while a motion keeps the two parts on their common axis. A shaft that clashes with its
+bore is such a fit if the overlap of its pair is authorised, or means something (`vpframe.analysis.meanings`): then it
+moves along its screw or its axis, between the heights at which all common material stays in the rim that is meant. Else
+the two do not move against each other.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from constraints.geometry.views import Extent
 from constraints.recognition.mated import adjacent_surfaces
 from constraints.recognition.misfits import Misfit
 from vpframe.analysis.fits import PressFit, fit_of, press_fits
+from vpframe.analysis.meanings import Meaning, meanings_of
 from vpframe.analysis.static import StaticAnalysis, analysis_of
 from vpframe.errors import VpframeError
 from vpframe.scene.scene import Scene
@@ -59,10 +62,18 @@ class MateMotion:
     """surfaces of a, surfaces of b"""
     press: float = 0.0
     """m, radial: interference of a press fit; 0 for any other mate"""
+    travel: tuple[float, float] = (-np.inf, np.inf)
+    """m along the axis: between which a may be displaced"""
+    unturned: bool = False
+    """whether a thread may slip along its axis without turning"""
+    meaning: Meaning | None = None
+    """of an overlap that is meant"""
 
     def keeps(self, start: pin.SE3, end: pin.SE3) -> bool:
         """Whether the motion of a against b from one displacement to another, along a screw, keeps the mate."""
-        return all(self._holds(d) for d in (start, end)) and (self.pitch is None or self._engages(start, end))
+        if not all(self._holds(d) and self._is_within(d) for d in (start, end)):
+            return False
+        return self.pitch is None or self.unturned or self._engages(start, end)
 
     def _holds(self, d: pin.SE3) -> bool:
         shift = d.act(self.origin) - self.origin
@@ -72,6 +83,10 @@ class MateMotion:
         aside = shift - (shift @ self.axis) * self.axis
         tilt = np.linalg.norm(d.rotation @ self.axis - self.axis)
         return bool(np.linalg.norm(aside) <= ON_AXIS and tilt * arm <= ON_AXIS)
+
+    def _is_within(self, d: pin.SE3) -> bool:
+        along = float((d.act(self.origin) - self.origin) @ self.axis)
+        return self.travel[0] - ON_AXIS <= along <= self.travel[1] + ON_AXIS
 
     def _engages(self, start: pin.SE3, end: pin.SE3) -> bool:
         assert self.pitch is not None
@@ -113,6 +128,7 @@ class Mates:
     authorised: pairs of part names whose overlap as drawn is meant.
     threads: m a turn by part name: its snug fits are threads, drawn without them.
     recognition: tolerance by which fits are recognised; its reach does not count.
+    unturned: whether screws whose overlap means a thread may slip along their axes without turning.
     """
 
     def __init__(
@@ -122,12 +138,13 @@ class Mates:
         threads: Mapping[str, float] | None = None,
         recognition: Tolerance | None = None,
         progress: Progress = silent,
+        unturned: bool = False,
     ) -> None:
         self.scene, self.recognition = scene, recognition
         self.names = scene.names
         self.poses = tuple(pin.SE3(part.pose) for part in scene.parts)
         self.meshes = tuple(part.mesh for part in scene.parts)
-        self.authorised = pairs_of(scene, authorised)
+        self.authorised, self.unturned = pairs_of(scene, authorised), unturned
         self._threads = {scene.index(name): pitch for name, pitch in (threads or {}).items()}
         for name, pitch in (threads or {}).items():
             if not (np.isfinite(pitch) and pitch != 0.0):
@@ -162,7 +179,36 @@ class Mates:
             if frozenset((a, b)) in self.authorised:
                 ends = ((a, features[a][fa]), (b, features[b][fb]))
                 out.setdefault((a, b), []).append(self._authorised_fit(found, ends))
+        for meaning in self.meanings:
+            if not any(_same_line(mate, meaning) for mate in out.get(meaning.parts, ())):
+                out.setdefault(meaning.parts, []).append(self._meant(meaning))
         return {pair: tuple(mates) for pair, mates in sorted(out.items())}
+
+    @cached_property
+    def meanings(self) -> tuple[Meaning, ...]:
+        """What the overlaps as drawn mean, of pairs of parts with an axis."""
+        rows = self._analysis.contacts(self._analysis.within_deflection)
+        pairs = np.unique(np.stack([rows["object_a"], rows["object_b"]], axis=1), axis=0).tolist()
+        return meanings_of(self.scene, self._analysis).between(map(tuple, pairs))
+
+    def _meant(self, meaning: Meaning) -> MateMotion:
+        """The motions that an overlap with a meaning allows."""
+        fit = meaning.fit
+        assert fit is not None
+        first = meaning.solid == meaning.parts[0]
+        hollow = meaning.parts[1 if first else 0]
+        everything = tuple(range(self.meshes[hollow].n_surfaces))
+        ahead, behind = max(fit.mated[1] - fit.span[0], 0.0), max(fit.span[1] - fit.mated[0], 0.0)
+        travel = fit.free[0] - fit.span[0], fit.free[1] - fit.span[1]  # of the solid; the hollow goes the other way
+        thread = meaning.kind == "thread"
+        return MateMotion(
+            meaning.parts, "screw" if thread else "concentric", *fit.line, meaning.pitch, thread,
+            (ahead, behind) if first else (behind, ahead),
+            ((fit.surfaces, everything) if first else (everything, fit.surfaces),),
+            fit.depth if meaning.kind == "press fit" else 0.0,
+            travel if first else (-travel[1], -travel[0]),
+            self.unturned or frozenset(meaning.parts) in self.authorised, meaning,
+        )  # fmt: skip
 
     @property
     def press_fits(self) -> tuple[PressFit, ...]:
@@ -239,8 +285,8 @@ class Mates:
         return tuple(pairing if first else (pairing[1], pairing[0]) for first, pairing in pairs)
 
     def left_out(self, i: int, j: int, start: pin.SE3, end: pin.SE3) -> Iterable[SurfacePairs] | None:
-        """The surfaces of fits and threads that a leg of part i keeps with part j; None: a drawn thread lets none pass,
-        or a shaft and a bore that clash.
+        """The surfaces of fits and threads that a leg of part i keeps with part j; None: a drawn thread, or another
+        overlap that is meant, lets none pass, or a shaft and a bore clash.
 
         `Sweeps` asks it of each leg.
         """
@@ -250,7 +296,7 @@ class Mates:
             one, other = (start, end) if first else (start.inverse(), end.inverse())
             if mate.keeps(one, other):
                 out += mate.excused if first else [(b, a) for a, b in mate.excused]
-            elif mate.drawn and mate.engaged(one) and mate.axis @ mate.axis > 0.0:
+            elif (mate.drawn or mate.meaning) and mate.engaged(one) and mate.axis @ mate.axis > 0.0:
                 return None
         if i > j:
             start = start.inverse()
@@ -268,9 +314,18 @@ class Mates:
     @cached_property
     def _jams(self) -> dict[tuple[int, int], tuple[Jam, ...]]:
         out: dict[tuple[int, int], list[Jam]] = {}
+        meant = {meaning.parts: meaning for meaning in self.meanings}
         for found in self._misfits:
+            meaning = meant.get((found.pair[0], found.pair[2]))
+            if meaning is not None and meaning.on(found.line):
+                continue
             out.setdefault((found.pair[0], found.pair[2]), []).append(Jam(*found.line, found.length))
         return {pair: tuple(jams) for pair, jams in out.items()}
+
+
+def _same_line(mate: MateMotion, meaning: Meaning) -> bool:
+    """Whether a mate is a thread or a press fit on the axis of a meaning."""
+    return (mate.kind == "screw" or mate.press > 0.0) and meaning.on((mate.origin, mate.axis))
 
 
 def pairs_of(scene: Scene, names: Iterable[tuple[str, str]]) -> frozenset[frozenset[int]]:

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from collision.classify import KINDS as CLASSIFIED
 from constraints.geometry.round_fit import RoundFit
 from vpframe.analysis.fits import ClashReason
+from vpframe.analysis.meanings import Meaning
 from vpframe.scene.names import geometry_words
 from vpframe.scene.scene import Part, Surface
 
-KINDS = (*CLASSIFIED[: CLASSIFIED.index("contact")], "press fit", "thread", *CLASSIFIED[CLASSIFIED.index("contact") :])
+_TOUCHING = CLASSIFIED.index("contact")
+KINDS = (*CLASSIFIED[:_TOUCHING], "press fit", "thread", "soft", "glue", *CLASSIFIED[_TOUCHING:])
 """in descending gravity"""
 OPEN_FIRST = ("new", "persistent", "accepted", "resolved")
 """order of precedence for the status of a pair of parts"""
@@ -68,6 +70,14 @@ class ClashRow(SurfacePair):
     remark: str = ""
     planes: int = 0
     """number of plane faces"""
+    meaning: Meaning | None = None
+    """what the overlap means, where a part tells it; None also for fits and threads that the two surfaces tell"""
+
+    @property
+    def other(self) -> str:
+        """Name of the part that a meaning's fastener is in, or on."""
+        known = self.meaning
+        return self.parts[1] if known is None or known.part == known.parts[0] else self.parts[0]
 
     @property
     def why(self) -> str:
@@ -93,6 +103,7 @@ class ClashRow(SurfacePair):
             "interval": list(self.interval),
             "point": list(self.point),
             "reason": self.why,
+            **({} if self.meaning is None else {"meaning": self.meaning.document()}),
             **marked,
         }
 

@@ -22,7 +22,12 @@ def box_of(mesh: SurfaceMesh) -> tuple[Array, Array]:
 
 def corners(mesh: SurfaceMesh) -> Array:
     """Corners (8, 3) of the bounding box of a mesh, m."""
-    return np.array(list(product(*zip(*box_of(mesh), strict=True))))
+    return corners_of(*mesh.bounds)
+
+
+def corners_of(low: Array, high: Array) -> Array:
+    """Corners (8, 3) of the box from a lower to an upper corner (3,)."""
+    return np.array(list(product(*zip(low, high, strict=True))))
 
 
 def middle(mesh: SurfaceMesh) -> Array:

@@ -6,7 +6,7 @@ import contextlib
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TypeVar
 
 from constraints.geometry.metric_threads import designation
@@ -106,6 +106,23 @@ def obstacles_words(met: Sequence[tuple[Part, str]], holding: Collection[str] = 
     else:
         mend = f"remove {'it' if len(first) == 1 else 'them'} first"
     return f"{', '.join(clauses)}; {mend}"
+
+
+def holding_words(mates: Iterable[tuple[str, str, str]], sizes: Mapping[str, str]) -> str:
+    """Say which constraints forbid a motion: "held by against: cover – screw_1, screw_2 (2 × M5); angle: cover – pin".
+
+    mates: (kind, own part, other part) of each. sizes: of fasteners, by name.
+    """
+    by: dict[tuple[str, str], dict[str, None]] = {}
+    for kind, own, other in mates:
+        by.setdefault((kind, own), {})[other] = None
+    clauses = []
+    for (kind, own), others in by.items():
+        counts = Counter(sizes[name] for name in others if name in sizes)
+        many = ", ".join(f"{n} × {size}" if n > 1 else size for size, n in counts.items())
+        names = [*others][:NAMED] + ([f"{len(others) - NAMED} more"] if len(others) > NAMED else [])
+        clauses.append(f"{kind}: {own} – {', '.join(names)}{f' ({many})' if many else ''}")
+    return f"held by {'; '.join(clauses)}" if clauses else ""
 
 
 def mates_words(mates: Iterable[tuple[str, str]]) -> str:

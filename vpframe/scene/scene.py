@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import InitVar, dataclass, field
 from functools import cached_property
-from typing import Any, Protocol, overload
+from typing import Any, ClassVar, Protocol, overload
 
 import numpy as np
 import pinocchio as pin
@@ -21,6 +21,7 @@ from vpframe.errors import UnknownPartError, VpframeError
 from vpframe.scene.edges import Edge, edges_of
 from vpframe.scene.joints import Statement
 from vpframe.scene.motion import Motion
+from vpframe.scene.overlap_rules import OverlapRule
 from vpframe.scene.poses import rigid
 
 
@@ -171,6 +172,9 @@ class Part:
     inertia: mass, centre and inertia in the part's frame from the model; None: computed from density and shape.
     """
 
+    placed: ClassVar[object] = object()
+    """another object whenever any part was attached to a session or detached"""
+
     def __init__(
         self,
         name: str,
@@ -211,6 +215,7 @@ class Part:
         """Attach the part to a session, which from now on provides its pose as part `index`."""
         self._pose = self.pose
         self._placing = (session, index)
+        Part.placed = object()
 
     def is_placed_by(self, session: Placing) -> bool | None:
         """Whether that session provides the pose; None if no session does."""
@@ -221,6 +226,7 @@ class Part:
         if self._placing is not None and self._placing[0] is session:
             self._pose = self.pose
             self._placing = None
+            Part.placed = object()
 
     @property
     def mesh(self) -> SurfaceMesh:
@@ -257,12 +263,15 @@ class Scene(Mapping[str, Part]):
         source: str | None = None,
         notes: Iterable[str] = (),
         statements: Iterable[Statement] = (),
+        rules: Iterable[OverlapRule] = (),
     ) -> None:
         self._parts: dict[str, Part] = {}
         self.source = source
         self.notes: tuple[str, ...] = tuple(notes)
         self.statements: tuple[Statement, ...] = tuple(statements)
         """constraints of the model's joints"""
+        self.rules: tuple[OverlapRule, ...] = tuple(rules)
+        """what a person says of overlaps"""
         for part in parts:
             self.add(part)
 
@@ -373,7 +382,7 @@ class Scene(Mapping[str, Part]):
     def copy(self) -> Scene:
         """Return a scene with the same shapes and copies of the parts at their present poses."""
         parts = (part.copy() for part in self.parts)
-        return Scene(parts, self.source, self.notes, self.statements)
+        return Scene(parts, self.source, self.notes, self.statements, self.rules)
 
     def __getitem__(self, name: str) -> Part:
         try:

@@ -1,7 +1,5 @@
 """Clash status over the runs of a task."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

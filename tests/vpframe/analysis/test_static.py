@@ -1,7 +1,5 @@
 """What several questions about a scene need is computed once, and anew where the scene has changed."""
 
-from __future__ import annotations
-
 import gc
 import weakref
 

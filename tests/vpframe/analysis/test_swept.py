@@ -1,7 +1,5 @@
 """Swept volumes against volumes known in closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

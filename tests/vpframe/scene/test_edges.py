@@ -1,7 +1,5 @@
 """Edges of a mesh against those of the kernel's B-rep."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from OCP.BRep import BRep_Tool

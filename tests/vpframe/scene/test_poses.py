@@ -1,7 +1,5 @@
 """A part's pose is a rigid motion: what is none is refused in one line when it is set, and when the part is made."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What can be seen of a rotation: known groups, and a part turned where it lies."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
