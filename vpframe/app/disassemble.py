@@ -56,8 +56,9 @@ def add_arguments(sub: argparse.ArgumentParser) -> None:
         help="straight ways alone; threads and pushes, too; six freedoms, too (default)",
     )  # fmt: skip
     sub.add_argument(
-        "--budget", metavar="TIME", type=options.duration, default=60.0,
-        help="60s, 5min: 500 questions a second, and at most as much processor time after the analysis",
+        "--budget", metavar="TIME", type=options.duration,
+        help="60s, 5min: 500 questions a second, and at most as much processor time after the analysis (default: "
+        "2.5s a part, from 60s to 300s)",
     )  # fmt: skip
     sub.add_argument("--seed", metavar="N", type=int, default=0, help="of the sampling")
     sub.add_argument("--jobs", metavar="N", type=int, default=1, help="processes; the plan is the same for any number")

@@ -21,16 +21,19 @@ import time
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision import CollisionManager, Stop, Sweeps, Tolerance
+from collision import CollisionManager, Stop, Sweeps, Tolerance, buried
 from collision.numeric.kernel import compilation
 from constraints.freedom.escape import Patch, contact_patch
+from constraints.recognition.fasteners import Fastener
 from vpframe.analysis.clash import clash, is_open
+from vpframe.analysis.fasteners import fasteners_of
 from vpframe.analysis.mate_motions import LINEAR, Mates, Progress, pairs_of, silent
 from vpframe.errors import VpframeError
 from vpframe.scene.boxes import half_size
@@ -49,6 +52,10 @@ TOLERANCE: Final = Tolerance(linear=LINEAR, slop=1e-6)
 kernels place points to within 100 pm (1e-7 mm)"""
 CLEAR: Final = 3e-3
 """m: final clearance of a removed part; beyond it a session's mates are released"""
+LOOKED_AT: Final = 16
+"""poses of a path at which depths are looked at"""
+SAME: Final = 1e-7
+"""m: by which the corners of a part that is drawn twice differ at most"""
 QUESTIONS: Final = 500
 """per second of budget: sweeps and intersection tests; on slower machines the processor time ends first"""
 
@@ -81,14 +88,15 @@ working: Final = _Working()
 class Budget:
     """What a search may use: `seconds` times QUESTIONS questions, and as many seconds of processor time.
 
-    Raises VpframeError if `seconds` is not positive and finite. clock: returns the processor time, s.
+    Raises VpframeError if `seconds` is not positive and finite. clock: returns the processor time, s. reserve: fraction
+    of both that is kept back until `release`.
     """
 
-    def __init__(self, seconds: float, clock: Callable[[], float] = working) -> None:
+    def __init__(self, seconds: float, clock: Callable[[], float] = working, reserve: float = 0.0) -> None:
         if not 0.0 < seconds < np.inf:
             raise VpframeError(f"the budget is {seconds!r}; give a positive number of seconds")
         self.seconds, self.questions, self.used = seconds, int(np.ceil(seconds * QUESTIONS)), 0
-        self._clock, self._late = clock, False
+        self._clock, self._late, self._part, self._ended = clock, False, 1.0 - reserve, ""
         self.by_clock = False
         """whether the processor time ended it, or a share of it: another run may then come farther"""
         self.begin()
@@ -100,10 +108,14 @@ class Budget:
     def ask(self, questions: int = 1) -> None:
         """Use up questions before they are computed; raises BudgetError when questions or time are used up."""
         self.used += questions
-        if self.spent > self.seconds:
+        if self.spent > self._part * self.seconds:
             self._late = self.by_clock = True
-        if self.ended:
+        if self._over:
             raise BudgetError(f"the budget of {self.ended} is used up")
+
+    def release(self) -> None:
+        """Let the reserve be used, too; `ended` still tells what ended the search before."""
+        self._ended, self._late, self._part = self.ended, False, 1.0
 
     def take(self, seconds: float) -> None:
         """Add processor time of another process, s."""
@@ -117,9 +129,13 @@ class Budget:
     @property
     def ended(self) -> str:
         """The limit that was reached, in words; empty if none was."""
+        return self._ended or self._over
+
+    @property
+    def _over(self) -> str:
         if self._late:
             return f"{self.seconds:.4g} s of processor time"
-        return f"{self.questions} questions" if self.used > self.questions else ""
+        return f"{self.questions} questions" if self.used > self._part * self.questions else ""
 
     def document(self) -> dict[str, Any]:
         """The budget in JSON; without the time spent, which is another in each run."""
@@ -129,12 +145,12 @@ class Budget:
     @property
     def left(self) -> float:
         """Processor time left, s."""
-        return max(0.0, self.seconds - self.spent)
+        return max(0.0, self._part * self.seconds - self.spent)
 
     def share(self, part: float) -> Budget:
         """A budget of a fraction of what is left, for one search of several; `give_back` it."""
         out = Budget(max(part * self.left, 1e-3), self._clock)
-        out.questions = int(np.ceil(part * max(self.questions - self.used, 0)))
+        out.questions = int(np.ceil(part * max(self._part * self.questions - self.used, 0)))
         return out
 
     def give_back(self, share: Budget) -> None:
@@ -151,6 +167,17 @@ class Overlap:
     surfaces: tuple[int, ...]
     depth: float
     """m"""
+    at: tuple[float, float, float] | None = None
+    """(3,) world, m: the deepest point, where it is known"""
+    clash: bool = True
+    """whether it is more than the deflection of the triangles explains"""
+
+    @property
+    def text(self) -> str:
+        """In words, without the parts."""
+        place = "" if self.at is None else " at ({:.1f}, {:.1f}, {:.1f}) mm".format(*(1e3 * x for x in self.at))
+        kind = "a clash" if self.clash else "within the deflection of the triangles"
+        return f"{self.depth * 1e3:.3g} mm as drawn{place}: {kind}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,12 +225,13 @@ class Assembly(Mates):
         self._stops: dict[Key, Stop | None] = {}
         self._ahead: dict[Key, Answer] = {}
         self._new: dict[Key, Answer] = {}
+        self._deepens: dict[Key, bool] = {}
         self._patches: dict[tuple[int, int], tuple[Patch, ...]] = {}
         self._new_patches: dict[tuple[int, int], tuple[Patch, ...]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """The state for worker processes, without cached answers."""
-        left_out = {"world", "candidates", "overlaps", "sweeps", "_progress", "_stops"}
+        left_out = {"world", "candidates", "sweeps", "_progress", "_stops", "_deepens"}
         left_out |= {"_ahead", "_new", "_patches", "_new_patches"}
         return {name: value for name, value in self.__dict__.items() if name not in left_out}
 
@@ -214,7 +242,7 @@ class Assembly(Mates):
 
     def prepare(self) -> None:
         """Compute the analysis that all answers need, before a budget begins and before workers are started."""
-        _ = self.mates, self._jams, self._touching, self.overlaps
+        _ = self.mates, self._jams, self._touching, self.overlaps, self.fasteners
 
     def answer(self, stops: Mapping[Key, Answer], patches: Mapping[tuple[int, int], tuple[Patch, ...]]) -> None:
         """Store answers of worker processes; a question counts when the plan first uses it."""
@@ -235,7 +263,7 @@ class Assembly(Mates):
         """Overlaps as drawn that are neither authorised nor ignored, the deepest first."""
         meant = [*self.authorised_pairs, *self.ignored_pairs]
         rows = clash(self.scene, tolerance=self.recognition, authorised=meant, progress=self._progress)
-        found = [Overlap(row.parts, row.surfaces, row.depth) for row in rows if is_open(row)]
+        found = [Overlap(row.parts, row.surfaces, row.depth, row.point) for row in rows if is_open(row)]
         return tuple(sorted(found, key=lambda o: (-o.depth, o.parts, o.surfaces)))
 
     @property
@@ -287,6 +315,50 @@ class Assembly(Mates):
             self._patches[i, j] = self._new_patches[i, j] = tuple(found)
         return self._patches[i, j]
 
+    @cached_property
+    def partners(self) -> tuple[frozenset[int], ...]:
+        """By part, the parts that it may touch, or has a fit, thread or clashing bore with, at the initial poses."""
+        out: list[set[int]] = [set() for _ in self.names]
+        for a, b in (*self.mates, *self._jams, *self._touching):
+            out[a].add(b)
+            out[b].add(a)
+        return tuple(map(frozenset, out))
+
+    @cached_property
+    def clashing(self) -> dict[frozenset[int], Overlap]:
+        """The deepest overlap of each pair of parts that overlap as drawn."""
+        place = {name: i for i, name in enumerate(self.names)}
+        return {frozenset(place[name] for name in o.parts): o for o in reversed(self.overlaps)}
+
+    @cached_property
+    def duplicates(self) -> tuple[tuple[int, ...], ...]:
+        """Parts that are drawn more than once at one place: the same corners to within 0.1 µm."""
+        alike: dict[tuple[int, int], list[int]] = {}
+        for i, mesh in enumerate(self.meshes):
+            alike.setdefault((len(mesh.vertices), len(mesh.triangles)), []).append(i)
+        out: list[list[int]] = []
+        for same in alike.values():
+            found: list[list[int]] = []
+            for i in same:
+                twin = next((known for known in found if self._coincide(known[0], i)), None)
+                found.append([i]) if twin is None else twin.append(i)
+            out += [known for known in found if len(known) > 1]
+        return tuple(sorted(map(tuple, out)))
+
+    def _coincide(self, i: int, j: int) -> bool:
+        low_high = np.stack([self.sweeps.extents(axis) for axis in np.eye(3)])
+        if np.abs(low_high[:, :, i] - low_high[:, :, j]).max() > SAME:
+            return False
+        from scipy.spatial import cKDTree
+
+        a, b = (self.meshes[k].vertices @ self.poses[k].rotation.T + self.poses[k].translation for k in (i, j))
+        return bool(cKDTree(a).query(b)[0].max() <= SAME >= cKDTree(b).query(a)[0].max())
+
+    @cached_property
+    def fasteners(self) -> dict[int, Fastener]:
+        """The parts that are fasteners."""
+        return fasteners_of(self.scene)
+
     # -- questions
 
     def stop(self, i: int, j: int, knots: Knots) -> Stop | None:
@@ -337,6 +409,39 @@ class Assembly(Mates):
         """Whether two parts overlap at their initial poses by more than the tolerance."""
         return max(self.sweeps.depths(i, j).values(), default=0.0) > self.tolerance.linear
 
+    def drawn_into(self, i: int, j: int) -> Overlap | None:
+        """What of two parts overlaps as drawn, other than by a fit or thread; None if nothing does."""
+        pair = frozenset((i, j))
+        if pair in self.ignored:
+            return None
+        if pair in self.clashing:
+            return self.clashing[pair]
+        identity = pin.SE3.Identity()
+        fits = self.left_out(i, j, identity, identity)
+        if j not in self.sweeps.beside(i, (identity, identity)):
+            return None
+        if fits is not None and not any(self.sweeps.overlap(i, j, tuple(fits))):
+            return None
+        depth = max(self.sweeps.depths(i, j).values(), default=0.0)
+        return Overlap((self.names[i], self.names[j]), (), depth, None, False)
+
+    def deepens(self, i: int, j: int, knots: Knots, depth: float) -> bool:
+        """Whether part i gets deeper into part j, or j into i, than `depth` m at poses along a path."""
+        key = i, j, depth, *(k.homogeneous.tobytes() for k in knots)
+        if key not in self._deepens:
+            each = max(1, LOOKED_AT // (len(knots) - 1))
+            self._deepens[key] = any(
+                self._is_deeper(i, j, start * pin.exp6(pin.log6(start.actInv(end)) * (k / each)), depth)
+                for start, end in pairwise(knots)
+                for k in range(1, each + 1)
+            )
+        return self._deepens[key]
+
+    def _is_deeper(self, i: int, j: int, at: pin.SE3, depth: float) -> bool:
+        pose = self.poses[j].actInv(at * self.poses[i])
+        a, b = self.meshes[i], self.meshes[j]
+        return bool(len(buried(a, b, pose, depth)) or len(buried(b, a, pose.inverse(), depth)))
+
     def size(self, i: int) -> float:
         """m: half the diagonal of a part's box."""
         return half_size(self.meshes[i])
@@ -349,7 +454,7 @@ class Assembly(Mates):
 
     def far(self, group: Sequence[int], others: Iterable[int], direction: Array, at: pin.SE3 | None = None) -> float:
         """Path length of a group, displaced by `at`, along a unit direction until a plane separates it, m."""
-        front = max((self.sweeps.extent(j, direction)[1] for j in others), default=-np.inf)
+        front = float(self.sweeps.extents(direction)[1, list(others)].max(initial=-np.inf))
         if at is None:
             back = min(self.sweeps.extent(i, direction)[0] for i in group)
         else:
@@ -376,7 +481,7 @@ def _unsegmented(scene: Scene, near: float, threaded: Container[str]) -> Scene:
     rows = world.contacts(near)
     bare -= {*rows["object_a"].tolist(), *rows["object_b"].tolist()}
     made = [p.copy(shape=p.shape.unsegmented) if k in bare else p for k, p in enumerate(parts)]
-    return Scene(made, scene.source, scene.notes, scene.statements)
+    return Scene(made, scene.source, scene.notes, scene.statements, scene.rules)
 
 
 def translation(vector: Array) -> pin.SE3:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
+from itertools import groupby
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -14,8 +15,10 @@ import numpy as np
 import pinocchio as pin
 
 from collision import Tolerance
+from constraints.recognition.fastener_names import base_name
 from vpframe import __version__
 from vpframe.errors import VpframeError
+from vpframe.planning.assembly import Overlap
 from vpframe.planning.certify import PathClearance
 from vpframe.planning.plan import Disassembly, PlannedStep
 from vpframe.planning.verdict import JAMMED, Removal
@@ -24,6 +27,10 @@ from vpframe.scene.subassembly import listed
 from vpframe.text import plain
 
 GENERATOR = "vpframe"
+MANY = 30
+"""parts of a model beyond which instances of one pattern share a line"""
+LINES = 10
+"""lines of a kind in the text of such a model"""
 
 
 def document(plan: Disassembly, seed: int, tolerance: float, tracks: Mapping[str, str] | None = None) -> dict[str, Any]:
@@ -44,7 +51,9 @@ def document(plan: Disassembly, seed: int, tolerance: float, tracks: Mapping[str
         "stuck": {name: _stuck(stuck) for name, stuck in plan.stuck.items()},
         "proofs": {name: found for name, stuck in plan.stuck.items() if (found := _proof(stuck)) is not None},
         "press_fits": [fit.document() for fit in plan.press_fits],
-        "overlaps": [{"parts": list(o.parts), "surfaces": list(o.surfaces), "depth": o.depth} for o in plan.overlaps],
+        "overlaps": [_overlap(o) for o in plan.overlaps],
+        "duplicates": [list(names) for names in plan.duplicates],
+        "together": [list(names) for names in plan.together],
         "budget": plan.budget.document(),
         "seed": seed,
         "tolerance": tolerance,
@@ -83,7 +92,13 @@ def _stuck(found: Removal) -> dict[str, Any]:
         "in_the_way": list(found.blockers),
         "stopped_last": [list(s) for s in found.last],
         "ended_by": found.ended,
+        "held_by": [_overlap(o) for o in found.clashes],
     }
+
+
+def _overlap(o: Overlap) -> dict[str, Any]:
+    at = None if o.at is None else [float(x) for x in o.at]
+    return {"parts": list(o.parts), "surfaces": list(o.surfaces), "depth": o.depth, "at": at, "clash": o.clash}
 
 
 def _clearance(clearance: PathClearance, names: Sequence[str]) -> dict[str, Any] | None:
@@ -113,21 +128,24 @@ def _proof(found: Removal) -> dict[str, Any] | None:
 
 
 def table(plan: Disassembly) -> str:
-    """The plan as text: a line per step, then the parts that stay and the reason of each."""
-    lines = [headline(plan)]
-    for n, step in enumerate(plan.steps, 1):
-        d = step.clearance.distance
+    """The plan as text: a line per step, then the parts that stay and the reason of each.
+
+    Of more than MANY steps, instances of one pattern that leave alike share a line, and so do overlaps and reasons.
+    """
+    lines, many = [headline(plan)], len(plan.names) > MANY
+    for first, steps in _runs(plan.steps, many):
+        step, last = steps[0], first + len(steps) - 1
+        what = listed(step.parts) if len(steps) == 1 else f"{len(steps)} × {base_name(step.parts[0])}"
+        d = min(each.clearance.distance for each in steps)
         near = "" if not math.isfinite(d) else f", {d * 1e3:.3g} mm clear"
         near += ignores(step.clearance, plan.names)
         far = f", {step.length * 1e3:.4g} mm" if step.motion in ("straight", "screw") else ""
-        lines.append(f"  {n:3}  {listed(step.parts)}: {step.way.text}{far}{near}")
-    lines += [f"  {words}" for words in (*unsupported(plan), *stays(plan), *plan.press_fits)]
-    for (a, b), depths in overlaps_by_parts(plan).items():
-        faces = "" if len(depths) == 1 else f" at most, {len(depths)} pairs of surfaces"
-        pair = quote(f"{a}:{b}")
-        meant = f"; if that is meant: --authorise {pair}; if they may pass through each other: --ignore {pair}"
-        meant = meant if {a, b} & plan.stuck.keys() else ""
-        lines.append(f"  overlap from the start, never deepened: {a} – {b}, {depths[0] * 1e3:.3f} mm{faces}{meant}")
+        place = f"{first:3}" if len(steps) == 1 else f"{first:3}–{last}"
+        lines.append(f"  {place}  {what}: {step.way.text}{far}{near}")
+    lines += [f"  {words}" for words in _some(unsupported(plan, many), many, "losses of support")]
+    lines += [f"  {words}" for words in (*stays(plan), *duplicates(plan), *together(plan))]
+    lines += [f"  {words}" for words in _some(list(map(str, plan.press_fits)), many, "press fits")]
+    lines += [f"  {words}" for words in _some(_overlaps(plan, many), many, "kinds of overlaps")]
     if plan.remaining:
         questions = f"{plan.budget.used} of {plan.budget.questions} questions"
         lines.append(f"  used {plan.seconds:.3g} of {plan.budget.seconds:g} s of processor time, {questions}")
@@ -136,6 +154,56 @@ def table(plan: Disassembly) -> str:
     elif plan.remaining and plan.budget.ended:
         lines.append(f"  the budget of {plan.budget.ended} was used up; a larger --budget may find more")
     return "\n".join(map(plain, lines))
+
+
+def _runs(steps: Sequence[PlannedStep], many: bool) -> Iterator[tuple[int, list[PlannedStep]]]:
+    """The number of the first step, and the steps, of each row of steps that are told in one line."""
+
+    def alike(step: PlannedStep) -> tuple[Any, ...]:
+        pattern = base_name(step.parts[0]) if many and len(step.parts) == 1 else step.parts
+        return pattern, step.way.text, step.clearance.ignored
+
+    first = 1
+    for _, row in groupby(steps, key=alike):
+        run = list(row)
+        yield first, run
+        first += len(run)
+
+
+def _some(lines: Sequence[str], many: bool, what: str) -> list[str]:
+    """The lines, of a plan of many parts only the first LINES."""
+    more = len(lines) - LINES if many else 0
+    return [*lines[:LINES], f"and {more} more {what} (--json has all)"] if more > 1 else list(lines)
+
+
+def _overlaps(plan: Disassembly, many: bool) -> list[str]:
+    """A line for each pair of parts, or of patterns of parts, that overlap as drawn, the deepest first."""
+    alike: dict[tuple[str, str], list[tuple[tuple[str, str], list[float]]]] = {}
+    for pair, depths in overlaps_by_parts(plan).items():
+        if any(set(pair) <= set(names) for names in plan.duplicates):
+            continue
+        a, b = map(base_name, pair)
+        alike.setdefault((a, b) if many else pair, []).append((pair, depths))
+    lines = []
+    for (a, b), found in alike.items():
+        pair, depths = found[0]
+        faces = "" if len(depths) == 1 else f" at most, {len(depths)} pairs of surfaces"
+        faces = faces if len(found) == 1 else f" at most, {len(found)} pairs of parts, such as {' – '.join(pair)}"
+        quoted = quote(":".join(pair))
+        meant = f"; if that is meant: --authorise {quoted}; if they may pass through each other: --ignore {quoted}"
+        meant = meant if any(set(each) & plan.stuck.keys() for each, _ in found) else ""
+        lines.append(f"overlap from the start, never deepened: {a} – {b}, {depths[0] * 1e3:.3f} mm{faces}{meant}")
+    return lines
+
+
+def duplicates(plan: Disassembly) -> list[str]:
+    """A line for each part that is drawn more than once at one place."""
+    return [f"drawn {len(names)} times at one place, and leaves as one: {listed(names)}" for names in plan.duplicates]
+
+
+def together(plan: Disassembly) -> list[str]:
+    """A line for each group of parts that left as one and was not taken apart further."""
+    return [f"not taken apart further: {listed(names)}" for names in plan.together]
 
 
 def ignores(clearance: PathClearance, names: Sequence[str]) -> str:
@@ -155,13 +223,19 @@ def headline(plan: Disassembly) -> str:
         return f"nothing to take apart: {listed(plan.base)} is the whole model"
     if plan.proven and len(plan.steps) == 1:
         return f"{what} comes out in {count}: nothing has to go before it"
-    return f"{what} comes out in {count}{f', the fewest of {plan.scope}' if plan.proven else ''}"
+    n = len(plan.together)
+    whole = f"; {n} group{'s' * (n != 1)} of them {'is' if n == 1 else 'are'} not taken apart" if n else ""
+    return f"{what} comes out in {count}{f', the fewest of {plan.scope}' if plan.proven else ''}{whole}"
 
 
-def unsupported(plan: Disassembly) -> list[str]:
-    """A line for each step after which parts have no support."""
+def unsupported(plan: Disassembly, many: bool = False) -> list[str]:
+    """A line for each step after which parts have no support; of many parts with few names and without their paths."""
+
+    def names(parts: Sequence[str]) -> str:
+        return listed([part.rsplit("/", 1)[-1] for part in parts], 2) if many else listed(parts)
+
     return [
-        f"{listed(step.unsupported)} {_stay(step.unsupported)} without support once {listed(step.parts)} "
+        f"{names(step.unsupported)} {_stay(step.unsupported)} without support once {names(step.parts)} "
         f"{'is' if len(step.parts) == 1 else 'are'} out"
         for step in plan.steps
         if step.unsupported
@@ -169,18 +243,42 @@ def unsupported(plan: Disassembly) -> list[str]:
 
 
 def stays(plan: Disassembly) -> list[str]:
-    """A line for each reason why parts stay in."""
-    alike: dict[str, list[str]] = {}
+    """A line for each reason why parts stay in; of many parts, patterns are named, not instances."""
+    if len(plan.names) <= MANY:
+        alike: dict[str, list[str]] = {}
+        for name, stuck in plan.stuck.items():
+            alike.setdefault(reason(stuck, plan.fasteners), []).append(name)
+        return [f"{listed(names)} {'is' if len(names) == 1 else 'are'} {words}" for words, names in alike.items()]
+    patterns: dict[tuple[str, str, tuple[str, ...]], list[str]] = {}
     for name, stuck in plan.stuck.items():
-        alike.setdefault(reason(stuck), []).append(name)
-    return [f"{listed(names)} {'is' if len(names) == 1 else 'are'} {words}" for words, names in alike.items()]
+        by = stuck.holders or tuple(o.parts[o.parts[0] == name] for o in stuck.clashes) or stuck.blockers
+        key = base_name(name), stuck.verdict, tuple(sorted(set(map(base_name, by))))
+        patterns.setdefault(key, []).append(name)
+    lines = []
+    for (pattern, _, _), names in patterns.items():
+        of = f"{len(names)} × {pattern}, such as " if len(names) > 1 else ""
+        lines.append(f"{of}{names[0]} is {reason(plan.stuck[names[0]], plan.fasteners)}")
+    return lines
 
 
-def reason(found: Removal) -> str:
-    """Why a part stays in: the proof and the parts it assumes, or blockers, the budget and the last contacts."""
+def reason(found: Removal, fasteners: Mapping[str, str] | None = None) -> str:
+    """Why a part stays in: the proof and the parts it assumes, what holds it, or blockers, budget and last contacts.
+
+    fasteners: words for the parts that are fasteners.
+    """
     if found.holders:
         return f"{PROVEN[found.verdict]} while {listed(found.holders)} {_stay(found.holders)} (proof)"
-    by = f", in the way: {listed(found.blockers)}" if found.blockers else ""
+    known = fasteners or {}
+    blockers = [f"{name} ({known[name]})" if name in known else name for name in found.blockers]
+    if found.verdict == "held":
+        clashes = [f"{next(p for p in o.parts if p not in found.parts)} by {o.text}" for o in found.clashes]
+        if not clashes:
+            return f"held by {listed(blockers)}, which does not come out"
+        way = "" if found.way is None else f"; without it: {found.way.text}"
+        mates = {p for o in found.clashes for p in o.parts}
+        more = [word for word, name in zip(blockers, found.blockers, strict=True) if name not in mates]
+        return f"held: overlaps {listed(clashes, 3)}{way}{f', once out: {listed(more)}' if more else ''}"
+    by = f", in the way: {listed(blockers)}" if blockers else ""
     by += "".join(f"; {t.why}" for t in found.tried if t.way == JAMMED)
     ended = f"; the budget of {found.ended} was used up" if found.ended else ""
     return f"not found to come out{by}{ended}{_last(found)}"

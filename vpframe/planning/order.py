@@ -7,7 +7,9 @@ may come out as one (Wilson & Latombe, "Geometric reasoning about mechanical ass
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence, Set
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -21,6 +23,10 @@ from vpframe.planning.ways import RemovalPath
 Unit = tuple[int, ...]
 """parts that move as one"""
 SIMPLEST: Final = ("straight", "screw", "slide", "free")
+ALIKE: Final = 1e-6
+"""1: unit vectors that differ by less are one direction"""
+MOST_DIRECTIONS: Final = 24
+"""along which groups are looked for"""
 SMALLEST_GROUPS: Final = 6
 """how many groups that come out are weighed against each other"""
 
@@ -58,15 +64,28 @@ class Ways:
         self.assembly, self.budget, self.motion, self.clearance = assembly, budget, motion, clearance
         self.larger = False
         """whether `free` counts ways by which the larger part of a thread turns, not the smaller"""
+        self.waived: Mapping[frozenset[int], float] = {}
+        """m: depths to which pairs of parts may get into each other"""
+        self.waits: dict[Unit, frozenset[int]] = {}
+        """of each unit that was not `free`: parts, of each of its ways one that blocks it"""
         self._ways: dict[Unit, list[RemovalPath]] = {}
         self._known: dict[tuple[Unit, int], KnownPath] = {}
         self._wide: dict[tuple[Unit, tuple[bytes, ...], frozenset[int]], PathClearance] = {}
+        self._likely: dict[tuple[Unit, bytes], tuple[int, ...]] = {}
+        self._learnt: dict[int, list[Array]] = {}
+        """by shape: directions, in its frame, along which parts of this shape came out"""
+
+    def waiving(self, depths: Mapping[frozenset[int], float]) -> Ways:
+        """The same ways, as if some pairs of parts might get into each other as deep as is given, m."""
+        out = copy(self)
+        out.waived, out.waits, out._known, out._wide = depths, {}, {}, {}
+        return out
 
     def _others(self, unit: Unit) -> list[int]:
         return [j for j in range(len(self.assembly)) if j not in unit]
 
     def _candidates(self, unit: Unit) -> list[RemovalPath]:
-        """Paths of a unit among all parts, the simplest and shortest first."""
+        """Paths of a unit among all parts, the simplest first, then the likeliest, then the shortest."""
         if unit not in self._ways:
             others = self._others(unit)
             cone, _ = ways.cone_of(self.assembly, unit, others)
@@ -76,8 +95,60 @@ class Ways:
             ]
             if self.motion != "straight":
                 found += ways.screws(self.assembly, unit, others)
-            self._ways[unit] = sorted(found, key=_simplest)
+            axis = ways.out_of(self.assembly, unit)
+            self._ways[unit] = sorted(found, key=lambda way: _simplest(way, axis))
         return self._ways[unit]
+
+    def _in_turn(self, unit: Unit) -> list[RemovalPath]:
+        """The paths of a unit, those first along which another part of its shape came out."""
+        found = self._candidates(unit)
+        learnt = self._learnt.get(id(self.assembly.scene.parts[unit[0]].shape), ()) if len(unit) == 1 else ()
+        if not learnt:
+            return found
+        back = self.assembly.poses[unit[0]].rotation.T
+
+        def is_new(way: RemovalPath) -> bool:
+            return not any(np.abs(back @ way.direction - known).max() <= ALIKE for known in learnt)
+
+        return sorted(found, key=is_new)
+
+    def learn(self, known: KnownPath) -> None:
+        """Try the direction of a path first for other parts of the same shape."""
+        if len(known.unit) == 1:
+            (i,) = known.unit
+            directions = self._learnt.setdefault(id(self.assembly.scene.parts[i].shape), [])
+            direction = self.assembly.poses[i].rotation.T @ known.way.direction
+            if not any(np.abs(direction - other).max() <= ALIKE for other in directions):
+                directions.append(direction)
+
+    def likely(self, unit: Unit, way: RemovalPath) -> tuple[int, ...]:
+        """Parts that may block a path, the likeliest first: they hold the unit, touch it against the path, or are near.
+
+        All other parts certainly do not.
+        """
+        key = unit, way.direction.tobytes() if way.motion == "straight" else b"%d" % id(way)
+        if key not in self._likely:
+            assembly, held = self.assembly, set[int]()
+            against: dict[int, float] = {}
+            for i in unit:
+                if way.motion == "straight":
+                    met = assembly.sweeps.ahead(i, way.direction)
+                else:
+                    met = assembly.sweeps.beside(i, way.knots)
+                for j in {*met.tolist(), *(k for k in assembly.partners[i] if self._holds(i, k))} - set(unit):
+                    touching = assembly.patches(i, j) if j in assembly.partners[i] else ()
+                    pushed = [float((patch.normals @ way.direction).min()) for patch in touching]
+                    against[j] = min([against.get(j, 0.0), *pushed])
+                    if self._holds(i, j) or frozenset((i, j)) in assembly.clashing:
+                        held.add(j)
+            back = min(assembly.sweeps.extent(i, way.direction)[0] for i in unit)
+            gap = {j: max(0.0, assembly.sweeps.extent(j, way.direction)[0] - back) for j in against}
+            self._likely[key] = tuple(sorted(against, key=lambda j: (j not in held, round(against[j], 6), gap[j], j)))
+        return self._likely[key]
+
+    def _holds(self, i: int, j: int) -> bool:
+        """Whether a drawn thread, or a clash of a shaft with its bore, holds two parts together."""
+        return any(mate.drawn for mate in self.assembly.mates_of(i, j)) or bool(self.assembly.jams(i, j))
 
     def straight_directions(self, unit: Unit) -> list[Array]:
         """(3,) unit vectors, along which straight ways of a unit are looked for."""
@@ -134,24 +205,37 @@ class Ways:
     def _with_blockers(self, unit: Unit, way: RemovalPath) -> KnownPath:
         key = unit, id(way)
         if key not in self._known:
-            blockers = frozenset(j for j in self._others(unit) if self._stands_in(unit, way, j))
+            blockers = frozenset(j for j in self.likely(unit, way) if self._stands_in(unit, way, j))
             self._known[key] = KnownPath(unit, way, blockers, way.length)
         return self._known[key]
 
     def _stands_in(self, unit: Unit, way: RemovalPath, j: int) -> bool:
-        if way.motion == "straight":
-            return self.blocked(unit, j, way.direction)
+        """Whether part j, of those that are `likely`, stops any part of a unit on a path."""
         before = self.assembly.sweeps.count
-        out = any(self.assembly.stop(i, j, way.knots) is not None for i in unit)
+        out = any(self._stops(i, way, j) for i in unit)
         self.budget.ask(self.assembly.sweeps.count - before)
         return out
 
+    def _stops(self, i: int, way: RemovalPath, j: int) -> bool:
+        assembly, straight = self.assembly, way.motion == "straight"
+        stop = assembly.straight(i, j, way.direction) if straight else assembly.stop(i, j, way.knots)
+        depth = self.waived.get(frozenset((i, j)))
+        if stop is None or depth is None:
+            return stop is not None
+        knots = ways.straight(assembly, (i,), (j,), way.direction).knots if straight else way.knots
+        return assembly.deepens(i, j, knots, depth)
+
     def blocked(self, unit: Unit, j: int, direction: Array) -> bool:
         """Whether part j stops any part of a unit on its straight way along a direction."""
-        before = self.assembly.sweeps.count
-        out = any(self.assembly.straight(i, j, direction) is not None for i in unit)
-        self.budget.ask(self.assembly.sweeps.count - before)
-        return out
+        return self.stands_in(KnownPath(unit, RemovalPath("straight", direction, ()), frozenset(), 0.0), j)
+
+    def first_blocker(self, unit: Unit, way: RemovalPath, present: Set[int]) -> int | None:
+        """A part present that blocks a path of a unit; None if there is none."""
+        return next((j for j in self.likely(unit, way) if j in present and self._stands_in(unit, way, j)), None)
+
+    def stands_in(self, known: KnownPath, j: int) -> bool:
+        """Whether part j blocks a path."""
+        return j in self.likely(known.unit, known.way) and self._stands_in(known.unit, known.way, j)
 
     def add(self, unit: Unit, way: RemovalPath) -> KnownPath:
         """Store a path found by a search, with its blockers among all parts."""
@@ -169,19 +253,27 @@ class Ways:
         return min(filter(None, known), key=lambda by: (len(by), sorted(by)), default=frozenset())
 
     def free(self, unit: Unit, present: Set[int]) -> KnownPath | None:
-        """The simplest, then shortest, way of a unit that no part still there blocks, and that is wide enough.
+        """The simplest, then likeliest, then shortest way of a unit that no part still there blocks, and that is wide
+        enough.
 
-        A way is left at the first part that blocks it; what is found is kept.
+        A way is left at the first part that blocks it; `waits` keeps these parts.
         """
-        static = sorted(set(present) - set(unit))
-        for way in self._candidates(unit):
+        waits = set[int]()
+        for way in self._in_turn(unit):
             if way.larger and not self.larger:
                 continue
-            if any(self._stands_in(unit, way, j) for j in static):
+            by = self.first_blocker(unit, way, present)
+            if by is not None:
+                waits.add(by)
                 continue
             known = self._with_blockers(unit, way)
-            if not self.clearance or self.clearance_of(known, frozenset(static)).distance >= self.clearance:
+            if not self.clearance:
                 return known
+            near = self.clearance_of(known, frozenset(set(present) - set(unit)))
+            if near.distance >= self.clearance:
+                return known
+            waits |= set(near.parts or ()) - set(unit)
+        self.waits[unit] = frozenset(waits)
         return None
 
     def clearance_of(self, known: KnownPath, static: Set[int]) -> PathClearance:
@@ -208,8 +300,9 @@ def _key(known: KnownPath, static: Set[int]) -> tuple[Unit, tuple[bytes, ...], f
     return known.unit, tuple(k.homogeneous.tobytes() for k in known.way.knots), frozenset(static)
 
 
-def _simplest(way: RemovalPath) -> tuple[int, float]:
-    return SIMPLEST.index(way.motion), round(way.length, 9)
+def _simplest(way: RemovalPath, axis: Array | None) -> tuple[int, bool, float]:
+    along = axis is not None and bool(np.abs(way.direction - axis).max() <= ALIKE)
+    return SIMPLEST.index(way.motion), not along, round(way.length, 9)
 
 
 def groups(all_ways: Ways, units: Sequence[Unit], base: Set[int]) -> list[KnownPath]:
@@ -220,12 +313,10 @@ def groups(all_ways: Ways, units: Sequence[Unit], base: Set[int]) -> list[KnownP
     """
     assembly = all_ways.assembly
     present = frozenset(i for unit in units for i in unit)
-    tried = all_ways.directions_of(units)
     found: dict[Unit, KnownPath] = {}
-    for direction in tried:
-        for members in free_components(all_ways, units, direction):
-            unit = tuple(sorted(i for k in members for i in units[k]))
-            if base & set(unit) or unit in found or len(unit) == len(present):
+    for direction in group_directions(all_ways, units):
+        for unit in free_components(all_ways, units, base, direction):
+            if unit in found or len(unit) == len(present):
                 continue
             others = [j for j in range(len(assembly)) if j not in unit]
             way = ways.straight(assembly, unit, others, direction)
@@ -235,22 +326,42 @@ def groups(all_ways: Ways, units: Sequence[Unit], base: Set[int]) -> list[KnownP
     return ranked[:SMALLEST_GROUPS]
 
 
-def free_components(all_ways: Ways, units: Sequence[Unit], direction: Array) -> list[list[int]]:
-    """Places of the units of each strong component that no other unit blocks along a direction."""
+def group_directions(all_ways: Ways, units: Iterable[Unit]) -> list[Array]:
+    """Directions along which groups are looked for: those that most units have in common."""
+    found: dict[tuple[float, ...], Array] = {}
+    count = Counter[tuple[float, ...]]()
+    for unit in units:
+        for direction in all_ways.straight_directions(unit):
+            key = tuple((np.round(direction, 6) + 0.0).tolist())
+            found.setdefault(key, direction)
+            count[key] += 1
+    return [found[key] for key, _ in count.most_common(MOST_DIRECTIONS)]
+
+
+def free_components(all_ways: Ways, units: Sequence[Unit], base: Set[int], direction: Array) -> list[Unit]:
+    """The parts of each strong component of the units that no other unit blocks along a direction; none of the base.
+
+    A unit that leads to the base belongs to no such component. Most do, and one part in their way shows it.
+    """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    n = len(units)
+    stay, left = {i for unit in units if base & set(unit) for i in unit}, [u for u in units if not base & set(u)]
+    way = RemovalPath("straight", direction, ())
+    while new := {unit for unit in left if all_ways.first_blocker(unit, way, stay) is not None}:
+        stay |= {i for unit in new for i in unit}
+        left = [unit for unit in left if unit not in new]
+    n = len(left)
     blocked = np.zeros((n, n), bool)
-    for a, unit in enumerate(units):
-        for b, other in enumerate(units):
+    for a, unit in enumerate(left):
+        for b, other in enumerate(left):
             blocked[a, b] = a != b and any(all_ways.blocked(unit, j, direction) for j in other)
     count, label = connected_components(coo_matrix(blocked), directed=True, connection="strong")
     out = []
     for k in range(count):
         members = np.flatnonzero(label == k)
         if not blocked[np.ix_(members, label != k)].any():
-            out.append(members.tolist())
+            out.append(tuple(sorted(i for m in members for i in left[m])))
     return out
 
 

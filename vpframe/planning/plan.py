@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypedDict, Unpack
 
+import numpy as np
+
 from collision import Tolerance
+from constraints.recognition.fasteners import NUTS, SCREWS, FastenerKind
 from vpframe.analysis.fits import PressFit
 from vpframe.analysis.mate_motions import Progress, silent
 from vpframe.analysis.static import base_parts
 from vpframe.errors import VpframeError
 from vpframe.planning import order, ways
-from vpframe.planning.assembly import Assembly, Budget, BudgetError, Overlap
+from vpframe.planning.assembly import LINEAR, Assembly, Budget, BudgetError, Overlap
 from vpframe.planning.certify import PartTrack, PathClearance, track
 from vpframe.planning.order import KnownPath, RemovalStep, Unit, Ways
 from vpframe.planning.support import Supports
@@ -25,8 +29,16 @@ from vpframe.planning.workers import Task, Workers
 from vpframe.scene.scene import Scene
 from vpframe.scene.subassembly import name_of, parts_named
 
-SECONDS = 60.0
-"""s of processor time: the budget of a disassembly where none is given"""
+RESERVE = 0.1
+"""fraction of the budget of a whole model that is kept back to explain what does not come out"""
+SECONDS, SECONDS_A_PART, MOST_SECONDS = 60.0, 2.5, 300.0
+"""s of processor time: the budget of a disassembly where none is given is SECONDS_A_PART for each part, within these"""
+ALONE = 10.0
+"""s of processor time: the budget of `removal` where none is given"""
+LOOSENED = SCREWS | NUTS | {FastenerKind.WASHER, FastenerKind.CIRCLIP, FastenerKind.KEY, FastenerKind.TIE}
+"""kinds of fasteners that are taken out before other parts"""
+BUT_FOR = 2.0
+"""1: depth on a way over that as drawn, up to which an overlap counts as all that stops it"""
 NOTHING_BEFORE = "all plans: nothing has to go before it"
 LEAST_SHARE, MOST_SHARE = 0.1, 0.9
 """fraction of the remaining budget for the search of one part, with many and with few parts left"""
@@ -35,7 +47,7 @@ LEAST_SHARE, MOST_SHARE = 0.1, 0.9
 class RemovalOptions(TypedDict, total=False):
     """Keyword arguments of `removal`, the fields of `SearchOptions`."""
 
-    budget: float
+    budget: float | None
     seed: int
     motion: Motion
     clearance: float
@@ -60,9 +72,9 @@ class DisassemblyOptions(RemovalOptions, total=False):
 class SearchOptions:
     """How ways are searched for, and which overlaps are allowed. Raises VpframeError for a bad motion or clearance."""
 
-    budget: float = 10.0
-    """s: 500 questions each, so that the same call gives the same answer, and at most as much processor time, counted
-    after the analysis of the assembly"""
+    budget: float | None = None
+    """s (None: ALONE, of a disassembly by the number of parts): 500 questions each, so that the same call gives
+    the same answer, and at most as much processor time, counted after the analysis of the assembly"""
     seed: int = 0
     """of the sampling"""
     motion: Motion = "free"
@@ -95,7 +107,6 @@ class SearchOptions:
 class PlanOptions(SearchOptions):
     """Options of a disassembly."""
 
-    budget: float = SECONDS
     base: Iterable[str] = ()
     """parts that stay; by default the fixed ones, else the largest"""
     carry: Iterable[Sequence[str]] = ()
@@ -127,7 +138,15 @@ def removal(scene: Scene, part: str | Sequence[str], **options: Unpack[RemovalOp
     assembly = search.assembly(scene)
     others = [j for j in range(len(assembly)) if j not in group]
     assembly.prepare()
-    return find(assembly, group, others, Budget(search.budget), search.motion, search.clearance, search.seed)
+    return find(
+        assembly,
+        group,
+        others,
+        Budget(ALONE if search.budget is None else search.budget),
+        search.motion,
+        search.clearance,
+        search.seed,
+    )
 
 
 def _named(scene: Scene, names: Iterable[str]) -> tuple[int, ...]:
@@ -203,6 +222,12 @@ class Disassembly:
     """pairs of parts that may pass through each other"""
     tolerance: Tolerance | None = None
     """of recognition, if given: a session that executes the plan uses the same"""
+    duplicates: tuple[tuple[str, ...], ...] = ()
+    """parts that are drawn more than once at one place; they leave as one"""
+    fasteners: Mapping[str, str] = field(default_factory=dict)
+    """words for the parts that are fasteners to undo"""
+    together: tuple[tuple[str, ...], ...] = ()
+    """parts that left as one and were not taken apart further"""
 
     @property
     def proven(self) -> bool:
@@ -250,12 +275,17 @@ _Scope = tuple[set[int], set[int], set[int]]
 class _Plan:
     def __init__(self, assembly: Assembly, target: str | None, options: PlanOptions) -> None:
         scene = assembly.scene
-        self.assembly, self.options, self.budget = assembly, options, Budget(options.budget)
+        self.assembly, self.options = assembly, options
+        seconds = min(max(SECONDS, SECONDS_A_PART * len(assembly)), MOST_SECONDS)
+        seconds = seconds if options.budget is None else options.budget
+        self.budget = Budget(seconds, reserve=RESERVE if target is None else 0.0)
         self.wanted = () if target is None else _named(scene, [target])
         """the parts of the target"""
         self.target = self.wanted[0] if self.wanted else None
         given = _named(scene, options.base)
         self.base = set(given or (i for i in base_parts(scene) if i not in self.wanted))
+        doubled = [same for same in assembly.duplicates if self.base & set(same)]
+        self.base.update(i for same in doubled for i in same if i not in self.wanted)
         self.units = self._units(options.carry)
         if self.base & set(self.wanted):
             raise VpframeError(f"{target} is to come out and to stay; name another base with --base")
@@ -282,6 +312,10 @@ class _Plan:
         if len(set(taken)) != len(taken):
             twice = next(i for i in taken if taken.count(i) > 1)
             raise VpframeError(f"{self.assembly.names[twice]} is in two groups that come out as one; name it in one")
+        for same in self.assembly.duplicates:  # what is drawn twice at one place leaves as one
+            if not set(same) & {*taken, *self.base}:
+                groups.append(same)
+                taken += same
         single = [(i,) for i in range(len(self.assembly)) if i not in taken]
         return sorted([*groups, *single])
 
@@ -299,7 +333,9 @@ class _Plan:
             if self.target is None or not self._least(everything):
                 self._peel(set(everything), self.base, everything)
         except BudgetError:
-            pass
+            self.budget.release()
+            with suppress(BudgetError):
+                self._explain(self._inside(), self.base)
         except KeyboardInterrupt:
             self.interrupted = True
         if self.target is not None and self.target in self.out:
@@ -307,6 +343,14 @@ class _Plan:
             if len(self.steps) == 1:
                 self.bound, self.scope = 1, NOTHING_BEFORE
         return self._told()
+
+    def _inside(self) -> set[int]:
+        """Parts that have not left the assembly, by themselves or with a group."""
+        present = set(range(len(self.assembly)))
+        for step in self.steps:
+            if set(step.unit) <= present:
+                present -= set(step.unit)
+        return present
 
     # -- the target, by the least number of removals
 
@@ -373,7 +417,8 @@ class _Plan:
         """Remove parts until only the base is left, the target is out, or no more comes out.
 
         present: parts not yet removed. scope: the parts present at first. Groups that come out as one are taken apart
-        separately. Paths are searched only when no part comes out along known paths.
+        separately. Paths are searched only when no part comes out along known paths, and then only of parts that would
+        not come out without the overlaps as drawn.
         """
         easy: list[_Scope] = [(present, base, scope)]
         hard: list[_Scope] = []
@@ -382,7 +427,12 @@ class _Plan:
                 each = easy.pop(0)
                 self._go_along_known_ways(*each, easy)
                 hard.append(each)
-            elif self._search(self._left(*hard[0][:2]), hard[0][0], hard[0][2]):
+                continue
+            present, base, scope = hard[0]
+            self._explain(present, base)
+            held = {unit for unit, found in self.results.items() if found.verdict == "held"}
+            left = [unit for unit in self._left(present, base) if unit not in held or self.target in unit]
+            if self._search(left, present, scope):
                 easy.append(hard.pop(0))
             else:
                 hard.pop(0)
@@ -392,30 +442,90 @@ class _Plan:
 
     def _go_along_known_ways(self, present: set[int], base: set[int], scope: set[int], inside: list[_Scope]) -> None:
         """Remove parts and groups along known paths; append removed groups, to be taken apart, to `inside`."""
-        while not present <= base and self.target not in self.out:
-            left = self._left(present, base)
-            free: list[KnownPath] = []
-            try:
-                self.workers.ask([("free", unit, (frozenset(present),)) for unit in left], self.budget)
-                for n, unit in enumerate(left):
-                    done = len(self.out) / max(1, len(self.assembly))
-                    self.options.progress(done, f"{len(self.steps)} steps found; part {n + 1} of {len(left)}")
-                    known = self.ways.free(unit, present)
-                    if known is not None:
-                        free.append(known)
-            finally:  # also of a search that is cut off
-                static, leaving = set(present), self._side_by_side(free)
+        while True:
+            for leaving in self._free(self.ways, present, base):
+                static = set(present)
                 self._measure(leaving, static)
                 for known in leaving:  # each way was found among all that is there now
                     self._take(known, static, scope)
                     present -= set(known.unit)
-            if free:
-                self.ways.larger = False
-            elif not self.ways.larger:
-                self.ways.larger = True  # a bolt turns in its nut only where nothing else goes
-            elif not self._group(present, base, scope, inside):
+            if present <= base or self.target in self.out or not self._group(present, base, scope, inside):
                 break
-        self.ways.larger = False
+
+    def _free(self, among: Ways, present: set[int], base: set[int]) -> Iterator[list[KnownPath]]:
+        """Yield units that are free, rank by rank; the caller removes them from `present`.
+
+        A unit is looked at again once a part that was found in its way is gone. Where a search is cut off, what was
+        found of the last rank is yielded first.
+        """
+        queue = set(self._left(present, base))
+        while queue and self.target not in self.out:
+            rank = min(map(self._rank, queue))
+            batch = sorted(unit for unit in queue if self._rank(unit) == rank)
+            free: list[KnownPath] = []
+            cut: BaseException | None = None
+            try:
+                if among is self.ways:
+                    self.workers.ask([("free", unit, (frozenset(present),)) for unit in batch], self.budget)
+                for n, unit in enumerate(batch):
+                    done = len(self.out) / max(1, len(self.assembly))
+                    self.options.progress(done, f"{len(self.steps)} steps found; part {n + 1} of {len(batch)}")
+                    known = among.free(unit, present)
+                    if known is not None:
+                        free.append(known)
+            except (BudgetError, KeyboardInterrupt) as stop:
+                cut = stop
+            leaving, before = self._in_a_row(self._side_by_side(free)), set(present)
+            for known in leaving:
+                among.learn(known)
+            if leaving:
+                yield leaving
+            if cut is not None:
+                raise cut
+            gone, left = before - present, self._left(present, base)
+            again = {known.unit for known in free}
+            queue = {
+                unit
+                for unit in left
+                if (unit in queue and unit not in batch) or unit in again or among.waits.get(unit, frozenset()) & gone
+            }
+            if leaving:
+                among.larger = False
+            if not queue and not among.larger:  # a bolt turns in its nut only where nothing else goes
+                among.larger = True
+                queue = {unit for unit in left if among.turns_as_larger(unit)}
+        among.larger = False
+
+    def _rank(self, unit: Unit) -> tuple[bool, int]:
+        """Fasteners before other units, and small units before large ones, an octave at a time."""
+        size = sum(map(self.assembly.size, unit))
+        kinds = {self.assembly.fasteners[i].kind for i in unit if i in self.assembly.fasteners}
+        return not kinds & LOOSENED, round(np.log2(max(size, 1e-9)))
+
+    def _in_a_row(self, leaving: Sequence[KnownPath]) -> list[KnownPath]:
+        """Paths that may be executed in any order, in a workshop's: side by side, tool by tool, the next one beside."""
+        sides = {known.unit: tuple((np.round(known.way.direction, 3) + 0.0).tolist()) for known in leaving}
+        tools = {known.unit: self._tool(known.unit) for known in leaving}
+        places = {known.unit: self.assembly.ball(known.unit)[0] for known in leaving}
+        count = Counter(sides.values())
+        rest = sorted(leaving, key=lambda k: (-count[sides[k.unit]], sides[k.unit], tools[k.unit], k.unit))
+        out: list[KnownPath] = []
+        while rest:
+            last = out[-1].unit if out else rest[0].unit
+
+            def effort(known: KnownPath, last: Unit = last) -> tuple[bool, bool, float]:
+                unit = known.unit
+                away = float(np.linalg.norm(places[unit] - places[last]))
+                return sides[unit] != sides[last], tools[unit] != tools[last], round(away, 9)
+
+            out.append(min(rest, key=effort))
+            rest.remove(out[-1])
+        return out
+
+    def _tool(self, unit: Unit) -> tuple[str, ...]:
+        """What a unit is turned by, as far as it is known; one for each shape."""
+        found = self.assembly.fasteners.get(unit[0])
+        return (found.kind, found.drive, f"{found.diameter:.6f}") if found is not None else ("",)
 
     def _measure(self, leaving: Sequence[KnownPath], present: set[int]) -> None:
         """Measure the clearances of paths among the parts present, in worker processes."""
@@ -447,8 +557,8 @@ class _Plan:
     def _group(self, present: set[int], base: set[int], scope: set[int], inside: list[_Scope]) -> bool:
         """Remove the best group that comes out as one, and append it to `inside`; False if there is none."""
         left = [unit for unit in self.units if set(unit) <= present]
-        directions = self.ways.directions_of(left)
-        tasks = [("blocked", unit, ([u for u in left if u != unit], directions)) for unit in left]
+        directions = order.group_directions(self.ways, left)
+        tasks = [("blocked", unit, ([u for u in left if base & set(u)], directions)) for unit in left]
         self.workers.ask(tasks, self.budget)
         found = order.groups(self.ways, left, base)
         if not found:
@@ -456,7 +566,8 @@ class _Plan:
         known = found[0]
         self._take(known, present, scope)
         present -= set(known.unit)
-        if self.target is None or self.target in known.unit:
+        bearing = all(self._kind(i) is FastenerKind.BEARING for i in known.unit)  # bought as one: nobody takes it apart
+        if self.target in known.unit or (self.target is None and not bearing):
             members = [unit for unit in self.units if set(unit) <= set(known.unit)]
             largest = max(
                 (unit for unit in members if self.target not in unit),
@@ -465,6 +576,35 @@ class _Plan:
             self.out -= set(known.unit) - set(largest)
             inside.append((set(known.unit), set(largest), set(known.unit)))
         return True
+
+    def _kind(self, i: int) -> FastenerKind | None:
+        known = self.assembly.fasteners.get(i)
+        return None if known is None else known.kind
+
+    # -- what does not come out
+
+    def _explain(self, present: set[int], base: set[int]) -> None:
+        """Keep as results the units that overlaps as drawn hold: `BUT_FOR` times as deep, they would let them out."""
+        names, left = self.assembly.names, self._left(present, base)
+        pairs = {(i, j) for unit in left for i in unit for j in self.assembly.partners[i] & present - set(unit)}
+        drawn = {frozenset(pair): found for pair in sorted(pairs) if (found := self.assembly.drawn_into(*pair))}
+        if not drawn:
+            return
+        depths = {pair: max(BUT_FOR * o.depth, 2.0 * LINEAR) for pair, o in drawn.items()}
+        among, there = self.ways.waiving(depths), set(present)
+        for leaving in self._free(among, there, base):
+            for known in leaving:
+                unit, static = known.unit, present - set(known.unit)
+                stands = {j for j in static if self.ways.stands_in(known, j)}
+                clashes = [
+                    drawn[pair] for j in sorted(stands & there) for i in unit if (pair := frozenset((i, j))) in drawn
+                ]
+                blockers = tuple(names[j] for j in sorted(stands))
+                self.results[unit] = Removal(
+                    tuple(names[i] for i in unit), "held", known.way, blockers=blockers, clashes=tuple(clashes)
+                )
+            for known in leaving:
+                there -= set(known.unit)
 
     def _search(self, left: Sequence[Unit], present: set[int], scope: set[int]) -> bool:
         """Search a path for each remaining unit until one comes out; whether one did."""
@@ -487,7 +627,8 @@ class _Plan:
                 )
             finally:
                 self.budget.give_back(share)
-            self.results[unit] = got
+            if not (unit in self.results and got.verdict == "not found"):  # of the target: held is said, not that
+                self.results[unit] = got
             known = None if got.way is None else self.ways.add(unit, got.way)  # swept once more, against all parts
             if known is not None and not known.blockers & (present - set(unit)):
                 self._take(known, set(present), scope)
@@ -529,7 +670,7 @@ class _Plan:
         return out
 
     def _verdict(self, stuck: Mapping[str, Removal], wanted: Iterable[str]) -> Verdict:
-        """The common verdict of all proofs, if they assume only parts that certainly stay; else "not found".
+        """The common verdict of all parts, of proofs if they assume only parts that certainly stay; else "not found".
 
         These are the base, and parts locked by such parts.
         """
@@ -540,8 +681,12 @@ class _Plan:
 
         while new := {n for n, found in stuck.items() if found.verdict == "locked" and certain(found)} - stay:
             stay |= new
-        verdicts = {stuck[n].verdict if certain(stuck[n]) else "not found" for n in wanted}
-        return verdicts.pop() if len(verdicts) == 1 else "not found"
+        told: set[Verdict] = {
+            stuck[n].verdict if certain(stuck[n]) or stuck[n].verdict == "held" else "not found" for n in wanted
+        }
+        if len(told) == 1:
+            return told.pop()
+        return "not found" if "not found" in told else "held"
 
     def _told(self) -> Disassembly:
         names = self.assembly.names
@@ -560,7 +705,12 @@ class _Plan:
                 )
             )  # fmt: skip
         wanted = set(self.wanted) or set(range(len(names))) - self.base
-        remaining = sorted(wanted - self.out)
+        together = []
+        for k, step in enumerate(self.steps):  # what left as a group, less what was taken out of it later
+            rest = set(step.unit).difference(*(later.unit for later in self.steps[k + 1 :]))
+            if step.unit not in self.units and len(rest) > 1:
+                together.append(tuple(names[i] for i in sorted(rest)))
+        remaining = sorted((wanted - self.out) & (present if self.target is None else wanted))
         units = [unit for unit in self.units if set(unit) & set(remaining)]
         stuck = self._stuck(present, units)
         proven = self.bound is not None and len(steps) <= self.bound and not remaining
@@ -571,7 +721,13 @@ class _Plan:
             self.bound, self.scope if proven else "", stuck, self.assembly.overlaps, self._mates(), self.budget,
             self.assembly.sweeps.count, self.interrupted, self.budget.spent,
             self.assembly.press_fits, self.assembly.authorised_pairs, self.assembly.ignored_pairs,
-            self.assembly.recognition,
+            self.assembly.recognition, tuple(tuple(names[i] for i in same) for same in self.assembly.duplicates),
+            {
+                names[i]: f"{one.size} {one.kind}".strip()
+                for i, one in self.assembly.fasteners.items()
+                if one.kind in LOOSENED
+            },
+            tuple(together),
         )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from vpframe.planning.pushes import SearchResult
 from vpframe.planning.ways import RemovalPath
 from vpframe.scene.subassembly import listed
 
-Verdict = Literal["removable", "locked", "enclosed", "not found"]
+Verdict = Literal["removable", "held", "locked", "enclosed", "not found"]
 Motion = Literal["straight", "mates", "free"]
 """paths tried: straight; also along threads and contacts; also in six freedoms"""
 Joint = TypeVar("Joint", Overlap, PressFit)
@@ -69,7 +69,7 @@ class Removal:
     parts: tuple[str, ...]
     verdict: Verdict
     way: RemovalPath | None = None
-    """where it is removable"""
+    """where it is removable; of "held", if there were no overlaps as drawn"""
     tracks: dict[str, PartTrack] = field(default_factory=dict)
     """by part, where it is removable"""
     clearance: PathClearance | None = None
@@ -83,6 +83,8 @@ class Removal:
     proof: LockProof | None = None
     overlaps: tuple[Overlap, ...] = ()
     """of these parts with others at the initial poses: never deepened"""
+    clashes: tuple[Overlap, ...] = ()
+    """of "held": overlaps as drawn without which these parts come out along `way`, once `blockers` are gone"""
     press_fits: tuple[PressFit, ...] = ()
     """of these parts with others at the initial poses: the path keeps their axes; their force is not checked"""
     questions: int = 0

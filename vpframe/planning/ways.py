@@ -188,7 +188,7 @@ def cone_of(
     others = tuple(others)
     points, normals, faces = [np.zeros((0, 3))], [np.zeros((0, 3))], []
     for i in group:
-        for j in others:
+        for j in filter(assembly.partners[i].__contains__, others):
             for patch in assembly.patches(i, j):
                 points.append(patch.points)
                 normals.append(patch.normals)
@@ -198,7 +198,8 @@ def cone_of(
 
 def mates_between(assembly: Assembly, group: Sequence[int], others: Iterable[int]) -> list[MateMotion]:
     """Fits and threads of a group with others."""
-    return [mate for j in others for i in group for mate in assembly.mates_of(i, j)]
+    near = frozenset[int]().union(*(assembly.partners[i] for i in group))
+    return [mate for j in filter(near.__contains__, others) for i in group for mate in assembly.mates_of(i, j)]
 
 
 def directions(assembly: Assembly, group: Sequence[int], others: Iterable[int], cone: EscapeCone) -> list[Array]:
@@ -244,6 +245,12 @@ def facet_directions(mesh: SurfaceMesh) -> list[tuple[float, Array]]:
     return [(float(areas[k]), found[k]) for k in np.argsort(-areas, kind="stable")[:MOST_OWN]]
 
 
+def out_of(assembly: Assembly, group: Sequence[int]) -> Array | None:
+    """The direction in which a fastener comes out, away from its tip, (3,) unit, world; None of other parts."""
+    found = assembly.fasteners.get(group[0]) if len(group) == 1 else None
+    return None if found is None else unit(assembly.poses[group[0]].rotation @ -found.axis)
+
+
 def straight(assembly: Assembly, group: Sequence[int], others: Iterable[int], direction: Array) -> RemovalPath:
     """The straight path along a direction until a perpendicular plane separates the group from all others."""
     far = assembly.far(group, others, direction)
@@ -255,11 +262,9 @@ def screws(assembly: Assembly, group: Sequence[int], others: Iterable[int]) -> l
     then straight."""
     others = tuple(others)
     threads = []
-    for j in others:
-        for i in group:
-            for mate in assembly.mates_of(i, j):
-                if mate.pitch is not None:
-                    threads.append((mate, mate.parts[0] == i))
+    for mate in mates_between(assembly, group, others):
+        if mate.pitch is not None:
+            threads.append((mate, mate.parts[0] in group))
     out = []
     done: list[tuple[Array, Array, float]] = []
     for mate, _ in threads:

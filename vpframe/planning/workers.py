@@ -19,7 +19,7 @@ from vpframe.planning import certify
 from vpframe.planning.assembly import Assembly, Budget, BudgetError, working
 from vpframe.planning.certify import PathClearance
 from vpframe.planning.order import Unit, Ways
-from vpframe.processes import environment, with_parent
+from vpframe.processes import kill, start
 
 Task = tuple[str, Unit, tuple[Any, ...]]
 """method of `Asker`, the unit it is about, further arguments"""
@@ -34,12 +34,9 @@ class Workers:
             raise VpframeError(f"jobs is {jobs}; give a number of processes of at least 1")
         self._ways, self._told = ways, False
         self._processes = [
-            subprocess.Popen(
-                with_parent(__name__), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL, env=environment(), start_new_session=True,
-            )
+            start(__name__, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
             for _ in range(jobs if jobs > 1 else 0)
-        ]  # fmt: skip
+        ]
 
     def close(self) -> None:
         """End all workers."""
@@ -95,7 +92,7 @@ class Workers:
 
     def _end(self, process: subprocess.Popen[bytes]) -> None:
         self._processes.remove(process)
-        process.kill()
+        kill(process)
         process.wait()
         for pipe in (process.stdin, process.stdout):
             try:

@@ -8,6 +8,10 @@ import pinocchio as pin
 from vpframe.scene.modelling import Solid, box, cylinder, extrude, hexagon, revolve, scene, sphere, torus
 
 
+def order(plan):
+    return [step.parts for step in plan.steps]
+
+
 def at(x=0.0, y=0.0, z=0.0):
     """The pose at a point (m), unturned."""
     return pin.SE3(np.eye(3), np.array([x, y, z], np.float64))
@@ -235,3 +239,28 @@ def lattice_peel(cells, base):
         if not free:
             return set(cells) - present
         present -= set(free)
+
+
+def seal_on_shaft():
+    """A seal, 0.1 mm too narrow all round, on a shaft between two collars: only through the shaft it comes off."""
+    collar = cylinder(0.008, 0.002)
+    shaft = cylinder(0.004, 0.03) + collar + collar.translated(z=0.028)
+    return {"shaft": shaft, "seal": (cylinder(0.007, 0.005) - cylinder(0.0039, 0.005), at(z=0.012))}
+
+
+def clip_on_rail():
+    """A square tube, 0.1 mm too narrow all round, on a bar between two heads."""
+    head = box(0.016, 0.016, 0.002).translated(-0.008, -0.008)
+    rail = box(0.008, 0.008, 0.03).translated(-0.004, -0.004) + head + head.translated(z=0.028)
+    tube = box(0.014, 0.014, 0.005).translated(-0.007, -0.007) - box(0.0078, 0.0078, 0.005).translated(-0.0039, -0.0039)
+    return {"rail": rail, "clip": (tube, at(z=0.012))}
+
+
+def hose_in_bracket():
+    """A hose with an end piece on either side of the bracket that it is squeezed into."""
+    hose = cylinder(0.005, 0.06) + cylinder(0.008, 0.005) + cylinder(0.008, 0.005).translated(z=0.055)
+    bracket = box(0.03, 0.03, 0.004).translated(-0.015, -0.015) - cylinder(0.0047, 0.004)
+    return {"bracket": bracket, "hose": (hose, at(z=-0.03))}
+
+
+CAPTIVE = [(seal_on_shaft, "seal", "shaft"), (clip_on_rail, "clip", "rail"), (hose_in_bracket, "hose", "bracket")]

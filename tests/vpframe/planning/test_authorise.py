@@ -2,43 +2,21 @@
 
 import json
 
-import cases
 import numpy as np
 import pinocchio
 import pytest
 
 import vpframe as vp
+from collision import Sweeps, Tolerance
+from tests.vpframe.planning import cases
+from tests.vpframe.planning.cases import CAPTIVE
 from vpframe.app.cli import main
 from vpframe.planning.assembly import Assembly, translation
+from vpframe.planning.plan import removal
 from vpframe.scene.modelling import box, cylinder, write_step
 from vpframe.scene.modelling import scene as scene_of
 
 LONG = 600.0
-
-
-def seal_on_shaft():
-    """A seal, 0.1 mm too narrow all round, on a shaft between two collars: only through the shaft it comes off."""
-    collar = cylinder(0.008, 0.002)
-    shaft = cylinder(0.004, 0.03) + collar + collar.translated(z=0.028)
-    return {"shaft": shaft, "seal": (cylinder(0.007, 0.005) - cylinder(0.0039, 0.005), cases.at(z=0.012))}
-
-
-def clip_on_rail():
-    """A square tube, 0.1 mm too narrow all round, on a bar between two heads."""
-    head = box(0.016, 0.016, 0.002).translated(-0.008, -0.008)
-    rail = box(0.008, 0.008, 0.03).translated(-0.004, -0.004) + head + head.translated(z=0.028)
-    tube = box(0.014, 0.014, 0.005).translated(-0.007, -0.007) - box(0.0078, 0.0078, 0.005).translated(-0.0039, -0.0039)
-    return {"rail": rail, "clip": (tube, cases.at(z=0.012))}
-
-
-def hose_in_bracket():
-    """A hose with an end piece on either side of the bracket that it is squeezed into."""
-    hose = cylinder(0.005, 0.06) + cylinder(0.008, 0.005) + cylinder(0.008, 0.005).translated(z=0.055)
-    bracket = box(0.03, 0.03, 0.004).translated(-0.015, -0.015) - cylinder(0.0047, 0.004)
-    return {"bracket": bracket, "hose": (hose, cases.at(z=-0.03))}
-
-
-CAPTIVE = [(seal_on_shaft, "seal", "shaft"), (clip_on_rail, "clip", "rail"), (hose_in_bracket, "hose", "bracket")]
 
 
 @pytest.mark.parametrize(("parts", "part", "other"), CAPTIVE)
@@ -120,3 +98,31 @@ def test_an_authorised_seal_passes_the_end_of_its_shaft_whichever_of_the_two_mov
         assert assembly.first_stop([1], [0], *away) is None
         assert assembly.first_stop([0], [1], *(d.inverse() for d in away)) is None
     assert assembly.first_stop([0], [1], home, translation([1e-4, 0.0, 0.0])) is not None
+
+
+def cup(over, floor=2e-3):
+    """A cup with a floor and a lid, and a slug that fills it: flush, or too large all round."""
+    tube = box(0.01, 0.01, 0.008).translated(-0.005, -0.005) - box(0.006, 0.006, 0.008).translated(-0.003, -0.003)
+    width = 0.006 + 2.0 * over
+    slug = box(width, width, 0.004).translated(-0.5 * width, -0.5 * width, 0.004)
+    body = tube + box(0.006, 0.006, floor).translated(-0.003, -0.003, 0.004 - floor)
+    out = scene_of({"cup": body, "lid": box(0.01, 0.01, 0.001).translated(-0.005, -0.005, 0.008), "slug": slug})
+    out["cup"].fixed = out["lid"].fixed = True
+    return out
+
+
+@pytest.mark.parametrize("motion", ["straight", "mates"])
+@pytest.mark.parametrize("over", [0.0, 1e-5, 1e-4])
+def test_a_slug_that_fills_its_cup_does_not_pass_through_the_floor_that_it_touches(over, motion):
+    """Its lower face has the outline of the floor: beyond it, no two faces meet."""
+    assert removal(cup(over), "slug", motion=motion).verdict != "removable"
+
+
+@pytest.mark.parametrize("length", [1e-5, 1e-3, 3e-3, 2e-2])
+def test_equal_boxes_on_each_other_do_not_pass_through_each_other(length):
+    equal = box(0.006, 0.006, 0.003)
+    scene = scene_of({"lower": equal, "upper": equal.translated(z=0.003)})
+    sweeps = Sweeps([p.mesh for p in scene.parts], [p.pose for p in scene.parts], Tolerance(linear=1e-6, slop=1e-6))
+    down, up = (pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, sign * length])) for sign in (-1.0, 1.0))
+    assert sweeps.stop(1, 0, (pinocchio.SE3.Identity(), down)).t == 0.0
+    assert sweeps.stop(1, 0, (pinocchio.SE3.Identity(), up)) is None

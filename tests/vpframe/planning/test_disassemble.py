@@ -5,26 +5,20 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
-import cases
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import vpframe as vp
+from tests.vpframe.planning import cases
+from tests.vpframe.waiting import is_gone, wait_until
 from vpframe.app import task_runner
 from vpframe.app.cli import main
 from vpframe.hands.paths import read_track
 from vpframe.planning import tree
 from vpframe.scene.modelling import box, torus, write_step
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    path = tmp_path_factory.mktemp("bolted") / "bolted.step"
-    return write_step(path, cases.bolted_plate_solids())
 
 
 def test_the_document(model, capsys):
@@ -162,27 +156,6 @@ def test_a_known_way_is_swept_anew_before_it_is_used(capsys, tmp_path):
     assert not plan and plan.stuck["ball"].verdict == "enclosed"
 
 
-@pytest.mark.slow
-def test_the_recording_shows_a_hand_that_does_it(model, tmp_path):
-    record = tmp_path / "run.rrd"
-    assert main(["disassemble", str(model), "--part", "nut", "--record", str(record)]) == 0
-    assert record.stat().st_size > 10_000
-    assert Path(model).exists()
-
-
-@pytest.mark.slow
-def test_the_live_page_plays_the_plan(model, monkeypatch, capsys):
-    from vpframe.events import Frames
-    from vpframe.view import meshcat_viewer
-
-    shown = Frames()
-    monkeypatch.setattr(meshcat_viewer, "watched", lambda wait: shown)
-    assert main(["disassemble", str(model), "--part", "nut", "--view", "--no-wait"]) == 0
-    heights = [float(frame.poses["nut"].translation[2]) for frame in shown.frames]
-    assert heights[0] > -0.007 and heights[-1] < -0.016 and len(heights) > 10
-    assert "nut comes out" in capsys.readouterr().out
-
-
 def rings(tmp_path):
     """Two links of a chain, which never come apart, and cubes that do."""
     turned = pin.SE3(pin.exp3(np.array([0.5 * np.pi, 0.0, 0.0])), np.array([0.02, 0.0, 0.0]))
@@ -232,13 +205,6 @@ def command_of(pid):
         return b""
 
 
-def is_gone(pid):
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"  # where no init reaps it
-    except OSError:
-        return True
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -9), (signal.SIGTERM, 143), (signal.SIGINT, 130)])
@@ -248,17 +214,13 @@ def test_workers_end_with_the_command(tmp_path, number, code):
         [sys.executable, "-m", "vpframe", *given], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     )
     try:
-        end, workers = time.monotonic() + 300.0, []
-        while len(workers) < 2 and time.monotonic() < end:
-            workers = [pid for pid in children(parent.pid) if b"vpframe.planning.workers" in command_of(pid)]
-            time.sleep(0.05)
-        assert len(workers) == 2
+        workers = lambda: [pid for pid in children(parent.pid) if b"vpframe.planning.workers" in command_of(pid)]  # noqa: E731
+        wait_until(lambda: len(workers()) == 2, 300.0)
+        started = workers()
         parent.send_signal(number)
         parent.communicate(timeout=300.0)
         assert parent.returncode == code
-        while not all(map(is_gone, workers)) and time.monotonic() < end:
-            time.sleep(0.02)
-        assert all(map(is_gone, workers))
+        wait_until(lambda: all(map(is_gone, started)), 300.0)
     finally:
         parent.kill()
         parent.wait()

@@ -1,9 +1,9 @@
 """Bare meshes are planned without searching their surfaces, unless another part is near enough for fits."""
 
-import cases
 import pytest
 
 import vpframe as vp
+from tests.vpframe.planning import cases
 from vpframe.importers import cache, meshes
 from vpframe.planning.assembly import Assembly
 from vpframe.scene.modelling import box

@@ -2,10 +2,10 @@
 
 import json
 
-import cases
 import pytest
 
 import vpframe as vp
+from tests.vpframe.planning import cases
 from vpframe.app.cli import main
 from vpframe.planning.document import table
 from vpframe.planning.plan import disassembly

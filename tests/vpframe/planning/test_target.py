@@ -3,13 +3,13 @@
 from heapq import heappop, heappush
 from itertools import chain, combinations
 
-import cases
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import vpframe as vp
+from tests.vpframe.planning import cases
 from vpframe.planning import target, ways
 from vpframe.planning.assembly import Assembly
 from vpframe.planning.document import table

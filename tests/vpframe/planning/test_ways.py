@@ -2,7 +2,6 @@
 
 from itertools import pairwise
 
-import cases
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vpframe as vp
+from tests.vpframe.planning import cases
 from vpframe.planning.assembly import translation, turned
 from vpframe.planning.document import document, table
 from vpframe.planning.ways import AXES, RemovalPath

@@ -2,10 +2,10 @@
 
 import json
 
-import cases
 import pytest
 
 import vpframe as vp
+from tests.vpframe.planning import cases
 from vpframe.planning import plan, workers
 from vpframe.planning.assembly import LINEAR
 from vpframe.planning.document import document
