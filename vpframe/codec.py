@@ -32,7 +32,7 @@ from vpframe.errors import VpframeError
 _LENGTH = struct.Struct("<I")
 _PLAIN = frozenset(("|b1", "|i1", "|u1", *(f"<{kind}{size}" for kind in "iu" for size in (2, 4, 8)), "<f4", "<f8"))
 """permitted types of arrays and of fields in structured arrays"""
-
+_COLLECTIONS: dict[str, Callable[[Iterable[Any]], Any]] = {"tuple": tuple, "set": set, "frozenset": frozenset}
 
 WRONG = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 """errors that damaged data causes"""
@@ -105,12 +105,10 @@ class _Encoder:
             return value if math.isfinite(value) else {"float": repr(value)}
         if kind is list:
             return [self._of(x) for x in value]
-        if kind is tuple:
-            return {"tuple": [self._of(x) for x in value]}
+        if kind in (tuple, set, frozenset):
+            return {kind.__name__: [self._of(x) for x in (value if kind is tuple else sorted(value))]}
         if kind is dict:
             return {"dict": [[self._of(k), self._of(x)] for k, x in value.items()]}
-        if kind in (set, frozenset):
-            return {kind.__name__: [self._of(x) for x in sorted(value)]}
         if kind is bytes:
             return {"bytes": self._array(np.frombuffer(value, np.uint8))}
         if isinstance(value, np.generic):
@@ -172,14 +170,10 @@ class _Decoder:
         if not isinstance(tree, dict):
             return tree
         ((tag, content),) = tree.items()
-        if tag == "tuple":
-            return tuple(self._of(x) for x in content)
+        if tag in _COLLECTIONS:
+            return _COLLECTIONS[tag](self._of(x) for x in content)
         if tag == "dict":
             return {self._of(k): self._of(x) for k, x in content}
-        if tag == "set":
-            return {self._of(x) for x in content}
-        if tag == "frozenset":
-            return frozenset(self._of(x) for x in content)
         if tag == "bytes":
             return self._array(content).tobytes()
         if tag == "float":

@@ -98,8 +98,10 @@ class Poses(Mapping[str, pin.SE3]):
     @classmethod
     def of(cls, poses: Mapping[str, pin.SE3]) -> Poses:
         """Return copies of poses."""
-        rows = [np.append(pose.rotation.ravel(), pose.translation) for pose in poses.values()]
-        return cls({name: i for i, name in enumerate(poses)}, np.array(rows).reshape(-1, 12))
+        rows = np.empty((len(poses), 12))
+        for row, pose in zip(rows, poses.values(), strict=True):
+            row[:9], row[9:] = pose.rotation.ravel(), pose.translation
+        return cls({name: i for i, name in enumerate(poses)}, rows)
 
     def __getitem__(self, name: str) -> pin.SE3:
         row = self.rows[self._numbers[name]]

@@ -1,4 +1,9 @@
-"""Hands, their verbs and paths, and the conditions that end a motion."""
+"""Hands, their verbs and paths, and the conditions that end a motion.
+
+A verb is a generator of motion segments, so that several hands can work in the same steps.
+May use `scene`, and from the packages surfaces and contacts; it moves nothing by itself: a session does.
+Start with `verbs`, then `segment` (what a verb yields) and `gripper` (the state of a hand).
+"""
 
 from collision.lazy import attributes
 

@@ -32,14 +32,15 @@ def _touches(session: Any, hand: Gripper | None) -> bool:
 
 def _is_free(session: Any, hand: Gripper | None) -> bool:
     group = _group(session, hand, None, "free")
-    return not session.constraints_of(*group) and not session.touching(*group)
+    return not (session.constraints_of(*group) or session.touching(*group) or session.held_by(*group))
 
 
 contact = Condition("contact", _touches)
 """The held part, or a part it carries, touches another part; mated surfaces are left out."""
 
 free = Condition("free", _is_free)
-"""No constraint joins the held part, with the parts it carries, to other parts, and it touches none."""
+"""No constraint joins the held part, with the parts it carries, to other parts; it touches none, nor is it screwed or
+pressed in."""
 
 blocked: Condition = Condition("blocked", lambda session, hand: hand is not None and bool(hand.stopped_by))
 """The held part cannot follow the hand."""

@@ -40,6 +40,9 @@ def direction(hand: Gripper, along: str | ArrayLike, outward: bool) -> Vector:
     if along != "axis":
         raise TaskError(f"along={along!r}: give 'axis', one of {', '.join(_DIRECTIONS)}, or a vector of three numbers")
     hand.body("along='axis'")
+    for held in hand.session.held_by(*hand.parts):
+        sign = held.out or _out_sign(hand, hand.scene[hand.parts[0]], held.other, held.axis)
+        return np.asarray(held.axis * (sign if outward else -sign))
     fit = _axial(hand)
     axis, other = np.array(fit.direction), hand.partner(fit)
     sign = _out_sign(hand, hand.scene[fit.parts[1 - other]], fit.parts[other], axis)
@@ -74,7 +77,7 @@ def way_out(hand: Gripper, along: str | ArrayLike | None) -> Vector:
     """Return the direction (3,), unit, world, of `along`; default: outward axis, else off what it rests on, else up."""
     if along is not None:
         return direction(hand, along, outward=True)
-    if any(c.kind in _AXIAL for c in hand.mates()):
+    if hand.session.held_by(*hand.parts) or any(c.kind in _AXIAL for c in hand.mates()):
         return direction(hand, "axis", outward=True)
     ways = [hand.leaving(c) for c in resting(hand)]
     away = sum((way for way in ways if way @ ways[0] > OPPOSITE), np.zeros(3))
@@ -88,6 +91,8 @@ def line(hand: Gripper, about: str | ArrayLike | tuple[ArrayLike, ArrayLike]) ->
         return vector(about[0], "about"), direction(hand, about[1], outward=True)
     if isinstance(about, str) and about == "axis":
         hand.body("about='axis'")
+        for held in hand.session.held_by(*hand.parts):
+            return held.origin, held.axis
         fit = _axial(hand)
         return np.array(fit.origin), np.array(fit.direction)
     where = middle(hand.scene[hand.held]) if hand.held else np.array(hand.pose.translation)

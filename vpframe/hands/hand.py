@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from vpframe.errors import TaskError
 from vpframe.hands import paths, service
 from vpframe.hands.access import MOST_NAMED
+from vpframe.hands.conditions import as_condition
 from vpframe.hands.directions import way_out
 from vpframe.hands.insert import Fitter
 from vpframe.hands.segment import Condition, Steps, Verb, steps, verb
@@ -65,6 +66,32 @@ class Hand(Fitter):
             return (yield from self._screw("unscrew", turns, pitch, until, rate, required))
         self._check_alone("unscrew", turns=turns, until=until)
         return (yield from self._remove(parts, None, pitch, "unscrew"))
+
+    @verb
+    def press_out(
+        self,
+        distance: float | None = None,
+        until: Condition | str | None = "free",
+        speed: float | None = None,
+        required: bool = True,
+    ) -> Verb:
+        """Press the held part out of the press fit that holds it, by `distance` m or until it is free.
+
+        The force is not computed.
+
+        Raises
+        ------
+        TaskError: no press fit holds it.
+        """
+        self.body("press_out")
+        held = [overlap for overlap in self.session.held_by(*self.parts) if overlap.meaning.kind != "thread"]
+        pressed = [mate for mate in self.mates() if mate.press > 0.0]
+        if not (held or pressed):
+            raise TaskError(f"{self.title}.press_out: no press fit holds {self.load}; use pull, unscrew or remove")
+        begun = np.array(self.subject.translation)
+        end = as_condition(until) if distance is None else None
+        outcome = yield from self._slide("press_out", self._way("axis", outward=True), distance, end, speed, required)
+        return self._with_effort(outcome, held, begun)
 
     @verb
     def remove(self, parts: Names, along: str | ArrayLike | None = None) -> Verb:

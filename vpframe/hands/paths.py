@@ -39,6 +39,12 @@ def smooth(x: float) -> float:
     return x * x * x * (10.0 + x * (6.0 * x - 15.0))
 
 
+def _progress(t: float, duration: float, eased: bool) -> float:
+    """Progress in [0, 1] of a motion of some duration (s) after `t` seconds, rest to rest (`eased`) or steady."""
+    x = 1.0 if duration <= 0.0 else min(t / duration, 1.0)
+    return smooth(x) if eased else x
+
+
 def between(start: pin.SE3, end: pin.SE3, s: float) -> pin.SE3:
     """Interpolate at fraction `s`: origin on a straight line, rotation at constant angular velocity."""
     if s >= 1.0:
@@ -75,8 +81,7 @@ class Straight:
         _check(self, "start", "end")
 
     def pose(self, t: float) -> pin.SE3:
-        x = 1.0 if self.duration <= 0.0 else min(t / self.duration, 1.0)
-        return between(self.start, self.end, smooth(x) if self.eased else x)
+        return between(self.start, self.end, _progress(t, self.duration, self.eased))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +112,7 @@ class Turning:
         object.__setattr__(self, "axis", axis / length)
 
     def pose(self, t: float) -> pin.SE3:
-        x = 1.0 if self.duration <= 0.0 else min(t / self.duration, 1.0)
-        angle = self.angle * (smooth(x) if self.eased else x)
+        angle = self.angle * _progress(t, self.duration, self.eased)
         turn = pin.exp3(self.axis * angle)
         shift = self.origin - turn @ self.origin + self.axis * (self.pitch * angle / (2.0 * np.pi))
         return pin.SE3(turn, shift) * self.start

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +19,7 @@ from vpframe.hands.conditions import as_condition, constraint, contact
 from vpframe.hands.directions import direction, line, top_of
 from vpframe.hands.gripper import Gripper
 from vpframe.hands.reach import extent, surface_distances
-from vpframe.hands.segment import Condition, MotionSegment, Verb, steps, verb
+from vpframe.hands.segment import Condition, MotionSegment, Outcome, Verb, steps, verb
 from vpframe.scene.boxes import half_size
 from vpframe.scene.subassembly import parts_named
 
@@ -337,7 +338,20 @@ class Mover(Gripper):
         angle, seconds = np.copysign(2.0 * np.pi * n, lead), self._seconds(n / rate)
         path = paths.Turning(self.subject, origin, axis, angle, seconds, pitch=lead, eased=turns is not None)
         how = f"{turns:g} turns" if turns is not None else f"until {end}"
-        return (yield MotionSegment(f"{who}.{verb}({how})", path, end, required))
+        held, begun = self.session.held_by(*self.parts), np.array(self.subject.translation)
+        outcome = yield MotionSegment(f"{who}.{verb}({how})", path, end, required)
+        return self._with_effort(outcome, held, begun, lead)
+
+    def _with_effort(
+        self, outcome: Outcome, held: Sequence[Any], begun: np.ndarray, lead: float | None = None
+    ) -> Outcome:
+        """The outcome with what a workshop wants to know of the overlaps that the motion went through."""
+        if not held:
+            return outcome
+        far = abs(float((self.subject.translation - begun) @ held[0].axis))
+        travel = f"{1e3 * far:.4g} mm" if lead is None else f"{far / abs(lead):.4g} turns, {1e3 * far:.4g} mm"
+        efforts = dict.fromkeys(overlap.meaning.effort for overlap in held)
+        return replace(outcome, reason=f"{outcome.reason}; {travel} ({'; '.join(efforts)})")
 
     def _lead(self, part: Part, pitch: float | None, verb: str) -> float:
         """Return the pitch, m a turn, negative for a left-hand thread: the given one, else the thread's."""

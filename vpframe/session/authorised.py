@@ -24,18 +24,24 @@ STILL = 1e-12
 
 
 class AuthorisedPairs:
-    """Sweeps of the authorised pairs of a scene, from where its parts are drawn.
+    """Sweeps of the authorised pairs of a scene, and of those whose overlap is meant, from where its parts are drawn.
 
     Parameters
     ----------
     drawn: poses of all parts in the assembly as drawn. tolerance: of recognition, and by its `slop` of the sweeps.
-    threads: pitch (m a turn) by object.
+    threads: pitch (m a turn) by object. meant: pairs whose overlap is meant without being authorised.
     """
 
     def __init__(
-        self, scene: Scene, drawn: Sequence[pin.SE3], tolerance: Tolerance, threads: Mapping[int, float]
+        self,
+        scene: Scene,
+        drawn: Sequence[pin.SE3],
+        tolerance: Tolerance,
+        threads: Mapping[int, float],
+        meant: frozenset[tuple[int, int]] = frozenset(),
     ) -> None:
         self.scene, self.drawn, self.tolerance, self.threads = scene, drawn, tolerance, dict(threads)
+        self.meant = meant
         self._sweeps: dict[tuple[int, int], Sweeps] = {}
 
     def stop(
@@ -66,9 +72,12 @@ class AuthorisedPairs:
     def _of(self, a: int, b: int) -> Sweeps:
         if (a, b) not in self._sweeps:
             parts = [self.scene.parts[i] for i in (a, b)]
-            pair = Scene(part.copy(pose=pin.SE3(self.drawn[i])) for part, i in zip(parts, (a, b), strict=True))
+            placed = (part.copy(pose=pin.SE3(self.drawn[i])) for part, i in zip(parts, (a, b), strict=True))
+            pair = Scene(placed, rules=self.scene.rules)
             threads = {self.scene.names[i]: self.threads[i] for i in (a, b) if i in self.threads}
-            mates = Mates(pair, [(parts[0].name, parts[1].name)], threads, self.tolerance)
+            authorised = [] if (a, b) in self.meant else [(parts[0].name, parts[1].name)]
+            # as of a thread that is drawn as a plain cylinder: a hand that goes straight skips its turns
+            mates = Mates(pair, authorised, threads, self.tolerance, unturned=True)
             swept = replace(self.tolerance, linear=LINEAR)
             self._sweeps[a, b] = Sweeps(mates.meshes, mates.poses, swept, mates.left_out)
         return self._sweeps[a, b]

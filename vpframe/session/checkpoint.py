@@ -250,4 +250,4 @@ def advance_or_replay(
 
 def _with(given: Inputs, decisions: list[Decision]) -> Inputs:
     """Return the inputs with further decisions."""
-    return replace(given, decisions=[*given.decisions, *decisions]) if decisions else given
+    return given._replace(decisions=[*given.decisions, *decisions]) if decisions else given

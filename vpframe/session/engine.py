@@ -6,8 +6,9 @@ data = engine.save(); engine.restore(data)       bytes, also for another process
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -20,18 +21,19 @@ from constraints import ConstraintManager
 from constraints.geometry.views import Limits
 from constraints.kinds import Constraint
 from constraints.manager import Change
-from constraints.motion.motion import Motion
+from constraints.motion.motion import ConstrainedMotion
 from constraints.recognition.candidate import Candidate
 from constraints.recognition.misfits import Misfit, misfits
 from constraints.solve.groups import Groups
 from physics import Behaviour, Body, Material
-from vpframe.analysis.static import named_threads, threaded_features
+from vpframe.analysis.meanings import Meaning, meanings_of
+from vpframe.analysis.static import analysis_of, named_threads, threaded_features
 from vpframe.codec import WRONG
 from vpframe.errors import VpframeError
 from vpframe.events import NewEvent
 from vpframe.hands.gripper import Gripper
 from vpframe.scene.deflection import deflections
-from vpframe.scene.scene import Scene
+from vpframe.scene.scene import Part, Scene
 from vpframe.session.authorised import AuthorisedPairs
 from vpframe.session.dynamics import Dynamics
 from vpframe.session.state import Changes, HandMotion, HandState, State, Values, damaged, loaded, require_changes, saved
@@ -40,6 +42,22 @@ Judge = Callable[[Candidate], bool | None]
 """rule for a candidate: True accepts, False refuses, None leaves it on offer"""
 _KEPT = tuple(f.name for f in fields(Values))
 _OF_HAND = tuple(f.name for f in fields(HandState) if f.name != "motion")
+_kept, _of_hand, _of_motion = attrgetter(*_KEPT), attrgetter(*_OF_HAND), attrgetter(*HandMotion._fields)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOverlap:
+    """An overlap that is meant, of parts in a hand with another part."""
+
+    meaning: Meaning
+    other: str
+    """name of that part"""
+    origin: NDArray[np.float64]
+    """(3,) m, world, on the axis"""
+    axis: NDArray[np.float64]
+    """(3,) unit, world"""
+    out: float
+    """1 or -1: the way out along the axis, for the parts in the hand; 0 if it is not known"""
 
 
 def rows_of(found: Iterable[Misfit]) -> NDArray[np.int32]:
@@ -83,14 +101,15 @@ class Engine(Values):
         """cache: inputs of the last recognition without hand motion and forces; None if it must run again"""
         self.gripped: tuple[tuple[str, tuple[str, ...], bool], ...] | None = None
         """cache: grips of the last step, of held part, carried parts, whether rigid; None: unknown"""
-        self.renewed = np.full(len(scene), -1, np.int64)
-        """cache: (n,) version of each object's pose at which its contact rows were computed"""
         self._made: dict[str, Gripper] = {}  # all hands ever made, so that each stays the same object
         self._authorised: AuthorisedPairs | None = None
+        self.meanings: tuple[Meaning, ...] = ()
+        """what overlaps as drawn mean, of parts with an axis: found at the start"""
         self._gravity = gravity
         self._judge = judge
         self._make_hand = make_hand
         self._on_drop: list[Callable[[], None]] = []
+        self._placed: object = None  # `Part.placed` when all parts were known to be in this session
         for i, part in enumerate(scene.parts):
             part.enter(self, i)
 
@@ -114,8 +133,9 @@ class Engine(Values):
         self.mates = ConstraintManager(
             features, self.tolerance, threads=threads, named=named_threads(scene), rules=[self._judge], fixed=fixed
         )
-        self.motion = Motion(self.collision, self.mates, self.tolerance, drawn=self.poses)
+        self.motion = ConstrainedMotion(self.collision, self.mates, self.tolerance, drawn=self.poses)
         self.motion.barrier = self._authorised_stop
+        self._leave_out_meant()
         near = self._recognise_as_it_stands()
         found = self.misfits(near)
         self.motion.jammed = {(m.pair[0], m.pair[2]): -m.fit.gap for m in found}
@@ -123,6 +143,40 @@ class Engine(Values):
         first, at_rest = self.state, HandMotion("", None, None)
         self._first = replace(first, hands={name: replace(h, motion=at_rest) for name, h in first.hands.items()})
         self.started = True  # set last, so that an interrupted start is repeated
+
+    def _leave_out_meant(self) -> None:
+        """Leave the surfaces of overlaps that are meant out of collision; `AuthorisedPairs` sweeps them instead.
+
+        Pairs that are authorised or ignored are left out as a whole.
+        """
+        known = {*self.authorised, *self.ignored}
+        analysis = analysis_of(self.scene, self.tolerance)
+        rows = self.collision.contacts(analysis.within_deflection)
+        pairs = sorted({*zip(rows["object_a"].tolist(), rows["object_b"].tolist(), strict=True)} - known)
+        self.meanings = meanings_of(self.scene, analysis).between(pairs)
+        for meaning in self.meanings:
+            assert meaning.fit is not None
+            a, b = meaning.parts
+            hollow = b if meaning.solid == a else a
+            everything = range(self.collision.mesh(hollow).n_surfaces)
+            self.motion.mated.leave_out((meaning.solid, meaning.fit.surfaces, hollow, tuple(everything)))
+
+    def held_by(self, group: Collection[int]) -> tuple[HeldOverlap, ...]:
+        """Overlaps that are meant between objects of a group and others, which hold them now; threads first."""
+        out = []
+        for meaning in self.meanings:
+            a, b = meaning.parts
+            if (a in group) == (b in group) or meaning.fit is None:
+                continue
+            moved = [self.poses[i] * self.motion.drawn[i].inverse() for i in (a, b)]
+            if not meaning.engaged(moved[1].actInv(moved[0])):
+                continue
+            at = moved[0] if meaning.solid == a else moved[1]
+            origin, axis = meaning.fit.line
+            way_in = 0.0 if not meaning.driven else 1.0 if meaning.part in group else -1.0
+            other = self.names[b if a in group else a]
+            out.append(HeldOverlap(meaning, other, np.asarray(at.act(origin)), at.rotation @ axis, -way_in))
+        return tuple(sorted(out, key=lambda held: held.meaning.kind != "thread"))
 
     def _recognise_as_it_stands(self) -> NDArray[Any]:
         """Recognise the exact fits of the initial assembly without moving parts; return the contact rows."""
@@ -174,6 +228,7 @@ class Engine(Values):
     def _without_collision(self, pairs: tuple[tuple[int, int], ...], a: int, b: int) -> tuple[tuple[int, int], ...]:
         if self.started:
             self.collision.ignore(a, b)
+        self.searched = {}
         return tuple(dict.fromkeys((*pairs, (min(a, b), max(a, b)))))
 
     @property
@@ -187,12 +242,18 @@ class Engine(Values):
         self, poses: Sequence[pin.SE3], target: Mapping[int, pin.SE3]
     ) -> tuple[float, NDArray[Any]] | None:
         """Where and by what the overlap of an authorised pair stops a motion, see `AuthorisedPairs.stop`."""
-        pairs = [pair for pair in self.authorised if pair not in self.ignored]
+        meant = frozenset(meaning.parts for meaning in self.meanings).difference(self.authorised)
+        pairs = [pair for pair in (*self.authorised, *sorted(meant)) if pair not in self.ignored]
         if not pairs:
             return None
         known = self._authorised
-        if known is None or known.drawn is not self.motion.drawn or known.threads != self.threads:
-            known = AuthorisedPairs(self.scene, self.motion.drawn, self.tolerance, self.threads)
+        if (
+            known is None
+            or known.drawn is not self.motion.drawn
+            or known.threads != self.threads
+            or known.meant != meant
+        ):
+            known = AuthorisedPairs(self.scene, self.motion.drawn, self.tolerance, self.threads, meant)
             self._authorised = known
         return known.stop(pairs, poses, target)
 
@@ -225,6 +286,8 @@ class Engine(Values):
 
         Raises VpframeError while another session has them.
         """
+        if self._placed is Part.placed:
+            return
         for i, part in enumerate(self.scene.parts):
             mine = part.is_placed_by(self)
             if mine is False:
@@ -234,6 +297,7 @@ class Engine(Values):
                 )
             if mine is None:
                 part.enter(self, i)
+        self._placed = Part.placed
 
     def leave(self) -> None:
         """Detach the parts: each keeps its present pose."""
@@ -252,12 +316,12 @@ class Engine(Values):
         not have been given mass in between."""
         objects = self.collision.snapshot
         return State(
-            values=Values(**{name: getattr(self, name) for name in _KEPT}),
+            values=Values(*_kept(self)),
             poses=objects.poses,
             drawn=self.motion.drawn,
             carried=self.motion.groups.seats,
             mates=self.mates.snapshot,
-            hands={name: _state_of(hand) for name, hand in self.hands.items()},
+            hands={name: _hand_state(h) for name, h in self.hands.items()},
             dynamics=None if self.dynamics is None else self.dynamics.snapshot,
             objects=objects,
         )
@@ -309,7 +373,6 @@ class Engine(Values):
     def drop_caches(self) -> None:
         """Forget all that can be computed again; the next steps give the same bytes."""
         self.recognised = self.gripped = None
-        self.renewed = np.full(len(self.scene), -1, np.int64)
         self.boxes.clear()
         self.mates.drop_caches()
         self.motion.drop_caches()
@@ -369,10 +432,9 @@ class Engine(Values):
         if changes.mates is not None:
             self.mates.snapshot = changes.mates
             self.motion.sync()
-        self.clearance = changes.clearance
+        self.clearance, self.searched = changes.clearance, {}
         self.step += 1
 
 
-def _state_of(hand: Gripper) -> HandState:
-    motion = HandMotion(hand.doing, hand.segment, hand.wanted)
-    return HandState(**{name: getattr(hand, name) for name in _OF_HAND}, motion=motion)
+def _hand_state(hand: Gripper) -> HandState:
+    return HandState(*(*_of_hand(hand), HandMotion(*_of_motion(hand))))

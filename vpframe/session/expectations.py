@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from itertools import product
 from typing import Any
@@ -47,7 +48,7 @@ def free(session: Any, part: str, carried: Sequence[str] = ()) -> Verdict:
 
 def no_clash(session: Any) -> Verdict:
     """Check that no parts clash, as `vpframe.analysis.clash` judges them where surfaces intersect that are neither
-    mated nor of an authorised pair; press fits in force are named."""
+    mated nor of an authorised pair; press fits in force are named, and overlaps as drawn that are meant counted."""
     parts = session.scene.parts
     names = session.scene.names
     mated = {
@@ -57,7 +58,7 @@ def no_clash(session: Any) -> Verdict:
     }
     bad = []
     for a, b in sorted({(a, b) for a, _, b, _ in (*session.clashes().tolist(), *session.misfits().tolist())}):
-        rows = between(parts[a], parts[b], (parts[a].pose, parts[b].pose), session.tolerance)
+        rows = between(parts[a], parts[b], (parts[a].pose, parts[b].pose), session.tolerance, session.scene.rules)
         for key, row in rows.items():
             own = frozenset(zip((names[a], names[b]), key, strict=False))
             if row.kind in BAD_KINDS and (frozenset((names[a], names[b])), own) not in mated:
@@ -69,7 +70,9 @@ def no_clash(session: Any) -> Verdict:
         more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
         found = f" ({faces} overlap by {row.depth * 1e3:.3f} mm{more})"
     pressed = press_fits((c.parts, c.press) for c in session.constraints)
-    return not bad, "; ".join([f"no clash{found}", *map(str, pressed)])
+    meant = Counter(meaning.kind for meaning in session.meanings)
+    counted = [f"{n} x {kind}, as drawn" for kind, n in meant.items()]
+    return not bad, "; ".join([f"no clash{found}", *counted, *map(str, pressed)])
 
 
 def at(session: Any, part: str, pose: pin.SE3 | ArrayLike, within: float, angle: float) -> Verdict:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -10,18 +10,20 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from collision.contact import surfaces_of
 from constraints.freedom.mobility import Freedom, mobility
 from constraints.kinds.stated import taken_along
 from constraints.manager import InForce
 from constraints.recognition.candidate import Candidate
 from constraints.solve.groups import ALONE, Groups
 from vpframe.events import ConstraintView, ContactPoint
-from vpframe.scene.boxes import corners
-from vpframe.session.engine import Engine, rows_of
-from vpframe.session.state import COLUMNS
+from vpframe.scene.boxes import corners, half_size
+from vpframe.session.engine import Engine, HeldOverlap, rows_of
 from vpframe.session.views import Views, ViewsOfStep
 
 NOTHING = np.zeros((0, 3))
+FELT = 0.05
+"""1: rate of a constraint's residual, over the speed of a motion, from which the constraint holds the part"""
 
 
 class Readings:
@@ -43,10 +45,7 @@ class Readings:
     def near_pairs(self) -> NDArray[np.int32]:
         """(k, 4) object, surface, object, surface in contact, for parts that were ever held, without mated surfaces."""
         rows = self.engine.rows
-        near = np.flatnonzero(
-            rows["distance"] <= 2.0 * self.engine.tolerance.linear
-        )  # `Motion` stops parts at `linear`
-        return np.stack([rows[c][near] for c in COLUMNS], axis=1)
+        return surfaces_of(rows)[rows["distance"] <= 2.0 * self.engine.tolerance.linear]  # motions stop at `linear`
 
     def views(self) -> ViewsOfStep:
         """Views of all constraints: active by age, then candidates by score, then refused ones."""
@@ -118,6 +117,26 @@ class Readings:
             return np.zeros((6, 0))
         return self._mobility(i, *self._constraining(i, carried, None)).twists
 
+    def holding(self, i: int, carried: Sequence[int], twist: NDArray[np.float64]) -> tuple[int, ...]:
+        """Ids of the active constraints that a motion of a part, with the objects it carries, would break.
+
+        twist: (6,) of the part in its frame, linear first.
+        """
+        group, _, on_it = self._constraining(i, carried, None)
+        poses, motion = self.engine.poses, pin.Motion(twist)
+        fast = FELT * float(
+            np.linalg.norm(twist[:3]) + half_size(self.engine.scene.parts[i].mesh) * np.linalg.norm(twist[3:])
+        )
+        found = []
+        for id, candidate in on_it.items():
+            bodies = candidate.bodies
+            jacobians = candidate.constraint.jacobian(*(poses[k] for k in bodies))
+            moved = [(k, j) for k, j in zip(bodies, jacobians, strict=True) if k in group]
+            rates = sum(j @ poses[k].actInv(poses[i]).act(motion).vector for k, j in moved)
+            if np.abs(rates).max(initial=0.0) > fast:
+                found.append(id)
+        return tuple(found)
+
     def _constraining(
         self, i: int, carried: Sequence[int], to: Sequence[int] | None
     ) -> tuple[frozenset[int], Groups, dict[int, Candidate]]:
@@ -155,7 +174,13 @@ class Readings:
             return engine.threads[i]
         engine.start()
         pitches = [e.candidate.pitch for e in engine.mates.accepted.values() if i in e.candidate.bodies]
+        pitches += [held.meaning.pitch for held in self.held_by((i,)) if held.meaning.part == i]
         return next((p for p in pitches if p is not None), None)
+
+    def held_by(self, group: Collection[int]) -> tuple[HeldOverlap, ...]:
+        """Overlaps that are meant between parts of a group and others, which hold them now; threads first."""
+        self.engine.start()
+        return self.engine.held_by(group)
 
     def clearance(self, i: int, others: Sequence[int]) -> float:
         """Least distance (m) from an object to others; inf if there are none."""

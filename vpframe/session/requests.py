@@ -66,6 +66,7 @@ ACTIONS: dict[str, Mapping[str, Callable[[Any], Any]]] = {
     "drag": {"point": _POINT, "to": _POINT, "free": _flag},
     "place": {"pose": _POSE, "free": _flag},
     "rest": NOTHING,
+    "loosen": NOTHING,
     "slide": {"along": _axis, "distance": _real},
     "turn": {"about": _axis, "angle": _real},
     # what was done
@@ -78,7 +79,7 @@ ACTIONS: dict[str, Mapping[str, Callable[[Any], Any]]] = {
 """fields of each action, and what reads them; lengths m, angles rad, poses x y z qx qy qz qw. "grab" takes a part, or
 the subassembly that the first `level` names of its path name (0: the part alone). "drag" takes a point of what is held
 (in its frame) towards a place, "place" its frame to a pose; both along its freedom unless `free`, until "rest". A
-`surface` and a `frame` below 0 stand for none and for the newest."""
+`surface` and a `frame` below 0 stand for none and for the newest. "loosen" takes out what holds it."""
 ABOUT_CONSTRAINTS = ("accept", "refuse", "remove")
 OF_THE_RUN = ("play", "pause", "step")
 

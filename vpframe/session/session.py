@@ -26,6 +26,7 @@ from collision import Tolerance
 from collision.numeric.kernel import compilation
 from constraints.recognition.candidate import Candidate
 from vpframe import console, services
+from vpframe.analysis.meanings import Meaning
 from vpframe.errors import CheckpointError, OutputError, TaskError, VpframeError
 from vpframe.events import ConstraintView, ContactPoint, Event, Frame, Observer, Poses
 from vpframe.hands.access import Reach, reach_of
@@ -41,7 +42,7 @@ from vpframe.scene.subassembly import listed, parts_named
 from vpframe.scripts import ON_REQUEST, in_one_line, place
 from vpframe.session import expectations
 from vpframe.session.checkpoint import Journal, advance_or_replay, journal_of
-from vpframe.session.engine import Engine
+from vpframe.session.engine import Engine, HeldOverlap
 from vpframe.session.interrupts import deferred
 from vpframe.session.log import SessionLog
 from vpframe.session.observers import Observers, recorders, viewers
@@ -200,17 +201,14 @@ class Session:
         KeyboardInterrupt: `interrupt()` was called since the last step; the state is that of the last step.
         VpframeError: the session is closed, or another thread uses it.
         """
-        if self._closed:
-            raise VpframeError("the session is closed; open a new one")
+        self._require_open()
         if self._stop:
             raise KeyboardInterrupt
         with self._alone(), self._watch:
             self.engine.keep_parts()
             count = self.step_count
             try:
-                self._begin()
-                self._observers.tell()
-                self.engine.start()
+                self._start()
                 self._advance()
                 self._observers.tell()
             except Exception as error:
@@ -219,6 +217,17 @@ class Session:
             self._step_failed = ""
         assert self._frame is not None
         return self._frame
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise VpframeError("the session is closed; open a new one")
+
+    def _start(self) -> None:
+        """Attach the parts, begin the observers, and create the managers, unless that is done."""
+        self.engine.keep_parts()
+        self._begin()
+        self._observers.tell()
+        self.engine.start()
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -234,13 +243,9 @@ class Session:
 
     def show(self) -> Frame:
         """Show the present state to the observers without a step: before the first step, or after `undo`."""
-        if self._closed:
-            raise VpframeError("the session is closed; open a new one")
+        self._require_open()
         with self._alone(), self._watch:
-            self.engine.keep_parts()
-            self._begin()
-            self._observers.tell()
-            self.engine.start()
+            self._start()
             self._changes = observed(self.engine, self._readings)
             self._frame = None  # a new frame gets the poses of all parts
             self._frame = self._frame_of(self._changes)
@@ -539,6 +544,16 @@ class Session:
                 found.setdefault(names[other], set()).add(surface)
         return {name: tuple(sorted(surfaces)) for name, surfaces in sorted(found.items())}
 
+    @property
+    def meanings(self) -> tuple[Meaning, ...]:
+        """What overlaps as drawn mean (threads, press fits, …), of parts with a common axis."""
+        self.engine.start()
+        return self.engine.meanings
+
+    def held_by(self, part: str, *carried: str) -> tuple[HeldOverlap, ...]:
+        """Overlaps that are meant (threads, press fits, …) and hold a part, with those it carries, to others now."""
+        return self._readings.held_by(self._indices(part, *carried))
+
     def freedom(self, part: str, to: str | None = None, carried: str | Sequence[str] = ()) -> int:
         """Degrees of freedom that the active constraints leave a part or subassembly (0 if it is fixed).
 
@@ -565,6 +580,15 @@ class Session:
         frame of its first part; `carried` as in `freedom`. Collisions are ignored."""
         first, *rest = self._indices(part, *((carried,) if isinstance(carried, str) else carried))
         return self._readings.twists(first, rest)
+
+    def holding(self, part: str, twist: ArrayLike, carried: str | Sequence[str] = ()) -> tuple[ConstraintView, ...]:
+        """Return the active constraints that a motion of a part or subassembly would break.
+
+        twist: (6,) linear first, in the frame of its first part; `carried` as in `freedom`.
+        """
+        first, *rest = self._indices(part, *((carried,) if isinstance(carried, str) else carried))
+        ids = set(self._readings.holding(first, rest, np.asarray(twist, np.float64)))
+        return tuple(c for c in self.constraints if c.id in ids)
 
     def clearance(self, part: str, other: str | None = None) -> float:
         """Least distance (m) from a part or subassembly to another, or to all parts not constrained to it; inf if none.

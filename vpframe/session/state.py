@@ -15,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from collision import CONTACT_DTYPE, ObjectsState
+from collision.contact import surfaces_of
 from collision.poses import unpack_all
 from constraints import kinds
 from constraints.geometry.surfaces import Cone, Cylinder, Freeform, Plane, Sphere, Torus
@@ -33,7 +34,6 @@ FARTHEST = 1e12
 """m: greatest coordinate of a part in a saved state"""
 GREATEST = 1e30
 """greatest number in a saved state, SI units"""
-COLUMNS = ("object_a", "surface_a", "object_b", "surface_b")
 
 
 class StateError(VpframeError):
@@ -96,6 +96,8 @@ class Values:
     """held parts stopped by solid bodies, each with a text that names the obstacles"""
     rows: NDArray[Any] = field(default_factory=lambda: np.zeros(0, CONTACT_DTYPE))
     """contact rows of the objects in `moved`, within the distance that recognition needs"""
+    searched: Mapping[int, float] = field(default_factory=dict)
+    """objects of which `rows` has all contacts at the present poses, and within what distance, m"""
     colliding: NDArray[np.int32] = field(default_factory=lambda: NO_PAIRS)
     """(k, 4) object, surface, object, surface that intersect"""
     joined: frozenset[tuple[str, str]] = frozenset()
@@ -257,10 +259,10 @@ def _require_state(scene: Scene, state: State) -> None:
         rigid(pose, "a pose")
     _require(bool((np.abs(state.poses) <= FARTHEST).all()), "a pose")
     _require(own.rows.dtype == CONTACT_DTYPE and own.rows.ndim == 1, "rows")
-    _require_rows(scene, np.stack([own.rows[c] for c in COLUMNS], axis=1))
+    _require_rows(scene, surfaces_of(own.rows))
     _require_rows(scene, own.colliding)
     _require_mates(scene, state.mates)
-    for ids in (own.held, own.moved, own.targets, own.last, own.remated, own.threads, state.carried):
+    for ids in (own.held, own.moved, own.targets, own.last, own.remated, own.threads, own.searched, state.carried):
         _require_parts(scene, ids)
     _require_parts(scene, [i for i, _ in state.carried.values()])
     _require(all(i not in state.carried for i, _ in state.carried.values()), "what is carried")
@@ -304,27 +306,23 @@ def _require_candidate(scene: Scene, c: Candidate) -> None:
 
 def _require_numbers(value: Any, what: str) -> None:
     """Raise ValueError for a number anywhere in a saved value that no session has: not finite, or beyond `GREATEST`."""
+    holds, inside = True, list[tuple[Any, Any]]()
     if isinstance(value, float | np.floating):
         unlimited = what.endswith(("break_force", "break_distance")) and value == np.inf
         holds = unlimited or abs(float(value)) <= GREATEST
     elif isinstance(value, np.ndarray):
-        for name in value.dtype.names or ():
-            _require_numbers(value[name], f"{what}, {name}")
+        inside = [(name, value[name]) for name in value.dtype.names or ()]
         holds = value.dtype.kind != "f" or bool((np.abs(value) <= GREATEST).all())
     elif isinstance(value, pin.SE3):
         holds = bool((np.abs(value.translation) <= FARTHEST).all())
     elif isinstance(value, Mapping):
-        holds = True
-        for key, item in value.items():
-            _require_numbers(item, f"{what}, {key}" if isinstance(key, str) else what)
+        inside = list(value.items())
     elif isinstance(value, list | tuple | set | frozenset):
-        holds = True
-        for item in value:
-            _require_numbers(item, what)
-    else:
-        holds = True
-        for f in fields(value) if is_dataclass(value) else ():
-            _require_numbers(getattr(value, f.name), f"{what}, {f.name}")
+        inside = list(enumerate(value))
+    elif is_dataclass(value):
+        inside = [(f.name, getattr(value, f.name)) for f in fields(value)]
+    for name, item in inside:
+        _require_numbers(item, f"{what}, {name}" if isinstance(name, str) else what)
     if not holds:
         raise ValueError(f"{what} holds a number that is not finite or too great")
 

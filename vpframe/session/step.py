@@ -10,16 +10,18 @@ the changes after, or goes back to that state, so that a step that fails or is i
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from collision.contact import joined, picked
+from collision.contact import joined, picked, surfaces_of
 from constraints.errors import ConstraintsError
+from constraints.motion.walls import NOT_SEARCHED, Searched
 from constraints.recognition.attention import rows_about
 from constraints.recognition.candidate import Candidate
 from physics import SpringHand
@@ -27,12 +29,12 @@ from vpframe.errors import TaskError
 from vpframe.events import NewEvent
 from vpframe.hands.gripper import FACING, MOST_BLOCKERS
 from vpframe.hands.paths import between
-from vpframe.scene.boxes import corners
+from vpframe.scene.boxes import corners, corners_of
 from vpframe.scene.names import face_words, holders, mates_words, obstacles_words
 from vpframe.scene.subassembly import name_of
 from vpframe.session.engine import Engine
 from vpframe.session.readings import Readings, along
-from vpframe.session.state import COLUMNS, Changes, Decision
+from vpframe.session.state import Changes, Decision
 from vpframe.session.trails import bends
 
 MOST_SEGMENTS = 16
@@ -52,8 +54,7 @@ class DecisionError(TaskError):
         self.decision = decision
 
 
-@dataclass(frozen=True, eq=False)
-class HandTarget:
+class HandTarget(NamedTuple):
     """Target pose of a held part in one step."""
 
     part: str
@@ -78,8 +79,7 @@ class HandTarget:
         return words + b"".join(np.ascontiguousarray(pose.homogeneous).tobytes() for pose in poses)
 
 
-@dataclass(frozen=True, eq=False)
-class Inputs:
+class Inputs(NamedTuple):
     """Inputs of a step."""
 
     targets: Sequence[HandTarget]
@@ -107,13 +107,22 @@ class Work:
     way: list[Mapping[int, pin.SE3]] = field(default_factory=list)
     """poses that held parts, and those that come along, went through, in order"""
 
+    @contextmanager
+    def timed(self, kind: str) -> Iterator[None]:
+        """Add the computing time of the block to a kind of work."""
+        began = clock.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[kind] += clock.perf_counter() - began
+
 
 Stage = Callable[[Engine, Inputs, Work], list[NewEvent]]
 
 
 def commands(engine: Engine, given: Inputs, work: Work) -> list[NewEvent]:
     """Apply grips and decisions; parts of stated constraints move to satisfy them."""
-    index = engine.scene.index
+    index = engine.number.__getitem__
     gripped = tuple((target.part, target.carried, target.spring is None) for target in given.targets)
     for target in given.targets:
         if target.spring is not None and (engine.dynamics is None or index(target.part) not in engine.dynamics.bodies):
@@ -122,13 +131,13 @@ def commands(engine: Engine, given: Inputs, work: Work) -> list[NewEvent]:
         carried = {index(target.part): [index(name) for name in target.carried] for target in given.firm}
         held = [index(target.part) for target in given.targets]
         engine.held = frozenset(held).union(*carried.values())
-        engine.remated |= engine.motion.carry(carried, engine.poses)
+        _remate(engine, engine.motion.carry(carried, engine.poses))
         engine.gripped = gripped
     _reach_for(engine, given.targets)
     events, engine.untold = list(engine.untold), ()
     for candidate in _decide(engine, given.decisions):
         if engine.held.isdisjoint(candidate.bodies):
-            _assemble(engine, candidate, work)
+            _assemble(engine, candidate)
     return events
 
 
@@ -138,7 +147,7 @@ def follow(engine: Engine, given: Inputs, work: Work) -> list[NewEvent]:
     Each segment repeats following and recognition, at most `MOST_ROUNDS` times, until no mate is made or broken. Of
     the segments after one in which blocked parts did not move only the last is followed.
     """
-    wanted = _wanted(engine, given.firm)
+    wanted = engine.motion.groups.with_carried({engine.number[t.part]: t.pose for t in given.firm})
     events: list[NewEvent] = []
     segments, stuck = _segments(engine, wanted), False
     for k, segment in enumerate(segments):
@@ -148,8 +157,10 @@ def follow(engine: Engine, given: Inputs, work: Work) -> list[NewEvent]:
         for _ in range(MOST_ROUNDS):
             before = engine.poses
             events += _follow_hands(engine, segment, given, work)
-            _renew_moved(engine, before, work)
-            found = recognise(engine, segment, given, work)
+            with work.timed("collision"):
+                _renew_moved(engine, before)
+            with work.timed("constraints"):
+                found = recognise(engine, segment, given)
             events += found
             if not any(event.kind in ("accepted", "removed") for event in found):
                 break
@@ -160,25 +171,23 @@ def follow(engine: Engine, given: Inputs, work: Work) -> list[NewEvent]:
     return events
 
 
-def recognise(engine: Engine, wanted: Mapping[int, pin.SE3], given: Inputs, work: Work) -> list[NewEvent]:
+def recognise(engine: Engine, wanted: Mapping[int, pin.SE3], given: Inputs) -> list[NewEvent]:
     """Offer, accept and remove constraints at the present poses."""
-    began = clock.perf_counter()
     force = {} if engine.dynamics is None else engine.dynamics.pull()
     asked = (engine.mates.tolerance, engine.rows, engine.poses)
     if not (wanted or force or engine.decided or engine.recognised is None):
         tolerance, rows, poses = engine.recognised
         if tolerance == asked[0] and rows is asked[1] and poses is asked[2]:
             return []  # same inputs, same result
-    aims = [replace(t, pose=t.goal) for t in given.firm if t.goal is not None] if wanted else []
-    goals, begun = _wanted(engine, aims), frozenset(_wanted(engine, [aim for aim in aims if aim.begins]))
+    goals = {engine.number[t.part]: t.goal for t in given.firm if t.goal is not None} if wanted else {}
+    begun = frozenset(engine.number[t.part] for t in given.firm if t.begins)
     changes = engine.mates.update(engine.poses, engine.rows, wanted, force, engine.collision.versions, goals, begun)
     engine.decided = False
     engine.recognised = None if wanted or force else asked
     if changes:
         engine.motion.sync()
-        engine.remated |= {i for change in changes for i in change.candidate.bodies}
+        _remate(engine, {i for change in changes for i in change.candidate.bodies})
         engine.joined |= {engine.pair(change.candidate) for change in changes if change.kind == "accepted"}
-    work.seconds["constraints"] += clock.perf_counter() - began
     return [engine.event(change) for change in changes]
 
 
@@ -187,15 +196,17 @@ def dynamics(engine: Engine, given: Inputs, work: Work) -> list[NewEvent]:
     physics = engine.dynamics
     if physics is None:
         return []
-    began = clock.perf_counter()
-    index, targets = engine.scene.index, given.targets
+    index, targets = engine.number.__getitem__, given.targets
     springs = {index(t.part): replace(t.spring, target=t.pose) for t in targets if t.spring is not None}
     physics.join(engine.in_force())
     physics.hold({i: engine.poses[i] for i in engine.held if i not in springs}, springs)
     before = engine.poses
     free, rested = physics.step(given.dt)
-    engine.moved |= {i for i, pose in enumerate(engine.poses) if pose is not before[i]}
+    moved = _moved(engine, before)
+    engine.moved |= moved
     gone = [i for i in free if i not in engine.held]
+    if moved or gone:
+        engine.searched = {}
     if gone:  # contact rows of moved bodies are out of date
         engine.rows = picked(engine.rows, ~rows_about(engine.rows["object_a"], engine.rows["object_b"], gone))
     if rested:  # their candidates are offered from the next step on
@@ -205,52 +216,48 @@ def dynamics(engine: Engine, given: Inputs, work: Work) -> list[NewEvent]:
         on = [engine.names[j] for j in physics.resting_on(i)]
         text = f"{engine.names[i]} comes to rest" + (f" on {', '.join(on)}" if on else "")
         events.append(NewEvent("landed", (engine.names[i], *on), (), text))
-    work.seconds["physics"] += clock.perf_counter() - began
     return events
 
 
 def contacts(engine: Engine, given: Inputs, work: Work) -> list[NewEvent]:
     """Update the colliding surfaces of moved parts; return events for pairs that began or ceased to collide."""
-    began = clock.perf_counter()
-    about = sorted({i for i, pose in enumerate(engine.poses) if pose is not work.before[i]} | engine.remated)
+    about = sorted(_moved(engine, work.before) | engine.remated)
     remated, engine.remated = engine.remated, frozenset()
     if not about:
         return []
     old = engine.colliding
-    fresh = not remated and bool((engine.renewed[about] == engine.collision.versions[about]).all())
+    fresh = not remated and engine.searched.keys() >= set(about)
     rows = picked(engine.rows, engine.rows["distance"] == 0.0)  # exactly the surfaces that intersect
     if fresh and not len(old) and not len(rows):
-        work.seconds["collision"] += clock.perf_counter() - began
         return []
     theirs = rows_about(old[:, 0], old[:, 2], about)
     theirs &= ~_within_groups(engine, old[:, 0], old[:, 2])
     if fresh:
         a, b = rows["object_a"], rows["object_b"]
         rows = picked(rows, rows_about(a, b, about) & ~_within_groups(engine, a, b))
-        new = np.stack([rows[column] for column in COLUMNS], axis=1)
+        new = surfaces_of(rows).copy()
     else:
         new = engine.collision.colliding_surfaces(about)
-    before_now = old[theirs]
-    events = []
-    if not np.array_equal(before_now, new):
-        rows = np.concatenate([old[~theirs], new])
-        engine.colliding = rows[np.lexsort(rows.T[::-1])]
-        events = _began_or_ceased(engine, before_now, new)
-    work.seconds["collision"] += clock.perf_counter() - began
-    return events
+    if np.array_equal(old[theirs], new):
+        return []
+    now = np.concatenate([old[~theirs], new])
+    engine.colliding = now[np.lexsort(now.T[::-1])]
+    return _began_or_ceased(engine, old[theirs], new)
 
 
-STAGES: tuple[Stage, ...] = (commands, follow, dynamics, contacts)
+STAGES: tuple[tuple[Stage, str], ...] = ((commands, ""), (follow, ""), (dynamics, "physics"), (contacts, "collision"))
+"""the stages in order, and the kind of work that each is, unless it consists of several"""
 
 
 def advance(engine: Engine, readings: Readings, given: Inputs) -> Changes:
     """Run all stages and return the changes; the caller commits them."""
     engine.collision.forget_nearest()  # the step depends on the state alone
     events, work = list[NewEvent](), Work(engine.poses)
-    for stage in STAGES:
-        events += stage(engine, given, work)
+    for stage, kind in STAGES:
+        with work.timed(kind) if kind else nullcontext():
+            events += stage(engine, given, work)
     before, poses = work.before, engine.poses
-    moved = [i for i, pose in enumerate(poses) if pose is not before[i]]
+    moved = sorted(_moved(engine, before))
     if not engine.moved.issuperset(moved) or not engine.moved >= engine.held:
         engine.moved |= engine.held.union(moved)
     engine.last = {i: before[i] for i in moved}
@@ -311,16 +318,18 @@ def _reach_for(engine: Engine, targets: Sequence[HandTarget]) -> None:
     """Extend the recogniser's reach to the assist of the hands."""
     reach = max((t.snap for t in targets), default=0.0)
     angle = max((t.snap_angle for t in targets if t.snap > 0.0), default=0.0)
-    known = engine.tolerance
+    tolerance = engine.tolerance
+    if reach > tolerance.reach:
+        tolerance = replace(tolerance, reach=reach, reach_angular=max(angle, tolerance.reach_angular))
     engine.mates.assisted = reach > 0.0
-    engine.mates.tolerance = (
-        known if reach <= known.reach else replace(known, reach=reach, reach_angular=max(angle, known.reach_angular))
-    )
+    if engine.mates.tolerance is not tolerance and engine.mates.tolerance != tolerance:
+        engine.mates.tolerance = tolerance
 
 
 def _decide(engine: Engine, decisions: Sequence[Decision]) -> list[Candidate]:
     """Carry out decisions; return the stated constraints among them."""
-    engine.decided |= bool(decisions)
+    if decisions:
+        engine.decided, engine.searched = True, {}
     for decision in decisions:
         what = decision.id if decision.stated is None else decision.stated
         try:
@@ -330,27 +339,16 @@ def _decide(engine: Engine, decisions: Sequence[Decision]) -> list[Candidate]:
     return [decision.stated for decision in decisions if decision.stated is not None]
 
 
-def _assemble(engine: Engine, candidate: Candidate, work: Work) -> None:
+def _assemble(engine: Engine, candidate: Candidate) -> None:
     """Move a part that no hand holds to satisfy a stated constraint: b moves to a, unless b is fixed."""
     a, b = candidate.bodies
     mover = a if engine.scene.parts[b].fixed else b
     before = engine.poses
     engine.motion.step({mover: before[mover]}, before, along(engine, {mover}))
-    _renew_moved(engine, before, work)
+    _renew_moved(engine, before)
 
 
 # ---- follow
-
-
-def _wanted(engine: Engine, targets: Sequence[HandTarget]) -> dict[int, pin.SE3]:
-    """Target poses of held and carried objects."""
-    wanted: dict[int, pin.SE3] = {}
-    groups = engine.motion.groups
-    for target in targets:
-        held = engine.scene.index(target.part)
-        wanted[held] = target.pose
-        wanted |= groups.carried(held, target.pose)
-    return wanted
 
 
 def _segments(engine: Engine, wanted: dict[int, pin.SE3]) -> list[dict[int, pin.SE3]]:
@@ -375,7 +373,7 @@ def _segments(engine: Engine, wanted: dict[int, pin.SE3]) -> list[dict[int, pin.
 
 
 def _travel(engine: Engine, i: int, a: pin.SE3, b: pin.SE3) -> float:
-    """Greatest distance (m) of a point of the boxes of a part, and of those that it carries, between two poses.
+    """Greatest distance (m) of a point of the box of a part, and of those that it carries, between two poses.
 
     Displacement is affine in the point, so a corner goes farthest.
     """
@@ -384,7 +382,7 @@ def _travel(engine: Engine, i: int, a: pin.SE3, b: pin.SE3) -> float:
 
 
 def _corners(engine: Engine, i: int) -> NDArray[np.float64]:
-    """(n, 3), m: corners of the boxes of a part, and of those that it carries, in its frame."""
+    """(8, 3), m: corners of the box around the boxes of a part, and of those that it carries, in its frame."""
     groups = engine.motion.groups
     known = engine.boxes.get(i)
     if known is None or known[0] is not groups:
@@ -393,7 +391,8 @@ def _corners(engine: Engine, i: int) -> NDArray[np.float64]:
         for j in members[1:]:
             seat = groups.seats[j][1]
             placed.append(corners(engine.scene.parts[j].mesh) @ seat.rotation.T + seat.translation)
-        known = engine.boxes[i] = groups, np.concatenate(placed)
+        every = np.concatenate(placed)
+        known = engine.boxes[i] = groups, corners_of(every.min(axis=0), every.max(axis=0))
     return known[1]
 
 
@@ -401,11 +400,12 @@ def _follow_hands(engine: Engine, wanted: dict[int, pin.SE3], given: Inputs, wor
     if not wanted:
         engine.blocked = {}
         return []
-    began = clock.perf_counter()
-    targets, index = given.firm, engine.scene.index
+    targets, index = given.firm, engine.number.__getitem__
     held = {index(target.part) for target in targets}
-    result = engine.motion.step({i: wanted[i] for i in sorted(held)}, engine.poses, along(engine, wanted))
-    work.seconds["motion"] += clock.perf_counter() - began
+    movable = along(engine, wanted)
+    held_at = {i: wanted[i] for i in sorted(held)}
+    with work.timed("motion"):
+        result = engine.motion.step(held_at, engine.poses, movable, searched=_searched(engine, movable))
     work.way.extend((*result.way, result.poses))
     before, blocked = engine.blocked, {}
     events: list[NewEvent] = []
@@ -434,7 +434,8 @@ def _blockers(
     """Describe the obstacles found by `_in_the_way`, each with its nearest face and the point of contact."""
     if not by:
         mates = [(c.kind, other) for c in _mates(engine) for other in {*c.bodies} - {*group} if {*c.bodies} & {*group}]
-        known = mates_words((kind, engine.names[other]) for kind, other in mates)
+        overlaps = [(held.meaning.kind, held.other) for held in engine.held_by(group)]
+        known = mates_words([*((kind, engine.names[other]) for kind, other in mates), *overlaps])
         return known or "its constraints to other parts prevent the motion"
     met = []
     for i, faces in by.items():
@@ -451,11 +452,11 @@ def _mates(engine: Engine) -> list[Candidate]:
 def _authorising(engine: Engine, group: Sequence[int], by: Iterable[int]) -> str:
     """Say which obstacles overlap the group as drawn, and how that is authorised; empty if none does.
 
-    The overlap of a screw with its thread is left out: the screw is turned out.
+    An overlap that is meant is left out: a screw is turned out of its thread.
     """
     near = {(a, b) if a in group else (b, a) for a, _, b, _ in engine.colliding.tolist()}
     mates = (*engine.mates.candidates.values(), *_mates(engine))
-    threads = {c.bodies for c in mates if c.kind == "screw"}
+    threads = {c.bodies for c in mates if c.kind == "screw"} | {meaning.parts for meaning in engine.meanings}
     text = ""
     for own, other in sorted(near):
         if own not in group or other not in by or {(own, other), (other, own)} & threads:
@@ -506,14 +507,18 @@ def _in_the_way(
     return by, holding.intersection(by)
 
 
-def _renew_moved(engine: Engine, before: Sequence[pin.SE3], work: Work) -> None:
+def _renew_moved(engine: Engine, before: Sequence[pin.SE3]) -> None:
     """Recompute the contact rows of objects that moved since `before` or are newly held."""
-    began = clock.perf_counter()
-    stale = {i for i, pose in enumerate(engine.poses) if pose is not before[i]} | (engine.held - engine.moved)
+    stale = _moved(engine, before) | (engine.held - engine.moved)
     if stale:
         _renew(engine, stale)
         _take_along(engine, before)
-    work.seconds["collision"] += clock.perf_counter() - began
+
+
+def _moved(engine: Engine, before: Sequence[pin.SE3]) -> set[int]:
+    """Return the objects that have moved since they were at the poses `before`."""
+    poses = engine.poses
+    return set() if poses is before else {i for i, pose in enumerate(poses) if pose is not before[i]}
 
 
 def _renew(engine: Engine, about: Iterable[int]) -> None:
@@ -526,8 +531,25 @@ def _renew(engine: Engine, about: Iterable[int]) -> None:
         rows = joined([picked(engine.rows, kept), rows])
         rows = picked(rows, np.lexsort([rows[c] for c in ("surface_b", "object_b", "surface_a", "object_a")]))
     engine.rows = rows
-    engine.renewed = engine.renewed.copy()
-    engine.renewed[ids] = engine.collision.versions[ids]
+    engine.searched = {**engine.searched, **dict.fromkeys(ids, engine.mates.within)}
+
+
+def _remate(engine: Engine, about: Set[int]) -> None:
+    """Note that collision leaves out other surfaces of some objects than before."""
+    if about:
+        engine.remated |= about
+        engine.searched = {i: within for i, within in engine.searched.items() if i not in about}
+
+
+def _searched(engine: Engine, objects: Collection[int]) -> Searched:
+    """Return the contact rows of some objects that the state has, without those among objects that move as one."""
+    within = min((engine.searched.get(i, -1.0) for i in objects), default=-1.0)
+    if within < 0.0:
+        return NOT_SEARCHED
+    if not len(engine.rows):
+        return Searched(engine.rows, within)
+    a, b = engine.rows["object_a"], engine.rows["object_b"]
+    return Searched(picked(engine.rows, rows_about(a, b, objects) & ~_within_groups(engine, a, b)), within)
 
 
 def _within_groups(engine: Engine, a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
@@ -557,22 +579,14 @@ def _take_along(engine: Engine, before: Sequence[pin.SE3]) -> None:
 
 def _began_or_ceased(engine: Engine, old: NDArray[np.int32], new: NDArray[np.int32]) -> list[NewEvent]:
     """Return events "collided" and "parted" for each pair of parts, with all surfaces that intersect or intersected."""
-    was, now = _by_pair(old), _by_pair(new)
+    was, now = ({(a, b) for a, _, b, _ in rows.tolist()} for rows in (old, new))
     events = []
-    for kind, pairs in (("collided", sorted(set(now) - set(was))), ("parted", sorted(set(was) - set(now)))):
-        for pair in pairs:
-            rows = np.array((now if kind == "collided" else was)[pair])
-            a, b = (engine.names[i] for i in pair)
-            surfaces = (tuple(np.unique(rows[:, 1]).tolist()), tuple(np.unique(rows[:, 3]).tolist()))
+    for kind, pairs, rows in (("collided", now - was, new), ("parted", was - now, old)):
+        for i, j in sorted(pairs):
+            a, b, own = engine.names[i], engine.names[j], rows[(rows[:, 0] == i) & (rows[:, 2] == j)]
+            surfaces = (tuple(np.unique(own[:, 1]).tolist()), tuple(np.unique(own[:, 3]).tolist()))
             faces = [", ".join(map(str, s)) for s in surfaces]
             text = f"{a} (surfaces {faces[0]}) and {b} (surfaces {faces[1]})"
             text = f"{text} {'meet' if kind == 'collided' else 'no longer meet'}"
-            events.append(NewEvent(kind, (a, b), surfaces, text, {"pairs": rows[:, [1, 3]].tolist()}))
+            events.append(NewEvent(kind, (a, b), surfaces, text, {"pairs": own[:, [1, 3]].tolist()}))
     return events
-
-
-def _by_pair(rows: NDArray[np.int32]) -> dict[tuple[int, int], list[list[int]]]:
-    pairs: dict[tuple[int, int], list[list[int]]] = {}
-    for row in rows.tolist():
-        pairs.setdefault((row[0], row[2]), []).append(row)
-    return pairs

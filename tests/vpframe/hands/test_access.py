@@ -1,7 +1,5 @@
 """What a straight tool or finger gets to: in the open, in a pot, in a sealed box, past a neighbour."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

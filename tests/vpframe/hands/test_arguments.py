@@ -1,7 +1,5 @@
 """Lengths are metres: what can only be meant in millimetres is refused, what anybody may want is not."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Snapping and locked axes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Conditions that end a motion."""
 
-from __future__ import annotations
-
 from tests.vpframe.bench_scene import holding, scene
 from vpframe.hands import clearance, constraint, contact
 from vpframe.session import rules

@@ -1,7 +1,5 @@
 """Directions, lines and places that a script names."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The pose of a part that is dragged by a point."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,11 +1,10 @@
 """A part is pulled off what it rests on; the parts that hold it are named first, and no fixed one is to be removed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.vpframe.bench_scene import at
 from vpframe.errors import TaskError
 from vpframe.hands import hand as hands
 from vpframe.scene import modelling as m
@@ -15,10 +14,6 @@ from vpframe.session.session import Session
 
 SCREWS = ((0.022, 0.0), (-0.022, 0.0))
 UPRIGHT, OVER, ASIDE = np.eye(3), np.diag([1.0, -1.0, -1.0]), np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-
-
-def at(x: float, y: float, z: float) -> pin.SE3:
-    return pin.SE3(np.eye(3), np.array([x, y, z]))
 
 
 def pump(fixed: tuple[str, ...] = ("housing",), turned: np.ndarray = UPRIGHT) -> Scene:

@@ -1,7 +1,5 @@
 """Where an insertion ends: seated on whatever part, at a depth, or where nothing more is gained."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Paths begin and end where they say, keep to their limits, and track files read back what was written."""
 
-from __future__ import annotations
-
 import itertools
 import json
 

@@ -1,7 +1,5 @@
 """Nearest points on triangles against dense sampling."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

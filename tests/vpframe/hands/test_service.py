@@ -1,12 +1,11 @@
 """Lists of parts taken out, put back, and exchanged; freedom and messages of what a hand carries."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from tests.vpframe.bench_scene import at
+from tests.vpframe.bolted import FINE, bolted, poses
 from vpframe.errors import TaskError, UnknownPartError
 from vpframe.hands import constraint
 from vpframe.hands import hand as hands
@@ -14,53 +13,6 @@ from vpframe.scene import modelling as m
 from vpframe.scene.scene import Part, Scene
 from vpframe.session import rules
 from vpframe.session.session import Session
-
-FINE = (5e-6, 0.1)
-
-
-def bolted(spare: bool = False) -> Scene:
-    """A cover on a base, two headed bolts through the cover into the base."""
-    holes = [(0.0, 0.0), (0.05, 0.0)]
-    base, cover = (
-        m.box(0.09, 0.04, 0.02).translated(-0.02, -0.02, -0.02),
-        m.box(0.09, 0.04, 0.005).translated(-0.02, -0.02),
-    )
-    for x, y in holes:
-        base = base - m.cylinder(0.00302, 0.015).translated(x, y, -0.015)
-        cover = cover - m.cylinder(0.0034, 0.005).translated(x, y)
-    bolt = m.shape(m.cylinder(0.003, 0.015) + m.cylinder(0.006, 0.004).translated(0, 0, 0.015), *FINE)
-    parts = [
-        Part("base", m.shape(base, *FINE), at(0, 0, 0), fixed=True),
-        Part("lid/cover", m.shape(cover, *FINE), at(0, 0, 0)),
-    ]
-    parts += [Part(f"lid/bolt_{k + 1}", bolt, at(x, y, -0.01)) for k, (x, y) in enumerate(holes)]
-    if spare:
-        parts.append(Part("spare", bolt, at(-0.1, 0.0, 0.0)))
-    return Scene(parts)
-
-
-def poses(session: Session) -> dict[str, pin.SE3]:
-    return {name: part.pose.copy() for name, part in session.scene.items()}
-
-
-def test_a_list_goes_out_beside_the_scene_and_back() -> None:
-    with Session(bolted()) as session:
-        session.step()
-        begun = poses(session)
-        _, high = session.bounds
-        hand = session.hand()
-        outcome = hand.remove(["bolt_1", "bolt_2", "cover"])
-        assert outcome and "2 like bolt_1" in outcome.reason and "cover" in outcome.reason
-        for name in ("lid/bolt_1", "lid/bolt_2", "lid/cover"):
-            session.expect_free(name)
-            session.expect_freedom(name, 6)
-            assert (session.scene[name].pose.translation[1] > high[1]) or (
-                session.scene[name].pose.translation[0] > high[0]
-            )
-        assert hand.refit(["bolt_1", "bolt_2", "cover"])
-        for name, pose in begun.items():
-            np.testing.assert_allclose(session.scene[name].pose.homogeneous, pose.homogeneous, atol=1e-6)
-        session.expect_constraint("concentric", "bolt_1", "base")
 
 
 def test_screws_of_a_list_turn_out_by_their_thread_and_in_again() -> None:
@@ -76,16 +28,6 @@ def test_screws_of_a_list_turn_out_by_their_thread_and_in_again() -> None:
         assert hand.screw(parts=["bolt_1", "bolt_2"])
         for name, pose in begun.items():
             np.testing.assert_allclose(session.scene[name].pose.homogeneous, pose.homogeneous, atol=1e-6)
-
-
-def test_a_part_is_exchanged_for_another() -> None:
-    with Session(bolted(spare=True)) as session:
-        session.step()
-        seat = session.scene["lid/bolt_1"].pose.copy()
-        assert session.hand().exchange("bolt_1", "spare")
-        session.expect_at("spare", seat, within=1e-6)
-        session.expect_constraint("concentric", "spare", "base")
-        session.expect_free("bolt_1")
 
 
 def test_a_list_that_stops_names_the_part_and_how_many_are_out() -> None:
@@ -262,29 +204,6 @@ def test_a_pull_ends_when_the_group_is_free_though_it_carries_its_nut(rule) -> N
             with pytest.raises(TaskError, match=r"bolt is free .constrained: "):
                 session.expect_free("bolt")
             assert not constraint("concentric")(session, hand)
-
-
-def test_a_session_takes_subassemblies_wherever_it_takes_parts() -> None:
-    with Session(bolted(spare=True)) as session:
-        session.step()
-        assert {name for c in session.constraints_of("lid") for name in c.parts} - set(session.group("lid")) == {"base"}
-        session.expect_constraint("against", "lid", "base")
-        assert session.clearance("lid", "spare") == pytest.approx(0.08 - 0.006 - 0.0, abs=2e-2)
-        session.authorise("lid", "spare")
-        assert len(session.authorised) == 3
-        hand = session.hand()
-        hand.grab("lid")
-        hand.pull("up", until="free")
-        hand.move_by((0.0, 0.0, 0.03))
-        session.expect_at("lid", session.scene["lid/cover"].pose)
-        session.expect_free("lid")
-        with pytest.raises(TaskError, match="name one of them"):
-            session.thread("lid", 0.001)
-        with pytest.raises(TaskError, match="name one, or a material"):
-            session.behave("lid", mass=1.0)
-        hand.place("base", at=(0.0, 0.0))
-        low = min(p.mesh.vertices[:, 2].min() + p.pose.translation[2] for n, p in session.scene.items() if "lid" in n)
-        assert low == pytest.approx(0.0, abs=1e-4)  # the bolts stand out under the cover
 
 
 def test_a_part_is_not_taken_past_the_end_of_a_long_neighbour_that_it_passes_beside() -> None:

@@ -1,7 +1,5 @@
 """Verbs, conditions, the assist and behaviours, each on the small bench."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

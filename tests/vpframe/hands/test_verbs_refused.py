@@ -1,7 +1,5 @@
 """Verbs asked for what cannot be: one clear line of a typed error, and the hand is of use afterwards."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

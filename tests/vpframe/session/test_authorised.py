@@ -1,13 +1,13 @@
 """What `authorise` and `ignore` let hands do: the overlap as drawn and no deeper; everything, and it is named."""
 
 import json
-import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import vpframe as vp
+from tests.vpframe.fitted import key_in_slot, moved, pin_in_bore, wedge_in_plate
+from tests.vpframe.planning.cases import CAPTIVE
 from vpframe.app.cli import main
 from vpframe.errors import TaskError
 from vpframe.scene.modelling import box, cylinder, write_step
@@ -15,78 +15,7 @@ from vpframe.scene.modelling import scene as scene_of
 from vpframe.scene.names import ignored_words
 from vpframe.session import rules
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "planning"))
-from test_authorise import CAPTIVE
-
-
-def pin_in_bore(interference=1e-4):
-    """A pin, too large all round, in a blind bore."""
-    block = box(0.04, 0.04, 0.02).translated(-0.02, -0.02) - cylinder(0.005, 0.015).translated(z=0.005)
-    return {"block": block, "pin": cylinder(0.005 + interference, 0.03).translated(z=0.005)}
-
-
-def key_in_slot():
-    """A key, 0.1 mm too wide on either side and at its bottom, in an open slot."""
-    block = box(0.04, 0.03, 0.02) - box(0.02, 0.008, 0.02).translated(0.01, 0.011, 0.01)
-    return {"block": block, "key": box(0.0204, 0.0084, 0.0101).translated(0.0098, 0.0108, 0.0099)}
-
-
-def wedge_in_plate():
-    """A plug whose square shank is driven 0.05 mm into the plate around it."""
-    plate = box(0.04, 0.04, 0.01).translated(-0.02, -0.02) - box(0.01, 0.01, 0.01).translated(-0.005, -0.005)
-    return {"plate": plate, "plug": box(0.0101, 0.0101, 0.02).translated(-0.00505, -0.00505, -0.005)}
-
-
 FREED = [(pin_in_bore, "pin", "block"), (key_in_slot, "key", "block"), (wedge_in_plate, "plug", "plate")]
-
-
-def moved(session, part, way):
-    hand = session.hand()
-    hand.grab(part)
-    outcome = hand.move_by(way, required=False)
-    hand.release()
-    return outcome
-
-
-@pytest.mark.parametrize("rule", [rules.leave_all, rules.accept_all])
-@pytest.mark.parametrize(("parts", "part", "other"), FREED)
-def test_an_authorised_overlap_comes_out_along_its_axis_and_no_other_way(parts, part, other, rule):
-    scene = scene_of(parts())
-    with vp.Session(scene, rule=rule) as session:
-        session.authorise(part, other)
-        session.step()
-        session.expect_no_clash()
-        home = scene[part].pose.translation.copy()
-        for way in ((0.002, 0.0, 0.0), (0.0, -0.002, 0.0), (0.001, 0.001, 0.004)):
-            outcome = moved(session, part, way)
-            assert not outcome and f"{other} stands in its way" in outcome.reason, outcome.reason
-            assert np.linalg.norm(scene[part].pose.translation - home) <= 2e-6
-        assert moved(session, part, (0.0, 0.0, 0.03))
-        assert moved(session, part, (0.03, 0.0, 0.0)), "free of each other"
-        fits = parts is pin_in_bore  # any other overlap only shrinks: it is not entered again
-        assert moved(session, part, (-0.03, 0.0, 0.0)) and bool(moved(session, part, (0.0, 0.0, -0.03))) is fits
-        session.expect_no_clash()
-        assert session.ignored == []
-
-
-@pytest.mark.parametrize(("parts", "part", "other"), FREED[:2])
-def test_an_authorised_overlap_is_not_deepened(parts, part, other):
-    scene = scene_of(parts())
-    with vp.Session(scene, rule=rules.leave_all) as session:
-        session.authorise(other, part)
-        outcome = moved(session, part, (0.0, 0.0, -0.002))
-        assert not outcome and f"{other} stands in its way" in outcome.reason
-        assert abs(scene[part].pose.translation[2]) <= 2e-6
-
-
-@pytest.mark.parametrize(("parts", "part", "other"), CAPTIVE)
-def test_a_captive_part_does_not_leave_through_an_authorised_one(parts, part, other):
-    scene = scene_of(parts())
-    with vp.Session(scene, rule=rules.leave_all) as session:
-        session.authorise(part, other)
-        for way in ((0.03, 0.0, 0.0), (0.0, 0.0, 0.06), (0.0, 0.0, -0.06)):
-            assert not moved(session, part, way)
-        session.expect_no_clash()
 
 
 @pytest.mark.parametrize(("parts", "part", "other"), [*CAPTIVE, *FREED])

@@ -1,7 +1,5 @@
 """The journal: what was written comes back up to the last save, whatever happens to the file's tail."""
 
-from __future__ import annotations
-
 import contextlib
 import pickle
 import struct

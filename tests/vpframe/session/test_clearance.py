@@ -1,7 +1,5 @@
 """`run` measures the clearance of what moves; a session that measures gives the brute-force least of every step."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,20 +1,15 @@
 """Parts that came to rest by themselves are offered the mates that they lie in, as parts that a hand brought are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from physics import Behaviour, Elastic, Friction, Gravity, SpringHand, WorldError
+from tests.vpframe.bench_scene import at
 from vpframe.scene import modelling
 from vpframe.scene.scene import Part, Scene
 from vpframe.session.rules import leave_all
 from vpframe.session.session import Session
-
-
-def at(x: float, y: float, z: float) -> pin.SE3:
-    return pin.SE3(np.eye(3), np.array([x, y, z]))
 
 
 def over_a_floor(count: int, apart: float = 0.05) -> Scene:

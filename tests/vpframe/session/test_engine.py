@@ -10,8 +10,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from collision.contact import surfaces_of
+from tests.vpframe.session.fits import tight_fit
 from tests.vpframe.session.test_step import falling, put_in, told
-from tests.vpframe.session.test_there_and_back import HERE, tight_fit
+from tests.vpframe.session.test_there_and_back import HERE
 from vpframe.events import Frame
 from vpframe.hands.assist import Assist
 from vpframe.scene import modelling
@@ -56,11 +58,31 @@ def carefully(session: Session) -> None:
     session.run(0.1)
 
 
+def decided(session: Session) -> None:
+    hand = session.hand()
+    hand.grab("key")
+    for distance in (1e-4, 2e-4, -1e-4):
+        hand.slide("z", distance, required=False)
+        for candidate in session.candidates:
+            session.accept(candidate)
+        hand.wait(0.05)
+        for constraint in session.constraints[::2]:
+            session.remove(constraint)
+        hand.slide("z", distance, required=False)
+    hand.release()
+    hand.grab("key", carry="handle")
+    hand.slide("z", 1e-4, required=False)
+    session.ignore("key", "housing")
+    hand.slide("x", 1e-3, required=False)
+    hand.release()
+
+
 TASKS: dict[str, tuple[Callable[[], Session], Task]] = {
     "put in": (put_in, steps),
     "falling": (falling, steps),
     "out of a bore and back": (lambda: fitted("bore", 1e-5), there_and_back),
     "out of a dovetail and back": (lambda: fitted("dovetail", 3e-5, rule=rules.leave_all), there_and_back),
+    "decided by the script": (lambda: fitted("bore", 1e-5, rule=rules.leave_all), decided),
     "a hand that slows down": (lambda: fitted("pocket", 1e-4, clearance=True), carefully),
 }
 
@@ -162,3 +184,28 @@ def test_only_the_session_has_marks() -> None:
         if re.search(r"^ +def (mark|undo|reset|rollback)\(", path.read_text(encoding="utf-8"), re.MULTILINE)
     }
     assert found == {"vpframe/session/session.py"}
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_contacts_of_the_state_are_those_that_a_search_finds(name: str) -> None:
+    make, task = TASKS[name]
+    session = make()
+    original, compared = session.step, [0]
+
+    def step() -> Frame:
+        frame, engine = original(), session.engine
+        engine.collision.forget_nearest()
+        carrier = engine.motion.groups.carriers(len(engine.names))
+        for i, within in engine.searched.items():
+            found = engine.collision.contacts(within, [i])
+            rows = engine.rows[(engine.rows["object_a"] == i) | (engine.rows["object_b"] == i)]
+            rows = rows[carrier[rows["object_a"]] != carrier[rows["object_b"]]]
+            rows = rows[rows["distance"] <= within]
+            assert surfaces_of(rows).tolist() == surfaces_of(found).tolist()
+            np.testing.assert_allclose(rows["distance"], found["distance"], rtol=0.0, atol=1e-12)
+            compared[0] += 1
+        return frame
+
+    session.step = step  # type: ignore[method-assign]
+    task(session)
+    assert compared[0] > 3 or name == "falling"

@@ -1,7 +1,5 @@
 """What a hand carries is one rigid body: its cost, what it is stopped by, its names, and the same state ever after."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,21 +8,9 @@ import vpframe as vp
 from constraints.motion import god_object
 from constraints.motion.unknowns import Unknowns
 from tests.benchmarks.bench_session import board
-from vpframe.errors import TaskError, UnknownPartError
+from vpframe.errors import TaskError
 from vpframe.scene import modelling as m
-from vpframe.scene.subassembly import name_of, parts_named
 from vpframe.session import rules
-
-NAMES = (
-    "frame",
-    "head/board",
-    "head/chip_1",
-    "head/chip_2",
-    "head/fan/base",
-    "head/fan/rotor",
-    "fan/base",
-    "spare/fan",
-)
 
 
 class Counted:
@@ -122,41 +108,6 @@ def test_a_step_begins_and_ends_a_group_in_any_order_of_save_and_restore() -> No
         assert engine.motion.groups.seats.keys() == carried
         hand.move_by((0.01, 0.0, 0.0))
         assert all((part.pose.homogeneous == there[name]).all() for name, part in session.scene.items())
-
-
-@pytest.mark.parametrize(
-    ("name", "parts"),
-    [
-        ("frame", ["frame"]),
-        ("head/fan", ["head/fan/base", "head/fan/rotor"]),
-        ("head", ["head/board", "head/chip_1", "head/chip_2", "head/fan/base", "head/fan/rotor"]),
-        ("fan", ["fan/base"]),
-        ("rotor", ["head/fan/rotor"]),
-        ("…/chip_2", ["head/chip_2"]),
-        (".../chip_2", ["head/chip_2"]),
-        ("fan/rotor", ["head/fan/rotor"]),
-        ("spare", ["spare/fan"]),
-    ],
-)
-def test_a_name_in_the_tree(name: str, parts: list[str]) -> None:
-    assert list(parts_named(NAMES, name)) == parts
-
-
-def test_parts_that_are_a_subassembly_go_by_its_name() -> None:
-    assert name_of(NAMES, ("head/fan/rotor", "head/fan/base")) == "head/fan"
-    assert name_of(NAMES, tuple(n for n in reversed(NAMES) if n.startswith("head/"))) == "head"
-    for parts in (("head/fan/base",), ("head/fan/base", "frame"), ("head/board", "head/chip_1"), ("spare/fan",)):
-        assert name_of(NAMES, parts) == parts[0]
-
-
-def test_a_name_of_nothing_or_of_several_things_is_refused_with_those_there_are() -> None:
-    with pytest.raises(UnknownPartError, match=r"'head/chip_3'.*'head/chip_1'"):
-        parts_named(NAMES, "head/chip_3")
-    with pytest.raises(TaskError, match=r"'base' names 2 things: head/fan/base, fan/base; give more of the path"):
-        parts_named(NAMES, "base")
-    for name in ("", "/", "…/"):
-        with pytest.raises(UnknownPartError):
-            parts_named(NAMES, name)
 
 
 def test_a_subassembly_is_grabbed_by_its_name_and_the_hand_says_which_parts_that_is() -> None:

@@ -1,7 +1,5 @@
 """One Ctrl-C ends the run between two steps, or a step that does not end."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -1,9 +1,6 @@
 """Ctrl-C on a real terminal, in whatever a command is at: exit 130, one line, what was done is kept, nobody left."""
 
-from __future__ import annotations
-
 import json
-import time
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +9,7 @@ import pytest
 
 from collision.numeric import kernel_cache
 from tests.vpframe.terminal import CTRL_C, Terminal
+from tests.vpframe.waiting import wait_until
 from vpframe.scene import modelling
 from vpframe.view.replay import lines
 
@@ -50,19 +48,13 @@ def ended(terminal: Terminal) -> None:
     assert terminal.end() == 130, terminal.text[-2000:]
     assert "Traceback" not in terminal.text
     assert "Exception ignored" not in terminal.text
-    until = time.monotonic() + 10.0
-    while terminal.relatives() and time.monotonic() < until:
-        time.sleep(0.05)
-    assert terminal.relatives() == []
+    wait_until(lambda: terminal.relatives() == [], 10.0)
 
 
 def test_while_a_file_is_read(tmp_path: Path, model: Path) -> None:
     out = tmp_path / "out.json"
     with Terminal("clash", model, "--json", cwd=tmp_path, stdout=out) as terminal:
-        until = time.monotonic() + 60.0
-        while not any("_reader" in words for words in terminal.relatives()):
-            assert time.monotonic() < until
-            time.sleep(0.01)
+        wait_until(lambda: any("_reader" in words for words in terminal.relatives()), 60.0)
         terminal.press(CTRL_C)
         ended(terminal)
         assert terminal.lines() == ["vpframe: interrupted"]

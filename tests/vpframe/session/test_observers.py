@@ -1,7 +1,5 @@
 """Observers get copies and read-only frames: nothing that they do reaches the session."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Gravity of a session; velocities and contacts that it tells."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

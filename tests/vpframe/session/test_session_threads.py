@@ -1,7 +1,5 @@
 """A thread that is real geometry screws in a session: nobody tells its pitch."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """A run with bodies that fall and are let go resumes, in another process as in this one, to the same future."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
@@ -14,7 +12,7 @@ import pytest
 
 from physics import Elastic, Friction, Gravity
 from tests.vpframe.killed_runs import by_value, kill
-from tests.vpframe.session.test_there_and_back import tight_fit
+from tests.vpframe.session.fits import tight_fit
 from vpframe.events import Frames
 from vpframe.scene import modelling
 from vpframe.scene.scene import Part, Scene

@@ -1,7 +1,5 @@
 """What a script states acts, is seen, taken back and resumed as an accepted candidate is, or is refused in one line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise

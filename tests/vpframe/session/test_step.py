@@ -1,7 +1,5 @@
 """A step that fails or is interrupted anywhere has changed nothing: the state is that before it, to the bit."""
 
-from __future__ import annotations
-
 import random
 import signal
 import sys
@@ -18,7 +16,7 @@ import pytest
 import physics
 from physics import Behaviour, Elastic, Friction, Gravity, SpringHand
 from tests.vpframe.bench_scene import SEAT, at, scene
-from tests.vpframe.session.test_there_and_back import tight_fit
+from tests.vpframe.session.fits import tight_fit
 from vpframe.errors import TaskError, VpframeError
 from vpframe.events import ConstraintView, Frame, Frames
 from vpframe.hands.paths import Straight
@@ -173,7 +171,7 @@ def test_each_stage_may_fail_at_its_end(
 
         with monkeypatch.context() as patch:
             patch.setattr(checkpoint if stage == "advance" else step, stage, fails)
-            patch.setattr(step, "STAGES", tuple(getattr(step, s.__name__) for s in step.STAGES))
+            patch.setattr(step, "STAGES", tuple((getattr(step, s.__name__), kind) for s, kind in step.STAGES))
             refused(session, Broken)
         session.step()
         plain.step()

@@ -1,10 +1,8 @@
 """What was travelled can be travelled back, in fits of hardly any clearance; what is solid is never passed."""
 
 import re
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,42 +10,15 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from constraints.motion import god_object, passage
 from constraints.motion.motion import Motion
-from constraints.motion.passage import Drawn, passable
+from tests.vpframe.session.fits import tight_fit
 from vpframe import Hand, Part, Scene, Session, load
-from vpframe.errors import TaskError
 from vpframe.hands.paths import Track
 from vpframe.scene import modelling
-from vpframe.scene.modelling import Solid, box, cylinder, extrude
+from vpframe.scene.modelling import box, cylinder, extrude
 from vpframe.session import rules
 
 HERE = pin.SE3.Identity()
-
-
-def tight_fit(kind: str, c: float) -> tuple[Solid, Solid]:
-    """A housing and the part that leaves it along z, with a clearance of `c` m all around."""
-    block = box(0.04, 0.04, 0.02).translated(-0.02, -0.02, -0.015)
-    if kind == "pocket":
-        room = box(0.02 + 2 * c, 0.02 + 2 * c, 0.03).translated(-0.01 - c, -0.01 - c, 0.0)
-        return block - room, box(0.02, 0.02, 0.02).translated(-0.01, -0.01, 0.0)
-    if kind == "bore":
-        return block - cylinder(0.008 + c, 0.04).translated(0.0, 0.0, -0.03), cylinder(0.008, 0.03).translated(z=-0.01)
-    if kind == "dovetail":
-        tail = [(-0.006, -0.008), (0.006, -0.008), (0.010, 0.0), (-0.010, 0.0)]
-        groove = [
-            (-0.006 - 2 * c, -0.008 - c),
-            (0.006 + 2 * c, -0.008 - c),
-            (0.012 + 2 * c, 0.004),
-            (-0.012 - 2 * c, 0.004),
-        ]
-        half = box(0.04, 0.02, 0.02).translated(-0.02, -0.02, -0.015)
-        return half - extrude(groove, 0.04).translated(0.0, 0.0, -0.03), extrude(tail, 0.02).translated(z=-0.01)
-    comb, key = block, box(0.04, 0.04, 0.005).translated(-0.02, -0.02, 0.005 + c)
-    for x in (-0.013, 0.0, 0.013):
-        comb = comb - box(0.006 + 2 * c, 0.05, 0.02).translated(x - 0.003 - c, -0.025, -0.005)
-        key = key + box(0.006, 0.04, 0.011).translated(x - 0.003, -0.02, -0.005 + c)
-    return comb, key
 
 
 @pytest.mark.parametrize("kind", ["pocket", "bore", "dovetail", "fingers"])
@@ -97,8 +68,6 @@ REAL = [
     ("um2_head.step", ("1065-Z1P-A_1",), (0, 1, 0), 0.05),
 ]
 """models of VPFRAME_DATA: file, the part that is held and what it carries, its way out and how far (m)"""
-
-
 OFF_FIRST = {
     "1321-B2P-B": ("1320", "1307", "1268", "1329", "Fan", "1301", "1065-Z1P-A_2"),
     "1065-Z1P-A_1": (
@@ -302,23 +271,6 @@ def test_a_part_that_is_pulled_askew_slides_out_along_the_walls_and_goes_back(
         assert back_along_the_trail(hand, session, known) < 1e-6
 
 
-@pytest.mark.parametrize("back", [False, True])
-def test_ends_of_fingers_pass_the_tops_beside_them(back: bool) -> None:
-    """They share strips along their edges, 10 nm wide, and are 10 µm below the tops."""
-    way = [(1.292296, 9.987412, -4.008e-5), (1.292984, 9.989387, 5.868e-5)]
-    there, end = (pin.SE3(pin.exp3(np.array([t, 0.0, 0.0])), np.array([1e-8, 1e-3 * y, 1e-3 * z])) for y, z, t in way)
-    if back:
-        there, end = end, there
-    housing, key = (modelling.shape(solid) for solid in tight_fit("fingers", 0.0))
-    scene = Scene([Part("housing", housing, HERE), Part("key", key, HERE)])
-    with Session(scene, rule=rules.leave_all) as session:
-        session.step()
-        motion = session.engine.motion
-        drawn = Drawn(motion.collision, motion.walls, [HERE, HERE])
-        motion.collision.set_poses([1], [there])
-        assert passable(motion.collision, motion.walls, drawn, [HERE, there], {1: end}, motion.tolerance)
-
-
 def test_a_constraint_of_the_initial_assembly_is_in_force_again_when_its_part_comes_back() -> None:
     """Other constraints that are met on the way are not."""
     plate = box(0.08, 0.04, 0.02) - cylinder(0.005, 0.02).translated(0.02, 0.02)
@@ -336,46 +288,6 @@ def test_a_constraint_of_the_initial_assembly_is_in_force_again_when_its_part_co
             hand.move_to(pin.SE3(np.eye(3), np.array([shift[0], shift[1], 0.04])))
             hand.move_to(pin.SE3(np.eye(3), np.array(shift, dtype=float)), required=False)
             assert [mate.kind for mate in session.constraints_of("pin")] == kinds
-
-
-def out_and_back(
-    scene: Scene, held: str, way: tuple[float, float, float], rule: rules.Rule = rules.accept_all
-) -> float:
-    """Deviation (m and rad) of a part after it was moved by `way`, m, and back."""
-    start = pin.SE3(scene[held].pose)
-    with Session(scene, rule=rule) as session:
-        hand = session.hand()
-        hand.grab(held)
-        assert hand.move_by(way)
-        back = hand.move_to(start)
-        assert back.reason == "arrived"
-        off = start.actInv(scene[held].pose)
-        return float(np.linalg.norm(off.translation) + np.linalg.norm(pin.log3(off.rotation)))
-
-
-@pytest.mark.parametrize("rule", [rules.leave_all, rules.accept_all])
-@pytest.mark.parametrize("off", [3e-6, 6e-6])
-def test_a_cover_with_holes_beside_its_pins_comes_back_to_where_it_was_drawn(off: float, rule: rules.Rule) -> None:
-    """No pose satisfies both fits; as drawn they hold. Pins reach into their holes by facets that lie parallel."""
-    assert out_and_back(cover_on_pins(off), "cover", (0.0, 0.0, 0.03), rule) < 1e-12
-
-
-@pytest.mark.parametrize("rule", [rules.leave_all, rules.accept_all])
-def test_a_cover_whose_holes_are_beside_its_pins_by_more_than_a_press_fit_stays(rule: rules.Rule) -> None:
-    with pytest.raises(TaskError, match=r"cover and plate overlap by 0\.0283 mm as drawn"):
-        out_and_back(cover_on_pins(2e-5), "cover", (0.0, 0.0, 0.03), rule)
-
-
-def cover_on_pins(off: float) -> Scene:
-    """A fixed plate with two pins, and a cover whose holes lie beside them by √2 · off (m)."""
-    plate, cover = box(0.06, 0.03, 0.005).translated(-0.03, -0.015, -0.005), box(0.06, 0.03, 0.005)
-    cover = cover.translated(-0.03, -0.015)
-    for x in (-0.02, 0.02):
-        plate = plate + cylinder(0.003, 0.01).translated(x)
-        cover = cover - cylinder(0.003, 0.01).translated(x + np.sign(x) * off, off)
-    parts = [Part("plate", modelling.shape(plate), HERE), Part("cover", modelling.shape(cover), HERE)]
-    parts[0].fixed = True
-    return Scene(parts)
 
 
 @pytest.mark.parametrize("deep", [2e-4, 4.5e-4])
@@ -426,37 +338,6 @@ def test_a_part_that_is_stuck_is_moved_twice_a_step_at_most(monkeypatch: pytest.
         before = len(steps)
         hand.move_by((-1e-5, 0.0, 0.0), duration=session.dt)
         assert len(steps) - before == 1
-
-
-@pytest.mark.parametrize("kind", ["pocket", "bore", "dovetail", "fingers"])
-def test_what_is_refused_at_its_end_no_sweep_would_pass(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The poses in which surfaces would be pressed are found before the way is swept, and are the same."""
-    found: list[tuple[bool, bool]] = []
-
-    def swept(
-        collision: Any, walls: Any, drawn: Any, poses: Any, target: Mapping[int, pin.SE3], tolerance: Any
-    ) -> bool:
-        stuck = passage._stuck_at
-        with monkeypatch.context() as slow:
-            slow.setattr(passage, "_stuck_at", lambda *given: found.append((stuck(*given), False)))
-            passed = passage.passable(collision, walls, drawn, poses, target, tolerance)
-        found[-1] = found[-1][0], passed
-        return passed
-
-    monkeypatch.setattr(god_object, "passable", swept)
-    rng = np.random.default_rng(7)
-    for clearance in (0.0, 1e-5):
-        housing, key = (modelling.shape(solid) for solid in tight_fit(kind, clearance))
-        parts = [Part("housing", housing, HERE), Part("key", key, HERE)]
-        parts[0].fixed = True
-        with Session(Scene(parts), rule=rules.leave_all) as session:
-            hand = session.hand()
-            hand.grab("key")
-            for way in [(0.0, 0.0, 0.004), *rng.normal(scale=2e-3, size=(8, 3)), (0.0, 0.0, 0.002)]:
-                hand.move_by(way, duration=3 * session.dt, required=False)
-    assert not any(stuck and passed for stuck, passed in found)
-    assert sum(stuck for stuck, _ in found) > 5
-    assert kind == "bore" or any(passed for _, passed in found)  # the margin of a bore's facets is passage enough
 
 
 SHROUD = "1329-B2P-C"

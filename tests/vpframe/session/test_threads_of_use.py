@@ -1,7 +1,5 @@
 """A session is used by one thread at a time: another one is refused in one clear line, and nothing is lost."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 

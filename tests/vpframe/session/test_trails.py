@@ -1,9 +1,6 @@
 """A long run needs no more memory than a short one, and loses nothing of what is asked of it afterwards."""
 
-from __future__ import annotations
-
 import gc
-import math
 import tempfile
 import tracemalloc
 from itertools import pairwise
@@ -19,7 +16,6 @@ from vpframe.errors import OutputError
 from vpframe.hands.paths import Straight
 from vpframe.hands.segment import MotionSegment
 from vpframe.session import rules, series, trails
-from vpframe.session.series import Series
 from vpframe.session.session import Session
 from vpframe.session.trails import Trails, bends
 
@@ -123,18 +119,3 @@ def test_a_trail_that_could_not_be_kept_is_said_when_it_is_asked_for(monkeypatch
         kept.add(step, [0], packed(pin.SE3.Identity()))
     with pytest.raises(OutputError, match="cannot be written: No space left on device"):
         kept.of(0)
-
-
-def test_a_series_keeps_what_stands_for_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(series, "LIMIT", 8)
-    least: Series[float] = Series(min)
-    every: Series[int] = Series()
-    values = np.random.default_rng(3).permutation(1000)
-    for n, value in enumerate(values, 1):
-        least.add(float(value))
-        every.add(n - 1)
-        stride = 1
-        while math.ceil(n / stride) > 8:
-            stride *= 2
-        assert list(every) == list(range(0, n, stride))
-        assert list(least) == [min(values[i : min(i + stride, n)]) for i in range(0, n, stride)]

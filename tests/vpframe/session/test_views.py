@@ -1,7 +1,5 @@
 """Views of constraints: drawn when they are looked at, and the same whenever that is."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Sequence
 
