@@ -3,32 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import errno
 import os
-import re
 import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from vpframe import __version__, console
+from vpframe import __version__
 from vpframe.app import commands, disassemble, options
 from vpframe.app.commands import SUITES
-from vpframe.app.options import BAD, INTERRUPTED, NO, OK, UsageError, duration, metres, positive_metres
-from vpframe.app.progress import Terminal
-from vpframe.session.interrupts import handled
+from vpframe.app.exit_code import exit_code
+from vpframe.app.options import NO, OK, UsageError, duration, metres, positive_metres
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""error codes of a full disk"""
 ACCEPT = "clash accept"
 EXPORTS = (".step", ".stp", ".glb", ".urdf", ".mjcf", ".xml", ".usd", ".usda", ".usdc", ".csv", ".parquet")
-
-
-_ERRORS = (
-    ("collision.errors", "CollisionError"), ("constraints.errors", "ConstraintsError"),
-    ("physics.errors", "PhysicsError"), ("vpframe.errors", "VpframeError"),
-)  # fmt: skip
-"""roots of the errors printed in one line, by module; a module that is not loaded has raised none"""
-_LIBRARY = re.compile(r"(lib\S+\.so\S*): cannot open shared object file")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -42,29 +29,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # set before numba is imported: colorama would write an escape sequence at exit
     os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
-    try:
-        words = list(sys.argv[1:] if argv is None else argv)
-        if words[:2] == ACCEPT.split():  # argparse accepts no second word before a list of files
-            words[:2] = [ACCEPT]
-        arguments = _parser().parse_args(words)
-        with handled(), console.installed(Terminal()):
-            code = _helped(arguments)
-        sys.stdout.flush()
-        return code
-    except KeyboardInterrupt:
-        return _complain("interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        # the reader of standard output has closed it
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return OK
-    except Exception as error:
-        if isinstance(error, OSError) and error.errno in FULL and error.filename is None:
-            # the rest of the output buffer would fail again at exit
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return _complain(f"what was found cannot be printed: {error.strerror}", BAD)
-        if os.environ.get("VPFRAME_TRACEBACK"):
-            raise
-        return _complain(_one_line(error), BAD)
+    words = list(sys.argv[1:] if argv is None else argv)
+    if words[:2] == ACCEPT.split():  # argparse accepts no second word before a list of files
+        words[:2] = [ACCEPT]
+    return exit_code(lambda: _helped(_parser().parse_args(words)), "vpframe: ")
 
 
 def _helped(arguments: argparse.Namespace) -> int:
@@ -79,23 +47,6 @@ def _helped(arguments: argparse.Namespace) -> int:
     if code in (OK, NO):
         warm_up.note_enough(arguments.kernels)
     return code
-
-
-def _complain(text: str, code: int) -> int:
-    Terminal().warn(f"vpframe: {text}")
-    return code
-
-
-def _one_line(error: Exception) -> str:
-    known = (UsageError, *(getattr(sys.modules[module], name) for module, name in _ERRORS if module in sys.modules))
-    text = " ".join(str(error).split())
-    if isinstance(error, known):
-        return text
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {error.strerror}"
-    if isinstance(error, ImportError) and (library := _LIBRARY.match(text)):
-        return f"{library[1]} is missing, a library of the system: install it (Debian: apt install libgl1 libgomp1)"
-    return f"internal error: {type(error).__name__}: {text} (set VPFRAME_TRACEBACK=1 to see where)"
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -136,6 +87,10 @@ def _parser() -> argparse.ArgumentParser:
         "--tolerance", metavar="LENGTH", type=positive_metres,
         help="surfaces nearer than it touch, and overlaps up to it are no clash (default: 10um)",
     )  # fmt: skip
+    sub.add_argument("--as-drawn", action="store_true", help="overlaps that are meant count as clashes, too")
+    sub.add_argument(
+        "--write-rules", action="store_true", help="draft FILE.vpframe.toml beside the model: what overlaps mean"
+    )
     sub.add_argument("--status", metavar="FILE", help="keep what is new, accepted and resolved in this file, over runs")
     sub.add_argument("--bcf", metavar="OUT", help="write the clashes as BCF 3.0: a topic a pair, with view and picture")
     sub.add_argument("--table", metavar="OUT", help="write all pairs of surfaces as CSV or Parquet")
@@ -218,7 +173,9 @@ def _parser() -> argparse.ArgumentParser:
         "--only", metavar="TEXT", action="append", default=[],
         help="cases whose names contain it (load, planning, service); may be given again",
     )  # fmt: skip
-    sub.add_argument("--corpus", metavar="DIR", help="files of a folder instead of the suite's own (load: STEP files)")
+    sub.add_argument(
+        "--corpus", metavar="DIR", help="files of a folder instead of the suite's own (load, planning: STEP)"
+    )
     sub.add_argument(
         "--number", metavar="WHAT=N", action="append", default=[],
         help="so many of what a suite counts (load: instances; planning: orientations, segments, sets; study: "

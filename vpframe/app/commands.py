@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
-import time
 from argparse import Namespace
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
 
-from vpframe import console
+from vpframe import console, files
 from vpframe.app import options
-from vpframe.app.options import BAD, INTERRUPTED, NO, OK, UsageError, document, print_notes, print_written, scene_of
-from vpframe.outputs import BCF, PAGE, SCRIPT, STATUS, URDF, Claims, Output
+from vpframe.app.options import INTERRUPTED, NO, OK, UsageError, document, print_notes, print_written, scene_of
+from vpframe.errors import VpframeError
+from vpframe.outputs import BCF, PAGE, RULES, SCRIPT, STATUS, URDF, Claims, Output
+from vpframe.scene.overlap_rules import file_beside
 from vpframe.scene.units import seconds
 from vpframe.text import plain
 
@@ -46,7 +48,7 @@ def new(arguments: Namespace) -> int:
 
 
 def clash(arguments: Namespace) -> int:
-    """Print which surfaces of files clash, and write the files that were asked for; return the exit code."""
+    """Print which surfaces of files clash, and write the files that the options name; return the exit code."""
     from collision import Tolerance
     from vpframe.analysis import clash
     from vpframe.analysis.bodies import overlap_notes
@@ -56,10 +58,13 @@ def clash(arguments: Namespace) -> int:
         tolerance = replace(tolerance or Tolerance(), linear=arguments.tolerance)
     with document(arguments.json) as emit, Claims(arguments.force, *arguments.files) as claims:
         status, bcf = claims.file(arguments.status, STATUS), claims.file(arguments.bcf, BCF)
+        rules = claims.file(_rules_of(arguments), RULES)
         scene = scene_of(arguments, *arguments.files)
         authorised = clash.authorised_pairs(arguments.authorise, scene)
         with console.progress("looking for clashes") as progress:
-            found = clash.clash(scene, arguments.clearance, tolerance, authorised, progress)
+            found = clash.clash(
+                scene, arguments.clearance, tolerance, authorised, progress, as_drawn=arguments.as_drawn
+            )
         if status is not None:
             found = clash.with_status(found, status)
         scene.notes = (*scene.notes, *overlap_notes(scene, tolerance))
@@ -78,7 +83,21 @@ def clash(arguments: Namespace) -> int:
 
             write_table(arguments.table, clash_rows(found), force=arguments.force)
             print_written(arguments.table)
+        if rules is not None:
+            from vpframe.analysis.rules_draft import draft
+
+            files.replace(rules.path, draft(found))
+            print_written(str(rules.path))
     return NO if any(map(clash.is_open, found)) else OK
+
+
+def _rules_of(arguments: Namespace) -> str | None:
+    """The rules file that `vpframe clash --write-rules` drafts; None if it is not asked to."""
+    if not arguments.write_rules:
+        return None
+    if len(arguments.files) > 1:
+        raise VpframeError("--write-rules drafts the rules of one model; give one file")
+    return str(file_beside(arguments.files[0]))
 
 
 def accept(arguments: Namespace) -> int:
@@ -95,7 +114,7 @@ def accept(arguments: Namespace) -> int:
 def mates(arguments: Namespace) -> int:
     """Print the constraints between parts and the joints that they make; return the exit code."""
     from collision import Tolerance
-    from vpframe.analysis import mates
+    from vpframe.analysis import fasteners, mates
 
     tolerance = None if arguments.fit is None else Tolerance(clearance=arguments.fit, clearance_relative=0.0)
     with document(arguments.json) as emit, Claims(arguments.force, arguments.file) as claims:
@@ -103,9 +122,11 @@ def mates(arguments: Namespace) -> int:
         scene = scene_of(arguments, arguments.file)
         with console.progress("recognising constraints") as progress:
             found = mates.mates(scene, tolerance, progress=progress)
-        emit({**found.document(), "notes": list(scene.all_notes())})
+        rows = fasteners.fastener_rows(scene)
+        listed = [row.document() for row in rows]
+        emit({**found.document(), "fasteners": listed, "notes": list(scene.all_notes())})
         if not arguments.json:
-            print(mates.table(found))
+            print(*filter(None, (fasteners.table(rows), mates.table(found))), sep="\n\n")
             print_notes(scene)
         if urdf is not None:
             for note in mates.write_urdf(scene, urdf, tolerance):
@@ -233,42 +254,15 @@ def study(arguments: Namespace) -> int:
 
 
 def bench(arguments: Namespace) -> int:
-    """Run benchmark suites; return the exit code."""
-    from vpframe.app import bench
-    from vpframe.errors import VpframeError
-
-    if not bench.FOLDER.is_dir():
+    """Run benchmark suites, which are in a clone of the project only; return the exit code."""
+    folder = Path(__file__).parents[2] / "tests" / "benchmarks"
+    if not folder.is_dir():
         raise UsageError("the benchmarks are not installed; clone the project and run `vpframe bench` from the clone")
     if arguments.all and arguments.suite:
         raise UsageError(f"--all is every suite; leave out {arguments.suite}")
     if (arguments.only or arguments.number or arguments.corpus) and not arguments.suite:
         raise UsageError("--only, --number and --corpus choose within one suite; name it")
-    with document(arguments.json) as emit, Claims(arguments.force) as claims:
-        page = claims.file(arguments.html, PAGE)
-        results: dict[str, Any] = {}
-        for suite in [arguments.suite] if arguments.suite else SUITES:
-            try:
-                module = bench.suite(suite)
-                chosen = bench.options(suite, module, arguments.only, arguments.number, arguments.corpus)
-                began = time.monotonic()
-                with console.progress(f"benchmark {suite}"):
-                    found = module.run(quick=arguments.quick, **chosen)
-                spent, text = time.monotonic() - began, module.table(found)
-            except Exception as error:
-                if arguments.suite:
-                    raise
-                known = isinstance(error, VpframeError | ImportError)
-                results[suite] = str(error) if known else f"{type(error).__name__}: {error}"
-                console.warn(f"vpframe: {suite}: {results[suite]}")  # continue with the other suites
-            else:
-                results[suite] = module, found, spent
-                if not arguments.json:
-                    print(text, end="\n\n", flush=True)
-                if arguments.plot:
-                    module.plot(found, arguments.plot)
-            if page is not None:  # after each suite, so that an interrupted run keeps its results
-                page.path.write_text(bench.suite("page").page(results), encoding="utf-8")
-        documents = [bench.finite(result[1]) for result in results.values() if not isinstance(result, str)]
-        emit(documents[0] if arguments.suite else {"suites": documents})
-        failed = len(documents) < len(results)
-    return BAD if failed else OK
+    if str(folder) not in sys.path:  # a suite imports its neighbours by name
+        sys.path.insert(0, str(folder))
+    code: int = importlib.import_module("bench_run").run(arguments, SUITES)
+    return code

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import subprocess
 import sys
 import time
 from itertools import groupby
@@ -13,12 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from vpframe import console, outputs
+from vpframe import console, outputs, processes
 from vpframe.app import options
 from vpframe.app.options import INTERRUPTED
 from vpframe.errors import TaskError
 from vpframe.outputs import Output, OutputFolder
-from vpframe.processes import environment
 
 if TYPE_CHECKING:
     from vpframe.scene.scene import Scene
@@ -29,7 +27,6 @@ MODEL, RECORDING, REPORT = "shaft_and_housing.step", "demo.rrd", "report"
 DATE = "2026-01-01T00:00:00"
 """date in the file of the model: equal files in every run are found in the cache of models"""
 _EXPECTED = (6, 2, 1, 2, 6)
-_BUILD = "import sys, pathlib, vpframe.app.demo; vpframe.app.demo.build(pathlib.Path(sys.argv[1]))"
 _NEEDED_LATER = (
     "vpframe.app.task_runner",
     "vpframe.session.session",
@@ -115,8 +112,7 @@ def load(directory: Path) -> Scene:
     imports took half of the time of a warm run.
     """
     path = directory / MODEL
-    command = [sys.executable, "-P", "-c", _BUILD, str(path)]
-    with subprocess.Popen(command, env=environment(), stderr=subprocess.DEVNULL) as building:
+    with processes.start(__name__, str(path)) as building:
         for name in _NEEDED_LATER:
             importlib.import_module(name)
     if building.returncode:
@@ -167,3 +163,7 @@ def _run(folder: OutputFolder, recording: Output, report: OutputFolder, viewer: 
     print(f"recording  {out / RECORDING}   look at it: vpframe replay {out / RECORDING}")
     print(f"report     {out / REPORT / 'index.html'}   open it in a browser; numbers in report.json")
     return code
+
+
+if __name__ == "__main__":
+    build(Path(sys.argv[1]))

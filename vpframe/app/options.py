@@ -131,6 +131,11 @@ def add_model(sub: argparse.ArgumentParser, several: bool = False, json: bool = 
     add_force(sub)
     if json:
         sub.add_argument("--json", action="store_true")
+    sub.add_argument(
+        "--rule", metavar="A:B=KIND", action="append", default=[],
+        help="what the overlap of two parts is: thread, press fit, soft, glue or clash; A=KIND for one with any other, "
+        "thread=clash for all of a kind; it comes before the rules in FILE.vpframe.toml beside the model",
+    )  # fmt: skip
     sub.add_argument("--deflection", metavar="LENGTH", type=metres, help="greatest deflection of a triangle")
     sub.add_argument("--angular", metavar="DEGREES", type=degrees, help="greatest angle between neighbouring facets")
     sub.add_argument(
@@ -163,7 +168,9 @@ def load(path: str | os.PathLike[str], **options: Any) -> Scene:
 def scene_of(arguments: argparse.Namespace, *files: str) -> Scene:
     """Load the model of a command, several files as one scene; print its size on a terminal."""
     from vpframe.analysis.clash import merged
+    from vpframe.scene.overlap_rules import parsed
 
+    rules = parsed(arguments.rule)
     scenes = []
     for file in files:
         began = time.monotonic()
@@ -171,7 +178,9 @@ def scene_of(arguments: argparse.Namespace, *files: str) -> Scene:
         if sys.stderr.isatty():
             text = f"{os.path.basename(file)}: {scenes[-1].summary()}, {time.monotonic() - began:.1f} s"
             print(text, file=sys.stderr)
-    return merged(scenes) if len(scenes) > 1 else scenes[0]
+    scene = merged(scenes) if len(scenes) > 1 else scenes[0]
+    scene.rules = (*rules, *scene.rules)
+    return scene
 
 
 @contextlib.contextmanager

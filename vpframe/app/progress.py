@@ -216,6 +216,8 @@ class _Line(ABC):
         self.delay = delay
         self.compilation: Compilation | None = None
         self._opened = False
+        self._before = 0, 0
+        """numbers of kernels when the line was opened: on disk, where other processes put some, and compiled here"""
 
     @abstractmethod
     def text(self, now: float) -> str:
@@ -223,9 +225,11 @@ class _Line(ABC):
 
     def _open(self) -> None:
         from collision.numeric.kernel import compilation
+        from collision.numeric.kernel_cache import kept
 
         self.compilation = compilation
         if not self.quiet:
+            self._before = kept(), compilation.kernels
             compilation.announced = True  # this line shows it
             self._opened = True
             _screen.open(self)
@@ -236,12 +240,13 @@ class _Line(ABC):
             _screen.close(self)
 
     def compiling(self) -> str:
-        """Return `compiling kernels, once: 34 so far`; empty if no kernel is being compiled in this process."""
+        """Return `compiling kernels, once: 34 so far`; empty while kernels are only loaded, or none is needed."""
         if self.compilation is None or not self.compilation.active:
             return ""
         from collision.numeric.kernel_cache import kept
 
-        return f"compiling kernels, once: {max(kept(), self.compilation.kernels)} so far"
+        made = max(kept() - self._before[0], self.compilation.kernels - self._before[1])
+        return f"compiling kernels, once: {made} so far" if made > 0 else ""
 
     @property
     def compiled(self) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 
 from vpframe import console, files, planning
 from vpframe.app.outline import outline
-from vpframe.app.written_task import VerbCall, quoted
+from vpframe.app.written_task import VerbCall, quoted, script_of
 from vpframe.errors import TaskError, VpframeError
 from vpframe.hands.reach import spans
 from vpframe.outputs import SCRIPT, claimed
@@ -74,11 +74,12 @@ def new_task(
         model = Path(os.path.relpath(str(model), str(script.parent)))
     with console.progress("looking for a part that comes out") as progress:
         part, way, reason = _found(scene, progress, wanted, budget)
-    text = _TEMPLATE.format(
-        model=_in_docstring(model.name),
-        file=quoted(model.as_posix()),
-        parts="\n".join(f"#   {line}" for line in outline(scene)),
-        body="\n".join(f"    {line}" for line in _body(part.name, way, reason)),
+    parts = "\n".join(f"#   {line}" for line in outline(scene))
+    text = script_of(
+        f"A first task on {model.name}: take one part out.",
+        f"FILE = {quoted(model.as_posix())}\n\n"
+        f"# The parts of the model, the world's axes along their sizes (lengths in scripts are metres):\n{parts}",
+        _body(part.name, way, reason),
     )
     with output:
         files.replace(script, text)
@@ -196,28 +197,3 @@ def _tried(scene: Scene, attempt: Attempt) -> str:
     except TaskError as error:
         return " ".join(str(error).split())
     return ""
-
-
-def _in_docstring(text: str) -> str:
-    """Escape text for a docstring."""
-    return quoted(text)[1:-1]
-
-
-_TEMPLATE = '''"""A first task on {model}: take one part out."""
-
-import vpframe as vp
-
-FILE = {file}
-
-# The parts of the model, the world's axes along their sizes (lengths in scripts are metres):
-{parts}
-
-
-def task(session):
-    hand = session.hand()
-{body}
-
-
-if __name__ == "__main__":
-    vp.main(__file__)
-'''

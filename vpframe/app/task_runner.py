@@ -29,13 +29,13 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypedDict, Unpack
 
 from vpframe import console
 from vpframe.analysis import clash_status
-from vpframe.app.options import BAD, INTERRUPTED, NO, OK, add_run, load, print_notes, viewer_of
-from vpframe.app.progress import Terminal
+from vpframe.app.exit_code import exit_code
+from vpframe.app.options import INTERRUPTED, NO, OK, add_run, load, print_notes, viewer_of
 from vpframe.errors import CheckpointError, OutputError, TaskError, VpframeError
 from vpframe.outputs import CHECKPOINT, RECORDING, REPORT_FILES, SCRIPT, Claims, Output
 from vpframe.scene.names import ignored_words
 from vpframe.scripts import ON_REQUEST, imported, located, print_traceback
-from vpframe.session.interrupts import between_steps, handled
+from vpframe.session.interrupts import between_steps
 from vpframe.text import plain
 
 if TYPE_CHECKING:
@@ -169,17 +169,8 @@ def main(script: str, argv: Sequence[str] | None = None) -> NoReturn:
     """Run a task script as a program; never returns."""
     parser = argparse.ArgumentParser(prog=os.path.basename(script))
     add_run(parser)
-    given = parser.parse_args(argv)
-    try:
-        with handled(), console.installed(Terminal()):
-            code = run_task(script, **vars(given))
-    except KeyboardInterrupt:
-        Terminal().warn("interrupted")
-        code = INTERRUPTED
-    except VpframeError as error:
-        Terminal().warn(str(error))
-        code = BAD
-    sys.exit(code)
+    given = vars(parser.parse_args(argv))
+    sys.exit(exit_code(lambda: run_task(script, **given)))
 
 
 def new_task(

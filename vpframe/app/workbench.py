@@ -12,7 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +21,17 @@ import pinocchio as pin
 
 from vpframe import console, files
 from vpframe.analysis.clash import clash, document
+from vpframe.analysis.fasteners import fasteners_of
 from vpframe.analysis.fits import BAD_KINDS
 from vpframe.app.written_task import VerbCall, task_source
 from vpframe.errors import TaskError, VpframeError
+from vpframe.hands.arguments import FAR
 from vpframe.hands.assist import Assist
 from vpframe.hands.dragging import along_freedom
 from vpframe.hands.hand import Hand
 from vpframe.hands.paths import apart, between
 from vpframe.outputs import Output
+from vpframe.scene.names import holding_words
 from vpframe.scene.scene import Scene
 from vpframe.session.requests import ABOUT_CONSTRAINTS, Request
 from vpframe.session.rules import accept_standing
@@ -61,6 +64,20 @@ MOST_UNDO = 100
 """maximum number of statements that can be undone"""
 MOST_BYTES = 1 << 26
 """maximum memory of their marks, bytes; the oldest are dropped first, the latest never"""
+
+
+@dataclass(frozen=True)
+class Holding:
+    """What holds a part against a move that was asked for."""
+
+    text: str = ""
+    parts: tuple[str, ...] = ()
+    """that hold it"""
+    loose: tuple[str, ...] = ()
+    """those of them that can be taken out first: screws and other smaller parts that are not fixed"""
+
+
+NOTHING_HOLDS = Holding()
 
 
 @dataclass
@@ -102,6 +119,8 @@ class Workbench:
         low, high = self.session.bounds
         self.snap = float(f"{min(SNAP * 0.5 * float(np.linalg.norm(high - low)), MOST_SNAP):.2g}")
         self.hand.assist = Assist(snap=self.snap)
+        self.holding = NOTHING_HOLDS
+        """what forbade the last move"""
         self.holder = 0
         """number of the page that controls the hand; 0: none"""
         self.done: list[Done] = []
@@ -114,6 +133,7 @@ class Workbench:
             "drag": self._drag,
             "place": self._drag,
             "rest": lambda request: None,
+            "loosen": self._loosen,
             "slide": self._slide,
             "turn": self._turn,
             **decisions,
@@ -187,12 +207,14 @@ class Workbench:
 
     def do(self, request: Request) -> None:
         """Perform one request; errors are sent to its page."""
+        if request.action not in ("rest", "save", "loosen", *MOVES):
+            self.holding = NOTHING_HOLDS
         try:
             if request.action != "save" and self.holder not in (0, request.client):
                 if request.action in ("release", "rest"):
                     return  # a page without control has closed
                 raise TaskError(f"another page holds {self.hand.held}; it has to let go first")
-            if request.action in (*MOVES, "slide", "turn") and self.hand.held is None:
+            if request.action in (*MOVES, "slide", "turn", "loosen") and self.hand.held is None:
                 raise TaskError("no part is held; take one in hand first")
             self._actions[request.action](request)
         except VpframeError as error:
@@ -225,7 +247,42 @@ class Workbench:
         if poses:
             self._keep([VerbCall("hand", "drag", (poses,))], before)
 
+    def _loosen(self, request: Request) -> None:
+        """Let go, take out what holds the part, and take it again."""
+        if not self.holding.loose:
+            raise TaskError("nothing that holds it can be taken out")
+        out = VerbCall("hand", "remove", (list(self.holding.loose),))
+        self._perform([VerbCall("hand", "release"), out, VerbCall("hand", "grab", (self.hand.held,))])
+        self.holding = NOTHING_HOLDS
+        self.holder = request.client
+
+    def _held_by(self, request: Request) -> Holding:
+        """What forbids a move that hardly anything of is allowed; nothing if a solid stops it or `free` is set."""
+        hand, here = self.hand, pin.SE3(self.hand.subject)
+        wanted = self._goal(replace(request, given={**request.given, "free": True}))
+        if request.given["free"] or hand.stopped_by or hand.held is None:
+            return NOTHING_HOLDS
+        if apart(here, self._goal(request)) > UNHINDERED * apart(here, wanted):
+            return NOTHING_HOLDS
+        views = self.session.holding(hand.held, pin.log6(here.actInv(wanted)).vector, hand.carried)
+        own, way = {hand.held, *hand.carried}, wanted.translation - here.translation
+        ahead = [v for v in views if v.kind == "against" and v.direction @ way * (1 if v.parts[0] in own else -1) > 0.0]
+        mates = [(v.kind, *(v.parts if v.parts[0] in own else v.parts[::-1])) for v in ahead or views]
+        others = tuple(dict.fromkeys(other for _, _, other in mates))
+        scene, size = self.session.scene, self.session.half_size(hand.held)
+        loose = tuple(n for n in others if not scene[n].fixed and self.session.half_size(n) < size)
+        known = fasteners_of(scene)
+        sizes = {name: known[i].size for name in others if (i := scene.index(name)) in known}
+        return Holding(holding_words(mates, sizes), others, loose)
+
     def _slide(self, request: Request) -> None:
+        distance, (low, high) = abs(request.given["distance"]), self.session.bounds
+        size = float(np.linalg.norm(high - low))
+        if distance > max(
+            1.0, FAR * size
+        ):  # people at pages write millimetres: the hand's hint about metres is no help
+            what = f"{1e3 * distance:.7g} mm is {distance / size:.0f} times the size of the scene"
+            raise TaskError(f"{what}; give less than {1e3 * max(1.0, FAR * size):.4g} mm")
         given = {"distance": request.given["distance"], "required": False}
         self._perform([VerbCall("hand", "slide", (request.given["along"],), given)], request.client)
 
@@ -332,6 +389,10 @@ class Workbench:
             elif took < 0.5 * STEP_SECONDS:
                 way = 2.0 * way
             goes_on = moved > STILL and apart(self.hand.subject, goal) > STILL
+            holding = NOTHING_HOLDS if moved > STILL else self._held_by(latest)
+            if holding != self.holding:
+                self.holding = holding
+                self._tell()
             on_its_way = goes_on and moved > UNHINDERED * wanted  # it arrives before other requests are heard
             again = on_its_way or (goes_on and not self._requests)
             latest = self._next_move(wait=not goes_on) or (latest if again else None)
@@ -393,12 +454,29 @@ class Workbench:
                 "holder": self.holder,
                 "held": [names.index(name) for name in held],
                 "stopped": plain(self.hand.stopped_by),
+                "stopped_at": self._stopped_at(),
+                "holding": {
+                    "text": plain(self.holding.text),
+                    "parts": [names.index(name) for name in self.holding.parts],
+                    "loose": len(self.holding.loose),
+                },
                 "undo": sum(done.before is not None for done in self.done),
                 "redo": len(self.undone),
                 "script": [plain(s.short) for done in self.done[-20:] for s in done.statements],
                 "saves": plain(self._save.path.name) if self._save else "",
             }
         )
+
+    def _stopped_at(self) -> list[list[int]]:
+        """Part and surface of each face that stops the held part."""
+        if not self.hand.stopped_by:
+            return []
+        names = self.session.scene.names
+        last = next((e for e in reversed(self.session.events) if e.kind == "blocked"), None)
+        if last is None or self.hand.held not in last.parts:
+            return []
+        faces = zip(last.parts, last.surfaces, strict=False)
+        return [[names.index(name), surface] for name, surfaces in faces for surface in surfaces]
 
     def _in_force(self) -> tuple[int, ...]:
         return tuple(c.id for c in self.session.constraints)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -62,17 +62,25 @@ def task_source(
     with contextlib.suppress(ValueError):  # the model is on another drive
         model = Path(os.path.relpath(model, beside))
     options = "".join(f", {name}={value!r}" for name, value in loading.items())
-    source = f"FILE = {model.as_posix()!r}"
+    source = f"FILE = {model.as_posix()!r}\n\n"
     if options:
-        source = f"def scene():\n    return vp.load(Path(__file__).parent / {model.as_posix()!r}{options})"
+        source = f"def scene():\n    return vp.load(Path(__file__).parent / {model.as_posix()!r}{options})\n\n\n"
     lines = [line for statement in statements for line in statement.source.split("\n")]
-    return _TEMPLATE.format(
-        title=plain(model.name).replace("\\", "\\\\").replace('"', '\\"'),
-        path="from pathlib import Path\n\n" if options else "",
-        source=source,
-        gap="\n\n" if options else "\n",
-        snap=repr(snap),
-        body="\n".join(f"    {line}" for line in lines),
+    return script_of(
+        f"What a person did at the page of {model.name}.",
+        source + 'OPTIONS = {"rule": vp.accept_standing}',
+        [f"hand.assist = vp.Assist(snap={snap!r})", *lines],
+        imports="from pathlib import Path\n\n" if options else "",
+    )
+
+
+def script_of(title: str, head: str, body: Iterable[str], imports: str = "") -> str:
+    """Return a task script: its title, definitions before the task, and the lines of the task, which has a `hand`."""
+    lines = "\n".join(f"    {line}" for line in ("hand = session.hand()", *body))
+    title = plain(title).replace("\\", "\\\\").replace('"', '\\"')
+    return (
+        f'"""{title}"""\n\n{imports}import vpframe as vp\n\n{head}\n\n\n'
+        f'def task(session):\n{lines}\n\n\nif __name__ == "__main__":\n    vp.main(__file__)\n'
     )
 
 
@@ -93,22 +101,3 @@ def _written(value: Any) -> str:
 
 def _shortened(value: Any) -> str:
     return f"[… {len(value)} poses]" if isinstance(value, list) else _written(value)
-
-
-_TEMPLATE = '''"""What a person did at the page of {title}."""
-
-{path}import vpframe as vp
-
-{source}
-{gap}OPTIONS = {{"rule": vp.accept_standing}}
-
-
-def task(session):
-    hand = session.hand()
-    hand.assist = vp.Assist(snap={snap})
-{body}
-
-
-if __name__ == "__main__":
-    vp.main(__file__)
-'''

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pinocchio as pin
@@ -56,7 +55,6 @@ def export(
     kind, suffix = kind_of(path), Path(path).suffix.lower()
     if not len(scene):
         raise VpframeError(f"{path}: the scene has no parts; there is nothing to write")
-    poses: Mapping[str, pin.SE3] = {}
     left: list[str] = []
     if motion is not None:
         strange = [name for name in motion.keys if name not in scene]
@@ -65,15 +63,20 @@ def export(
         left += [f"{name}: moves in the recording, and is no part of the scene" for name in strange]
         if time is not None and not 0.0 <= time <= motion.duration:
             raise VpframeError(f"{path}: the motion ends at {motion.duration:g} s; there is no state at {time:g} s")
-        poses = motion.placed({part.name: part.pose for part in scene.parts}, motion.duration if time is None else time)
-        if time is not None:
-            motion = None
-        elif suffix not in MOVING:
-            left.append(f"motion: the state at its end, {motion.duration:g} s, is written")
+        if time is None and suffix in MOVING:
+            poses = motion.at(0.0)  # for viewers that do not play it
+        else:
+            if time is None:
+                left.append(f"motion: the state at its end, {motion.duration:g} s, is written")
+            at = motion.duration if time is None else time
+            poses, motion = motion.placed({part.name: part.pose for part in scene.parts}, at), None
+        scene = scene.copy()
+        for name in poses.keys() & set(scene.names):
+            scene[name].pose = pin.SE3(poses[name])
     elif time is not None:
         raise VpframeError(f"{path}: a time without a motion; give motion= too")
     with claimed(path, kind) as output:
-        left += _WRITERS[suffix](scene, output, poses, motion, tolerance)
+        left += _written(scene, output, motion, tolerance)
     return tuple(dict.fromkeys(left))
 
 
@@ -86,63 +89,31 @@ def kind_of(path: str | os.PathLike[str]) -> Kind:
     return KINDS[suffix.lower()]
 
 
-def _step(scene: Scene, output: Output, poses: Mapping[str, pin.SE3], motion: object, tolerance: object) -> list[str]:
-    from vpframe.exporters.step import write_step
+def _written(scene: Scene, output: Output, motion: Motion | None, tolerance: Tolerance | None) -> list[str]:
+    """Write a scene at its present poses, and the motion; return what was left out."""
+    suffix = output.path.suffix.lower()
+    if suffix in (".step", ".stp"):
+        from vpframe.exporters.step import write_step
 
-    return write_step(scene, output.path, poses)
+        return write_step(scene, output.path)
+    if suffix == ".glb":
+        from vpframe.exporters.glb import write_glb
 
+        return write_glb(scene, output.path, motion)
+    if suffix in (".usd", ".usda", ".usdc"):
+        from vpframe.exporters.usd import write_usd
 
-def _glb(
-    scene: Scene, output: Output, poses: Mapping[str, pin.SE3], motion: Motion | None, tolerance: object
-) -> list[str]:
-    from vpframe.exporters.glb import write_glb
+        return write_usd(scene, output.path, motion)
+    if suffix in (".csv", ".parquet"):
+        from vpframe.exporters.tables import pose_rows, write_table
 
-    return write_glb(scene, output.path, _resting(motion, poses), motion)
-
-
-def _usd(
-    scene: Scene, output: Output, poses: Mapping[str, pin.SE3], motion: Motion | None, tolerance: object
-) -> list[str]:
-    from vpframe.exporters.usd import write_usd
-
-    return write_usd(scene, output.path, _resting(motion, poses), motion)
-
-
-def _resting(motion: Motion | None, poses: Mapping[str, pin.SE3]) -> Mapping[str, pin.SE3]:
-    """Return the initial poses of a file with motion, for viewers that do not play it."""
-    return poses if motion is None else motion.at(0.0)
-
-
-def _mechanism(
-    scene: Scene, output: Output, poses: Mapping[str, pin.SE3], motion: object, tolerance: Tolerance | None
-) -> list[str]:
+        write_table(output, pose_rows(scene, motion))
+        return ["geometry: a table has poses, colours, densities and volumes only", *losses(scene, "sizes", "joints")]
     from vpframe.analysis import mates
 
-    write = mates.write_urdf if output.path.suffix.lower() == ".urdf" else mates.write_mjcf
-    left = ["exact surfaces: meshes have triangles only", *write(_moved(scene, poses), output, tolerance)]
+    write = mates.write_urdf if suffix == ".urdf" else mates.write_mjcf
+    left = ["exact surfaces: meshes have triangles only", *write(scene, output, tolerance)]
     left += losses(scene, "colours", "sizes")
     if write is mates.write_mjcf:
         left.append("contacts: MuJoCo would collide convex hulls, which fitted parts share; geometries are for the eye")
     return left
-
-
-def _table(
-    scene: Scene, output: Output, poses: Mapping[str, pin.SE3], motion: Motion | None, tolerance: object
-) -> list[str]:
-    from vpframe.exporters.tables import pose_rows, write_table
-
-    write_table(output, pose_rows(scene, poses, motion))
-    return ["geometry: a table has poses, colours, densities and volumes only", *losses(scene, "sizes", "joints")]
-
-
-def _moved(scene: Scene, poses: Mapping[str, pin.SE3]) -> Scene:
-    moved = scene.copy()
-    for name in poses.keys() & set(moved.names):
-        moved[name].pose = pin.SE3(poses[name])
-    return moved
-
-
-_WRITERS: dict[str, Callable[..., list[str]]] = {
-    ".step": _step, ".stp": _step, ".glb": _glb, ".urdf": _mechanism, ".mjcf": _mechanism, ".xml": _mechanism,
-    ".usd": _usd, ".usda": _usd, ".usdc": _usd, ".csv": _table, ".parquet": _table,
-}  # fmt: skip

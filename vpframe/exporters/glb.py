@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,14 +28,14 @@ _UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 """quaternion x y z w that rotates z up to y up"""
 
 
-def write_glb(scene: Scene, path: Path, poses: Mapping[str, pin.SE3], motion: Motion | None = None) -> list[str]:
-    """Write a scene with its parts at `poses`, and `motion` as an animation; return what was left out.
+def write_glb(scene: Scene, path: Path, motion: Motion | None = None) -> list[str]:
+    """Write a scene with its parts at their poses, and `motion` as an animation; return what was left out.
 
     One primitive for each colour of a part; nodes carry the part's name, and its whole path as `extras.path`.
     """
     file = _File(scene.source or "scene")
     for part in scene.parts:
-        file.add(part, poses.get(part.name, part.pose))
+        file.add(part)
     if motion is not None:
         file.animate(motion)
     files.replace(path, file.bytes())
@@ -69,11 +68,11 @@ class _File:
         self._meshes: dict[tuple[Any, ...], int] = {}
         self._materials: dict[tuple[float, ...], int] = {}
 
-    def add(self, part: Part, pose: pin.SE3) -> None:
+    def add(self, part: Part) -> None:
         """Add a node for a part below its subassemblies."""
         *above, name = part.name.split("/")
         node = {"name": name, "mesh": self._mesh(part), "extras": {"path": part.name}}
-        self._nodes[part.name] = self._child(tuple(above), {**node, **_placed(pin.SE3ToXYZQUAT(pose))})
+        self._nodes[part.name] = self._child(tuple(above), {**node, **_placed(pin.SE3ToXYZQUAT(part.pose))})
 
     def _child(self, above: tuple[str, ...], node: dict[str, Any]) -> int:
         if above not in self._groups:

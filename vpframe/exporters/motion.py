@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -83,17 +84,11 @@ def _recorded(path: Path, ends: list[float]) -> Iterator[Row]:
 
 def _unescaped(step: str) -> str:
     """Inverse of `escape_entity_path_part`."""
-    out, rest = "", step
-    while rest:
-        if rest[0] != "\\":
-            out, rest = out + rest[0], rest[1:]
-        elif rest.startswith("\\u{") and "}" in rest:
-            code, _, rest = rest[3:].partition("}")
-            out += chr(int(code, 16))
-        else:
-            out += {"n": "\n", "r": "\r", "t": "\t"}.get(rest[1:2], rest[1:2])
-            rest = rest[2:]
-    return out
+
+    def character(match: re.Match[str]) -> str:
+        return chr(int(match[2], 16)) if match[2] else {"n": "\n", "r": "\r", "t": "\t"}.get(match[1], match[1])
+
+    return re.sub(r"\\(u\{([0-9a-fA-F]+)\}|.)", character, step, flags=re.DOTALL)
 
 
 def _csv(path: Path, ends: list[float]) -> Iterator[Row]:
@@ -108,10 +103,10 @@ def _csv(path: Path, ends: list[float]) -> Iterator[Row]:
 
 
 def _parquet(path: Path, ends: list[float]) -> Iterator[Row]:
-    from vpframe.exporters.tables import parquet
+    from pyarrow import parquet
 
     try:
-        table = parquet().read_table(path)
+        table = parquet.read_table(path)
     except (OSError, ValueError) as error:
         raise LoadError(f"{path}: cannot be read as a table of poses: {error}", str(path)) from None
     _check(path, table.column_names)

@@ -1,4 +1,4 @@
-"""Tables for pandas, polars and spreadsheets: CSV, and Parquet if pyarrow is installed."""
+"""Tables for pandas, polars and spreadsheets: CSV and Parquet."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def write_table(
 
     Raises
     ------
-    OutputError: it cannot be written, or exists and is not ours. VpframeError: unknown suffix, or no pyarrow.
+    OutputError: it cannot be written, or exists and is not ours. VpframeError: unknown suffix.
     """
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
@@ -58,11 +58,11 @@ def write_table(
     return target
 
 
-def pose_rows(scene: Scene, poses: Mapping[str, pin.SE3], motion: Motion | None = None) -> list[dict[str, Any]]:
+def pose_rows(scene: Scene, motion: Motion | None = None) -> list[dict[str, Any]]:
     """Return a row for each part and key: part, t (s), x y z (m), qx qy qz qw, and properties; see `read_motion`."""
     out = []
     for part in scene.parts:
-        times, rows = (np.zeros(1), pin.SE3ToXYZQUAT(poses.get(part.name, part.pose))[None, :])
+        times, rows = (np.zeros(1), pin.SE3ToXYZQUAT(part.pose)[None, :])
         if motion is not None and part.name in motion.keys:
             times, rows = motion.keys[part.name]
         red, green, blue, alpha = part.color
@@ -116,8 +116,8 @@ def _known(value: Any) -> bool:
 
 
 def _parquet(names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> bytes:
-    module = parquet()
     import pyarrow as pa
+    from pyarrow import parquet
 
     columns = {name: [row.get(name) for row in rows] for name in names}
     try:
@@ -125,14 +125,5 @@ def _parquet(names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> bytes:
     except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
         raise VpframeError(f"a column holds values of several types, which Parquet cannot carry: {error}") from None
     sink = io.BytesIO()
-    module.write_table(table, sink)
+    parquet.write_table(table, sink)
     return sink.getvalue()
-
-
-def parquet() -> Any:
-    """Return `pyarrow.parquet`; VpframeError if it is not installed."""
-    try:
-        import pyarrow.parquet
-    except ImportError:
-        raise VpframeError("Parquet needs pyarrow, which is not installed; pip install pyarrow, or use .csv") from None
-    return pyarrow.parquet

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +20,8 @@ FRAMES = 60.0
 """time codes per second"""
 
 
-def write_usd(scene: Scene, path: Path, poses: Mapping[str, pin.SE3], motion: Motion | None = None) -> list[str]:
-    """Write a scene with its parts at `poses` (.usd, .usda, .usdc) and `motion` as time samples; return what is left
-    out.
+def write_usd(scene: Scene, path: Path, motion: Motion | None = None) -> list[str]:
+    """Write a scene with its parts at their poses (.usd, .usda, .usdc); return what is left out. motion: time samples.
 
     Metres, z up; each shape is a prototype and its parts are instances; densities use `UsdPhysics.MassAPI`.
 
@@ -59,7 +57,7 @@ def write_usd(scene: Scene, path: Path, poses: Mapping[str, pin.SE3], motion: Mo
             _named(prim, part.name.split("/")[-1])
             prim.SetCustomDataByKey("path", part.name)
             operation = xform.AddTransformOp(UsdGeom.XformOp.PrecisionDouble)
-            operation.Set(_matrix(Gf, poses.get(part.name, part.pose)))
+            operation.Set(_matrix(Gf, part.pose))
             if motion is not None and part.name in motion.moving:
                 for time in motion.keys[part.name][0].tolist():
                     operation.Set(_matrix(Gf, motion.at(time)[part.name]), Usd.TimeCode(time * FRAMES))

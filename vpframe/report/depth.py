@@ -16,7 +16,7 @@ from vpframe.analysis.fits import BAD_KINDS
 from vpframe.console import Progress
 from vpframe.events import Frame
 from vpframe.scene.deflection import deflections
-from vpframe.scene.scene import Part, Scene
+from vpframe.scene.scene import Scene
 from vpframe.session.log import SessionLog
 
 
@@ -62,7 +62,7 @@ def depths(
             progress(number / len(questions), f"depth of {a} and {b}")
         placed = (a, b, frame.poses[a], frame.poses[b])
         if placed != last:  # same relative pose, same depth
-            rows, last = _rows(log.scene[a], log.scene[b], placed[2:], tolerance), placed
+            rows, last = _rows(log.scene, (a, b), placed[2:], tolerance), placed
         for key in sorted(keys):
             if (key.surface_a, key.surface_b) not in rows:
                 continue
@@ -85,11 +85,12 @@ Row = tuple[str, float, NDArray[np.float64]]
 
 
 def _rows(
-    first: Part, second: Part, poses: tuple[pin.SE3, pin.SE3], tolerance: Tolerance | None
+    scene: Scene, names: tuple[str, str], poses: tuple[pin.SE3, pin.SE3], tolerance: Tolerance | None
 ) -> dict[tuple[int, ...], Row]:
     """What two parts are to each other, by their surfaces; of meshes without faces the depths alone."""
+    first, second = (scene[name] for name in names)
     if all(len(part.surfaces) == part.mesh.n_surfaces for part in (first, second)):
-        judged = between(first, second, poses, tolerance)
+        judged = between(first, second, poses, tolerance, scene.rules)
         return {s: (row.kind, row.depth, np.array(row.point)) for s, row in judged.items()}
     manager = CollisionManager()
     for part, pose in zip((first, second), poses, strict=True):

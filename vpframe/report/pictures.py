@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from vpframe.analysis.pairs import meeting_box
 from vpframe.events import Frame
-from vpframe.scene.scene import Part, Scene
+from vpframe.scene.boxes import half_size
+from vpframe.scene.scene import Scene
 from vpframe.view.camera import DIRECTION, Camera, look_at
 from vpframe.view.display import display_mesh
 from vpframe.view.snapshot import Look, render
@@ -49,7 +50,7 @@ def pair_picture(
     marked: all intersecting surfaces of the two parts; default: only the two.
     """
     opacity = dict.fromkeys(scene.names, GHOST)
-    large, small = sorted((name for name, _ in surfaces), key=lambda name: -_size(scene[name]))
+    large, small = sorted((name for name, _ in surfaces), key=lambda name: -half_size(scene[name].mesh))
     opacity.update({large: GLASS, small: 1.0})
     return render(scene, frame.poses, marked or surfaces, size, pair_camera(scene, frame, surfaces), look=Look(opacity))
 
@@ -63,14 +64,9 @@ def pair_camera(scene: Scene, frame: Frame, surfaces: Sequence[tuple[str, int]])
         mesh = display_mesh(part.shape)
         chosen = slice(mesh.vertex_start[surface], mesh.vertex_start[surface + 1])
         sizes.append(float(np.linalg.norm(np.ptp(mesh.positions[chosen], axis=0))))
-        whole.append(_size(part))
+        whole.append(2.0 * half_size(part.mesh))
         facing += pose.rotation @ mesh.normals[chosen].astype(np.float64).mean(axis=0)
     low, high = meeting_box(parts, poses, [surface for _, surface in surfaces])
     half = max(0.6 * min(sizes), SEEN * min(whole), 1e-9)
     direction = np.array(DIRECTION) / np.linalg.norm(DIRECTION) + 0.35 * facing
     return look_at(0.5 * (low + high) + half * np.concatenate([np.eye(3), -np.eye(3)]), direction)
-
-
-def _size(part: Part) -> float:
-    """Diagonal of the part's own bounding box, m."""
-    return float(np.linalg.norm(np.ptp(display_mesh(part.shape).positions, axis=0)))

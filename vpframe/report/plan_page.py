@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pinocchio as pin
@@ -10,10 +10,10 @@ import pinocchio as pin
 from vpframe.planning.certify import PartTrack
 from vpframe.planning.document import headline, ignores, overlaps_by_parts, reason, unsupported
 from vpframe.planning.plan import Disassembly, PlannedStep
-from vpframe.report import elements
+from vpframe.report import plots
 from vpframe.scene.scene import Scene
 from vpframe.scene.subassembly import listed
-from vpframe.text import escape
+from vpframe.text import escape, rendered
 from vpframe.view.camera import Camera, look_at
 from vpframe.view.snapshot import Look, png, render
 
@@ -23,31 +23,40 @@ PICTURES = 60
 GONE = 0.0
 FAINT = 0.35
 """opacity of parts that are still there, beside those that come out"""
-ROW, WIDTH, LABEL = 20, 860, 300
+ROW, WIDTH = 20, 860
 
 
 def html(
     plan: Disassembly, scene: Scene, title: str, progress: Callable[[float | None, str], None] = lambda f, t: None
 ) -> str:
     """The whole page; one file without outside parts."""
-    pictures = []
+    steps = []
     for n, step in enumerate(plan.steps[:PICTURES]):
         progress(n / max(1, len(plan.steps)), "pictures")
         caption = f"{n + 1}: {listed(step.parts)}, {step.way.text}{ignores(step.clearance, plan.names)}"
-        pictures.append(elements.figure(_step_picture(scene, step, gone(plan, n)), escape(caption)))
-    whole = elements.figure(exploded(scene, plan), "drawn along the ways out") if plan.steps else ""
-    sections = [
-        _head(plan, title),
-        elements.section("Exploded", whole and f"<div class='wide'>{whole}</div>"),
-        elements.section("Steps", f"<div class='pictures'>{''.join(pictures)}</div>"),
-        elements.section("What has to go before what", _precedence(plan)),
-        elements.section("What may go side by side", _gantt(plan)),
-        elements.section("What stays without support", _list(unsupported(plan))),
-        elements.section("What stays in", _stuck(plan)),
-        elements.section("Press fits", "".join(f"<p>{escape(str(fit))}</p>" for fit in plan.press_fits)),
-        elements.section("Overlaps from the start, never deepened", _overlaps(plan)),
-    ]  # fmt: skip
-    return elements.whole(f"{title}: taken apart", sections)
+        steps.append((_step_picture(scene, step, gone(plan, n)), caption))
+    return rendered(
+        "report/plan.html",
+        title=title,
+        headline=headline(plan),
+        good=plan.verdict == "removable",
+        facts=[
+            ("steps", str(len(plan.steps))),
+            ("levels", str(len(plan.levels))),
+            ("stays", listed(plan.base)),
+            ("fewest", f"of {plan.scope}" if plan.proven else "not proven" if plan.target else "only with --part"),
+        ],
+        exploded=exploded(scene, plan) if plan.steps else None,
+        steps=steps,
+        precedence=_precedence(plan),
+        lanes=_lanes(plan),
+        unsupported=unsupported(plan),
+        stuck=[(name, reason(plan.stuck[name])) for name in plan.remaining],
+        press_fits=plan.press_fits,
+        overlaps=[
+            (a, b, f"{depths[0] * 1e3:.3f} mm", len(depths)) for (a, b), depths in overlaps_by_parts(plan).items()
+        ],
+    )
 
 
 def exploded(scene: Scene, plan: Disassembly) -> bytes:
@@ -98,17 +107,6 @@ def _camera(scene: Scene, poses: Mapping[str, pin.SE3]) -> Camera:
     return look_at(np.concatenate(points))
 
 
-def _head(plan: Disassembly, title: str) -> str:
-    facts = [
-        ("steps", str(len(plan.steps))),
-        ("levels", str(len(plan.levels))),
-        ("stays", listed(plan.base)),
-        ("fewest", f"of {plan.scope}" if plan.proven else "not proven" if plan.target else "only with --part"),
-    ]
-    line = "taken apart by vpframe · <a href='plan.json'>plan.json</a>"
-    return elements.head(title, line, headline(plan), plan.verdict == "removable", facts)
-
-
 def _precedence(plan: Disassembly) -> str:
     """SVG: a column a level, a line from each part to those that wait for it; implied lines left out."""
     if not plan.steps:
@@ -147,41 +145,16 @@ def _short(name: str) -> str:
     return tail if len(tail) <= 24 else tail[:23] + "…"
 
 
-def _gantt(plan: Disassembly) -> str:
+def _lanes(plan: Disassembly) -> str:
     """SVG: a lane a part; each level begins when the slowest way of the one before has ended."""
-    if not plan.steps:
-        return ""
     seconds = [
         max(float(t.times[-1]) for s in plan.steps if s.level == k for t in s.tracks.values())
         for k in range(len(plan.levels))
     ]
     start = np.concatenate([[0.0], np.cumsum(seconds)])
-    scale = (WIDTH - LABEL - 20) / max(float(start[-1]), 1e-9)
-    body = []
-    for row, (name, step) in enumerate((n, s) for s in plan.steps for n in s.parts):
-        y = ROW * row + 4
-        x = LABEL + float(start[step.level]) * scale
-        width = max(2.0, float(step.tracks[name].times[-1]) * scale)
-        body.append(f'<text x="{LABEL - 8}" y="{y + 12}" text-anchor="end">{escape(_short(name))}</text>')
-        body.append(
-            f'<rect x="{x:.1f}" y="{y}" width="{width:.1f}" height="{ROW - 6}" rx="2" fill="#2a6bd6">'
-            f"<title>{escape(name)}, level {step.level + 1}</title></rect>"
-        )
-    count = sum(len(step.parts) for step in plan.steps)
-    return f'<svg viewBox="0 0 {WIDTH} {ROW * count + 8}" role="img">{"".join(body)}</svg>'
-
-
-def _stuck(plan: Disassembly) -> str:
-    return elements.table(
-        ("part", "why"), [(escape(name), escape(reason(plan.stuck[name]))) for name in plan.remaining]
-    )
-
-
-def _list(lines: Sequence[str]) -> str:
-    return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>" if lines else ""
-
-
-def _overlaps(plan: Disassembly) -> str:
-    found = overlaps_by_parts(plan).items()
-    rows = [(escape(a), escape(b), f"{depths[0] * 1e3:.3f} mm", f"{len(depths)}") for (a, b), depths in found]
-    return elements.table(("part", "part", "greatest depth", "pairs of surfaces"), rows, numbers=(2, 3))
+    lanes = {
+        name: [(f"level {step.level + 1}", start[step.level], start[step.level] + float(step.tracks[name].times[-1]))]
+        for step in plan.steps
+        for name in step.parts
+    }
+    return plots.spans(lanes, float(start[-1]))

@@ -151,10 +151,9 @@ def _document(
         },
         "swept": [
             {
-                "part": volume.part,
+                **_fields(volume, "part", "error"),
                 "file": _stl_name(volume),
                 "triangles": len(volume.triangles),
-                "error": volume.error,
                 "clashes": list(volume.clashes),
             }
             for volume in run.swept

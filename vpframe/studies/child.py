@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import re
 import select
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from vpframe.errors import VpframeError
-from vpframe.processes import environment
+from vpframe.processes import ctrl_c_blocked, environment, how_it_ended, kill, start
 from vpframe.studies.job import Job
 from vpframe.studies.variants import Variant
 
@@ -30,7 +30,7 @@ Done = Iterator[tuple[Variant, str, dict[str, Any]]]
 
 IDLE = 600.0
 """s without a variant after which a child ends: a killed study cannot end the children of a cluster's workers"""
-START = 600.0
+READING = 600.0
 """s that a child may take to read the script"""
 LOOK = 1.0
 """s between two checks that a silent child is alive: processes it has forked may hold its pipe open"""
@@ -56,25 +56,16 @@ def unanswered(status: str, reason: str, **more: Any) -> dict[str, Any]:
     return {"status": status, "reason": reason, **nothing, "measures": {}, **more}
 
 
-class _CrashError(Exception):
-    """The child has ended."""
-
-
-class _TimeoutError(Exception):
-    """The child takes too long."""
-
-
 class Child:
     """One process of `vpframe.studies.runner` that has read the script."""
 
     def __init__(self, script: Path) -> None:
-        self._output = _unnamed_file()
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115  (closed by `close`)
+        fcntl.fcntl(self._output, fcntl.F_SETFL, os.O_APPEND)  # writers continue at the end, also when truncated
+        alone = {**environment(), **dict.fromkeys(_THREADS, "1"), "PYTHONHASHSEED": "0"}
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": self._output, "bufsize": 0}
         with ctrl_c_blocked():
-            self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "vpframe.studies.runner", str(script), str(os.getpid())],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._output, bufsize=0,
-                env={**environment(), **dict.fromkeys(_THREADS, "1"), "PYTHONHASHSEED": "0"},
-            )  # fmt: skip
+            self.process = start("vpframe.studies.runner", str(script), env=alone, **pipes)
         self.name = f"{os.uname().nodename}:{self.process.pid}"
         self._script = script
         self._buffer = b""
@@ -88,13 +79,13 @@ class Child:
         ------
         VpframeError: the script cannot be read.
         """
-        began, limit = time.monotonic(), START
+        began, limit = time.monotonic(), READING
         try:
             if not self._ready:
                 self._receive("ready", limit)
                 self._ready = True
             began, limit = time.monotonic(), timeout
-            os.ftruncate(self._output, 0)
+            os.ftruncate(self._output.fileno(), 0)
             request = {"index": variant.index, "seed": variant.seed, "parameters": dict(variant.parameters)}
             with contextlib.suppress(BrokenPipeError):  # the child has ended; `_receive` notices
                 assert self.process.stdin is not None
@@ -102,9 +93,9 @@ class Child:
             outcome: dict[str, Any] = self._receive("done", limit)
             if outcome["status"] == "error":
                 outcome["output"] = self._last_output()
-        except _CrashError:
+        except EOFError:
             outcome = self._ended("crashed", how_it_ended(self.process.wait()), began)
-        except _TimeoutError:
+        except TimeoutError:
             self.process.send_signal(signal.SIGUSR1)  # the child prints its traceback if it can
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self.process.wait(0.2)
@@ -119,13 +110,12 @@ class Child:
 
     def close(self) -> None:
         """End the process."""
-        self.process.kill()
+        kill(self.process)
         self.process.communicate()
-        with contextlib.suppress(OSError):
-            os.close(self._output)
+        self._output.close()
 
     def _ended(self, status: str, reason: str, began: float) -> dict[str, Any]:
-        self.process.kill()
+        kill(self.process)
         self.process.wait()
         output = self._last_output().partition("\n\nExtension modules:")[0]
         if not self._ready:
@@ -134,8 +124,9 @@ class Child:
         return unanswered(status, reason, seconds=time.monotonic() - began, output=output)
 
     def _last_output(self) -> str:
-        size = os.fstat(self._output).st_size
-        return os.pread(self._output, OUTPUT, max(size - OUTPUT, 0)).decode(errors="replace")
+        file = self._output.fileno()
+        size = os.fstat(file).st_size
+        return os.pread(file, OUTPUT, max(size - OUTPUT, 0)).decode(errors="replace")
 
     def _place(self, output: str) -> str:
         """`task.py:12: `, the innermost line of the script in a traceback of `faulthandler`."""
@@ -169,9 +160,9 @@ class Child:
             ready = poll.poll(1e3 * left)
             data = os.read(out, 65536) if ready else b""
             if not data and (ready or self.process.poll() is not None):
-                raise _CrashError
+                raise EOFError  # it has ended
             if not ready and deadline is not None and time.monotonic() >= deadline:
-                raise _TimeoutError
+                raise TimeoutError
             self._buffer += data
         line, _, self._buffer = self._buffer.partition(b"\n")
         message: dict[str, Any] = json.loads(line)
@@ -211,7 +202,7 @@ class Children:
             everyone, self._all = list(self._all), set()
             self._idle.clear()
         for child in everyone:
-            child.process.kill()
+            kill(child.process)
 
     def _take(self, avoid: str) -> Child:
         with self._lock:
@@ -232,30 +223,3 @@ class Children:
             else:
                 self._all.discard(child)
                 child.close()
-
-
-def how_it_ended(code: int) -> str:
-    """`killed by SIGSEGV` or `ended with exit code 3`, of a return code."""
-    if code < 0:
-        with contextlib.suppress(ValueError):
-            return f"killed by {signal.Signals(-code).name}"
-    return f"ended with exit code {abs(code)}"
-
-
-@contextlib.contextmanager
-def ctrl_c_blocked() -> Iterator[None]:
-    """Block Ctrl-C for processes and threads that are started inside, and for this thread until the block ends."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _unnamed_file() -> int:
-    """Descriptor of a temporary file in append mode: after a truncation its writers go on at the new end."""
-    descriptor, name = tempfile.mkstemp(prefix="vpframe-study-")
-    os.close(descriptor)
-    descriptor = os.open(name, os.O_RDWR | os.O_APPEND)
-    os.unlink(name)
-    return descriptor

@@ -37,7 +37,8 @@ from distributed.comm import connect
 from vpframe import __version__
 from vpframe.console import say
 from vpframe.errors import VpframeError
-from vpframe.studies.child import Children, Done, Work, ctrl_c_blocked, unanswered
+from vpframe.processes import ctrl_c_blocked
+from vpframe.studies.child import Children, Done, Work, unanswered
 from vpframe.studies.job import Job, Machines
 from vpframe.studies.variants import Variant
 
@@ -165,8 +166,8 @@ def _main_module_hidden() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence Dask's log on standard error; its errors are raised or reported here."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    """Silence the logs of Dask and its loop on standard error; its errors are raised or reported here."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "tornado.application")]
     before = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL)

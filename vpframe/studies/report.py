@@ -10,18 +10,17 @@ from typing import Any
 
 import numpy as np
 
-import vpframe.report
 from vpframe.files import replace
 from vpframe.outputs import STUDY_FILES, VARIANT, OutputFolder
+from vpframe.report import plots
 from vpframe.scene.units import Scale, name_and_unit, quantity_text, scale_of
-from vpframe.studies import charts, statistics
+from vpframe.studies import statistics
 from vpframe.studies.distributions import Distribution
 from vpframe.studies.results import ANSWER, Record
 from vpframe.studies.summary import CLEARANCE, SUCCESS, basis_text, interval, outcomes, ranking, unit_of, worst
-from vpframe.text import csv_text, escape, filled, plain
+from vpframe.text import csv_text, plain, rendered
 
 WORST_FOLDER = "worst"
-TEMPLATE = Path(vpframe.report.__file__).parent / "page.html"
 FAILURES = 40
 """maximum number of failures on the page; the CSV file lists all"""
 DRAWN = 3
@@ -82,6 +81,15 @@ def rest_text(document: Mapping[str, Any]) -> str:
     return ", ".join([*parts, *([f"{missing} not run"] if missing else [])])
 
 
+def basis_lines(document: Mapping[str, Any]) -> list[str]:
+    """Return a line for each outcome that not every variant has: what matters to it is known of those alone."""
+    return [
+        f"What matters to {name_and_unit(outcome)[0]} is computed from {basis_text(basis)}."
+        for outcome, basis in document["importance_from"].items()
+        if basis["variants"] < basis["finished"]
+    ]
+
+
 def table(variables: Mapping[str, Distribution], records: Sequence[Record]) -> str:
     """Return the records as CSV, one row per variant: index, answer, variables, measures, time and memory, key."""
     measures = sorted({name for one in records for name in one["measures"]})
@@ -130,101 +138,73 @@ def replay_script(one: Record, script: Path, folder: Path, seed: int) -> str:
 def page(
     script: Path, variables: Mapping[str, Distribution], document: Mapping[str, Any], records: Sequence[Record]
 ) -> str:
-    """Return one HTML file that contains all charts."""
-    sections = [
-        _head(script, document),
-        _section("Variables", _rows(("variable", "varies as"), document["variables"].items())),
-        _section("Outcomes", _outcomes(document)),
-        _section("Which variables matter", _importance(document)),
-        _section("Rate by variable", _rates(variables, document, records)),
-        _section("Where it fails", _scatter(variables, document, records)),
-        _section("Why", _reasons(document)),
-        _section("Without success", _failures(variables, records)),
-        _section("Worst variants", _worst(records)),
-        _section("How it was run", _run(document)),
-    ]
-    return filled(TEMPLATE, title=escape(f"{script.stem}: study"), body="\n".join(filter(None, sections)))
-
-
-def _head(script: Path, document: Mapping[str, Any]) -> str:
-    rest = rest_text(document)
-    good = document["rate"]["ok"] == document["variants"]
-    links = "".join(f" · <a href='{name}'>{name}</a>" for name in ("study.json", "results.csv", "results.jsonl"))
-    facts = [(WORDS[status], str(n)) for status, n in document["statuses"].items() if n or status in ("ok", "no")]
-    cells = "".join(f'<div class="fact"><span class="dim">{name}</span><b>{n}</b></div>' for name, n in facts)
-    return (
-        f"<h1>{escape(script.stem)}: study</h1><div class='dim'>{escape(script.name)}, {document['variants']} variants"
-        f"{links}</div><div class='verdict{'' if good else ' no'}'>{escape(rate_text(document))}</div>"
-        f"<div>{escape(rest)}</div><div class='facts'>{cells}</div>"
+    """Return one HTML file that contains all charts (`page.html`)."""
+    failed = [one for one in records if one["status"] != "ok"]
+    columns = {name: _column(name, variables[name], records, failed[:FAILURES]) for name in variables}
+    return rendered(
+        "studies/page.html",
+        script=script,
+        document=document,
+        rate_text=rate_text(document),
+        rest_text=rest_text(document),
+        good=document["rate"]["ok"] == document["variants"],
+        facts=[(WORDS[status], n) for status, n in document["statuses"].items() if n or status in ("ok", "no")],
+        **_outcomes(document),
+        variables=[(name_and_unit(name)[0], words) for name, words in document["variables"].items()],
+        importance=_importance(document),
+        rates=_rates(variables, document, records),
+        scatter=_scatter(variables, document, records),
+        reasons=[(r["count"], WORDS[r["status"]], r["reason"]) for r in document["reasons"]][:FAILURES],
+        failure_head=("", "", "reason", *(label for label, _ in columns.values())),
+        failures=[
+            (one["index"], WORDS[one["status"]], one["reason"], *(texts[k] for _, texts in columns.values()))
+            for k, one in enumerate(failed[:FAILURES])
+        ],
+        more_failures=len(failed) - FAILURES,
+        worst=[(_replay_name(one), f"{WORDS[one['status']]}{_least(one)}") for one in worst(records)],
+        run=_run(document),
     )
 
 
-def _section(title: str, content: str) -> str:
-    return f"<h2>{title}</h2>\n{content}" if content else ""
-
-
-def _rows(head: Sequence[str], rows: Any) -> str:
-    """Return an HTML table of escaped cells."""
-    body = "".join("<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows)
-    if not body:
-        return ""
-    return f"<table><tr>{''.join(f'<th>{escape(cell)}</th>' for cell in head)}</tr>{body}</table>"
-
-
-def _outcomes(document: Mapping[str, Any]) -> str:
-    parts, rows = [], []
+def _outcomes(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table of percentiles, and of each outcome its counts or its histogram."""
+    rows: list[Any] = []
+    distributions: list[tuple[str, str, str]] = []
     for full, column in document["outcomes"].items():
         name, unit = name_and_unit(full)
         if "values" in column:
-            counts = ", ".join(f"{value}: {count}" for value, count in column["values"].items())
-            parts.append(f"<p><b>{escape(name)}</b>: {escape(counts)}</p>")
+            distributions.append((name, ", ".join(f"{value}: {n}" for value, n in column["values"].items()), ""))
         elif column["count"]:
             scale = scale_of(column["percentiles"].values(), unit)
             values = (scale.number(column["percentiles"][str(p)]) for p in statistics.PERCENTS)
             rows.append((scale.label(name), f"{column['count']} of {document['finished']}", *values))
             edges = [scale.factor * edge for edge in column["histogram"]["edges"]]
-            parts.append(charts.histogram(edges, column["histogram"]["counts"], scale.label(name)))
-    return _rows(("", "variants", *(f"{p} %" for p in statistics.PERCENTS)), rows) + "".join(parts)
+            chart = plots.histogram(edges, column["histogram"]["counts"], scale.label(name))
+            distributions.append((name, "", chart))
+    head = ("", "variants", *(f"{p} %" for p in statistics.PERCENTS))
+    return {"outcome_head": head, "outcomes": rows, "distributions": distributions}
 
 
-def _importance(document: Mapping[str, Any]) -> str:
+def _importance(document: Mapping[str, Any]) -> list[Any]:
     rows = []
-    for outcome in document["importance"]:
+    for outcome, of in document["importance"].items():
+        basis = basis_text(document["importance_from"][outcome])
         for variable in ranking(document, outcome):
-            row = document["importance"][outcome][variable]
-            if any(value is not None for value in row.values()):
-                found = _share(row["first_order"]), _signed(row["rank_correlation"])
-                basis = basis_text(document["importance_from"][outcome])
-                rows.append((name_and_unit(outcome)[0], name_and_unit(variable)[0], *found, basis))
-    note = (
-        "<p class='dim'>First-order Sobol' index: the share of an outcome's variance that the variable alone explains, "
-        "estimated from the variants that have the outcome. Rank correlation: whether the outcome rises (+) or falls "
-        "(-) with it.</p>"
-    )
-    made = _rows(("outcome", "variable", "Sobol' index", "rank correlation", "from"), rows)
-    return made + note if made else ""
+            share, correlation = of[variable]["first_order"], of[variable]["rank_correlation"]
+            if share is not None or correlation is not None:
+                names = name_and_unit(outcome)[0], name_and_unit(variable)[0]
+                rows.append((*names, _number(share, ".3f"), _number(correlation, "+.3f"), basis))
+    return rows
 
 
-def basis_lines(document: Mapping[str, Any]) -> list[str]:
-    """Return a line for each outcome that not every variant has: what matters to it is known of those alone."""
-    return [
-        f"What matters to {name_and_unit(outcome)[0]} is computed from {basis_text(basis)}."
-        for outcome, basis in document["importance_from"].items()
-        if basis["variants"] < basis["finished"]
-    ]
+def _number(value: float | None, form: str) -> str:
+    """Return a number in a format; a dash where it is not known."""
+    return "–" if value is None else format(value, form)
 
 
-def _share(value: float | None) -> str:
-    return "" if value is None else f"{value:.3f}"
-
-
-def _signed(value: float | None) -> str:
-    return "" if value is None else f"{value:+.3f}"
-
-
-def _rates(variables: Mapping[str, Distribution], document: Mapping[str, Any], records: Sequence[Record]) -> str:
+def _rates(variables: Mapping[str, Distribution], document: Mapping[str, Any], records: Sequence[Record]) -> list[str]:
     if len(records) < 2:
-        return ""
+        return []
     parts = []
     good = np.array([one["status"] == "ok" for one in records])
     for name in ranking(document, SUCCESS)[:DRAWN]:
@@ -243,8 +223,8 @@ def _rates(variables: Mapping[str, Distribution], document: Mapping[str, Any], r
             within = interval([records[int(i)] for i in members], document["sampling"])
             points.append((at, hits / len(members), *within))
             labels.append(str(x[members[0]]))
-        parts.append(charts.rates(points, label, labels if text else None))
-    return "".join(parts)
+        parts.append(plots.rates(points, label, labels if text else None))
+    return parts
 
 
 def _scale(name: str, variable: Distribution, values: Sequence[float]) -> tuple[Scale, str]:
@@ -253,10 +233,12 @@ def _scale(name: str, variable: Distribution, values: Sequence[float]) -> tuple[
     return scale, scale.label(name_and_unit(name)[0])
 
 
-def _scatter(variables: Mapping[str, Distribution], document: Mapping[str, Any], records: Sequence[Record]) -> str:
+def _scatter(
+    variables: Mapping[str, Distribution], document: Mapping[str, Any], records: Sequence[Record]
+) -> list[str]:
     good = [one["status"] == "ok" for one in records]
     if all(good):
-        return ""
+        return []
     columns = {
         name: [float(one["parameters"][name]) for one in records]
         for name in ranking(document, SUCCESS)
@@ -269,52 +251,30 @@ def _scatter(variables: Mapping[str, Distribution], document: Mapping[str, Any],
     if len(drawn) == 1:
         clearance = outcomes(records).get(CLEARANCE)
         if clearance is None or any(value is None for value in clearance):
-            return ""
+            return []
         name, unit = name_and_unit(CLEARANCE)
         scale = scale_of(clearance, unit)
         drawn.append((scale.label(name), [scale.factor * value for value in clearance]))
     pairs = [(a, b) for i, a in enumerate(drawn) for b in drawn[i + 1 :]]
-    return "".join(charts.scatter(x, y, good, x_name, y_name) for (x_name, x), (y_name, y) in pairs)
+    return [plots.scatter(x, y, good, x_name, y_name) for (x_name, x), (y_name, y) in pairs]
 
 
-def _reasons(document: Mapping[str, Any]) -> str:
-    rows = [(r["count"], WORDS[r["status"]], r["reason"]) for r in document["reasons"]]
-    return _rows(("variants", "", "first reason of its kind"), rows[:FAILURES])
-
-
-def _failures(variables: Mapping[str, Distribution], records: Sequence[Record]) -> str:
-    bad = [one for one in records if one["status"] != "ok"]
-    labels, columns = [], []
-    for name, variable in variables.items():
-        values = [one["parameters"][name] for one in bad[:FAILURES]]
-        label, texts = name, [str(value) for value in values]
-        if not any(isinstance(value, str | bool) for value in values):
-            scale, label = _scale(name, variable, [one["parameters"][name] for one in records])
-            texts = [scale.number(value) for value in values]
-        labels.append(label)
-        columns.append(texts)
-    rows = [
-        (one["index"], WORDS[one["status"]], one["reason"], *(texts[k] for texts in columns))
-        for k, one in enumerate(bad[:FAILURES])
-    ]
-    more = f"<p class='dim'>and {len(bad) - FAILURES} more in results.csv</p>" if len(bad) > FAILURES else ""
-    return _rows(("", "", "reason", *labels), rows) + more
-
-
-def _worst(records: Sequence[Record]) -> str:
-    rows = [
-        f"<li><a href='{_replay_name(one)}'>{_replay_name(one)}</a>: {WORDS[one['status']]}{_least(one)}</li>"
-        for one in worst(records)
-    ]
-    how = "<p class='dim'><code>vpframe run worst/variant_….py --view</code> replays one in the viewer.</p>"
-    return f"<ul>{''.join(rows)}</ul>{how}" if rows else ""
+def _column(
+    name: str, variable: Distribution, records: Sequence[Record], shown: Sequence[Record]
+) -> tuple[str, list[str]]:
+    """Return the heading of a variable, with the unit that suits all records, and its values in those shown."""
+    values = [one["parameters"][name] for one in shown]
+    if any(isinstance(value, str | bool) for value in values):
+        return name, [str(value) for value in values]
+    scale, label = _scale(name, variable, [one["parameters"][name] for one in records])
+    return label, [scale.number(value) for value in values]
 
 
 def _least(one: Record) -> str:
     return "" if one["clearance"] is None else f", least clearance {quantity_text(one['clearance'], 'm')}"
 
 
-def _run(document: Mapping[str, Any]) -> str:
+def _run(document: Mapping[str, Any]) -> list[tuple[str, Any]]:
     twice = document["repeated"]
     different = twice["different"]
     same = (
@@ -331,4 +291,4 @@ def _run(document: Mapping[str, Any]) -> str:
         rows.append(("seconds a variant, median", f"{document['seconds']['50']:.3g}"))
     if document["memory"]:
         rows.append(("memory of a process that runs variants", f"{document['memory'] / 2**20:.0f} MiB at most"))
-    return _rows(("", ""), rows)
+    return rows

@@ -1,4 +1,4 @@
-"""The process that runs variants one after the other: `python -m vpframe.studies.runner SCRIPT PARENT`.
+"""The process that runs variants one after the other: `python -m vpframe.studies.runner SCRIPT`.
 
 It reads variants as lines of JSON from its standard input, and writes nothing but lines of JSON to its standard output:
 `{"ready"}` once, `{"compiling": bool}` when compiling of kernels begins and ends, `{"done": outcome}` for each variant,
@@ -26,7 +26,6 @@ import numpy as np
 
 from collision.numeric.kernel import compilation
 from vpframe.errors import VpframeError
-from vpframe.processes import end_with
 from vpframe.scene.names import ignored_words
 from vpframe.scripts import in_one_line, place
 from vpframe.session.session import Session
@@ -114,13 +113,12 @@ def _number(value: float | None) -> float | None:
     return value if is_number(value) else None
 
 
-def main(script: Path, parent: int) -> None:
+def main(script: Path) -> None:
     """Read the script, then run incoming variants until none arrives for `IDLE` seconds."""
     requests, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w", encoding="utf-8")
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)
-    end_with(parent)
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR1, all_threads=False)
 
@@ -142,4 +140,4 @@ def main(script: Path, parent: int) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]))
+    main(Path(sys.argv[1]))

@@ -175,7 +175,7 @@ def load(path: str | Path, **options: Any) -> Scene:
 
     read = _loaded(str(Path(path).resolve()), tuple(sorted(options.items())))
     parts = (part.copy(pose=pin.SE3(part.pose)) for part in read.parts)
-    return Scene(parts, source=read.source, notes=read.notes)
+    return Scene(parts, source=read.source, notes=read.notes, rules=read.rules)
 
 
 @cache

@@ -123,10 +123,6 @@ class MeshcatViewer:
         """Number of connected pages."""
         return self._server.clients if self._server else 0
 
-    def begin(self, scene: Scene) -> None:
-        """Start to serve."""
-        self.show(scene)
-
     def show(self, scene: Scene) -> None:
         """Start to serve a scene without a session."""
         from vpframe.view.server import Server
@@ -147,6 +143,8 @@ class MeshcatViewer:
         until = time.monotonic() + (math.inf if self._wait else BROWSER_SECONDS if opened else 0.0)
         while not self.clients and time.monotonic() < until and not self.controls.asked_to_go(LOOK):
             continue
+
+    begin = show
 
     def frame(self, frame: Frame) -> None:
         """Show this frame when a page is ready for it; wait here only while a person holds the session."""

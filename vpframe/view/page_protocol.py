@@ -116,7 +116,7 @@ def scene_message(scene: Scene, poses: Mapping[str, pin.SE3], camera: Camera) ->
                 "shape": shapes[part.shape],
                 "color": palette.hex_color(colors[part.name]),
                 "fixed": part.fixed,
-                "pose": _matrix(poses[part.name]),
+                "pose": matrix(poses[part.name]).tolist(),
             }
             for part in scene.parts
         ],
@@ -196,10 +196,6 @@ def event_message(event: Event, frame: int | None = None) -> Message:
 def matrix(pose: pin.SE3) -> NDArray[np.float64]:
     """Return the homogeneous matrix (16,) by columns, as in three.js."""
     return pose.homogeneous.T.ravel()
-
-
-def _matrix(pose: pin.SE3) -> list[float]:
-    return [float(x) for x in matrix(pose)]
 
 
 def pack(array: NDArray[Any]) -> str:

@@ -91,7 +91,8 @@ class RerunRecorder:
         self._paths = {name: entity("parts", name) for name in scene.names}
         self._colors = palette.part_colors(scene)
         self._symbol_size = 0.06 * camera.radius
-        self._rows = _Rows()
+        self._rows: Buffered = {}
+        self._now, self._steps = (0, 0.0), 0
         self._at_start = {part.name: part.pose.copy() for part in scene.parts}
         self._pose = dict(self._at_start)
         self._known: Mapping[str, pin.SE3] = {}
@@ -119,7 +120,7 @@ class RerunRecorder:
         self._writer = threading.Thread(target=self._write, args=(stream,), name="vpframe recorder", daemon=True)
         self._writer.start()
         if self._gathered:
-            self._rows.at(0, 0.0)
+            self._now = (0, 0.0)
             for number in range(len(scene)):
                 self._place(number)
             self._flush()
@@ -128,26 +129,26 @@ class RerunRecorder:
         """Buffer one step; pass full buffers to the writer. Raises the error that stopped the writer, if any."""
         if self._failure is not None:
             raise self._failure
-        rows = self._rows
         if not self._gathered:
             self._gather(frame)
-        rows.at(frame.step, frame.time)
+        self._now = (frame.step, frame.time)
+        self._steps += 1
         self._poses(frame.poses)
         self._highlight(frame.colliding)
         for crowd in sorted({self._crowd_of.pop(name) for name in self._left}):
             if self._still[crowd]:
-                rows.add(crowd, "instances", list(self._still[crowd].values()))
+                self._add(crowd, "instances", list(self._still[crowd].values()))
             else:  # a mesh with a list of no poses would be drawn at the origin
-                rows.add(crowd, "cleared", False)
+                self._add(crowd, "cleared", False)
         self._left.clear()
         views = self._involved(frame)
         self._draw(frame, views)
         self._states(views)
         for event in frame.events:
-            rows.add("events", "text", event, (event.step, event.time))
+            self._add("events", "text", event, (event.step, event.time))
         if frame.script != self._script:
             self._script = frame.script
-            rows.add("script", "document", frame.script)
+            self._add("script", "document", frame.script)
         for part, freedom in frame.freedom.items():
             self._plot("plots/freedom", part, freedom, name=part)
         if frame.clearance is not None or ("plots/clearance", "") in self._lines:
@@ -156,7 +157,7 @@ class RerunRecorder:
         self._plot("plots/clashes", "", len(frame.colliding), "colliding surface pairs", palette.COLLIDING)
         for name, seconds in frame.timings.items():
             self._plot("plots/timings", name, 1e3 * seconds, f"{name} (ms)")
-        if rows.steps >= FLUSH_STEPS or time.monotonic() - self._last_flush > FLUSH_SECONDS:
+        if self._steps >= FLUSH_STEPS or time.monotonic() - self._last_flush > FLUSH_SECONDS:
             self._flush()
 
     def end(self) -> None:
@@ -184,8 +185,7 @@ class RerunRecorder:
     def _gather(self, frame: Frame | None) -> None:
         """Draw parts that stand still in the first frame as instances, all others one by one."""
         self._gathered = True
-        rows, scene = self._rows, self._scene
-        rows.at(0, 0.0)
+        scene, self._now = self._scene, (0, 0.0)
         moving: set[str] = set()
         meeting: set[tuple[int, int]] = set()
         if frame is not None:
@@ -199,9 +199,9 @@ class RerunRecorder:
         for crowd in crowds((p for p in scene.parts if p.name not in moving), self._colors, red):
             self._still[crowd.entity] = {name: self._at_start[name] for name in crowd.members}
             self._crowd_of |= dict.fromkeys(crowd.members, crowd.entity)
-            rows.add(crowd.entity, "geometry", crowd.mesh())
-            rows.add(crowd.entity, "static", rr.AnyValues(parts=list(crowd.members)))
-            rows.add(crowd.entity, "instances", list(self._still[crowd.entity].values()))
+            self._add(crowd.entity, "geometry", crowd.mesh())
+            self._add(crowd.entity, "static", rr.AnyValues(parts=list(crowd.members)))
+            self._add(crowd.entity, "instances", list(self._still[crowd.entity].values()))
         for name in sorted(moving):
             self._come_out(name)
         self._last_flush = -np.inf  # geometry must not be lost
@@ -212,15 +212,15 @@ class RerunRecorder:
             del self._still[self._crowd_of[name]][name]
             self._left.add(name)
         for path, drawn in geometry(self._scene[name]):
-            self._rows.add(path, "geometry", drawn)
+            self._add(path, "geometry", drawn)
         self._place(self._scene.index(name))
 
     def _place(self, part: int) -> None:
         """Write pose and colours as values in time, since static components could not change later."""
         name = self._names[part]
-        self._rows.add(self._paths[name], "transform", self._pose[name])
+        self._add(self._paths[name], "transform", self._pose[name])
         for surface in range(self._scene[name].mesh.n_surfaces):
-            self._rows.add(surface_path(name, surface), "albedo", self._tint(part, surface))
+            self._add(surface_path(name, surface), "albedo", self._tint(part, surface))
 
     def _poses(self, poses: Mapping[str, pin.SE3]) -> None:
         names, self._known = moved(self._known, poses), poses
@@ -231,7 +231,7 @@ class RerunRecorder:
                 if name in self._crowd_of:
                     self._come_out(name)
                 else:
-                    self._rows.add(self._paths[name], "transform", pose)
+                    self._add(self._paths[name], "transform", pose)
 
     def _highlight(self, colliding: NDArray[np.int32]) -> None:
         if colliding is self._colliding or np.array_equal(colliding, self._colliding):
@@ -244,7 +244,7 @@ class RerunRecorder:
             self._come_out(name)
         for part, surface in changed:
             if self._names[part] not in fresh:
-                self._rows.add(surface_path(self._names[part], surface), "albedo", self._tint(part, surface))
+                self._add(surface_path(self._names[part], surface), "albedo", self._tint(part, surface))
 
     def _tint(self, part: int, surface: int) -> palette.Color:
         return palette.COLLIDING if (part, surface) in self._red else self._colors[self._names[part]]
@@ -256,7 +256,7 @@ class RerunRecorder:
             self._quiet = {view.id: view.state for view in views} if len(views) > DRAWN else {}
             if self._quiet:
                 text = f"of {len(views)} constraints only those are drawn that change, or of parts that a hand holds"
-                self._rows.add("events", "text", Event(frame.step, frame.time, "note", text=text))
+                self._add("events", "text", Event(frame.step, frame.time, "note", text=text))
         if not self._quiet:
             return views
         held = set(frame.held)
@@ -277,17 +277,17 @@ class RerunRecorder:
             path = _symbol_path(symbol.name)
             if self._symbols.get(symbol.name) != symbol.key:
                 self._symbols[symbol.name] = symbol.key
-                self._rows.add(path, "strips", symbol)
+                self._add(path, "strips", symbol)
             if symbol.name not in self._placed or self._placed[symbol.name] != symbol.pose:
                 self._placed[symbol.name] = symbol.pose
-                self._rows.add(path, "transform", symbol.pose)
+                self._add(path, "transform", symbol.pose)
         for name in [name for name in self._symbols if name not in seen]:
             del self._symbols[name]
-            self._rows.add(_symbol_path(name), "strips", None)
+            self._add(_symbol_path(name), "strips", None)
         for name, pose in frame.hands.items():
             place = pose.translation.copy()
             if name in self._hand and not np.array_equal(self._hand[name], place):
-                self._rows.add(entity("trail", name), "segment", np.array([self._hand[name], place]))
+                self._add(entity("trail", name), "segment", np.array([self._hand[name], place]))
             self._hand[name] = place
 
     def _states(self, views: Sequence[ConstraintView]) -> None:
@@ -302,11 +302,11 @@ class RerunRecorder:
                 colors = rgbas([*palette.STATE.values(), palette.REFUSED])
                 visible = [value != GONE for value in values]
                 style = rr.StateConfiguration(values=values, labels=values, colors=colors, visible=visible)
-                self._rows.add(path, "static", style)
+                self._add(path, "static", style)
             if self._state.get(view.id) != view.state:
-                self._rows.add(self._lanes[view.id], "state", view.state)
+                self._add(self._lanes[view.id], "state", view.state)
         for gone in self._state.keys() - now.keys():
-            self._rows.add(self._lanes[gone], "state", GONE)
+            self._add(self._lanes[gone], "state", GONE)
         self._state = now
 
     def _plot(self, root: str, leaf: str, value: float, name: str, color: palette.Color | None = None) -> None:
@@ -315,13 +315,18 @@ class RerunRecorder:
         if path is None:
             path = self._lines[root, leaf] = entity(root, leaf) if leaf else root
             colors = [rgba(color)] if color else None
-            self._rows.add(path, "static", rr.SeriesLines(names=[name], colors=colors, widths=[1.8]))
-        self._rows.add(path, "scalar", float(value))
+            self._add(path, "static", rr.SeriesLines(names=[name], colors=colors, widths=[1.8]))
+        self._add(path, "scalar", float(value))
+
+    def _add(self, path: str, kind: str, value: Any, at: tuple[int, float] | None = None) -> None:
+        """Buffer a value at the present step, or at `at` (step, s)."""
+        self._rows.setdefault((path, kind), []).append((*(at or self._now), value))
 
     def _flush(self) -> None:
         if len(self._seen) < VIEWS:
             self._seen.append(dict(self._pose))
-        self._queue.put(self._rows.take())
+        self._queue.put(self._rows)
+        self._rows, self._steps = {}, 0
         self._last_flush = time.monotonic()
 
     def _write(self, stream: rr.RecordingStream) -> None:
@@ -355,28 +360,6 @@ class RerunRecorder:
             text = f"{self.path}: cannot be written: {error.strerror}; what was recorded before can be replayed"
             raise OutputError(text, str(self.path)) from None
         self._empty = False
-
-
-class _Rows:
-    """Buffered rows by entity and kind of value."""
-
-    def __init__(self) -> None:
-        self.steps = 0
-        self._now = (0, 0.0)
-        self._rows: Buffered = {}
-
-    def at(self, step: int, seconds: float) -> None:
-        self._now = (step, seconds)
-        self.steps += 1
-
-    def add(self, path: str, kind: str, value: Any, at: tuple[int, float] | None = None) -> None:
-        """Buffer a value at the present step, or at `at` (step, s)."""
-        self._rows.setdefault((path, kind), []).append((*(at or self._now), value))
-
-    def take(self) -> Buffered:
-        """Return all rows by entity and kind, and empty the buffers."""
-        rows, self._rows, self.steps = self._rows, {}, 0
-        return rows
 
 
 def _lane(view: ConstraintView) -> str:

@@ -197,36 +197,33 @@ class _Connections:
     """The open connections, each with the time until which it may stay; those without a token give way to others."""
 
     def __init__(self) -> None:
-        self._unknown: dict[tornado.iostream.IOStream, float] = {}
-        """by age"""
-        self._known: dict[tornado.iostream.IOStream, float] = {}
+        self._until: dict[tornado.iostream.IOStream, tuple[bool, float]] = {}
+        """by age: whether it has shown the token, and until when it may stay"""
 
     def admit(self, stream: tornado.iostream.IOStream) -> bool:
         """Count a new connection; return whether there is room for it."""
         self.drop_late()
-        if len(self._unknown) + len(self._known) >= MOST_CONNECTIONS:
-            if not self._unknown:
+        if len(self._until) >= MOST_CONNECTIONS:
+            oldest = next((each for each, (known, _) in self._until.items() if not known), None)
+            if oldest is None:
                 return False
-            oldest = next(iter(self._unknown))
-            del self._unknown[oldest]
+            del self._until[oldest]
             oldest.close()
-        self._unknown[stream] = time.monotonic() + HEAD_PATIENCE
+        self._until[stream] = False, time.monotonic() + HEAD_PATIENCE
         return True
 
     def know(self, stream: tornado.iostream.IOStream, patience: float) -> None:
         """Let a connection that has shown the token stay for `patience` s."""
-        self._unknown.pop(stream, None)
-        self._known[stream] = time.monotonic() + patience
+        self._until[stream] = True, time.monotonic() + patience
 
     def drop_late(self) -> None:
         """Close the connections whose time is over, and forget those that are closed."""
         now = time.monotonic()
-        for streams in (self._unknown, self._known):
-            for stream, until in list(streams.items()):
-                if until < now:
-                    stream.close()
-                if stream.closed():
-                    del streams[stream]
+        for stream, (_, until) in list(self._until.items()):
+            if until < now:
+                stream.close()
+            if stream.closed():
+                self._until.pop(stream, None)
 
 
 class _Listener(tornado.httpserver.HTTPServer):

@@ -1,4 +1,4 @@
-"""Still pictures without a screen: a small software renderer, and PNG files through zlib.
+"""Still pictures without a screen: a small software renderer, and PNG files.
 
 Shading is two lights over smooth normals; lines are drawn where neighbouring pixels see different features (Saito and
 Takahashi 1990, G-buffers), so silhouettes and feature edges come out alike at any scale. Every pixel is the mean of
@@ -7,8 +7,7 @@ Takahashi 1990, G-buffers), so silhouettes and feature edges come out alike at a
 
 from __future__ import annotations
 
-import struct
-import zlib
+import io
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -321,19 +320,12 @@ def _draw_symbols(
 
 
 def png(image: NDArray[np.uint8]) -> bytes:
-    """Return `image` (h, w, 3) uint8 as the bytes of a PNG file (third edition: 8-bit RGB, filter Up)."""
-    height, width, _ = image.shape
-    rows = image.reshape(height, width * 3)
-    filtered = np.empty((height, width * 3 + 1), dtype=np.uint8)
-    filtered[:, 0] = 2  # filter type "Up": the byte above is subtracted
-    filtered[0, 1:] = rows[0]
-    filtered[1:, 1:] = rows[1:] - rows[:-1]
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(filtered.tobytes(), 6)), (b"IEND", b""))
-    body = b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
-    )
-    return b"\x89PNG\r\n\x1a\n" + body
+    """Return `image` (h, w, 3) uint8 as the bytes of a PNG file."""
+    from PIL import Image
+
+    content = io.BytesIO()
+    Image.fromarray(image).save(content, "PNG")
+    return content.getvalue()
 
 
 def save_png(image: NDArray[np.uint8], path: str | Path) -> Path:

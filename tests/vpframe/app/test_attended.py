@@ -1,7 +1,5 @@
 """`--view`: the run waits for somebody to look, and shows its end until they have seen it."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import urllib.parse

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from vpframe import processes
 from vpframe.app import cli
-from vpframe.importers import guarded
 from vpframe.scene import modelling as m
 
 
@@ -117,10 +117,10 @@ def test_an_interrupt_ends_a_load_with_its_reading_processes(tmp_path: Path) -> 
     process = subprocess.Popen(command, env={**os.environ, "VPFRAME_CACHE": ""}, start_new_session=True, **silent)
     readers: set[int] = set()
     while not readers and process.poll() is None:  # until the file is being read
-        readers = set(guarded._family(process.pid)) - {process.pid}
+        readers = set(processes.family(process.pid)) - {process.pid}
         time.sleep(0.01)
     time.sleep(0.5)
-    readers |= set(guarded._family(process.pid)) - {process.pid}
+    readers |= set(processes.family(process.pid)) - {process.pid}
     process.send_signal(signal.SIGINT)
     _, words = process.communicate(timeout=60)
     assert process.returncode == 130, words
@@ -135,6 +135,6 @@ def test_an_interrupt_ends_a_load_with_its_reading_processes(tmp_path: Path) -> 
 
 def _is_running(pid: int) -> bool:
     try:
-        return guarded._stat(f"/proc/{pid}/stat")[0] not in "ZX"
+        return processes.stat_of(f"/proc/{pid}/stat")[0] not in "ZX"
     except OSError:
         return False

@@ -1,7 +1,5 @@
 """The demo: the main job from a STEP file to recording and report."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -36,6 +34,6 @@ def test_the_file_of_the_model_does_not_say_when_it_was_written(tmp_path) -> Non
     """Else no run would find what an earlier one read. The kernel writes the colours in one of two orders."""
     heads = []
     for file in (tmp_path / "a.step", tmp_path / "b.step"):
-        subprocess.run([sys.executable, "-c", demo._BUILD, file], check=True)
+        subprocess.run([sys.executable, "-m", demo.__name__, file], check=True)
         heads.append(file.read_text().split("DATA;")[0])
     assert heads[0] == heads[1] and "FILE_NAME" in heads[0]

@@ -1,7 +1,5 @@
 """A disk without room: one line, exit 2, and what was written before can be read."""
 
-from __future__ import annotations
-
 import errno
 import subprocess
 import sys

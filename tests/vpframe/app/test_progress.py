@@ -1,23 +1,24 @@
+"""?"""
+
 import errno
 import io
 import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from collision.numeric import kernel_cache
 from collision.numeric.kernel import compilation
 from collision.numeric.kernel_cache import kept
 from tests.vpframe.terminal import Terminal as Screen
 from vpframe.app.progress import Progress, Watch, fitted, report
 from vpframe.app.progress import Terminal as Console
 from vpframe.console import FEW, LEAST, WINDOW, Remaining, duration
-from vpframe.session import pace
 from vpframe.studies.run import _Rate
 
 
@@ -156,10 +157,15 @@ def test_what_runs_inside_tells_the_innermost():
         assert outer.line(1.0) == "outer  1 s"
 
 
-def test_kernels_are_counted_while_they_are_compiled():
+def test_kernels_are_counted_while_they_are_compiled_and_not_while_they_are_loaded(monkeypatch):
     with Progress("work", Terminal(), delay=60.0) as progress:
         with compilation.working():
-            assert progress.line(3.0) == f"work  compiling kernels, once: {max(kept(), compilation.kernels)} so far"
+            assert "compiling" not in progress.line(3.0)
+            before = kept()
+            monkeypatch.setattr(kernel_cache, "kept", lambda: before + 3)
+            assert progress.line(3.0) == "work  compiling kernels, once: 3 so far"
+            monkeypatch.setattr(compilation, "kernels", compilation.kernels + 5)
+            assert progress.line(3.0) == "work  compiling kernels, once: 5 so far"
         assert "compiling" not in progress.line(3.0)
 
 
@@ -357,23 +363,6 @@ def test_claims_that_were_given_up_come_back_later_and_later():
             dropped = worked if dropped is None else dropped
         last = left
     assert waits == sorted(waits) and waits[-1] > LEAST
-
-
-def test_a_run_claims_time_left_by_the_speed_of_the_last_seconds(monkeypatch):
-    now = [0.0]
-    monkeypatch.setattr(pace.clock, "monotonic", lambda: now[0])
-    path = SimpleNamespace(duration=10.0)
-    hand = SimpleNamespace(name="hand", segment=SimpleNamespace(path=path, until=None), clock=0.0, doing="hand moves")
-    recent = pace.Pace()
-    texts = []
-    for n in range(100):
-        now[0], hand.clock = now[0] + 0.2, 0.05 * n
-        texts.append(pace.under_way(hand.clock, [hand], recent, False))
-    assert texts[0] == "0.00 s of the task  hand moves 0 %"
-    assert all("left" not in text for text in texts[: int(LEAST / 0.2)])
-    assert texts[-1] == "4.95 s of the task  hand moves 50 %, 20 s left"
-    hand.segment = SimpleNamespace(path=path, until=None)  # the next motion, as far as the first
-    assert "left" not in pace.under_way(5.0, [hand], recent, False)
 
 
 def test_the_rate_of_a_study_is_that_of_the_last_seconds():

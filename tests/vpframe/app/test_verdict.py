@@ -1,39 +1,18 @@
 """ "Can be done" is said only of a task that ran to its end and of which every expectation held."""
 
-from __future__ import annotations
-
 import contextlib
-import json
 from pathlib import Path
 
 import pytest
 
 from physics import Behaviour
 from tests.vpframe.bench_scene import scene
+from tests.vpframe.verdicts import report_of, verdict, written
 from vpframe.app import task_runner as study
-from vpframe.errors import TaskError, VpframeError
+from vpframe.errors import TaskError
 from vpframe.session.session import Session
 
-SCRIPT = """
-from tests.vpframe.bench_scene import scene
-
-def deeper(session, what):
-    return {}[what]
-
-def task(session):
-    session.run(0.05)
-"""
 """lines 1 to 8; the task's own lines follow"""
-
-
-def written(tmp_path: Path, *lines: str) -> Path:
-    path = tmp_path / "task.py"
-    path.write_text(SCRIPT + "".join(f"    {line}\n" for line in lines))
-    return path
-
-
-def report_of(folder: Path) -> dict:
-    return json.loads((folder / "report.json").read_text())
 
 
 @pytest.mark.parametrize(
@@ -73,67 +52,6 @@ def test_a_script_that_dies_decides_nothing(tmp_path: Path, capsys, line: str, w
     assert "Traceback" not in document["reason"] and "\n" not in document["reason"]
 
 
-def test_a_fault_of_the_script_is_shown_with_its_own_frames_only(tmp_path: Path, capsys, monkeypatch) -> None:
-    path = written(tmp_path, "session.expect(deeper(session, 'axis') == 3)")
-    assert study.run_task(path) == 1
-    error = capsys.readouterr().err
-    assert error.splitlines() == [
-        "Traceback (most recent call last):",
-        f'  File "{path}", line 9, in task',
-        "    session.expect(deeper(session, 'axis') == 3)",
-        "                   ^^^^^^^^^^^^^^^^^^^^^^^",
-        f'  File "{path}", line 5, in deeper',
-        "    return {}[what]",
-        "           ~~^^^^^^",
-        "KeyError: 'axis'",
-        f"not decided: script error: {path}:5: KeyError: 'axis'",
-    ]
-    monkeypatch.setenv("VPFRAME_TRACEBACK", "1")
-    assert study.run_task(path) == 1
-    assert "vpframe/app/task_runner.py" in capsys.readouterr().err
-
-
-def test_what_vpframe_calls_back_in_the_script_is_its_own_frame_too(tmp_path: Path, capsys) -> None:
-    path = written(
-        tmp_path,
-        "from vpframe.hands import Condition",
-        "late = Condition('late', lambda session, hand: 1 / 0)",
-        "session.run_until(late)",
-    )
-    assert study.run_task(path) == 1
-    error = capsys.readouterr().err
-    assert [line.strip() for line in error.splitlines() if line.startswith("  File")] == [
-        f'File "{path}", line 11, in task',
-        f'File "{path}", line 10, in <lambda>',
-    ]
-    assert "raised inside" not in error
-
-
-def test_an_error_raised_inside_says_how_to_see_more(tmp_path: Path, capsys) -> None:
-    assert study.run_task(written(tmp_path, "session.run('long')")) == 1
-    error = capsys.readouterr().err
-    assert "raised inside vpframe; set VPFRAME_TRACEBACK=1" in error
-    assert "session.py" not in error
-
-
-@pytest.mark.parametrize("caught", ["TaskError", "Exception"])
-def test_an_expectation_that_failed_is_not_undone_by_catching_it(tmp_path: Path, capsys, caught: str) -> None:
-    path = written(
-        tmp_path,
-        "from vpframe import TaskError",
-        "try:",
-        "    session.expect_freedom('peg', 2)",
-        f"except {caught}:",
-        "    pass",
-        "session.run(0.05)",
-    )
-    assert study.run_task(path, report=tmp_path / "report") == 1
-    assert "failed: expected peg has 2 degrees of freedom (it has 6)" in capsys.readouterr().err
-    document = report_of(tmp_path / "report")
-    assert (document["verdict"], document["can_be_done"]) == ("cannot be done", False)
-    assert document["steps"] == 6, "the script goes on"
-
-
 def test_a_script_that_gives_up_by_itself_has_failed(tmp_path: Path) -> None:
     assert study.run_task(written(tmp_path, "session.fail('no way found')"), report=tmp_path / "report") == 1
     assert report_of(tmp_path / "report")["reason"] == "no way found"
@@ -145,24 +63,6 @@ def test_ctrl_c_that_the_script_catches_decides_nothing(tmp_path: Path, capsys) 
     document = report_of(tmp_path / "report")
     assert (document["verdict"], document["can_be_done"]) == ("not decided", False)
     assert document["reason"] == "interrupted"
-
-
-def test_a_script_that_ends_python_while_it_is_read_is_bad_input(tmp_path: Path, capsys, vpframe) -> None:
-    path = tmp_path / "task.py"
-    path.write_text("import sys\nsys.exit(0)\n")
-    with pytest.raises(VpframeError, match=r"task\.py:2: sys\.exit\(0\) before the end"):
-        study.run_task(path)
-    done = vpframe("run", path)
-    assert done.returncode == 2
-    assert vpframe("run", path, env={"VPFRAME_TRACEBACK": "1"}).returncode != 0
-
-
-# ---- sessions that no task runner looks after
-
-
-def verdict(session: Session, folder: Path) -> tuple[str, bool, str]:
-    document = report_of(session.report(folder))
-    return document["verdict"], document["can_be_done"], document["reason"]
 
 
 def test_a_session_says_so_after_its_end_and_not_before(tmp_path: Path) -> None:
@@ -206,12 +106,6 @@ def test_closing_a_session_by_hand_ends_its_task_but_for_an_error(tmp_path: Path
     assert in_finally[:2] == ("not decided", False)
     assert "KeyError: 'lost'" in in_finally[2]
     assert verdict(another, tmp_path) == ("can be done", True, "")
-
-
-def test_a_failed_expectation_stays_one_without_a_task_runner(tmp_path: Path) -> None:
-    with Session(scene()) as session, pytest.raises(TaskError):
-        session.expect_freedom("peg", 1)
-    assert verdict(session, tmp_path)[:2] == ("cannot be done", False)
 
 
 # ---- errors that the script handles

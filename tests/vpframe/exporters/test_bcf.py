@@ -1,7 +1,5 @@
 """BCF 3.0: what the schema asks of each file, and that a topic says what the clash is."""
 
-from __future__ import annotations
-
 import datetime
 import io
 import re

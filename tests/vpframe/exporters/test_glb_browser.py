@@ -1,7 +1,5 @@
 """A GLB file in a browser: parsed as glTF 2.0 says, drawn with WebGL, and moved by its animation."""
 
-from __future__ import annotations
-
 import base64
 import json
 
@@ -9,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.vpframe.browser import PROGRAM, Browser
-from tests.vpframe.exporters.test_export import model, moving
+from tests.vpframe.exporters.moving import model, moving
 
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the PATH")]
 

@@ -1,7 +1,5 @@
 """STEP in, STEP out, STEP in: the same mates, freedoms and clashes."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

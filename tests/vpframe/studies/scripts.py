@@ -1,15 +1,12 @@
 """Task scripts that the tests of studies run."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import json
 import os
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +16,12 @@ import pinocchio as pin
 from vpframe.importers.build import shape
 from vpframe.importers.raw import RawFace, RawShape
 from vpframe.scene.scene import Part, Scene
+from vpframe.studies.variants import Variant
+
+
+def variant(how: str, index: int = 0) -> Variant:
+    return Variant(index, 0, {"how": how, "x": 2.0})
+
 
 ROOT = Path(__file__).parents[3]
 HEAD = """
@@ -123,14 +126,6 @@ def firsts(out: Path) -> list[dict[str, Any]]:
     return sorted((one for one in lines(out) if not one.get("repeat")), key=lambda one: one["index"])
 
 
-def wait_until(holds: Callable[[], bool], seconds: float = 120.0) -> None:
-    """Until it holds."""
-    until = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < until, "it did not come to be"
-        time.sleep(0.05)
-
-
 def children(script: Path) -> list[int]:
     """Processes that run variants of a script."""
     return [pid for pid, words in _processes() if "vpframe.studies.runner" in words and str(script) in words]
@@ -153,3 +148,8 @@ def _parent(pid: int) -> int:
     with contextlib.suppress(OSError):
         return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
     return 0
+
+
+def study(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "vpframe", "study", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=280, env=environment(), cwd=cwd)

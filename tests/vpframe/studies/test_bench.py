@@ -1,15 +1,12 @@
 """The benchmark of studies: its clusters on paper, its table, and a run of a few variants."""
 
-from __future__ import annotations
-
 import pytest
-
-from vpframe.app.bench import suite
+from bench_run import suite
 
 
 def test_a_cluster_on_paper_is_as_fast_as_its_workers_or_its_scheduler() -> None:
     bench = suite("study")
-    few, many = bench._on_paper(10, 1.0, 0.004), bench._on_paper(1000, 1.0, 0.004)
+    few, many = bench.on_paper(10, 1.0, 0.004), bench.on_paper(1000, 1.0, 0.004)
     assert (few["seconds"], few["efficiency"]) == (0.1, 1.0)
     assert (many["seconds"], many["efficiency"]) == (0.004, pytest.approx(0.25))
 

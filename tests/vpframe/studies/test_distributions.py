@@ -1,7 +1,5 @@
 """Quantile functions against scipy's distributions, and what is refused."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The examples' studies against closed forms: variant by variant, and as rates."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from types import ModuleType

@@ -1,7 +1,5 @@
 """`results.jsonl` over kills, torn lines, resumed and competing studies."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager

@@ -1,7 +1,5 @@
 """Figures of a study against closed forms."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Variants depend on the seed and their number alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Every page that vpframe writes, of parts whose names are markup, scripts, marks of templates and control codes."""
 
-from __future__ import annotations
-
 import functools
 import html.parser
 import json

@@ -1,7 +1,5 @@
 """Scenes, sessions and reports in a notebook: run in a real kernel, looked at in a browser."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -88,7 +86,7 @@ def test_they_are_seen_in_a_browser_and_the_session_plays(
             before = seen[:, 320:680].astype(int)
             moved = 0.0
             for _ in range(20):  # a busy machine may look when all is back where it began
-                browser.press(50, 118)  # Play, or Pause
+                browser.press(50, 154)  # Play, or Pause
                 browser.run("new Promise((done) => setTimeout(done, 150))")
                 moving = browser.picture()[:, 320:680].astype(int)
                 moved = max(moved, (np.abs(moving - before).max(axis=2) > 30).mean())

@@ -24,7 +24,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def browser(chromium: Browser) -> Browser:
-    chromium.resize(1000, 700)
+    chromium.resize(1200, 700)  # both panels are there
     return chromium
 
 
@@ -129,15 +129,16 @@ def test_what_is_seen_changes_with_the_mouse(offered: tuple[Session, Browser]) -
 
     def changes(share: float, selector: str, more: str = "") -> bool:
         """Whether a click changes this share of the pixels of the middle, within ten pictures."""
-        before = browser.picture()[:, 360:680].astype(int)
+        before = browser.picture()[:, 420:780].astype(int)
         browser.click(selector)
         if more:
             browser.run(more)
-        pictures = (browser.picture()[:, 360:680].astype(int) for _ in range(10))
+        pictures = (browser.picture()[:, 420:780].astype(int) for _ in range(10))
         return any((np.abs(picture - before).max(axis=2) > 20).mean() > share for picture in pictures)
 
     assert changes(0.002, "#edges")
-    assert changes(0.001, "#symbols")
+    unseen = "{const e = document.querySelector('#symbols'); e.value = ''; e.dispatchEvent(new Event('change'))}"
+    assert changes(0.001, "#edges", unseen)
     assert changes(0.0001, "#trail")  # a line one pixel wide
     assert changes(0.02, "#opacity")  # the middle of the slider: half transparent
     pick = "{const e = document.querySelector('#section-axis'); e.value = 'x'; e.dispatchEvent(new Event('change'))}"

@@ -578,3 +578,47 @@ def test_two_pages_see_the_same_and_one_holds(bench: Workbench, browser: Browser
         browser.click("#release")
         other.wait("document.querySelector('#in-hand').textContent === 'nothing in hand'")
         assert other.errors == []
+
+
+def cover_on_its_screws() -> vp.Scene:
+    """A cover on a block, held by two screws through it."""
+    block = m.box(0.06, 0.04, 0.02)
+    cover = m.box(0.06, 0.04, 0.005)
+    for x in (0.015, 0.045):
+        block = block - m.cylinder(0.002, 0.012).translated(x, 0.02, 0.008)
+        cover = cover - m.cylinder(0.0022, 0.005).translated(x, 0.02, 0.0)
+    screw = m.cylinder(0.002, 0.012) + m.cylinder(0.0035, 0.003).translated(0.0, 0.0, 0.012)
+    parts = {"block": (block, pin.SE3.Identity()), "cover": (cover, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.02])))}
+    for k, x in enumerate((0.015, 0.045), start=1):
+        parts[f"screw_{k}"] = (screw, pin.SE3(np.eye(3), np.array([x, 0.02, 0.013])))
+    made = m.scene(parts)
+    made["block"].fixed = True
+    return made
+
+
+def test_a_pull_that_mates_forbid_says_what_holds_and_takes_it_out(browser: Browser, tmp_path: Path) -> None:
+    made = Workbench(cover_on_its_screws(), tmp_path / "cover.step", {})
+    runner = threading.Thread(target=made.run)
+    runner.start()
+    try:
+        browser.open(made.viewer.url)
+        browser.wait("world.last !== null", 120)
+        at = place(browser, "cover", (0.03, 0.02, 0.005))
+        browser.press(*at)
+        browser.wait("selection.parts.length === 1")
+        browser.click("#grab")
+        browser.wait("holding()")
+        browser.drag(at, *((at[0], at[1] - 12 * k) for k in range(1, 8)))
+        browser.wait("!document.querySelector('#why').hidden")
+        words = browser.text("#why-text")
+        assert words.startswith("held by against: cover – ") and "block" not in words
+        assert "screw_1" in words and "screw_2" in words
+        assert not browser.run("document.querySelector('#why-free').hidden")
+        browser.click("#why-loosen")
+        browser.wait("holding() && desk.script.some((line) => line.includes('hand.remove'))", 60)
+        assert not any("screw" in name for c in made.session.constraints_of("cover") for name in c.parts)
+        assert browser.errors == []
+    finally:
+        made.stop()
+        runner.join(60)
+    assert not runner.is_alive()

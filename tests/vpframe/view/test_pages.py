@@ -99,7 +99,7 @@ def test_symbols_can_be_hidden(browser, static_page):
     browser.open(f"{static_page}?step={TOUCHING[-1].step}")
     shown = share(browser.picture(), palette.FREEDOM, 0.15)
     assert shown > 0.002
-    browser.run("document.querySelector('#symbols').click()")
+    choose(browser, "#symbols", "", "change")
     assert share(browser.picture(), palette.FREEDOM, 0.15) < 0.1 * shown
 
 

@@ -1,7 +1,6 @@
 """The live page's server against clients that mean no good: real sockets on the loopback address."""
 
-from __future__ import annotations
-
+import asyncio
 import contextlib
 import json
 import os
@@ -10,13 +9,17 @@ import socket
 import struct
 import threading
 import time
+import urllib.error
 import urllib.parse
 import urllib.request
 from collections.abc import Callable, Iterator
 
 import pytest
 
+from tests.vpframe.view.pages import answer, connect, of_type, receive, socket_answer, socket_of
+from tests.vpframe.waiting import wait_until
 from tests.vpframe.watching import fake_session
+from vpframe.errors import VpframeError
 from vpframe.view import server
 from vpframe.view.meshcat_viewer import MeshcatViewer
 
@@ -153,9 +156,7 @@ def test_pages_are_never_more_than_the_bound(viewer: MeshcatViewer, monkeypatch:
             assert status(page) == 101
         assert is_closed(stack.enter_context(dial(viewer)), 5.0)
         pages[0].close()
-        until = time.monotonic() + 10.0
-        while viewer.clients > 5 and time.monotonic() < until:
-            time.sleep(0.02)
+        wait_until(lambda: viewer.clients <= 5, 10.0)
         assert served(viewer)
 
 
@@ -196,12 +197,9 @@ def test_slow_clients_are_dropped(
         made.connect((place.hostname, place.port))
         before = len(os.listdir(handles))  # the server may or may not have accepted yet
         slow(viewer, made)
-        until = time.monotonic() + 20.0
         connections = viewer._server._connections  # type: ignore[union-attr]
         time.sleep(0.1)
-        while (connections._unknown or connections._known) and time.monotonic() < until:
-            time.sleep(0.05)
-        assert not connections._unknown and not connections._known
+        wait_until(lambda: not connections._until, 20.0)
         assert len(os.listdir(handles)) <= before
         assert served(viewer)
 
@@ -232,8 +230,89 @@ def test_messages_of_sockets_are_bounded(viewer: MeshcatViewer, frames: list[byt
                 made.sendall(one)
         assert is_closed(made, 10.0)
         other.sendall(frame_of(json.dumps({"action": "pause"}).encode()))
-        until = time.monotonic() + 10.0
-        while not viewer.controls.paused and time.monotonic() < until:
-            time.sleep(0.01)
-        assert viewer.controls.paused
+        wait_until(lambda: viewer.controls.paused, 10.0)
     assert memory() - before < 50e6
+
+
+def test_only_this_machine_is_listened_to(viewer):
+    port = urllib.parse.urlsplit(viewer.url).port
+    assert viewer.url.startswith("http://127.0.0.1:")
+    with socket.socket() as other, pytest.raises(OSError):
+        other.settimeout(2.0)
+        other.connect((socket.gethostbyname(socket.gethostname()), port))
+        if other.getpeername()[0].startswith("127."):
+            raise OSError("this machine has no other address to try")
+
+
+def test_another_sites_name_for_this_machine_is_refused(viewer):
+    status, body = answer(viewer.url, Host="evil.example")
+    assert (status, b"own names and addresses" in body) == (403, True)
+    status, body = answer(viewer.url)
+    assert (status, b"vpframe" in body) == (200, True)
+
+
+def test_a_socket_from_another_site_is_refused(viewer):
+    assert socket_answer(socket_of(viewer), Origin="http://evil.example") == 403
+
+
+def test_a_socket_for_another_sites_name_is_refused(viewer):
+    """The page of a site whose name was made to mean this machine: its Origin is its Host."""
+    port = urllib.parse.urlsplit(viewer.url).port
+    for name in ("evil.example", "127.0.0.1.evil.example", "localhost.evil.example"):
+        host = f"{name}:{port}"
+        assert socket_answer(socket_of(viewer), Host=host, Origin=f"http://{host}") == 403
+        assert answer(viewer.url, Host=host)[0] == 403
+
+
+def test_this_machine_may_be_called_by_its_names_and_addresses(viewer):
+    port = urllib.parse.urlsplit(viewer.url).port
+    for name in ("127.0.0.1", "localhost", "LOCALHOST", "[::1]", "192.0.2.7", socket.gethostname()):
+        host = f"{name}:{port}"
+        assert answer(viewer.url, Host=host)[0] == 200, name
+        assert socket_answer(socket_of(viewer), Host=host, Origin=f"http://{host}") == "scene", name
+
+
+@pytest.mark.parametrize("query", ["", "token=", "token=guess", "token=%00", "other=1", "token=%C3%A9"])
+def test_without_the_token_nothing_is_served(viewer, query):
+    status, body = answer(urllib.parse.urlsplit(viewer.url)._replace(query=query).geturl())
+    assert (status, b"with its token" in body, b"meshcat" in body) == (403, True, False)
+    assert socket_answer(socket_of(viewer, query=query)) == 403
+    assert viewer.clients == 0
+
+
+def test_tokens_are_long_and_not_used_twice():
+    viewers = [MeshcatViewer(), MeshcatViewer()]
+    for viewer in viewers:
+        viewer.begin(fake_session().scene)
+    try:
+        tokens = [urllib.parse.parse_qs(urllib.parse.urlsplit(viewer.url).query)["token"][0] for viewer in viewers]
+        assert len(set(tokens)) == 2 and all(len(token) >= 40 for token in tokens)
+        assert answer(viewers[0].url.replace(tokens[0], tokens[1]))[0] == 403
+    finally:
+        for viewer in viewers:
+            viewer.end()
+
+
+def test_a_message_that_no_page_sends_ends_the_socket(viewer):
+    async def shout():
+        page = await connect(viewer)
+        await receive(page, of_type("scene"))
+        await page.write_message("x" * 100_000)
+        return await asyncio.wait_for(page.read_message(), 10)
+
+    assert asyncio.run(shout()) is None
+    assert viewer.controls.take() == ()
+
+
+def test_an_address_of_version_6_is_printed_in_brackets():
+    viewer = MeshcatViewer(host="::1")
+    try:
+        viewer.begin(fake_session().scene)
+    except VpframeError:
+        pytest.skip("no IPv6 here")
+    try:
+        assert viewer.url.startswith("http://[::1]:") and viewer.outside is None
+        assert answer(viewer.url)[0] == 200
+        assert socket_answer(socket_of(viewer)) == "scene"
+    finally:
+        viewer.end()

@@ -1,3 +1,5 @@
+"""?"""
+
 import io
 import struct
 import zlib
@@ -7,98 +9,12 @@ import pinocchio as pin
 import pytest
 from PIL import Image
 
-from tests.vpframe.watching import box, place, pressing_frames, pressing_scene, rod
+from tests.vpframe.watching import box, place, pressing_frames, pressing_scene
 from vpframe.scene.scene import Part, Scene
 from vpframe.view import palette, snapshot
 from vpframe.view.camera import Camera, frame_scene, look_at
-from vpframe.view.display import display_mesh
-from vpframe.view.raster import fill_triangles, shade_faces
 from vpframe.view.snapshot import Look
 from vpframe.view.symbols import frame_symbols
-
-
-def plain_fill(xy, z, keep, width, height):
-    """Depth and triangle of every pixel, one pixel and one triangle at a time."""
-    depth, face = np.full((height, width), -np.inf), np.full((height, width), -1)
-    for row in range(height):
-        for column in range(width):
-            p = np.array([column + 0.5, row + 0.5])
-            for t, (a, b, c) in enumerate(xy):
-                m = np.array([b - a, c - a]).T
-                if np.linalg.det(m) == 0.0:
-                    continue
-                b1, b2 = np.linalg.solve(m, p - a)
-                w = np.array([1 - b1 - b2, b1, b2])
-                if w.min() < 0 or w @ keep[t] > 0:
-                    continue
-                if w @ z[t] > depth[row, column]:
-                    depth[row, column], face[row, column] = w @ z[t], t
-    return depth, face
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_rasteriser_agrees_with_pixel_by_pixel(seed):
-    rng = np.random.default_rng(seed)
-    width, height, count = 24, 18, 12
-    xy = rng.uniform(-6, 30, (count, 3, 2))
-    xy[0, 2] = xy[0, 1]  # a needle without area
-    xy[1] = [[-2.0, 8.4999], [26.0, 8.5], [26.0, 8.5001]]  # and two that lie along a row of pixels
-    xy[2] = [[3.2, 4.5], [21.7, 4.5], [9.0, 5.75]]
-    z, keep = rng.uniform(-1, 1, (count, 3)), rng.uniform(-1, 0.4, (count, 3))
-    depth, face = np.full((height, width), -np.inf), np.full((height, width), -1, np.int32)
-    weight = np.zeros((height, width, 2), np.float32)
-    fill_triangles(xy, z, keep, depth, face, weight)
-    slow_depth, slow_face = plain_fill(xy, z, keep, width, height)
-    assert (face >= 0).any()
-    np.testing.assert_array_equal(face, slow_face)
-    np.testing.assert_allclose(depth[face >= 0], slow_depth[face >= 0], atol=1e-12)
-
-
-def plain_shade(face, weight, normals, color, label, filled, alpha, image):
-    """The picture, one pixel at a time."""
-    out = image.astype(np.float64)
-    for row, column in zip(*np.nonzero(face >= 0), strict=True):
-        t = face[row, column]
-        b = weight[row, column].astype(float)
-        n = np.array([1.0 - b.sum(), *b]) @ normals[t]
-        n /= np.linalg.norm(n)
-        n = -n if n[2] < 0 else n
-        half = snapshot.KEY_LIGHT + np.array([0.0, 0.0, 1.0])
-        shine = max(n @ (half / np.linalg.norm(half)), 0.0) ** 40
-        light = 0.5 + 0.5 * max(n @ snapshot.KEY_LIGHT, 0.0) + 0.18 * max(n @ snapshot.FILL_LIGHT, 0.0)
-        shaded = color[t] * light + 0.13 * shine
-        if filled[t]:
-            shaded = color[t] * (0.62 if (row + column) // 5 % 3 == 0 else 0.80)
-        value = image[row, column] + alpha * (shaded - image[row, column])
-        sides = [(row - 1, column), (row, column - 1), (row + 1, column), (row, column + 1)]
-        there = [(r, c) for r, c in sides if 0 <= r < face.shape[0] and 0 <= c < face.shape[1]]
-        bare = any(face[place] < 0 for place in there)
-        other = any(face[p] >= 0 and label[face[p]] != label[t] for p in there if p in sides[:2])
-        out[row, column] = value * (1.0 - 0.75 * alpha) if bare or other else value
-    return out
-
-
-@pytest.mark.parametrize("alpha", [1.0, 0.3])
-def test_shading_agrees_with_pixel_by_pixel(alpha):
-    rng = np.random.default_rng(5)
-    shape, count = (17, 23), 6
-    face = rng.integers(-1, count, shape).repeat(2, axis=0).repeat(2, axis=1).astype(np.int32)
-    weight = rng.uniform(0, 0.5, (*face.shape, 2)).astype(np.float32)
-    normals, color = rng.normal(size=(count, 3, 3)), rng.uniform(size=(count, 3))
-    label, filled = np.array([0, 0, 1, 1, 2, 3]), np.array([False, False, False, False, False, True])
-    image = rng.uniform(size=(*face.shape, 3)).astype(np.float32)
-    half = snapshot.KEY_LIGHT + np.array([0.0, 0.0, 1.0])
-    lights = np.stack([snapshot.KEY_LIGHT, half / np.linalg.norm(half), snapshot.FILL_LIGHT])
-    expected = plain_shade(face, weight, normals, color, label, filled, alpha, image)
-    window = np.array([0, face.shape[0], 0, face.shape[1]])
-    drawn = image.copy()
-    shade_faces(window, face, weight, normals, color, label, filled, lights, alpha, drawn)
-    np.testing.assert_allclose(drawn, expected, atol=1e-5)
-    part = image.copy()
-    shade_faces(np.array([3, 9, 4, 20]), face, weight, normals, color, label, filled, lights, alpha, part)
-    np.testing.assert_array_equal(part[3:9, 4:20], drawn[3:9, 4:20])
-    part[3:9, 4:20] = image[3:9, 4:20]
-    np.testing.assert_array_equal(part, image)
 
 
 def near(image, color, within=0.13):
@@ -215,39 +131,6 @@ def test_png_chunks_carry_their_checksums(tmp_path):
         kinds.append(body[:4])
         at += 12 + size
     assert kinds == [b"IHDR", b"IDAT", b"IEND"]
-
-
-def test_display_mesh_keeps_the_triangles_of_each_surface():
-    for shape in (box(), rod()):
-        made, mesh = display_mesh(shape), shape.mesh
-        assert made is display_mesh(shape)
-        for surface in range(mesh.n_surfaces):
-            t0, t1 = made.triangle_start[surface : surface + 2]
-            drawn = made.positions[made.triangles[t0:t1]]
-            np.testing.assert_array_equal(drawn, mesh.vertices[mesh.triangles[mesh.triangles_of(surface)]].astype("f4"))
-            v0, v1 = made.vertex_start[surface : surface + 2]
-            assert (made.triangles[t0:t1] >= v0).all() and (made.triangles[t0:t1] < v1).all()
-
-
-def test_display_normals_follow_the_true_surface():
-    made = display_mesh(rod(0.1, 1.0, 64))
-    side = slice(*made.vertex_start[:2])
-    radial = made.positions[side] * [1, 1, 0] / 0.1
-    assert np.einsum("ij,ij->i", made.normals[side], radial).min() > 0.999
-    flat = display_mesh(box())
-    corner = flat.positions[flat.triangles]
-    true = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    assert (
-        np.einsum("tci,ti->tc", flat.normals[flat.triangles], true / np.linalg.norm(true, axis=1)[:, None]).min()
-        > 0.999
-    )
-
-
-def test_lines_are_the_edges_between_features():
-    lines = display_mesh(box()).lines
-    assert len(lines) == 12  # no diagonals
-    assert {round(float(np.linalg.norm(b - a)), 6) for a, b in lines} == {1.0}
-    assert len(display_mesh(rod(sections=32)).lines) == 64  # two rings, no seam
 
 
 @pytest.mark.parametrize("direction", [(1, 1, 1), (0, 0, 1), (0, -1, 0), (0.3, -2, 0.1)])

@@ -13,14 +13,52 @@ function showDesk(message) {
   const held = desk.held.map((index) => world.parts[index]);
   const other = desk.holder !== 0 && desk.holder !== world.client;
   $("in-hand").textContent = !held.length ? "nothing in hand"
-    : `${held[0].name}${held.length > 1 ? ` and ${held.length - 1} more` : ""} ${other ? "held by another page" : "in hand"}`;
-  $("stopped").textContent = desk.stopped ? `stopped: ${desk.stopped}` : "";
+    : `${groupName(held.map((part) => part.name))} ${other ? "held by another page" : "in hand"}`;
+  $("stopped").textContent = desk.stopped ? `stopped: ${desk.stopped}` : desk.holding ? desk.holding.text : "";
+  showStop();
   $("undo").disabled = !desk.undo;
   $("redo").disabled = !desk.redo;
   $("done").replaceChildren(...desk.script.map((line) => element("div", "", line)));
   $("done").scrollTop = 1e9;
   $("save").textContent = desk.saves ? `Saved in ${desk.saves}` : "Save script";
+  if (world.last) showHeld(world.last);
   showHandOf();
+}
+
+// A part by its name, all parts of a subassembly by its name, others as the first of so many.
+function groupName(names) {
+  if (names.length === 1) return names[0];
+  const paths = names.map((name) => name.split("/").slice(0, -1));
+  const end = paths[0].findIndex((step, k) => paths.some((path) => path[k] !== step));
+  const group = paths[0].slice(0, end < 0 ? paths[0].length : end).join("/");
+  const whole = group && world.parts.filter((part) => part.name.startsWith(`${group}/`)).length === names.length;
+  return whole ? `${group} (${names.length} parts)` : `${names[0]} and ${names.length - 1} more`;
+}
+
+// Light what holds the held part, or the faces that stop it, and say so beside the cursor.
+let stops = { key: "", faces: [], ends: [] };
+
+function showStop() {
+  const { text, parts, loose } = desk.holding ?? { text: "", parts: [], loose: 0 }, at = desk.stopped_at ?? [];
+  const key = JSON.stringify([text, parts, at, desk.stopped]);
+  if (key === stops.key) return;
+  for (const part of stops.faces) cover(part, "stop", [], 0, 0);
+  for (const end of stops.ends) end();
+  const faces = new Map();
+  for (const [index, face] of at) if (face >= 0) faces.set(world.parts[index], [...(faces.get(world.parts[index]) ?? []), face]);
+  for (const [part, own] of faces) cover(part, "stop", own, world.info.colors.colliding, 0.4);
+  stops = { key, faces: [...faces.keys()], ends: parts.map((index) => outline(world.parts[index], STOPS)) };
+  const words = text || (desk.stopped && at.length ? `stopped: ${desk.stopped}` : ""), box = $("why");
+  box.hidden = !words || !holding();
+  if (!box.hidden) {
+    $("why-text").textContent = words;
+    $("why-loosen").hidden = !loose;
+    $("why-loosen").textContent = `Take out ${loose === 1 ? shortName(world.parts[parts[0]].name) : `these ${loose}`} first`;
+    $("why-free").hidden = !text;
+    box.style.left = `${Math.max(8, Math.min(pointer.x + 22, window.innerWidth - 290))}px`;
+    box.style.top = `${Math.max(8, Math.min(pointer.y + 18, window.innerHeight - 130))}px`;
+  }
+  viewer.set_dirty();
 }
 
 function showHandOf() {
@@ -85,6 +123,7 @@ function endDrag() {
 
 // ---- the gizmo: arrows and rings about the middle of what is held, along the world's axes
 
+const STOPS = 0xd92b2b;
 const AXES = [["x", 0xd94a4a, [1, 0, 0]], ["y", 0x3c9a4e, [0, 1, 0]], ["z", 0x2f6fe0, [0, 0, 1]]];
 
 function showGizmo() {
@@ -186,6 +225,8 @@ function showOffer(frame) {
 
 $("offer-accept").onclick = () => { send({ action: "accept", id: offered }); $("offer").hidden = true; };
 $("offer-refuse").onclick = () => { send({ action: "refuse", id: offered }); $("offer").hidden = true; };
+$("why-loosen").onclick = () => { $("why").hidden = true; send({ action: "loosen" }); };
+$("why-free").onclick = () => { $("why").hidden = true; $("free").checked = true; say("drag it again: its mates are dropped"); };
 $("grab").onclick = grabSelected;
 $("release").onclick = letGo;
 $("gizmo").onchange = showGizmo;

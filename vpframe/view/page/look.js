@@ -6,7 +6,7 @@ function setOpacity(part, value) {
 }
 
 function applyOpacity(part) {
-  const value = part.hidden ? 0 : part.faded ? Math.min(part.opacity, 0.12) : part.opacity;
+  const value = part.hidden ? 0 : Math.min(part.opacity, part.faded ? 0.12 : part.glassy ? 0.45 : 1);
   for (const material of part.materials) {
     const before = material.transparent;
     material.transparent = value < 1;
@@ -18,11 +18,13 @@ function applyOpacity(part) {
   part.inside.visible = !part.closed || value < 1 || clip() !== null;
 }
 
-// Fade all but some parts; null ends it.
-function focusOn(parts) {
+// Fade all but some parts, and look through those if `glassy`; null ends it.
+function focusOn(parts, glassy = false) {
   for (const part of world.parts) {
-    const faded = parts !== null && !parts.includes(part);
-    if (faded !== Boolean(part.faded)) { part.faded = faded; applyOpacity(part); }
+    const faded = parts !== null && !parts.includes(part), glass = parts !== null && !faded && glassy;
+    if (faded === Boolean(part.faded) && glass === Boolean(part.glassy)) continue;
+    Object.assign(part, { faded, glassy: glass });
+    applyOpacity(part);
   }
   if (parts === null) removeMarker();
   viewer.set_dirty();
@@ -35,10 +37,12 @@ function removeMarker() {
   marker = null;
 }
 
-// Show where two parts meet: others faded, the place (world, m) marked and in the middle of the picture.
+// Show where two parts meet: others faded, these translucent, the place (world, m) marked and in the middle of the picture,
+// seen from the side from which most of it is free.
 function showPlace(indices, at, faces = []) {
   const parts = indices.map((index) => world.parts[index]);
-  focusOn(parts);
+  focusOn(parts, true);
+  if (at) seeFreely(parts, toThree(at));
   select(parts, null, -1);
   $("selected").textContent = faces.length ? faces.join(" – ") : parts.map((part) => part.name).join(" – ");
   removeMarker();
@@ -56,6 +60,27 @@ function showPlace(indices, at, faces = []) {
   marker.position.set(...at);
   viewer.scene.add(marker);
   frameBox(new THREE.Box3().setFromCenterAndSize(toThree(at), new THREE.Vector3(1, 1, 1).multiplyScalar(1.6 * small)));
+}
+
+// Turn the camera about a place to the direction in which the fewest of two parts hide it, nearest to today's.
+function seeFreely(parts, at) {
+  const camera = viewer.camera, target = viewer.controls.target, distance = camera.position.distanceTo(target);
+  const now = camera.position.clone().sub(target).normalize();
+  const sides = [now];
+  for (let k = 0; k < 40; k++) { // evenly over the sphere, by the golden angle
+    const y = 1 - 2 * (k + 0.5) / 40, r = Math.sqrt(1 - y * y), angle = 2.399963 * k;
+    sides.push(new THREE.Vector3(r * Math.cos(angle), y, r * Math.sin(angle)));
+  }
+  const far = 4 * world.info.camera.radius;
+  const hiding = (side) => {
+    caster.set(at.clone().addScaledVector(side, far), side.clone().negate());
+    caster.far = far;
+    const hits = parts.filter(isShown).flatMap((part) => caster.intersectObject(part.solid, false)).filter((hit) => hit.distance < far * (1 - 1e-4));
+    caster.far = Infinity;
+    return hits.length - 0.9 * side.dot(now);
+  };
+  const best = sides.map((side) => [hiding(side), side]).sort((a, b) => a[0] - b[0])[0][1];
+  camera.position.copy(target).addScaledVector(best, distance);
 }
 
 // ---- the camera
@@ -219,6 +244,17 @@ $("freedoms").append(...FREEDOM.map((color, n) => {
   made.style.background = color;
   return made;
 }));
+
+function showLegend() {
+  const colors = { ...world.info.colors.state, clash: world.info.colors.colliding };
+  $("legend").replaceChildren(...Object.entries(colors).map(([name, color]) => {
+    const made = element("span", "", name), dot = element("span", "dot");
+    dot.style.cssText = `background: ${color}; display: inline-block; margin-right: 3px`;
+    made.prepend(dot);
+    return made;
+  }));
+}
+
 window.addEventListener("keydown", (event) => {
   if (event.target.matches("input:not([type=checkbox]):not([type=range]), select, textarea")) return;
   const key = event.key.toLowerCase(), chosen = selection.parts;

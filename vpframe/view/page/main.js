@@ -26,6 +26,7 @@ function receiveFrame(frame) {
 
 function begin(info) {
   showTree();
+  showLegend();
   $("hand").hidden = !info.hand;
   for (const name of ["play", "pause", "one"]) $(name).hidden = Boolean(info.hand) || (!socket && name !== "play");
   showHandOf();

@@ -74,6 +74,7 @@ function survey(now) {
     painter.rested = false;
     settle(now);
   }
+  if (moved) turnCube();
   if (moved || painter.loose.size === drawn.length) painter.swept = now;
   painter.sweep = now - painter.swept <= REST;
   return drawn;
@@ -151,7 +152,7 @@ function drawAll() {
 function drawBackground() {
   const gl = canvas.getContext(), { width, height, clientHeight } = canvas.domElement;
   const page = window.innerHeight, below = page - clientHeight; // the page's background goes on below the canvas
-  const [top, bottom] = world.info.colors.background.map((color) => new THREE.Color(color)), color = new THREE.Color();
+  const [top, bottom] = ground().map((color) => new THREE.Color(color)), color = new THREE.Color();
   gl.enable(gl.SCISSOR_TEST);
   for (let k = 0; k < BANDS; k++) {
     const from = Math.floor(k * height / BANDS), to = Math.floor((k + 1) * height / BANDS);

@@ -140,8 +140,13 @@ function select(parts, node = null, surface = -1) {
     : surface >= 0 ? faceName(parts[0], surface) : parts.length > 1 ? `${name} · ${parts.length} parts` : name;
   if (parts.length === 1) $("opacity-part").value = parts[0].index;
   for (const row of document.querySelectorAll("#tree .node"))
-    row.classList.toggle("chosen", Boolean(node) && row.dataset.key === `${node.part}:${node.level}`);
+  {
+    const chosen = Boolean(node) && row.dataset.key === `${node.part}:${node.level}`;
+    row.classList.toggle("chosen", chosen);
+    row.setAttribute("aria-selected", String(chosen));
+  }
   showHandOf();
+  if (world.last && world.info) { showSymbols(world.last); if ($("only-selected").checked) showLists(); }
   viewer.set_dirty();
 }
 
@@ -213,9 +218,18 @@ function showTree() {
     const row = element("div", "node");
     row.dataset.key = `${node.part}:${node.level}`;
     row.style.paddingLeft = `${10 * depth}px`;
+    Object.assign(row, { tabIndex: 0, role: "treeitem" });
+    row.setAttribute("aria-level", depth + 1);
+    row.setAttribute("aria-selected", "false");
+    if (node.children.size) row.setAttribute("aria-expanded", "true");
+    row.onkeydown = (event) => {
+      if (event.target !== row) return;
+      if (event.key === "Enter") name.click();
+      else if (node.children.size && event.key === (rest.hidden ? "ArrowRight" : "ArrowLeft")) fold.click();
+    };
     const fold = element("span", "fold", node.children.size ? "▾" : "");
     const eye = element("input");
-    Object.assign(eye, { type: "checkbox", checked: true, title: "show" });
+    Object.assign(eye, { type: "checkbox", checked: true, title: "show", ariaLabel: `show ${node.name}` });
     eye.onchange = () => { setHidden(node.parts, !eye.checked); };
     const name = element("span", "what", node.name);
     name.title = node.name;
@@ -227,7 +241,11 @@ function showTree() {
     row.append(fold, eye, name, only);
     const rest = element("div");
     for (const child of node.children.values()) rest.append(build(child, depth + 1));
-    fold.onclick = () => { rest.hidden = !rest.hidden; fold.textContent = rest.hidden ? "▸" : "▾"; };
+    fold.onclick = () => {
+      rest.hidden = !rest.hidden;
+      fold.textContent = rest.hidden ? "▸" : "▾";
+      row.setAttribute("aria-expanded", String(!rest.hidden));
+    };
     const all = element("div");
     all.append(row, rest);
     all.parts = node.parts;

@@ -39,7 +39,7 @@ function showScene(info) {
     viewer.set_property(["Lights", name], "visible", false);
   viewer.set_property(["Lights", "AmbientLight", "<object>"], "intensity", 0.55);
   viewer.set_property(["Lights", "FillLight", "<object>"], "intensity", 0.12);
-  document.body.style.background = `linear-gradient(${info.colors.background})`; // goes on beside the canvas
+  paintGround();
   world.shapes = info.shapes.map((shape) => ({
     positions: new THREE.BufferAttribute(floats(shape.positions), 3),
     normals: new THREE.BufferAttribute(floats(shape.normals), 3),
@@ -52,6 +52,7 @@ function showScene(info) {
     measures: shape.measures,
   }));
   world.parts = info.parts.map(addPart);
+  nameShort();
   frameCamera();
   const choice = $("opacity-part");
   choice.append(new Option("all parts", ""), ...world.parts.map((part, i) => new Option(part.name, i)));
@@ -226,7 +227,8 @@ function tell(frame) {
 function showCollisions(rows) {
   const red = new Map(); // faces by part
   const add = (part, face) => { if (red.has(part)) red.get(part).add(face); else red.set(part, new Set([face])); };
-  for (const [a, s, b, t] of rows) { add(a, s); add(b, t); }
+  const moved = world.info.hand ? elsewhere() : null; // clashes as drawn are in the list, with their places
+  for (const [a, s, b, t] of rows) if (!moved || moved.has(a) || moved.has(b)) { add(a, s); add(b, t); }
   for (const index of new Set([...world.red.keys(), ...red.keys()])) {
     const was = world.red.get(index) ?? new Set(), now = red.get(index) ?? new Set();
     if (was.size !== now.size || [...now].some((face) => !was.has(face)))
@@ -287,7 +289,7 @@ function lineObject({ geometry, hidden: opacity }, color) {
 }
 
 function showSymbols(frame) {
-  const shown = $("symbols").checked && apart.share === 0 ? frame.symbols : [], unseen = ofHiddenParts(frame);
+  const shown = $("symbols").value && apart.share === 0 ? frame.symbols : [], unseen = unseenSymbols(frame);
   const poses = floats(frame.symbol_poses), names = new Set();
   shown.forEach((symbol, i) => {
     if (unseen.has(symbol.name)) return;
@@ -306,12 +308,23 @@ function showSymbols(frame) {
   }
 }
 
-// Names of the symbols of which all parts are hidden.
-function ofHiddenParts(frame) {
+// Names of the symbols of which all parts are hidden, or none is selected or moved, unless all are asked for.
+function unseenSymbols(frame) {
   const hidden = new Set(world.parts.filter((part) => part.hidden).map((part) => part.name));
-  const unseen = hidden.size ? frame.constraints.filter((c) => c.parts.every((name) => hidden.has(name))) : [];
+  const near = new Set([...selection.parts.map((part) => part.name), ...frame.held, ...Object.keys(frame.freedom)]);
+  const far = (names) => $("symbols").value === "near" && !names.some((name) => near.has(name));
+  const unseen = frame.constraints.filter((c) => c.parts.every((name) => hidden.has(name)) || far(c.parts));
   return new Set([...unseen.map((c) => `constraint/${c.id}`), ...[...hidden].map((name) => `freedom/${name}`)]);
 }
+
+// The shortest end of each part's path that no other part's path has; the whole path is its name.
+function nameShort() {
+  const counts = new Map(), ends = (part) => part.path_names.map((_, k) => part.path_names.slice(k).join("/")).reverse();
+  for (const part of world.parts) for (const end of ends(part)) counts.set(end, (counts.get(end) ?? 0) + 1);
+  for (const part of world.parts) part.short = ends(part).find((end) => counts.get(end) === 1) ?? part.name;
+}
+
+const shortName = (name) => world.parts.find((part) => part.name === name)?.short ?? name;
 
 function extendTrail(frame) {
   for (const [name, place] of Object.entries(frame.hands)) {

@@ -140,6 +140,7 @@ function replay(messages) {
     else receive(message);
   if (frames.length < 2) $("times").hidden = true;
   if (!frames.length) return;
+  if (frames.length > 1 && !WIDE.matches && window.innerWidth >= 600) openDrawer("left"); // Play is there
   frames.forEach((frame, number) => frame.events.forEach((event) => { event.frame = number; markEvent(event); }));
   const show = (index) => {
     world.trail.clear();

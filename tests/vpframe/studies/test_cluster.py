@@ -1,7 +1,5 @@
 """Kill -9 of the study, of a worker, of the scheduler: what was finished stays, nobody is left, resume works."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os
@@ -16,7 +14,8 @@ import pytest
 from distributed import Security
 from distributed.comm import connect
 
-from tests.vpframe.studies.scripts import below, children, firsts, slow, start, wait_until
+from tests.vpframe.studies.scripts import below, children, firsts, slow, start
+from tests.vpframe.waiting import wait_until
 from vpframe.studies import cluster as studies_cluster
 from vpframe.studies.cluster import WorkersGoneError
 from vpframe.studies.job import Machines, read_job

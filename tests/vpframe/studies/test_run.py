@@ -1,8 +1,5 @@
 """`vpframe study` as a whole: same answers whatever runs them, the report, exit codes, bad input."""
 
-from __future__ import annotations
-
-import csv
 import json
 import re
 import subprocess
@@ -11,23 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.vpframe.studies.scripts import ENDINGS, HEAD, environment, firsts, lines, slow, written
+from tests.vpframe.studies.scripts import ENDINGS, HEAD, environment, firsts, lines, slow, study, written
 from tests.vpframe.terminal import CTRL_C, Terminal
 from vpframe.studies.results import answer
-
-
-def study(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "vpframe", "study", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=280, env=environment(), cwd=cwd)
-
-
-@pytest.fixture(scope="module")
-def endings(tmp_path_factory) -> tuple[Path, Path, subprocess.CompletedProcess[str]]:
-    """A study of every ending by one process: script, folder of the results, what was printed."""
-    folder = tmp_path_factory.mktemp("endings")
-    script = written(folder, ENDINGS.replace(', "exit", "hang"', ""))
-    done = study(script, "--samples", 10, "--seed", 5, "--jobs", 1, "--retries", 0, "--out", folder / "one", "--json")
-    return script, folder / "one", done
 
 
 def test_one_json_document_tells_all(endings) -> None:
@@ -48,40 +31,6 @@ def test_one_json_document_tells_all(endings) -> None:
     assert document["outcomes"]["name"]["values"] == {"ok": counts["ok"]}
     assert document["repeated"] == {"variants": 1, "different": [], "unanswered": []}
     assert not document["interrupted"]
-
-
-def test_the_table_has_a_row_a_variant_by_index(endings) -> None:
-    _, out, _ = endings
-    rows = list(csv.DictReader((out / "results.csv").open()))
-    assert [int(row["index"]) for row in rows] == list(range(10))
-    for row, one in zip(rows, firsts(out), strict=True):
-        assert float(row["x"]) == one["parameters"]["x"]
-        assert row["status"] == one["status"]
-        assert row["square"] == ("" if one["status"] != "ok" else repr(one["measures"]["square"]))
-
-
-def test_the_page_is_one_file_without_scripts(endings) -> None:
-    _, out, _ = endings
-    page = (out / "index.html").read_text()
-    assert "<script" not in page and not re.search(r"(src|href)=['\"]https?:", page)
-    for title in ("Outcomes", "Which variables matter", "Rate by variable", "Why", "Worst variants"):
-        assert f"<h2>{title}</h2>" in page
-    ok = sum(one["status"] == "ok" for one in firsts(out))
-    assert f"{ok} of 10 variants can be done: " in page
-    assert "expected x is negative" in page
-
-
-def test_the_worst_variants_are_scripts_that_run_again(endings, tmp_path: Path) -> None:
-    _, out, _ = endings
-    one = next(one for one in firsts(out) if one["status"] == "no")
-    script = out / "worst" / f"variant_{one['index']:06d}.py"
-    done = subprocess.run(
-        [sys.executable, "-m", "vpframe", "run", script, "--report", tmp_path / "report"],
-        capture_output=True, text=True, timeout=200, env=environment(), cwd=tmp_path,
-    )  # fmt: skip
-    assert done.returncode == 1, done.stderr
-    assert "expected x is negative" in done.stderr
-    assert (tmp_path / "report" / "scene.html").exists()
 
 
 @pytest.mark.slow
@@ -240,15 +189,6 @@ def test_ctrl_c_keeps_and_reports_what_is_finished(tmp_path: Path) -> None:
         assert f"{500 - len(finished)} not run" in terminal.text
     document = json.loads((tmp_path / "runs" / "study.json").read_text())
     assert document["interrupted"] and document["finished"] == len(finished)
-
-
-def test_a_script_of_variants_runs_alone_with_nominal_values(tmp_path: Path) -> None:
-    script = written(tmp_path, ENDINGS)
-    done = subprocess.run(
-        [sys.executable, "-m", "vpframe", "run", script], capture_output=True, text=True, timeout=200, env=environment()
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1].startswith("done: 0.03 s of the task in 2 steps")
 
 
 BAD = [

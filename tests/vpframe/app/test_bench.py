@@ -1,16 +1,15 @@
 """`vpframe bench --html`: every suite on one page, with plots, machine and versions."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import bench_run
 import numpy as np
 import pytest
 
-from vpframe.app import bench, cli
+from vpframe.app import cli
 from vpframe.errors import VpframeError
 
 
@@ -32,7 +31,7 @@ def test_what_json_has_no_number_for_is_null() -> None:
         "ratios": {"slower": float("inf")},
         "peak": (-float("inf"), 0.5),
     }
-    assert json.loads(json.dumps(bench.finite(given), allow_nan=False)) == {
+    assert json.loads(json.dumps(bench_run.finite(given), allow_nan=False)) == {
         "rows": [{"error": None, "n": 3}], "ratios": {"slower": None}, "peak": [None, 0.5],
     }  # fmt: skip
 
@@ -42,7 +41,7 @@ def suites(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What the suites are instead."""
     given: dict[str, Any] = {name: made(name) for name in cli.SUITES}
 
-    real = bench.suite
+    real = bench_run.suite
 
     def suite(name: str) -> ModuleType:
         if name == "page":
@@ -51,7 +50,7 @@ def suites(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
             raise given[name]
         return given[name]
 
-    monkeypatch.setattr(bench, "suite", suite)
+    monkeypatch.setattr(bench_run, "suite", suite)
     return given
 
 
@@ -126,19 +125,20 @@ def test_what_was_not_reached_has_no_error_in_json(suites, capsys) -> None:
 
 def test_a_text_that_no_case_has_is_named() -> None:
     cases = {"pairs: peg": 1, "pairs: clip": 2, "segments": 3}
-    assert bench.chosen(cases, ["clip", "seg"]) == {"pairs: clip": 2, "segments": 3}
-    assert bench.chosen(cases, []) == cases
+    assert bench_run.chosen(cases, ["clip", "seg"]) == {"pairs: clip": 2, "segments": 3}
+    assert bench_run.chosen(cases, []) == cases
     with pytest.raises(VpframeError, match="--only pin: no case is called so; there are pairs: peg, pairs: clip"):
-        bench.chosen(cases, ["pin"])
+        bench_run.chosen(cases, ["pin"])
 
 
 def test_a_corpus_is_a_folder_and_only_suites_that_read_files_take_one(tmp_path: Path) -> None:
-    load, planning = bench.suite("load"), bench.suite("planning")
-    assert bench.options("load", load, (), (), str(tmp_path)) == {"corpus": tmp_path}
+    load, physics = bench_run.suite("load"), bench_run.suite("physics")
+    assert bench_run.options("load", load, (), (), str(tmp_path)) == {"corpus": tmp_path}
+    assert bench_run.options("planning", bench_run.suite("planning"), (), (), str(tmp_path)) == {"corpus": tmp_path}
     with pytest.raises(VpframeError, match="reads no files"):
-        bench.options("planning", planning, (), (), str(tmp_path))
+        bench_run.options("physics", physics, (), (), str(tmp_path))
     with pytest.raises(VpframeError, match="no such folder"):
-        bench.options("load", load, (), (), str(tmp_path / "none"))
+        bench_run.options("load", load, (), (), str(tmp_path / "none"))
     with pytest.raises(VpframeError, match="holds no STEP file"):
         load.cases((100,), tmp_path)
     for name in ("a.step", "deep/b.STP", "c.stl"):
